@@ -1,0 +1,23 @@
+#pragma once
+#include <cstddef>
+#include <span>
+#include <string_view>
+#include <vector>
+
+namespace ise {
+
+/// Owned raw bytes, such as an encoded packet.
+using bytes = std::vector<std::byte>;
+
+/// Borrowed raw bytes; whoever made the view keeps the memory alive.
+using bytes_view = std::span<const std::byte>;
+
+inline bytes_view as_bytes(std::string_view text) noexcept {
+    return {reinterpret_cast<const std::byte*>(text.data()), text.size()};
+}
+
+inline std::string_view as_text(bytes_view raw) noexcept {
+    return {reinterpret_cast<const char*>(raw.data()), raw.size()};
+}
+
+} // namespace ise

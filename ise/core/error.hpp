@@ -1,0 +1,90 @@
+#pragma once
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <system_error>
+
+namespace ise {
+
+/// What went wrong, as a value to branch on. The text beside it says to whom and what to do.
+/// The numbers travel on the wire (FORMAT.md): they are never reused.
+enum class errc : std::uint8_t {
+    refused = 1,          ///< the provider said no; its reason is the message
+    no_such_service = 2,  ///< the component provides no service of that name and kind
+    type_mismatch = 3,    ///< the packets of the two sides differ incompatibly; the message is the diff
+    timed_out = 4,        ///< the deadline passed
+    peer_lost = 5,        ///< the session ended before the answer
+    cancelled = 6,        ///< given up by the one who asked, or because a component stopped
+    overloaded = 7,       ///< a bounded queue or table is full
+    handler_failed = 8,   ///< the handler threw; the message is its text
+    malformed = 9,        ///< bytes or JSON that are no such packet
+    too_large = 10,       ///< beyond a stated limit
+    protocol_error = 11,  ///< the peer broke the wire format
+    version_mismatch = 12,///< no common wire version
+    wrong_peer = 13,      ///< the endpoint belongs to another component, epoch or incarnation
+    unreachable = 14,     ///< no session could be made
+    no_such_name = 15,    ///< nothing is registered under that path
+    name_taken = 16,      ///< the path is held by another component
+    name_server_lost = 17,///< the name server does not answer
+    superseded = 18,      ///< somebody with a higher epoch holds the path now
+    address_in_use = 19,  ///< the endpoint to listen on is taken
+    invalid_argument = 20,///< the program asked for something that cannot be
+    would_block_self = 21,///< a blocking wait on the component's own thread
+    io_failed = 22,       ///< the operating system refused; the cause is in the message
+    unauthorized = 23,    ///< credentials missing or not accepted
+    not_connected = 24,   ///< nothing to talk to right now
+};
+
+const std::error_category& error_category() noexcept;
+std::error_code make_error_code(errc code) noexcept;
+
+/// The name of a code as users write it: "timed_out".
+std::string_view name_of(errc code) noexcept;
+
+/// Whether a call that failed may have run at the provider.
+enum class execution : std::uint8_t {
+    not_executed = 0, ///< certainly not: it may be called again
+    unknown = 1,      ///< it may have run, or may still run
+};
+
+std::string_view name_of(execution state) noexcept;
+
+/// An expected failure, as a value.
+class failure {
+public:
+    failure(errc code, std::string message, execution state = execution::not_executed)
+        : message_(std::move(message)), code_(code), execution_(state) {}
+
+    errc code() const noexcept { return code_; }
+    execution executed() const noexcept { return execution_; }
+    const std::string& message() const noexcept { return message_; }
+
+private:
+    std::string message_;
+    errc code_;
+    execution execution_;
+};
+
+/// An expected failure, as an exception: what the plain (not `try_`) forms throw.
+class error : public std::runtime_error {
+public:
+    explicit error(failure why) : std::runtime_error(why.message()), failure_(std::move(why)) {}
+    error(errc code, std::string message, execution state = execution::not_executed)
+        : error(failure(code, std::move(message), state)) {}
+
+    errc code() const noexcept { return failure_.code(); }
+    execution executed() const noexcept { return failure_.executed(); }
+    const failure& why() const noexcept { return failure_; }
+
+private:
+    failure failure_;
+};
+
+/// A failure of the operating system, named: "cannot listen on tcp://…: Address already in use".
+failure io_failure(std::string_view what, const std::error_code& cause);
+
+} // namespace ise
+
+template <>
+struct std::is_error_code_enum<ise::errc> : std::true_type {};
