@@ -1,0 +1,77 @@
+#include <ise/core/endpoint.hpp>
+
+#include <fmt/format.h>
+
+#include <charconv>
+
+namespace ise {
+namespace {
+
+failure bad_endpoint(std::string_view text, std::string_view why) {
+    return {errc::invalid_argument,
+            fmt::format("'{}' is no endpoint: {}; write tcp://127.0.0.1:7400, tcp://[::1]:0, local:///path/of.sock, "
+                        "local://@name or inproc://name", text, why)};
+}
+
+// The longest path that a sockaddr_un takes.
+constexpr std::size_t max_local_path = 107;
+
+} // namespace
+
+std::string_view name_of(protocol kind) noexcept {
+    switch (kind) {
+        case protocol::tcp: return "tcp";
+        case protocol::udp: return "udp";
+        case protocol::local: return "local";
+        case protocol::inproc: return "inproc";
+    }
+    return "?";
+}
+
+std::string endpoint::text() const {
+    if (kind == protocol::local || kind == protocol::inproc) return fmt::format("{}://{}", name_of(kind), path);
+    bool v6 = host.find(':') != std::string::npos;
+    return fmt::format("{}://{}{}{}:{}", name_of(kind), v6 ? "[" : "", host, v6 ? "]" : "", port);
+}
+
+result<endpoint> endpoint::parse(std::string_view text) {
+    auto scheme_end = text.find("://");
+    if (scheme_end == std::string_view::npos) return bad_endpoint(text, "it has no scheme");
+    auto scheme = text.substr(0, scheme_end);
+    auto rest = text.substr(scheme_end + 3);
+    endpoint made;
+    if (scheme == "local" || scheme == "inproc") {
+        made.kind = scheme == "local" ? protocol::local : protocol::inproc;
+        if (rest.empty() || rest == "@") return bad_endpoint(text, "the name is empty");
+        if (rest.find('\0') != std::string_view::npos) return bad_endpoint(text, "the name holds a NUL");
+        if (made.kind == protocol::local && rest.size() > max_local_path)
+            return bad_endpoint(text, fmt::format("a local path has at most {} bytes", max_local_path));
+        made.path = rest;
+        return made;
+    }
+    if (scheme != "tcp" && scheme != "udp") return bad_endpoint(text, fmt::format("there is no scheme '{}'", scheme));
+    made.kind = scheme == "tcp" ? protocol::tcp : protocol::udp;
+
+    std::string_view port;
+    if (rest.starts_with('[')) {
+        auto close = rest.find(']');
+        if (close == std::string_view::npos || rest.substr(close + 1, 1) != ":")
+            return bad_endpoint(text, "an IPv6 address is written [address]:port");
+        made.host = rest.substr(1, close - 1);
+        port = rest.substr(close + 2);
+    } else {
+        auto colon = rest.find(':');
+        if (colon == std::string_view::npos) return bad_endpoint(text, "the port is missing");
+        if (rest.find(':', colon + 1) != std::string_view::npos)
+            return bad_endpoint(text, "an IPv6 address is written [address]:port");
+        made.host = rest.substr(0, colon);
+        port = rest.substr(colon + 1);
+    }
+    if (made.host.empty()) return bad_endpoint(text, "the host is empty");
+    auto [end, problem] = std::from_chars(port.data(), port.data() + port.size(), made.port);
+    if (problem != std::errc{} || end != port.data() + port.size() || port.empty())
+        return bad_endpoint(text, "the port is no number from 0 to 65535");
+    return made;
+}
+
+} // namespace ise

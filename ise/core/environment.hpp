@@ -1,0 +1,68 @@
+#pragma once
+#include <ise/core/loop.hpp>
+#include <ise/core/result.hpp>
+#include <ise/core/stream.hpp>
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace ise {
+
+/// Who this process is, for "the nearest transport" and for telling one life of a component from the next.
+struct process_identity {
+    std::string host_name;  ///< for people
+    std::string host_key;   ///< equal where local sockets and loopback reach: machine, boot, network namespace
+    std::string process_key;///< equal only within one process and life
+    std::uint64_t process_id = 0;
+};
+
+struct serial_options {
+    std::string device; ///< "/dev/ttyUSB0", or a name that the virtual world knows
+    unsigned baud = 9600;
+    bool hardware_flow_control = false;
+};
+
+/// The world as one process sees it. Nothing in ISE reads a clock, sleeps, draws a random number or opens
+/// anything except through it, so that the same components run on the real and on the virtual world.
+///
+/// Lifetime: outlives its loops and everything made from it. Thread-safe, but for what takes a `loop&`: that
+/// is called on that loop.
+class environment {
+public:
+    virtual ~environment() = default;
+
+    virtual time_point now() const = 0;
+    virtual wall_time wall() const = 0;
+    /// Unpredictable in the real world, seeded in the virtual one.
+    virtual std::uint64_t random() = 0;
+    virtual const process_identity& identity() const = 0;
+    /// An environment variable of the process, such as ISE_NAME_SERVER.
+    virtual std::optional<std::string> variable(const std::string& name) const = 0;
+
+    /// A loop of its own: a thread in the real world.
+    virtual std::unique_ptr<loop_host> make_loop(const std::string& name) = 0;
+    /// A loop on an executor that the embedding program runs. `one_thread` promises that nothing on it ever
+    /// runs concurrently; without it ISE works behind a strand.
+    virtual std::unique_ptr<loop_host> adopt(asio::any_io_executor executor, bool one_thread) = 0;
+
+    /// Connects to a tcp, local or inproc endpoint; a host name with several addresses is tried in order.
+    /// Errors: errc::unreachable with each address and its cause. Cancellation: terminal, nothing is left open.
+    virtual task<result<std::unique_ptr<stream>>> connect(loop& on, endpoint to) = 0;
+    /// Errors: errc::address_in_use, errc::invalid_argument, errc::io_failed.
+    virtual result<std::unique_ptr<listener>> listen(loop& on, const endpoint& at) = 0;
+    virtual result<std::unique_ptr<datagram_socket>> open_datagram(loop& on, const endpoint& at) = 0;
+    /// Errors: errc::io_failed (no such device, no permission, in use).
+    virtual result<std::unique_ptr<stream>> open_serial(loop& on, const serial_options& options) = 0;
+
+    /// The whole content of a small file (configuration, recorded data), at most `max_bytes`.
+    virtual result<std::string> read_file(const std::string& path, std::size_t max_bytes) = 0;
+
+    /// Addresses of this host that others may reach, for a listener bound to every interface.
+    virtual std::vector<std::string> interface_addresses() const = 0;
+};
+
+} // namespace ise

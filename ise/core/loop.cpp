@@ -1,0 +1,158 @@
+#include <ise/core/loop.hpp>
+
+#include <ise/core/environment.hpp>
+
+#include <asio/post.hpp>
+
+#include <utility>
+
+namespace ise {
+
+timer::timer(loop& owner, std::function<void()> fire) : loop_(owner), fire_(std::move(fire)) {}
+timer::~timer() { disarm(); }
+
+void timer::arm(time_point at) {
+    disarm();
+    at_ = at;
+    loop_.insert(*this);
+}
+
+void timer::disarm() noexcept {
+    if (armed()) loop_.remove(*this);
+}
+
+loop::loop(environment& environment, executor_type executor, std::function<bool()> running_here)
+    : environment_(environment), executor_(std::move(executor)), running_here_(std::move(running_here)) {}
+
+loop::~loop() {
+    *alive_ = false;
+    for (timer* entry : heap_) entry->slot_ = timer::unarmed;
+}
+
+time_point loop::now() const { return depth_ > 0 ? turn_time_ : environment_.now(); }
+
+bool loop::before(const timer& a, const timer& b) noexcept {
+    return a.at_ != b.at_ ? a.at_ < b.at_ : a.order_ < b.order_;
+}
+
+void loop::insert(timer& entry) {
+    entry.order_ = armed_count_++;
+    entry.slot_ = heap_.size();
+    heap_.push_back(&entry);
+    sift_up(entry.slot_);
+    wake_for_first();
+}
+
+void loop::remove(timer& entry) noexcept {
+    std::size_t hole = std::exchange(entry.slot_, timer::unarmed);
+    timer* last = heap_.back();
+    heap_.pop_back();
+    if (hole == heap_.size()) return;
+    heap_[hole] = last;
+    last->slot_ = hole;
+    sift_up(hole);
+    sift_down(last->slot_);
+}
+
+void loop::sift_up(std::size_t slot) noexcept {
+    timer* entry = heap_[slot];
+    while (slot > 0) {
+        std::size_t parent = (slot - 1) / 2;
+        if (!before(*entry, *heap_[parent])) break;
+        heap_[slot] = heap_[parent];
+        heap_[slot]->slot_ = slot;
+        slot = parent;
+    }
+    heap_[slot] = entry;
+    entry->slot_ = slot;
+}
+
+void loop::sift_down(std::size_t slot) noexcept {
+    timer* entry = heap_[slot];
+    for (;;) {
+        std::size_t child = slot * 2 + 1;
+        if (child >= heap_.size()) break;
+        if (child + 1 < heap_.size() && before(*heap_[child + 1], *heap_[child])) ++child;
+        if (!before(*heap_[child], *entry)) break;
+        heap_[slot] = heap_[child];
+        heap_[slot]->slot_ = slot;
+        slot = child;
+    }
+    heap_[slot] = entry;
+    entry->slot_ = slot;
+}
+
+// The alarm is moved only when something earlier comes: a deadline that is met costs no system call, and an
+// alarm that finds nothing due arms itself for what is left.
+void loop::wake_for_first() {
+    if (heap_.empty() || heap_.front()->at_ >= alarm_at_) return;
+    alarm_at_ = heap_.front()->at_;
+    if (alarm_) alarm_->arm(alarm_at_);
+}
+
+void loop::on_alarm() {
+    alarm_at_ = time_point::max();
+    turn in(*this);
+    turn_time_ = environment_.now();
+    while (!heap_.empty() && heap_.front()->at_ <= turn_time_) {
+        timer* due = heap_.front();
+        remove(*due);
+        due->fire_(); // may destroy *due
+    }
+    wake_for_first();
+}
+
+void loop::later(ready_function ready) {
+    ready_.push_back(std::move(ready));
+    if (depth_ == 0) post_turn();
+}
+
+void loop::flush_later(std::shared_ptr<flushable> output) {
+    if (output->queued_) return;
+    if (depth_ == 0 && !turn_posted_) {
+        post_turn();
+        output->flush();
+        return;
+    }
+    output->queued_ = true;
+    outputs_.push_back(std::move(output));
+}
+
+void loop::post_turn() {
+    if (std::exchange(turn_posted_, true)) return;
+    asio::post(executor_, [this, alive = alive_] {
+        if (!*alive) return;
+        turn in(*this);
+    });
+}
+
+loop::turn::turn(loop& owner) : loop_(owner) {
+    if (loop_.depth_++ == 0) {
+        loop_.turn_time_ = loop_.environment_.now();
+        loop_.turn_posted_ = false;
+    }
+}
+
+loop::turn::~turn() {
+    if (loop_.depth_ == 1) loop_.end_turn();
+    --loop_.depth_;
+}
+
+void loop::end_turn() {
+    // What is resumed may make more ready; all of it belongs to this turn, bounded so that the sockets get
+    // their share.
+    for (int round = 0; round < 64 && (!ready_.empty() || !outputs_.empty()); ++round) {
+        auto ready = std::exchange(ready_, {});
+        for (auto& resume : ready) resume();
+        if (ready_.empty()) {
+            auto outputs = std::exchange(outputs_, {});
+            for (auto& output : outputs) {
+                output->queued_ = false;
+                output->flush();
+            }
+        }
+    }
+    if (!ready_.empty() || !outputs_.empty()) post_turn();
+}
+
+} // namespace ise

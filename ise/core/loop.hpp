@@ -1,0 +1,147 @@
+#pragma once
+#include <ise/core/time.hpp>
+#include <ise/core/unique_function.hpp>
+
+#include <asio/any_io_executor.hpp>
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace ise {
+
+class environment;
+class loop;
+
+/// What wakes a loop at a time: an Asio timer, or the virtual clock.
+class alarm {
+public:
+    virtual ~alarm() = default;
+    /// Calls `loop::on_alarm()` on the loop's executor at or after `at`. A later call replaces an earlier one.
+    virtual void arm(time_point at) = 0;
+};
+
+/// A callback at a time. Belongs to one loop and is used on it only; destroying it disarms it.
+class timer {
+public:
+    timer(loop& owner, std::function<void()> fire);
+    ~timer();
+    timer(const timer&) = delete;
+    timer& operator=(const timer&) = delete;
+
+    /// Arms or moves it. A time that has passed fires in the next turn, never inside this call.
+    void arm(time_point at);
+    void disarm() noexcept;
+    bool armed() const noexcept { return slot_ != unarmed; }
+    time_point at() const noexcept { return at_; }
+
+private:
+    friend class loop;
+    static constexpr std::size_t unarmed = static_cast<std::size_t>(-1);
+
+    loop& loop_;
+    std::function<void()> fire_;
+    time_point at_{};
+    std::uint64_t order_ = 0; // timers of one instant fire as they were armed
+    std::size_t slot_ = unarmed;
+};
+
+/// Whatever has bytes to write once the turn is over.
+class flushable {
+public:
+    virtual void flush() = 0;
+
+protected:
+    ~flushable() = default;
+
+private:
+    friend class loop;
+    bool queued_ = false;
+};
+
+/// The place where one component (or several) and its connections run: an executor on which nothing runs
+/// concurrently, its clock and its timers.
+///
+/// Work is done in **turns**: a turn begins when bytes or a timer arrive, and at its end the coroutines that
+/// became ready are resumed and then everything that was written is flushed, so that what belongs together
+/// leaves in one system call and coroutines are never resumed from within a data structure that changes.
+class loop {
+public:
+    using executor_type = asio::any_io_executor;
+    /// Room for a stored completion handler and its values, so that resuming allocates nothing.
+    using ready_function = unique_function<void(), 144>;
+
+    loop(environment& environment, executor_type executor, std::function<bool()> running_here);
+    ~loop();
+    loop(const loop&) = delete;
+    loop& operator=(const loop&) = delete;
+
+    void use_alarm(std::unique_ptr<alarm> wake) { alarm_ = std::move(wake); }
+    void on_alarm();
+
+    const executor_type& get_executor() const noexcept { return executor_; }
+    ise::environment& env() noexcept { return environment_; }
+
+    /// Monotonic time; read once a turn, fresh outside of turns.
+    time_point now() const;
+
+    /// Whether the calling thread is inside this loop now.
+    bool running_here() const { return running_here_(); }
+
+    /// Runs `ready` at the end of the present turn, or soon where there is none. On the loop only.
+    void later(ready_function ready);
+    /// Flushes at the end of the present turn. Outside of turns: at once, and what follows before the loop
+    /// comes round again is gathered. On the loop only.
+    void flush_later(std::shared_ptr<flushable> output);
+
+    bool in_turn() const noexcept { return depth_ > 0; }
+
+    /// Opens a turn as long as it lives; the outermost one ends it.
+    class turn {
+    public:
+        explicit turn(loop& owner);
+        ~turn();
+        turn(const turn&) = delete;
+        turn& operator=(const turn&) = delete;
+
+    private:
+        loop& loop_;
+    };
+
+    std::size_t armed_timers() const noexcept { return heap_.size(); }
+
+private:
+    friend class timer;
+    void insert(timer& entry);
+    void remove(timer& entry) noexcept;
+    void sift_up(std::size_t slot) noexcept;
+    void sift_down(std::size_t slot) noexcept;
+    static bool before(const timer& a, const timer& b) noexcept;
+    void wake_for_first();
+    void end_turn();
+    void post_turn();
+
+    environment& environment_;
+    executor_type executor_;
+    std::function<bool()> running_here_;
+    std::unique_ptr<alarm> alarm_;
+    std::vector<timer*> heap_;
+    std::vector<ready_function> ready_;
+    std::vector<std::shared_ptr<flushable>> outputs_;
+    time_point turn_time_{};
+    time_point alarm_at_ = time_point::max();
+    std::uint64_t armed_count_ = 0;
+    int depth_ = 0;
+    bool turn_posted_ = false;
+    std::shared_ptr<bool> alive_ = std::make_shared<bool>(true); // posted turns look at it
+};
+
+/// Owns a loop and whatever runs it; destroying it ends the loop and waits for its thread.
+class loop_host {
+public:
+    virtual ~loop_host() = default;
+    virtual ise::loop& loop() noexcept = 0;
+};
+
+} // namespace ise
