@@ -1,0 +1,235 @@
+#include <ise/core/real/environment.hpp>
+
+#include <ise/core/real/sockets.hpp>
+
+#include <asio/executor_work_guard.hpp>
+#include <asio/io_context.hpp>
+#include <asio/steady_timer.hpp>
+#include <asio/strand.hpp>
+
+#include <fmt/format.h>
+
+#include <array>
+#include <cstdlib>
+#include <fstream>
+#include <mutex>
+#include <random>
+#include <thread>
+
+#include <arpa/inet.h>
+#include <ifaddrs.h>
+#include <net/if.h>
+#include <pthread.h>
+#include <sys/random.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+namespace ise {
+namespace {
+
+time_point steady_now() {
+    return time_point(std::chrono::duration_cast<duration>(std::chrono::steady_clock::now().time_since_epoch()));
+}
+
+class asio_alarm final : public alarm {
+public:
+    explicit asio_alarm(loop& owner) : loop_(owner), timer_(owner.get_executor()) {}
+
+    void arm(time_point at) override {
+        timer_.expires_at(std::chrono::steady_clock::time_point(at.time_since_epoch())); // cancels the former wait
+        timer_.async_wait([this, alive = std::weak_ptr<bool>(alive_)](std::error_code problem) {
+            if (!problem && !alive.expired()) loop_.on_alarm();
+        });
+    }
+
+private:
+    loop& loop_;
+    asio::steady_timer timer_;
+    std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
+};
+
+// A thread with an io_context of its own.
+class thread_loop final : public loop_host {
+public:
+    thread_loop(environment& environment, const std::string& name)
+        : context_(std::make_unique<asio::io_context>(1)),
+          loop_(std::make_unique<ise::loop>(environment, context_->get_executor(),
+                                            [executor = context_->get_executor()] { return executor.running_in_this_thread(); })),
+          work_(asio::make_work_guard(*context_)) {
+        loop_->use_alarm(std::make_unique<asio_alarm>(*loop_));
+        thread_ = std::thread([this] { context_->run(); });
+        ::pthread_setname_np(thread_.native_handle(), name.substr(0, 15).c_str());
+    }
+
+    // Coroutines that are still suspended hold timers of the loop: the context goes before it.
+    ~thread_loop() override {
+        work_.reset();
+        context_->stop();
+        thread_.join();
+        loop_->use_alarm(nullptr);
+        context_->restart();
+        context_->poll();
+        context_.reset();
+    }
+
+    ise::loop& loop() noexcept override { return *loop_; }
+
+private:
+    std::unique_ptr<asio::io_context> context_;
+    std::unique_ptr<ise::loop> loop_;
+    asio::executor_work_guard<asio::io_context::executor_type> work_;
+    std::thread thread_;
+};
+
+class adopted_loop final : public loop_host {
+public:
+    adopted_loop(environment& environment, asio::any_io_executor executor, std::function<bool()> running_here)
+        : loop_(environment, std::move(executor), std::move(running_here)) {
+        loop_.use_alarm(std::make_unique<asio_alarm>(loop_));
+    }
+    ~adopted_loop() override { loop_.use_alarm(nullptr); }
+    ise::loop& loop() noexcept override { return loop_; }
+
+private:
+    ise::loop loop_;
+};
+
+std::string first_line_of(const char* path) {
+    std::ifstream file(path);
+    std::string line;
+    std::getline(file, line);
+    return line;
+}
+
+std::uint64_t random_seed() {
+    std::uint64_t value = 0;
+    if (::getrandom(&value, sizeof value, 0) != sizeof value) value = std::random_device{}();
+    return value;
+}
+
+process_identity this_process() {
+    process_identity made;
+    std::array<char, 256> name{};
+    ::gethostname(name.data(), name.size() - 1);
+    made.host_name = name.data();
+    struct stat network{};
+    ::stat("/proc/self/ns/net", &network);
+    made.host_key = fmt::format("{}.{}", first_line_of("/proc/sys/kernel/random/boot_id"), network.st_ino);
+    made.process_id = static_cast<std::uint64_t>(::getpid());
+    made.process_key = fmt::format("{}.{:016x}", made.process_id, random_seed());
+    return made;
+}
+
+} // namespace
+
+struct real_environment::state {
+    process_identity identity = this_process();
+    std::mutex random_mutex;
+    // Tickets and incarnations must not be guessed: each is drawn from the kernel, a batch at a time.
+    std::array<std::uint64_t, 64> drawn{};
+    std::size_t left = 0;
+};
+
+real_environment::real_environment() : state_(std::make_unique<state>()) {}
+real_environment::~real_environment() = default;
+
+time_point real_environment::now() const { return steady_now(); }
+wall_time real_environment::wall() const { return std::chrono::system_clock::now(); }
+const process_identity& real_environment::identity() const { return state_->identity; }
+
+std::uint64_t real_environment::random() {
+    std::lock_guard lock(state_->random_mutex);
+    if (state_->left == 0) {
+        if (::getrandom(state_->drawn.data(), sizeof state_->drawn, 0) != sizeof state_->drawn)
+            for (auto& value : state_->drawn) value = random_seed();
+        state_->left = state_->drawn.size();
+    }
+    return state_->drawn[--state_->left];
+}
+
+std::optional<std::string> real_environment::variable(const std::string& name) const {
+    if (const char* value = std::getenv(name.c_str())) return value;
+    return std::nullopt;
+}
+
+std::unique_ptr<loop_host> real_environment::make_loop(const std::string& name) {
+    return std::make_unique<thread_loop>(*this, name);
+}
+
+std::unique_ptr<loop_host> real_environment::adopt(asio::any_io_executor executor, bool one_thread) {
+    if (one_thread) {
+        auto* context = executor.target<asio::io_context::executor_type>();
+        auto running = context ? std::function<bool()>([on = *context] { return on.running_in_this_thread(); })
+                               : std::function<bool()>([] { return true; }); // promised
+        return std::make_unique<adopted_loop>(*this, std::move(executor), std::move(running));
+    }
+    auto strand = asio::make_strand(executor);
+    return std::make_unique<adopted_loop>(*this, strand, [strand] { return strand.running_in_this_thread(); });
+}
+
+task<result<std::unique_ptr<stream>>> real_environment::connect(loop& on, endpoint to) {
+    switch (to.kind) {
+        case protocol::tcp: return real::connect_tcp(on, std::move(to));
+        case protocol::local: return real::connect_local(on, std::move(to));
+        case protocol::udp:
+        case protocol::inproc: break;
+    }
+    return [](endpoint where) -> task<result<std::unique_ptr<stream>>> {
+        co_return failure(errc::invalid_argument, fmt::format("{} is no endpoint of a stream", where.text()));
+    }(std::move(to));
+}
+
+result<std::unique_ptr<listener>> real_environment::listen(loop& on, const endpoint& at) {
+    switch (at.kind) {
+        case protocol::tcp: return real::listen_tcp(on, at);
+        case protocol::local: return real::listen_local(on, at);
+        case protocol::udp:
+        case protocol::inproc: break;
+    }
+    return failure(errc::invalid_argument, fmt::format("{} is no endpoint that accepts streams", at.text()));
+}
+
+result<std::unique_ptr<datagram_socket>> real_environment::open_datagram(loop& on, const endpoint& at) {
+    return real::open_udp(on, at);
+}
+
+result<std::unique_ptr<stream>> real_environment::open_serial(loop& on, const serial_options& options) {
+    return real::open_serial(on, options);
+}
+
+result<std::string> real_environment::read_file(const std::string& path, std::size_t max_bytes) {
+    auto refuse = [&](std::string_view why) { return failure(errc::io_failed, fmt::format("cannot read {}: {}", path, why)); };
+    std::ifstream file(path, std::ios::binary | std::ios::ate);
+    if (!file) return refuse(std::error_code(errno, std::system_category()).message());
+    auto size = static_cast<std::streamoff>(file.tellg());
+    if (size < 0) return refuse("it is no plain file");
+    if (static_cast<std::size_t>(size) > max_bytes) return refuse(fmt::format("it has {} bytes, {} are allowed", size, max_bytes));
+    std::string content(static_cast<std::size_t>(size), '\0');
+    file.seekg(0);
+    if (!file.read(content.data(), size)) return refuse("it ended early");
+    return content;
+}
+
+std::vector<std::string> real_environment::interface_addresses() const {
+    std::vector<std::string> found;
+    ifaddrs* first = nullptr;
+    if (::getifaddrs(&first) != 0) return found;
+    for (auto* entry = first; entry; entry = entry->ifa_next) {
+        if (!entry->ifa_addr || !(entry->ifa_flags & IFF_UP)) continue;
+        std::array<char, INET6_ADDRSTRLEN> text{};
+        if (entry->ifa_addr->sa_family == AF_INET) {
+            ::inet_ntop(AF_INET, &reinterpret_cast<sockaddr_in*>(entry->ifa_addr)->sin_addr, text.data(), text.size());
+        } else if (entry->ifa_addr->sa_family == AF_INET6) {
+            auto* address = reinterpret_cast<sockaddr_in6*>(entry->ifa_addr);
+            if (IN6_IS_ADDR_LINKLOCAL(&address->sin6_addr)) continue; // useless without a scope
+            ::inet_ntop(AF_INET6, &address->sin6_addr, text.data(), text.size());
+        } else {
+            continue;
+        }
+        found.emplace_back(text.data());
+    }
+    ::freeifaddrs(first);
+    return found;
+}
+
+} // namespace ise

@@ -1,0 +1,34 @@
+#pragma once
+#include <ise/core/environment.hpp>
+
+#include <memory>
+
+namespace ise {
+
+/// The real world: the machine's clocks, threads, sockets and serial ports. One a process; it outlives the
+/// nodes and loops made from it.
+class real_environment final : public environment {
+public:
+    real_environment();
+    ~real_environment() override;
+
+    time_point now() const override;
+    wall_time wall() const override;
+    std::uint64_t random() override;
+    const process_identity& identity() const override;
+    std::optional<std::string> variable(const std::string& name) const override;
+    std::unique_ptr<loop_host> make_loop(const std::string& name) override;
+    std::unique_ptr<loop_host> adopt(asio::any_io_executor executor, bool one_thread) override;
+    task<result<std::unique_ptr<stream>>> connect(loop& on, endpoint to) override;
+    result<std::unique_ptr<listener>> listen(loop& on, const endpoint& at) override;
+    result<std::unique_ptr<datagram_socket>> open_datagram(loop& on, const endpoint& at) override;
+    result<std::unique_ptr<stream>> open_serial(loop& on, const serial_options& options) override;
+    result<std::string> read_file(const std::string& path, std::size_t max_bytes) override;
+    std::vector<std::string> interface_addresses() const override;
+
+private:
+    struct state;
+    std::unique_ptr<state> state_;
+};
+
+} // namespace ise

@@ -1,0 +1,44 @@
+#include <ise/core/real/descriptor_stream.hpp>
+#include <ise/core/real/sockets.hpp>
+
+#include <asio/posix/stream_descriptor.hpp>
+#include <asio/serial_port.hpp>
+
+#include <fmt/format.h>
+
+#include <fcntl.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+namespace ise::real {
+
+result<std::unique_ptr<stream>> open_serial(loop& on, const serial_options& options) {
+    using port = asio::serial_port;
+    std::error_code problem;
+    auto refuse = [&] { return io_failure(fmt::format("cannot open serial port {}", options.device), problem); };
+
+    port opened(on.get_executor());
+    opened.open(options.device, problem);
+    if (problem) return refuse();
+    // One owner: two programs on one modem would tear each other's frames apart.
+    if (::ioctl(opened.native_handle(), TIOCEXCL) != 0) {
+        problem.assign(errno, std::system_category());
+        return refuse();
+    }
+    opened.set_option(port::baud_rate(options.baud), problem);
+    if (problem) return refuse();
+    opened.set_option(port::character_size(8), problem);
+    opened.set_option(port::parity(port::parity::none), problem);
+    opened.set_option(port::stop_bits(port::stop_bits::one), problem);
+    opened.set_option(port::flow_control(options.hardware_flow_control ? port::flow_control::hardware : port::flow_control::none), problem);
+    if (problem) return refuse();
+    int flags = ::fcntl(opened.native_handle(), F_GETFL);
+    ::fcntl(opened.native_handle(), F_SETFL, flags | O_NONBLOCK);
+
+    // An asio::serial_port can be read but not awaited for writability: the descriptor itself can.
+    asio::posix::stream_descriptor descriptor(on.get_executor(), ::dup(opened.native_handle()));
+    return std::unique_ptr<stream>(
+        std::make_unique<descriptor_stream<asio::posix::stream_descriptor>>(std::move(descriptor), options.device));
+}
+
+} // namespace ise::real

@@ -1,0 +1,14 @@
+#pragma once
+#include <ise/core/environment.hpp>
+
+// The real transports behind the interfaces of core/stream.hpp; private to core/real.
+namespace ise::real {
+
+task<result<std::unique_ptr<stream>>> connect_tcp(loop& on, endpoint to);
+task<result<std::unique_ptr<stream>>> connect_local(loop& on, endpoint to);
+result<std::unique_ptr<listener>> listen_tcp(loop& on, const endpoint& at);
+result<std::unique_ptr<listener>> listen_local(loop& on, const endpoint& at);
+result<std::unique_ptr<datagram_socket>> open_udp(loop& on, const endpoint& at);
+result<std::unique_ptr<stream>> open_serial(loop& on, const serial_options& options);
+
+} // namespace ise::real

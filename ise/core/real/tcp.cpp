@@ -1,0 +1,99 @@
+#include <ise/core/real/descriptor_stream.hpp>
+#include <ise/core/real/sockets.hpp>
+
+#include <asio/connect.hpp>
+#include <asio/ip/tcp.hpp>
+
+#include <fmt/format.h>
+
+#include <netinet/tcp.h>
+
+namespace ise::real {
+namespace {
+
+using asio::ip::tcp;
+
+// Bytes that the kernel may hold unsent: more would only age there, behind the reach of priorities.
+constexpr int unsent_bytes_in_kernel = 128 * 1024;
+
+void tune(tcp::socket& socket) {
+    std::error_code ignored; // a socket that died already says so at its first read
+    socket.set_option(tcp::no_delay(true), ignored);
+    socket.non_blocking(true, ignored);
+    ::setsockopt(socket.native_handle(), IPPROTO_TCP, TCP_NOTSENT_LOWAT, &unsent_bytes_in_kernel,
+                 sizeof unsent_bytes_in_kernel);
+}
+
+endpoint as_endpoint(const tcp::endpoint& at) { return {protocol::tcp, at.address().to_string(), at.port(), {}}; }
+
+std::unique_ptr<stream> as_stream(tcp::socket socket) {
+    tune(socket);
+    std::error_code ignored;
+    auto peer = as_endpoint(socket.remote_endpoint(ignored)).text();
+    return std::make_unique<descriptor_stream<tcp::socket>>(std::move(socket), std::move(peer));
+}
+
+class tcp_listener final : public listener {
+public:
+    tcp_listener(tcp::acceptor acceptor, endpoint where) : acceptor_(std::move(acceptor)), where_(std::move(where)) {}
+
+    task<std::pair<std::error_code, std::unique_ptr<stream>>> accept() override {
+        auto [problem, socket] = co_await acceptor_.async_accept(as_tuple);
+        std::unique_ptr<stream> accepted;
+        if (!problem) accepted = as_stream(std::move(socket));
+        co_return std::pair(problem, std::move(accepted));
+    }
+    void close() override {
+        std::error_code ignored;
+        acceptor_.close(ignored);
+    }
+    endpoint where() const override { return where_; }
+
+private:
+    tcp::acceptor acceptor_;
+    endpoint where_;
+};
+
+} // namespace
+
+task<result<std::unique_ptr<stream>>> connect_tcp(loop& on, endpoint to) {
+    tcp::resolver resolver(on.get_executor());
+    auto flags = tcp::resolver::numeric_service;
+    auto [no_name, found] = co_await resolver.async_resolve(to.host, std::to_string(to.port), flags, as_tuple);
+    if (no_name) {
+        if (no_name == asio::error::operation_aborted) co_return failure(errc::cancelled, "connecting was cancelled");
+        co_return failure(errc::unreachable, fmt::format("{}: cannot resolve '{}': {}", to.text(), to.host, no_name.message()));
+    }
+    std::string tried;
+    for (const auto& candidate : found) {
+        tcp::socket socket(on.get_executor());
+        auto [problem] = co_await socket.async_connect(candidate.endpoint(), as_tuple);
+        if (!problem) co_return as_stream(std::move(socket));
+        if (problem == asio::error::operation_aborted) co_return failure(errc::cancelled, "connecting was cancelled");
+        tried += fmt::format("{}{}: {}", tried.empty() ? "" : ", ", as_endpoint(candidate.endpoint()).text(), problem.message());
+    }
+    co_return failure(errc::unreachable, fmt::format("cannot connect to {} ({})", to.text(), tried));
+}
+
+result<std::unique_ptr<listener>> listen_tcp(loop& on, const endpoint& at) {
+    std::error_code problem;
+    auto refuse = [&] { return io_failure(fmt::format("cannot listen on {}", at.text()), problem); };
+
+    tcp::resolver resolver(on.get_executor());
+    auto found = resolver.resolve(at.host, std::to_string(at.port), tcp::resolver::passive | tcp::resolver::numeric_service, problem);
+    if (problem || found.empty()) return refuse();
+    auto address = found.begin()->endpoint();
+
+    tcp::acceptor acceptor(on.get_executor());
+    acceptor.open(address.protocol(), problem);
+    if (problem) return refuse();
+    acceptor.set_option(tcp::acceptor::reuse_address(true), problem);
+    acceptor.bind(address, problem);
+    if (problem) return refuse();
+    acceptor.listen(asio::socket_base::max_listen_connections, problem);
+    if (problem) return refuse();
+    auto where = as_endpoint(acceptor.local_endpoint(problem));
+    return std::unique_ptr<listener>(std::make_unique<tcp_listener>(std::move(acceptor), std::move(where)));
+}
+
+} // namespace ise::real
