@@ -1,0 +1,19 @@
+#include <ise/core/sleep.hpp>
+
+#include <ise/core/waiter.hpp>
+
+#include <asio/error.hpp>
+
+namespace ise {
+
+task<> sleep_until(loop& on, time_point at) {
+    waiter<std::error_code> wake(on, [&wake] { wake.resume(asio::error::operation_aborted); });
+    timer alarm(on, [&wake] { wake.resume({}); });
+    alarm.arm(at);
+    auto problem = co_await wake.wait();
+    if (problem) throw std::system_error(problem);
+}
+
+task<> sleep_for(loop& on, duration length) { return sleep_until(on, saturating_add(on.now(), length)); }
+
+} // namespace ise

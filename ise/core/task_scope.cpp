@@ -1,0 +1,76 @@
+#include <ise/core/task_scope.hpp>
+
+#include <ise/core/error.hpp>
+
+#include <asio/bind_cancellation_slot.hpp>
+#include <asio/co_spawn.hpp>
+#include <asio/error.hpp>
+
+namespace ise {
+
+task_scope::task_scope(loop& owner, failure_handler on_failure)
+    : loop_(owner), on_failure_(std::move(on_failure)), empty_(owner, [this] { empty_.resume(); }) {}
+
+task_scope::~task_scope() { *self_ = nullptr; }
+
+void task_scope::spawn(std::string name, task<> body) { spawn(std::move(name), std::move(body), loop_.get_executor()); }
+
+void task_scope::spawn(std::string name, task<> body, asio::any_io_executor executor) {
+    if (stopping_) return;
+    auto who = children_->emplace(children_->end());
+    who->name = std::move(name);
+    // The list is shared: a child that is torn down late must still find its signal.
+    auto done = [self = self_, children = children_, who](std::exception_ptr problem) {
+        if (*self) (*self)->ended(who, problem);
+    };
+    asio::co_spawn(std::move(executor), std::move(body), asio::bind_cancellation_slot(who->cancel.slot(), std::move(done)));
+}
+
+void task_scope::stop() {
+    stopping_ = true;
+    // A child may end, and leave the list, as soon as the loop runs: never within emit.
+    auto held = children_;
+    for (auto& entry : *held) entry.cancel.emit(asio::cancellation_type::terminal);
+}
+
+task<> task_scope::join() {
+    if (size() == 0) co_return;
+    co_await empty_.wait();
+}
+
+std::vector<std::string> task_scope::running() const {
+    std::vector<std::string> names;
+    for (const auto& entry : *children_) names.push_back(entry.name);
+    return names;
+}
+
+void task_scope::ended(children::iterator who, std::exception_ptr problem) {
+    auto name = std::move(who->name);
+    children_->erase(who);
+    if (problem && on_failure_ && !(stopping_ && is_cancellation(problem))) on_failure_(name, problem);
+    if (children_->empty()) empty_.resume();
+}
+
+bool is_cancellation(const std::exception_ptr& problem) noexcept {
+    try {
+        std::rethrow_exception(problem);
+    } catch (const std::system_error& thrown) {
+        return thrown.code() == asio::error::operation_aborted;
+    } catch (const error& thrown) {
+        return thrown.code() == errc::cancelled;
+    } catch (...) {
+        return false;
+    }
+}
+
+std::string describe(const std::exception_ptr& problem) {
+    try {
+        std::rethrow_exception(problem);
+    } catch (const std::exception& thrown) {
+        return thrown.what();
+    } catch (...) {
+        return "an exception that is no std::exception";
+    }
+}
+
+} // namespace ise

@@ -1,0 +1,68 @@
+#pragma once
+#include <ise/core/loop.hpp>
+#include <ise/core/task.hpp>
+#include <ise/core/waiter.hpp>
+
+#include <asio/cancellation_signal.hpp>
+
+#include <exception>
+#include <functional>
+#include <list>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace ise {
+
+/// Owns coroutines: each has a name, is cancelled by `stop()` and waited for by `join()`. Used on one loop.
+/// The scope must be empty (`size() == 0`) when it is destroyed: stop and join first.
+class task_scope {
+public:
+    /// Hears of an exception that escaped from a child; cancellation after `stop()` is none.
+    using failure_handler = std::function<void(const std::string& name, std::exception_ptr)>;
+
+    task_scope(loop& owner, failure_handler on_failure);
+    ~task_scope();
+    task_scope(const task_scope&) = delete;
+    task_scope& operator=(const task_scope&) = delete;
+
+    /// Starts `body` on the loop's executor (or `executor`, which must lie on it), at the next turn at the latest.
+    /// After `stop()` nothing is started any more.
+    void spawn(std::string name, task<> body);
+    void spawn(std::string name, task<> body, asio::any_io_executor executor);
+
+    /// Cancels every child; they end at their next suspension.
+    void stop();
+    bool stopping() const noexcept { return stopping_; }
+
+    /// Completes when no child is left. One coroutine at a time; cancellation ends the wait only.
+    task<> join();
+
+    std::size_t size() const noexcept { return children_->size(); }
+    /// Who still runs.
+    std::vector<std::string> running() const;
+
+private:
+    struct child {
+        std::string name;
+        asio::cancellation_signal cancel;
+    };
+    using children = std::list<child>;
+
+    void ended(children::iterator who, std::exception_ptr problem);
+
+    loop& loop_;
+    failure_handler on_failure_;
+    std::shared_ptr<children> children_ = std::make_shared<children>();
+    std::shared_ptr<task_scope*> self_ = std::make_shared<task_scope*>(this);
+    waiter<> empty_;
+    bool stopping_ = false;
+};
+
+/// Whether an exception is the mark of a cancelled coroutine.
+bool is_cancellation(const std::exception_ptr& problem) noexcept;
+
+/// The text of any exception, for a log or a peer.
+std::string describe(const std::exception_ptr& problem);
+
+} // namespace ise
