@@ -1,0 +1,61 @@
+#pragma once
+#include <ise/core/bytes.hpp>
+#include <ise/core/result.hpp>
+#include <ise/packet/buffer.hpp>
+#include <ise/packet/concept.hpp>
+#include <ise/packet/detail/codec_cereal.hpp>
+#include <ise/packet/limits.hpp>
+
+namespace ise {
+
+/// Appends the bytes of a packet (LAYOUT.md). They are the same from every compiler and processor.
+/// Throws `too_large` for a container of 2^32 elements; the buffer then holds a part of the packet.
+template <class T>
+void encode(const T& value, buffer& out) {
+    if constexpr (check_packet<T>()) detail::write(out, value);
+}
+
+template <class T>
+bytes encode(const T& value) {
+    buffer out;
+    encode(value, out);
+    return out.to_bytes();
+}
+
+namespace detail {
+template <class T>
+bool read_whole(reader& in, T& value) {
+    return read(in, value) && in.finish();
+}
+} // namespace detail
+
+/// Decodes into a value that is there, reusing its memory. All of the input must be consumed.
+/// Throws `malformed` naming type, field and cause, or `too_large` beyond the limits; the value is then unspecified.
+template <class T>
+void decode_into(T& value, bytes_view input, const decode_limits& limits = {}) {
+    if constexpr (check_packet<T>()) {
+        detail::reader in(input, limits);
+        if (!detail::read_whole(in, value)) [[unlikely]] throw error(in.take_failure(type_name<T>));
+    }
+}
+
+/// Decodes a packet: as `decode_into`, by value.
+template <class T>
+T decode(bytes_view input, const decode_limits& limits = {}) {
+    T value{};
+    decode_into(value, input, limits);
+    return value;
+}
+
+/// Decodes a packet; what would be thrown is the failure in its place.
+template <class T>
+result<T> try_decode(bytes_view input, const decode_limits& limits = {}) {
+    T value{};
+    if constexpr (check_packet<T>()) {
+        detail::reader in(input, limits);
+        if (!detail::read_whole(in, value)) [[unlikely]] return in.take_failure(type_name<T>);
+    }
+    return value;
+}
+
+} // namespace ise

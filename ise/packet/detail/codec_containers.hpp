@@ -1,0 +1,306 @@
+#pragma once
+#include <ise/packet/detail/codec_fixed.hpp>
+
+#include <iterator>
+#include <limits>
+
+/// Types whose length is on the wire.
+namespace ise::detail {
+
+[[noreturn]] void throw_too_many(std::size_t count);
+[[noreturn]] void throw_valueless();
+
+inline void write_count(buffer& out, std::size_t count) {
+    if (count > std::numeric_limits<std::uint32_t>::max()) [[unlikely]] throw_too_many(count);
+    out.append(static_cast<std::uint32_t>(count));
+}
+
+/// Elements that may lie unaligned among the input: reads them as a memcpy each, which compilers fuse.
+template <class T>
+class raw_iterator {
+public:
+    using iterator_category = std::random_access_iterator_tag;
+    using value_type = T;
+    using difference_type = std::ptrdiff_t;
+    using pointer = const T*;
+    using reference = T;
+
+    explicit raw_iterator(const std::byte* at) noexcept : at_(at) {}
+    T operator*() const noexcept {
+        T value;
+        std::memcpy(static_cast<void*>(&value), at_, sizeof(T));
+        return value;
+    }
+    raw_iterator& operator++() noexcept { return at_ += sizeof(T), *this; }
+    raw_iterator operator++(int) noexcept {
+        raw_iterator before = *this;
+        ++*this;
+        return before;
+    }
+    raw_iterator& operator--() noexcept { return at_ -= sizeof(T), *this; }
+    raw_iterator operator+(difference_type n) const noexcept { return raw_iterator(at_ + n * step); }
+    raw_iterator& operator+=(difference_type n) noexcept { return at_ += n * step, *this; }
+    raw_iterator operator-(difference_type n) const noexcept { return raw_iterator(at_ - n * step); }
+    difference_type operator-(raw_iterator other) const noexcept { return (at_ - other.at_) / step; }
+    T operator[](difference_type n) const noexcept { return *(*this + n); }
+    auto operator<=>(const raw_iterator&) const = default;
+
+private:
+    static constexpr difference_type step = sizeof(T);
+    const std::byte* at_;
+};
+
+template <class A>
+struct codec<std::basic_string<char, std::char_traits<char>, A>> {
+    using text = std::basic_string<char, std::char_traits<char>, A>;
+    static constexpr std::size_t min_size = 4;
+    static constexpr bool fixed = false;
+    static constexpr bool raw = false;
+
+    static void write(buffer& out, const text& value) {
+        write_count(out, value.size());
+        out.append(as_bytes(value));
+    }
+    static bool read(reader& in, text& value) {
+        std::size_t size = 0;
+        if (!in.take_count(size, 1, 1, "bytes")) [[unlikely]] return false;
+        if (size == 0) {
+            value.clear();
+        } else {
+            value.assign(reinterpret_cast<const char*>(in.take(size)), size);
+        }
+        return true;
+    }
+    static type_description describe() { return describe_scalar(type_kind::string); }
+};
+
+template <class T, class A>
+struct codec<std::vector<T, A>> {
+    static constexpr std::size_t min_size = 4;
+    static constexpr bool fixed = false;
+    static constexpr bool raw = false;
+    static constexpr bool is_bits = std::is_same_v<T, bool>;
+
+    static void write(buffer& out, const std::vector<T, A>& values) {
+        write_count(out, values.size());
+        if constexpr (codec<T>::raw) {
+            out.append(bytes_view(reinterpret_cast<const std::byte*>(values.data()), values.size() * sizeof(T)));
+        } else if constexpr (codec<T>::fixed) {
+            constexpr std::size_t step = codec<T>::min_size;
+            std::byte* to = out.grow(values.size() * step);
+            for (const auto& value : values) {
+                codec<T>::put(to, value);
+                to += step;
+            }
+        } else {
+            for (const auto& value : values) detail::write(out, value);
+        }
+    }
+    static bool read(reader& in, std::vector<T, A>& values) {
+        std::size_t count = 0;
+        if (!in.take_count(count, codec<T>::min_size, sizeof(T))) [[unlikely]] return false;
+        if constexpr (codec<T>::raw) {
+            raw_iterator<T> from(in.take(count * sizeof(T)));
+            values.assign(from, from + static_cast<std::ptrdiff_t>(count));
+        } else if constexpr (is_bits) {
+            values.resize(count);
+            for (std::size_t i = 0; i < count; ++i) {
+                bool value = false;
+                if (!detail::read(in, value)) [[unlikely]] return in.in_element(i);
+                values[i] = value;
+            }
+        } else {
+            values.resize(count); // elements that are there already keep their own memory
+            for (std::size_t i = 0; i < count; ++i)
+                if (!detail::read(in, values[i])) [[unlikely]] return in.in_element(i);
+        }
+        return true;
+    }
+    static type_description describe() {
+        type_description type;
+        type.kind = type_kind::vector;
+        type.members.push_back({{}, codec<T>::describe(), {}});
+        type.complete();
+        return type;
+    }
+};
+
+template <class T>
+struct codec<std::optional<T>> {
+    static constexpr std::size_t min_size = 1;
+    static constexpr bool fixed = false;
+    static constexpr bool raw = false;
+
+    static void write(buffer& out, const std::optional<T>& value) {
+        *out.grow(1) = std::byte{value.has_value()};
+        if (value) detail::write(out, *value);
+    }
+    static bool read(reader& in, std::optional<T>& value) {
+        const std::byte* flag = in.take(1);
+        if (!flag) [[unlikely]] return in.fail_short(1);
+        if (*flag == std::byte{0}) {
+            value.reset();
+            return true;
+        }
+        if (*flag != std::byte{1}) [[unlikely]]
+            return in.fail_flag("the flag of an optional", std::to_integer<unsigned>(*flag));
+        return detail::read(in, value ? *value : value.emplace());
+    }
+    static type_description describe() {
+        type_description type;
+        type.kind = type_kind::optional;
+        type.members.push_back({{}, codec<T>::describe(), {}});
+        type.complete();
+        return type;
+    }
+};
+
+template <class... T>
+struct codec<std::variant<T...>> {
+    using index = std::conditional_t<(sizeof...(T) > 255), std::uint16_t, std::uint8_t>;
+    static constexpr std::size_t min_size = sizeof(index) + std::min({codec<T>::min_size...});
+    static constexpr bool fixed = false;
+    static constexpr bool raw = false;
+
+    static void write(buffer& out, const std::variant<T...>& value) {
+        if (value.valueless_by_exception()) [[unlikely]] throw_valueless();
+        out.append(static_cast<index>(value.index()));
+        std::visit([&out](const auto& held) { detail::write(out, held); }, value);
+    }
+    static bool read(reader& in, std::variant<T...>& value) {
+        const std::byte* raw_index = in.take(sizeof(index));
+        if (!raw_index) [[unlikely]] return in.fail_short(sizeof(index));
+        std::size_t which = load_little<index>(raw_index);
+        if (which >= sizeof...(T)) [[unlikely]] return in.fail_alternative(which, sizeof...(T));
+        return read_alternative(in, value, which, std::index_sequence_for<T...>()) || in.in_alternative(which);
+    }
+    static type_description describe() {
+        type_description type;
+        type.kind = type_kind::variant;
+        (type.members.push_back({{}, codec<T>::describe(), {}}), ...);
+        type.complete();
+        return type;
+    }
+
+private:
+    template <std::size_t... I>
+    static bool read_alternative(reader& in, std::variant<T...>& value, std::size_t which, std::index_sequence<I...>) {
+        bool done = false;
+        auto one = [&]<std::size_t i>(std::integral_constant<std::size_t, i>) {
+            if (which != i) return false;
+            done = detail::read(in, value.index() == i ? *std::get_if<i>(&value) : value.template emplace<i>());
+            return true;
+        };
+        (void)(one(std::integral_constant<std::size_t, I>()) || ...);
+        return done;
+    }
+};
+
+// --- maps and sets ------------------------------------------------------------------------------------------------
+/// Puts encoded elements into the order of their encoded keys, so that equal values have equal bytes.
+class element_sorter {
+public:
+    explicit element_sorter(buffer& out) noexcept : out_(out), start_(out.size()) {}
+    void begin_element();
+    void end_key();
+    void sort();
+
+private:
+    struct element {
+        std::size_t begin, key_end, end;
+    };
+    buffer& out_;
+    std::size_t start_;
+    std::vector<element> elements_;
+};
+
+template <class Set, class K>
+struct set_codec {
+    static constexpr std::size_t min_size = 4;
+    static constexpr bool fixed = false;
+    static constexpr bool raw = false;
+    static constexpr bool sorts = requires { typename Set::hasher; };
+
+    static void write(buffer& out, const Set& keys) {
+        write_count(out, keys.size());
+        element_sorter sorter(out);
+        for (const K& key : keys) {
+            if constexpr (sorts) sorter.begin_element();
+            detail::write(out, key);
+            if constexpr (sorts) sorter.end_key();
+        }
+        if constexpr (sorts) sorter.sort();
+    }
+    static bool read(reader& in, Set& keys) {
+        std::size_t count = 0;
+        if (!in.take_count(count, codec<K>::min_size, sizeof(K) + 4 * sizeof(void*))) [[unlikely]] return false;
+        keys.clear();
+        for (std::size_t i = 0; i < count; ++i) {
+            K key{};
+            if (!detail::read(in, key)) [[unlikely]] return in.in_element(i);
+            keys.emplace_hint(keys.end(), std::move(key));
+            if (keys.size() == i) [[unlikely]] return in.fail("is there twice"), in.in_element(i);
+        }
+        return true;
+    }
+    static type_description describe() {
+        type_description type;
+        type.kind = type_kind::set;
+        type.members.push_back({{}, codec<K>::describe(), {}});
+        type.complete();
+        return type;
+    }
+};
+template <class K, class... O>
+struct codec<std::set<K, O...>> : set_codec<std::set<K, O...>, K> {};
+template <class K, class... O>
+struct codec<std::unordered_set<K, O...>> : set_codec<std::unordered_set<K, O...>, K> {};
+
+template <class Map, class K, class V>
+struct map_codec {
+    static constexpr std::size_t min_size = 4;
+    static constexpr bool fixed = false;
+    static constexpr bool raw = false;
+    static constexpr bool sorts = requires { typename Map::hasher; };
+
+    static void write(buffer& out, const Map& values) {
+        write_count(out, values.size());
+        element_sorter sorter(out);
+        for (const auto& [key, value] : values) {
+            if constexpr (sorts) sorter.begin_element();
+            detail::write(out, key);
+            if constexpr (sorts) sorter.end_key();
+            detail::write(out, value);
+        }
+        if constexpr (sorts) sorter.sort();
+    }
+    static bool read(reader& in, Map& values) {
+        std::size_t count = 0;
+        if (!in.take_count(count, codec<K>::min_size + codec<V>::min_size, sizeof(K) + sizeof(V) + 4 * sizeof(void*)))
+            [[unlikely]]
+            return false;
+        values.clear();
+        for (std::size_t i = 0; i < count; ++i) {
+            K key{};
+            if (!detail::read(in, key)) [[unlikely]] return in.in_field("key"), in.in_element(i);
+            auto at = values.emplace_hint(values.end(), std::move(key), V{});
+            if (values.size() == i) [[unlikely]] return in.fail("is there twice"), in.in_field("key"), in.in_element(i);
+            if (!detail::read(in, at->second)) [[unlikely]] return in.in_element(i);
+        }
+        return true;
+    }
+    static type_description describe() {
+        type_description type;
+        type.kind = type_kind::map;
+        type.members.push_back({{}, codec<K>::describe(), {}});
+        type.members.push_back({{}, codec<V>::describe(), {}});
+        type.complete();
+        return type;
+    }
+};
+template <class K, class V, class... O>
+struct codec<std::map<K, V, O...>> : map_codec<std::map<K, V, O...>, K, V> {};
+template <class K, class V, class... O>
+struct codec<std::unordered_map<K, V, O...>> : map_codec<std::unordered_map<K, V, O...>, K, V> {};
+
+} // namespace ise::detail

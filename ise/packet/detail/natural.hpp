@@ -1,0 +1,17 @@
+#pragma once
+#include <ise/packet/buffer.hpp>
+#include <ise/packet/type.hpp>
+
+namespace ise::detail {
+
+/// Appends a type's natural value: zero, empty, absent, the first alternative; of a struct, its fields' presets.
+/// Throws `too_large` where the buffer would grow beyond `max_size` (an array's length may be hostile).
+void append_natural(const type_description& type, buffer& out, std::size_t max_size);
+
+/// A field's value where the sender has no such field.
+void append_preset(const type_member& field, buffer& out, std::size_t max_size);
+
+/// Whether an encoded default is the type's natural value: then the schema needs no word about it.
+bool is_natural(const type_description& type, bytes_view preset);
+
+} // namespace ise::detail

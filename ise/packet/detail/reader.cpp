@@ -1,0 +1,80 @@
+#include <ise/packet/detail/reader.hpp>
+
+#include <fmt/format.h>
+
+namespace ise::detail {
+
+bool reader::accept_count(std::uint64_t count, std::size_t min_element_size, std::size_t element_memory,
+                          std::string_view unit) {
+    if (min_element_size == 0) { // or known to their own serialize only: as many as there are bytes cost nothing
+        if (count > left_ && count > zero_size_budget_)
+            return fail(fmt::format("claims {} {} of no size, at most {} are accepted in one packet", count, unit,
+                                    limits_->max_zero_size_elements),
+                        errc::too_large);
+        if (count > left_) zero_size_budget_ -= static_cast<std::size_t>(count);
+    } else if (count > left_ / min_element_size) {
+        return fail(fmt::format("claims {} {}{}, {} {} left", count, unit,
+                                unit == "elements" ? fmt::format(" of at least {} bytes", min_element_size) : "", left_,
+                                unit == "elements" ? "bytes are" : "are"));
+    }
+    if (element_memory != 0 && count > budget_ / element_memory)
+        return fail(fmt::format("its {} {} need more memory than the {} bytes that one packet may take", count, unit,
+                                limits_->max_total_bytes),
+                    errc::too_large);
+    budget_ -= static_cast<std::size_t>(count) * element_memory;
+    return true;
+}
+
+bool reader::enter() {
+    if (depth_left_ == 0)
+        return fail(fmt::format("is nested deeper than the {} levels that are accepted", limits_->max_depth),
+                    errc::too_large);
+    --depth_left_;
+    return true;
+}
+
+bool reader::fail(std::string text, errc code) {
+    if (failed()) return false; // the first failure is the cause
+    text_ = std::move(text);
+    code_ = code;
+    return false;
+}
+
+bool reader::fail_short(std::size_t needed) {
+    return fail(fmt::format("needs {} byte{}, {} {} left", needed, needed == 1 ? "" : "s", left_,
+                            left_ == 1 ? "is" : "are"));
+}
+
+bool reader::fail_flag(std::string_view what, unsigned value) {
+    return fail(fmt::format("{} must be 0 or 1, not {}", what, value));
+}
+
+bool reader::fail_alternative(std::size_t index, std::size_t count) {
+    return fail(fmt::format("holds alternative {}, only 0 to {} are known", index, count - 1));
+}
+
+bool reader::in_field(std::string_view name) {
+    path_.insert(0, fmt::format(".{}", name));
+    return false;
+}
+
+bool reader::in_element(std::size_t index) {
+    path_.insert(0, fmt::format("[{}]", index));
+    return false;
+}
+
+bool reader::in_alternative(std::size_t index) {
+    path_.insert(0, fmt::format("<{}>", index));
+    return false;
+}
+
+bool reader::finish() {
+    if (left_ == 0) return true;
+    return fail(fmt::format("{} byte{} too many behind its last field", left_, left_ == 1 ? "" : "s"));
+}
+
+failure reader::take_failure(std::string_view type) {
+    return failure(code_, fmt::format("{}{}: {}", type, path_, text_));
+}
+
+} // namespace ise::detail
