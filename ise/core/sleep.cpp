@@ -10,8 +10,7 @@ task<> sleep_until(loop& on, time_point at) {
     waiter<std::error_code> wake(on, [&wake] { wake.resume(asio::error::operation_aborted); });
     timer alarm(on, [&wake] { wake.resume({}); });
     alarm.arm(at);
-    auto problem = co_await wake.wait();
-    if (problem) throw std::system_error(problem);
+    co_await wake.wait(); // throws what it was resumed with
 }
 
 task<> sleep_for(loop& on, duration length) { return sleep_until(on, saturating_add(on.now(), length)); }

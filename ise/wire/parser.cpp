@@ -1,0 +1,79 @@
+#include <ise/wire/parser.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstring>
+
+namespace ise::wire {
+namespace {
+
+constexpr std::size_t first_room = 2 * 1024;
+constexpr std::size_t largest_room = 256 * 1024;
+// Types below this are known or negotiated; what is above cannot be a frame of ISE.
+constexpr std::uint8_t last_type = 127;
+
+} // namespace
+
+std::string_view name_of(frame_type type) noexcept {
+    switch (type) {
+        case frame_type::hello: return "hello";
+        case frame_type::welcome: return "welcome";
+        case frame_type::reject: return "reject";
+        case frame_type::request: return "request";
+        case frame_type::reply: return "reply";
+        case frame_type::error: return "error";
+        case frame_type::cancel: return "cancel";
+        case frame_type::subscribe: return "subscribe";
+        case frame_type::subscribed: return "subscribed";
+        case frame_type::packet: return "packet";
+        case frame_type::unsubscribe: return "unsubscribe";
+        case frame_type::unsubscribed: return "unsubscribed";
+        case frame_type::ended: return "ended";
+        case frame_type::credit: return "credit";
+        case frame_type::ping: return "ping";
+        case frame_type::pong: return "pong";
+        case frame_type::goodbye: return "goodbye";
+        case frame_type::piece: return "piece";
+        case frame_type::schema_request: return "schema_request";
+        case frame_type::schema: return "schema";
+    }
+    return "unknown";
+}
+
+std::span<std::byte> parser::prepare() {
+    // What is left of the last read moves to the front; it is less than a frame.
+    if (begin_ > 0) {
+        std::memmove(storage_.data(), storage_.data() + begin_, end_ - begin_);
+        end_ -= begin_;
+        begin_ = 0;
+    }
+    std::size_t wanted = storage_.empty() ? first_room : storage_.size();
+    if (end_ >= frame_header::size) // next() has checked the length
+        wanted = std::max(wanted, frame_header::size + read_header(storage_.data()).length);
+    if (filled_ && storage_.size() < largest_room) wanted = std::max(wanted, storage_.size() * 4);
+    if (wanted > storage_.size()) storage_.resize(wanted);
+    filled_ = false;
+    return std::span(storage_).subspan(end_);
+}
+
+result<std::optional<frame>> parser::next() {
+    filled_ = filled_ || end_ == storage_.size();
+    if (end_ - begin_ < frame_header::size) return std::optional<frame>{};
+    frame found;
+    found.header = read_header(storage_.data() + begin_);
+    if (found.header.length > max_frame_bytes_)
+        return failure(errc::too_large, fmt::format("a frame '{}' of {} bytes came, {} are allowed", name_of(found.header.type),
+                                                    found.header.length, max_frame_bytes_));
+    if (found.header.reserved != 0 || static_cast<std::uint8_t>(found.header.type) == 0 ||
+        static_cast<std::uint8_t>(found.header.type) > last_type)
+        return failure(errc::protocol_error, fmt::format("what came is no frame of ISE (type {}, reserved {:#x})",
+                                                         static_cast<int>(found.header.type), found.header.reserved));
+    std::size_t whole = frame_header::size + found.header.length;
+    if (end_ - begin_ < whole) return std::optional<frame>{};
+    found.body = bytes_view(storage_).subspan(begin_ + frame_header::size, found.header.length);
+    begin_ += whole;
+    return std::optional<frame>{found};
+}
+
+} // namespace ise::wire

@@ -1,0 +1,77 @@
+#include <ise/wire/pieces.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace ise::wire {
+namespace {
+
+constexpr std::size_t max_unfinished = 64;
+constexpr std::size_t first_reserve = 1024 * 1024;
+
+} // namespace
+
+void piece_head::put(buffer& out) const {
+    out.append(static_cast<std::uint8_t>(type));
+    out.append(flags);
+    out.append(id);
+    out.append(length);
+}
+
+piece_head piece_head::read(bytes_view from) {
+    piece_head head;
+    head.type = static_cast<frame_type>(detail::load_little<std::uint8_t>(from.data()));
+    head.flags = detail::load_little<std::uint8_t>(from.data() + 1);
+    head.id = detail::load_little<std::uint64_t>(from.data() + 2);
+    head.length = detail::load_little<std::uint64_t>(from.data() + 10);
+    return head;
+}
+
+result<std::optional<assembled>> reassembly::take(const frame& piece) {
+    std::uint64_t id = piece.header.id;
+    bytes_view content = piece.body;
+    auto found = messages_.find(id);
+    if (piece.header.flags & flag::abandoned) {
+        if (found != messages_.end()) {
+            held_ -= found->second.body.size();
+            messages_.erase(found);
+        }
+        return std::optional<assembled>{};
+    }
+    if (found == messages_.end()) {
+        if (content.size() < piece_head::size) return failure(errc::protocol_error, "a first piece came without the head of its message");
+        if (messages_.size() >= max_unfinished)
+            return failure(errc::too_large, fmt::format("more than {} messages came in pieces at once", max_unfinished));
+        ise::wire::reassembly::message begun;
+        begun.head = piece_head::read(content);
+        content = content.subspan(piece_head::size);
+        if (begun.head.length > max_message_bytes_)
+            return failure(errc::too_large, fmt::format("a message '{}' of {} bytes was announced, {} are allowed",
+                                                        name_of(begun.head.type), begun.head.length, max_message_bytes_));
+        begun.body.reserve(std::min<std::uint64_t>(begun.head.length, first_reserve));
+        found = messages_.emplace(id, std::move(begun)).first;
+    }
+    auto& partial = found->second;
+    if (content.size() > partial.head.length - partial.body.size())
+        return failure(errc::protocol_error, fmt::format("a message '{}' is longer than the {} bytes it announced",
+                                                         name_of(partial.head.type), partial.head.length));
+    if (held_ + content.size() > 2 * max_message_bytes_)
+        return failure(errc::too_large, fmt::format("unfinished messages hold more than {} bytes", 2 * max_message_bytes_));
+    partial.body.insert(partial.body.end(), content.begin(), content.end());
+    held_ += content.size();
+    if (!(piece.header.flags & flag::last)) return std::optional<assembled>{};
+    if (partial.body.size() != partial.head.length)
+        return failure(errc::protocol_error, fmt::format("a message '{}' ended after {} of {} bytes", name_of(partial.head.type),
+                                                         partial.body.size(), partial.head.length));
+    held_ -= partial.body.size();
+    assembled whole;
+    whole.header.type = partial.head.type;
+    whole.header.flags = partial.head.flags;
+    whole.header.id = partial.head.id;
+    whole.body = std::move(partial.body);
+    messages_.erase(found);
+    return std::optional<assembled>(std::move(whole));
+}
+
+} // namespace ise::wire
