@@ -1,7 +1,7 @@
 #include "floors.hpp"
+#include "frames.hpp"
 #include "sockets.hpp"
 
-#include <algorithm>
 #include <cerrno>
 #include <poll.h>
 #include <stdexcept>
@@ -12,8 +12,6 @@
 
 namespace bench {
 namespace {
-
-constexpr std::size_t chunk_bytes = 256 * 1024;
 
 [[noreturn]] void server_gone() { throw std::runtime_error("the serving side closed the connection"); }
 
@@ -39,10 +37,11 @@ outcome one_at_a_time(const options& asked, const fd& socket) {
 /// Keeps `outstanding` messages on the way: as many as came back in one read go out again in one write.
 outcome pipelined(const options& asked, const fd& socket) {
     set_non_blocking(socket);
-    const std::vector<char> requests(std::min(asked.outstanding * asked.size_bytes, std::max(chunk_bytes, asked.size_bytes)));
-    std::vector<char> replies(chunk_bytes);
-    auto to_send = asked.outstanding * asked.size_bytes;
-    std::size_t received = 0; // bytes of replies that are not whole yet
+    const std::vector<char> request(asked.size_bytes);
+    message_reader reader(asked.size_bytes);
+    std::vector<char> unsent;
+    std::size_t sent_bytes = 0; // of those
+    for (std::size_t i = 0; i != asked.outstanding; ++i) append_message(unsent, request);
     outcome out;
     auto now = now_ns();
     const auto begin = now + static_cast<std::int64_t>(asked.warmup_seconds * 1e9);
@@ -50,21 +49,22 @@ outcome pipelined(const options& asked, const fd& socket) {
     std::int64_t counted_since = 0;
     while (now < end || counted_since == 0) {
         bool moved = false;
-        if (to_send != 0) {
-            const auto sent = ::send(socket.get(), requests.data(), std::min(to_send, requests.size()), MSG_NOSIGNAL);
+        if (sent_bytes != unsent.size()) {
+            const auto sent = ::send(socket.get(), unsent.data() + sent_bytes, unsent.size() - sent_bytes, MSG_NOSIGNAL);
             if (sent > 0) {
-                to_send -= static_cast<std::size_t>(sent);
+                sent_bytes += static_cast<std::size_t>(sent);
                 moved = true;
             } else if (errno != EAGAIN && errno != EINTR) {
                 server_gone();
             }
+            if (sent_bytes > unsent.size() / 2) { // it may never be empty, so drop what has gone
+                unsent.erase(unsent.begin(), unsent.begin() + static_cast<std::ptrdiff_t>(sent_bytes));
+                sent_bytes = 0;
+            }
         }
-        const auto got = ::read(socket.get(), replies.data(), replies.size());
+        const auto got = ::read(socket.get(), reader.space(), reader.space_bytes());
         if (got > 0) {
-            received += static_cast<std::size_t>(got);
-            const auto whole = received / asked.size_bytes;
-            received -= whole * asked.size_bytes;
-            to_send += whole * asked.size_bytes;
+            const auto whole = reader.take(static_cast<std::size_t>(got), [&](const char*, std::size_t) { append_message(unsent, request); });
             now = now_ns();
             if (counted_since != 0) out.count += whole;
             else if (now >= begin) counted_since = now;
@@ -73,7 +73,7 @@ outcome pipelined(const options& asked, const fd& socket) {
             server_gone();
         }
         if (!moved) {
-            pollfd wait{socket.get(), static_cast<short>(to_send != 0 ? POLLIN | POLLOUT : POLLIN), 0};
+            pollfd wait{socket.get(), static_cast<short>(unsent.empty() ? POLLIN : POLLIN | POLLOUT), 0};
             ::poll(&wait, 1, 1000);
             now = now_ns();
         }
@@ -89,16 +89,20 @@ void serve_raw_call(const options& asked) {
     announce(address);
     for (;;) {
         const auto socket = accept_from(listener, asked.transport);
-        // A single call is read whole and answered; of many outstanding whatever has come goes back in one write.
-        std::vector<char> buffer(asked.outstanding == 1 ? asked.size_bytes : chunk_bytes);
         if (asked.outstanding == 1) {
-            while (read_exactly(socket, buffer.data(), buffer.size()) && write_all(socket, buffer.data(), buffer.size())) {
+            std::vector<char> message(asked.size_bytes);
+            while (read_exactly(socket, message.data(), message.size()) && write_all(socket, message.data(), message.size())) {
             }
-        } else {
-            for (;;) {
-                const auto got = ::read(socket.get(), buffer.data(), buffer.size());
-                if (got <= 0 || !write_all(socket, buffer.data(), static_cast<std::size_t>(got))) break;
-            }
+            continue;
+        }
+        // Of many outstanding, all that came whole in one read is answered in one write.
+        message_reader reader(asked.size_bytes);
+        const std::vector<char> reply(asked.size_bytes);
+        for (std::vector<char> replies;; replies.clear()) {
+            const auto got = ::read(socket.get(), reader.space(), reader.space_bytes());
+            if (got <= 0) break;
+            reader.take(static_cast<std::size_t>(got), [&](const char*, std::size_t) { append_message(replies, reply); });
+            if (!write_all(socket, replies.data(), replies.size())) break;
         }
     }
 }
