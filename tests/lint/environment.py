@@ -16,8 +16,10 @@ from cpp_tokens import files_below, read
 # Patterns over the tokens joined by one blank, with what to use instead.
 FORBIDDEN = [
     (r"\b\w*_clock :: now\b", "reads a clock: ask the environment's"),
+    # Through an alias; a member function's definition is none.
+    (r"\b(?!\w*_clock\b)\w+ :: now \( \)(?! (?:const|noexcept|override|\{))", "reads a clock: ask the environment's"),
     (r"\b(?:gettimeofday|clock_gettime|timespec_get|ftime) \(|(?:std )?:: time \(", "reads a clock: ask the environment's"),
-    (r"\bthis_thread :: sleep_\w+|\b(?:usleep|nanosleep|clock_nanosleep) \(|(?<!\w )(?<!\w):: sleep \(", "sleeps: await the environment's timer"),
+    (r"\bthis_thread :: sleep_\w+|\b(?:usleep|nanosleep|clock_nanosleep) \(|(?:(?<!\w )|(?<=return ))(?<!\w):: sleep \(", "sleeps: await the environment's timer"),
     (r"\b(?:steady_timer|system_timer|high_resolution_timer|deadline_timer)\b", "a timer of Asio's own runs on the real clock: use the environment's"),
     (r"\brandom_device\b|\b(?:srand|getrandom|getentropy|arc4random) \(|\bstd :: rand \(", "draws a random number: ask the environment"),
     (r"\b(?:secure_)?getenv \(", "reads the process's variables: a program does that, and passes the value"),
@@ -25,7 +27,7 @@ FORBIDDEN = [
     (r"\b(?:stream_protocol|datagram_protocol|seq_packet_protocol) :: (?:socket|acceptor)\b", "opens a socket: ask the environment"),
     (r"\b(?:asio|net) :: (?:serial_port|signal_set|stream_file|random_access_file)\b", "opens a device, a file or a signal: ask the environment"),
     (r"\bposix :: (?:basic_)?(?:stream_)?descriptor\b", "opens a descriptor: ask the environment"),
-    (r"(?<!\w )(?<!\w):: (?:socket|accept|bind|listen|connect|open|openat|creat|fork|kill|sigaction|signal) \(", "calls the operating system: ask the environment"),
+    (r"(?:(?<!\w )|(?<=return ))(?<!\w):: (?:socket|accept|bind|listen|connect|open|openat|creat|fork|kill|sigaction|signal) \(", "calls the operating system: ask the environment"),
     (r"\b(?:fopen|freopen|popen|tmpfile|mkstemp|mkdtemp) \(", "opens a file: ask the environment's storage"),
     (r"\bstd :: (?:basic_)?[io]?fstream\b", "opens a file: ask the environment's storage"),
     (r"\bfilesystem :: (?!path\b)\w+", "touches the file system: ask the environment's storage"),

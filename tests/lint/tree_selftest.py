@@ -51,11 +51,12 @@ class Environment(unittest.TestCase):
     def test_reaching_around_the_environment_is_found(self):
         for code in [
             "auto t = std::chrono::steady_clock::now();", "auto t = clock::system_clock::now();",
+            "auto t = clock::now();",
             "std::this_thread::sleep_for(1s);", "::sleep(1);", "usleep(3);", "asio::steady_timer t(io);",
             "std::random_device d;", 'auto v = std::getenv("HOME");', "asio::ip::tcp::socket s(io);",
             "tcp::acceptor a(io);", "asio::local::stream_protocol::socket s(io);", "asio::serial_port p(io);",
             "int f = ::socket(AF_INET, 0, 0);", "std::ifstream f(p);", "auto f = fopen(p, m);",
-            "std::filesystem::remove(p);", "auto t = std::time(nullptr);", "::kill(pid, 9);",
+            "std::filesystem::remove(p);", "auto t = std::time(nullptr);", "::kill(pid, 9);", "return ::open(p, 0);",
         ]:
             self.assertEqual(self.found("\n" + code), [2], code)
 
@@ -64,7 +65,7 @@ class Environment(unittest.TestCase):
             "co_await sleep(1s);", "auto t = environment.now();", "std::chrono::steady_clock::time_point t;",
             "clock().now();", "std::filesystem::path p;", "asio::ip::tcp::endpoint e;", "// steady_clock::now()",
             'auto s = "getenv(x)";', "stream.connect(endpoint);", "listener->open();", "std::mt19937 r(seed);",
-            "void link::connect(int) {}", "link.open(1);",
+            "void link::connect(int) {}", "time_point loop::now() const { return t_; }", "auto loop::now() noexcept -> t {}", "link.open(1);",
         ]:
             self.assertEqual(self.found(code), [], code)
 
