@@ -1,0 +1,47 @@
+#include "report.hpp"
+
+#include <ctime>
+#include <cstdio>
+#include <thread>
+#include <unistd.h>
+
+namespace bench {
+
+void print(const options& asked, const outcome& found) {
+    const auto per_s = found.seconds > 0 ? static_cast<double>(found.count) / found.seconds : 0;
+    std::printf("{\"work\":\"%s\",\"kind\":\"%s\",\"transport\":\"%s\",\"size_bytes\":%zu,\"outstanding\":%zu,\"subscribers\":%zu,"
+                "\"seconds\":%.6f,\"count\":%llu,\"per_s\":%.1f,\"latency_ns\":",
+                asked.work.c_str(), asked.kind.c_str(), asked.transport.c_str(), asked.size_bytes, asked.outstanding,
+                asked.subscribers, found.seconds, static_cast<unsigned long long>(found.count), per_s);
+    const auto& h = found.latency;
+    if (h.samples() == 0) {
+        std::printf("null}\n");
+    } else {
+        std::printf("{\"samples\":%llu,\"mean\":%.1f,\"p50\":%.1f,\"p90\":%.1f,\"p99\":%.1f,\"p999\":%.1f,\"max\":%llu}}\n",
+                    static_cast<unsigned long long>(h.samples()), h.mean_ns(), h.quantile_ns(0.5), h.quantile_ns(0.9),
+                    h.quantile_ns(0.99), h.quantile_ns(0.999), static_cast<unsigned long long>(h.max_ns()));
+    }
+    std::fflush(stdout);
+}
+
+std::int64_t now_ns() noexcept {
+    timespec now{};
+    clock_gettime(CLOCK_MONOTONIC, &now); // the same clock in both processes
+    return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
+}
+
+void end_with_standard_input() {
+    std::thread([] {
+        char ignored[64];
+        while (::read(STDIN_FILENO, ignored, sizeof ignored) > 0) {
+        }
+        ::_exit(0);
+    }).detach();
+}
+
+void announce(const std::string& address) {
+    std::printf("%s\n", address.c_str());
+    std::fflush(stdout);
+}
+
+} // namespace bench

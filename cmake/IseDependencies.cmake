@@ -1,0 +1,44 @@
+# What the library needs: from the system, or with ISE_FETCH_DEPENDENCIES fetched where it is missing.
+set(ISE_FETCHED FALSE)
+if(ISE_FETCH_DEPENDENCIES)
+  include(FetchContent)
+  set(FMT_INSTALL OFF)
+  set(SKIP_PORTABILITY_TEST ON)
+  set(SKIP_PERFORMANCE_COMPARISON ON)
+  set(BUILD_DOC OFF)
+  set(BUILD_SANDBOX OFF)
+  set(JUST_INSTALL_CEREAL ON)
+  set(JSON_BuildTests OFF)
+  set(JSON_Install OFF)
+  FetchContent_Declare(cereal GIT_REPOSITORY https://github.com/USCiLab/cereal.git GIT_TAG v1.3.2 GIT_SHALLOW ON
+    FIND_PACKAGE_ARGS CONFIG)
+  FetchContent_Declare(fmt GIT_REPOSITORY https://github.com/fmtlib/fmt.git GIT_TAG 9.1.0 GIT_SHALLOW ON
+    FIND_PACKAGE_ARGS CONFIG)
+  FetchContent_Declare(nlohmann_json GIT_REPOSITORY https://github.com/nlohmann/json.git GIT_TAG v3.11.2 GIT_SHALLOW ON
+    FIND_PACKAGE_ARGS CONFIG)
+  FetchContent_MakeAvailable(cereal fmt nlohmann_json)
+
+  find_package(Asio 1.22 QUIET)
+  if(NOT Asio_FOUND) # it has no CMake files of its own: fetch the tree, then find it there
+    FetchContent_Declare(asio GIT_REPOSITORY https://github.com/chriskohlhoff/asio.git GIT_TAG asio-1-22-1 GIT_SHALLOW ON)
+    FetchContent_MakeAvailable(asio)
+    set(ASIO_INCLUDE_DIR "${asio_SOURCE_DIR}/asio/include")
+    set(ISE_FETCHED TRUE)
+  endif()
+  foreach(package cereal fmt nlohmann_json)
+    if(NOT ${package}_FOUND)
+      set(ISE_FETCHED TRUE)
+    endif()
+  endforeach()
+endif()
+
+find_package(Asio 1.22 REQUIRED)
+if(NOT TARGET cereal::cereal)
+  find_package(cereal REQUIRED)
+endif()
+if(NOT TARGET fmt::fmt)
+  find_package(fmt REQUIRED)
+endif()
+if(NOT TARGET nlohmann_json::nlohmann_json)
+  find_package(nlohmann_json REQUIRED) # private: only .cpp files see it
+endif()

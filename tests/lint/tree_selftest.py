@@ -1,0 +1,90 @@
+#!/usr/bin/env python3
+"""The lints of the tree on themselves: layering, environment, names of machines."""
+
+import unittest
+from pathlib import PurePosixPath
+
+import environment
+import machine_names
+from cpp_tokens import tokenize
+from layering import objection
+
+
+class Layering(unittest.TestCase):
+    def test_what_points_up_or_aside_is_refused(self):
+        for file, target in [
+            ("ise/core/error.hpp", "ise/packet/codec.hpp"),
+            ("ise/wire/frame.cpp", "ise/net/connection.hpp"),
+            ("ise/name_server/server.cpp", "ise/instantiation/server.hpp"),
+            ("ise/core/clock.hpp", "ise/sim/clock.hpp"),
+            ("ise/sim/world.cpp", "ise/component/node.hpp"),
+            ("ise/net/x.cpp", "components/boat/services.hpp"),
+            ("ise/net/x.cpp", "ise/ise.hpp"),
+            ("ise/brand_new/x.cpp", "ise/core/error.hpp"),
+            ("components/web_server/x.cpp", "components/xbee_proxy/modem.hpp"),
+            ("components/boat/x.cpp", "apps/ise/main.hpp"),
+            ("components/boat/x.cpp", "tests/support/catch.hpp"),
+            ("apps/ise/x.cpp", "apps/name_server/y.hpp"),
+        ]:
+            self.assertIsNotNone(objection(PurePosixPath(file), PurePosixPath(target)), (file, target))
+
+    def test_what_points_down_passes(self):
+        for file, target in [
+            ("ise/packet/codec.cpp", "ise/core/error.hpp"),
+            ("ise/core/real/tcp.cpp", "ise/core/environment.hpp"),
+            ("ise/name_server/server.cpp", "ise/component/component.hpp"),
+            ("ise/sim/network.cpp", "ise/core/environment.hpp"),
+            ("ise/ise.hpp", "ise/component/component.hpp"),
+            ("components/xbee_proxy/x.cpp", "components/xbee/frame.hpp"),
+            ("components/web_server/x.cpp", "components/xbee_proxy/services.hpp"),
+            ("components/web_server/x.cpp", "components/boat/packets.hpp"),
+            ("apps/ise/main.cpp", "ise/ise.hpp"),
+            ("tests/unit/net/x.cpp", "ise/sim/world.hpp"),
+        ]:
+            self.assertIsNone(objection(PurePosixPath(file), PurePosixPath(target)), (file, target))
+
+
+class Environment(unittest.TestCase):
+    def found(self, code):
+        return [line for line, _ in environment.findings_in(tokenize(code))]
+
+    def test_reaching_around_the_environment_is_found(self):
+        for code in [
+            "auto t = std::chrono::steady_clock::now();", "auto t = clock::system_clock::now();",
+            "auto t = clock::now();",
+            "std::this_thread::sleep_for(1s);", "::sleep(1);", "usleep(3);", "asio::steady_timer t(io);",
+            "std::random_device d;", 'auto v = std::getenv("HOME");', "asio::ip::tcp::socket s(io);",
+            "tcp::acceptor a(io);", "asio::local::stream_protocol::socket s(io);", "asio::serial_port p(io);",
+            "int f = ::socket(AF_INET, 0, 0);", "std::ifstream f(p);", "auto f = fopen(p, m);",
+            "std::filesystem::remove(p);", "auto t = std::time(nullptr);", "::kill(pid, 9);", "return ::open(p, 0);",
+        ]:
+            self.assertEqual(self.found("\n" + code), [2], code)
+
+    def test_what_does_not_reach_out_passes(self):
+        for code in [
+            "co_await sleep(1s);", "auto t = environment.now();", "std::chrono::steady_clock::time_point t;",
+            "clock().now();", "std::filesystem::path p;", "asio::ip::tcp::endpoint e;", "// steady_clock::now()",
+            'auto s = "getenv(x)";', "stream.connect(endpoint);", "listener->open();", "std::mt19937 r(seed);",
+            "void link::connect(int) {}", "time_point loop::now() const { return t_; }", "auto loop::now() noexcept -> t {}", "link.open(1);",
+        ]:
+            self.assertEqual(self.found(code), [], code)
+
+    def test_a_boundary_needs_a_reason(self):
+        body = "\nauto t = std::chrono::steady_clock::now();"
+        self.assertEqual(self.found("// environment-boundary: owns its sockets" + body), [])
+        self.assertEqual(self.found("// environment-boundary:" + body), [1])
+        self.assertEqual(self.found(body + " // NOLINT(environment): measures itself"), [])
+
+
+class MachineNames(unittest.TestCase):
+    def test_hosts_and_folders_are_found(self):
+        for line in ['"resolved": "https://registry.npmjs.org/x"', "see /home/jane/ise", '"/work/main/x"', "cd /root", "(/work/x)"]:
+            self.assertTrue(list(machine_names.findings_in(line)), line)
+
+    def test_ordinary_lines_pass(self):
+        for line in ["ISE_BINARY_DIR/work/x", "tests/work/x", "${root}/work/y", "/dev/ttyUSB0", "/tmp/x", "the root/work", "/homework", "https://a.b/root/x"]:
+            self.assertFalse(list(machine_names.findings_in(line)), line)
+
+
+if __name__ == "__main__":
+    unittest.main()
