@@ -1,0 +1,53 @@
+#pragma once
+#include <ise/core/bytes.hpp>
+#include <ise/packet/buffer.hpp>
+
+#include <asio/buffer.hpp>
+
+#include <memory>
+#include <span>
+#include <vector>
+
+namespace ise::net {
+
+/// What one gathered write holds: small things side by side in a staging buffer, big ones by reference with
+/// their owner. Filled, written (perhaps in several goes), cleared.
+class batch {
+public:
+    /// Room for small content; closed by the next `share`. Whoever appends to it says nothing more.
+    buffer& staging() noexcept { return staging_; }
+
+    /// Content that stays where it is; `owner` is held until it was written.
+    void share(std::shared_ptr<const void> owner, bytes_view content);
+    /// Takes over a whole buffer as content and gives back an empty one with room.
+    void adopt(buffer& content);
+
+    std::size_t bytes() const noexcept { return shared_bytes_ + staging_.size(); }
+    bool empty() const noexcept { return bytes() == 0; }
+    bool done() const noexcept { return written_ == bytes(); }
+    std::size_t left() const noexcept { return bytes() - written_; }
+
+    /// What is still to be written.
+    std::span<const asio::const_buffer> remaining();
+    void advance(std::size_t count) noexcept { written_ += count; }
+    void clear();
+
+private:
+    struct segment {
+        std::size_t begin = 0; // in the staging buffer, if `data` is null
+        std::size_t size = 0;
+        const std::byte* data = nullptr;
+    };
+    void close_staged();
+
+    buffer staging_;
+    buffer adopted_;
+    std::vector<segment> segments_;
+    std::vector<std::shared_ptr<const void>> owners_;
+    std::vector<asio::const_buffer> views_;
+    std::size_t staged_ = 0; // bytes of the staging buffer that lie in segments
+    std::size_t shared_bytes_ = 0;
+    std::size_t written_ = 0;
+};
+
+} // namespace ise::net

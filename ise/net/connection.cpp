@@ -1,0 +1,233 @@
+#include <ise/net/connection.hpp>
+
+#include <ise/packet/codec.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace ise::net {
+namespace {
+
+using wire::frame_type;
+
+// A peer that is not heard for this many of its heartbeats is lost.
+constexpr int missed_heartbeats = 3;
+// One flush writes at most this much before others get their turn.
+constexpr std::size_t flush_bytes = 4 * 1024 * 1024;
+// Control frames are answers to the peer's; one that does not read them is not waited for.
+constexpr std::size_t max_control_bytes = 4 * 1024 * 1024;
+
+} // namespace
+
+connection::connection(loop& on, std::unique_ptr<stream> transport, session_terms terms, wire::parser parser)
+    : on_(on), transport_(std::move(transport)), terms_(std::move(terms)), parser_(std::move(parser)),
+      reassembly_(terms_.we_accept.max_message_bytes), writer_wake_(on, [this] { writer_wake_.resume(); }),
+      heartbeat_(on, [this] { pulse(); }),
+      grace_(on, [this] { close(failure(errc::peer_lost, fmt::format("{} did not take what was left to send", peer_name()))); }) {
+    parser_.set_max_frame_bytes(terms_.we_accept.max_frame_bytes);
+    last_heard_ = last_sent_ = on_.now();
+}
+
+connection::~connection() = default;
+
+std::string connection::peer_name() const {
+    return terms_.peer.path.empty() ? transport_->peer() : fmt::format("{} ({})", terms_.peer.path, transport_->peer());
+}
+
+void connection::start(task_scope& scope, std::weak_ptr<user> receiver) {
+    user_ = std::move(receiver);
+    auto self = shared_from_this();
+    // The parameter keeps the connection for the coroutine's whole life.
+    auto reading = [](std::shared_ptr<connection> held) -> task<> { co_await held->read(); };
+    auto writing = [](std::shared_ptr<connection> held) -> task<> { co_await held->write(); };
+    scope.spawn("reader of " + peer_name(), reading(self));
+    scope.spawn("writer to " + peer_name(), writing(self));
+    pulse();
+}
+
+task<> connection::read() {
+    result<void> state;
+    {
+        loop::turn in(on_);
+        state = take_frames(); // what came with the handshake
+    }
+    while (state && open_) {
+        auto room = parser_.prepare();
+        transfer got;
+        try {
+            got = co_await transport_->read_some(asio::buffer(room.data(), room.size()));
+        } catch (const std::exception& cancelled) {
+            got.problem = asio::error::operation_aborted;
+        }
+        if (!open_) break;
+        if (got.problem) {
+            std::string_view how = got.problem == asio::error::eof ? (finishing_ ? "has closed" : "closed the connection")
+                                   : got.problem == asio::error::operation_aborted ? "was left: this side stopped" : "";
+            close(failure(errc::peer_lost, how.empty() ? fmt::format("{}: {}", peer_name(), got.problem.message())
+                                                       : fmt::format("{} {}", peer_name(), how)));
+            break;
+        }
+        counts_.bytes_in += got.bytes;
+        loop::turn in(on_);
+        last_heard_ = on_.now();
+        parser_.commit(got.bytes);
+        state = take_frames();
+    }
+    if (!state) close(failure(state.error().code(), fmt::format("{}: {}", peer_name(), state.error().message())));
+    report_end();
+}
+
+result<void> connection::take_frames() {
+    for (;;) {
+        auto found = parser_.next();
+        if (!found) return found.error();
+        if (!*found) return {};
+        ++counts_.frames_in;
+        auto taken = take(**found);
+        if (!taken) return taken;
+        if (!open_) return {};
+    }
+}
+
+result<void> connection::take(const wire::frame& received) {
+    switch (received.header.type) {
+        case frame_type::ping:
+            wire::put_frame(outbox_.control(), frame_type::pong, 0, received.header.id, [](buffer&) {});
+            if (outbox_.control().size() > max_control_bytes) return failure(errc::overloaded, "does not read what it asks for");
+            written();
+            return {};
+        case frame_type::pong: {
+            auto sent = time_point(duration(static_cast<std::int64_t>(received.header.id)));
+            if (sent <= on_.now() && sent > time_point{}) round_trip_ = on_.now() - sent;
+            return {};
+        }
+        case frame_type::goodbye: {
+            auto why = try_decode<wire::farewell>(received.body);
+            auto code = why ? static_cast<errc>(why->code) : errc::peer_lost;
+            close(failure(code == errc{} ? errc::peer_lost : code,
+                          fmt::format("{} said goodbye: {}", peer_name(), why ? why->reason : "(unreadable)")));
+            return {};
+        }
+        case frame_type::piece: {
+            auto whole = reassembly_.take(received);
+            if (!whole) return whole.error();
+            if (!*whole) return {};
+            wire::frame message;
+            message.header = (*whole)->header;
+            if (message.header.type == frame_type::piece) return failure(errc::protocol_error, "a message in pieces holds a piece");
+            message.body = (*whole)->body;
+            return take(message);
+        }
+        default: break;
+    }
+    auto receiver = user_.lock();
+    if (!receiver) return failure(errc::cancelled, "nobody is here any more");
+    return receiver->on_frame(received);
+}
+
+void connection::flush() {
+    if (!open_ || blocked_) return;
+    std::size_t sent = 0;
+    while (sent < flush_bytes) {
+        if (batch_.empty() && !outbox_.fill(batch_, on_.now())) {
+            if (finishing_) transport_->shutdown_write();
+            return;
+        }
+        auto wrote = transport_->try_write(batch_.remaining());
+        if (wrote.problem == asio::error::would_block) {
+            blocked_ = true;
+            writer_wake_.resume();
+            return;
+        }
+        if (wrote.problem) {
+            close(failure(errc::peer_lost, fmt::format("{}: {}", peer_name(), wrote.problem.message())));
+            return;
+        }
+        sent += wrote.bytes;
+        counts_.bytes_out += wrote.bytes;
+        batch_.advance(wrote.bytes);
+        last_sent_ = on_.now();
+        if (batch_.done()) {
+            batch_.clear();
+            ++counts_.frames_out_batches;
+        }
+    }
+    // Others first; the rest follows in the next turn.
+    on_.later([self = shared_from_this()] { self->flush(); });
+}
+
+task<> connection::write() {
+    while (open_) {
+        if (!blocked_) {
+            co_await writer_wake_.wait();
+            continue;
+        }
+        std::error_code problem;
+        try {
+            problem = co_await transport_->wait_writable();
+        } catch (const std::exception& cancelled) {
+            co_return; // the reader is cancelled too and ends the connection
+        }
+        loop::turn in(on_);
+        blocked_ = false;
+        if (problem && open_) {
+            close(failure(errc::peer_lost, fmt::format("{}: {}", peer_name(), problem.message())));
+        } else {
+            flush();
+        }
+    }
+}
+
+// Sends a ping where nothing else was sent, and notices a peer that has fallen silent.
+void connection::pulse() {
+    if (!open_) return;
+    auto now = on_.now();
+    auto ours = duration(static_cast<std::int64_t>(terms_.we_accept.heartbeat_ns));
+    auto theirs = duration(static_cast<std::int64_t>(terms_.peer_accepts.heartbeat_ns));
+    auto lost_at = last_heard_ + ours * missed_heartbeats;
+    if (now >= lost_at) {
+        auto silent = std::chrono::duration<double>(now - last_heard_).count();
+        close(failure(errc::peer_lost, fmt::format("{} was not heard for {:.1f} s", peer_name(), silent)));
+        return;
+    }
+    if (now - last_sent_ >= theirs || round_trip_ == duration{}) {
+        auto id = static_cast<std::uint64_t>(now.time_since_epoch().count());
+        wire::put_frame(outbox_.control(), frame_type::ping, 0, id, [](buffer&) {});
+        last_sent_ = now;
+        written();
+    }
+    heartbeat_.arm(std::min(lost_at, last_sent_ + theirs));
+}
+
+void connection::finish(failure why, duration grace) {
+    if (!open_ || finishing_) return;
+    finishing_ = true;
+    wire::farewell goodbye;
+    goodbye.code = static_cast<std::uint8_t>(why.code());
+    goodbye.reason = why.message();
+    // Behind the replies that still wait: it is the last call-class frame.
+    buffer& out = outbox_.begin_call();
+    wire::put_frame(out, frame_type::goodbye, 0, 0, [&](buffer& body) { encode(goodbye, body); });
+    outbox_.end_call();
+    grace_.arm(saturating_add(on_.now(), grace));
+    flush();
+}
+
+void connection::close(failure cause) {
+    if (!open_) return;
+    open_ = false;
+    cause_ = std::move(cause);
+    heartbeat_.disarm();
+    grace_.disarm();
+    transport_->close(); // ends the read, and so the reader reports
+    writer_wake_.resume();
+    on_.later([self = shared_from_this()] { self->report_end(); });
+}
+
+void connection::report_end() {
+    if (open_ || std::exchange(reported_, true)) return;
+    if (auto receiver = user_.lock()) receiver->on_closed(*cause_);
+}
+
+} // namespace ise::net

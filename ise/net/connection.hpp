@@ -1,0 +1,111 @@
+#pragma once
+#include <ise/core/loop.hpp>
+#include <ise/core/result.hpp>
+#include <ise/core/stream.hpp>
+#include <ise/core/task_scope.hpp>
+#include <ise/core/waiter.hpp>
+#include <ise/net/outbox.hpp>
+#include <ise/wire/messages.hpp>
+#include <ise/wire/parser.hpp>
+#include <ise/wire/pieces.hpp>
+
+#include <memory>
+#include <string>
+
+namespace ise::net {
+
+/// Counts of one connection since it was made; what `ise` and tests look at.
+struct connection_counts {
+    std::uint64_t frames_in = 0;
+    std::uint64_t frames_out_batches = 0;
+    std::uint64_t bytes_in = 0;
+    std::uint64_t bytes_out = 0;
+};
+
+/// How the two sides agreed to talk, and with whom.
+struct session_terms {
+    std::uint16_t version = 0;
+    std::uint64_t features = 0;
+    wire::identity self;
+    wire::identity peer;
+    wire::limits we_accept;
+    wire::limits peer_accepts;
+};
+
+/// One session with a peer over a stream: frames in, an outbox out, heartbeats, an end with a cause.
+///
+/// A reader coroutine hands every frame to the `user`, in one turn of the loop for all that one read brought; what
+/// is written in a turn leaves in one gathered write, and a writer coroutine waits only when the socket is full.
+/// Whatever breaks (a write as well as a read) ends it for both directions, once, with its cause. Lives on one
+/// loop; shared by its coroutines and its user.
+class connection final : public std::enable_shared_from_this<connection>, public flushable {
+public:
+    /// Who understands the frames. Called inside a turn of the loop; a frame's body is valid during the call only.
+    class user {
+    public:
+        /// A failure ends the connection: the peer broke the protocol.
+        virtual result<void> on_frame(const wire::frame& received) = 0;
+        /// The last call, exactly once, never from within a call of the user.
+        virtual void on_closed(const failure& cause) = 0;
+
+    protected:
+        ~user() = default;
+    };
+
+    connection(loop& on, std::unique_ptr<stream> transport, session_terms terms, wire::parser parser);
+    ~connection();
+
+    /// Begins to read, on coroutines owned by `scope`. Frames that came together with the handshake are handed over
+    /// in the next turn. `receiver` is held weakly: a session that is gone ends the connection.
+    void start(task_scope& scope, std::weak_ptr<user> receiver);
+
+    /// Where frames are put; `written()` afterwards sees to it that they leave.
+    outbox& out() noexcept { return outbox_; }
+    void written() { on_.flush_later(shared_from_this()); }
+    void flush() override;
+
+    /// Tells the peer why, sends what waits for at most `grace`, then closes.
+    void finish(failure why, duration grace);
+    /// Ends it now. The first cause stays.
+    void close(failure cause);
+    bool open() const noexcept { return open_; }
+
+    const session_terms& terms() const noexcept { return terms_; }
+    /// The peer for people: its path if it has one, and its address.
+    std::string peer_name() const;
+    const connection_counts& counts() const noexcept { return counts_; }
+    /// The last measured round trip of a heartbeat; zero before the first.
+    duration round_trip() const noexcept { return round_trip_; }
+    time_point last_heard() const noexcept { return last_heard_; }
+
+private:
+    task<> read();
+    task<> write();
+    result<void> take_frames();
+    result<void> take(const wire::frame& received);
+    void pulse();
+    void report_end();
+
+    loop& on_;
+    std::unique_ptr<stream> transport_;
+    session_terms terms_;
+    wire::parser parser_;
+    wire::reassembly reassembly_;
+    outbox outbox_;
+    batch batch_;
+    waiter<> writer_wake_;
+    timer heartbeat_;
+    timer grace_;
+    std::weak_ptr<user> user_;
+    std::optional<failure> cause_;
+    connection_counts counts_;
+    duration round_trip_{};
+    time_point last_heard_{};
+    time_point last_sent_{};
+    bool open_ = true;
+    bool blocked_ = false;   // the socket is full; the writer coroutine waits for it
+    bool finishing_ = false; // goodbye was said
+    bool reported_ = false;
+};
+
+} // namespace ise::net

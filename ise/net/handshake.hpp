@@ -1,0 +1,23 @@
+#pragma once
+#include <ise/net/connection.hpp>
+
+namespace ise::net {
+
+/// Decides who may come in: looks at a hello and gives the welcome, or the failure that the peer is told.
+class gatekeeper {
+public:
+    virtual result<wire::welcome> admit(const wire::hello& caller) = 0;
+
+protected:
+    ~gatekeeper() = default;
+};
+
+/// Greets the listener at the other end of a fresh stream. Errors: errc::timed_out at `deadline`, what the peer
+/// rejects with (errc::wrong_peer, version_mismatch, unauthorized, overloaded…), errc::peer_lost, protocol_error.
+/// Cancellation: terminal; the stream is closed.
+task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<stream> transport, wire::hello mine, time_point deadline);
+
+/// Answers one who connected. Errors as above; one that is not admitted was told so.
+task<result<std::shared_ptr<connection>>> respond(loop& on, std::unique_ptr<stream> transport, gatekeeper& gate, time_point deadline);
+
+} // namespace ise::net

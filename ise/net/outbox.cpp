@@ -1,0 +1,261 @@
+#include <ise/net/outbox.hpp>
+
+#include <ise/wire/pieces.hpp>
+
+#include <algorithm>
+#include <cassert>
+#include <cstring>
+
+namespace ise::net {
+namespace {
+
+using wire::frame_header;
+using wire::frame_type;
+
+// A request's body: service number (4 bytes), time (8 bytes).
+constexpr std::size_t deadline_at = 4;
+constexpr std::size_t request_head = 12;
+// Payloads up to this size are copied beside their header; longer ones go by reference.
+constexpr std::size_t copied_bytes = 4 * 1024;
+constexpr std::size_t quantum = 16 * 1024;
+
+time_point deadline_of(const std::byte* body) {
+    return time_point(duration(detail::load_little<std::int64_t>(body + deadline_at)));
+}
+
+// False if the request expired: nobody waits for it any more.
+bool stamp(std::byte* body, time_point now) {
+    auto deadline = deadline_of(body);
+    if (deadline <= now) return false;
+    detail::store_little(body + deadline_at, static_cast<std::int64_t>((deadline - now).count()));
+    return true;
+}
+
+bool is_request(const frame_header& header) {
+    return header.type == frame_type::request && header.length >= request_head;
+}
+
+} // namespace
+
+buffer& outbox::begin_call() {
+    call_start_ = calls_.size();
+    return calls_;
+}
+
+void outbox::end_call() {
+    std::size_t size = calls_.size() - call_start_;
+    if (size <= whole_bytes) return;
+    big_message message;
+    message.header = wire::read_header(calls_.data() + call_start_);
+    if (is_request(message.header)) message.deadline = deadline_of(calls_.data() + call_start_ + frame_header::size);
+    std::size_t body_at = call_start_ + frame_header::size;
+    if (call_start_ == 0) { // nothing else in it: the buffer itself becomes the message's
+        auto owner = std::make_shared<buffer>(std::move(calls_));
+        calls_ = buffer();
+        calls_taken_ = 0;
+        message.payload = owner->view().subspan(body_at);
+        message.owner = std::move(owner);
+    } else {
+        auto owner = std::make_shared<bytes>(calls_.data() + body_at, calls_.data() + calls_.size());
+        calls_.truncate(call_start_);
+        message.payload = *owner;
+        message.owner = std::move(owner);
+    }
+    message.id = next_piece_id_++;
+    big_bytes_ += message.size();
+    big_calls_.push_back(std::move(message));
+}
+
+void outbox::add(publication_source& source) {
+    if (source.pending_) return;
+    source.pending_ = true;
+    sources_.push_back(&source);
+}
+
+void outbox::remove(publication_source& source) noexcept {
+    if (std::exchange(source.pending_, false)) std::erase(sources_, &source);
+    // What was begun is finished: the receiver has its first pieces.
+    std::erase_if(big_packets_, [&](big_message& message) {
+        if (message.source != &source) return false;
+        message.source = nullptr;
+        if (message.begun) return false;
+        big_bytes_ -= message.size();
+        return true;
+    });
+    source.in_pieces_ = 0;
+}
+
+void outbox::put_packet(publication_source& from, frame_header header, bytes_view head,
+                        const std::shared_ptr<const bytes>& payload) {
+    assert(filling_);
+    std::size_t size = head.size() + payload->size();
+    header.length = static_cast<std::uint32_t>(size);
+    if (size > whole_bytes) {
+        big_message message;
+        message.header = header;
+        message.head.assign(head.begin(), head.end());
+        message.owner = payload;
+        message.payload = *payload;
+        message.source = &from;
+        message.id = next_piece_id_++;
+        ++from.in_pieces_;
+        big_bytes_ += size;
+        big_packets_.push_back(std::move(message));
+        return;
+    }
+    wire::put_header(filling_->staging(), header);
+    filling_->staging().append(head);
+    if (payload->size() <= copied_bytes) {
+        filling_->staging().append(bytes_view(*payload));
+    } else {
+        filling_->share(payload, *payload);
+    }
+}
+
+bool outbox::empty() const noexcept {
+    return control_.empty() && calls_.size() == calls_taken_ && big_calls_.empty() && big_packets_.empty() && sources_.empty();
+}
+
+bool outbox::fill(batch& out, time_point now) {
+    if (!control_.empty()) {
+        out.staging().append(control_.view());
+        control_.clear();
+    }
+    if (calls_.size() > calls_taken_) fill_calls(out, now);
+    if (!big_calls_.empty()) fill_pieces(big_calls_, out, now);
+    if (!big_packets_.empty()) fill_pieces(big_packets_, out, now);
+    if (!sources_.empty()) fill_publications(out);
+    return !out.empty();
+}
+
+void outbox::fill_calls(batch& out, time_point now) {
+    std::size_t at = calls_taken_;
+    std::size_t expired = 0;
+    while (at < calls_.size() && at - calls_taken_ < batch_bytes) {
+        auto header = wire::read_header(calls_.data() + at);
+        std::size_t size = frame_header::size + header.length;
+        if (is_request(header) && !stamp(calls_.data() + at + frame_header::size, now)) {
+            // An expired frame becomes a cancel of itself: harmless, and the others keep their places.
+            ++expired;
+            detail::store_little(calls_.data() + at + 4, static_cast<std::uint8_t>(frame_type::cancel));
+        }
+        at += size;
+    }
+    bool whole = at == calls_.size() && calls_taken_ == 0;
+    if (whole && expired == 0) {
+        out.adopt(calls_);
+        return;
+    }
+    for (std::size_t from = calls_taken_; from < at;) {
+        auto header = wire::read_header(calls_.data() + from);
+        std::size_t size = frame_header::size + header.length;
+        if (header.type != frame_type::cancel || header.length == 0) out.staging().append(bytes_view(calls_.data() + from, size));
+        from += size;
+    }
+    calls_taken_ = at;
+    if (calls_taken_ == calls_.size()) {
+        calls_.clear();
+        calls_taken_ = 0;
+    }
+}
+
+void outbox::put_piece(big_message& message, batch& out) {
+    frame_header header;
+    header.type = frame_type::piece;
+    header.id = message.id;
+    std::size_t start = out.staging().size();
+    wire::put_header(out.staging(), header);
+    std::size_t body_at = out.staging().size();
+    if (!message.begun) {
+        wire::piece_head head;
+        head.type = message.header.type;
+        head.flags = message.header.flags;
+        head.id = message.header.id;
+        head.length = message.size();
+        head.put(out.staging());
+        out.staging().append(bytes_view(message.head));
+        message.sent = message.head.size();
+        message.begun = true;
+    }
+    std::size_t offset = message.sent - message.head.size();
+    std::size_t count = std::min(outbox::piece_bytes, message.payload.size() - offset);
+    header.length = static_cast<std::uint32_t>(out.staging().size() - body_at + count);
+    message.sent += count;
+    if (message.sent == message.size()) header.flags = wire::flag::last;
+    out.staging().patch_u32(start, header.length);
+    detail::store_little(out.staging().data() + start + 5, header.flags);
+    out.share(message.owner, message.payload.subspan(offset, count));
+}
+
+void outbox::fill_pieces(std::deque<big_message>& from, batch& out, time_point now) {
+    // One piece of each in turn.
+    for (std::size_t round = from.size(); round > 0 && out.bytes() < batch_bytes; --round) {
+        big_message message = std::move(from.front());
+        from.pop_front();
+        if (!message.begun && message.deadline != time_point::max()) {
+            // The buffer is this message's own: only the constness of shared owners is in the way.
+            if (!stamp(const_cast<std::byte*>(message.payload.data()), now)) {
+                big_bytes_ -= message.size();
+                continue;
+            }
+        }
+        std::size_t before = message.sent;
+        put_piece(message, out);
+        big_bytes_ -= message.sent - before;
+        if (message.sent < message.size()) {
+            from.push_back(std::move(message));
+        } else if (message.source && --message.source->in_pieces_ == 0 && message.source->pending_) {
+            sources_.push_back(message.source); // it waited for this message
+        }
+    }
+}
+
+void outbox::fill_publications(batch& out) {
+    filling_ = &out;
+    while (!sources_.empty() && out.bytes() < batch_bytes) {
+        auto* source = sources_.front();
+        sources_.pop_front();
+        source->pending_ = false;
+        bool more = source->take(*this, quantum);
+        if (!more) continue;
+        source->pending_ = true;
+        // It waits outside of the queue until its message in pieces is through (order within a subscription).
+        if (source->in_pieces_ == 0) sources_.push_back(source);
+    }
+    filling_ = nullptr;
+}
+
+void outbox::take_unwritten(const std::function<void(std::uint64_t, frame_header, bytes_view)>& visit) {
+    for (std::size_t at = calls_taken_; at < calls_.size();) {
+        auto header = wire::read_header(calls_.data() + at);
+        bytes_view body(calls_.data() + at + frame_header::size, header.length);
+        if (header.type == frame_type::request) visit(header.id, header, body);
+        at += frame_header::size + header.length;
+    }
+    for (const auto& message : big_calls_)
+        if (message.header.type == frame_type::request && !message.begun) visit(message.header.id, message.header, message.payload);
+    calls_.clear();
+    calls_taken_ = 0;
+    big_calls_.clear();
+}
+
+bool outbox::withdraw(std::uint64_t request_id) {
+    for (auto found = big_calls_.begin(); found != big_calls_.end(); ++found) {
+        if (found->begun || found->header.id != request_id || found->header.type != frame_type::request) continue;
+        big_bytes_ -= found->size();
+        big_calls_.erase(found);
+        return true;
+    }
+    for (std::size_t at = calls_taken_; at < calls_.size();) {
+        auto header = wire::read_header(calls_.data() + at);
+        if (header.id == request_id && is_request(header)) {
+            // Its deadline becomes the past; writing passes it over.
+            detail::store_little(calls_.data() + at + frame_header::size + deadline_at, std::int64_t{0});
+            return true;
+        }
+        at += frame_header::size + header.length;
+    }
+    return false;
+}
+
+} // namespace ise::net

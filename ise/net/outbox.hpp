@@ -1,0 +1,100 @@
+#pragma once
+#include <ise/core/time.hpp>
+#include <ise/net/batch.hpp>
+#include <ise/wire/frame.hpp>
+
+#include <deque>
+#include <functional>
+#include <memory>
+#include <vector>
+
+namespace ise::net {
+
+class outbox;
+
+/// What a subscription has to send. It is asked when the connection has room, so that "keep latest" means the
+/// latest at that moment.
+class publication_source {
+public:
+    /// Hands over packets by `outbox::put_packet`, about `quantum` bytes of them, oldest first; returns whether
+    /// more is left. Not asked again before a message that went into pieces is through.
+    virtual bool take(outbox& out, std::size_t quantum) = 0;
+
+protected:
+    ~publication_source() = default;
+
+private:
+    friend class outbox;
+    bool pending_ = false;
+    std::size_t in_pieces_ = 0;
+};
+
+/// What waits to be written on one connection, in three classes: control goes first, then calls and replies, then
+/// publications, fairly by bytes; messages beyond a frame go in interleaved pieces. Bounded; without I/O.
+class outbox {
+public:
+    /// A message of up to this many bytes travels as one frame; a longer one in pieces.
+    static constexpr std::size_t whole_bytes = 128 * 1024;
+    static constexpr std::size_t piece_bytes = 64 * 1024;
+    /// One gathered write takes about this much.
+    static constexpr std::size_t batch_bytes = 256 * 1024;
+
+    /// Where a control frame is appended (`wire::put_frame`).
+    buffer& control() noexcept { return control_; }
+
+    /// Where the frame of a call or a reply is appended, between `begin_call()` and `end_call()`. A request's body
+    /// begins with its service number and its deadline as nanoseconds of the loop's clock; what remains of it is
+    /// stamped when it is written, and an expired request is not written at all.
+    buffer& begin_call();
+    void end_call();
+
+    void add(publication_source& source);
+    void remove(publication_source& source) noexcept;
+    /// For sources: a packet frame. `head` is the part of the body before the shared payload.
+    void put_packet(publication_source& from, wire::frame_header header, bytes_view head,
+                    const std::shared_ptr<const bytes>& payload);
+
+    /// Moves what goes into one write to the batch; false if nothing waits.
+    bool fill(batch& out, time_point now);
+
+    bool empty() const noexcept;
+    std::size_t pending_bytes() const noexcept { return control_.size() + (calls_.size() - calls_taken_) + big_bytes_; }
+    std::size_t pending_call_bytes() const noexcept { return (calls_.size() - calls_taken_) + big_bytes_; }
+
+    /// Takes the requests that were never begun to be written: `visit(call id, payload and head of the body)`.
+    void take_unwritten(const std::function<void(std::uint64_t, wire::frame_header, bytes_view)>& visit);
+    /// A request that was given up before it was written need not be written.
+    bool withdraw(std::uint64_t request_id);
+
+private:
+    struct big_message {
+        wire::frame_header header;
+        bytes head;                              // before the payload
+        std::shared_ptr<const void> owner;
+        bytes_view payload;
+        publication_source* source = nullptr;    // publications
+        std::uint64_t id = 0;                    // of its pieces
+        std::size_t sent = 0;
+        time_point deadline = time_point::max(); // requests
+        bool begun = false;
+        std::size_t size() const noexcept { return head.size() + payload.size(); }
+    };
+
+    void fill_calls(batch& out, time_point now);
+    void fill_pieces(std::deque<big_message>& from, batch& out, time_point now);
+    void fill_publications(batch& out);
+    static void put_piece(big_message& message, batch& out);
+
+    buffer control_;
+    buffer calls_;
+    std::size_t calls_taken_ = 0;
+    std::size_t call_start_ = 0;
+    std::deque<big_message> big_calls_;
+    std::deque<big_message> big_packets_;
+    std::deque<publication_source*> sources_;
+    batch* filling_ = nullptr; // during fill_publications
+    std::size_t big_bytes_ = 0;
+    std::uint64_t next_piece_id_ = 1;
+};
+
+} // namespace ise::net
