@@ -162,6 +162,7 @@ private:
 
     [[noreturn]] void no(std::string_view why, std::string_view rest) const {
         std::string_view done = path_.substr(0, path_.size() - rest.size());
+        if (done.ends_with('.')) done.remove_suffix(1);
         throw error(errc::invalid_argument, fmt::format("no field '{}': {} in {}", path_, why,
                                                         done.empty() ? "the packet" : fmt::format("'{}'", done)));
     }

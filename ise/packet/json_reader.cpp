@@ -31,13 +31,13 @@ struct place {
 
 std::size_t edit_distance(std::string_view a, std::string_view b) {
     std::vector<std::size_t> row(b.size() + 1);
-    std::iota(row.begin(), row.end(), std::size_t{0});
+    std::iota(row.begin(), row.end(), std::size_t{0}); // what was left out costs least: lat_deg means latitude_deg
     for (std::size_t i = 1; i <= a.size(); ++i) {
-        std::size_t diagonal = std::exchange(row[0], i);
+        std::size_t diagonal = std::exchange(row[0], 2 * i);
         for (std::size_t j = 1; j <= b.size(); ++j) {
-            std::size_t changed = diagonal + (a[i - 1] != b[j - 1]);
+            std::size_t changed = diagonal + (a[i - 1] != b[j - 1] ? 2 : 0);
             diagonal = row[j];
-            row[j] = std::min({row[j] + 1, row[j - 1] + 1, changed});
+            row[j] = std::min({row[j] + 2, row[j - 1] + 1, changed});
         }
     }
     return row.back();

@@ -70,10 +70,10 @@ std::optional<std::int64_t> combine(std::int64_t seconds, std::string_view fract
         if (c < '0' || c > '9') return std::nullopt;
         part = part * 10 + (c - '0');
     }
-    std::int64_t ticks = 0;
-    if (__builtin_mul_overflow(seconds, den, &ticks)) return std::nullopt;
-    if (negative ? __builtin_sub_overflow(ticks, part, &ticks) : __builtin_add_overflow(ticks, part, &ticks)) return std::nullopt;
-    return ticks;
+    __extension__ using wide = __int128; // the seconds alone may lie outside where the sum does not
+    wide ticks = wide{seconds} * den + (negative ? -wide{part} : wide{part});
+    if (ticks < std::numeric_limits<std::int64_t>::min() || ticks > std::numeric_limits<std::int64_t>::max()) return std::nullopt;
+    return static_cast<std::int64_t>(ticks);
 }
 
 template <class T>

@@ -117,11 +117,14 @@ TEST_CASE("truncated and flipped bytes of an older writer are refused or read, n
     for (std::size_t bit = 0; bit < whole.size() * 8; ++bit) {
         ise::bytes flipped = whole;
         flipped[bit / 8] ^= static_cast<std::byte>(1u << bit % 8);
+        ise::bytes turned;
         try {
-            CHECK(ise::try_decode<plan2>(to(flipped)).has_value());
+            turned = to(flipped);
         } catch (const ise::error& why) {
-            CHECK(why.code() == ise::errc::malformed);
+            REQUIRE(why.code() == ise::errc::malformed);
+            continue;
         }
+        REQUIRE(ise::try_decode<plan2>(turned).has_value());
     }
 }
 
