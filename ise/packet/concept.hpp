@@ -40,12 +40,10 @@ constexpr auto find_refusal_among(type_list<T...>) {
 
 /// Where the fields do not lie as their types say, some of them share bytes.
 template <class... T>
-consteval bool lies_as_declared(std::size_t size, type_list<T...>) {
+consteval bool lies_as_declared([[maybe_unused]] std::size_t size, type_list<T...>) {
     std::size_t end = 0;
-    std::size_t widest = 1;
-    auto place = [&](std::size_t bytes, std::size_t align, bool is_empty) {
+    [[maybe_unused]] auto place = [&](std::size_t bytes, std::size_t align, bool is_empty) {
         end = is_empty ? end : (end + align - 1) / align * align + bytes;
-        widest = align > widest ? align : widest;
     };
     (place(sizeof(T), alignof(T), std::is_empty_v<T>), ...);
     return size >= end;

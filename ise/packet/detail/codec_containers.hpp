@@ -1,7 +1,7 @@
 #pragma once
 #include <ise/packet/detail/codec_fixed.hpp>
 
-#include <iterator>
+#include <algorithm>
 #include <limits>
 
 /// Types whose length is on the wire.
@@ -15,40 +15,19 @@ inline void write_count(buffer& out, std::size_t count) {
     out.append(static_cast<std::uint32_t>(count));
 }
 
-/// Elements that may lie unaligned among the input: reads them as a memcpy each, which compilers fuse.
-template <class T>
-class raw_iterator {
-public:
-    using iterator_category = std::random_access_iterator_tag;
-    using value_type = T;
-    using difference_type = std::ptrdiff_t;
-    using pointer = const T*;
-    using reference = T;
-
-    explicit raw_iterator(const std::byte* at) noexcept : at_(at) {}
-    T operator*() const noexcept {
-        T value;
-        std::memcpy(static_cast<void*>(&value), at_, sizeof(T));
-        return value;
+/// Fills a vector with elements that lie in the input as in memory, perhaps unaligned. resize() would zero them
+/// first, which costs more than the copy.
+template <class T, class A>
+void assign_raw(std::vector<T, A>& values, const std::byte* from, std::size_t count) {
+    bool aligned = reinterpret_cast<std::uintptr_t>(from) % alignof(T) == 0;
+    if (values.size() < count && aligned) {
+        const T* first = reinterpret_cast<const T*>(from);
+        values.assign(first, first + count);
+        return;
     }
-    raw_iterator& operator++() noexcept { return at_ += sizeof(T), *this; }
-    raw_iterator operator++(int) noexcept {
-        raw_iterator before = *this;
-        ++*this;
-        return before;
-    }
-    raw_iterator& operator--() noexcept { return at_ -= sizeof(T), *this; }
-    raw_iterator operator+(difference_type n) const noexcept { return raw_iterator(at_ + n * step); }
-    raw_iterator& operator+=(difference_type n) noexcept { return at_ += n * step, *this; }
-    raw_iterator operator-(difference_type n) const noexcept { return raw_iterator(at_ - n * step); }
-    difference_type operator-(raw_iterator other) const noexcept { return (at_ - other.at_) / step; }
-    T operator[](difference_type n) const noexcept { return *(*this + n); }
-    auto operator<=>(const raw_iterator&) const = default;
-
-private:
-    static constexpr difference_type step = sizeof(T);
-    const std::byte* at_;
-};
+    values.resize(count);
+    if (count != 0) std::memcpy(static_cast<void*>(values.data()), from, count * sizeof(T));
+}
 
 template <class A>
 struct codec<std::basic_string<char, std::char_traits<char>, A>> {
@@ -100,8 +79,7 @@ struct codec<std::vector<T, A>> {
         std::size_t count = 0;
         if (!in.take_count(count, codec<T>::min_size, sizeof(T))) [[unlikely]] return false;
         if constexpr (codec<T>::raw) {
-            raw_iterator<T> from(in.take(count * sizeof(T)));
-            values.assign(from, from + static_cast<std::ptrdiff_t>(count));
+            assign_raw(values, in.take(count * sizeof(T)), count);
         } else if constexpr (is_bits) {
             values.resize(count);
             for (std::size_t i = 0; i < count; ++i) {

@@ -61,16 +61,17 @@ struct sequence {
     static constexpr bool fixed = (codec<F>::fixed && ...);
     static constexpr bool raw = (codec<F>::raw && ...);
 
-    static void put(std::byte* to, const F&... fields) {
+    static void put([[maybe_unused]] std::byte* to, const F&... fields) {
         ((codec<F>::put(to, fields), to += codec<F>::min_size), ...);
     }
-    static bool get(const std::byte* from, reader& in, const std::string_view* names, F&... fields) {
+    static bool get([[maybe_unused]] const std::byte* from, [[maybe_unused]] reader& in,
+                    [[maybe_unused]] const std::string_view* names, F&... fields) {
         [[maybe_unused]] std::size_t i = 0;
         return ((codec<F>::get(from, fields, in) ? (from += codec<F>::min_size, ++i, true) : in.in_field(names[i])) &&
                 ...);
     }
-    static void write(buffer& out, const F&... fields) { (detail::write(out, fields), ...); }
-    static bool read(reader& in, const std::string_view* names, F&... fields) {
+    static void write([[maybe_unused]] buffer& out, const F&... fields) { (detail::write(out, fields), ...); }
+    static bool read([[maybe_unused]] reader& in, [[maybe_unused]] const std::string_view* names, F&... fields) {
         [[maybe_unused]] std::size_t i = 0;
         return ((detail::read(in, fields) ? (++i, true) : in.in_field(names[i])) && ...);
     }

@@ -18,6 +18,8 @@ public:
           zero_size_budget_(limits.max_zero_size_elements), depth_left_(limits.max_depth), limits_(&limits) {}
 
     std::size_t left() const noexcept { return left_; }
+    /// The next byte; only what `left()` allows may be read behind it.
+    const std::byte* here() const noexcept { return at_; }
 
     /// `count` bytes, or nullptr when fewer are left.
     const std::byte* take(std::size_t count) noexcept {

@@ -1,0 +1,43 @@
+#pragma once
+#include <ise/core/bytes.hpp>
+#include <ise/packet/schema.hpp>
+
+#include <string>
+#include <string_view>
+
+namespace ise {
+
+enum class json_style {
+    compact, ///< one line
+    pretty,  ///< indented by two
+};
+
+/// What a JSON text may cost, whoever wrote it.
+struct json_limits {
+    std::size_t max_text_bytes = std::size_t{16} << 20;
+    std::size_t max_depth = 64;
+    std::size_t max_packet_bytes = std::size_t{256} << 20;
+};
+
+/// A packet's bytes as JSON. LAYOUT.md tells how each type is shown: enumerators by name, time points in ISO 8601
+/// (UTC), durations in seconds, chars as text, bytes and opaque types as base64, a variant as {"index": …, "value": …}.
+/// Throws `malformed` naming the field where the bytes are no such packet.
+std::string to_json(const schema& of, bytes_view packet, json_style style = json_style::compact);
+
+/// JSON as a packet's bytes. Fields that are missing take the schema's defaults.
+/// Throws `malformed` with the path (`waypoints[3].latitude_deg: expected a number`); of a field that is unknown it
+/// names the nearest known one. `too_large` beyond the limits.
+bytes from_json(const schema& of, std::string_view json, const json_limits& limits = {});
+
+template <class T>
+    requires packet<T>
+std::string to_json(const T& value, json_style style = json_style::compact) {
+    return to_json(schema_of<T>(), encode(value), style);
+}
+
+template <class T>
+T from_json(std::string_view json) {
+    return decode<T>(from_json(schema_of<T>(), json));
+}
+
+} // namespace ise

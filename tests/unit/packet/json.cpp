@@ -1,0 +1,130 @@
+#include "examples.hpp"
+
+#include <ise/packet/json.hpp>
+#include <support/catch.hpp>
+
+#include <limits>
+
+using namespace example;
+using Catch::Matchers::Contains;
+
+namespace {
+struct track {
+    std::vector<waypoint> waypoints;
+    mode helm = mode::autopilot;
+    std::uint8_t count = 3;
+    std::chrono::milliseconds period{250};
+};
+
+std::string message(std::string_view json) {
+    return failure_of([&] { ise::from_json<track>(json); }).message();
+}
+
+struct oddities {
+    float nan = 0;
+    double inf = 0;
+    std::uint64_t big = 0;
+    std::int64_t low = 0;
+    char text[6] = "abc";
+    char letter = 'x';
+    std::optional<std::optional<int>> twice;
+    std::map<int, std::string> numbered;
+    std::chrono::nanoseconds long_time{0};
+    std::chrono::duration<std::int64_t, std::ratio<1, 3>> thirds{0};
+    std::chrono::sys_time<std::chrono::nanoseconds> when{};
+    std::chrono::sys_seconds far{};
+    std::string text_of_bytes;
+};
+} // namespace
+
+TEST_CASE("a packet is shown as JSON that people can read") {
+    track t;
+    t.waypoints = {{"say \"hi\"\n", 28.15, -15.5}};
+    CHECK(ise::to_json(t) == R"({"waypoints":[{"name":"say \"hi\"\n","latitude_deg":28.15,"longitude_deg":-15.5}],"helm":"autopilot","count":3,"period":0.25})");
+    CHECK(ise::to_json(t, ise::json_style::pretty) == "{\n"
+                                                      "  \"waypoints\": [\n"
+                                                      "    {\n"
+                                                      "      \"name\": \"say \\\"hi\\\"\\n\",\n"
+                                                      "      \"latitude_deg\": 28.15,\n"
+                                                      "      \"longitude_deg\": -15.5\n"
+                                                      "    }\n"
+                                                      "  ],\n"
+                                                      "  \"helm\": \"autopilot\",\n"
+                                                      "  \"count\": 3,\n"
+                                                      "  \"period\": 0.25\n"
+                                                      "}");
+}
+
+TEST_CASE("every kind of field comes back from its JSON") {
+    everything sent = filled();
+    sent.names = {{2, "y"}, {513, "x"}};
+    std::string json = ise::to_json(sent);
+    auto got = ise::from_json<everything>(json);
+    CHECK(ise::encode(got) == ise::encode(sent));
+    CHECK_THAT(json, Contains(R"("raw":"Af8=")"));
+    CHECK_THAT(json, Contains(R"("at":"2017-09-04T00:00:00.000001Z")"));
+    CHECK_THAT(json, Contains(R"("choice":{"index":1,"value":"second"})"));
+    CHECK_THAT(json, Contains(R"("parameters":{"gain":0.5,"trim":-1})"));
+    CHECK(ise::to_json(ise::from_json<everything>(ise::to_json(sent, ise::json_style::pretty))) == json);
+}
+
+TEST_CASE("values at the edges come back exactly") {
+    oddities o;
+    o.nan = std::numeric_limits<float>::quiet_NaN();
+    o.inf = -std::numeric_limits<double>::infinity();
+    o.big = std::numeric_limits<std::uint64_t>::max();
+    o.low = std::numeric_limits<std::int64_t>::min();
+    o.letter = '\x01';
+    o.twice = std::optional<int>();
+    o.numbered = {{-1, "a"}};
+    for (std::int64_t ticks : {std::numeric_limits<std::int64_t>::min(), std::int64_t{-1'500'000'001}, std::int64_t{7},
+                               std::numeric_limits<std::int64_t>::max()}) {
+        o.long_time = std::chrono::nanoseconds(ticks);
+        o.thirds = decltype(o.thirds)(ticks);
+        o.when = decltype(o.when)(std::chrono::nanoseconds(ticks));
+        o.far = decltype(o.far)(std::chrono::seconds(ticks));
+        INFO(ise::to_json(o));
+        CHECK(ise::encode(ise::from_json<oddities>(ise::to_json(o))) == ise::encode(o));
+    }
+    o.text_of_bytes = "a\xff";
+    CHECK_THAT(ise::to_json(o), Contains("\"a\xef\xbf\xbd\"")); // no JSON text can hold it
+}
+
+TEST_CASE("fields that are missing take their defaults") {
+    auto got = ise::from_json<track>(R"({"waypoints":[{"name":"a"}]})");
+    CHECK(got.waypoints.at(0) == waypoint{"a", 0, 0});
+    CHECK(got.helm == mode::autopilot);
+    CHECK(got.period == std::chrono::milliseconds(250));
+    CHECK(ise::from_json<position>("{}") == position{});
+}
+
+TEST_CASE("JSON that does not fit says where and what was expected") {
+    CHECK(message(R"({"waypoints":[{},{},{},{"latitude_deg":"north"}]})") ==
+          "waypoints[3].latitude_deg: expected a number, found \"north\"");
+    CHECK(message(R"({"waypoint":[]})") == "waypoint: no such field, did you mean 'waypoints'?");
+    CHECK(message(R"({"waypoints":[{"lat_deg":1}]})") == "waypoints[0].lat_deg: no such field, did you mean 'latitude_deg'?");
+    CHECK(message(R"({"count":256})") == "count: expected a number from 0 to 255 (u8), found 256");
+    CHECK(message(R"({"count":-1})") == "count: expected a number from 0 to 255 (u8), found -1");
+    CHECK(message(R"({"count":1.5})") == "count: expected a whole number, found 1.5");
+    CHECK(message(R"({"count":1e300})") == "count: expected a number from 0 to 255 (u8), found 1e+300");
+    CHECK(message(R"({"helm":"sleep"})") == "helm: expected one of idle, autopilot, manual, found \"sleep\"");
+    CHECK(message("[]") == "track: expected an object, found a list");
+    CHECK_THAT(message("{\"count\":"), Contains("track: no JSON: parse error at line 1"));
+    CHECK(ise::from_json<track>(R"({"count":2.0,"helm":200,"period":"1.5s"})").period == std::chrono::milliseconds(1500));
+}
+
+TEST_CASE("hostile JSON is bounded") {
+    auto code = [](const std::string& json, ise::json_limits limits = {}) {
+        return failure_of([&] { ise::from_json(ise::schema_of<track>(), json, limits); }).code();
+    };
+    CHECK(code(std::string(1000000, '[')) == ise::errc::too_large);
+    ise::json_limits tight;
+    tight.max_text_bytes = 4;
+    CHECK(code("{     }", tight) == ise::errc::too_large);
+    tight = {};
+    tight.max_packet_bytes = 100;
+    CHECK(code(R"({"waypoints":[{},{},{},{},{},{},{},{},{},{}]})", tight) == ise::errc::too_large);
+    auto fat = ise::schema::parse("vector<struct{a:array<u8,200000000>}>");
+    REQUIRE(fat.has_value());
+    CHECK(failure_of([&] { ise::from_json(*fat, "[{},{},{}]"); }).code() == ise::errc::too_large);
+}
