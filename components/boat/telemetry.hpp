@@ -58,7 +58,7 @@ struct navigation {
     float rudder_commanded_deg = 0; ///< turns to starboard positive
     float rudder_measured_deg = 0;
     float sail_commanded_deg = 0; ///< widest angle that the sheet allows, 0 … 90
-    float sail_measured_deg = 0;  ///< where the sail stands; out to port positive
+    float sail_measured_deg = 0;  ///< where the boom stands; out to starboard positive
     std::uint8_t waypoint_index = 0; ///< the one it sails to; meaningless where count is 0
     std::uint8_t waypoint_count = 0;
     float distance_to_waypoint_m = 0;
