@@ -1,0 +1,221 @@
+#include <components/boat_simulator/simulated_boat.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace atirma::simulator {
+namespace {
+
+constexpr double step_s = 0.1;
+constexpr std::int64_t step_ns = 100'000'000;
+constexpr double capacity_ah = 20;
+
+waypoint start_of(const boat_options& options) {
+    if (options.start) return *options.start;
+    if (options.course.empty()) return {28.1558, -15.4527};
+    auto& a = options.course.back();
+    auto& b = options.course.front();
+    return {(a.latitude_deg + b.latitude_deg) / 2, (a.longitude_deg + b.longitude_deg) / 2};
+}
+
+double bow_angle_deg(wind_vector apparent) { return -degrees(wrap_rad(apparent.towards_rad + pi)); }
+
+} // namespace
+
+simulated_boat::simulated_boat(boat_options options, std::shared_ptr<const wind_source> wind)
+    : options_(std::move(options)), wind_(std::move(wind)), chart_(start_of(options_)), pilot_(chart_.origin()), boot_(options_.boot) {
+    if (!wind_) throw ise::error(ise::errc::invalid_argument, "a simulated boat without a wind");
+    auto air = to_vector(wind_->at(0));
+    state_.heading_rad = options_.heading_deg ? from_compass_rad(*options_.heading_deg) : wrap_rad(air.towards_rad + pi / 2);
+    for (auto& mark : options_.course)
+        if (auto put = pilot_.insert(pilot_.list().size(), mark, state_); !put) throw ise::error(put.error());
+    for (std::size_t i = 0; i < link_count; ++i) links_[i].link = static_cast<link_id>(i);
+    pilot_.set_mode(sailing_mode::automatic, state_, air);
+}
+
+void simulated_boat::advance(model_time now) {
+    while ((steps_ + 1) * step_ns <= now.count()) {
+        ++steps_;
+        now_s_ = static_cast<double>(steps_) * step_s;
+        sail(step_s);
+        if (!starting()) emit_due();
+    }
+}
+
+model_time simulated_boat::next_event() const { return model_time((steps_ + 1) * step_ns); }
+
+void simulated_boat::sail(double dt_s) {
+    auto air = to_vector(wind_->at(now_s_));
+    if (!starting()) set_ = pilot_.update(state_, air, leeway_rad_, dt_s);
+    vec before = state_.position_m;
+    state_ = step(state_, set_, air, options_.model, dt_s);
+    vec moved = state_.position_m - before;
+    distance_m_ += length(moved);
+    ground_velocity_ = 0.9 * ground_velocity_ + (0.1 / dt_s) * moved;
+    if (length(ground_velocity_) > 0.2) {
+        double drift = wrap_rad(state_.heading_rad - angle_rad(ground_velocity_));
+        leeway_rad_ += 0.02 * (std::clamp(drift, -0.5, 0.5) - leeway_rad_);
+    }
+    double from_bow = wrap_rad(air.towards_rad + pi - state_.heading_rad);
+    bool stuck = std::abs(state_.speed_mps) < 0.08 && std::abs(from_bow) < pi / 4 && air.speed_mps > 0.5;
+    irons_s_ = stuck ? irons_s_ + dt_s : 0;
+    double draw_a = 0.35 + 0.4 * std::abs(set_.rudder_rad), hour = std::fmod(12 + now_s_ / 3600, 24.0);
+    double sun_a = std::max(0.0, std::sin((hour - 6) / 12 * pi)) * 0.9;
+    charge_ah_ = std::clamp(charge_ah_ + (sun_a - draw_a) * dt_s / 3600, 0.0, capacity_ah);
+    if (in_irons() != was_in_irons_) {
+        was_in_irons_ = in_irons();
+        schedule_.request(packet_type::navigation);
+        say(was_in_irons_ ? "in irons: head to wind without way" : "out of irons");
+    }
+}
+
+void simulated_boat::emit_due() {
+    if (now_s_ < schedule_.next_s()) return;
+    for (std::size_t i = 0; i < link_count; ++i)
+        for (auto type : schedule_.take_due(static_cast<link_id>(i), now_s_)) emit(static_cast<link_id>(i), type);
+}
+
+void simulated_boat::emit(link_id link, packet_type type) {
+    switch (type) {
+        case packet_type::location: return emit(link, location_now());
+        case packet_type::navigation: return emit(link, navigation_now());
+        case packet_type::wind: return emit(link, wind_now());
+        case packet_type::power: return emit(link, power_now());
+        case packet_type::waypoints: return emit_waypoints(link);
+        case packet_type::configuration: return emit(link, configuration_now());
+        case packet_type::link_status:
+            for (auto status : links_) {
+                status.queued = static_cast<std::uint16_t>(queued(status.link));
+                if (status.up || status.link == link) emit(link, status);
+            }
+            return;
+    }
+}
+
+void simulated_boat::emit(link_id link, const telemetry_body& body) { queue(link, encode_telemetry(next_header(), body)); }
+
+void simulated_boat::emit_waypoints(link_id link) {
+    auto& all = pilot_.list();
+    std::size_t at = 0;
+    do {
+        waypoints part;
+        part.revision = pilot_.revision();
+        part.count = static_cast<std::uint8_t>(all.size());
+        part.active = pilot_.active();
+        part.first = static_cast<std::uint8_t>(at);
+        for (; at < all.size() && part.entries.size() < waypoints::max_entries; ++at) part.entries.push_back(all[at]);
+        emit(link, part);
+    } while (at < all.size());
+}
+
+void simulated_boat::say(std::string text) {
+    for (std::size_t i = 0; i < link_count; ++i)
+        if (schedule_.period_s(static_cast<link_id>(i)) > 0) emit(static_cast<link_id>(i), notice{text});
+}
+
+void simulated_boat::queue(link_id link, ise::bytes raw) {
+    auto& packets = queues_[static_cast<std::size_t>(link)];
+    if (packets.size() >= max_queued) {
+        packets.pop_front();
+        ++links_[static_cast<std::size_t>(link)].dropped;
+    }
+    packets.push_back(std::move(raw));
+}
+
+packet_header simulated_boat::next_header() {
+    return {boot_, sequence_++, options_.epoch + std::chrono::milliseconds(steps_ * 100)};
+}
+
+std::vector<ise::bytes> simulated_boat::take_packets(link_id link) {
+    auto& packets = queues_[static_cast<std::size_t>(link)];
+    std::vector<ise::bytes> out(std::make_move_iterator(packets.begin()), std::make_move_iterator(packets.end()));
+    packets.clear();
+    return out;
+}
+
+ise::bytes simulated_boat::take_packet(link_id link) {
+    auto& packets = queues_[static_cast<std::size_t>(link)];
+    if (packets.empty()) return {};
+    ise::bytes raw = std::move(packets.front());
+    packets.pop_front();
+    return raw;
+}
+
+void simulated_boat::set_link_status(const link_status& status) {
+    if (!is_known(status.link)) return;
+    auto& mine = links_[static_cast<std::size_t>(status.link)];
+    auto dropped = mine.dropped; // counted here
+    mine = status;
+    mine.dropped = dropped;
+}
+
+location simulated_boat::location_now() const {
+    location p;
+    waypoint at = chart_.to_waypoint(state_.position_m);
+    p.latitude_deg = at.latitude_deg;
+    p.longitude_deg = at.longitude_deg;
+    p.quality = fix_quality::simulated;
+    p.satellites = 9;
+    p.speed_over_ground_mps = static_cast<float>(length(ground_velocity_));
+    p.course_over_ground_deg = static_cast<float>(compass_deg(angle_rad(ground_velocity_)));
+    p.distance_sailed_m = static_cast<float>(distance_m_);
+    return p;
+}
+
+navigation simulated_boat::navigation_now() const {
+    navigation p;
+    auto ap = apparent_wind(state_, to_vector(true_wind()));
+    p.mode = pilot_.mode();
+    p.on = ap.speed_mps < 0.1 ? tack::none : bow_angle_deg(ap) > 0 ? tack::starboard : tack::port;
+    p.in_irons = in_irons();
+    p.beacon = beacon_;
+    p.heading_deg = static_cast<float>(compass_deg(state_.heading_rad));
+    p.heel_deg = static_cast<float>(degrees(state_.heel_rad));
+    p.rudder_commanded_deg = p.rudder_measured_deg = static_cast<float>(degrees(set_.rudder_rad));
+    p.sail_commanded_deg = static_cast<float>(degrees(set_.sheet_rad));
+    p.sail_measured_deg = static_cast<float>(degrees(wrap_rad(sail_angle_rad(ap, set_.sheet_rad))));
+    p.waypoint_count = static_cast<std::uint8_t>(pilot_.list().size());
+    p.waypoint_index = pilot_.active();
+    if (pilot_.has_target()) {
+        vec to = pilot_.target_m() - state_.position_m;
+        p.distance_to_waypoint_m = static_cast<float>(length(to));
+        p.bearing_to_waypoint_deg = static_cast<float>(compass_deg(angle_rad(to)));
+        p.cross_track_error_m = static_cast<float>(-pilot_.last().cross_track_m);
+    }
+    p.course_to_steer_deg = static_cast<float>(compass_deg(pilot_.last().course_rad));
+    p.laps = pilot_.laps();
+    return p;
+}
+
+wind simulated_boat::wind_now() const {
+    auto sample = true_wind();
+    auto ap = apparent_wind(state_, to_vector(sample));
+    return {static_cast<float>(bow_angle_deg(ap)), static_cast<float>(ap.speed_mps), static_cast<float>(sample.from_deg), static_cast<float>(sample.speed_mps)};
+}
+
+power simulated_boat::power_now() const {
+    power p;
+    double part = charge_ah_ / capacity_ah;
+    p.battery_v = static_cast<float>(11.4 + 1.8 * part);
+    p.battery_a = static_cast<float>(0.35 + 0.4 * std::abs(set_.rudder_rad));
+    p.battery_percent = static_cast<std::uint8_t>(std::lround(100 * part));
+    p.temperature_c = 31;
+    p.uptime_s = static_cast<std::uint32_t>(std::max(0.0, now_s_ - booted_s_));
+    p.last_reset = last_reset_;
+    return p;
+}
+
+configuration simulated_boat::configuration_now() const {
+    configuration p;
+    p.revision = pilot_.revision();
+    p.time_to_next_tack_s = pilot_.parameter(parameter_id::time_to_next_tack);
+    p.forbidden_angle_upwind_deg = pilot_.parameter(parameter_id::forbidden_angle_upwind);
+    p.forbidden_angle_downwind_deg = pilot_.parameter(parameter_id::forbidden_angle_downwind);
+    p.leeway_compensation = pilot_.parameter(parameter_id::leeway_compensation);
+    for (std::size_t i = 0; i < link_count; ++i) p.telemetry_period_s[i] = static_cast<float>(schedule_.period_s(static_cast<link_id>(i)));
+    return p;
+}
+
+} // namespace atirma::simulator

@@ -1,0 +1,109 @@
+#pragma once
+#include <components/boat/telecommand.hpp>
+#include <components/boat_simulator/autopilot.hpp>
+#include <components/boat_simulator/course.hpp>
+#include <components/boat_simulator/telemetry_schedule.hpp>
+#include <components/boat_simulator/wind_source.hpp>
+
+#include <chrono>
+#include <deque>
+#include <memory>
+
+namespace atirma::simulator {
+
+/// Time of the model since the boat was made. Who drives it decides how it passes.
+using model_time = std::chrono::nanoseconds;
+
+struct boat_options {
+    std::vector<waypoint> course;             ///< sailed round and round; empty: it stays where it is
+    std::optional<waypoint> start;            ///< also home; else half-way along the last leg of the course
+    std::optional<double> heading_deg;        ///< else on a reach: a boat at rest head to wind never moves
+    utc_time epoch{};                         ///< the UTC of model time 0
+    std::uint16_t boot = 1;
+    std::uint64_t seed = 1;                   ///< of the noise of the instruments
+    boat_parameters model = small_boat_parameters();
+};
+
+/// A packet for a link, ready to be sent.
+struct outgoing_packet {
+    link_id link = link_id::xbee;
+    ise::bytes raw;
+};
+
+/// The boat: hull, wind, autopilot, telemetry and telecommands. It reads no clock and draws no random number but its own:
+/// the same options, commands and times give the same packets. Not thread safe.
+class simulated_boat {
+public:
+    static constexpr std::size_t max_queued = 128;      ///< packets a link; the oldest is dropped and counted
+    static constexpr std::size_t remembered_commands = 256;
+
+    /// Throws `ise::error` (invalid_argument) without a wind.
+    simulated_boat(boat_options options, std::shared_ptr<const wind_source> wind);
+
+    /// Sails until `now` in steps of 0.1 s and puts the telemetry that falls due into the queues. Time never goes back.
+    void advance(model_time now);
+    /// When it next has something to send, or a step to make; call `advance` then (or later, or more often).
+    model_time next_event() const;
+
+    /// The packets for one link, oldest first.
+    std::vector<ise::bytes> take_packets(link_id link);
+    /// The same one by one, for a sender that goes at its own pace. Empty bytes if there is none.
+    ise::bytes take_packet(link_id link);
+    std::size_t queued(link_id link) const { return queues_[static_cast<std::size_t>(link)].size(); }
+
+    /// A packet that arrived over a link: a telecommand is executed and its acknowledgement queued on the same link.
+    /// Anything else is `malformed`, and counted. A boat that is starting hears nothing.
+    ise::result<acknowledgement> on_packet(link_id link, ise::bytes_view raw);
+    /// The same without the bytes. A repeated id is answered as the first time and changes nothing.
+    acknowledgement execute(const telecommand& command, link_id from = link_id::xbee);
+
+    /// What the link's own driver knows; told in the next link_status packet.
+    void set_link_status(const link_status& status);
+
+    location location_now() const;
+    navigation navigation_now() const;
+    wind wind_now() const;
+    power power_now() const;
+    configuration configuration_now() const;
+    bool in_irons() const { return irons_s_ > 8; }
+    bool starting() const { return now_s_ < up_again_s_; }
+    const boat_state& state() const { return state_; }
+    const autopilot& pilot() const { return pilot_; }
+    const local_chart& chart() const { return chart_; }
+    wind_sample true_wind() const { return wind_->at(now_s_); }
+    std::uint16_t boot() const { return boot_; }
+    std::uint64_t refused_packets() const { return refused_; }
+
+private:
+    void sail(double dt_s);
+    void emit_due();
+    void emit(link_id link, const telemetry_body& body);
+    void emit(link_id link, packet_type type);
+    void emit_waypoints(link_id link);
+    void say(std::string text);
+    void queue(link_id link, ise::bytes raw);
+    packet_header next_header();
+    acknowledgement decide(const telecommand& command, link_id from);
+
+    boat_options options_;
+    std::shared_ptr<const wind_source> wind_;
+    local_chart chart_;
+    autopilot pilot_;
+    telemetry_schedule schedule_;
+    boat_state state_;
+    actuators set_;
+    std::array<std::deque<ise::bytes>, link_count> queues_;
+    std::array<link_status, link_count> links_;
+    std::deque<acknowledgement> acknowledged_;
+    double now_s_ = 0, up_again_s_ = -1, irons_s_ = 0, distance_m_ = 0, booted_s_ = 0, charge_ah_ = 17;
+    vec ground_velocity_;
+    double leeway_rad_ = 0;
+    std::int64_t steps_ = 0;
+    std::uint64_t refused_ = 0;
+    std::uint32_t sequence_ = 0;
+    std::uint16_t boot_;
+    reset_cause last_reset_ = reset_cause::power_on;
+    bool beacon_ = false, was_in_irons_ = false;
+};
+
+} // namespace atirma::simulator

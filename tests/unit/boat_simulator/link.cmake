@@ -1,0 +1,2 @@
+find_package(nlohmann_json REQUIRED)
+target_link_libraries(unit_boat_simulator PRIVATE atirma_boat_simulator nlohmann_json::nlohmann_json)
