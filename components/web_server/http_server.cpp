@@ -219,7 +219,10 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
             return reply(request, 200, {"text/event-stream", nullptr, {}}, {{"Cache-Control", "no-store"}});
         if (stopped || channel.clients() >= options.limits.streams.max_clients)
             return fail(request, 503, "Too many people are watching right now. Try again in a minute.", {{"Retry-After", "30"}});
+        // A page that opens a new stream by itself cannot set the header, so `?last=` stands for it.
         auto last_seen = request->header().get_field_or("Last-Event-ID", std::string());
+        std::string_view query(request->header().query().data(), request->header().query().size());
+        if (last_seen.empty() && query.starts_with("last=")) last_seen = query.substr(5);
         auto response = request->create_response<restinio::chunked_output_t>();
         response.append_header(restinio::http_field::content_type, "text/event-stream; charset=utf-8");
         response.append_header(restinio::http_field::cache_control, "no-store");
