@@ -125,7 +125,10 @@ int main(int argc, char** argv) {
         timer.expires_after(1s);
         timer.async_wait([&](std::error_code stopped) {
             if (stopped) return;
-            if (!silent) boat.step(wall_clock() - boat.time(), "xbee", publish);
+            if (!silent) {
+                boat.step(wall_clock() - boat.time(), "xbee", publish);
+                boat.tell_course(publish);
+            }
             if (events) events->publish(state.status(wall_clock())), events->tick();
             tick();
         });

@@ -70,7 +70,7 @@ function render() {
   set('waypoint-name', next ? `${next.name || `WP${next.index + 1}`} · ${next.index + 1} of ${next.count}` : 'none');
   set('next-distance', next ? u.distance(next.distance_m) : '–');
   set('next-bearing', next ? `${u.degrees(next.bearing_deg)}°` : '–');
-  set('next-eta', !next ? '–' : stale ? 'unknown while there is no data' : next.eta ? `${u.moment(next.eta, now)} · in ${u.duration(Math.max(0, next.eta - now))}`
+  set('next-eta', !next ? '–' : stale ? 'unknown, no data' : next.eta ? `${u.moment(next.eta, now)} · in ${u.duration(Math.max(0, next.eta - now))}`
     : u.known(next.closing_mps) && next.closing_mps <= 0.05 ? 'not getting nearer' : '–');
 
   const trip = s.trip, elapsed = trip ? trip.last_at - trip.started_at : null;
@@ -147,8 +147,10 @@ function tick() {
     const old = !v.past && u.known(at) && now - at > store.stale_after_ms;
     set(`${name}-age`, old ? `${u.duration(now - at)} ago` : '');
   }
-  for (const [group, at] of [['motion', s.position?.measured_at], ['wind', s.wind?.measured_at], ['next', s.position?.measured_at], ['boat', s.power?.measured_at ?? s.mode?.measured_at]])
-    document.querySelector(`[data-live=${group}]`).classList.toggle('old', !v.past && u.known(at) && now - at > store.stale_after_ms);
+  // Battery and mode are reported more rarely than positions.
+  for (const [group, at, patience] of [['motion', s.position?.measured_at, 1], ['wind', s.wind?.measured_at, 1], ['next', s.position?.measured_at, 1],
+    ['boat', Math.max(s.power?.measured_at ?? 0, s.mode?.measured_at ?? 0), 5]])
+    document.querySelector(`[data-live=${group}]`).classList.toggle('old', !v.past && at > 0 && now - at > patience * store.stale_after_ms);
 
   const heard = Object.entries(s.heard ?? {}).sort((a, b) => b[1] - a[1]).map(([source, at]) => {
     const feed = s.feeds?.find(f => f.source === source);
@@ -184,7 +186,7 @@ function banner(server, boat, now) {
   const node = $('banner');
   node.hidden = !title;
   node.dataset.kind = kind;
-  // The alert is spoken once when its title changes; the ticking text is not.
+  // Only the title is an alert: a text that ticks would be read out every second.
   set('banner-title', title);
   set('banner-text', text);
 }

@@ -21,27 +21,26 @@ export class Dial {
     }
     for (const [a, text] of [[0, 'N'], [45, ''], [90, 'E'], [180, 'S'], [270, 'W']]) {
       if (!text) continue;
-      const letter = svg('text', { class: text === 'N' ? 'letter north' : 'letter', transform: `rotate(${a}) translate(0 -70)`, 'text-anchor': 'middle', dy: 5 });
+      const letter = svg('text', { class: text === 'N' ? 'letter north' : 'letter', transform: `rotate(${a}) translate(0 -69)`, 'text-anchor': 'middle', dy: 5 });
       letter.textContent = text;
       ring.append(letter);
     }
     const [nx, ny] = polar(-42, 92), [px, py] = polar(42, 92);
     this.#no_go = svg('path', { class: 'no-go', d: `M0 0L${nx} ${ny}A92 92 0 0 1 ${px} ${py}Z` });
-    const arrow = (kind, letter) => {
-      const label = svg('text', { 'text-anchor': 'middle', y: -99, dy: 3.6, class: 'arrow-letter' });
+    // The true wind stands outside the rim, the apparent wind inside: they never cover each other.
+    const arrow = (kind, letter, y, ...shapes) => {
+      const label = svg('text', { 'text-anchor': 'middle', y, dy: 3.9, class: 'arrow-letter' });
       label.textContent = letter;
-      return svg('g', { class: `arrow ${kind}` },
-        svg('path', { d: 'M0 -46 L-9 -66 L0 -61 L9 -66 Z' }), svg('line', { x1: 0, y1: -62, x2: 0, y2: -90 }),
-        svg('circle', { cx: 0, cy: -99, r: 9 }), label);
+      return svg('g', { class: `arrow ${kind}` }, ...shapes, svg('circle', { cx: 0, cy: y, r: 9.5 }), label);
     };
-    this.#true = arrow('true', 'T');
-    this.#apparent = arrow('apparent', 'A');
+    this.#true = arrow('true', 'T', -105, svg('path', { d: 'M0 -80 L-10 -98 L10 -98 Z' }));
+    this.#apparent = arrow('apparent', 'A', -76, svg('path', { d: 'M0 -40 L-8.5 -57 L0 -53 L8.5 -57 Z' }), svg('line', { x1: 0, y1: -54, x2: 0, y2: -70 }));
     this.#ring = ring;
-    this.#root = svg('svg', { viewBox: '-112 -112 224 224', class: 'dial', role: 'img', 'aria-label': 'Wind dial' },
+    this.#root = svg('svg', { viewBox: '-116 -116 232 232', class: 'dial', role: 'img', 'aria-label': 'Wind dial' },
       svg('circle', { r: 92, class: 'face' }), this.#no_go, ring,
-      svg('path', { class: 'hull', d: 'M0 -40 C13 -20 15 4 10 34 L-10 34 C-15 4 -13 -20 0 -40Z' }),
-      svg('line', { class: 'deck', x1: 0, y1: -28, x2: 0, y2: 30 }),
-      svg('path', { class: 'up', d: 'M-6 -108 L6 -108 L0 -96 Z' }),
+      svg('path', { class: 'hull', d: 'M0 -36 C12 -18 14 4 9 32 L-9 32 C-14 4 -12 -18 0 -36Z' }),
+      svg('line', { class: 'deck', x1: 0, y1: -24, x2: 0, y2: 28 }),
+      svg('path', { class: 'up', d: 'M-5 -102 L5 -102 L0 -93 Z' }),
       this.#apparent, this.#true);
     place.append(this.#root);
   }

@@ -13,7 +13,7 @@ const hull = '<svg viewBox="-24 -24 48 48" aria-hidden="true"><path class="boat-
 const degrees_minutes = (value, positive, negative) => {
   const tenths = Math.round(Math.abs(value) * 600);
   const whole = Math.floor(tenths / 600), minutes = (tenths - whole * 600) / 10;
-  return `${whole}°${minutes ? `${minutes % 1 ? minutes.toFixed(1) : minutes.toFixed(0).padStart(2, '0')}′` : ''}${value < 0 ? negative : positive}`;
+  return `${whole}°${minutes ? `${(minutes % 1 ? minutes.toFixed(1) : minutes.toFixed(0)).padStart(minutes % 1 ? 4 : 2, '0')}′` : ''}${value < 0 ? negative : positive}`;
 };
 
 export class BoatMap {
@@ -71,14 +71,16 @@ export class BoatMap {
     const line = points => L.polyline(points, { pane: 'grid', className: 'graticule', interactive: false }).addTo(this.#graticule);
     const label = (at, text, kind) => L.marker(at, { pane: 'grid', interactive: false, keyboard: false, icon: L.divIcon({ className: `degree ${kind}`, html: `<span>${text}</span>`, iconSize: [0, 0] }) }).addTo(this.#graticule);
     const corner = this.#map.containerPointToLatLng([0, size.y]);
+    const small = size.x < 600;
     for (let n = Math.ceil(bounds.getSouth() / step); n * step < bounds.getNorth(); ++n) {
       line([[n * step, bounds.getWest() - 1], [n * step, bounds.getEast() + 1]]);
-      if (this.#map.latLngToContainerPoint([n * step, 0]).y < size.y - 70 && this.#map.latLngToContainerPoint([n * step, 0]).y > 60) label([n * step, corner.lng], degrees_minutes(n * step, 'N', 'S'), 'parallel');
+      const y = this.#map.latLngToContainerPoint([n * step, 0]).y;
+      if (y > 24 && y < size.y - (small ? 150 : 130)) label([n * step, corner.lng], degrees_minutes(n * step, 'N', 'S'), 'parallel');
     }
     for (let n = Math.ceil(bounds.getWest() / step); n * step < bounds.getEast(); ++n) {
       line([[bounds.getSouth() - 1, n * step], [bounds.getNorth() + 1, n * step]]);
       const x = this.#map.latLngToContainerPoint([0, n * step]).x;
-      if (x > 150 && x < size.x - 260) label([corner.lat, n * step], degrees_minutes(n * step, 'E', 'W'), 'meridian');
+      if (!small && x > 190 && x < size.x - 400) label([corner.lat, n * step], degrees_minutes(n * step, 'E', 'W'), 'meridian');
     }
   }
 
@@ -155,7 +157,7 @@ export class BoatMap {
     if (!all.isValid()) return;
     this.#placed = true;
     const small = this.#map.getSize().x < 600;
-    this.#map.fitBounds(all, { paddingTopLeft: small ? [34, 60] : [90, 80], paddingBottomRight: small ? [34, 60] : [90, 80], maxZoom: 15.5, animate: !first_time });
+    this.#map.fitBounds(all, { paddingTopLeft: small ? [30, 40] : [110, 90], paddingBottomRight: small ? [84, 60] : [130, 90], maxZoom: 15.5, animate: !first_time });
   }
 
   centre(at) { this.#map.setView(at, Math.max(this.#map.getZoom(), 14.5)); }
