@@ -173,7 +173,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
         response.append_header(restinio::http_field::content_type, std::string(body.content_type));
         for (const auto& [name, value] : extra) response.append_header(name, value);
         with_security_headers(response);
-        if (status != 304) response.set_content_length(body.size());
+        response.set_content_length(body.size()); // of a 304 too: what a 200 would have
         if (status != 304 && request->header().method() != restinio::http_method_head() && body.size() != 0) {
             if (body.owned) response.append_body(restinio::writable_item_t(std::move(body.owned)));
             else response.append_body(restinio::writable_item_t(restinio::const_buffer(body.borrowed.data(), body.borrowed.size())));
@@ -194,7 +194,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
         if (packed) tag.insert(tag.size() - 1, "-gz");
         headers extra = {{"ETag", tag}, {"Cache-Control", "no-cache"}, {"Vary", "Accept-Encoding"}};
         if (lists_etag(header.get_field_or(restinio::http_field::if_none_match, std::string()), tag))
-            return reply(request, 304, {file.content_type, nullptr, {}}, extra);
+            return reply(request, 304, {file.content_type, nullptr, packed ? file.gzip : file.bytes}, extra);
         if (packed) extra.emplace_back("Content-Encoding", "gzip");
         reply(request, 200, {file.content_type, nullptr, packed ? file.gzip : file.bytes}, extra);
     }
@@ -367,8 +367,10 @@ void http_server::listen() {
         server->open_sync();
     } catch (const std::system_error& why) {
         self.bound_port = 0;
-        auto hint = why.code() == std::errc::address_in_use ? " (another program listens there; choose another port)" : "";
-        auto cause = ise::io_failure(fmt::format("web server: cannot listen on {} port {}", self.options.address, self.options.port), why.code());
+        // Asio 1.22's own category does not compare with std::errc; the system's does, and the numbers are the same.
+        std::error_code code(why.code().value(), std::system_category());
+        auto hint = code == std::errc::address_in_use ? " (another program listens there; choose another port)" : "";
+        auto cause = ise::io_failure(fmt::format("web server: cannot listen on {} port {}", self.options.address, self.options.port), code);
         throw ise::error(cause.code(), cause.message() + hint);
     }
     self.server = std::move(server);
