@@ -1,0 +1,165 @@
+#include <components/web_server/sse_channel.hpp>
+
+#include <algorithm>
+#include <utility>
+
+namespace atirma {
+
+namespace {
+struct sse_client {
+    std::shared_ptr<sse_sink> sink;
+    std::string queue;             ///< encoded events that wait for the write under way
+    std::uint64_t queued_events = 0;
+    bool writing = false;
+    bool needs_snapshot = false;
+    bool gone = false;
+    bool wrote_since_tick = false;
+    unsigned stuck_ticks = 0;
+};
+
+void append_field(std::string& out, std::string_view name, std::string_view value) {
+    out.append(name).append(": ");
+    for (char c : value)
+        if (c != '\n' && c != '\r' && c != '\0') out += c; // a line break would forge another field
+    out += '\n';
+}
+} // namespace
+
+std::string encode_event(const page_event& event) {
+    std::string out;
+    out.reserve(event.data.size() + event.id.size() + event.name.size() + 32);
+    if (!event.id.empty()) append_field(out, "id", event.id);
+    if (!event.name.empty()) append_field(out, "event", event.name);
+    std::string_view rest = event.data;
+    for (;;) {
+        auto end = rest.find('\n');
+        append_field(out, "data", rest.substr(0, end));
+        if (end == std::string_view::npos) break;
+        rest.remove_prefix(end + 1);
+    }
+    return out += '\n';
+}
+
+struct sse_channel::implementation : std::enable_shared_from_this<implementation> {
+    using client_ptr = std::shared_ptr<sse_client>;
+
+    implementation(snapshot_source source, sse_limits chosen) : snapshot(std::move(source)), limits(chosen) {}
+
+    void write(const client_ptr& client, std::shared_ptr<const std::string> text) {
+        client->writing = true;
+        client->wrote_since_tick = true;
+        client->stuck_ticks = 0;
+        client->sink->write(std::move(text), [weak = weak_from_this(), client](std::error_code failed) {
+            if (auto self = weak.lock()) self->on_written(client, failed);
+        });
+    }
+
+    void on_written(const client_ptr& client, std::error_code failed) {
+        client->writing = false;
+        if (client->gone) return;
+        if (failed) return forget(client, statistics.left);
+        if (client->needs_snapshot) {
+            client->needs_snapshot = false;
+            write(client, std::make_shared<const std::string>(encode_event(snapshot({}))));
+        } else if (!client->queue.empty()) {
+            client->queued_events = 0;
+            write(client, std::make_shared<const std::string>(std::exchange(client->queue, {})));
+        }
+    }
+
+    void enqueue(const client_ptr& client, const std::shared_ptr<const std::string>& text) {
+        if (client->gone) return;
+        if (!client->writing) return write(client, text);
+        if (client->needs_snapshot) { // the snapshot will hold it
+            ++statistics.events_skipped;
+            return;
+        }
+        if (client->queue.size() + text->size() > limits.max_queued_bytes) {
+            ++statistics.resynchronised;
+            statistics.events_skipped += client->queued_events + 1;
+            client->queue = {};
+            client->queued_events = 0;
+            client->needs_snapshot = true;
+            return;
+        }
+        client->queue += *text;
+        ++client->queued_events;
+    }
+
+    void forget(const client_ptr& client, std::uint64_t& counter) {
+        if (std::exchange(client->gone, true)) return;
+        ++counter;
+        clients.erase(std::remove(clients.begin(), clients.end(), client), clients.end());
+        client->sink->close();
+    }
+
+    snapshot_source snapshot;
+    sse_limits limits;
+    sse_statistics statistics;
+    std::vector<client_ptr> clients;
+    bool closed = false;
+};
+
+sse_channel::sse_channel(snapshot_source snapshot, sse_limits limits)
+    : self_(std::make_shared<implementation>(std::move(snapshot), limits)) {}
+
+sse_channel::~sse_channel() { close(); }
+
+bool sse_channel::add(std::shared_ptr<sse_sink> sink, std::string_view last_event_id) {
+    if (self_->closed || self_->clients.size() >= self_->limits.max_clients) {
+        ++self_->statistics.refused;
+        return false;
+    }
+    // Made before the client is known: a source that throws leaves nothing behind.
+    auto first = std::make_shared<const std::string>("retry: 2000\n\n" + encode_event(self_->snapshot(last_event_id)));
+    auto client = std::make_shared<sse_client>();
+    client->sink = std::move(sink);
+    self_->clients.push_back(client);
+    ++self_->statistics.accepted;
+    self_->write(client, std::move(first));
+    return true;
+}
+
+void sse_channel::remove(const sse_sink* sink) noexcept {
+    auto known = std::find_if(self_->clients.begin(), self_->clients.end(),
+                              [&](const auto& client) { return client->sink.get() == sink; });
+    if (known == self_->clients.end()) return;
+    auto client = *known;
+    self_->forget(client, self_->statistics.left);
+}
+
+void sse_channel::publish(const page_event& event) {
+    ++self_->statistics.published;
+    if (self_->clients.empty()) return;
+    auto text = std::make_shared<const std::string>(encode_event(event));
+    auto now = self_->clients; // a sink that fails at once changes the list
+    for (const auto& client : now) self_->enqueue(client, text);
+}
+
+void sse_channel::tick() {
+    static const auto comment = std::make_shared<const std::string>(": still here\n\n");
+    auto now = self_->clients;
+    for (const auto& client : now) {
+        if (client->gone) continue;
+        if (client->writing) {
+            if (++client->stuck_ticks >= self_->limits.max_stuck_ticks) self_->forget(client, self_->statistics.dropped_slow);
+        } else if (!std::exchange(client->wrote_since_tick, false)) {
+            self_->write(client, comment);
+            client->wrote_since_tick = false; // a comment each quiet tick
+        }
+    }
+}
+
+void sse_channel::close() noexcept {
+    self_->closed = true;
+    auto now = std::exchange(self_->clients, {});
+    for (const auto& client : now) {
+        client->gone = true;
+        client->sink->close();
+    }
+}
+
+std::size_t sse_channel::clients() const noexcept { return self_->clients.size(); }
+const sse_statistics& sse_channel::statistics() const noexcept { return self_->statistics; }
+
+} // namespace atirma

@@ -1,0 +1,73 @@
+#pragma once
+#include <components/web_server/page_event.hpp>
+#include <components/web_server/track_line.hpp>
+#include <components/web_server/track_updates.hpp>
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace atirma {
+
+struct track_options {
+    std::string boat = "A-Tirma";
+    std::string epoch = "0"; ///< differs each time the server starts; letters, digits, '-'
+    std::chrono::seconds stale_after{60};    ///< an older position is "no current data" on the page
+    std::chrono::seconds status_period{5};   ///< the pace of `status`; the page calls the server lost after three
+    std::chrono::minutes max_clock_lead{5};  ///< fixes further in the future are dated by their reception
+    std::chrono::hours max_age{24 * 60};     ///< reports that are older when received are refused
+    std::size_t max_waypoints = 500;
+    track_limits track;
+};
+
+struct track_statistics {
+    std::uint64_t accepted = 0;
+    std::uint64_t refused = 0;        ///< out of range, not a number, or too old
+    std::uint64_t out_of_order = 0;   ///< older than what is current: history, or overtaken on another link
+    std::uint64_t clock_corrected = 0;///< dated by reception
+};
+
+/// What the page knows of the boat: the newest report of each kind, and the whole track in bounded memory.
+/// Pure: no clock, no I/O, one thread. Times are passed in.
+///
+/// The newest measurement wins, whatever order reports arrive in: an older one (history, or a slower link) fills the
+/// track and never moves the current position backwards. Each `apply` returns the event to publish, or nothing where
+/// the page would not change. Clients that hand back an event's id get only what came later.
+class track_state {
+public:
+    explicit track_state(track_options options = track_options());
+    ~track_state();
+    track_state(track_state&&) noexcept;
+    track_state& operator=(track_state&&) noexcept;
+
+    std::optional<page_event> apply(const position_update& update, utc_ms now);
+    std::optional<page_event> apply(const navigation_update& update, utc_ms now);
+    std::optional<page_event> apply(const wind_update& update, utc_ms now);
+    std::optional<page_event> apply(const power_update& update, utc_ms now);
+    std::optional<page_event> apply(const waypoints_update& update, utc_ms now);
+    std::optional<page_event> apply(const mode_update& update, utc_ms now);
+    std::optional<page_event> apply(const feed_update& update, utc_ms now);
+
+    /// Everything, for a new client; only the track points since `last_event_id` where that is an id of this epoch.
+    page_event snapshot(utc_ms now, std::string_view last_event_id = {}) const;
+    /// The server is alive and this is its time. To be published every `status_period`.
+    page_event status(utc_ms now) const;
+
+    std::string gpx() const;
+    std::string kml() const;
+
+    const std::vector<track_point>& track() const noexcept;
+    /// The newest position; nothing before the first.
+    const std::optional<position_update>& position() const noexcept;
+    const track_options& options() const noexcept;
+    const track_statistics& statistics() const noexcept;
+
+private:
+    struct implementation;
+    std::unique_ptr<implementation> self_;
+};
+
+} // namespace atirma

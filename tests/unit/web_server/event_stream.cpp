@@ -1,0 +1,228 @@
+#include <components/web_server/http_server.hpp>
+
+#include <unit/web_server/client.hpp>
+
+#include <support/catch.hpp>
+
+#include <memory>
+#include <optional>
+
+using web_test::client;
+
+namespace {
+bool has(const std::string& text, std::string_view part) { return text.find(part) != std::string::npos; }
+
+struct stream_site {
+    explicit stream_site(atirma::http_options options = {}) : server(context, port_0(std::move(options))) {
+        events = &server.events("/events", [this](std::string_view last) {
+            return atirma::page_event{"e:" + std::to_string(++snapshots), "snapshot", "after " + std::string(last)};
+        });
+        server.listen();
+    }
+    static atirma::http_options port_0(atirma::http_options options) {
+        options.port = 0;
+        return options;
+    }
+    std::unique_ptr<client> watcher(std::string_view headers = "", std::string_view path = "/events") {
+        auto c = std::make_unique<client>(context, server.port());
+        c->get(path, headers);
+        c->read_until("event: snapshot");
+        return c;
+    }
+    void run_until_clients(std::size_t wanted) {
+        while (events->clients() != wanted) context.restart(), context.run_one();
+    }
+    int snapshots = 0;
+    asio::io_context context;
+    atirma::http_server server;
+    atirma::sse_channel* events = nullptr;
+};
+
+/// A client that takes what it is given only when told to.
+struct slow_sink final : atirma::sse_sink {
+    void write(std::shared_ptr<const std::string> text, written done) override {
+        REQUIRE_FALSE(waiting);
+        texts.push_back(*text);
+        waiting = std::move(done);
+    }
+    void close() noexcept override { closed = true; }
+    void take(std::error_code failed = {}) {
+        auto done = std::move(*waiting);
+        waiting.reset();
+        done(failed);
+    }
+    std::vector<std::string> texts;
+    std::optional<written> waiting;
+    bool closed = false;
+};
+} // namespace
+
+TEST_CASE("a client receives the snapshot first and then every event in order") {
+    stream_site s;
+    auto c = s.watcher();
+    CHECK(has(c->received, "Content-Type: text/event-stream"));
+    CHECK(has(c->received, "Cache-Control: no-store"));
+    c->read_until("data: after \n");
+    for (int i = 0; i < 50; ++i) s.events->publish({"e:" + std::to_string(10 + i), "update", "number " + std::to_string(i) + "."});
+    c->read_until("number 49.");
+    std::size_t at = 0;
+    for (int i = 0; i < 50; ++i) {
+        auto next = c->received.find("number " + std::to_string(i) + ".", at);
+        REQUIRE(next != std::string::npos);
+        at = next;
+    }
+    CHECK(s.events->statistics().events_skipped == 0);
+}
+
+TEST_CASE("what a client had seen reaches the snapshot, by header or by query") {
+    stream_site s;
+    s.watcher("Last-Event-ID: e:7\r\n")->read_until("data: after e:7\n");
+    auto c = s.watcher("", "/events?last=e:8");
+    CHECK(has(c->read_until("data: after e:8\n"), "after e:8"));
+}
+
+TEST_CASE("a client that leaves is forgotten at once") {
+    stream_site s;
+    auto c = s.watcher();
+    REQUIRE(s.events->clients() == 1);
+    c.reset();
+    s.run_until_clients(0);
+    CHECK(s.events->statistics().left == 1);
+}
+
+TEST_CASE("more watchers than allowed are told so and the others stay") {
+    atirma::http_options options;
+    options.limits.streams.max_clients = 1;
+    stream_site s(options);
+    auto c = s.watcher();
+    client second(s.context, s.server.port());
+    second.get("/events");
+    CHECK(has(second.read_answer(), "HTTP/1.1 503"));
+    CHECK(has(second.received, "Retry-After"));
+    s.events->publish({"", "update", "still"});
+    CHECK(has(c->read_until("still"), "still"));
+}
+
+TEST_CASE("a quiet stream receives a comment on each tick") {
+    stream_site s;
+    auto c = s.watcher();
+    s.events->tick();
+    s.events->tick();
+    CHECK(has(c->read_until(": still here\n\n"), ": still here"));
+}
+
+TEST_CASE("stopping ends streams and connections and leaves the port free") {
+    stream_site s;
+    auto c = s.watcher();
+    client idle(s.context, s.server.port());
+    idle.get("/nothing");
+    idle.read_answer();
+    auto port = s.server.port();
+    s.server.stop();
+    c->read_to_end();
+    idle.read_to_end();
+    CHECK(s.events->clients() == 0);
+    CHECK(s.server.statistics().open_connections == 0);
+    s.context.restart();
+    s.context.run(); // nothing is left that would keep the loop busy
+    atirma::http_options options;
+    options.port = port;
+    atirma::http_server next(s.context, options);
+    next.listen();
+    CHECK(next.port() == port);
+}
+
+TEST_CASE("a server that is destroyed under open connections leaves nothing behind") {
+    asio::io_context context;
+    auto server = std::make_unique<atirma::http_server>(context, stream_site::port_0({}));
+    server->events("/events", [](std::string_view) { return atirma::page_event{"", "snapshot", "{}"}; });
+    server->listen();
+    client watching(context, server->port()), halfway(context, server->port());
+    watching.get("/events");
+    watching.read_until("event: snapshot");
+    halfway.send("GET / HT");
+    server.reset();
+    watching.read_to_end();
+    halfway.read_to_end();
+    CHECK(watching.closed);
+}
+
+TEST_CASE("a real client that does not read holds a bounded amount and gets a fresh snapshot when it does") {
+    atirma::http_options options;
+    options.limits.streams.max_queued_bytes = 64 * 1024;
+    stream_site s(options);
+    auto slow = s.watcher();
+    auto quick = s.watcher();
+    const std::string big(32 * 1024, 'x');
+    int sent = 0;
+    while (s.events->statistics().resynchronised == 0) { // the kernel's buffers take some megabytes first
+        s.events->publish({"", "update", big + std::to_string(++sent) + "."});
+        quick->read_until(big.substr(0, 16) + std::to_string(sent) + ".");
+        REQUIRE(has(quick->received, "x" + std::to_string(sent) + ".")); // the quick one misses nothing
+        quick->received.clear();
+    }
+    auto before = s.snapshots;
+    slow->received.clear();
+    slow->read_until("event: snapshot");
+    CHECK(s.snapshots == before + 1);
+    CHECK(s.events->statistics().events_skipped > 0);
+}
+
+TEST_CASE("a slow client's queue gives way to one snapshot, and the skipped events are counted") {
+    int snapshots = 0;
+    atirma::sse_limits limits;
+    limits.max_queued_bytes = 100;
+    atirma::sse_channel channel([&](std::string_view) { return atirma::page_event{"", "snapshot", std::to_string(++snapshots)}; }, limits);
+    auto sink = std::make_shared<slow_sink>();
+    REQUIRE(channel.add(sink, ""));
+    for (int i = 0; i < 10; ++i) channel.publish({"", "update", "twenty bytes of text"});
+    CHECK(sink->texts.size() == 1); // the first snapshot is still under way
+    CHECK(channel.statistics().resynchronised == 1);
+    CHECK(channel.statistics().events_skipped == 10);
+    sink->take();
+    CHECK(snapshots == 2);
+    sink->take();
+    channel.publish({"7", "update", "live again"});
+    CHECK(sink->texts.back() == "id: 7\nevent: update\ndata: live again\n\n");
+}
+
+TEST_CASE("events that fit the queue wait and arrive together, none lost") {
+    atirma::sse_channel channel([](std::string_view) { return atirma::page_event{"", "snapshot", ""}; });
+    auto sink = std::make_shared<slow_sink>();
+    channel.add(sink, "");
+    channel.publish({"", "update", "one"});
+    channel.publish({"", "update", "two"});
+    sink->take();
+    REQUIRE(sink->texts.size() == 2);
+    CHECK(sink->texts[1] == "event: update\ndata: one\n\nevent: update\ndata: two\n\n");
+}
+
+TEST_CASE("a client that takes nothing for several ticks is dropped") {
+    atirma::sse_channel channel([](std::string_view) { return atirma::page_event{"", "snapshot", ""}; });
+    auto stuck = std::make_shared<slow_sink>();
+    channel.add(stuck, "");
+    channel.tick();
+    channel.tick();
+    CHECK(channel.clients() == 1);
+    channel.tick();
+    CHECK(channel.clients() == 0);
+    CHECK(stuck->closed);
+    CHECK(channel.statistics().dropped_slow == 1);
+    stuck->take(std::make_error_code(std::errc::operation_canceled)); // a late callback does no harm
+}
+
+TEST_CASE("a client whose write fails is forgotten, also in the middle of publishing") {
+    auto channel = std::make_unique<atirma::sse_channel>([](std::string_view) { return atirma::page_event{"", "snapshot", ""}; });
+    auto broken = std::make_shared<slow_sink>(), fine = std::make_shared<slow_sink>();
+    channel->add(broken, "");
+    channel->add(fine, "");
+    broken->take(std::make_error_code(std::errc::broken_pipe));
+    CHECK(channel->clients() == 1);
+    channel.reset();
+    CHECK(fine->closed);
+    fine->take(); // after the channel's end
+}
+
+TEST_CASE("line breaks in an event cannot forge another") {
+    CHECK(atirma::encode_event({"1\nevent: x", "up\r\ndate", "a\nb\r\nc"}) == "id: 1event: x\nevent: update\ndata: a\ndata: b\ndata: c\n\n");
+}

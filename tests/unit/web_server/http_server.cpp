@@ -1,0 +1,201 @@
+#include <components/web_server/http_server.hpp>
+
+#include <unit/web_server/client.hpp>
+#include <ise/core/error.hpp>
+
+#include <support/catch.hpp>
+
+#include <memory>
+
+using web_test::client;
+
+namespace {
+atirma::http_options on_any_port() {
+    atirma::http_options options;
+    options.port = 0;
+    return options;
+}
+
+bool has(const std::string& text, std::string_view part) { return text.find(part) != std::string::npos; }
+
+struct site {
+    explicit site(atirma::http_options options = on_any_port()) : server(context, std::move(options)) {
+        server.serve(atirma::page_assets());
+        server.get("/hello", [](const atirma::http_request& asked) { return atirma::http_reply{"hello " + asked.query, "text/plain"}; });
+        server.get("/file", [](const auto&) { return atirma::http_reply{"x", "text/plain", 200, "a\"\r\nX: y.txt"}; });
+        server.get("/broken", [](const auto&) -> atirma::http_reply { throw std::runtime_error("secret detail"); });
+        server.listen();
+    }
+    void turn() {
+        context.restart();
+        context.poll();
+    }
+    asio::io_context context;
+    atirma::http_server server;
+};
+} // namespace
+
+TEST_CASE("the page and Leaflet are served from the binary with their types and with security headers") {
+    site s;
+    REQUIRE(s.server.port() != 0);
+    client c(s.context, s.server.port());
+    c.get("/");
+    auto& page = c.read_answer();
+    CHECK(has(page, "HTTP/1.1 200 OK"));
+    CHECK(has(page, "Content-Type: text/html; charset=utf-8"));
+    CHECK(has(page, "Content-Security-Policy: default-src 'self'"));
+    CHECK(has(page, "X-Content-Type-Options: nosniff"));
+    CHECK(has(page, "<!doctype html>"));
+    c.received.clear();
+    c.get("/leaflet.js"); // the same connection goes on
+    CHECK(has(c.read_answer(), "Content-Type: text/javascript"));
+    CHECK(c.received.size() > 100000);
+}
+
+TEST_CASE("a file that the client has is not sent again, and compressed where the client takes it") {
+    site s;
+    client c(s.context, s.server.port());
+    c.get("/style.css", "Accept-Encoding: br, gzip\r\n");
+    auto packed = c.read_answer();
+    CHECK(has(packed, "Content-Encoding: gzip"));
+    CHECK(has(packed, "Vary: Accept-Encoding"));
+    auto at = packed.find("ETag: ") + 6;
+    auto tag = packed.substr(at, packed.find("\r\n", at) - at);
+    c.received.clear();
+    c.get("/style.css", "Accept-Encoding: gzip\r\nIf-None-Match: " + tag + "\r\n");
+    auto unchanged = c.read_answer(true);
+    CHECK(has(unchanged, "304 Not Modified"));
+    CHECK(unchanged.substr(unchanged.find("\r\n\r\n")) == "\r\n\r\n");
+    c.received.clear();
+    c.get("/style.css", "Accept-Encoding: gzip;q=0\r\nIf-None-Match: " + tag + "\r\n"); // another representation
+    auto plain = c.read_answer();
+    CHECK(has(plain, "200 OK"));
+    CHECK_FALSE(has(plain, "Content-Encoding"));
+}
+
+TEST_CASE("HEAD answers as GET does, without the body") {
+    site s;
+    client c(s.context, s.server.port());
+    c.get("/hello", "", "HEAD");
+    c.get("/hello?you");
+    c.read_until("hello you");
+    auto first = c.received.substr(0, c.received.find("HTTP/1.1", 1));
+    CHECK(has(first, "Content-Length: 6"));
+    CHECK(first.substr(first.find("\r\n\r\n") + 4).empty());
+}
+
+TEST_CASE("what is not there is 404, writing is 405, a handler that throws is 500 without its text") {
+    auto options = on_any_port();
+    std::string log;
+    options.log = [&](std::string_view line) { log += line; };
+    site s(std::move(options));
+    for (auto [method, path, status] : {std::tuple("GET", "/../etc/passwd", "404"), std::tuple("GET", "/index.htm", "404"),
+                                        std::tuple("DELETE", "/", "405"), std::tuple("GET", "/broken", "500")}) {
+        client c(s.context, s.server.port());
+        c.get(path, "", method);
+        auto& answer = c.read_answer();
+        INFO(path);
+        CHECK(has(answer, std::string("HTTP/1.1 ") + status));
+        CHECK(has(answer, "Content-Security-Policy"));
+        CHECK_FALSE(has(answer, "secret detail"));
+    }
+    CHECK(has(log, "GET /broken failed: secret detail"));
+    CHECK(s.server.statistics().handlers_failed == 1);
+    client c(s.context, s.server.port());
+    c.send("POST / HTTP/1.1\r\nHost: test\r\nContent-Length: 2\r\n\r\nhi");
+    CHECK(has(c.read_answer(), "Allow: GET, HEAD"));
+}
+
+TEST_CASE("a file name for download cannot forge a header") {
+    site s;
+    client c(s.context, s.server.port());
+    c.get("/file");
+    CHECK(has(c.read_answer(), "Content-Disposition: attachment; filename=\"a___X__y.txt\"\r\n"));
+}
+
+TEST_CASE("a port that is taken is a clear error that names it, and listening works later") {
+    site s;
+    asio::io_context context;
+    auto options = on_any_port();
+    options.port = s.server.port();
+    atirma::http_server second(context, options);
+    try {
+        second.listen();
+        FAIL("it listened on a port that is taken");
+    } catch (const ise::error& why) {
+        INFO(why.what());
+        CHECK(why.code() == ise::errc::address_in_use);
+        CHECK(has(why.what(), std::to_string(options.port)));
+        CHECK(has(why.what(), "127.0.0.1"));
+    }
+    CHECK(second.port() == 0);
+    s.server.stop();
+    second.listen();
+    CHECK(second.port() == options.port);
+
+    options.address = "localhost";
+    atirma::http_server named(context, options);
+    CHECK_THROWS_AS(named.listen(), ise::error);
+}
+
+TEST_CASE("it listens on IPv6 and writes its address as browsers want it") {
+    auto options = on_any_port();
+    options.address = "::1";
+    asio::io_context context;
+    atirma::http_server server(context, options);
+    try {
+        server.listen();
+    } catch (const ise::error& why) {
+        WARN("no IPv6 on this machine, not tested: " << why.what());
+        return;
+    }
+    CHECK(server.url() == "http://[::1]:" + std::to_string(server.port()) + "/");
+}
+
+TEST_CASE("too large headers, too many of them, and garbage end the connection") {
+    site s;
+    std::string many;
+    for (int i = 0; i < 100; ++i) many += "X-" + std::to_string(i) + ": y\r\n";
+    for (const std::string& hostile : {"GET / HTTP/1.1\r\nX: " + std::string(10000, 'a') + "\r\n\r\n", "GET /" + std::string(5000, 'a') + " HTTP/1.1\r\n\r\n",
+                                       "GET / HTTP/1.1\r\n" + many + "\r\n", std::string("\x16\x03\x01\x02\x00\x01\x00\x01\xfc", 9) + "\r\n\r\n",
+                                       std::string("POST / HTTP/1.1\r\nContent-Length: 99999\r\n\r\n") + std::string(9000, 'b')}) {
+        client c(s.context, s.server.port());
+        c.send(hostile);
+        c.read_to_end();
+        CHECK_FALSE(has(c.received, "200 OK"));
+    }
+    client c(s.context, s.server.port()); // and nobody else noticed
+    c.get("/hello");
+    CHECK(has(c.read_answer(), "200 OK"));
+}
+
+TEST_CASE("connections beyond the limit are closed, and there is room again when one ends") {
+    auto options = on_any_port();
+    options.limits.max_connections = 2;
+    site s(options);
+    auto first = std::make_unique<client>(s.context, s.server.port());
+    first->get("/hello");
+    first->read_answer();
+    client second(s.context, s.server.port());
+    second.get("/hello");
+    second.read_answer();
+    client third(s.context, s.server.port());
+    third.get("/hello");
+    CHECK(third.read_to_end().empty());
+    CHECK(s.server.statistics().connections_refused == 1);
+    first.reset();
+    while (s.server.statistics().open_connections > 1) s.context.restart(), s.context.run_one();
+    client fourth(s.context, s.server.port());
+    fourth.get("/hello");
+    CHECK(has(fourth.read_answer(), "200 OK"));
+}
+
+TEST_CASE("a request that is never finished is cut off") {
+    auto options = on_any_port();
+    options.limits.request_timeout = std::chrono::seconds(1);
+    site s(options);
+    client c(s.context, s.server.port());
+    c.send("GET / HTTP/1.1\r\nHost: te");
+    c.read_to_end();
+    CHECK(c.received.empty());
+}
