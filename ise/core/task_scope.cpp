@@ -13,10 +13,12 @@ task_scope::task_scope(loop& owner, failure_handler on_failure)
 
 task_scope::~task_scope() { *self_ = nullptr; }
 
-void task_scope::spawn(std::string name, task<> body) { spawn(std::move(name), std::move(body), loop_.get_executor()); }
+asio::cancellation_signal* task_scope::spawn(std::string name, task<> body) {
+    return spawn(std::move(name), std::move(body), loop_.get_executor());
+}
 
-void task_scope::spawn(std::string name, task<> body, asio::any_io_executor executor) {
-    if (stopping_) return;
+asio::cancellation_signal* task_scope::spawn(std::string name, task<> body, asio::any_io_executor executor) {
+    if (stopping_) return nullptr;
     auto who = children_->emplace(children_->end());
     who->name = std::move(name);
     // The list is shared: a child that is torn down late must still find its signal.
@@ -24,6 +26,7 @@ void task_scope::spawn(std::string name, task<> body, asio::any_io_executor exec
         if (*self) (*self)->ended(who, problem);
     };
     asio::co_spawn(std::move(executor), std::move(body), asio::bind_cancellation_slot(who->cancel.slot(), std::move(done)));
+    return &who->cancel;
 }
 
 void task_scope::stop() {

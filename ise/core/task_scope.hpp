@@ -27,9 +27,9 @@ public:
     task_scope& operator=(const task_scope&) = delete;
 
     /// Starts `body` on the loop's executor (or `executor`, which must lie on it), at the next turn at the latest.
-    /// After `stop()` nothing is started any more.
-    void spawn(std::string name, task<> body);
-    void spawn(std::string name, task<> body, asio::any_io_executor executor);
+    /// Gives the child's own cancellation, valid until it ends; null after `stop()`, when nothing is started any more.
+    asio::cancellation_signal* spawn(std::string name, task<> body);
+    asio::cancellation_signal* spawn(std::string name, task<> body, asio::any_io_executor executor);
 
     /// Cancels every child; they end at their next suspension.
     void stop();

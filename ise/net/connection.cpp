@@ -1,6 +1,7 @@
 #include <ise/net/connection.hpp>
 
 #include <ise/packet/codec.hpp>
+#include <ise/wire/body.hpp>
 
 #include <fmt/format.h>
 
@@ -21,7 +22,8 @@ constexpr std::size_t max_control_bytes = 4 * 1024 * 1024;
 } // namespace
 
 connection::connection(loop& on, std::unique_ptr<stream> transport, session_terms terms, wire::parser parser)
-    : on_(on), transport_(std::move(transport)), terms_(std::move(terms)), parser_(std::move(parser)),
+    : on_(on), transport_(std::move(transport)), terms_(std::move(terms)),
+      peer_name_(terms_.peer.path.empty() ? transport_->peer() : fmt::format("{} ({})", terms_.peer.path, transport_->peer())), parser_(std::move(parser)),
       reassembly_(terms_.we_accept.max_message_bytes), writer_wake_(on, [this] { writer_wake_.resume(); }),
       heartbeat_(on, [this] { pulse(); }),
       grace_(on, [this] { close(failure(errc::peer_lost, fmt::format("{} did not take what was left to send", peer_name()))); }) {
@@ -30,10 +32,6 @@ connection::connection(loop& on, std::unique_ptr<stream> transport, session_term
 }
 
 connection::~connection() = default;
-
-std::string connection::peer_name() const {
-    return terms_.peer.path.empty() ? transport_->peer() : fmt::format("{} ({})", terms_.peer.path, transport_->peer());
-}
 
 void connection::start(task_scope& scope, std::weak_ptr<user> receiver) {
     user_ = std::move(receiver);
@@ -94,16 +92,15 @@ result<void> connection::take(const wire::frame& received) {
     switch (received.header.type) {
         case frame_type::ping:
             wire::put_frame(outbox_.control(), frame_type::pong, 0, received.header.id, [](buffer&) {});
-            if (outbox_.control().size() > max_control_bytes) return failure(errc::overloaded, "does not read what it asks for");
             written();
-            return {};
+            break;
         case frame_type::pong: {
             auto sent = time_point(duration(static_cast<std::int64_t>(received.header.id)));
             if (sent <= on_.now() && sent > time_point{}) round_trip_ = on_.now() - sent;
             return {};
         }
         case frame_type::goodbye: {
-            auto why = try_decode<wire::farewell>(received.body);
+            auto why = wire::read_body<wire::farewell>(received.body);
             auto code = why ? static_cast<errc>(why->code) : errc::peer_lost;
             close(failure(code == errc{} ? errc::peer_lost : code,
                           fmt::format("{} said goodbye: {}", peer_name(), why ? why->reason : "(unreadable)")));
@@ -119,11 +116,15 @@ result<void> connection::take(const wire::frame& received) {
             message.body = (*whole)->body;
             return take(message);
         }
-        default: break;
+        default: {
+            auto receiver = user_.lock();
+            if (!receiver) return failure(errc::cancelled, "nobody is here any more");
+            auto taken = receiver->on_frame(received);
+            if (!taken) return taken;
+        }
     }
-    auto receiver = user_.lock();
-    if (!receiver) return failure(errc::cancelled, "nobody is here any more");
-    return receiver->on_frame(received);
+    if (outbox_.control().size() > max_control_bytes) return failure(errc::overloaded, "does not read what it asks for");
+    return {};
 }
 
 void connection::flush() {

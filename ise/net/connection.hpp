@@ -72,7 +72,7 @@ public:
 
     const session_terms& terms() const noexcept { return terms_; }
     /// The peer for people: its path if it has one, and its address.
-    std::string peer_name() const;
+    const std::string& peer_name() const noexcept { return peer_name_; }
     const connection_counts& counts() const noexcept { return counts_; }
     /// The last measured round trip of a heartbeat; zero before the first.
     duration round_trip() const noexcept { return round_trip_; }
@@ -89,6 +89,7 @@ private:
     loop& on_;
     std::unique_ptr<stream> transport_;
     session_terms terms_;
+    std::string peer_name_;
     wire::parser parser_;
     wire::reassembly reassembly_;
     outbox outbox_;

@@ -1,6 +1,7 @@
 #include <ise/net/handshake.hpp>
 
 #include <ise/packet/codec.hpp>
+#include <ise/wire/body.hpp>
 
 #include <fmt/format.h>
 
@@ -82,7 +83,7 @@ private:
 };
 
 failure farewell_of(const std::string& peer, const wire::frame& came) {
-    auto why = try_decode<wire::farewell>(came.body);
+    auto why = wire::read_body<wire::farewell>(came.body);
     if (!why) return {errc::protocol_error, fmt::format("{} rejected the session with an unreadable reason", peer)};
     return {static_cast<errc>(why->code), fmt::format("{} rejected the session: {}", peer, why->reason)};
 }
@@ -97,7 +98,7 @@ task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<str
     if (!came) co_return came.error();
     if (came->header.type == frame_type::reject) co_return farewell_of(with.peer(), *came);
     if (came->header.type != frame_type::welcome) co_return with.strange(*came);
-    auto theirs = try_decode<wire::welcome>(came->body);
+    auto theirs = wire::read_body<wire::welcome>(came->body);
     if (!theirs) co_return theirs.error();
     if (theirs->version < mine.oldest || theirs->version > mine.newest)
         co_return failure(errc::version_mismatch, fmt::format("{} chose wire version {}, offered were {} to {}", with.peer(),
@@ -117,7 +118,7 @@ task<result<std::shared_ptr<connection>>> respond(loop& on, std::unique_ptr<stre
     auto came = co_await with.receive();
     if (!came) co_return came.error();
     if (came->header.type != frame_type::hello) co_return with.strange(*came);
-    auto theirs = try_decode<wire::hello>(came->body);
+    auto theirs = wire::read_body<wire::hello>(came->body);
     if (!theirs) co_return failure(errc::protocol_error, fmt::format("{}: {}", with.peer(), theirs.error().message()));
 
     result<wire::welcome> answer = failure(errc::protocol_error, "the hello does not begin with ISE's mark");

@@ -1,3 +1,4 @@
+// link: atirma_xbee
 // Bytes of a serial line into the XBee decoder, in pieces; what it accepts must survive a round trip.
 #include <components/xbee/decoder.hpp>
 

@@ -1,0 +1,166 @@
+#include <ise/service/incoming_calls.hpp>
+#include <ise/service/service_host.hpp>
+#include <ise/service/session.hpp>
+
+#include <asio/use_awaitable.hpp>
+
+#include <fmt/format.h>
+
+namespace ise {
+
+call_worker::call_worker(call_service& service, service_host& host)
+    : service_(service), host_(host), wake_(host.on(), [this] { wake_.resume(false); }), deadline_(host.on(), [this] { expire(); }) {
+    context_.service = service.name();
+}
+
+task<bool> call_worker::next() {
+    return asio::async_initiate<const asio::use_awaitable_t<>, void(bool)>(
+        [this](auto handler) {
+            wake_.begin(std::move(handler));
+            service_.idle(*this);
+        },
+        asio::use_awaitable);
+}
+
+void call_worker::begin(incoming_call call) {
+    call_ = std::move(call);
+    busy_ = true;
+    context_.caller = call_.from->peer_name();
+    context_.deadline = call_.deadline;
+    context_.trace = call_.trace;
+    deadline_.arm(call_.deadline);
+    wake_.resume(true);
+}
+
+incoming_call call_worker::finish() {
+    deadline_.disarm();
+    busy_ = false;
+    return std::exchange(call_, {});
+}
+
+// The caller has been told, and so is the handler; its own outcome comes too late.
+void call_worker::expire() {
+    auto call = std::exchange(call_, {});
+    if (!call.from) return;
+    call_service::refuse(call, failure(errc::timed_out, fmt::format("'{}' did not finish before its deadline", service_.name()), execution::unknown));
+    give_up();
+}
+
+void call_worker::give_up() {
+    if (busy_ && cancel_) cancel_->emit(asio::cancellation_type::terminal);
+}
+
+void call_worker::answer(function_ref<void(buffer&)> write_response) {
+    auto call = finish();
+    if (call.from) call_service::reply(call, write_response);
+}
+
+void call_worker::answer(const failure& why) {
+    auto call = finish();
+    if (call.from) call_service::refuse(call, why);
+}
+
+call_service::call_service(service_host& host, std::string name, const packet_types& types, serve_options options)
+    : host_(host), name_(std::move(name)), types_(types), options_(options) {}
+
+call_service::~call_service() = default;
+
+void call_service::serve(incoming_call call, bytes_view request) {
+    if (stopped_) {
+        refuse(call, failure(errc::cancelled, fmt::format("'{}' is not provided any more", name_)));
+        return;
+    }
+    try {
+        if (serve_now(call, request) || begin(call, request)) return;
+    } catch (const error& thrown) {
+        refuse(call, thrown.why());
+        return;
+    } catch (const std::exception& thrown) {
+        refuse(call, failure(errc::handler_failed, thrown.what(), execution::unknown));
+        return;
+    }
+    if (waiting_.size() >= options_.waiting) {
+        refuse(call, failure(errc::overloaded, fmt::format("'{}' has {} requests waiting", name_, waiting_.size())));
+        return;
+    }
+    waiting_.push_back(waiting_call{std::move(call), bytes(request.begin(), request.end())});
+}
+
+bool call_service::begin(incoming_call& call, bytes_view request) {
+    if (!idle_.empty()) {
+        auto* worker = idle_.back();
+        if (call.adapt) {
+            worker->load((*call.adapt)(request));
+        } else {
+            worker->load(request);
+        }
+        idle_.pop_back();
+        worker->begin(std::move(call));
+        return true;
+    }
+    if (workers_.size() >= options_.concurrent) return false;
+    // A new worker takes the request from the queue as soon as its coroutine has come up.
+    if (waiting_.size() >= options_.waiting) return false;
+    workers_.push_back(make_worker());
+    auto& worker = *workers_.back();
+    auto body = [](std::shared_ptr<call_service> keep, call_worker& who) -> task<> {
+        co_await who.run();
+        who.cancel_ = nullptr;
+    };
+    auto executor = with_context(host_.on().get_executor(), &worker.context_);
+    worker.cancel_ = host_.scope().spawn("handler of " + name_, body(shared_from_this(), worker), std::move(executor));
+    if (!worker.cancel_) {
+        workers_.pop_back();
+        refuse(call, failure(errc::cancelled, "the component stops"));
+        return true;
+    }
+    return false;
+}
+
+void call_service::idle(call_worker& worker) {
+    worker.busy_ = false;
+    if (stopped_) {
+        worker.wake_.resume(false);
+        return;
+    }
+    idle_.push_back(&worker);
+    while (!waiting_.empty()) {
+        auto next = std::move(waiting_.front());
+        waiting_.pop_front();
+        if (next.call.deadline <= host_.on().now()) {
+            refuse(next.call, failure(errc::timed_out, fmt::format("'{}' was too busy to begin in time", name_)));
+            continue;
+        }
+        try {
+            begin(next.call, next.request);
+            return;
+        } catch (const error& thrown) {
+            refuse(next.call, thrown.why());
+        }
+    }
+}
+
+void call_service::withdraw(const session& from, std::uint64_t id) {
+    std::erase_if(waiting_, [&](const waiting_call& entry) { return entry.call.from.get() == &from && entry.call.id == id; });
+    for (auto& worker : workers_) {
+        if (worker->call_.from.get() != &from || worker->call_.id != id) continue;
+        auto call = std::exchange(worker->call_, {});
+        worker->deadline_.disarm();
+        refuse(call, failure(errc::cancelled, "cancelled by the caller", execution::unknown));
+        worker->give_up();
+        return;
+    }
+}
+
+void call_service::stop() {
+    stopped_ = true;
+    for (auto& entry : std::exchange(waiting_, {}))
+        refuse(entry.call, failure(errc::cancelled, fmt::format("'{}' is not provided any more", name_)));
+    for (auto* worker : std::exchange(idle_, {})) worker->wake_.resume(false);
+    for (auto& worker : workers_) worker->give_up();
+}
+
+void call_service::reply(const incoming_call& call, function_ref<void(buffer&)> write_response) { call.from->reply(call.id, write_response); }
+void call_service::refuse(const incoming_call& call, const failure& why) { call.from->refuse(call.id, why); }
+
+} // namespace ise

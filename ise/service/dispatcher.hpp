@@ -1,0 +1,48 @@
+#pragma once
+#include <ise/core/result.hpp>
+#include <ise/service/contract.hpp>
+#include <ise/service/incoming_calls.hpp>
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace ise {
+
+class publication_core;
+
+/// What a component tells about one of its services.
+struct service_description {
+    std::string name;
+    service_kind kind{};
+    bool provided = true; ///< else required
+    const packet_types* types = nullptr;
+};
+
+/// The services of a component by name.
+class dispatcher {
+public:
+    /// errc::invalid_argument if the name is taken or no name: letters, digits, `_`, `.`, `-`, `/`.
+    result<void> add(std::shared_ptr<call_service> service);
+    result<void> add(std::shared_ptr<publication_core> publication);
+    void remove(const std::string& name);
+    void declare_required(const std::string& name, const packet_types& types);
+
+    std::shared_ptr<call_service> find_calls(std::string_view name) const;
+    std::shared_ptr<publication_core> find_publication(std::string_view name) const;
+    /// All, provided first; the names of ISE's own services begin with "ise.".
+    std::vector<service_description> describe() const;
+
+    /// Ends what is being served; nothing new begins.
+    void stop();
+
+private:
+    result<void> check_name(const std::string& name) const;
+
+    std::map<std::string, std::shared_ptr<call_service>, std::less<>> calls_;
+    std::map<std::string, std::shared_ptr<publication_core>, std::less<>> publications_;
+    std::map<std::string, const packet_types*, std::less<>> required_;
+};
+
+} // namespace ise

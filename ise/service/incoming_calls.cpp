@@ -1,0 +1,209 @@
+#include <ise/service/incoming_calls.hpp>
+
+#include <ise/packet/codec.hpp>
+#include <ise/packet/compatibility.hpp>
+#include <ise/service/service_host.hpp>
+#include <ise/service/session.hpp>
+#include <ise/wire/body.hpp>
+
+#include <fmt/format.h>
+
+namespace ise {
+namespace {
+
+constexpr std::uint32_t max_services = 4096;
+constexpr std::size_t max_held = 256;
+
+std::uint32_t slot_of(std::uint64_t id) noexcept { return static_cast<std::uint32_t>(id); }
+
+} // namespace
+
+result<void> incoming_calls::on_request(const wire::frame& received) {
+    auto malformed = [](std::string_view what) { return failure(errc::protocol_error, fmt::format("a request came {}", what)); };
+    bytes_view body = received.body;
+    if (body.size() < 12) return malformed("without its head");
+    auto number = detail::load_little<std::uint32_t>(body.data());
+    auto remaining = detail::load_little<std::int64_t>(body.data() + 4);
+    body = body.subspan(12);
+    if (remaining < 0) return malformed("with a negative time");
+
+    if (received.header.flags & wire::flag::introduces) {
+        if (body.size() < 4) return malformed("with half an introduction");
+        auto length = detail::load_little<std::uint32_t>(body.data());
+        body = body.subspan(4);
+        if (length > body.size()) return malformed("with half an introduction");
+        auto introduced = wire::read_body<wire::introduction>(body.first(length));
+        if (!introduced) return introduced.error();
+        body = body.subspan(length);
+        if (number != bindings_.size() || number >= max_services) return malformed("with a service number out of turn");
+        auto made = std::make_unique<binding>();
+        made->name = introduced->service;
+        bindings_.push_back(std::move(made));
+        bind(*bindings_.back(), introduced->fingerprints);
+    }
+    if (number >= bindings_.size()) return malformed("for a service that was not introduced");
+    trace_id trace;
+    if (received.header.flags & wire::flag::traced) {
+        if (body.size() < 16) return malformed("with half a trace");
+        trace.trace = detail::load_little<std::uint64_t>(body.data());
+        trace.parent = detail::load_little<std::uint64_t>(body.data() + 8);
+        body = body.subspan(16);
+    }
+    auto id = received.header.id;
+    auto& host = session_.host();
+    if (slot_of(id) >= host.options().max_calls_per_session) {
+        refuse(id, failure(errc::overloaded, fmt::format("more than {} calls of one session at once", host.options().max_calls_per_session)));
+        return {};
+    }
+    if (slot_of(id) < running_.size() && running_[slot_of(id)].of) return malformed("with the number of a call that runs");
+
+    auto deadline = saturating_add(host.on().now(), duration(remaining));
+    auto& of = *bindings_[number];
+    if (of.now == state::refused) {
+        ++host.counts().calls_refused;
+        refuse(id, of.why);
+    } else if (of.now == state::comparing) {
+        if (of.held.size() >= max_held) {
+            refuse(id, failure(errc::overloaded, fmt::format("more than {} requests wait for the schemas of '{}'", max_held, of.name)));
+        } else {
+            of.held.push_back(held_request{id, deadline, trace, bytes(body.begin(), body.end())});
+        }
+    } else {
+        serve(of, id, deadline, trace, body);
+    }
+    return {};
+}
+
+void incoming_calls::bind(binding& made, const std::vector<std::uint64_t>& fingerprints) {
+    auto& services = session_.host().services();
+    made.service = services.find_calls(made.name);
+    if (!made.service) {
+        made.now = state::refused;
+        auto why = services.find_publication(made.name) ? fmt::format("'{}' is a subscription, not a request-response service", made.name)
+                                                        : fmt::format("there is no service '{}'", made.name);
+        made.why = failure(errc::no_such_service, std::move(why));
+        return;
+    }
+    const auto& ours = made.service->types();
+    if (fingerprints == ours.fingerprints) return;
+    if (fingerprints.size() != ours.fingerprints.size()) {
+        made.now = state::refused;
+        made.why = failure(errc::type_mismatch, fmt::format("'{}' has {} packets here, {} at the caller", made.name,
+                                                            ours.fingerprints.size(), fingerprints.size()));
+        return;
+    }
+    made.now = state::comparing;
+    made.response_differs = fingerprints[role::response] != ours.fingerprints[role::response];
+    compare(static_cast<std::uint32_t>(bindings_.size() - 1), fingerprints);
+}
+
+void incoming_calls::compare(std::uint32_t number, std::vector<std::uint64_t> fingerprints) {
+    auto decide = [this, number](std::optional<failure> problem) {
+        auto& of = *bindings_[number];
+        of.now = problem ? state::refused : state::ready;
+        if (problem) {
+            session_.host().log().warning(problem->message(), {{"service", of.name}, {"peer", session_.peer_name()}});
+            of.why = std::move(*problem);
+        }
+        for (auto& request : std::exchange(of.held, {})) {
+            if (of.now == state::ready) {
+                serve(of, request.id, request.deadline, request.trace, request.request);
+            } else {
+                refuse(request.id, of.why);
+            }
+        }
+    };
+    auto told = [this, number, decide](const std::vector<schema>& theirs) {
+        auto& of = *bindings_[number];
+        const auto& ours = of.service->types();
+        std::string diff;
+        if (auto wrong = incompatibility(ours.schemas[role::request], theirs[role::request]))
+            diff += fmt::format("request: {}", *wrong);
+        if (auto wrong = incompatibility(theirs[role::response], ours.schemas[role::response]))
+            diff += fmt::format("{}response: {}", diff.empty() ? "" : "\n", *wrong);
+        if (!diff.empty())
+            return decide(failure(errc::type_mismatch, fmt::format("the packets of '{}' differ incompatibly:\n{}", of.name, diff)));
+        if (theirs[role::request].fingerprint() != ours.fingerprints[role::request])
+            of.request = std::make_unique<adapter>(theirs[role::request], ours.schemas[role::request]);
+        decide(std::nullopt);
+    };
+    session_.schemas().need(std::move(fingerprints), told, [decide](const failure& why) { decide(why); });
+}
+
+void incoming_calls::serve(binding& of, std::uint64_t id, time_point deadline, trace_id trace, bytes_view request) {
+    auto& host = session_.host();
+    if (deadline <= host.on().now()) {
+        ++host.counts().calls_refused; // expired on the way: nobody waits any more
+        return;
+    }
+    auto slot = slot_of(id);
+    if (slot >= running_.size()) running_.resize(slot + 1);
+    running_[slot].of = &of;
+    running_[slot].id = id;
+    ++running_count_;
+    incoming_call call;
+    call.from = session_.shared_from_this();
+    call.id = id;
+    call.deadline = deadline;
+    call.trace = trace;
+    call.adapt = of.request.get();
+    ++host.counts().calls_served;
+    of.service->serve(std::move(call), request);
+}
+
+void incoming_calls::on_cancel(std::uint64_t id) {
+    auto slot = slot_of(id);
+    if (slot >= running_.size() || running_[slot].id != id || !running_[slot].of) return; // answered already
+    running_[slot].of->service->withdraw(session_, id);
+}
+
+void incoming_calls::on_session_end() {
+    auto held = session_.shared_from_this();
+    for (auto& entry : running_)
+        if (entry.of) entry.of->service->withdraw(session_, entry.id);
+}
+
+void incoming_calls::reply(std::uint64_t id, function_ref<void(buffer&)> write_response) {
+    auto slot = slot_of(id);
+    if (slot >= running_.size() || running_[slot].id != id || !running_[slot].of) return;
+    auto& of = *std::exchange(running_[slot].of, nullptr);
+    --running_count_;
+    if (!session_.open()) return;
+    bool introduce = of.response_differs && !of.response_told;
+    of.response_told = true;
+    auto& wire = session_.wire();
+    buffer& out = wire.out().begin_call();
+    std::size_t start = out.size();
+    try {
+        wire::put_frame(out, wire::frame_type::reply, introduce ? wire::flag::introduces : std::uint8_t{0}, id, [&](buffer& body) {
+            if (introduce) body.append(of.service->types().fingerprints[role::response]);
+            write_response(body);
+        });
+    } catch (const std::exception& thrown) {
+        out.truncate(start);
+        refuse(id, failure(errc::handler_failed, fmt::format("the response of '{}' cannot be encoded: {}", of.name, thrown.what()), execution::unknown));
+        return;
+    }
+    wire.out().end_call();
+    wire.written();
+}
+
+void incoming_calls::refuse(std::uint64_t id, const failure& why) {
+    auto slot = slot_of(id);
+    if (slot < running_.size() && running_[slot].id == id && running_[slot].of) {
+        running_[slot].of = nullptr;
+        --running_count_;
+    }
+    if (!session_.open()) return;
+    wire::call_failure told;
+    told.code = static_cast<std::uint8_t>(why.code());
+    told.execution = static_cast<std::uint8_t>(why.executed());
+    told.reason = why.message();
+    auto& wire = session_.wire();
+    buffer& out = wire.out().begin_call();
+    wire::put_frame(out, wire::frame_type::error, 0, id, [&](buffer& body) { encode(told, body); });
+    wire.out().end_call();
+    wire.written();
+}
+
+} // namespace ise

@@ -1,0 +1,167 @@
+#pragma once
+#include <ise/core/function_ref.hpp>
+#include <ise/core/task_scope.hpp>
+#include <ise/core/waiter.hpp>
+#include <ise/packet/adapt.hpp>
+#include <ise/service/context.hpp>
+#include <ise/service/contract.hpp>
+#include <ise/wire/frame.hpp>
+#include <ise/wire/messages.hpp>
+
+#include <deque>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace ise {
+
+class session;
+class service_host;
+class call_service;
+
+/// A request on its way to a handler.
+struct incoming_call {
+    std::shared_ptr<session> from;
+    std::uint64_t id = 0;
+    time_point deadline;
+    trace_id trace;
+    const adapter* adapt = nullptr; ///< where the caller's request differs from ours
+};
+
+/// One coroutine that answers requests of one service, one after the other, and is kept for the next: starting a
+/// coroutine for each call costs more than the call.
+class call_worker {
+public:
+    call_worker(call_service& service, service_host& host);
+    virtual ~call_worker() = default;
+
+    /// Cancels the handler that runs now.
+    void give_up();
+    const incoming_call& call() const noexcept { return call_; }
+
+protected:
+    friend class call_service;
+    /// The loop of the coroutine: `next()`, handle, `answer…`, until it returns false.
+    virtual task<> run() = 0;
+    /// Decodes a request for the next turn; may throw.
+    virtual void load(bytes_view request) = 0;
+
+    /// Waits for the next call; false: no more will come.
+    task<bool> next();
+    void answer(function_ref<void(buffer&)> write_response);
+    void answer(const failure& why);
+    const call_context& context() const noexcept { return context_; }
+
+private:
+    void begin(incoming_call call);
+    incoming_call finish();
+    void expire();
+
+    call_service& service_;
+    service_host& host_;
+    waiter<bool> wake_;
+    asio::cancellation_signal* cancel_ = nullptr; // of its coroutine
+    timer deadline_;
+    incoming_call call_;
+    call_context context_;
+    bool busy_ = false;
+};
+
+/// How a service is served.
+struct serve_options {
+    std::size_t concurrent = 256; ///< handlers at once; more wait. 1: exclusive
+    std::size_t waiting = 1024;   ///< requests that may wait; more are refused as overloaded
+};
+
+/// One provided request-response service; its typed part makes workers, or answers at once.
+class call_service : public std::enable_shared_from_this<call_service> {
+public:
+    call_service(service_host& host, std::string name, const packet_types& types, serve_options options);
+    virtual ~call_service();
+
+    const std::string& name() const noexcept { return name_; }
+    const packet_types& types() const noexcept { return types_; }
+
+    void serve(incoming_call call, bytes_view request);
+    static void reply(const incoming_call& call, function_ref<void(buffer&)> write_response);
+    static void refuse(const incoming_call& call, const failure& why);
+    /// Requests of a session that ended, or that the caller gave up.
+    void withdraw(const session& from, std::uint64_t id);
+    void stop();
+    std::size_t running() const noexcept { return workers_.size() - idle_.size(); }
+
+protected:
+    /// Answers at once, without a coroutine: for handlers that are plain functions. False: a worker is needed.
+    virtual bool serve_now(const incoming_call& call, bytes_view request) = 0;
+    virtual std::unique_ptr<call_worker> make_worker() = 0;
+    service_host& host() noexcept { return host_; }
+
+private:
+    friend class call_worker;
+    void idle(call_worker& worker);
+    bool begin(incoming_call& call, bytes_view request);
+
+    struct waiting_call {
+        incoming_call call;
+        bytes request;
+    };
+
+    service_host& host_;
+    std::string name_;
+    const packet_types& types_;
+    serve_options options_;
+    std::vector<std::unique_ptr<call_worker>> workers_;
+    std::vector<call_worker*> idle_;
+    std::deque<waiting_call> waiting_;
+    bool stopped_ = false;
+};
+
+/// The requests that come over one session: which service they mean, and whether its packets fit.
+class incoming_calls {
+public:
+    explicit incoming_calls(session& owner) : session_(owner) {}
+
+    result<void> on_request(const wire::frame& received);
+    void on_cancel(std::uint64_t id);
+    void on_session_end();
+
+    /// Answers a request; the first answer of a service whose response differs names its fingerprint.
+    void reply(std::uint64_t id, function_ref<void(buffer&)> write_response);
+    void refuse(std::uint64_t id, const failure& why);
+
+    std::size_t running() const noexcept { return running_count_; }
+
+private:
+    enum class state : std::uint8_t { ready, comparing, refused };
+    struct held_request {
+        std::uint64_t id;
+        time_point deadline;
+        trace_id trace;
+        bytes request;
+    };
+    struct binding {
+        std::string name;
+        std::shared_ptr<call_service> service;
+        state now = state::ready;
+        failure why{errc::no_such_service, {}};
+        std::unique_ptr<adapter> request;
+        bool response_differs = false;
+        bool response_told = false;
+        std::vector<held_request> held;
+    };
+    struct running_call {
+        binding* of = nullptr;
+        std::uint64_t id = 0;
+    };
+
+    void bind(binding& made, const std::vector<std::uint64_t>& fingerprints);
+    void compare(std::uint32_t number, std::vector<std::uint64_t> fingerprints);
+    void serve(binding& of, std::uint64_t id, time_point deadline, trace_id trace, bytes_view request);
+
+    session& session_;
+    std::vector<std::unique_ptr<binding>> bindings_; // by the caller's number
+    std::vector<running_call> running_;              // by the call's slot
+    std::size_t running_count_ = 0;
+};
+
+} // namespace ise

@@ -1,0 +1,91 @@
+#include <ise/service/pending_call.hpp>
+
+#include <ise/service/link.hpp>
+#include <ise/service/session.hpp>
+
+#include <fmt/format.h>
+
+namespace ise {
+namespace {
+
+struct cancel_operation {
+    pending_call* call;
+    void (*give_up)(pending_call&);
+    cancel_operation(pending_call* of, void (*how)(pending_call&)) : call(of), give_up(how) {}
+    void operator()(asio::cancellation_type kind) {
+        if (kind == asio::cancellation_type::none) return;
+        // A slot must not be cleared from inside its own handler: let go first.
+        if (auto* held = std::exchange(call, nullptr)) {
+            held->cancelling = true;
+            give_up(*held);
+        }
+    }
+};
+
+} // namespace
+
+pending_call::pending_call(call_desk& of) : desk(of), alarm(of.on(), [this] { desk.expire(*this); }) {}
+
+call_desk::~call_desk() = default;
+
+pending_call& call_desk::open() {
+    if (free_.empty()) {
+        all_.push_back(std::make_unique<pending_call>(*this));
+        free_.push_back(all_.back().get());
+    }
+    auto* call = free_.back();
+    free_.pop_back();
+    return *call;
+}
+
+void call_desk::watch(pending_call& call, asio::cancellation_slot slot) {
+    call.slot = slot;
+    call.cancelling = false;
+    if (!slot.is_connected()) return;
+    slot.emplace<cancel_operation>(&call, [](pending_call& given_up) { given_up.desk.give_up(given_up); });
+}
+
+void call_desk::end(pending_call& call, const call_outcome& outcome) {
+    call.alarm.disarm();
+    if (!std::exchange(call.cancelling, false) && call.slot.is_connected()) call.slot.clear();
+    call.slot = {};
+    auto done = std::move(call.done);
+    auto owner = std::move(call.owner); // lives until the completion has run
+    call.sent_on = nullptr;
+    call.waiting.clear();
+    free_.push_back(&call);
+    done(outcome);
+}
+
+void call_desk::fail(pending_call& call, const failure& why) {
+    call_outcome outcome;
+    outcome.why = &why;
+    end(call, outcome);
+}
+
+void call_desk::expire(pending_call& call) {
+    auto who = call.owner->name();
+    auto service = call.service;
+    if (call.sent_on) {
+        call.sent_on->abandon(call);
+        fail(call, failure(errc::timed_out, fmt::format("'{}' at {} did not answer in time", service, who), execution::unknown));
+        return;
+    }
+    auto obstacle = call.owner->obstacle();
+    call.owner->forget(call);
+    fail(call, failure(errc::timed_out, fmt::format("'{}' at {} could not be called in time: {}", service, who,
+                                                    obstacle.empty() ? "no session was made" : obstacle)));
+}
+
+void call_desk::give_up(pending_call& call) {
+    auto state = call.sent_on ? execution::unknown : execution::not_executed;
+    auto text = fmt::format("the call of '{}' at {} was cancelled", call.service, call.owner->name());
+    if (call.sent_on) {
+        call.sent_on->abandon(call);
+    } else {
+        call.owner->forget(call);
+    }
+    fail(call, failure(errc::cancelled, std::move(text), state));
+}
+
+} // namespace ise

@@ -1,0 +1,77 @@
+#pragma once
+#include <ise/core/error.hpp>
+#include <ise/core/loop.hpp>
+#include <ise/packet/adapt.hpp>
+#include <ise/packet/buffer.hpp>
+#include <ise/service/context.hpp>
+#include <ise/service/contract.hpp>
+
+#include <asio/cancellation_signal.hpp>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace ise {
+
+class call_desk;
+class session;
+class link;
+
+/// How a call ended: a failure, or the response's bytes (valid during the call only) and, if the provider's
+/// packet differs from ours, what adapts them.
+struct call_outcome {
+    const failure* why = nullptr;
+    bytes_view response;
+    const adapter* adapt = nullptr;
+};
+
+/// One call from its beginning to its outcome. Pooled: steady calling allocates none of these.
+struct pending_call {
+    explicit pending_call(call_desk& of);
+
+    call_desk& desk;
+    std::string service;
+    const packet_types* types = nullptr;
+    time_point deadline;
+    trace_id trace;
+    unique_function<void(const call_outcome&)> done;
+    timer alarm;
+    asio::cancellation_slot slot;
+    bool cancelling = false;
+
+    std::shared_ptr<link> owner;         ///< where it goes on waiting
+    session* sent_on = nullptr;          ///< the session it was written to
+    std::uint64_t id = 0;                ///< on that session
+    buffer waiting;                      ///< the encoded request, while there is no session
+};
+
+/// Makes, ends and recycles the calls of one component.
+class call_desk {
+public:
+    explicit call_desk(loop& on) : on_(on) {}
+    ~call_desk();
+
+    loop& on() noexcept { return on_; }
+    pending_call& open();
+    /// Ends a call, once: its completion runs with the outcome, and the record is free again.
+    void end(pending_call& call, const call_outcome& outcome);
+    void fail(pending_call& call, const failure& why);
+
+    /// Binds the cancellation of whoever waits.
+    void watch(pending_call& call, asio::cancellation_slot slot);
+
+    std::size_t open_calls() const noexcept { return all_.size() - free_.size(); }
+    std::uint64_t late_replies = 0; ///< came after the call had ended otherwise
+
+private:
+    friend struct pending_call;
+    void expire(pending_call& call);
+    void give_up(pending_call& call);
+
+    loop& on_;
+    std::vector<std::unique_ptr<pending_call>> all_;
+    std::vector<pending_call*> free_;
+};
+
+} // namespace ise

@@ -1,0 +1,38 @@
+#pragma once
+#include <ise/net/connection.hpp>
+#include <ise/service/schema_book.hpp>
+
+namespace ise {
+
+/// Asks the peer of one session for the texts of schemas that are not known here, and answers its questions.
+class schema_exchange {
+public:
+    using ready = std::function<void(const std::vector<schema>&)>;
+    using failed = std::function<void(const failure&)>;
+
+    schema_exchange(schema_book& book, net::connection& connection) : book_(book), connection_(connection) {}
+
+    /// Calls `then` with the schemas in order, at once if all are known, else when the peer has told them.
+    /// errc::type_mismatch if it does not know its own, errc::malformed if its text is no schema. Nothing is called
+    /// any more once the session is gone.
+    void need(const std::vector<std::uint64_t>& fingerprints, ready then, failed otherwise);
+
+    result<void> on_request(bytes_view body);
+    result<void> on_answer(bytes_view body);
+
+private:
+    struct question {
+        std::vector<std::uint64_t> fingerprints;
+        ready then;
+        failed otherwise;
+    };
+    std::optional<std::vector<schema>> all_of(const std::vector<std::uint64_t>& fingerprints) const;
+
+    static constexpr std::size_t max_questions = 256;
+
+    schema_book& book_;
+    net::connection& connection_;
+    std::vector<question> open_;
+};
+
+} // namespace ise

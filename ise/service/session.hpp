@@ -1,0 +1,95 @@
+#pragma once
+#include <ise/core/function_ref.hpp>
+#include <ise/net/connection.hpp>
+#include <ise/service/incoming_calls.hpp>
+#include <ise/service/pending_call.hpp>
+#include <ise/service/schema_exchange.hpp>
+
+#include <map>
+#include <memory>
+#include <vector>
+
+namespace ise {
+
+class service_host;
+class subscriber_core;
+class provided_subscriptions;
+
+/// What two components say to each other over one connection, in both directions: the calls and subscriptions that
+/// this side asked for, and those that it serves. Symmetric: who connected makes no difference.
+class session final : public net::connection::user, public std::enable_shared_from_this<session> {
+public:
+    session(service_host& host, std::shared_ptr<net::connection> connection, std::weak_ptr<link> owner);
+    ~session();
+
+    /// Begins to read.
+    void start();
+
+    net::connection& wire() noexcept { return *connection_; }
+    service_host& host() noexcept { return host_; }
+    bool open() const noexcept { return connection_->open(); }
+    const std::string& peer_name() const noexcept { return connection_->peer_name(); }
+    const wire::identity& peer() const noexcept { return connection_->terms().peer; }
+    schema_exchange& schemas() noexcept { return schemas_; }
+
+    /// Sends a request; false where too many calls are pending (the call is untouched).
+    bool send(pending_call& call, function_ref<void(buffer&)> write_request);
+    /// Nobody waits for this call any more.
+    void abandon(pending_call& call);
+
+    /// Answers a call of the peer.
+    void reply(std::uint64_t id, function_ref<void(buffer&)> write_response) { incoming_.reply(id, write_response); }
+    void refuse(std::uint64_t id, const failure& why) { incoming_.refuse(id, why); }
+
+    void subscribe(subscriber_core& subscriber);
+    void unsubscribe(subscriber_core& subscriber);
+    /// Grants more packets to the provider.
+    void grant(const subscriber_core& subscriber, std::uint64_t total);
+
+    /// Ends it, saying why.
+    void finish(failure why, duration grace) { connection_->finish(std::move(why), grace); }
+
+private:
+    result<void> on_frame(const wire::frame& received) override;
+    void on_closed(const failure& cause) override;
+
+    // A service as this side introduced it to the peer.
+    struct introduced {
+        std::string name;
+        const packet_types* types;
+        bool told = false;
+        std::unique_ptr<adapter> response;   // where the peer's response differs from ours
+        bool adapting = false;               // its schema was asked for; replies wait
+        std::vector<std::pair<std::uint64_t, bytes>> held;
+    };
+    struct slot {
+        pending_call* call = nullptr;
+        std::uint32_t generation = 0;
+        std::uint32_t service = 0;
+    };
+
+    std::uint32_t number_of(const pending_call& call);
+    pending_call* take_slot(std::uint64_t id, std::uint32_t* service = nullptr);
+    result<void> on_reply(const wire::frame& received);
+    result<void> on_error(const wire::frame& received);
+    result<void> on_subscribed(const wire::frame& received);
+    result<void> on_packet(const wire::frame& received);
+    result<void> on_ended(const wire::frame& received);
+    void complete(std::uint64_t id, introduced& service, bytes_view response);
+    void learn_response(std::uint32_t service, std::uint64_t fingerprint);
+
+    service_host& host_;
+    std::shared_ptr<net::connection> connection_;
+    std::weak_ptr<link> owner_;
+    schema_exchange schemas_;
+    incoming_calls incoming_;
+    std::unique_ptr<provided_subscriptions> provided_;
+
+    std::vector<std::unique_ptr<introduced>> introduced_;
+    std::vector<slot> slots_;
+    std::vector<std::uint32_t> free_slots_;
+    std::map<std::uint64_t, subscriber_core*> subscribers_; // by subscription id
+    std::uint64_t next_subscription_ = 1;
+};
+
+} // namespace ise
