@@ -49,8 +49,11 @@ struct sse_channel::implementation : std::enable_shared_from_this<implementation
         client->writing = true;
         client->wrote_since_tick = true;
         client->stuck_ticks = 0;
-        client->sink->write(std::move(text), [weak = weak_from_this(), client](std::error_code failed) {
-            if (auto self = weak.lock()) self->on_written(client, failed);
+        // Both weakly: the sink keeps the callback, and the client keeps the sink.
+        client->sink->write(std::move(text), [weak = weak_from_this(), weak_client = std::weak_ptr(client)](std::error_code failed) {
+            auto self = weak.lock();
+            auto written = weak_client.lock();
+            if (self && written) self->on_written(written, failed);
         });
     }
 

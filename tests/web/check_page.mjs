@@ -15,10 +15,15 @@ if (!program) {
 }
 if (folder) mkdirSync(folder, { recursive: true });
 
-const server = spawn(program, ['0'], { stdio: ['pipe', 'pipe', 'inherit'] });
-const lines = createInterface({ input: server.stdout })[Symbol.asyncIterator]();
-const url = (await lines.next()).value.split(' ').at(-1);
-const tell = async line => { server.stdin.write(`${line}\n`); assert.equal((await lines.next()).value, `ok ${line}`); };
+async function serve(...more) {
+  const server = spawn(program, ['0', ...more], { stdio: ['pipe', 'pipe', 'inherit'] });
+  const lines = createInterface({ input: server.stdout })[Symbol.asyncIterator]();
+  const url = (await lines.next()).value.split(' ').at(-1);
+  const tell = async line => { server.stdin.write(`${line}\n`); assert.equal((await lines.next()).value, `ok ${line}`); };
+  const stop = async () => { const ended = once(server, 'exit'); server.stdin.end('quit\n'); await ended; };
+  return { url, tell, stop };
+}
+const { url, tell, stop } = await serve();
 
 const browser = await chromium.launch({
   executablePath: process.env.CHROMIUM ?? '/usr/bin/chromium',
@@ -29,13 +34,13 @@ const check = async (name, body) => {
   try { await body(); console.log(`ok    ${name}`); ++checks; } catch (why) { ++failed; console.log(`FAIL  ${name}\n      ${String(why.message).split('\n').slice(0, 12).join('\n      ')}`); }
 };
 const complaints = [];
-async function open(options) {
+async function open(options, at = url) {
   const context = await browser.newContext(options);
   const page = await context.newPage();
   page.on('console', message => { if (message.type() === 'error' && !/ERR_|Failed to load resource/.test(message.text())) complaints.push(message.text()); });
   page.on('pageerror', error => complaints.push(String(error)));
-  page.on('request', request => { if (!request.url().startsWith(url) && !request.url().startsWith('data:')) complaints.push(`asks another host: ${request.url()}`); });
-  await page.goto(url);
+  page.on('request', request => { if (!request.url().startsWith(at) && !request.url().startsWith('data:')) complaints.push(`asks another host: ${request.url()}`); });
+  await page.goto(at);
   return page;
 }
 const text = (page, selector) => page.locator(selector).innerText();
@@ -189,10 +194,20 @@ await check('a rough fix shows its circle and says so', async () => {
   await desktop.waitForSelector('path.accuracy', { state: 'attached' });
   await tell('rough');
 });
+const unheard = await serve('empty');
+const early = await open({ viewport: { width: 1440, height: 900 }, colorScheme: 'light' }, unheard.url);
+await check('before the first position the page says that it waits, and starts by itself', async () => {
+  await shown(early, '#pill', /Waiting for the boat/);
+  await shown(early, '#banner', /No position yet/);
+  assert.match(await text(early, '#fix-time'), /No position received yet/);
+  await shot(early, 'desktop-waiting-light');
+  await unheard.tell('resume');
+  await shown(early, '#pill', /^Live$/);
+});
 await check('the pages raised no error and asked no other host', async () => assert.deepEqual(complaints, []));
 
 await browser.close();
-server.stdin.end('quit\n');
-await once(server, 'exit');
+await stop();
+await unheard.stop();
 console.log(`${checks} checks held, ${failed} failed`);
 process.exit(failed ? 1 : 0);

@@ -1,5 +1,5 @@
 // The tracking page with a scripted boat on course T1, without any of the middleware.
-// page_preview [port]: prints "listening on URL", then obeys lines on stdin: silence, resume, receiver off,
+// page_preview [port [empty]]: prints "listening on URL", then obeys lines on stdin: silence, resume, receiver off,
 // receiver on, rough, close (the server stops listening), open, quit. The end of stdin is quit too.
 #include <components/web_server/http_server.hpp>
 #include <components/web_server/track_state.hpp>
@@ -18,6 +18,7 @@
 #include <cstdlib>
 #include <istream>
 #include <numbers>
+#include <string_view>
 
 using namespace std::chrono_literals;
 
@@ -114,12 +115,13 @@ int main(int argc, char** argv) {
         if (event && events) events->publish(*event);
     };
 
-    // An hour and a half of the past, then as time goes.
-    scripted_boat boat(state, wall_clock() - 90min);
-    while (boat.time() < wall_clock() - 4s) boat.step(4s, "xbee", publish);
-    boat.tell_course(publish);
+    // An hour and a half of the past, then as time goes; or a boat that was never heard, until "resume".
+    bool empty = argc > 2 && std::string_view(argv[2]) == "empty";
+    scripted_boat boat(state, wall_clock() - (empty ? 1s : 90min));
+    while (!empty && boat.time() < wall_clock() - 4s) boat.step(4s, "xbee", publish);
+    if (!empty) boat.tell_course(publish);
 
-    bool silent = false;
+    bool silent = empty;
     asio::steady_timer timer(context);
     std::function<void()> tick = [&] {
         timer.expires_after(1s);

@@ -132,6 +132,7 @@ function tick() {
   else if (server === 'lost') lost_since ??= store.heard_server_at ?? store.started_at;
 
   set('age', v.at === null ? '–' : v.past ? u.clock(v.at) : `${u.duration(now - v.at)} ago`);
+  set('h-position', v.past ? 'Position then' : 'Last position');
   const time = $('fix-time');
   set('fix-time', v.at === null ? 'No position received yet' : v.past ? `${u.day(v.at)}, ${u.zone_name()} · shown from the track` : `at ${u.moment(v.at, now)}`);
   if (v.at !== null) time.dateTime = new Date(v.at).toISOString(); else time.removeAttribute('datetime');
