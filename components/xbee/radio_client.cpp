@@ -170,12 +170,16 @@ void radio_client::on_time(instant now) {
 instant radio_client::next_event() const {
     instant next = std::min(gap_due_, phase_due_);
     bool held = false;
+    std::size_t sends = 0;
     for (auto& r : waiting_) {
         next = std::min(next, r.deadline);
         held |= r.is_send();
     }
-    for (auto& p : pending_) next = std::min(next, p.second.deadline);
-    if (phase_ == phase::ready && held && pause_ > 0ns) next = std::min(next, hold_until_);
+    for (auto& p : pending_) {
+        next = std::min(next, p.second.deadline);
+        sends += p.second.is_send() ? 1 : 0;
+    }
+    if (phase_ == phase::ready && held && sends < options_.window) next = std::min(next, hold_until_);
     return next;
 }
 
@@ -246,6 +250,7 @@ void radio_client::settle(instant now, std::uint8_t frame_id, const frame& answe
         }
     } else {
         pause_ = 0ns;
+        hold_until_ = now;
     }
     send_outcome out;
     out.id = r.id;
