@@ -245,7 +245,8 @@ void radio_client::settle(instant now, std::uint8_t frame_id, const frame& answe
         if (now >= hold_until_) pause_ = std::min(longest_pause, std::max(shortest_pause, 2 * pause_)); // once for a whole window
         hold_until_ = now + pause_;
         if (hold_until_ < r.deadline && waiting_.size() < options_.max_queued + options_.window) {
-            waiting_.push_front(std::move(r));
+            auto place = std::find_if(waiting_.begin(), waiting_.end(), [&](auto& w) { return w.id > r.id; }); // order of asking
+            waiting_.insert(place, std::move(r));
             return;
         }
     } else {

@@ -166,6 +166,7 @@ TEST_CASE("transmissions that the modem turns away are tried again after a pause
     REQUIRE(got.size() == 12);
     CHECK(std::all_of(got.begin(), got.end(), [](auto& o) { return o.delivered; }));
     CHECK(a.client.counters().delayed > 0);
+    CHECK(sky.stations[1]->all<packet_received>().size() == 12);
 }
 
 TEST_CASE("a full queue and a payload too large are refused, stopping ends every request") {
