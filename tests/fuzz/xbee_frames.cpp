@@ -1,5 +1,6 @@
 // link: atirma_xbee
 // Bytes of a serial line into the XBee decoder, in pieces; what it accepts must survive a round trip.
+// link: atirma_xbee
 #include <components/xbee/decoder.hpp>
 
 #include <algorithm>
