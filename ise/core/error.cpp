@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <cerrno>
+
 namespace ise {
 
 std::string_view name_of(errc code) noexcept {
@@ -53,7 +55,8 @@ const std::error_category& error_category() noexcept {
 std::error_code make_error_code(errc code) noexcept { return {static_cast<int>(code), error_category()}; }
 
 failure io_failure(std::string_view what, const std::error_code& cause) {
-    auto code = cause == std::errc::address_in_use ? errc::address_in_use : errc::io_failed;
+    // By number: Asio's own category does not compare equal to std::errc.
+    auto code = cause.value() == EADDRINUSE ? errc::address_in_use : errc::io_failed;
     return failure(code, fmt::format("{}: {}", what, cause.message()));
 }
 

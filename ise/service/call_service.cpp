@@ -25,7 +25,8 @@ task<bool> call_worker::next() {
 void call_worker::begin(incoming_call call) {
     call_ = std::move(call);
     busy_ = true;
-    context_.caller = call_.from->peer_name();
+    caller_ = call_.from;
+    context_.caller = caller_->peer_name();
     context_.deadline = call_.deadline;
     context_.trace = call_.trace;
     deadline_.arm(call_.deadline);
@@ -35,6 +36,7 @@ void call_worker::begin(incoming_call call) {
 incoming_call call_worker::finish() {
     deadline_.disarm();
     busy_ = false;
+    caller_.reset();
     return std::exchange(call_, {});
 }
 
@@ -103,7 +105,7 @@ bool call_service::begin(incoming_call& call, bytes_view request) {
     if (waiting_.size() >= options_.waiting) return false;
     workers_.push_back(make_worker());
     auto& worker = *workers_.back();
-    auto body = [](std::shared_ptr<call_service> keep, call_worker& who) -> task<> {
+    auto body = []([[maybe_unused]] std::shared_ptr<call_service> keep, call_worker& who) -> task<> {
         co_await who.run();
         who.cancel_ = nullptr;
     };

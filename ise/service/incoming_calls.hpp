@@ -64,6 +64,7 @@ private:
     timer deadline_;
     incoming_call call_;
     call_context context_;
+    std::shared_ptr<session> caller_; // context_ borrows its name
     bool busy_ = false;
 };
 

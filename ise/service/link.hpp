@@ -1,7 +1,9 @@
 #pragma once
 #include <ise/core/function_ref.hpp>
 #include <ise/core/endpoint.hpp>
+#include <ise/core/task.hpp>
 #include <ise/core/waiter.hpp>
+#include <ise/service/back_off.hpp>
 #include <ise/service/pending_call.hpp>
 #include <ise/wire/messages.hpp>
 
@@ -86,7 +88,8 @@ private:
     std::list<pending_call*> waiting_;
     std::vector<subscriber_core*> subscribers_;
     std::vector<waiter<>*> arrivals_;
-    waiter<> ended_; // the maintaining coroutine waits here while a session lives
+    back_off pause_;
+    time_point since_{}; // the present session began
     int connectors_ = 0;
     bool maintaining_ = false;
     bool peer_only_ = false;

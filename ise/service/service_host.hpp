@@ -9,7 +9,6 @@
 
 #include <map>
 #include <memory>
-#include <set>
 #include <string>
 
 namespace ise {
@@ -72,7 +71,7 @@ public:
     /// Runs a fresh connection as a session.
     std::shared_ptr<session> run(std::shared_ptr<net::connection> connection, std::weak_ptr<link> owner);
     void forget(session& ended);
-    const std::set<session*>& sessions() const noexcept { return sessions_; }
+    const std::map<session*, std::shared_ptr<session>>& sessions() const noexcept { return sessions_; }
     /// A hello of ours.
     wire::hello greeting() const;
 
@@ -98,7 +97,7 @@ private:
     std::shared_ptr<ise::resolver> resolver_;
     std::vector<std::shared_ptr<listener>> listeners_;
     std::map<std::string, std::weak_ptr<link>> links_;
-    std::set<session*> sessions_;
+    std::map<session*, std::shared_ptr<session>> sessions_;
     std::size_t handshakes_ = 0;
     bool stopping_ = false;
 };

@@ -41,6 +41,10 @@ public:
     void reply(std::uint64_t id, function_ref<void(buffer&)> write_response) { incoming_.reply(id, write_response); }
     void refuse(std::uint64_t id, const failure& why) { incoming_.refuse(id, why); }
 
+    /// Tells a subscriber of ours that its subscription is over.
+    void refuse_subscription(std::uint64_t subscription, const failure& why);
+    void end_provided(std::uint64_t subscription, const failure& why);
+
     void subscribe(subscriber_core& subscriber);
     void unsubscribe(subscriber_core& subscriber);
     /// Grants more packets to the provider.

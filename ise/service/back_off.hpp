@@ -1,0 +1,29 @@
+#pragma once
+#include <ise/core/environment.hpp>
+
+#include <algorithm>
+
+namespace ise {
+
+/// How long to wait before the next try: doubles up to a limit, with jitter, so that the clients of one restarted
+/// provider do not come back all at once.
+class back_off {
+public:
+    back_off(environment& env, duration first, duration longest) : env_(env), first_(first), longest_(longest), next_(first) {}
+
+    duration next() {
+        auto base = std::exchange(next_, std::min(next_ * 2, longest_));
+        // Between half of it and all of it.
+        auto spread = static_cast<std::uint64_t>(base.count() / 2) + 1;
+        return duration(base.count() / 2 + static_cast<std::int64_t>(env_.random() % spread));
+    }
+    void reset() noexcept { next_ = first_; }
+
+private:
+    environment& env_;
+    duration first_;
+    duration longest_;
+    duration next_;
+};
+
+} // namespace ise

@@ -1,0 +1,70 @@
+#include <ise/service/dispatcher.hpp>
+
+#include <ise/service/publication_core.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace ise {
+
+result<void> dispatcher::check_name(const std::string& name) const {
+    bool good = !name.empty() && name.size() <= 200 && std::ranges::all_of(name, [](unsigned char letter) {
+        return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') || (letter >= '0' && letter <= '9') ||
+               letter == '_' || letter == '.' || letter == '-' || letter == '/';
+    });
+    if (!good) return failure(errc::invalid_argument, fmt::format("'{}' is no name of a service: letters, digits, '_', '.', '-' and '/'", name));
+    if (calls_.contains(name) || publications_.contains(name))
+        return failure(errc::invalid_argument, fmt::format("the service '{}' is provided already", name));
+    return {};
+}
+
+result<void> dispatcher::add(std::shared_ptr<call_service> service) {
+    auto good = check_name(service->name());
+    if (good) calls_.emplace(service->name(), std::move(service));
+    return good;
+}
+
+result<void> dispatcher::add(std::shared_ptr<publication_core> publication) {
+    auto good = check_name(publication->name());
+    if (good) publications_.emplace(publication->name(), std::move(publication));
+    return good;
+}
+
+void dispatcher::remove(const std::string& name) {
+    if (auto found = calls_.find(name); found != calls_.end()) {
+        found->second->stop();
+        calls_.erase(found);
+    }
+    if (auto found = publications_.find(name); found != publications_.end()) {
+        found->second->stop(failure(errc::no_such_service, fmt::format("'{}' is not published any more", name)));
+        publications_.erase(found);
+    }
+}
+
+void dispatcher::declare_required(const std::string& name, const packet_types& types) { required_.emplace(name, &types); }
+
+std::shared_ptr<call_service> dispatcher::find_calls(std::string_view name) const {
+    auto found = calls_.find(name);
+    return found == calls_.end() ? nullptr : found->second;
+}
+
+std::shared_ptr<publication_core> dispatcher::find_publication(std::string_view name) const {
+    auto found = publications_.find(name);
+    return found == publications_.end() ? nullptr : found->second;
+}
+
+std::vector<service_description> dispatcher::describe() const {
+    std::vector<service_description> all;
+    for (const auto& [name, service] : calls_) all.push_back({name, service_kind::request_response, true, &service->types()});
+    for (const auto& [name, publication] : publications_) all.push_back({name, service_kind::subscription, true, &publication->types()});
+    for (const auto& [name, types] : required_) all.push_back({name, types->kind, false, types});
+    return all;
+}
+
+void dispatcher::stop() {
+    for (auto& [name, service] : calls_) service->stop();
+    for (auto& [name, publication] : publications_) publication->stop(failure(errc::cancelled, "the provider stops"));
+}
+
+} // namespace ise

@@ -1,0 +1,158 @@
+#pragma once
+#include <ise/core/bytes.hpp>
+#include <ise/core/result.hpp>
+#include <ise/core/task.hpp>
+#include <ise/core/waiter.hpp>
+#include <ise/net/outbox.hpp>
+#include <ise/packet/adapt.hpp>
+#include <ise/service/contract.hpp>
+#include <ise/wire/messages.hpp>
+
+#include <deque>
+#include <functional>
+#include <list>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace ise {
+
+class service_host;
+class session;
+class publication_core;
+class provided_subscriptions;
+
+/// Who subscribed, as the provider's callbacks see it.
+struct subscriber_info {
+    std::string peer;          ///< its path, or its address
+    std::uint64_t number = 0;  ///< of this subscriber within the publication
+};
+
+/// One subscriber at the provider: its queue, its policy, and the session it is reached over, if any.
+class provided_subscription final : public net::publication_source {
+public:
+    provided_subscription(publication_core& of, const wire::subscribe& terms, std::uint64_t number);
+    ~provided_subscription();
+
+    void attach(session& over, std::uint64_t id);
+    /// The session is gone; packets go on being kept by the policy until it comes back or the linger is over.
+    void detach();
+    bool attached() const noexcept { return session_ != nullptr; }
+
+    void offer(std::uint64_t sequence, const std::shared_ptr<const bytes>& packet, time_point now);
+    void grant(std::uint64_t total);
+    bool has_room() const noexcept;
+    bool take(net::outbox& out, std::size_t quantum) override;
+
+    const wire::ticket& ticket() const noexcept { return ticket_; }
+    std::uint64_t id() const noexcept { return id_; }
+    session* over() const noexcept { return session_; }
+    const subscriber_info& info() const noexcept { return info_; }
+    std::uint64_t dropped() const noexcept { return dropped_; }
+    std::size_t queued() const noexcept { return queue_.size(); }
+
+private:
+    friend class publication_core;
+    struct item {
+        std::uint64_t sequence;
+        std::uint32_t skipped;
+        std::shared_ptr<const bytes> packet;
+    };
+    void wake();
+    bool may_send() const noexcept;
+
+    publication_core& publication_;
+    session* session_ = nullptr;
+    std::uint64_t id_ = 0;
+    wire::ticket ticket_{};
+    wire::overflow policy_;
+    std::size_t depth_;
+    std::uint64_t credit_;     // lossless: total granted
+    duration min_interval_;
+    std::deque<item> queue_;
+    std::size_t queue_bytes_ = 0;
+    std::uint64_t sent_ = 0;
+    std::uint64_t dropped_ = 0;
+    std::uint32_t skipped_ = 0; // since the last packet that was queued
+    time_point next_allowed_{};
+    subscriber_info info_;
+    std::unique_ptr<timer> linger_;
+};
+
+/// One provided subscription service, without its types: numbers packets, keeps the last one, and gives each
+/// subscriber what its policy says. A packet is encoded once, however many subscribe.
+class publication_core {
+public:
+    publication_core(service_host& host, std::string name, const packet_types& types);
+    ~publication_core();
+
+    const std::string& name() const noexcept { return name_; }
+    const packet_types& types() const noexcept { return types_; }
+    service_host& host() noexcept { return host_; }
+
+    /// Publishes to all subscribers; never blocks.
+    void publish(std::shared_ptr<const bytes> packet);
+    /// Whether every lossless subscriber has room for one more packet.
+    bool has_room() const noexcept;
+    /// Waits until it has.
+    task<> wait_for_room();
+
+    std::size_t subscribers() const noexcept { return all_.size(); }
+    std::uint64_t published() const noexcept { return sequence_; }
+
+    /// Decides over a subscriber; gives the encoded response.
+    using acceptor = std::function<result<bytes>(bytes_view request, const adapter* adapt, const subscriber_info&)>;
+    using remover = std::function<bytes(bytes_view request, const adapter* adapt, const subscriber_info&)>;
+    acceptor accept;
+    remover removed;
+
+    /// Ends all subscriptions: the service is withdrawn.
+    void stop(const failure& why);
+
+private:
+    friend class provided_subscriptions;
+    friend class provided_subscription;
+    result<provided_subscription*> subscribe(session& from, const wire::subscribe& terms, const adapter* adapt, wire::subscribed& answer);
+    bytes unsubscribe(provided_subscription& who, bytes_view request, const adapter* adapt);
+    void end(provided_subscription& who, const failure& why);
+    void vanish(provided_subscription& who);
+    void room_made();
+
+    service_host& host_;
+    std::string name_;
+    const packet_types& types_;
+    std::list<provided_subscription> all_;
+    std::shared_ptr<const bytes> last_;
+    std::uint64_t sequence_ = 0; // of the last packet published; the first has 1
+    std::uint64_t next_number_ = 1;
+    waiter<> room_;
+    std::size_t lossless_ = 0;
+};
+
+/// The subscriptions of one session's peer.
+class provided_subscriptions {
+public:
+    explicit provided_subscriptions(session& owner) : session_(owner) {}
+
+    result<void> on_subscribe(const wire::frame& received);
+    result<void> on_unsubscribe(const wire::frame& received);
+    result<void> on_credit(const wire::frame& received);
+    void on_session_end();
+    void forget(std::uint64_t id) { by_id_.erase(id); }
+    std::size_t size() const noexcept { return by_id_.size(); }
+
+private:
+    struct entry {
+        std::shared_ptr<publication_core> publication;
+        provided_subscription* who = nullptr; // null while schemas are compared
+        std::unique_ptr<adapter> unsubscribe;
+    };
+    void admit(std::uint64_t id, wire::subscribe terms, const std::vector<schema>* theirs);
+    void refuse(std::uint64_t id, const failure& why);
+
+    session& session_;
+    std::map<std::uint64_t, entry> by_id_;
+};
+
+} // namespace ise

@@ -1,0 +1,316 @@
+#include <ise/service/session.hpp>
+
+#include <ise/packet/codec.hpp>
+#include <ise/packet/compatibility.hpp>
+#include <ise/service/link.hpp>
+#include <ise/service/publication_core.hpp>
+#include <ise/service/service_host.hpp>
+#include <ise/service/subscriber_core.hpp>
+#include <ise/wire/body.hpp>
+
+#include <fmt/format.h>
+
+namespace ise {
+namespace {
+
+using wire::frame_type;
+
+std::uint64_t call_id(std::uint32_t slot, std::uint32_t generation) noexcept {
+    return static_cast<std::uint64_t>(generation) << 32 | slot;
+}
+
+} // namespace
+
+session::session(service_host& host, std::shared_ptr<net::connection> connection, std::weak_ptr<link> owner)
+    : host_(host), connection_(std::move(connection)), owner_(std::move(owner)), schemas_(host.schemas(), *connection_),
+      incoming_(*this), provided_(std::make_unique<provided_subscriptions>(*this)) {}
+
+session::~session() = default;
+
+void session::start() { connection_->start(host_.scope(), weak_from_this()); }
+
+result<void> session::on_frame(const wire::frame& received) {
+    switch (received.header.type) {
+        case frame_type::request: return incoming_.on_request(received);
+        case frame_type::reply: return on_reply(received);
+        case frame_type::error: return on_error(received);
+        case frame_type::cancel: incoming_.on_cancel(received.header.id); return {};
+        case frame_type::subscribe: return provided_->on_subscribe(received);
+        case frame_type::subscribed: return on_subscribed(received);
+        case frame_type::packet: return on_packet(received);
+        case frame_type::unsubscribe: return provided_->on_unsubscribe(received);
+        case frame_type::unsubscribed: return {}; // its subscriber has left already
+        case frame_type::ended: return on_ended(received);
+        case frame_type::credit: return provided_->on_credit(received);
+        case frame_type::schema_request: return schemas_.on_request(received.body);
+        case frame_type::schema: return schemas_.on_answer(received.body);
+        case frame_type::hello:
+        case frame_type::welcome:
+        case frame_type::reject:
+            return failure(errc::protocol_error, fmt::format("'{}' came in the middle of a session", wire::name_of(received.header.type)));
+        default: return {}; // of a later version: passed over, as FORMAT.md says
+    }
+}
+
+// --- calls of this side ---------------------------------------------------------------------------------------
+
+std::uint32_t session::number_of(const pending_call& call) {
+    for (std::size_t number = 0; number < introduced_.size(); ++number)
+        if (introduced_[number]->types == call.types && introduced_[number]->name == call.service) return static_cast<std::uint32_t>(number);
+    auto made = std::make_unique<introduced>();
+    made->name = call.service;
+    made->types = call.types;
+    introduced_.push_back(std::move(made));
+    host_.schemas().add_own(*call.types);
+    return static_cast<std::uint32_t>(introduced_.size() - 1);
+}
+
+bool session::send(pending_call& call, function_ref<void(buffer&)> write_request) {
+    if (free_slots_.empty()) {
+        auto most = std::min(connection_->terms().peer_accepts.max_calls, 1u << 20);
+        if (slots_.size() >= most) return false;
+        slots_.emplace_back();
+        free_slots_.push_back(static_cast<std::uint32_t>(slots_.size() - 1));
+    }
+    std::uint32_t number = number_of(call);
+    auto& service = *introduced_[number];
+    std::uint32_t at = free_slots_.back();
+    call.id = call_id(at, slots_[at].generation);
+
+    std::uint8_t flags = 0;
+    if (!service.told) flags |= wire::flag::introduces;
+    if (call.trace.trace) flags |= wire::flag::traced;
+    auto& out = connection_->out().begin_call();
+    std::size_t start = out.size();
+    try {
+        wire::put_frame(out, frame_type::request, flags, call.id, [&](buffer& body) {
+            body.append(number);
+            body.append(static_cast<std::int64_t>(call.deadline.time_since_epoch().count())); // becomes what remains (outbox)
+            if (!service.told) {
+                wire::introduction told;
+                told.service = service.name;
+                told.fingerprints = service.types->fingerprints;
+                auto length_at = body.size();
+                body.append(std::uint32_t{0});
+                encode(told, body);
+                body.patch_u32(length_at, static_cast<std::uint32_t>(body.size() - length_at - 4));
+            }
+            if (call.trace.trace) {
+                body.append(call.trace.trace);
+                body.append(call.trace.parent);
+            }
+            write_request(body);
+        });
+    } catch (...) {
+        out.truncate(start);
+        throw;
+    }
+    service.told = true;
+    free_slots_.pop_back();
+    slots_[at].call = &call;
+    slots_[at].service = number;
+    call.sent_on = this;
+    connection_->out().end_call();
+    connection_->written();
+    return true;
+}
+
+void session::abandon(pending_call& call) {
+    take_slot(call.id);
+    if (!connection_->open()) return;
+    connection_->out().withdraw(call.id);
+    wire::put_frame(connection_->out().control(), frame_type::cancel, 0, call.id, [](buffer&) {});
+    connection_->written();
+}
+
+pending_call* session::take_slot(std::uint64_t id, std::uint32_t* service) {
+    auto at = static_cast<std::uint32_t>(id);
+    if (at >= slots_.size() || !slots_[at].call || call_id(at, slots_[at].generation) != id) return nullptr;
+    if (service) *service = slots_[at].service;
+    ++slots_[at].generation;
+    free_slots_.push_back(at);
+    return std::exchange(slots_[at].call, nullptr);
+}
+
+result<void> session::on_reply(const wire::frame& received) {
+    auto at = static_cast<std::uint32_t>(received.header.id);
+    bytes_view response = received.body;
+    std::uint64_t fingerprint = 0;
+    if (received.header.flags & wire::flag::introduces) {
+        if (response.size() < 8) return failure(errc::protocol_error, "a reply came with half an introduction");
+        fingerprint = detail::load_little<std::uint64_t>(response.data());
+        response = response.subspan(8);
+    }
+    if (at >= slots_.size() || !slots_[at].call || call_id(at, slots_[at].generation) != received.header.id) {
+        ++host_.calls().late_replies;
+        if (fingerprint && at < slots_.size()) learn_response(slots_[at].service, fingerprint);
+        return {};
+    }
+    auto number = slots_[at].service;
+    auto& service = *introduced_[number];
+    if (fingerprint && !service.response) learn_response(number, fingerprint);
+    if (service.adapting) {
+        if (service.held.size() >= 1024) return failure(errc::overloaded, "too many replies wait for a schema");
+        service.held.emplace_back(received.header.id, bytes(response.begin(), response.end()));
+        return {};
+    }
+    complete(received.header.id, service, response);
+    return {};
+}
+
+void session::learn_response(std::uint32_t number, std::uint64_t fingerprint) {
+    auto& service = *introduced_[number];
+    const auto& ours = service.types->schemas[role::response];
+    if (service.adapting || service.response || fingerprint == ours.fingerprint()) return;
+    service.adapting = true;
+    auto release = [this, number](const failure* problem) {
+        auto& waited = *introduced_[number];
+        waited.adapting = false;
+        for (auto& [id, response] : std::exchange(waited.held, {})) {
+            if (!problem) {
+                complete(id, waited, response);
+            } else if (auto* call = take_slot(id)) {
+                host_.calls().fail(*call, failure(problem->code(), fmt::format("the response of '{}' from {}: {}", waited.name, peer_name(), problem->message()), execution::unknown));
+            }
+        }
+    };
+    schemas_.need({fingerprint},
+        [this, number, release](const std::vector<schema>& theirs) {
+            auto& waited = *introduced_[number];
+            try {
+                waited.response = std::make_unique<adapter>(theirs[0], waited.types->schemas[role::response]);
+                release(nullptr);
+            } catch (const error& incompatible) {
+                release(&incompatible.why());
+            }
+        },
+        [release](const failure& why) { release(&why); });
+}
+
+void session::complete(std::uint64_t id, introduced& service, bytes_view response) {
+    auto* call = take_slot(id);
+    if (!call) {
+        ++host_.calls().late_replies;
+        return;
+    }
+    call_outcome outcome;
+    outcome.response = response;
+    outcome.adapt = service.response.get();
+    host_.calls().end(*call, outcome);
+}
+
+result<void> session::on_error(const wire::frame& received) {
+    auto told = wire::read_body<wire::call_failure>(received.body);
+    if (!told) return told.error();
+    auto* call = take_slot(received.header.id);
+    if (!call) {
+        ++host_.calls().late_replies;
+        return {};
+    }
+    auto state = told->execution == 0 ? execution::not_executed : execution::unknown;
+    auto text = fmt::format("'{}' at {}: {}", call->service, peer_name(), told->reason);
+    host_.calls().fail(*call, failure(static_cast<errc>(told->code), std::move(text), state));
+    return {};
+}
+
+// --- subscriptions of this side -------------------------------------------------------------------------------
+
+void session::subscribe(subscriber_core& subscriber) {
+    auto id = next_subscription_++;
+    auto terms = subscriber.terms();
+    host_.schemas().add_own(subscriber.types());
+    subscribers_.emplace(id, &subscriber);
+    subscriber.on_sent(*this, id);
+    wire::put_frame(connection_->out().begin_call(), frame_type::subscribe, 0, id, [&](buffer& body) { encode(terms, body); });
+    connection_->out().end_call();
+    connection_->written();
+}
+
+void session::unsubscribe(subscriber_core& subscriber) {
+    if (subscribers_.erase(subscriber.id()) == 0 || !connection_->open()) return;
+    auto request = encode(nothing{});
+    wire::put_frame(connection_->out().begin_call(), frame_type::unsubscribe, 0, subscriber.id(), [&](buffer& body) { body.append(bytes_view(request)); });
+    connection_->out().end_call();
+    connection_->written();
+}
+
+void session::grant(const subscriber_core& subscriber, std::uint64_t total) {
+    if (!connection_->open()) return;
+    wire::put_frame(connection_->out().control(), frame_type::credit, 0, subscriber.id(), [&](buffer& body) { body.append(total); });
+    connection_->written();
+}
+
+result<void> session::on_subscribed(const wire::frame& received) {
+    auto answer = wire::read_body<wire::subscribed>(received.body);
+    if (!answer) return answer.error();
+    auto found = subscribers_.find(received.header.id);
+    if (found == subscribers_.end()) return {}; // left meanwhile; the unsubscribe is on its way
+    return found->second->on_subscribed(std::move(*answer));
+}
+
+result<void> session::on_packet(const wire::frame& received) {
+    bytes_view body = received.body;
+    bool skipped = received.header.flags & wire::flag::skipped;
+    if (body.size() < (skipped ? 12u : 8u)) return failure(errc::protocol_error, "a packet came without its sequence");
+    auto sequence = detail::load_little<std::uint64_t>(body.data());
+    auto left_out = skipped ? detail::load_little<std::uint32_t>(body.data() + 8) : 0;
+    auto found = subscribers_.find(received.header.id);
+    if (found == subscribers_.end()) return {};
+    return found->second->on_packet(sequence, left_out, body.subspan(skipped ? 12 : 8));
+}
+
+result<void> session::on_ended(const wire::frame& received) {
+    auto why = wire::read_body<wire::farewell>(received.body);
+    if (!why) return why.error();
+    auto found = subscribers_.find(received.header.id);
+    if (found == subscribers_.end()) return {};
+    auto* subscriber = found->second;
+    subscribers_.erase(found);
+    subscriber->on_ended(failure(static_cast<errc>(why->code), fmt::format("'{}' at {}: {}", subscriber->service(), peer_name(), why->reason)));
+    return {};
+}
+
+void session::refuse_subscription(std::uint64_t subscription, const failure& why) { end_provided(subscription, why); }
+
+void session::end_provided(std::uint64_t subscription, const failure& why) {
+    provided_->forget(subscription);
+    if (!connection_->open()) return;
+    wire::farewell told;
+    told.code = static_cast<std::uint8_t>(why.code());
+    told.reason = why.message();
+    wire::put_frame(connection_->out().begin_call(), frame_type::ended, 0, subscription, [&](buffer& body) { encode(told, body); });
+    connection_->out().end_call();
+    connection_->written();
+}
+
+// --- the end ---------------------------------------------------------------------------------------------------
+
+void session::on_closed(const failure& cause) {
+    auto self = shared_from_this();
+    auto owner = owner_.lock();
+    // Requests of which no byte was written go on waiting; the others may have run.
+    if (owner) {
+        connection_->out().take_unwritten([&](std::uint64_t id, const wire::frame_header& header, bytes_view body) {
+            std::uint32_t number = 0;
+            auto* call = take_slot(id, &number);
+            if (!call) return;
+            body = body.subspan(12);
+            if (header.flags & wire::flag::introduces) body = body.subspan(4 + detail::load_little<std::uint32_t>(body.data()));
+            if (header.flags & wire::flag::traced) body = body.subspan(16);
+            owner->requeue(*call, body);
+        });
+    }
+    for (std::size_t at = 0; at < slots_.size(); ++at) {
+        auto* call = slots_[at].call;
+        if (!call) continue;
+        take_slot(call->id);
+        host_.calls().fail(*call, failure(errc::peer_lost, fmt::format("'{}': the session ended before the answer: {}", call->service, cause.message()), execution::unknown));
+    }
+    for (auto& [id, subscriber] : std::exchange(subscribers_, {})) subscriber->on_session_end(cause);
+    incoming_.on_session_end();
+    provided_->on_session_end();
+    if (owner) owner->on_session_end(*this, cause);
+    host_.forget(*this);
+}
+
+} // namespace ise

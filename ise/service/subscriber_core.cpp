@@ -1,0 +1,236 @@
+#include <ise/service/subscriber_core.hpp>
+
+#include <ise/packet/compatibility.hpp>
+#include <ise/service/service_host.hpp>
+#include <ise/service/session.hpp>
+
+#include <fmt/format.h>
+
+namespace ise {
+
+subscribe_options subscribe_options::latest() {
+    subscribe_options made;
+    made.policy = overflow::keep_latest;
+    made.depth = 1;
+    return made;
+}
+
+subscribe_options subscribe_options::last(std::uint32_t depth) {
+    subscribe_options made;
+    made.depth = depth;
+    return made;
+}
+
+subscribe_options subscribe_options::lossless(std::uint32_t depth) {
+    subscribe_options made;
+    made.policy = overflow::lossless;
+    made.depth = depth;
+    return made;
+}
+
+subscriber_core::subscriber_core(std::shared_ptr<link> to, std::string service, const packet_types& types, subscribe_options options, bytes request)
+    : on_(to->host().on()), link_(std::move(to)), options_(options), service_(std::move(service)), types_(types), request_(std::move(request)),
+      packet_(on_, [this] { packet_.resume(); }), answer_(on_, [this] { answer_.resume(); }) {
+    if (options_.depth == 0) options_.depth = 1;
+}
+
+subscriber_core::~subscriber_core() = default;
+
+std::size_t subscriber_core::capacity() const noexcept { return options_.policy == overflow::keep_latest ? 1 : options_.depth; }
+
+task<result<void>> subscriber_core::begin() {
+    auto limit = options_.deadline > duration{} ? options_.deadline : link_->host().options().default_deadline;
+    bool late = false;
+    timer deadline(on_, [&] {
+        late = true;
+        answer_.resume();
+    });
+    deadline.arm(saturating_add(on_.now(), limit));
+    link_->attach(*this);
+    if (!established_ && !refused_) co_await answer_.wait();
+    started_ = true;
+    if (established_) co_return result<void>();
+    auto why = refused_ ? *refused_
+               : late   ? failure(errc::timed_out, fmt::format("'{}' at {} was not subscribed to in time{}{}", service_, link_->name(),
+                                                             link_->obstacle().empty() ? "" : ": ", link_->obstacle()))
+                        : failure(errc::cancelled, fmt::format("subscribing to '{}' was cancelled", service_));
+    leave();
+    co_return why;
+}
+
+void subscriber_core::leave() {
+    if (session_) session_->unsubscribe(*this);
+    session_ = nullptr;
+    established_ = false;
+    link_->detach(*this);
+    if (!ended_) finish(failure(errc::cancelled, fmt::format("the subscription to '{}' was left", service_)));
+}
+
+void subscriber_core::finish(failure why) {
+    ended_ = std::move(why);
+    packet_.resume();
+    answer_.resume();
+}
+
+wire::subscribe subscriber_core::terms() const {
+    wire::subscribe made;
+    made.service.service = service_;
+    made.service.fingerprints = types_.fingerprints;
+    made.policy = options_.policy;
+    made.depth = static_cast<std::uint32_t>(capacity());
+    made.credit = capacity() - std::min(queued(), capacity());
+    made.min_interval_ns = static_cast<std::uint64_t>(std::max<std::int64_t>(0, options_.min_interval.count()));
+    made.last_value = options_.last_value;
+    if (resume_) {
+        made.resume.push_back(*resume_);
+        made.resume.back().next_sequence = next_sequence_;
+    }
+    made.request.assign(reinterpret_cast<const std::uint8_t*>(request_.data()), reinterpret_cast<const std::uint8_t*>(request_.data()) + request_.size());
+    return made;
+}
+
+void subscriber_core::on_sent(session& over, std::uint64_t id) {
+    session_ = &over;
+    id_ = id;
+    consumed_ = 0;
+    granted_ = granted_at_first_ = capacity() - std::min(queued(), capacity()); // as terms() said
+    held_.clear();
+    comparing_ = false;
+}
+
+result<void> subscriber_core::on_subscribed(wire::subscribed answer) {
+    if (established_ || comparing_) return failure(errc::protocol_error, "a subscription was answered twice");
+    if (answer.fingerprints.size() != types_.fingerprints.size()) return failure(errc::protocol_error, "a subscription was answered with the packets of another kind");
+    if (answer.fingerprints == types_.fingerprints) {
+        adapter_.reset();
+        establish(answer);
+        return {};
+    }
+    comparing_ = true;
+    auto shared = std::make_shared<wire::subscribed>(std::move(answer));
+    auto id = id_;
+    auto refuse = [this, id](const failure& why) {
+        if (id != id_ || !session_) return;
+        session_->unsubscribe(*this);
+        session_ = nullptr;
+        on_refused(failure(errc::type_mismatch, fmt::format("'{}' at {}: {}", service_, link_->name(), why.message())));
+    };
+    session_->schemas().need(
+        {shared->fingerprints[role::subscribe_response], shared->fingerprints[role::published]},
+        [this, id, shared, refuse](const std::vector<schema>& theirs) {
+            if (id != id_ || !session_) return;
+            try {
+                adapter response(theirs[0], types_.schemas[role::subscribe_response]);
+                auto adapted = response(std::as_bytes(std::span(shared->response)));
+                shared->response.assign(reinterpret_cast<const std::uint8_t*>(adapted.data()), reinterpret_cast<const std::uint8_t*>(adapted.data()) + adapted.size());
+                adapter_ = std::make_unique<adapter>(theirs[1], types_.schemas[role::published]);
+                if (adapter_->is_identity()) adapter_.reset();
+            } catch (const error& incompatible) {
+                refuse(incompatible.why());
+                return;
+            }
+            establish(*shared);
+        },
+        refuse);
+    return {};
+}
+
+void subscriber_core::establish(const wire::subscribed& answer) {
+    bool again = resume_.has_value();
+    if (answer.resumed) {
+        ++counts_.resumed;
+    } else {
+        if (again) {
+            ++counts_.restarts;
+            lost_before_ = unknown_gap;
+        }
+        next_sequence_ = answer.first_sequence;
+    }
+    wire::resumption point;
+    point.ticket = answer.ticket;
+    point.incarnation = answer.incarnation;
+    resume_ = point;
+    comparing_ = false;
+    established_ = true;
+    try {
+        take_response(std::as_bytes(std::span(answer.response)));
+    } catch (const error& unreadable) {
+        on_refused(unreadable.why());
+        return;
+    }
+    answer_.resume();
+    for (auto& [sequence, skipped, packet] : std::exchange(held_, {})) [[maybe_unused]] auto taken = on_packet(sequence, skipped, packet);
+}
+
+void subscriber_core::on_refused(const failure& why) {
+    established_ = false;
+    refused_ = why;
+    link_->detach(*this);
+    finish(why);
+}
+
+void subscriber_core::on_ended(const failure& why) {
+    session_ = nullptr;
+    on_refused(why);
+}
+
+void subscriber_core::on_session_end(const failure&) {
+    session_ = nullptr;
+    established_ = false;
+    comparing_ = false;
+    held_.clear();
+    // The link makes a new session and subscribes again.
+}
+
+result<void> subscriber_core::on_packet(std::uint64_t sequence, std::uint32_t skipped, bytes_view packet) {
+    if (!established_) {
+        if (held_.size() >= capacity()) held_.erase(held_.begin());
+        held_.emplace_back(sequence, skipped, bytes(packet.begin(), packet.end()));
+        return {};
+    }
+    if (sequence < next_sequence_) return failure(errc::protocol_error, fmt::format("packet {} of '{}' came after packet {}", sequence, service_, next_sequence_ - 1));
+    std::uint64_t missing = sequence - next_sequence_;
+    std::uint64_t lost = missing > skipped ? missing - skipped : 0;
+    counts_.skipped += std::min<std::uint64_t>(missing, skipped);
+    counts_.lost_at_provider += lost;
+    if (lost_before_ != unknown_gap) lost_before_ += lost;
+    next_sequence_ = sequence + 1;
+
+    if (queued() >= capacity()) {
+        if (options_.policy == overflow::disconnect || options_.policy == overflow::lossless) {
+            // Lossless: the provider sent more than the credit it was given.
+            if (session_) session_->unsubscribe(*this);
+            session_ = nullptr;
+            on_refused(failure(errc::overloaded, fmt::format("{} packets of '{}' were not taken in time", queued(), service_)));
+            return {};
+        }
+        drop_oldest();
+        ++counts_.lost_here;
+        if (lost_before_ != unknown_gap) ++lost_before_;
+    }
+    try {
+        push(packet, adapter_.get(), lost_before_);
+    } catch (const error& unreadable) {
+        ++counts_.undecodable;
+        if (counts_.undecodable == 1) link_->host().log().warning(unreadable.what(), {{"service", service_}, {"peer", link_->name()}});
+        return {};
+    }
+    lost_before_ = 0;
+    ++counts_.received;
+    packet_.resume();
+    return {};
+}
+
+task<> subscriber_core::wait_for_packet() { return packet_.wait(); }
+
+void subscriber_core::taken() {
+    ++consumed_;
+    if (options_.policy != overflow::lossless || !session_) return;
+    // New credit in portions: a frame for every packet would cost as much as the packet.
+    auto allowed = granted_at_first_ + consumed_;
+    if (allowed - granted_ < std::max<std::uint64_t>(1, capacity() / 2)) return;
+    granted_ = allowed;
+    session_->grant(*this, granted_);
+}
+
+} // namespace ise

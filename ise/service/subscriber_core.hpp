@@ -1,0 +1,120 @@
+#pragma once
+#include <ise/core/task.hpp>
+#include <ise/core/waiter.hpp>
+#include <ise/packet/adapt.hpp>
+#include <ise/service/contract.hpp>
+#include <ise/service/link.hpp>
+#include <ise/wire/messages.hpp>
+
+#include <memory>
+#include <optional>
+#include <string>
+
+namespace ise {
+
+using overflow = wire::overflow;
+
+/// What a subscriber asks for.
+struct subscribe_options {
+    /// What happens to packets that the subscriber does not take in time, at either end: only the latest is kept, the
+    /// last `depth` are kept, none is lost (the provider holds back, and ends the subscription beyond `depth`), or the
+    /// subscription ends at the first that would be lost.
+    overflow policy = overflow::keep_last;
+    std::uint32_t depth = 64;
+    duration min_interval{};  ///< rate limit; packets between are skipped, which is no loss
+    bool last_value = true;   ///< the last packet published before comes first
+    duration deadline{};      ///< for the first answer; zero: the component's default
+
+    subscribe_options() = default;
+    static subscribe_options latest();
+    static subscribe_options last(std::uint32_t depth);
+    static subscribe_options lossless(std::uint32_t depth);
+};
+
+/// The length of a gap that nobody can tell: the provider restarted, or did not know us any more.
+inline constexpr std::uint64_t unknown_gap = ~std::uint64_t{0};
+
+/// What became of the packets of a subscription; every drop has its reason.
+struct subscription_counts {
+    std::uint64_t received = 0;
+    std::uint64_t lost_at_provider = 0; ///< dropped there by the policy, or while the link was down
+    std::uint64_t lost_here = 0;        ///< dropped from the queue on this side by the policy
+    std::uint64_t skipped = 0;          ///< left out by the rate limit
+    std::uint64_t undecodable = 0;      ///< bytes that were no such packet
+    std::uint64_t restarts = 0;         ///< gaps of unknown length: the provider restarted or forgot us
+    std::uint64_t resumed = 0;          ///< sessions that went on by ticket
+};
+
+/// One subscription on the subscriber's side, without its types. Lives on its component's loop; held by the user's
+/// subscription object, and known to its link.
+class subscriber_core {
+public:
+    subscriber_core(std::shared_ptr<link> to, std::string service, const packet_types& types, subscribe_options options, bytes request);
+    virtual ~subscriber_core();
+
+    /// Completes when the provider has committed, or refused.
+    task<result<void>> begin();
+    /// Ends it from this side: unsubscribes. Waiting coroutines get the end.
+    void leave();
+
+    const std::string& service() const noexcept { return service_; }
+    const packet_types& types() const noexcept { return types_; }
+    const subscription_counts& counts() const noexcept { return counts_; }
+    bool ended() const noexcept { return ended_.has_value(); }
+    const failure& cause() const noexcept { return *ended_; }
+    /// Whether packets can come now.
+    bool connected() const noexcept { return established_; }
+
+    // For sessions and links.
+    wire::subscribe terms() const;
+    void on_sent(session& over, std::uint64_t id);
+    result<void> on_subscribed(wire::subscribed answer);
+    void on_refused(const failure& why);
+    result<void> on_packet(std::uint64_t sequence, std::uint32_t skipped, bytes_view packet);
+    void on_session_end(const failure& cause);
+    void on_ended(const failure& why);
+    std::uint64_t id() const noexcept { return id_; }
+
+protected:
+    /// Decodes and queues a packet, knowing how many were lost before it. False if the queue was full and one was dropped.
+    virtual void push(bytes_view packet, const adapter* adapt, std::uint64_t lost_before) = 0;
+    virtual std::size_t queued() const noexcept = 0;
+    virtual void drop_oldest() = 0;
+    virtual void take_response(bytes_view response) = 0;
+
+    task<> wait_for_packet();
+    void taken();
+
+    loop& on_;
+    std::shared_ptr<link> link_;
+    subscription_counts counts_;
+    subscribe_options options_;
+
+private:
+    void finish(failure why);
+    void establish(const wire::subscribed& answer);
+    std::size_t capacity() const noexcept;
+
+    std::string service_;
+    const packet_types& types_;
+    bytes request_;
+    std::optional<failure> ended_;
+    std::optional<failure> refused_;
+    waiter<> packet_;
+    waiter<> answer_;
+    std::unique_ptr<adapter> adapter_;
+    session* session_ = nullptr;
+    std::uint64_t id_ = 0;
+    std::optional<wire::resumption> resume_;
+    std::uint64_t next_sequence_ = 0;
+    std::uint64_t lost_before_ = 0;
+    std::uint64_t consumed_ = 0;
+    std::uint64_t granted_ = 0;
+    std::uint64_t granted_at_first_ = 0;
+    bool started_ = false;     // the user waited for the first answer already
+    bool established_ = false;
+    bool comparing_ = false;   // the schema of the published packet was asked for
+    std::vector<std::tuple<std::uint64_t, std::uint32_t, bytes>> held_;
+};
+
+} // namespace ise
