@@ -162,6 +162,14 @@ void call_service::stop() {
     for (auto& worker : workers_) worker->give_up();
 }
 
+call_context call_service::context_of_call(const incoming_call& call) {
+    call_context made;
+    made.caller = call.from->peer_name();
+    made.deadline = call.deadline;
+    made.trace = call.trace;
+    return made;
+}
+
 void call_service::reply(const incoming_call& call, function_ref<void(buffer&)> write_response) { call.from->reply(call.id, write_response); }
 void call_service::refuse(const incoming_call& call, const failure& why) { call.from->refuse(call.id, why); }
 

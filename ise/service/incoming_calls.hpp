@@ -95,6 +95,7 @@ protected:
     /// Answers at once, without a coroutine: for handlers that are plain functions. False: a worker is needed.
     virtual bool serve_now(const incoming_call& call, bytes_view request) = 0;
     virtual std::unique_ptr<call_worker> make_worker() = 0;
+    static call_context context_of_call(const incoming_call& call);
     service_host& host() noexcept { return host_; }
 
 private:

@@ -1,0 +1,146 @@
+#pragma once
+#include <ise/packet/codec.hpp>
+#include <ise/service/incoming_calls.hpp>
+#include <ise/service/service_host.hpp>
+
+#include <asio/this_coro.hpp>
+
+#include <concepts>
+#include <functional>
+#include <memory>
+#include <optional>
+
+namespace ise {
+
+namespace detail {
+
+/// What a handler's exception becomes for the caller.
+failure failure_of(const std::exception_ptr& thrown);
+
+template <class Request>
+Request decode_request(bytes_view raw, const adapter* adapt) {
+    if (adapt) return decode<Request>((*adapt)(raw));
+    return decode<Request>(raw);
+}
+
+/// A handler that is a coroutine: `task<Response>(Request)` or `task<Response>(Request, const call_context&)`.
+template <class Request, class Response, class Handler>
+class coroutine_service final : public call_service {
+public:
+    coroutine_service(service_host& host, std::string name, const packet_types& types, serve_options options, Handler handler)
+        : call_service(host, std::move(name), types, options), handler_(std::move(handler)) {}
+
+private:
+    class worker final : public call_worker {
+    public:
+        worker(coroutine_service& of, service_host& host) : call_worker(of, host), service_(of) {}
+
+    private:
+        void load(bytes_view request) override { decode_into(request_.emplace(), request); }
+
+        task<> run() override {
+            for (;;) {
+                bool more = co_await next();
+                if (!more) co_return;
+                std::optional<failure> problem;
+                try {
+                    auto handling = start();
+                    auto response = co_await std::move(handling);
+                    answer([&](buffer& out) { encode(response, out); });
+                } catch (...) {
+                    problem = failure_of(std::current_exception());
+                }
+                if (problem) answer(*problem);
+                // A cancelled call leaves its mark on the coroutine; the next call must not see it.
+                auto state = co_await asio::this_coro::cancellation_state;
+                if (state.cancelled() != asio::cancellation_type::none) co_await asio::this_coro::reset_cancellation_state();
+            }
+        }
+
+        task<Response> start() {
+            if constexpr (std::is_invocable_v<Handler&, Request, const call_context&>) {
+                return service_.handler_(std::move(*request_), context());
+            } else {
+                return service_.handler_(std::move(*request_));
+            }
+        }
+
+        coroutine_service& service_;
+        std::optional<Request> request_;
+    };
+
+    bool serve_now(const incoming_call&, bytes_view) override { return false; }
+    std::unique_ptr<call_worker> make_worker() override { return std::make_unique<worker>(*this, host()); }
+
+    Handler handler_;
+};
+
+/// A handler that is a plain function: `Response(Request)`. Answered at once, without a coroutine.
+template <class Request, class Response, class Handler>
+class plain_service final : public call_service {
+public:
+    plain_service(service_host& host, std::string name, const packet_types& types, Handler handler)
+        : call_service(host, std::move(name), types, {}), handler_(std::move(handler)) {}
+
+private:
+    bool serve_now(const incoming_call& call, bytes_view raw) override {
+        auto request = decode_request<Request>(raw, call.adapt);
+        auto response = answer(call, std::move(request));
+        if (response) {
+            reply(call, [&](buffer& out) { encode(*response, out); });
+        } else {
+            refuse(call, response.error());
+        }
+        return true;
+    }
+
+    result<Response> answer(const incoming_call& call, Request request) {
+        try {
+            if constexpr (std::is_invocable_v<Handler&, Request, const call_context&>) {
+                auto context = context_of_call(call);
+                return handler_(std::move(request), context);
+            } else {
+                return handler_(std::move(request));
+            }
+        } catch (...) {
+            return failure_of(std::current_exception());
+        }
+    }
+    std::unique_ptr<call_worker> make_worker() override { return nullptr; }
+
+    Handler handler_;
+};
+
+template <class Handler, class Request>
+struct handler_result {
+    using type = std::invoke_result_t<Handler&, Request>;
+};
+template <class Handler, class Request>
+    requires std::is_invocable_v<Handler&, Request, const call_context&>
+struct handler_result<Handler, Request> {
+    using type = std::invoke_result_t<Handler&, Request, const call_context&>;
+};
+
+} // namespace detail
+
+/// Makes the service that answers requests by `handler`: a coroutine `ise::task<Response>(Request)` or a plain
+/// function `Response(Request)` (or `ise::result<Response>(Request)`), either also with a second parameter
+/// `const ise::call_context&`. What it throws reaches the caller as an error with its text.
+template <class Contract, class Handler>
+std::shared_ptr<call_service> make_call_service(service_host& host, const Contract& contract, Handler handler, serve_options options = serve_options()) {
+    using request = typename Contract::request_type;
+    using response = typename Contract::response_type;
+    static_assert(std::is_invocable_v<Handler&, request> || std::is_invocable_v<Handler&, request, const call_context&>,
+                  "ise: a handler takes the service's request packet, and perhaps a const ise::call_context&");
+    using answer = typename detail::handler_result<Handler, request>::type;
+    auto name = std::string(contract.name());
+    if constexpr (std::is_same_v<answer, task<response>>) {
+        return std::make_shared<detail::coroutine_service<request, response, Handler>>(host, std::move(name), Contract::types(), options, std::move(handler));
+    } else {
+        static_assert(std::is_convertible_v<answer, result<response>>,
+                      "ise: a handler returns the service's response packet, or an ise::task or ise::result of it");
+        return std::make_shared<detail::plain_service<request, response, Handler>>(host, std::move(name), Contract::types(), std::move(handler));
+    }
+}
+
+} // namespace ise

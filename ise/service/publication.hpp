@@ -1,0 +1,72 @@
+#pragma once
+#include <ise/packet/codec.hpp>
+#include <ise/service/publication_core.hpp>
+#include <ise/service/service_host.hpp>
+
+#include <functional>
+#include <memory>
+
+namespace ise {
+
+/// A subscription service that this component provides. Calling it publishes a packet to all subscribers, and never
+/// blocks: each gets what its policy says. A value, cheap to copy; used on its component's loop.
+template <class Contract>
+class publication {
+    using packet_type = typename Contract::packet_type;
+
+public:
+    publication() = default;
+    explicit publication(std::shared_ptr<publication_core> core) : core_(std::move(core)) {}
+
+    void operator()(const packet_type& packet) const { core_->publish(std::make_shared<const bytes>(encode(packet))); }
+
+    /// Publishes when every lossless subscriber has room. Cancellation: terminal, the packet is not published.
+    task<> send(packet_type packet) const { return send_when_room(core_, std::move(packet)); }
+
+    std::size_t subscribers() const noexcept { return core_->subscribers(); }
+    std::uint64_t published() const noexcept { return core_->published(); }
+
+private:
+    static task<> send_when_room(std::shared_ptr<publication_core> core, packet_type packet) {
+        if (!core->has_room()) co_await core->wait_for_room();
+        core->publish(std::make_shared<const bytes>(encode(packet)));
+    }
+
+    std::shared_ptr<publication_core> core_;
+};
+
+/// The provider's callbacks of a subscription; each may be empty.
+template <class Contract>
+struct publication_callbacks {
+    /// Decides over a subscriber: its response, or a failure such as errc::refused.
+    std::function<result<typename Contract::subscribe_response>(const typename Contract::subscribe_request&, const subscriber_info&)> on_subscribe;
+    /// A subscriber has left (its request) or vanished (a default request).
+    std::function<typename Contract::unsubscribe_response(const typename Contract::unsubscribe_request&, const subscriber_info&)> on_unsubscribe;
+};
+
+template <class Contract>
+std::shared_ptr<publication_core> make_publication(service_host& host, const Contract& contract, publication_callbacks<Contract> callbacks = {}) {
+    auto made = std::make_shared<publication_core>(host, std::string(contract.name()), Contract::types());
+    auto read = [](bytes_view raw, const adapter* adapt, auto packet) {
+        if (!raw.empty() && adapt) {
+            decode_into(packet, (*adapt)(raw));
+        } else if (!raw.empty()) {
+            decode_into(packet, raw);
+        }
+        return packet;
+    };
+    made->accept = [decide = std::move(callbacks.on_subscribe), read](bytes_view raw, const adapter* adapt, const subscriber_info& who) -> result<bytes> {
+        auto request = read(raw, adapt, typename Contract::subscribe_request{});
+        if (!decide) return encode(typename Contract::subscribe_response{});
+        auto response = decide(request, who);
+        if (!response) return response.error();
+        return encode(*response);
+    };
+    made->removed = [tell = std::move(callbacks.on_unsubscribe), read](bytes_view raw, const adapter* adapt, const subscriber_info& who) {
+        auto request = read(raw, adapt, typename Contract::unsubscribe_request{});
+        return encode(tell ? tell(request, who) : typename Contract::unsubscribe_response{});
+    };
+    return made;
+}
+
+} // namespace ise

@@ -1,0 +1,142 @@
+#pragma once
+#include <ise/packet/codec.hpp>
+#include <ise/service/link.hpp>
+#include <ise/service/service_host.hpp>
+#include <ise/service/stream_of.hpp>
+
+#include <asio/use_awaitable.hpp>
+
+#include <exception>
+#include <memory>
+
+namespace ise {
+
+namespace detail {
+
+/// Everything of a call that needs no types: opens the record, fits deadline and trace to the caller's context.
+pending_call& begin_call(link& to, service_key service, duration deadline, const asio::any_io_executor& caller, asio::cancellation_slot slot);
+/// A failure where `to` is used on another thread than its component's.
+std::optional<failure> check_place(link& to, service_key service);
+
+template <class Response>
+result<Response> response_of(const call_outcome& outcome) {
+    if (outcome.why) return *outcome.why;
+    if (outcome.adapt) {
+        try {
+            return try_decode<Response>((*outcome.adapt)(outcome.response));
+        } catch (const error& unfit) {
+            return unfit.why();
+        }
+    }
+    auto decoded = try_decode<Response>(outcome.response);
+    // The provider answered, and so it ran.
+    if (!decoded) return failure(decoded.error().code(), decoded.error().message(), execution::unknown);
+    return decoded;
+}
+
+} // namespace detail
+
+/// Another component, as this one sees it: its services can be called and subscribed to. A value, cheap to copy;
+/// it names a path (or an address) and finds its holder again whenever that is needed. Used on the loop of the
+/// component that made it.
+class remote {
+public:
+    remote() = default;
+    explicit remote(std::shared_ptr<link> to) : link_(std::move(to)) {}
+
+    explicit operator bool() const noexcept { return link_ != nullptr; }
+    /// Its path, or its address.
+    const std::string& name() const noexcept { return link_->name(); }
+    link& way() const noexcept { return *link_; }
+
+    /// Calls and waits for the response, at most `deadline`. Throws ise::error: refused, no_such_service, type_mismatch,
+    /// timed_out, peer_lost, cancelled, overloaded, handler_failed…; `executed()` says whether it may have run.
+    /// Cancellation: terminal; the provider's handler is cancelled too.
+    template <class Contract>
+    task<typename Contract::response_type> call(const Contract& service, typename Contract::request_type request, duration deadline = {}) const {
+        using response = typename Contract::response_type;
+        return asio::async_initiate<const asio::use_awaitable_t<>, void(std::exception_ptr, response)>(
+            [](auto handler, std::shared_ptr<link> to, service_key key, typename Contract::request_type packet, duration limit) {
+                start<response>(std::move(handler), *to, key, packet, limit, [](auto& waiting, result<response>& got) {
+                    if (got) {
+                        waiting(std::exception_ptr(), std::move(*got));
+                    } else {
+                        waiting(std::make_exception_ptr(error(got.error())), response{});
+                    }
+                });
+            },
+            asio::use_awaitable, link_, service.key(), std::move(request), deadline);
+    }
+
+    /// The same, with the outcome as a value.
+    template <class Contract>
+    task<result<typename Contract::response_type>> try_call(const Contract& service, typename Contract::request_type request, duration deadline = {}) const {
+        return try_call(service, std::move(request), deadline, asio::use_awaitable);
+    }
+
+    /// The same with any completion token of signature `void(ise::result<Response>)`, such as a callback, which
+    /// runs on the component's loop.
+    template <class Contract, class Token>
+    auto try_call(const Contract& service, typename Contract::request_type request, duration deadline, Token&& token) const {
+        using response = typename Contract::response_type;
+        return asio::async_initiate<Token, void(result<response>)>(
+            [](auto handler, std::shared_ptr<link> to, service_key key, typename Contract::request_type packet, duration limit) {
+                start<response>(std::move(handler), *to, key, packet, limit,
+                                [](auto& waiting, result<response>& got) { waiting(std::move(got)); });
+            },
+            token, link_, service.key(), std::move(request), deadline);
+    }
+
+    /// Subscribes; completes when the provider has committed: nothing that it publishes from then on is missed
+    /// unless it is counted. Throws ise::error: refused, no_such_service, type_mismatch, timed_out, cancelled.
+    template <class Contract>
+    task<stream_of<Contract>> subscribe(const Contract& service, subscribe_options options = subscribe_options()) const {
+        return begin<Contract>(link_, std::string(service.name()), options, bytes());
+    }
+    /// With the user's own subscribe packet.
+    template <class Contract>
+    task<stream_of<Contract>> subscribe(const Contract& service, const typename Contract::subscribe_request& request, subscribe_options options) const {
+        return begin<Contract>(link_, std::string(service.name()), options, encode(request));
+    }
+
+    /// Waits until there is a session; for programs that want to know before they call.
+    task<result<void>> connect(duration deadline) const {
+        return link_->connect(saturating_add(link_->host().on().now(), deadline));
+    }
+
+private:
+    template <class Response, class Handler, class Request, class Deliver>
+    static void start(Handler handler, link& to, service_key key, const Request& packet, duration limit, Deliver deliver) {
+        auto& on = to.host().on();
+        if (auto misplaced = detail::check_place(to, key)) {
+            // Not on the component's thread: nothing of it may be touched; the handler's own executor completes it.
+            auto executor = asio::get_associated_executor(handler);
+            asio::post(executor, [handler = std::move(handler), deliver, why = std::move(*misplaced)]() mutable {
+                result<Response> got(std::move(why));
+                deliver(handler, got);
+            });
+            return;
+        }
+        auto executor = asio::get_associated_executor(handler, on.get_executor());
+        auto& call = detail::begin_call(to, key, limit, executor, asio::get_associated_cancellation_slot(handler));
+        call.done = [handler = std::move(handler), deliver, &on](const call_outcome& outcome) mutable {
+            on.later([handler = std::move(handler), deliver, got = detail::response_of<Response>(outcome)]() mutable { deliver(handler, got); });
+        };
+        to.submit(call, [&](buffer& out) { encode(packet, out); });
+    }
+
+    template <class Contract>
+    static task<stream_of<Contract>> begin(std::shared_ptr<link> to, std::string service, subscribe_options options, bytes request) {
+        if (auto misplaced = detail::check_place(*to, {service, nullptr})) throw error(std::move(*misplaced));
+        if (request.empty()) request = encode(typename Contract::subscribe_request{});
+        auto core = std::make_shared<typename stream_of<Contract>::core>(std::move(to), std::move(service), Contract::types(), options, std::move(request));
+        stream_of<Contract> made(core); // leaves again if the wait is cancelled
+        auto begun = co_await core->begin();
+        begun.value();
+        co_return made;
+    }
+
+    std::shared_ptr<link> link_;
+};
+
+} // namespace ise
