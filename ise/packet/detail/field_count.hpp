@@ -11,7 +11,9 @@ template <class T>
 struct any_field {
     template <class U>
         requires(!std::is_same_v<U, T> && !std::is_base_of_v<U, T>)
-    operator U() const noexcept;
+    operator U() const noexcept {
+        __builtin_unreachable(); // only asked about, never called
+    }
 };
 
 /// Converts to a base of the aggregate only.
@@ -19,7 +21,9 @@ template <class T>
 struct any_base {
     template <class U>
         requires(!std::is_same_v<U, T> && std::is_base_of_v<U, T>)
-    operator U() const noexcept;
+    operator U() const noexcept {
+        __builtin_unreachable(); // only asked about, never called
+    }
 };
 
 template <class T, std::size_t>
