@@ -160,7 +160,7 @@ inline constexpr bool has_base_and_members = requires { T{any_base<T>{}, any_fie
 
 template <class T>
 consteval std::size_t count_fields() {
-    if constexpr (std::is_empty_v<T>) {
+    if constexpr (std::is_empty_v<T> || !countable_fields<T>) { // the latter is refused elsewhere, with its reason
         return 0;
     } else if constexpr (has_base<T>) {
         return initialisers<T>::total(); // all fields are the base's: its initialisers without their braces
