@@ -194,7 +194,7 @@ void append_json_time(std::string& out, const type_description& type, std::int64
         out += fmt::format("\"{} ticks\"", ticks);
         return;
     }
-    if (type.kind == type_kind::duration) {
+    if (type.kind == type_kind::time_span) {
         bool exact = ticks < (std::int64_t{1} << 53) && ticks > -(std::int64_t{1} << 53); // as a reader's double
         out += fmt::format(fmt::runtime(exact ? "{}" : "\"{}\""), decimal_seconds(ticks, type.period_den, *places));
         return;
@@ -224,7 +224,7 @@ std::optional<std::int64_t> ticks_from_text(const type_description& type, std::s
     }
     auto places = decimal_places(type);
     if (!places) return std::nullopt;
-    if (type.kind == type_kind::time_point)
+    if (type.kind == type_kind::instant)
         if (auto ticks = from_iso(text, type.period_den, *places)) return ticks;
     if (text.ends_with('s')) text.remove_suffix(1);
     bool negative = text.starts_with('-');
