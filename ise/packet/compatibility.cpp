@@ -24,8 +24,8 @@ public:
                 if (reader.name != writer.name || reader.version != writer.version)
                     differ(path, short_text(reader), short_text(writer));
                 return;
-            case type_kind::duration:
-            case type_kind::time_point:
+            case type_kind::time_span:
+            case type_kind::instant:
                 if (reader.number != writer.number || reader.period_num != writer.period_num ||
                     reader.period_den != writer.period_den)
                     differ(path, short_text(reader), short_text(writer));

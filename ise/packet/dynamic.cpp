@@ -12,7 +12,7 @@ namespace ise {
 
 namespace {
 type_kind number_of(const type_description& type) noexcept {
-    bool inside = type.kind == type_kind::enumeration || type.kind == type_kind::duration || type.kind == type_kind::time_point;
+    bool inside = type.kind == type_kind::enumeration || type.kind == type_kind::time_span || type.kind == type_kind::instant;
     return inside ? type.number : type.kind;
 }
 
@@ -78,7 +78,7 @@ double field_view::as_double() const {
     else if (!is_scalar(number) || number == type_kind::boolean) wrong("a number");
     else if (is_unsigned(number)) value = static_cast<double>(load_integer(number, raw_));
     else value = static_cast<double>(static_cast<std::int64_t>(load_integer(number, raw_)));
-    if (kind() == type_kind::duration || kind() == type_kind::time_point)
+    if (kind() == type_kind::time_span || kind() == type_kind::instant)
         value = value * static_cast<double>(type_->period_num) / static_cast<double>(type_->period_den);
     return value;
 }

@@ -71,8 +71,8 @@ public:
                 return text(from.get_ref<const std::string&>());
             case type_kind::structure: return structure(type, from, at);
             case type_kind::enumeration: return enumeration(type, from, at);
-            case type_kind::duration:
-            case type_kind::time_point: return time(type, from, at);
+            case type_kind::time_span:
+            case type_kind::instant: return time(type, from, at);
             case type_kind::opaque: return base64(from, at, true, 0);
             case type_kind::optional: return optional(type.members[0].type, from, at);
             case type_kind::variant: return variant(type, from, at);
@@ -187,7 +187,7 @@ private:
         if (from.is_number()) ticks = detail::ticks_from_seconds(type, from.get<double>());
         if (from.is_string()) ticks = detail::ticks_from_text(type, from.get_ref<const std::string&>());
         if (!ticks)
-            wrong(at, type.kind == type_kind::duration ? "a number of seconds (or \"7 ticks\")"
+            wrong(at, type.kind == type_kind::time_span ? "a number of seconds (or \"7 ticks\")"
                                                        : "a time such as \"2026-11-21T08:00:00Z\", or seconds since 1970", from);
         out.append(*ticks);
     }

@@ -160,7 +160,7 @@ private:
     bool scalar(const type_description& type) {
         const std::byte* from = in_.take(static_cast<std::size_t>(type.min_size));
         if (!from) return in_.fail_short(static_cast<std::size_t>(type.min_size));
-        if (type.kind == type_kind::duration || type.kind == type_kind::time_point) {
+        if (type.kind == type_kind::time_span || type.kind == type_kind::instant) {
             if (type.number == type_kind::i64) detail::append_json_time(text, type, load<std::int64_t>(from));
             else detail::append_json_number(text, load<double>(from) * static_cast<double>(type.period_num) / static_cast<double>(type.period_den));
             return true;

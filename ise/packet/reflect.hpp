@@ -33,7 +33,9 @@ struct type_list {};
 
 struct to_type_list {
     template <class... Fields>
-    auto operator()(const Fields&...) const -> type_list<std::remove_cv_t<Fields>...>;
+    auto operator()(const Fields&...) const {
+        return type_list<std::remove_cv_t<Fields>...>{};
+    }
 };
 
 template <class T>

@@ -34,8 +34,8 @@ void type_description::complete() noexcept {
         case type_kind::map:
         case type_kind::opaque: min_size = 4; break;
         case type_kind::optional: min_size = 1; break;
-        case type_kind::duration:
-        case type_kind::time_point:
+        case type_kind::time_span:
+        case type_kind::instant:
             min_size = 8;
             fixed_size = true;
             break;

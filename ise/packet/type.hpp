@@ -14,7 +14,7 @@ namespace ise {
 enum class type_kind : std::uint8_t {
     boolean, character, byte, i8, u8, i16, u16, i32, u32, i64, u64, f32, f64, // scalars
     string, vector, set, map, array, optional, variant, tuple,                // made of other types
-    duration, time_point, enumeration, structure, opaque
+    time_span, instant, enumeration, structure, opaque // (duration, time point)
 };
 
 /// "u8", "vector", … as in a schema's text.

@@ -2,7 +2,7 @@
 #include <ise/packet/adapt.hpp>
 #include <ise/packet/compatibility.hpp>
 #include <ise/packet/dynamic.hpp>
-#include <unit/packet/examples.hpp>
+#include "../unit/packet/examples.hpp"
 
 #include <cstdlib>
 

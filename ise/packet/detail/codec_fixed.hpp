@@ -197,7 +197,7 @@ struct codec<std::chrono::duration<Rep, Period>> {
     }
     static type_description describe() {
         type_description type;
-        type.kind = type_kind::duration;
+        type.kind = type_kind::time_span;
         type.number = std::is_floating_point_v<Rep> ? type_kind::f64 : type_kind::i64;
         type.period_num = Period::num;
         type.period_den = Period::den;
@@ -222,7 +222,7 @@ struct codec<std::chrono::time_point<std::chrono::system_clock, Duration>> {
     }
     static type_description describe() {
         type_description type = codec<Duration>::describe();
-        type.kind = type_kind::time_point;
+        type.kind = type_kind::instant;
         return type;
     }
 };

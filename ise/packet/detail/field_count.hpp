@@ -11,7 +11,9 @@ template <class T>
 struct any_field {
     template <class U>
         requires(!std::is_same_v<U, T> && !std::is_base_of_v<U, T>)
-    operator U() const noexcept;
+    operator U() const noexcept {
+        __builtin_unreachable(); // only asked about, never called
+    }
 };
 
 /// Converts to a base of the aggregate only.
@@ -19,7 +21,9 @@ template <class T>
 struct any_base {
     template <class U>
         requires(!std::is_same_v<U, T> && std::is_base_of_v<U, T>)
-    operator U() const noexcept;
+    operator U() const noexcept {
+        __builtin_unreachable(); // only asked about, never called
+    }
 };
 
 template <class T, std::size_t>
@@ -156,7 +160,7 @@ inline constexpr bool has_base_and_members = requires { T{any_base<T>{}, any_fie
 
 template <class T>
 consteval std::size_t count_fields() {
-    if constexpr (std::is_empty_v<T>) {
+    if constexpr (std::is_empty_v<T> || !countable_fields<T>) { // the latter is refused elsewhere, with its reason
         return 0;
     } else if constexpr (has_base<T>) {
         return initialisers<T>::total(); // all fields are the base's: its initialisers without their braces

@@ -82,8 +82,8 @@ private:
         else if (name == "variant") parse_members(type, type_kind::variant, 1, limits_.max_members, depth);
         else if (name == "tuple") parse_members(type, type_kind::tuple, 0, limits_.max_members, depth);
         else if (name == "array") parse_array(type, depth);
-        else if (name == "duration") parse_time(type, type_kind::duration);
-        else if (name == "time") parse_time(type, type_kind::time_point);
+        else if (name == "duration") parse_time(type, type_kind::time_span);
+        else if (name == "time") parse_time(type, type_kind::instant);
         else if (name == "opaque") parse_opaque(type);
         else at_ = begin, wrong("a type");
         type.complete();

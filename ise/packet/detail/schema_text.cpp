@@ -22,8 +22,8 @@ public:
             case type_kind::variant:
             case type_kind::tuple: return put("{}<", name_of(t.kind)), members(t), put(">");
             case type_kind::array: return put("array<"), type(t.members[0].type), put(",{}>", t.length);
-            case type_kind::duration:
-            case type_kind::time_point:
+            case type_kind::time_span:
+            case type_kind::instant:
                 return put("{}<{},{}/{}>", name_of(t.kind), name_of(t.number), t.period_num, t.period_den);
             case type_kind::opaque: return put("opaque<{},{}>", t.name, t.version);
             default: put("{}", name_of(t.kind));

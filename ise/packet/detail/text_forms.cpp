@@ -194,7 +194,7 @@ void append_json_time(std::string& out, const type_description& type, std::int64
         out += fmt::format("\"{} ticks\"", ticks);
         return;
     }
-    if (type.kind == type_kind::duration) {
+    if (type.kind == type_kind::time_span) {
         bool exact = ticks < (std::int64_t{1} << 53) && ticks > -(std::int64_t{1} << 53); // as a reader's double
         out += fmt::format(fmt::runtime(exact ? "{}" : "\"{}\""), decimal_seconds(ticks, type.period_den, *places));
         return;
@@ -210,7 +210,10 @@ void append_json_time(std::string& out, const type_description& type, std::int64
     std::int64_t of_day = seconds - days * 86400;
     out += fmt::format("\"{:04}-{:02}-{:02}T{:02}:{:02}:{:02}", static_cast<int>(date.year()), static_cast<unsigned>(date.month()),
                        static_cast<unsigned>(date.day()), of_day / 3600, of_day / 60 % 60, of_day % 60);
-    if (*places > 0) out += fmt::format(".{:0{}}", ticks - seconds * type.period_den, *places);
+    if (*places > 0) { // the whole seconds alone may lie outside, so the difference is taken without sign
+        auto fraction = static_cast<std::uint64_t>(ticks) - static_cast<std::uint64_t>(seconds) * static_cast<std::uint64_t>(type.period_den);
+        out += fmt::format(".{:0{}}", fraction, *places);
+    }
     out += "Z\"";
 }
 
@@ -221,7 +224,7 @@ std::optional<std::int64_t> ticks_from_text(const type_description& type, std::s
     }
     auto places = decimal_places(type);
     if (!places) return std::nullopt;
-    if (type.kind == type_kind::time_point)
+    if (type.kind == type_kind::instant)
         if (auto ticks = from_iso(text, type.period_den, *places)) return ticks;
     if (text.ends_with('s')) text.remove_suffix(1);
     bool negative = text.starts_with('-');
