@@ -4,6 +4,7 @@
 #include <ise/core/stream.hpp>
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -48,6 +49,11 @@ public:
     /// A loop on an executor that the embedding program runs. `one_thread` promises that nothing on it ever
     /// runs concurrently; without it ISE works behind a strand.
     virtual std::unique_ptr<loop_host> adopt(asio::any_io_executor executor, bool one_thread) = 0;
+
+    /// Runs `work` on a thread for such work; in the virtual world at once, taking no time.
+    virtual void offload(std::function<void()> work) = 0;
+    /// Whether time is virtual: then nothing may block.
+    virtual bool is_virtual() const noexcept = 0;
 
     /// Connects to a tcp, local or inproc endpoint; a host name with several addresses is tried in order.
     /// Errors: errc::unreachable with each address and its cause. Cancellation: terminal, nothing is left open.

@@ -5,7 +5,9 @@
 #include <asio/executor_work_guard.hpp>
 #include <asio/io_context.hpp>
 #include <asio/steady_timer.hpp>
+#include <asio/post.hpp>
 #include <asio/strand.hpp>
+#include <asio/thread_pool.hpp>
 
 #include <fmt/format.h>
 
@@ -128,6 +130,9 @@ struct real_environment::state {
     // Tickets and incarnations must not be guessed: each is drawn from the kernel, a batch at a time.
     std::array<std::uint64_t, 64> drawn{};
     std::size_t left = 0;
+    // Last: its threads end before what they use.
+    std::mutex workers_mutex;
+    std::optional<asio::thread_pool> workers;
 };
 
 real_environment::real_environment() : state_(std::make_unique<state>()) {}
@@ -165,6 +170,12 @@ std::unique_ptr<loop_host> real_environment::adopt(asio::any_io_executor executo
     }
     auto strand = asio::make_strand(executor);
     return std::make_unique<adopted_loop>(*this, strand, [strand] { return strand.running_in_this_thread(); });
+}
+
+void real_environment::offload(std::function<void()> work) {
+    std::lock_guard lock(state_->workers_mutex);
+    if (!state_->workers) state_->workers.emplace(std::max(2u, std::thread::hardware_concurrency()));
+    asio::post(*state_->workers, std::move(work));
 }
 
 task<result<std::unique_ptr<stream>>> real_environment::connect(loop& on, endpoint to) {

@@ -19,6 +19,8 @@ public:
     std::optional<std::string> variable(const std::string& name) const override;
     std::unique_ptr<loop_host> make_loop(const std::string& name) override;
     std::unique_ptr<loop_host> adopt(asio::any_io_executor executor, bool one_thread) override;
+    void offload(std::function<void()> work) override;
+    bool is_virtual() const noexcept override { return false; }
     task<result<std::unique_ptr<stream>>> connect(loop& on, endpoint to) override;
     result<std::unique_ptr<listener>> listen(loop& on, const endpoint& at) override;
     result<std::unique_ptr<datagram_socket>> open_datagram(loop& on, const endpoint& at) override;

@@ -1,0 +1,112 @@
+#pragma once
+#include <ise/component/component.hpp>
+#include <ise/naming/registrar.hpp>
+
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace ise {
+
+/// What becomes of the others when an exception escapes from a component.
+enum class on_failure : std::uint8_t {
+    stop_component, ///< it stops; the others go on
+    stop_node,      ///< everything stops
+    restart,        ///< it is started again, after a pause that grows
+};
+
+struct node_options {
+    std::string name;                          ///< for people; the process' name or the like
+    std::optional<endpoint> name_server;       ///< else ISE_NAME_SERVER, else tcp://127.0.0.1:7400
+    bool use_names = true;                     ///< false: components are reached by endpoint only
+    duration lease = std::chrono::seconds(2);  ///< of the names
+    duration grace = std::chrono::seconds(2);  ///< for coroutines and sessions to end when stopped
+    service_options services;
+    log_sink log = log_to_stderr();
+};
+
+struct component_options {
+    /// Where it listens; empty: an in-process name, a local socket and a port of the loopback interface.
+    std::vector<endpoint> listen;
+    /// Further addresses to register, for a listener that others reach through something else.
+    std::vector<endpoint> advertise;
+    bool listens = true;                       ///< false: it only asks others
+    bool registers = true;                     ///< with the name server, if it has a path
+    on_failure policy = on_failure::stop_component;
+    /// An executor of the embedding program; `one_thread` promises that nothing on it runs concurrently.
+    std::optional<asio::any_io_executor> executor;
+    bool one_thread = false;
+    /// Shares the loop of another component of this node, by path.
+    std::string together_with;
+
+    component_options() = default;
+};
+
+/// What a stopped component left behind.
+struct stop_report {
+    std::string path;
+    std::vector<std::string> still_running; ///< coroutines that did not end within the grace
+    std::string failure;                    ///< why it failed, if it did
+};
+
+/// A process' share of the system: it runs components, each on a loop of its own, and keeps their names alive.
+///
+/// In the real world its methods are called from a program's own threads (not from a component's loop) and block
+/// where they say so; in the virtual world nothing blocks and `stopped()` is awaited instead.
+class node {
+public:
+    explicit node(environment& env, node_options options = node_options());
+    /// Stops what still runs, waiting at most the grace period for each.
+    ~node();
+    node(const node&) = delete;
+    node& operator=(const node&) = delete;
+
+    /// Starts a component under a path (empty: anonymous). Throws errc::invalid_argument for a path that is none or that is
+    /// used in this node already, errc::address_in_use and the like when it cannot listen.
+    /// The reference is valid until the component has stopped and the node is gone.
+    template <class C, class... A>
+        requires std::derived_from<C, component>
+    C& start(const std::string& path, component_options options, A&&... arguments) {
+        auto made = std::make_unique<C>(std::forward<A>(arguments)...);
+        auto& reference = *made;
+        launch(path, std::move(made), std::move(options));
+        return reference;
+    }
+    template <class C>
+        requires std::derived_from<C, component>
+    C& start(const std::string& path) {
+        return start<C>(path, component_options());
+    }
+    /// A component made of a coroutine: `node.start("atirma/probe", [](ise::component& self) -> ise::task<> {…})`.
+    component& start(const std::string& path, std::function<task<>(component&)> body, component_options options = component_options());
+    component& launch(const std::string& path, std::unique_ptr<component> made, component_options options);
+
+    /// Asks one component to stop, or all.
+    void stop(const std::string& path);
+    void stop();
+    /// Blocks until every component has stopped by itself or by `stop()`; not in the virtual world.
+    void wait();
+    /// Completes when every component has stopped; on any executor of the virtual world, or one of the program's.
+    task<> stopped();
+    /// Of the components that have stopped so far.
+    std::vector<stop_report> reports() const;
+    bool all_stopped() const;
+
+    environment& env() noexcept;
+    const node_options& options() const noexcept;
+
+private:
+    friend class component_runner;
+    struct state;
+    std::shared_ptr<state> state_;
+};
+
+/// Runs until SIGINT or SIGTERM, or until every component has stopped; then stops the node. For programs: it handles
+/// the two signals while it runs, which the library itself never does. Gives the program's exit code: 1 if a component
+/// failed. `on_started` runs once the signals are handled.
+int run_until_signal(node& running, const std::function<void()>& on_started = {});
+
+} // namespace ise

@@ -1,0 +1,42 @@
+#pragma once
+#include <ise/core/endpoint.hpp>
+#include <ise/core/result.hpp>
+#include <ise/core/task.hpp>
+#include <ise/service/contract.hpp>
+#include <ise/service/dispatcher.hpp>
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace ise {
+
+/// What a node tells the name server of one of its components.
+struct registration {
+    std::string path;
+    std::uint64_t incarnation = 0;
+    std::string type;                           ///< of the component, for people
+    std::string state;                          ///< "ready", "stalled"…
+    std::vector<endpoint> endpoints;
+    std::vector<service_description> services;  ///< provided and required
+};
+
+/// Keeps the names of a node's components: registers them, renews the node's lease, withdraws them. Lives on the node's
+/// own loop, so that a busy component does not lose its name.
+class registrar {
+public:
+    virtual ~registrar() = default;
+
+    /// Completes when the name is granted, with its epoch. errc::name_taken says who holds it. While the name server
+    /// does not answer it goes on trying, on its own, also after `deadline` (errc::name_server_lost).
+    virtual task<result<std::uint64_t>> enroll(registration who, duration deadline) = 0;
+    /// Services or state have changed.
+    virtual void update(registration who) = 0;
+    virtual task<> withdraw(std::string path) = 0;
+
+    /// Tells when a name was granted later than `enroll` waited, or again (epoch), or lost to another holder (failure).
+    std::function<void(const std::string& path, result<std::uint64_t> epoch)> on_change;
+};
+
+} // namespace ise
