@@ -42,11 +42,16 @@ std::error_code datagram_end::send(const endpoint& to, bytes_view content) {
     const int copies = over.random_duplicate() ? 2 : 1;
     if (copies == 2) world.note("duplicate", name, content.size());
     for (int copy = 0; copy < copies; ++copy) {
+        const bool upward = here.name() <= target->name();
+        // What finds the queue full takes no bandwidth; what is lost on the way does.
+        if (world.net().queue(over, upward) > over.datagram_queue) {
+            world.note("drop", name, content.size());
+            continue;
+        }
         const bool lost = over.random_loss();
-        auto flight = world.net().send(over, here.name() <= target->name(), content.size());
+        auto flight = world.net().send(over, upward, content.size());
         flight.arrives += over.random_reordering();
-        const bool queue_full = flight.departs - world.now() > over.datagram_queue;
-        if (lost || queue_full || !world.net().passes(here, *target)) {
+        if (lost || !world.net().passes(here, *target)) {
             world.note("drop", name, content.size());
             continue;
         }

@@ -75,6 +75,10 @@ network::flight network::send(link& over, bool upward, std::size_t size) {
     return made;
 }
 
+duration network::queue(const link& over, bool upward) const {
+    return over.free_at_[upward] > world_.now() ? over.free_at_[upward] - world_.now() : duration{};
+}
+
 void network::hold_until_heal(std::weak_ptr<void> life, std::function<void()> go_on) {
     std::erase_if(held_, [](const held& each) { return each.life.expired(); });
     held_.push_back({std::move(life), std::move(go_on)});

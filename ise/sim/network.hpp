@@ -59,6 +59,7 @@ public:
         time_point departs, arrives;
     };
     flight send(link& over, bool upward, std::size_t size);
+    duration queue(const link& over, bool upward) const; ///< how long what is sent now waits for bandwidth
     void look_again(); ///< what stalled tries once more
     void hold_until_heal(std::weak_ptr<void> life, std::function<void()> go_on);
     std::optional<cut_rule> take_cut(const host& client, const host& server);
