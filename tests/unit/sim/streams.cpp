@@ -1,5 +1,6 @@
 #include "talk.hpp"
 
+#include <asio/bind_cancellation_slot.hpp>
 #include <support/catch.hpp>
 
 using namespace talk;
@@ -86,4 +87,41 @@ TEST_CASE("sim: a world that goes while coroutines wait leaves nothing behind") 
         two->world.run_for(10s);
     }
     two.reset();
+}
+
+namespace {
+
+task<> give_up_connecting(ise::environment& env, ise::loop& on, ise::endpoint to, std::string& outcome) {
+    auto made = co_await env.connect(on, to);
+    outcome = made ? "connected" : std::string(ise::name_of(made.error().code()));
+}
+
+task<> accept_one(ise::environment& env, ise::loop& on, ise::endpoint where, std::string& outcome) {
+    auto door = env.listen(on, where);
+    auto [problem, client] = co_await (*door)->accept();
+    std::string got;
+    auto ended = co_await read_all(*client, got);
+    outcome = ended == asio::error::connection_reset ? "reset" : ended == asio::error::eof ? "end" : "other";
+}
+
+} // namespace
+
+TEST_CASE("sim: giving up a connect at any time leaves nothing open") {
+    for (int step = 0; step < 20; ++step) {
+        pair_of_hosts two;
+        std::string outcome, server;
+        asio::cancellation_signal stop;
+        spawn(two.shore_loop->loop(), accept_one(two.shore, two.shore_loop->loop(), at("tcp://shore:7400"), server));
+        asio::co_spawn(two.boat_loop->loop().get_executor(),
+                       give_up_connecting(two.boat, two.boat_loop->loop(), at("tcp://shore:7400"), outcome),
+                       asio::bind_cancellation_slot(stop.slot(), asio::detached));
+        int steps = 0;
+        two.world.run_until([&] { return steps++ == step; });
+        stop.emit(asio::cancellation_type::terminal);
+        two.world.run_for(1min);
+        CHECK((outcome == "cancelled" || outcome == "connected" || outcome == ""));
+        if (outcome == "connected") CHECK(server == "end");
+        else CHECK((server == "" || server == "reset" || server == "end"));
+        if (step > 0 && server == "") CHECK(outcome != "connected");
+    }
 }
