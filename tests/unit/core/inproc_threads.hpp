@@ -23,6 +23,8 @@ public:
     std::optional<std::string> variable(const std::string&) const override { return {}; }
     std::unique_ptr<ise::loop_host> make_loop(const std::string&) override { return nullptr; }
     std::unique_ptr<ise::loop_host> adopt(asio::any_io_executor, bool) override { return nullptr; }
+    void offload(std::function<void()> work) override { work(); }
+    bool is_virtual() const noexcept override { return false; }
     ise::task<ise::result<std::unique_ptr<ise::stream>>> connect(ise::loop&, ise::endpoint) override { co_return no(); }
     ise::result<std::unique_ptr<ise::listener>> listen(ise::loop&, const ise::endpoint&) override { return no(); }
     ise::result<std::unique_ptr<ise::datagram_socket>> open_datagram(ise::loop&, const ise::endpoint&) override { return no(); }
