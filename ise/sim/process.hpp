@@ -45,9 +45,9 @@ public:
     /// `executor` must be one of this world (`world::context()`, or a loop's); everything runs on one thread,
     /// so the loop has a flow of its own there. Throws std::logic_error for another.
     std::unique_ptr<loop_host> adopt(asio::any_io_executor executor, bool one_thread) override;
-    /// Runs `work` here and now; a dead process runs nothing.
-    void offload(std::function<void()> work) override {
-        if (running_) work();
+    /// Runs `job` here and now; a dead process runs nothing.
+    void offload(std::function<void()> job) override {
+        if (running_) job();
     }
     bool is_virtual() const noexcept override { return true; }
     task<result<std::unique_ptr<stream>>> connect(loop& on, endpoint to) override;
