@@ -22,11 +22,40 @@ void timer::disarm() noexcept {
 }
 
 loop::loop(environment& environment, executor_type executor, std::function<bool()> running_here)
-    : environment_(environment), executor_(std::move(executor)), running_here_(std::move(running_here)) {}
+    : environment_(environment), executor_(std::move(executor)), running_here_(std::move(running_here)),
+      gate_(std::make_shared<loop_gate>(*this)) {}
 
 loop::~loop() {
     *alive_ = false;
+    abandon();
+}
+
+void loop::abandon() noexcept {
+    abandoned_ = true;
+    gate_->shut();
     for (timer* entry : heap_) entry->slot_ = timer::unarmed;
+    heap_.clear();
+    // What is dropped may drop more, or touch the loop: every step leaves the lists whole.
+    while (suspended_) {
+        suspended& first = *suspended_;
+        delist(first);
+        first.drop();
+    }
+    while (!ready_.empty()) auto dropped = std::exchange(ready_, {});
+    while (!outputs_.empty()) auto dropped = std::exchange(outputs_, {});
+}
+
+void loop::enlist(suspended& entry) noexcept {
+    entry.previous_ = nullptr;
+    entry.next_ = suspended_;
+    if (suspended_) suspended_->previous_ = &entry;
+    suspended_ = &entry;
+}
+
+void loop::delist(suspended& entry) noexcept {
+    (entry.previous_ ? entry.previous_->next_ : suspended_) = entry.next_;
+    if (entry.next_) entry.next_->previous_ = entry.previous_;
+    entry.previous_ = entry.next_ = nullptr;
 }
 
 time_point loop::now() const { return depth_ > 0 ? turn_time_ : environment_.now(); }
@@ -36,6 +65,7 @@ bool loop::before(const timer& a, const timer& b) noexcept {
 }
 
 void loop::insert(timer& entry) {
+    if (abandoned_) return;
     entry.order_ = armed_count_++;
     entry.slot_ = heap_.size();
     heap_.push_back(&entry);
@@ -91,10 +121,14 @@ void loop::wake_for_first() {
 }
 
 void loop::on_alarm() {
+    if (abandoned_) return;
     alarm_at_ = time_point::max();
     turn in(*this);
     turn_time_ = environment_.now();
-    while (!heap_.empty() && heap_.front()->at_ <= turn_time_) {
+    // What is armed by what fires here waits for the next turn, or a timer that moves itself to a time that
+    // has passed would never let go.
+    const auto newcomers = armed_count_;
+    while (!heap_.empty() && heap_.front()->at_ <= turn_time_ && heap_.front()->order_ < newcomers) {
         timer* due = heap_.front();
         remove(*due);
         due->fire_(); // may destroy *due
@@ -103,12 +137,13 @@ void loop::on_alarm() {
 }
 
 void loop::later(ready_function ready) {
+    if (abandoned_) return;
     ready_.push_back(std::move(ready));
     if (depth_ == 0) post_turn();
 }
 
 void loop::flush_later(std::shared_ptr<flushable> output) {
-    if (output->queued_) return;
+    if (output->queued_ || abandoned_) return;
     if (depth_ == 0 && !turn_posted_) {
         post_turn();
         output->flush();
@@ -143,10 +178,14 @@ void loop::end_turn() {
     // their share.
     for (int round = 0; round < 64 && (!ready_.empty() || !outputs_.empty()); ++round) {
         auto ready = std::exchange(ready_, {});
-        for (auto& resume : ready) resume();
+        for (auto& resume : ready) {
+            if (abandoned_) return;
+            resume();
+        }
         if (ready_.empty()) {
             auto outputs = std::exchange(outputs_, {});
             for (auto& output : outputs) {
+                if (abandoned_) return;
                 output->queued_ = false;
                 output->flush();
             }

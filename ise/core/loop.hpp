@@ -1,4 +1,6 @@
 #pragma once
+#include <ise/core/loop_gate.hpp>
+#include <ise/core/suspended.hpp>
 #include <ise/core/time.hpp>
 #include <ise/core/unique_function.hpp>
 
@@ -111,6 +113,20 @@ public:
 
     std::size_t armed_timers() const noexcept { return heap_.size(); }
 
+    /// The way in for other threads, which may keep it for longer than the loop lives.
+    const std::shared_ptr<loop_gate>& gate() const noexcept { return gate_; }
+
+    /// Ends the loop: nothing of it runs any more, and what is suspended on it is destroyed instead of resumed
+    /// (a coroutine's frame through the executor, which must run once more, or drop what it holds, while
+    /// everything that the frames refer to still lives). Timers are disarmed; later waits are dropped at once.
+    /// The destructor does the same.
+    void abandon() noexcept;
+    bool abandoned() const noexcept { return abandoned_; }
+
+    /// For what waits on the loop (`waiter`): listed while it does.
+    void enlist(suspended& entry) noexcept;
+    void delist(suspended& entry) noexcept;
+
 private:
     friend class timer;
     void insert(timer& entry);
@@ -134,6 +150,9 @@ private:
     std::uint64_t armed_count_ = 0;
     int depth_ = 0;
     bool turn_posted_ = false;
+    bool abandoned_ = false;
+    suspended* suspended_ = nullptr;
+    std::shared_ptr<loop_gate> gate_;
     std::shared_ptr<bool> alive_ = std::make_shared<bool>(true); // posted turns look at it
 };
 

@@ -1,0 +1,51 @@
+#pragma once
+#include <ise/core/environment.hpp>
+#include <ise/core/waiter.hpp>
+#include <ise/sim/resource.hpp>
+
+#include <deque>
+#include <memory>
+
+namespace ise::sim {
+
+class process;
+class host;
+struct flow;
+
+/// A bound datagram port of a host.
+class datagram_end final : public resource, public std::enable_shared_from_this<datagram_end> {
+public:
+    static constexpr std::size_t receive_limit_bytes = 256 * 1024;
+    struct outcome { // not std::error_code: Asio would throw it
+        std::error_code problem;
+    };
+
+    datagram_end(process& owner, loop& on, endpoint at);
+    ~datagram_end() override;
+
+    const endpoint& at() const noexcept { return at_; }
+    process& owner() noexcept { return owner_; }
+
+    std::pair<std::error_code, datagram> take(); ///< would_block: nothing yet
+    std::error_code send(const endpoint& to, bytes_view content);
+    void arrive(datagram what);
+    void close();
+    void end(ending how) override;
+
+    waiter<outcome> incoming;
+
+private:
+    void leave();
+
+    process& owner_;
+    std::shared_ptr<flow> where_;
+    loop& loop_;
+    endpoint at_;
+    std::deque<datagram> received_;
+    std::size_t received_bytes_ = 0;
+    bool closed_ = false;
+};
+
+result<std::unique_ptr<datagram_socket>> open_udp(process& owner, loop& on, const endpoint& at);
+
+} // namespace ise::sim

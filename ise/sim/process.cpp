@@ -1,0 +1,234 @@
+#include <ise/sim/process.hpp>
+
+#include <ise/sim/datagram_end.hpp>
+#include <ise/sim/tcp_acceptor.hpp>
+#include <ise/sim/world.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace ise::sim {
+namespace {
+
+class sim_alarm final : public alarm {
+public:
+    sim_alarm(scheduler& engine, std::shared_ptr<flow> where, loop& owner)
+        : engine_(engine), where_(std::move(where)), loop_(owner) {}
+    ~sim_alarm() override { engine_.cancel(armed_); }
+
+    void arm(time_point at) override {
+        engine_.cancel(armed_);
+        armed_ = engine_.at(at, where_, [this] {
+            armed_ = {};
+            loop_.on_alarm();
+        });
+    }
+
+private:
+    scheduler& engine_;
+    std::shared_ptr<flow> where_;
+    loop& loop_;
+    scheduler::ticket armed_;
+};
+
+} // namespace
+
+// A loop of a process, and its end.
+class sim_loop final : public loop_host {
+public:
+    sim_loop(process& owner, std::shared_ptr<flow> where)
+        : owner_(owner), engine_(owner.host().world().engine()), where_(std::move(where)),
+          loop_(owner, flow_executor(where_), [engine = &engine_] { return engine->running_here(); }) {
+        loop_.use_alarm(std::make_unique<sim_alarm>(engine_, where_, loop_));
+        owner_.loops_.push_back(this);
+    }
+
+    ~sim_loop() override {
+        end();
+        std::erase(owner_.loops_, this);
+    }
+
+    // What is suspended is destroyed here, while everything that it refers to still stands.
+    void end() {
+        ended_ = true;
+        where_->alive = false;
+        loop_.abandon();
+        engine_.kill(*where_);
+    }
+
+    bool ended() const noexcept { return ended_; }
+    ise::loop& loop() noexcept override { return loop_; }
+    const std::shared_ptr<flow>& where() const noexcept { return where_; }
+
+private:
+    process& owner_;
+    scheduler& engine_;
+    std::shared_ptr<flow> where_;
+    ise::loop loop_;
+    bool ended_ = false;
+};
+
+process::process(sim::host& on, std::string name, unsigned life, std::uint64_t id, host::program run,
+                 std::map<std::string, std::string> variables)
+    : host_(on), name_(std::move(name)),
+      random_(on.world().seed(), fmt::format("process {}/{}#{}", on.name(), name_, life)), program_(std::move(run)),
+      variables_(std::move(variables)) {
+    identity_.host_name = on.name();
+    identity_.host_key = fmt::format("sim:{}#{}", on.name(), on.boots());
+    identity_.process_key = fmt::format("sim:{}/{}#{}", on.name(), name_, life);
+    identity_.process_id = id;
+}
+
+process::~process() { tear_down(); }
+
+void process::start() {
+    if (program_) keep(program_(*this));
+}
+
+process& process::restart() {
+    if (running_) crash();
+    return host_.start_process(name_, program_, variables_);
+}
+
+void process::pause() {
+    paused_ = true;
+    for (auto* each : loops_) host_.world().engine().pause(*each->where());
+}
+
+void process::go_on() {
+    paused_ = false;
+    for (auto* each : loops_) host_.world().engine().go_on(each->where());
+}
+
+void process::finish(ending how) {
+    if (!std::exchange(running_, false)) return;
+    auto& engine = host_.world().engine();
+    host_.world().note(how == ending::stop ? "stop" : "crash", host_.name() + "/" + name_);
+    bool inside = false;
+    for (auto* each : loops_) {
+        inside = inside || engine.current() == each->where().get();
+        each->where()->alive = false;
+    }
+    for (auto& each : std::exchange(resources_, {}))
+        if (auto open = each.lock()) open->end(how);
+    if (inside) engine.when_outside([this] { tear_down(); });
+    else tear_down();
+}
+
+void process::tear_down() {
+    running_ = false;
+    // First what is suspended, then what it refers to.
+    for (;;) { // what ends may own another loop
+        auto next = std::find_if(loops_.begin(), loops_.end(), [](auto* each) { return !each->ended(); });
+        if (next == loops_.end()) break;
+        (*next)->end();
+    }
+    while (!kept_.empty()) {
+        auto last = std::move(kept_.back());
+        kept_.pop_back();
+    }
+    host_.world().engine().bury();
+}
+
+time_point process::now() const { return host_.world().now(); }
+
+wall_time process::wall() const { return host_.world().wall_start + host_.world().elapsed() + wall_offset_; }
+
+std::optional<std::string> process::variable(const std::string& name) const {
+    auto found = variables_.find(name);
+    if (found == variables_.end()) return {};
+    return found->second;
+}
+
+std::unique_ptr<loop_host> process::new_loop(std::string name) {
+    if (!running_) throw std::logic_error(fmt::format("process '{}' has ended: it makes no loops", name_));
+    auto where = host_.world().engine().make_flow(fmt::format("{}/{}/{}", host_.name(), name_, name));
+    where->paused = paused_;
+    return std::make_unique<sim_loop>(*this, std::move(where));
+}
+
+std::unique_ptr<loop_host> process::make_loop(const std::string& name) { return new_loop(name); }
+
+std::unique_ptr<loop_host> process::adopt(asio::any_io_executor executor, bool) {
+    const auto* its = executor ? &asio::query(executor, asio::execution::context) : nullptr;
+    if (its != &static_cast<asio::execution_context&>(host_.world().context()))
+        throw std::logic_error(fmt::format("process '{}' of the virtual world can adopt only executors of that world: "
+                                           "world.context(), or a loop's", name_));
+    return new_loop("adopted");
+}
+
+std::shared_ptr<flow> process::flow_of(const loop& on) const {
+    for (auto* each : loops_)
+        if (&each->loop() == &on) return each->where();
+    throw std::logic_error(fmt::format("this loop belongs to another process than '{}'", name_));
+}
+
+std::error_code process::begin_operation() { return host_.world().faults().begin(); }
+
+void process::attach(const std::shared_ptr<resource>& what) {
+    if (resources_.size() == resources_.capacity()) // now and then
+        std::erase_if(resources_, [](const auto& each) { return each.expired(); });
+    resources_.push_back(what);
+}
+
+result<void> process::usable(const char* what) const {
+    if (!running_) return failure(errc::io_failed, fmt::format("{}: process '{}' has ended", what, name_));
+    return {};
+}
+
+task<result<std::unique_ptr<stream>>> process::connect(loop& on, endpoint to) {
+    auto can = usable("connect");
+    if (!can) co_return can.error();
+    if (auto fault = begin_operation())
+        co_return failure(errc::unreachable, fmt::format("cannot connect to {}: {}", to.text(), fault.message()));
+    if (to.kind == protocol::udp)
+        co_return failure(errc::invalid_argument, fmt::format("{} carries datagrams: open_datagram", to.text()));
+    if (to.kind == protocol::inproc) co_return inproc_.connect(on, to.path);
+    auto made = co_await connect_tcp(*this, on, to);
+    co_return made;
+}
+
+result<std::unique_ptr<listener>> process::listen(loop& on, const endpoint& at) {
+    auto can = usable("listen");
+    if (!can) return can.error();
+    if (auto fault = begin_operation()) return io_failure(fmt::format("cannot listen on {}", at.text()), fault);
+    if (at.kind == protocol::inproc) return inproc_.listen(on, at.path);
+    if (at.kind == protocol::udp)
+        return failure(errc::invalid_argument, fmt::format("{} carries datagrams: open_datagram", at.text()));
+    return listen_tcp(*this, on, at);
+}
+
+result<std::unique_ptr<datagram_socket>> process::open_datagram(loop& on, const endpoint& at) {
+    auto can = usable("open_datagram");
+    if (!can) return can.error();
+    if (auto fault = begin_operation()) return io_failure(fmt::format("cannot open {}", at.text()), fault);
+    if (at.kind != protocol::udp)
+        return failure(errc::invalid_argument, fmt::format("{} is no datagram endpoint: udp://...", at.text()));
+    return open_udp(*this, on, at);
+}
+
+result<std::unique_ptr<stream>> process::open_serial(loop& on, const serial_options& options) {
+    auto can = usable("open_serial");
+    if (!can) return can.error();
+    if (auto fault = begin_operation()) return io_failure(fmt::format("cannot open {}", options.device), fault);
+    if (options.baud == 0) return failure(errc::invalid_argument, fmt::format("cannot open {} at 0 baud", options.device));
+    auto found = host_.serial_lines.find(options.device);
+    if (found == host_.serial_lines.end())
+        return failure(errc::io_failed, fmt::format("cannot open {}: host '{}' has no such device", options.device, host_.name()));
+    return found->second->open_device(*this, on, options.device, options.baud);
+}
+
+result<std::string> process::read_file(const std::string& path, std::size_t max_bytes) {
+    auto can = usable("read_file");
+    if (!can) return can.error();
+    if (auto fault = begin_operation()) return io_failure(fmt::format("cannot read {}", path), fault);
+    auto found = host_.files().find(path);
+    if (found == host_.files().end())
+        return failure(errc::io_failed, fmt::format("cannot read {}: no such file on host '{}'", path, host_.name()));
+    if (found->second.size() > max_bytes)
+        return failure(errc::too_large, fmt::format("{} has {} bytes, more than {}", path, found->second.size(), max_bytes));
+    return found->second;
+}
+
+} // namespace ise::sim

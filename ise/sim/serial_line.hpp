@@ -1,0 +1,62 @@
+#pragma once
+#include <ise/core/result.hpp>
+#include <ise/core/loop.hpp>
+#include <ise/core/stream.hpp>
+#include <ise/sim/random.hpp>
+
+#include <array>
+#include <memory>
+#include <string>
+
+namespace ise::sim {
+
+class world;
+class process;
+class host;
+class serial_end;
+
+/// A serial line into a host: the device that `environment::open_serial` opens, and the far end for whatever is
+/// emulated there. Ten bits a byte at the baud rate that the device was opened with. What is written while the
+/// other end is not open is lost, as on a wire; there is no end of stream. Made by `world::serial_line`.
+class serial_line {
+public:
+    static constexpr std::size_t send_buffer_bytes = 4096;
+    static constexpr std::size_t receive_buffer_bytes = 16 * 1024; ///< beyond it bytes are lost (overrun, traced)
+
+    serial_line(sim::world& world, sim::host& into, std::string name);
+    ~serial_line();
+
+    /// The far end, for use on that loop of any process; one at a time.
+    /// Errors: errc::io_failed (the far end is open already).
+    result<std::unique_ptr<stream>> open_far_end(process& owner, loop& on);
+
+    /// Unplugged: the device end fails with `no_such_device`, opening fails, what the far end writes is lost.
+    void vanish();
+    /// Plugged in again: it can be opened anew. The far end was there all the time.
+    void come_back() noexcept { present_ = true; }
+    bool present() const noexcept { return present_; }
+
+    /// What the far end talks at; bytes are garbled while the device is opened at another rate. 0: at any.
+    unsigned far_end_baud = 0;
+
+    // For the world's parts.
+    result<std::unique_ptr<stream>> open_device(process& owner, loop& on, const std::string& device, unsigned baud);
+
+private:
+    friend class serial_end;
+    static constexpr std::size_t device = 0, far = 1;
+
+    void carry(std::size_t from, bytes_view content);
+    void arrive(std::size_t to, bytes content);
+
+    sim::world& world_;
+    std::string name_;
+    generator random_;
+    std::array<std::weak_ptr<serial_end>, 2> ends_;
+    std::array<std::size_t, 2> under_way_{};
+    std::array<time_point, 2> free_at_{};
+    unsigned baud_ = 9600;
+    bool present_ = true;
+};
+
+} // namespace ise::sim

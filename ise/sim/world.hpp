@@ -1,0 +1,97 @@
+#pragma once
+#include <ise/sim/fault_plan.hpp>
+#include <ise/sim/host.hpp>
+#include <ise/sim/network.hpp>
+#include <ise/sim/process.hpp>
+#include <ise/sim/scheduler.hpp>
+#include <ise/sim/serial_line.hpp>
+#include <ise/sim/trace.hpp>
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+
+namespace ise::sim {
+
+/// Everything in one thread on a virtual clock: hosts, their processes, the network between them. The same seed
+/// gives the same run, whatever the compiler. A test of components that know nothing of it:
+///
+///     ise::sim::world world{7};
+///     auto& boat = world.host("boat").start_process("boat");       // an ise::environment each
+///     auto& shore = world.host("shore").start_process("console");
+///     world.net().between("boat", "shore").loss = 0.1;
+///     world.at(30s, [&] { world.net().partition("boat", "shore"); });
+///     world.at(90s, [&] { world.net().heal("boat", "shore"); });
+///
+///     auto main = shore.make_loop("main");
+///     asio::co_spawn(main->loop().get_executor(), console(shore, main->loop()), asio::detached);
+///     REQUIRE(world.run_until([&] { return console_has_a_fix; }, 10min));   // virtual minutes
+///
+/// Lifetime: the world outlives what uses its processes; what is suspended when it goes is destroyed unresumed.
+/// Used from one thread. Nothing here waits in real time.
+class world {
+public:
+    explicit world(std::uint64_t seed = 1);
+    ~world();
+    world(const world&) = delete;
+    world& operator=(const world&) = delete;
+
+    std::uint64_t seed() const noexcept { return seed_; }
+
+    /// The host of that name, made when it is first asked for.
+    sim::host& host(const std::string& name);
+    network& net() noexcept { return network_; }
+    /// A serial line into that host, made when it is first asked for: device "/dev/" + name, or name.
+    sim::serial_line& serial_line(const std::string& name, sim::host& into);
+
+    time_point now() const noexcept { return scheduler_.now(); }
+    /// Virtual time since the world began.
+    duration elapsed() const noexcept { return now() - start; }
+    /// The wall clock at the beginning, UTC.
+    wall_time wall_start = std::chrono::sys_days(std::chrono::year(2017) / 9 / 4) + std::chrono::hours(8);
+
+    /// Runs `action` when this much time has passed since the world began.
+    void at(duration since_start, std::function<void()> action);
+    void after(duration from_now, std::function<void()> action);
+
+    /// Runs until `done()` holds, looked at after every event, or `within` has passed. Whether it holds.
+    /// Throws sim::stuck beyond the bounds of events (`bounds()`), and what a handler lets escape.
+    bool run_until(const std::function<bool()>& done, duration within = std::chrono::hours(1));
+    /// Runs for exactly this long.
+    void run_for(duration time);
+    /// Runs until nothing is left to do or `within` has passed. Whether nothing is left.
+    bool run_until_idle(duration within = std::chrono::hours(24));
+
+    scheduler::bounds& bounds() noexcept { return scheduler_.limits; }
+
+    /// The n-th I/O operation from now on fails, whichever it is: see fault_plan.
+    void fail_at(std::uint64_t n, std::error_code with = asio::error::connection_reset) { faults_.fail_at(n, with); }
+    std::uint64_t operations() const noexcept { return faults_.operations(); }
+    fault_plan& faults() noexcept { return faults_; }
+
+    sim::trace& trace() noexcept { return trace_; }
+    asio::io_context& context() noexcept { return scheduler_.context(); }
+
+    // For the world's parts.
+    scheduler& engine() noexcept { return scheduler_; }
+    sim::host* find_host(const std::string& name_or_address);
+    const std::map<std::string, std::unique_ptr<sim::host>>& hosts() const noexcept { return hosts_; }
+    void note(std::string_view kind, std::string_view subject, std::uint64_t amount = 0) {
+        trace_.note(now(), kind, subject, amount);
+    }
+
+    /// Not zero, so that a time point that nobody has set is seen to be wrong.
+    static constexpr time_point start{std::chrono::hours(1)};
+
+private:
+    std::uint64_t seed_;
+    fault_plan faults_;
+    sim::trace trace_;
+    scheduler scheduler_{start};
+    network network_{*this};
+    std::map<std::string, std::unique_ptr<sim::host>> hosts_;
+    std::map<std::string, std::unique_ptr<sim::serial_line>> serial_lines_;
+};
+
+} // namespace ise::sim

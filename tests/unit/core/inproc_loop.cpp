@@ -1,0 +1,163 @@
+// What waits on a loop, on one thread that the test drives.
+#include "inproc_threads.hpp"
+
+#include <ise/core/inproc_stream.hpp>
+#include <ise/core/waiter.hpp>
+
+#include <asio/bind_cancellation_slot.hpp>
+
+#include <support/catch.hpp>
+
+using namespace threads;
+using ise::task;
+
+namespace {
+
+struct driven {
+    bare_environment env;
+    asio::io_context io;
+    asio::executor_work_guard<asio::io_context::executor_type> open{io.get_executor()};
+    std::unique_ptr<ise::loop> loop = std::make_unique<ise::loop>(env, io.get_executor(), [] { return true; });
+    ~driven() {
+        loop->abandon();
+        io.poll();
+    }
+};
+
+struct witness { // notes that its frame was unwound
+    bool& gone;
+    ~witness() { gone = true; }
+};
+
+task<> wait_forever(ise::loop& on, bool& gone, bool& resumed) {
+    ise::waiter<> never(on, [&never] { never.resume(); });
+    witness frame{gone};
+    co_await never.wait();
+    resumed = true;
+}
+
+task<> read_once(ise::stream& from, ise::transfer& got, std::array<char, 8>& room) {
+    got = co_await from.read_some(asio::buffer(room));
+}
+
+} // namespace
+
+TEST_CASE("a timer that moves itself to a time that has passed fires in a later turn each time") {
+    driven one;
+    std::vector<std::string> log;
+    int left = 3;
+    ise::timer* self = nullptr;
+    ise::timer again(*one.loop, [&] {
+        log.push_back("fired");
+        one.loop->later([&] { log.push_back("end of turn"); });
+        if (--left > 0) self->arm(one.env.now() - std::chrono::seconds(1));
+    });
+    self = &again;
+    again.arm(one.env.now() - std::chrono::seconds(1));
+    while (again.armed()) one.loop->on_alarm();
+    CHECK(log == std::vector<std::string>{"fired", "end of turn", "fired", "end of turn", "fired", "end of turn"});
+}
+
+TEST_CASE("abandoning a loop unwinds what waits there without resuming it") {
+    driven one;
+    bool gone = false, resumed = false;
+    asio::co_spawn(one.io, wait_forever(*one.loop, gone, resumed), asio::detached);
+    one.io.poll();
+    REQUIRE_FALSE(gone);
+    one.loop->abandon();
+    one.io.poll();
+    CHECK(gone);
+    CHECK_FALSE(resumed);
+
+    gone = false; // what comes to wait later is unwound too
+    asio::co_spawn(one.io, wait_forever(*one.loop, gone, resumed), asio::detached);
+    one.io.poll();
+    CHECK(gone);
+    CHECK_FALSE(resumed);
+}
+
+TEST_CASE("work for a loop that has ended is refused at its gate") {
+    driven one;
+    auto gate = one.loop->gate();
+    bool ran = false;
+    CHECK(gate->post([&] { ran = true; }));
+    one.io.poll();
+    CHECK(ran);
+    one.loop->abandon();
+    CHECK_FALSE(gate->post([] {}));
+    one.loop.reset();
+    CHECK_FALSE(gate->post([] {}));
+    one.loop = std::make_unique<ise::loop>(one.env, one.io.get_executor(), [] { return true; });
+}
+
+TEST_CASE("inproc: cancelling a read loses nothing") {
+    driven one;
+    auto [first, second] = ise::make_inproc_pair(*one.loop, *one.loop, "pair");
+    asio::cancellation_signal stop;
+    ise::transfer got;
+    std::array<char, 8> room{};
+    asio::co_spawn(one.io, read_once(*second, got, room), asio::bind_cancellation_slot(stop.slot(), asio::detached));
+    one.io.poll();
+    std::array pieces{asio::const_buffer("abc", 3)};
+    SECTION("before the bytes come") {
+        stop.emit(asio::cancellation_type::terminal);
+        CHECK(first->try_write(pieces).bytes == 3);
+        one.io.poll();
+        CHECK(got.problem == asio::error::operation_aborted);
+    }
+    SECTION("after they came, before the turn ends") {
+        CHECK(first->try_write(pieces).bytes == 3);
+        stop.emit(asio::cancellation_type::terminal);
+        one.io.poll();
+        CHECK(got.bytes == 3);
+        return;
+    }
+    asio::co_spawn(one.io, read_once(*second, got, room), asio::detached);
+    one.io.poll();
+    CHECK_FALSE(got.problem);
+    CHECK(std::string_view(room.data(), got.bytes) == "abc");
+}
+
+TEST_CASE("inproc: a full queue would block, a closed side says so on both sides") {
+    driven one;
+    auto [first, second] = ise::make_inproc_pair(*one.loop, *one.loop, "pair", 10);
+    std::array pieces{asio::const_buffer("0123456789abcdef", 16)};
+    CHECK(first->try_write(pieces).bytes == 10);
+    CHECK(first->try_write(pieces).problem == asio::error::would_block);
+
+    ise::transfer got;
+    std::array<char, 8> room{};
+    asio::co_spawn(one.io, read_once(*first, got, room), asio::detached);
+    one.io.poll();
+    SECTION("closing aborts one's own read") {
+        first->close();
+        one.io.poll();
+        CHECK(got.problem == asio::error::operation_aborted);
+        CHECK(first->try_write(pieces).problem == asio::error::operation_aborted);
+    }
+    SECTION("destroying aborts one's own read") {
+        first.reset();
+        one.io.poll();
+        CHECK(got.problem == asio::error::operation_aborted);
+    }
+    SECTION("the peer's close ends the read and breaks the writes") {
+        second->close();
+        one.io.poll();
+        CHECK(got.problem == asio::error::eof);
+        CHECK(first->try_write(pieces).problem == asio::error::broken_pipe);
+    }
+    SECTION("after shutdown the peer reads the rest and then the end") {
+        first->shutdown_write();
+        CHECK(first->try_write(pieces).problem == asio::error::broken_pipe);
+        for (auto expected : {std::size_t{8}, std::size_t{2}}) {
+            asio::co_spawn(one.io, read_once(*second, got, room), asio::detached);
+            one.io.poll();
+            CHECK(got.bytes == expected);
+        }
+        asio::co_spawn(one.io, read_once(*second, got, room), asio::detached);
+        one.io.poll();
+        CHECK(got.problem == asio::error::eof);
+        first.reset(); // ends the read of this side, still waiting
+        one.io.poll();
+    }
+}
