@@ -26,6 +26,7 @@ std::string as_json(const std::vector<naming::listed_name>& names) {
         told["node"] = one.node;
         told["epoch"] = std::to_string(one.epoch); // beyond 2^53 a JSON number is not exact
         told["incarnation"] = fmt::format("{:016x}", one.incarnation);
+        told["lease_age_s"] = std::chrono::duration<double>(one.lease_age).count();
         told["endpoints"] = one.endpoints;
         told["services_provided"] = one.services_provided;
         all.push_back(std::move(told));
@@ -34,9 +35,9 @@ std::string as_json(const std::vector<naming::listed_name>& names) {
 }
 
 std::string as_table(const std::vector<naming::listed_name>& names, std::size_t width) {
-    table rows({"PATH", "STATE", "HOST", "PROCESS", "SERVICES", "ENDPOINTS"});
+    table rows({"PATH", "STATE", "HOST", "PROCESS", "LEASE AGE", "SERVICES", "ENDPOINTS"});
     for (const auto& one : names)
-        rows.add({one.path, one.state, one.host_name, std::to_string(one.process_id), std::to_string(one.services_provided),
+        rows.add({one.path, one.state, one.host_name, std::to_string(one.process_id), show_duration(one.lease_age), std::to_string(one.services_provided),
                   fmt::format("{}", fmt::join(one.endpoints, " "))});
     return rows.text(width);
 }
