@@ -38,6 +38,8 @@ task<> converse(component& self, const settings& set, const conversation& what, 
         if (is_cancellation(std::current_exception())) throw; // Ctrl-C
         end.why.emplace(exit_code::failed, "unexpected", thrown.what());
     }
+    // Cancelled: what was waited for may have made a failure of it.
+    if (end.why && self.state() == component_state::stopping) end.why.reset();
     if (end.why) end.code = end.why->code();
     self.stop();
 }

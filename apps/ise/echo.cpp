@@ -25,7 +25,7 @@ task<> echo(context& in, echo_options options) {
     subscribe_options terms;
     terms.min_interval = options.every;
     terms.last_value = !options.no_last_value;
-    auto stream = co_await subscribe(in, options.what, terms);
+    auto stream = co_await open_stream(in, options.what, terms);
     bool over = false;
     timer end(in.self.on(), [&] {
         over = true;

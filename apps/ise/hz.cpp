@@ -68,7 +68,7 @@ std::string line(const arrivals::summary& of, const dynamic_stream& stream) {
 task<> hz(context& in, hz_options options) {
     subscribe_options terms;
     terms.last_value = false;
-    auto stream = co_await subscribe(in, options.what, terms);
+    auto stream = co_await open_stream(in, options.what, terms);
     auto shared = std::make_shared<meter>(std::move(stream));
     in.self.spawn("meter", receive(in.self, shared));
     if (!in.set.json) co_await in.out.write(in.self, heading());

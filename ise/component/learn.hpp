@@ -10,6 +10,6 @@ result<dynamic_contract> contract_of(const service_text& told);
 
 /// Asks a component about itself and gives one of the services that it provides. errc::no_such_service names those
 /// that there are; else the failures of `remote::try_call`. Cancellation: terminal.
-task<result<dynamic_contract>> learn(remote provider, std::string service, duration deadline = {});
+task<result<dynamic_contract>> learn(remote provider, std::string service, duration deadline = duration());
 
 } // namespace ise

@@ -35,7 +35,7 @@ dynamic_packet default_packet(const schema& of);
 /// `remote::try_call`; besides errc::invalid_argument for a subscription, errc::type_mismatch where `request` does
 /// not fit the service. A request of another schema is adapted.
 /// On the loop of the component that made `provider`. Cancellation: terminal; the provider's handler is cancelled too.
-task<result<dynamic_packet>> call_dynamic(remote provider, dynamic_contract service, dynamic_packet request, duration deadline = {});
+task<result<dynamic_packet>> call_dynamic(remote provider, dynamic_contract service, dynamic_packet request, duration deadline = duration());
 
 /// A live subscription of packets known at run time: as `stream_of`, which see.
 class dynamic_stream {

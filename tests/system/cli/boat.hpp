@@ -68,7 +68,7 @@ private:
         });
         require(beeper);
         auto quiet = publish(silent);
-        ise::publication_callbacks<decltype(counted)> callbacks;
+        ise::publication_callbacks<std::remove_const_t<decltype(counted)>> callbacks;
         callbacks.on_subscribe = [this](const from_number& rq, const ise::subscriber_info&) {
             number_ = rq.first;
             return ise::nothing{};
