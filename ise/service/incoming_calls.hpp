@@ -101,7 +101,8 @@ protected:
 private:
     friend class call_worker;
     void idle(call_worker& worker);
-    bool begin(incoming_call& call, bytes_view request);
+    bool begin(incoming_call& call, bytes_view request); // false: no worker is idle
+    void add_worker();
 
     struct waiting_call {
         incoming_call call;

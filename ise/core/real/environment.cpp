@@ -1,5 +1,6 @@
 #include <ise/core/real/environment.hpp>
 
+#include <ise/core/executor_target.hpp>
 #include <ise/core/real/sockets.hpp>
 
 #include <asio/executor_work_guard.hpp>
@@ -163,7 +164,7 @@ std::unique_ptr<loop_host> real_environment::make_loop(const std::string& name) 
 
 std::unique_ptr<loop_host> real_environment::adopt(asio::any_io_executor executor, bool one_thread) {
     if (one_thread) {
-        auto* context = executor.target<asio::io_context::executor_type>();
+        auto* context = target_of<asio::io_context::executor_type>(executor);
         auto running = context ? std::function<bool()>([on = *context] { return on.running_in_this_thread(); })
                                : std::function<bool()>([] { return true; }); // promised
         return std::make_unique<adopted_loop>(*this, std::move(executor), std::move(running));
