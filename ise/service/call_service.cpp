@@ -119,7 +119,7 @@ void call_service::add_worker() {
 
 void call_service::idle(call_worker& worker) {
     worker.busy_ = false;
-    if (stopped_) {
+    if (stopped_ || host_.scope().stopping()) {
         worker.wake_.resume(false);
         return;
     }
@@ -140,13 +140,13 @@ void call_service::idle(call_worker& worker) {
     }
 }
 
+// The caller is gone: nobody is answered any more.
 void call_service::withdraw(const session& from, std::uint64_t id) {
     std::erase_if(waiting_, [&](const waiting_call& entry) { return entry.call.from.get() == &from && entry.call.id == id; });
     for (auto& worker : workers_) {
         if (worker->call_.from.get() != &from || worker->call_.id != id) continue;
-        auto call = std::exchange(worker->call_, {});
+        worker->call_ = {};
         worker->deadline_.disarm();
-        refuse(call, failure(errc::cancelled, "cancelled by the caller", execution::unknown));
         worker->give_up();
         return;
     }
@@ -157,7 +157,13 @@ void call_service::stop() {
     for (auto& entry : std::exchange(waiting_, {}))
         refuse(entry.call, failure(errc::cancelled, fmt::format("'{}' is not provided any more", name_)));
     for (auto* worker : std::exchange(idle_, {})) worker->wake_.resume(false);
-    for (auto& worker : workers_) worker->give_up();
+    // Those who wait for a handler that runs are told now, before the sessions say goodbye.
+    for (auto& worker : workers_) {
+        auto call = std::exchange(worker->call_, {});
+        worker->deadline_.disarm();
+        if (call.from) refuse(call, failure(errc::cancelled, fmt::format("'{}' was stopped while it ran", name_), execution::unknown));
+        worker->give_up();
+    }
 }
 
 call_context call_service::context_of_call(const incoming_call& call) {
