@@ -23,9 +23,9 @@ result<Response> response_of(const call_outcome& outcome) {
     if (outcome.why) return *outcome.why;
     if (outcome.adapt) {
         try {
-            return try_decode<Response>((*outcome.adapt)(outcome.response));
+            return decode<Response>((*outcome.adapt)(outcome.response));
         } catch (const error& unfit) {
-            return unfit.why();
+            return failure(unfit.code(), unfit.what(), execution::unknown);
         }
     }
     auto decoded = try_decode<Response>(outcome.response);
