@@ -41,6 +41,13 @@ task<> task_scope::join() {
     co_await empty_.wait();
 }
 
+task<bool> task_scope::join_until(time_point at) {
+    timer alarm(loop_, [this] { empty_.resume(); });
+    alarm.arm(at);
+    while (size() > 0 && loop_.now() < at) co_await empty_.wait();
+    co_return size() == 0;
+}
+
 std::vector<std::string> task_scope::running() const {
     std::vector<std::string> names;
     for (const auto& entry : *children_) names.push_back(entry.name);

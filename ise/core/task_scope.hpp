@@ -37,6 +37,8 @@ public:
 
     /// Completes when no child is left. One coroutine at a time; cancellation ends the wait only.
     task<> join();
+    /// The same until `at`; false if some still run then.
+    task<bool> join_until(time_point at);
 
     std::size_t size() const noexcept { return children_->size(); }
     /// Who still runs.

@@ -33,6 +33,8 @@ public:
     virtual task<result<std::uint64_t>> enroll(registration who, duration deadline) = 0;
     /// Services or state have changed.
     virtual void update(registration who) = 0;
+    /// Its state for people: "ready", "stalled"…
+    virtual void set_state(const std::string& path, std::string_view state) = 0;
     virtual task<> withdraw(std::string path) = 0;
 
     /// Tells when a name was granted later than `enroll` waited, or again (epoch), or lost to another holder (failure).

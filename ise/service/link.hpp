@@ -33,6 +33,8 @@ public:
     /// errc::no_such_name if nobody holds the path now, errc::name_server_lost if nobody can say.
     /// Cancellation: terminal.
     virtual task<result<location>> resolve(std::string path) = 0;
+    /// The same, waiting until somebody holds it, at most until `deadline`.
+    virtual task<result<location>> resolve_when_present(std::string path, time_point deadline) = 0;
 
 protected:
     ~resolver() = default;

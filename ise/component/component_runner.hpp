@@ -1,0 +1,91 @@
+#pragma once
+#include <ise/component/node.hpp>
+#include <ise/core/task_scope.hpp>
+#include <ise/service/back_off.hpp>
+
+#include <atomic>
+#include <memory>
+#include <mutex>
+#include <string>
+
+namespace ise {
+
+/// Runs one component: its loop, its coroutines, its services, from starting to stopped. Made by a node; everything but
+/// the constructor, `stop()` and what reads atomics happens on the component's loop.
+class component_runner : public std::enable_shared_from_this<component_runner> {
+public:
+    component_runner(std::weak_ptr<node::state> of, environment& env, std::shared_ptr<loop_host> host, std::string path,
+                     std::unique_ptr<component> made, component_options options, const node_options& node, std::uint64_t incarnation);
+    ~component_runner();
+
+    /// Listens, provides ISE's own services and starts the flow. Throws what listening refuses.
+    void start();
+    /// From any thread, any number of times.
+    void stop();
+
+    const std::string& path() const noexcept { return path_; }
+    component_state state() const noexcept { return state_.load(); }
+    loop& on() noexcept { return host_->loop(); }
+    environment& env() noexcept { return env_; }
+    const std::shared_ptr<loop_host>& host() const noexcept { return host_; }
+    stop_report report() const;
+
+    // For the component.
+    service_host& services() noexcept { return *services_; }
+    const logger& log() const noexcept { return log_; }
+    task_scope& flow() noexcept { return *flow_; }
+    task<> ready();
+    void add(std::shared_ptr<call_service> service);
+    void add(std::shared_ptr<publication_core> service);
+    void withdraw_service(const std::string& name);
+    void declare_required(const std::string& name, const packet_types& types);
+
+    // For the node: from any thread.
+    void on_name_change(result<std::uint64_t> epoch);
+    /// Asks the loop to show that it turns; true if the question before was answered.
+    bool poke();
+    std::atomic<bool> stalled{false};
+    /// Ends the loop if nobody else shares it; from no loop. Coroutines that did not end are destroyed.
+    void end_loop() { host_.reset(); }
+
+private:
+    void begin_flow();
+    void announce();
+    task<> enroll(std::shared_ptr<component_runner> self);
+    registration describe_for_names() const;
+    void services_changed();
+    component_text describe_self() const;
+    void on_child_failure(const std::string& name, std::exception_ptr thrown);
+    task<> restart();
+    static task<> shut_down(std::shared_ptr<component_runner> self);
+
+    std::weak_ptr<node::state> node_;
+    environment& env_;
+    std::shared_ptr<loop_host> host_;
+    std::string path_;
+    component_options options_;
+    duration grace_;
+    bool names_;
+    std::optional<endpoint> name_server_;
+    logger log_;
+    std::atomic<component_state> state_{component_state::starting};
+    std::atomic<bool> stop_asked_{false};
+    std::atomic<bool> poked_{false};
+
+    // On the loop. The component goes first, then its coroutines' owners, then its services.
+    std::unique_ptr<task_scope> connections_;
+    std::unique_ptr<service_host> services_;
+    std::unique_ptr<task_scope> flow_;
+    std::unique_ptr<component> component_;
+    std::vector<std::string> own_services_; // what the flow provided: withdrawn when it restarts
+    waiter<> announced_wake_;
+    back_off pause_;
+    bool announcing_ = false;
+    bool announced_ = false;
+    bool restarting_ = false;
+
+    mutable std::mutex report_mutex_;
+    stop_report report_;
+};
+
+} // namespace ise

@@ -1,0 +1,44 @@
+#pragma once
+#include <ise/component/component_runner.hpp>
+#include <ise/naming/registrar.hpp>
+
+#include <condition_variable>
+#include <map>
+#include <mutex>
+#include <vector>
+
+namespace ise {
+
+/// What a node is behind its interface: the components, its own loop, and the names that it keeps there.
+struct node::state : std::enable_shared_from_this<node::state> {
+    state(environment& of, node_options given);
+    ~state();
+
+    ise::loop& loop() noexcept { return host->loop(); }
+    void start_names();
+    task<result<std::uint64_t>> enroll(registration who, duration deadline);
+    void watch_loops();
+    void stop_all();
+    void on_stopped();
+    bool all_stopped() const;
+    std::shared_ptr<component_runner> find(const std::string& path) const;
+    void shut_names();
+
+    environment& env;
+    node_options options;
+    std::shared_ptr<loop_host> host;
+    logger log;
+
+    // On the node's loop.
+    std::unique_ptr<task_scope> scope;
+    std::unique_ptr<service_host> services;
+    std::unique_ptr<registrar> names;
+    std::unique_ptr<timer> watch;
+
+    mutable std::mutex mutex;
+    std::condition_variable changed;
+    std::vector<std::shared_ptr<component_runner>> runners;
+    std::vector<unique_function<void()>> when_stopped;
+};
+
+} // namespace ise
