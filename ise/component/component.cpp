@@ -1,7 +1,6 @@
 #include <ise/component/component.hpp>
 
 #include <ise/component/component_runner.hpp>
-#include <ise/naming/name_resolver.hpp>
 #include <ise/service/session.hpp>
 
 #include <fmt/format.h>

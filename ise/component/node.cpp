@@ -1,8 +1,11 @@
 #include <ise/component/node.hpp>
 
 #include <ise/component/node_state.hpp>
+#if __has_include(<ise/naming/lease_registrar.hpp>)
 #include <ise/naming/lease_registrar.hpp>
 #include <ise/naming/services.hpp>
+#define ISE_HAS_NAMES 1
+#endif
 
 #include <asio/co_spawn.hpp>
 #include <asio/use_future.hpp>
@@ -52,10 +55,12 @@ void node::state::start_names() {
     self.process_key = env.identity().process_key;
     self.incarnation = env.random();
     services = std::make_unique<service_host>(env, loop(), *scope, std::move(self), options.services, log);
+#ifdef ISE_HAS_NAMES
     names = std::make_unique<lease_registrar>(*services, *options.name_server, options.lease);
     names->on_change = [this](const std::string& path, result<std::uint64_t> epoch) {
         if (auto runner = find(path)) runner->on_name_change(std::move(epoch));
     };
+#endif
 }
 
 task<result<std::uint64_t>> node::state::enroll(registration who, duration deadline) { return names->enroll(std::move(who), deadline); }
@@ -115,7 +120,9 @@ void node::state::on_stopped() {
 node::node(environment& env, node_options options) {
     if (options.use_names && !options.name_server) {
         auto told = env.variable("ISE_NAME_SERVER");
+#ifdef ISE_HAS_NAMES
         options.name_server = told ? endpoint::parse(*told).value() : default_name_server();
+#endif
     }
     state_ = std::make_shared<state>(env, std::move(options));
     auto setup = [held = state_] {
@@ -128,10 +135,7 @@ node::node(environment& env, node_options options) {
     if (env.is_virtual()) {
         setup();
     } else {
-        std::packaged_task<void()> job(setup);
-        auto done = job.get_future();
-        asio::post(state_->loop().get_executor(), std::move(job));
-        done.get();
+        asio::post(state_->loop().get_executor(), std::packaged_task<void()>(setup)).get();
     }
 }
 
@@ -189,11 +193,9 @@ component& node::launch(const std::string& path, std::unique_ptr<component> made
     if (adopted || state_->env.is_virtual() || runner->on().running_here()) {
         runner->start();
     } else {
-        std::packaged_task<void()> job([runner] { runner->start(); });
-        auto done = job.get_future();
-        asio::post(runner->on().get_executor(), std::move(job));
+        auto started = asio::post(runner->on().get_executor(), std::packaged_task<void()>([runner] { runner->start(); }));
         try {
-            done.get();
+            started.get();
         } catch (...) {
             runner->end_loop();
             throw;

@@ -89,20 +89,22 @@ void call_service::serve(incoming_call call, bytes_view request) {
 }
 
 bool call_service::begin(incoming_call& call, bytes_view request) {
-    if (!idle_.empty()) {
-        auto* worker = idle_.back();
-        if (call.adapt) {
-            worker->load((*call.adapt)(request));
-        } else {
-            worker->load(request);
-        }
-        idle_.pop_back();
-        worker->begin(std::move(call));
-        return true;
+    if (idle_.empty() && workers_.size() < options_.concurrent) add_worker();
+    if (idle_.empty()) return false;
+    auto* worker = idle_.back();
+    if (call.adapt) {
+        worker->load((*call.adapt)(request));
+    } else {
+        worker->load(request);
     }
-    if (workers_.size() >= options_.concurrent) return false;
-    // A new worker takes the request from the queue as soon as its coroutine has come up.
-    if (waiting_.size() >= options_.waiting) return false;
+    idle_.pop_back();
+    worker->begin(std::move(call));
+    return true;
+}
+
+// Its coroutine runs at once up to `next()`, and is idle then. (On an executor that is not run right now it comes up
+// later, and takes its request from the queue.)
+void call_service::add_worker() {
     workers_.push_back(make_worker());
     auto& worker = *workers_.back();
     auto body = []([[maybe_unused]] std::shared_ptr<call_service> keep, call_worker& who) -> task<> {
@@ -111,12 +113,7 @@ bool call_service::begin(incoming_call& call, bytes_view request) {
     };
     auto executor = with_context(host_.on().get_executor(), &worker.context_);
     worker.cancel_ = host_.scope().spawn("handler of " + name_, body(shared_from_this(), worker), std::move(executor));
-    if (!worker.cancel_) {
-        workers_.pop_back();
-        refuse(call, failure(errc::cancelled, "the component stops"));
-        return true;
-    }
-    return false;
+    if (!worker.cancel_) workers_.pop_back(); // the component stops
 }
 
 void call_service::idle(call_worker& worker) {

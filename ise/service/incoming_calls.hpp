@@ -102,6 +102,7 @@ private:
     friend class call_worker;
     void idle(call_worker& worker);
     bool begin(incoming_call& call, bytes_view request);
+    void add_worker();
 
     struct waiting_call {
         incoming_call call;

@@ -1,5 +1,7 @@
 #include <ise/core/real/environment.hpp>
 
+#include <ise/core/executor.hpp>
+#include <ise/core/inproc.hpp>
 #include <ise/core/real/sockets.hpp>
 
 #include <asio/executor_work_guard.hpp>
@@ -68,6 +70,7 @@ public:
         work_.reset();
         context_->stop();
         thread_.join();
+        loop_->abandon();
         loop_->use_alarm(nullptr);
         context_->restart();
         context_->poll();
@@ -122,10 +125,13 @@ process_identity this_process() {
     return made;
 }
 
+task<result<std::unique_ptr<stream>>> given(result<std::unique_ptr<stream>> outcome) { co_return outcome; }
+
 } // namespace
 
 struct real_environment::state {
     process_identity identity = this_process();
+    inproc_registry inproc;
     std::mutex random_mutex;
     // Tickets and incarnations must not be guessed: each is drawn from the kernel, a batch at a time.
     std::array<std::uint64_t, 64> drawn{};
@@ -163,7 +169,7 @@ std::unique_ptr<loop_host> real_environment::make_loop(const std::string& name) 
 
 std::unique_ptr<loop_host> real_environment::adopt(asio::any_io_executor executor, bool one_thread) {
     if (one_thread) {
-        auto* context = executor.target<asio::io_context::executor_type>();
+        auto* context = executor_cast<asio::io_context::executor_type>(executor);
         auto running = context ? std::function<bool()>([on = *context] { return on.running_in_this_thread(); })
                                : std::function<bool()>([] { return true; }); // promised
         return std::make_unique<adopted_loop>(*this, std::move(executor), std::move(running));
@@ -182,20 +188,18 @@ task<result<std::unique_ptr<stream>>> real_environment::connect(loop& on, endpoi
     switch (to.kind) {
         case protocol::tcp: return real::connect_tcp(on, std::move(to));
         case protocol::local: return real::connect_local(on, std::move(to));
-        case protocol::udp:
-        case protocol::inproc: break;
+        case protocol::inproc: return given(state_->inproc.connect(on, to.path));
+        case protocol::udp: break;
     }
-    return [](endpoint where) -> task<result<std::unique_ptr<stream>>> {
-        co_return failure(errc::invalid_argument, fmt::format("{} is no endpoint of a stream", where.text()));
-    }(std::move(to));
+    return given(failure(errc::invalid_argument, fmt::format("{} is no endpoint of a stream", to.text())));
 }
 
 result<std::unique_ptr<listener>> real_environment::listen(loop& on, const endpoint& at) {
     switch (at.kind) {
         case protocol::tcp: return real::listen_tcp(on, at);
         case protocol::local: return real::listen_local(on, at);
-        case protocol::udp:
-        case protocol::inproc: break;
+        case protocol::inproc: return state_->inproc.listen(on, at.path);
+        case protocol::udp: break;
     }
     return failure(errc::invalid_argument, fmt::format("{} is no endpoint that accepts streams", at.text()));
 }
