@@ -159,8 +159,8 @@ void xbee_proxy::work() {
     }
     r.working = false;
     for (const auto& change : r.book.take_changes()) {
-        r.states.publish_to(change, [&r, &change](std::uint64_t number) {
-            auto who = r.followers.find(number);
+        r.states.to_some(change, [&r, &change](const ise::subscriber_info& subscriber) {
+            auto who = r.followers.find(subscriber.number);
             return who == r.followers.end() || who->second == 0 || who->second == change.id;
         });
         if (!is_final(change.state)) continue;

@@ -1,5 +1,4 @@
 #pragma once
-#include <ise/core/function_ref.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/service/publication_core.hpp>
 #include <ise/service/service_host.hpp>
@@ -20,12 +19,6 @@ public:
     explicit publication(std::shared_ptr<publication_core> core) : core_(std::move(core)) {}
 
     void operator()(const packet_type& packet) const { core_->publish(std::make_shared<const bytes>(encode(packet))); }
-
-    /// Publishes to some: `wanted(number)` says whether to the subscriber that has this `subscriber_info::number`.
-    /// The others skip the packet, which is no loss; it is nobody's last value.
-    void publish_to(const packet_type& packet, function_ref<bool(std::uint64_t number)> wanted) const {
-        core_->publish(std::make_shared<const bytes>(encode(packet)), wanted);
-    }
 
     /// Publishes when every lossless subscriber has room. Cancellation: terminal, the packet is not published.
     task<> send(packet_type packet) const { return send_when_room(core_, std::move(packet)); }

@@ -135,19 +135,6 @@ void publication_core::publish(std::shared_ptr<const bytes> packet) {
     }
 }
 
-void publication_core::publish(std::shared_ptr<const bytes> packet, function_ref<bool(std::uint64_t number)> wanted) {
-    ++sequence_;
-    ++host_.counts().packets_published;
-    last_.reset();
-    auto now = host_.on().now();
-    for (auto who = all_.begin(); who != all_.end();) {
-        auto next = std::next(who); // offering may end it
-        if (wanted(who->info().number)) who->offer(sequence_, packet, now);
-        else who->skip();
-        who = next;
-    }
-}
-
 bool publication_core::has_room() const noexcept {
     if (lossless_ == 0) return true;
     for (const auto& who : all_)

@@ -1,6 +1,5 @@
 #pragma once
 #include <ise/core/bytes.hpp>
-#include <ise/core/function_ref.hpp>
 #include <ise/core/result.hpp>
 #include <ise/core/task.hpp>
 #include <ise/core/waiter.hpp>
@@ -41,8 +40,6 @@ public:
     void detach();
     bool attached() const noexcept { return session_ != nullptr; }
 
-    /// A packet that is not for this subscriber, which is no loss.
-    void skip() noexcept { ++skipped_; }
     void offer(std::uint64_t sequence, const std::shared_ptr<const bytes>& packet, time_point now);
     void grant(std::uint64_t total);
     bool has_room() const noexcept;
@@ -96,8 +93,6 @@ public:
 
     /// Publishes to all subscribers; never blocks.
     void publish(std::shared_ptr<const bytes> packet);
-    /// Publishes to those that `wanted` says, by their number. It is nobody's last value.
-    void publish(std::shared_ptr<const bytes> packet, function_ref<bool(std::uint64_t number)> wanted);
     /// Whether every lossless subscriber has room for one more packet.
     bool has_room() const noexcept;
     /// Waits until it has.
