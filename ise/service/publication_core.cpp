@@ -135,6 +135,21 @@ void publication_core::publish(std::shared_ptr<const bytes> packet) {
     }
 }
 
+void publication_core::publish_to(std::shared_ptr<const bytes> packet, function_ref<bool(const subscriber_info&)> wants) {
+    ++sequence_;
+    ++host_.counts().packets_published;
+    auto now = host_.on().now();
+    for (auto who = all_.begin(); who != all_.end();) {
+        auto next = std::next(who); // offering may end it
+        if (wants(who->info())) {
+            who->offer(sequence_, packet, now);
+        } else {
+            who->pass();
+        }
+        who = next;
+    }
+}
+
 bool publication_core::has_room() const noexcept {
     if (lossless_ == 0) return true;
     for (const auto& who : all_)
