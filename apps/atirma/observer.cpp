@@ -1,5 +1,7 @@
 #include "observer.hpp"
 
+#include <components/boat/find_component.hpp>
+
 #include <asio/error.hpp>
 #include <fmt/format.h>
 
@@ -40,7 +42,7 @@ ise::task<> observer::run() {
 }
 
 ise::task<> observer::follow_telemetry() {
-    auto proxy = at(options_.proxy);
+    auto proxy = find_component(*this, options_.proxy);
     for (;;) {
         try {
             auto packets = co_await proxy.subscribe(services::telemetry, ise::subscribe_options::last(1024));
@@ -60,7 +62,7 @@ ise::task<> observer::follow_telemetry() {
 }
 
 ise::task<> observer::follow_modem() {
-    auto proxy = at(options_.proxy);
+    auto proxy = find_component(*this, options_.proxy);
     for (;;) {
         try {
             auto states = co_await proxy.subscribe(services::xb_local, ise::subscribe_options::latest());
@@ -77,7 +79,7 @@ ise::task<> observer::follow_modem() {
 }
 
 ise::task<> observer::ping() {
-    auto proxy = at(options_.proxy);
+    auto proxy = find_component(*this, options_.proxy);
     for (;;) {
         auto next = now() + options_.ping_period;
         telecommand_request request; // a ping, under an id that the proxy chooses

@@ -1,5 +1,6 @@
 #include <components/web_server/web_component.hpp>
 
+#include <components/boat/find_component.hpp>
 #include <components/web_server/track_json.hpp>
 
 #include <fmt/format.h>
@@ -71,7 +72,7 @@ void web_server::listen() {
 }
 
 ise::task<> web_server::follow(std::string path) {
-    auto proxy = at(path);
+    auto proxy = find_component(*this, path);
     auto pause = 500ms;
     show_link(path, false, "waits for it");
     for (;;) {

@@ -1,5 +1,6 @@
 #include <components/xbee_link/xbee_link_emulator.hpp>
 
+#include <components/boat/find_component.hpp>
 #include <components/boat_simulator/services.hpp>
 
 #include <fmt/format.h>
@@ -112,7 +113,7 @@ void xbee_link_emulator::listen_to_boat() {
         }
     };
     require(services::truth);
-    spawn("boat's position", follow(*this, at(options_.boat_path)));
+    spawn("boat's position", follow(*this, find_component(*this, options_.boat_path)));
 }
 
 void xbee_link_emulator::move_boat(double latitude_deg, double longitude_deg) {
