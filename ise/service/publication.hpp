@@ -20,6 +20,13 @@ public:
 
     void operator()(const packet_type& packet) const { core_->publish(std::make_shared<const bytes>(encode(packet))); }
 
+    /// Publishes to those subscribers for which `wants(const subscriber_info&)` holds: a watch that was narrowed down, a
+    /// snapshot for who has just come. The others count it as skipped, not as lost.
+    template <class Wants>
+    void to_some(const packet_type& packet, Wants wants) const {
+        core_->publish_to(std::make_shared<const bytes>(encode(packet)), wants);
+    }
+
     /// Publishes when every lossless subscriber has room. Cancellation: terminal, the packet is not published.
     task<> send(packet_type packet) const { return send_when_room(core_, std::move(packet)); }
 

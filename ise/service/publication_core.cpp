@@ -135,13 +135,22 @@ publication_core::publication_core(service_host& host, std::string name, const p
 publication_core::~publication_core() = default;
 
 void publication_core::publish(std::shared_ptr<const bytes> packet) {
+    last_ = packet;
+    publish_to(std::move(packet), [](const subscriber_info&) { return true; });
+}
+
+void publication_core::publish_to(std::shared_ptr<const bytes> packet, function_ref<bool(const subscriber_info&)> wants) {
     ++sequence_;
     ++host_.counts().packets_published;
-    last_ = packet;
     auto now = host_.on().now();
     std::vector<std::uint64_t> too_slow; // ended afterwards: that calls the user back, who may publish
-    for (auto& who : all_)
-        if (!who.offer(sequence_, packet, now)) too_slow.push_back(who.info_.number);
+    for (auto& who : all_) {
+        if (!wants(who.info())) {
+            who.pass();
+        } else if (!who.offer(sequence_, packet, now)) {
+            too_slow.push_back(who.info_.number);
+        }
+    }
     for (auto number : too_slow) {
         auto found = std::find_if(all_.begin(), all_.end(), [&](const auto& who) { return who.info_.number == number; });
         if (found == all_.end()) continue;

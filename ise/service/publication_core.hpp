@@ -1,5 +1,6 @@
 #pragma once
 #include <ise/core/bytes.hpp>
+#include <ise/core/function_ref.hpp>
 #include <ise/core/result.hpp>
 #include <ise/core/task.hpp>
 #include <ise/core/waiter.hpp>
@@ -42,6 +43,8 @@ public:
 
     /// False: the queue is full, and the policy is to end it then.
     bool offer(std::uint64_t sequence, const std::shared_ptr<const bytes>& packet, time_point now);
+    /// A packet was published that is not meant for this one.
+    void pass() noexcept { ++skipped_; }
     void grant(std::uint64_t total);
     bool has_room() const noexcept;
     bool take(net::outbox& out, std::size_t quantum) override;
@@ -95,6 +98,8 @@ public:
 
     /// Publishes to all subscribers; never blocks.
     void publish(std::shared_ptr<const bytes> packet);
+    /// Publishes to those that `wants` names; for the others it is skipped, which is no loss. It is no last value.
+    void publish_to(std::shared_ptr<const bytes> packet, function_ref<bool(const subscriber_info&)> wants);
     /// Whether every lossless subscriber has room for one more packet.
     bool has_room() const noexcept;
     /// Waits until it has.

@@ -212,6 +212,10 @@ result<std::unique_ptr<stream>> real_environment::open_serial(loop& on, const se
     return real::open_serial(on, options);
 }
 
+result<pseudo_terminal> real_environment::open_pseudo_terminal(loop& on, const std::string& link) {
+    return real::open_pseudo_terminal(on, link);
+}
+
 result<std::string> real_environment::read_file(const std::string& path, std::size_t max_bytes) {
     auto refuse = [&](std::string_view why) { return failure(errc::io_failed, fmt::format("cannot read {}: {}", path, why)); };
     std::ifstream file(path, std::ios::binary | std::ios::ate);
