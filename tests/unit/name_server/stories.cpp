@@ -31,7 +31,7 @@ TEST_CASE("names: find waits for a component that starts later") {
         try {
             co_await self.find("atirma/doubler", 5s);
         } catch (const ise::error& thrown) {
-            failed = thrown.code() == ise::errc::no_such_name && std::string(thrown.what()).find("atirma/doubler") != std::string::npos;
+            UNSCOPED_INFO(thrown.what()); failed = thrown.code() == ise::errc::no_such_name && std::string(thrown.what()).find("atirma/doubler") != std::string::npos;
         }
     });
     it.world.run_for(30s);
