@@ -70,7 +70,7 @@ std::vector<service_description> dispatcher::describe() const {
 
 void dispatcher::stop() {
     for (auto& [name, service] : calls_) service->stop();
-    for (auto& [name, publication] : publications_) publication->stop(failure(errc::cancelled, "the provider stops"));
+    for (auto& [name, publication] : publications_) publication->let_go();
 }
 
 } // namespace ise

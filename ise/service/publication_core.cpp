@@ -257,4 +257,13 @@ void publication_core::stop(const failure& why) {
     for (auto* room : waiting_) room->resume();
 }
 
+void publication_core::let_go() {
+    while (!all_.empty()) {
+        auto& who = all_.front();
+        if (who.session_) who.session_->forget_provided(who.id_);
+        drop(who);
+    }
+    for (auto* room : waiting_) room->resume();
+}
+
 } // namespace ise

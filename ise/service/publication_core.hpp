@@ -116,6 +116,9 @@ public:
 
     /// Ends all subscriptions: the service is withdrawn.
     void stop(const failure& why);
+    /// The component stops: subscribers are let go without being told that it is over, so that they go on with
+    /// the next life of the component.
+    void let_go();
 
 private:
     friend class provided_subscriptions;

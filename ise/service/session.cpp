@@ -277,8 +277,10 @@ result<void> session::on_ended(const wire::frame& received) {
 
 void session::refuse_subscription(std::uint64_t subscription, const failure& why) { end_provided(subscription, why); }
 
+void session::forget_provided(std::uint64_t subscription) { provided_->forget(subscription); }
+
 void session::end_provided(std::uint64_t subscription, const failure& why) {
-    provided_->forget(subscription);
+    forget_provided(subscription);
     if (!connection_->open()) return;
     wire::farewell told;
     told.code = static_cast<std::uint8_t>(why.code());

@@ -34,6 +34,11 @@ struct subscribe_options {
 /// The length of a gap that nobody can tell: the provider restarted, or did not know us any more.
 inline constexpr std::uint64_t unknown_gap = ~std::uint64_t{0};
 
+/// Two gaps, one behind the other.
+constexpr std::uint64_t gap_of(std::uint64_t first, std::uint64_t then) noexcept {
+    return first == unknown_gap || then == unknown_gap ? unknown_gap : first + then;
+}
+
 /// What became of the packets of a subscription; every drop has its reason.
 struct subscription_counts {
     std::uint64_t received = 0;
@@ -76,10 +81,11 @@ public:
     std::uint64_t id() const noexcept { return id_; }
 
 protected:
-    /// Decodes and queues a packet, knowing how many were lost before it. False if the queue was full and one was dropped.
+    /// Decodes and queues a packet, knowing how many were lost before it.
     virtual void push(bytes_view packet, const adapter* adapt, std::uint64_t lost_before) = 0;
     virtual std::size_t queued() const noexcept = 0;
-    virtual void drop_oldest() = 0;
+    /// Drops one. Whoever is next tells of it and of the gap before it; what nobody is there to tell is returned.
+    virtual std::uint64_t drop_oldest() = 0;
     virtual void take_response(bytes_view response) = 0;
 
     task<> wait_for_packet();
