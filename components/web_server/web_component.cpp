@@ -12,7 +12,8 @@ constexpr ise::duration tick_period = 10s; // of http_server's streams
 constexpr ise::duration watch_period = 1s; // of the links
 }
 
-web_server::web_server(web_server_options options) : options_(std::move(options)) {}
+web_server::web_server(web_server_options options)
+    : options_(std::move(options)), state_(std::make_unique<track_state>(options_.track)), feed_(std::make_unique<telemetry_feed>(*state_)) {}
 web_server::~web_server() = default;
 
 utc_ms web_server::clock() const { return std::chrono::floor<std::chrono::milliseconds>(wall()); }
