@@ -3,6 +3,8 @@
 #include <components/boat/find_component.hpp>
 #include <components/web_server/track_json.hpp>
 
+#include <ise/core/executor.hpp>
+
 #include <fmt/format.h>
 
 namespace atirma {
@@ -55,7 +57,7 @@ ise::task<> web_server::run() {
 
 void web_server::listen() {
     auto executor = on().get_executor();
-    auto* context = executor.target<asio::io_context::executor_type>();
+    const auto* context = ise::executor_cast<asio::io_context::executor_type>(executor);
     if (!context)
         throw ise::error(ise::errc::invalid_argument, "the web server needs a loop on an asio::io_context of one thread: start it without an executor, "
                                                       "or headless where there is none (as in the virtual world)");
