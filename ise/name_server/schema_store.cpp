@@ -10,10 +10,11 @@
 namespace ise {
 
 result<void> schema_store::offer(const naming::schema_text& given) {
-    if (texts_.contains(given.fingerprint)) return {};
+    auto known = texts_.find(given.fingerprint);
+    if (known != texts_.end() && !known->second.text.empty()) return {};
     if (given.text.size() > limits_.max_schema_bytes)
         return failure(errc::too_large, fmt::format("a schema of {} bytes, max_schema_bytes is {}", given.text.size(), limits_.max_schema_bytes));
-    if (texts_.size() >= limits_.max_schemas)
+    if (known == texts_.end() && texts_.size() >= limits_.max_schemas)
         return failure(errc::too_large, fmt::format("there are {} schemas already, which is max_schemas", texts_.size()));
     if (total_bytes_ + given.text.size() > limits_.max_schema_total_bytes)
         return failure(errc::too_large, fmt::format("all schemas have {} bytes already, max_schema_total_bytes is {}", total_bytes_, limits_.max_schema_total_bytes));
@@ -23,36 +24,31 @@ result<void> schema_store::offer(const naming::schema_text& given) {
         return failure(errc::malformed, fmt::format("the schema of '{}' has the fingerprint {:016x}, it was sent as {:016x}", parsed->name(),
                                                     parsed->fingerprint(), given.fingerprint));
     total_bytes_ += given.text.size();
-    entry made;
-    made.text = given.text;
-    texts_.emplace(given.fingerprint, std::move(made));
+    texts_[given.fingerprint].text = given.text;
     offered_.push_back(given.fingerprint);
     return {};
 }
 
 void schema_store::use(const std::vector<naming::service_entry>& services) {
     for (const auto& service : services)
-        for (auto fingerprint : service.fingerprints)
-            if (auto found = texts_.find(fingerprint); found != texts_.end()) ++found->second.uses;
+        for (auto fingerprint : service.fingerprints) ++texts_[fingerprint].uses;
 }
 
 void schema_store::release(const std::vector<naming::service_entry>& services) {
     for (const auto& service : services)
-        for (auto fingerprint : service.fingerprints) {
-            auto found = texts_.find(fingerprint);
-            // A text that came after its first user counts one use too few: it goes early and is told again.
-            if (found == texts_.end() || (found->second.uses > 0 && --found->second.uses > 0)) continue;
-            total_bytes_ -= found->second.text.size();
-            texts_.erase(found);
-        }
+        for (auto fingerprint : service.fingerprints)
+            if (auto found = texts_.find(fingerprint); found != texts_.end() && --found->second.uses == 0) erase(found);
+}
+
+void schema_store::erase(std::unordered_map<std::uint64_t, entry>::iterator which) {
+    total_bytes_ -= which->second.text.size();
+    texts_.erase(which);
 }
 
 void schema_store::sweep() {
     for (auto fingerprint : std::exchange(offered_, {})) {
         auto found = texts_.find(fingerprint);
-        if (found == texts_.end() || found->second.uses > 0) continue;
-        total_bytes_ -= found->second.text.size();
-        texts_.erase(found);
+        if (found != texts_.end() && found->second.uses == 0) erase(found);
     }
 }
 
@@ -61,7 +57,7 @@ void schema_store::collect(const std::vector<naming::service_entry>& services, s
     for (const auto& service : services)
         for (auto fingerprint : service.fingerprints) {
             auto found = texts_.find(fingerprint);
-            if (found == texts_.end() || !told.insert(fingerprint).second) continue;
+            if (found == texts_.end() || found->second.text.empty() || !told.insert(fingerprint).second) continue;
             naming::schema_text text;
             text.fingerprint = fingerprint;
             text.text = found->second.text;

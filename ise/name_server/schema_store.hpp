@@ -21,7 +21,7 @@ class schema_store {
 public:
     explicit schema_store(schema_store_limits limits) : limits_(limits) {}
 
-    /// Keeps a text until it is released as often as it was used; one that is not used at once is swept.
+    /// Keeps a text until its uses are released; one that nobody uses yet goes with the next `sweep()`.
     /// errc::malformed: no schema, or that of another fingerprint; errc::too_large.
     result<void> offer(const naming::schema_text& given);
     void use(const std::vector<naming::service_entry>& services);
@@ -35,9 +35,11 @@ public:
 
 private:
     struct entry {
-        std::string text;
+        std::string text;     // empty: it was not told
         std::size_t uses = 0;
     };
+    void erase(std::unordered_map<std::uint64_t, entry>::iterator which);
+
     schema_store_limits limits_;
     std::unordered_map<std::uint64_t, entry> texts_;
     std::vector<std::uint64_t> offered_;

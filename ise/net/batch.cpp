@@ -56,6 +56,24 @@ std::span<const asio::const_buffer> batch::remaining() {
     return views_;
 }
 
+void batch::visit_unwritten(const std::function<void(const wire::frame_header&, bytes_view)>& visit) const {
+    std::size_t segment_at = 0; // where the segment begins in the whole
+    std::size_t frame_at = 0;   // where the next frame does
+    auto look = [&](bytes_view content) {
+        // Headers are never split: they are put down together with what follows them in the staging buffer.
+        while (frame_at < segment_at + content.size()) {
+            auto rest = content.subspan(frame_at - segment_at);
+            auto header = wire::read_header(rest.data());
+            std::size_t size = wire::frame_header::size + header.length;
+            if (frame_at >= written_ && size <= rest.size()) visit(header, rest.subspan(wire::frame_header::size, header.length));
+            frame_at += size;
+        }
+        segment_at += content.size();
+    };
+    for (const auto& part : segments_) look({part.data ? part.data : staging_.data() + part.begin, part.size});
+    look(staging_.view().subspan(staged_));
+}
+
 void batch::clear() {
     recycle(staging_);
     recycle(adopted_);

@@ -64,8 +64,10 @@ public:
     void written() { on_.flush_later(shared_from_this()); }
     void flush() override;
 
-    /// Tells the peer why, sends what waits for at most `grace`, then closes.
+    /// Sends what waits for at most `grace`, tells the peer why, then closes.
     void finish(failure why, duration grace);
+    /// Requests of which no byte was written, for the user's `on_closed`: `visit(header, body)`.
+    void take_unwritten(const std::function<void(const wire::frame_header&, bytes_view)>& visit);
     /// Ends it now. The first cause stays.
     void close(failure cause);
     bool open() const noexcept { return open_; }
@@ -84,6 +86,7 @@ private:
     result<void> take_frames();
     result<void> take(const wire::frame& received);
     void pulse();
+    void say_goodbye();
     void report_end();
 
     loop& on_;
@@ -103,9 +106,11 @@ private:
     duration round_trip_{};
     time_point last_heard_{};
     time_point last_sent_{};
+    time_point heartbeat_due_{};
     bool open_ = true;
     bool blocked_ = false;   // the socket is full; the writer coroutine waits for it
-    bool finishing_ = false; // goodbye was said
+    std::optional<failure> farewell_; // goodbye is to be said once everything else was sent
+    bool finishing_ = false; // nothing new begins
     bool reported_ = false;
 };
 

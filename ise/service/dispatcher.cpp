@@ -21,13 +21,19 @@ result<void> dispatcher::check_name(const std::string& name) const {
 
 result<void> dispatcher::add(std::shared_ptr<call_service> service) {
     auto good = check_name(service->name());
-    if (good) calls_.emplace(service->name(), std::move(service));
+    if (!good) return good;
+    book_.add_own(service->types());
+    auto name = service->name();
+    calls_.emplace(std::move(name), std::move(service));
     return good;
 }
 
 result<void> dispatcher::add(std::shared_ptr<publication_core> publication) {
     auto good = check_name(publication->name());
-    if (good) publications_.emplace(publication->name(), std::move(publication));
+    if (!good) return good;
+    book_.add_own(publication->types());
+    auto name = publication->name();
+    publications_.emplace(std::move(name), std::move(publication));
     return good;
 }
 

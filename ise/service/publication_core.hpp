@@ -33,7 +33,7 @@ struct subscriber_info {
 /// One subscriber at the provider: its queue, its policy, and the session it is reached over, if any.
 class provided_subscription final : public net::publication_source {
 public:
-    provided_subscription(publication_core& of, const wire::subscribe& terms, std::uint64_t number);
+    provided_subscription(publication_core& of, const wire::subscribe& terms, subscriber_info info);
     ~provided_subscription();
 
     void attach(session& over, std::uint64_t id);
@@ -41,7 +41,8 @@ public:
     void detach();
     bool attached() const noexcept { return session_ != nullptr; }
 
-    void offer(std::uint64_t sequence, const std::shared_ptr<const bytes>& packet, time_point now);
+    /// False: the queue is full, and the policy is to end it then.
+    bool offer(std::uint64_t sequence, const std::shared_ptr<const bytes>& packet, time_point now);
     /// A packet was published that is not meant for this one.
     void pass() noexcept { ++skipped_; }
     void grant(std::uint64_t total);
@@ -63,6 +64,7 @@ private:
         std::shared_ptr<const bytes> packet;
     };
     void wake();
+    void count_drop();
     bool may_send() const noexcept;
 
     publication_core& publication_;
@@ -122,6 +124,8 @@ private:
     bytes unsubscribe(provided_subscription& who, bytes_view request, const adapter* adapt);
     void end(provided_subscription& who, const failure& why);
     void vanish(provided_subscription& who);
+    void drop(provided_subscription& who);
+    subscriber_info take_out(provided_subscription& who);
     void room_made();
 
     service_host& host_;
@@ -131,7 +135,7 @@ private:
     std::shared_ptr<const bytes> last_;
     std::uint64_t sequence_ = 0; // of the last packet published; the first has 1
     std::uint64_t next_number_ = 1;
-    waiter<> room_;
+    std::vector<waiter<>*> waiting_; // for room
     std::size_t lossless_ = 0;
 };
 

@@ -9,7 +9,7 @@
 namespace ise {
 
 service_host::service_host(environment& env, loop& on, task_scope& scope, wire::identity self, service_options options, logger log)
-    : env_(env), on_(on), scope_(scope), self_(std::move(self)), options_(options), log_(std::move(log)), calls_(on) {}
+    : env_(env), on_(on), scope_(scope), self_(std::move(self)), options_(options), log_(std::move(log)), calls_(on), dispatcher_(schemas_) {}
 
 service_host::~service_host() = default;
 
@@ -129,6 +129,8 @@ void service_host::stop(duration grace) {
     for (auto& entry : listeners_) entry->close();
     dispatcher_.stop();
     auto all = sessions_;
+    for (auto& [name, known] : links_)
+        if (auto held = known.lock()) held->stop();
     for (auto& [raw, held] : all) held->finish(failure(errc::peer_lost, "the component stops"), grace);
 }
 

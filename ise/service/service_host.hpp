@@ -35,6 +35,7 @@ struct service_options {
     std::size_t max_handshakes = 256;                    ///< strangers at once
     std::uint32_t max_calls_per_session = 4096;          ///< served at once for one peer
     std::uint32_t max_subscriptions_per_session = 1024;
+    std::size_t max_unsent_bytes = 64u << 20;            ///< of calls and replies on one session; more are overloaded
 };
 
 /// The services of one component: what it provides, whom it talks to. Everything on the component's loop.

@@ -92,6 +92,8 @@ protected:
 
 private:
     void finish(failure why);
+    void refuse_packets(const failure& why);
+    void adapt_to(const schema& response, const schema& published, wire::subscribed& answer);
     void establish(const wire::subscribed& answer);
     std::size_t capacity() const noexcept;
 
@@ -111,7 +113,6 @@ private:
     std::uint64_t consumed_ = 0;
     std::uint64_t granted_ = 0;
     std::uint64_t granted_at_first_ = 0;
-    bool started_ = false;     // the user waited for the first answer already
     bool established_ = false;
     bool comparing_ = false;   // the schema of the published packet was asked for
     std::vector<std::tuple<std::uint64_t, std::uint32_t, bytes>> held_;
