@@ -90,8 +90,8 @@ namespace services {
 
 inline constexpr ise::subscription<telemetry_packet> telemetry{"telemetry"};
 
-/// Waits for the boat's acknowledgement as far as the call's deadline allows, else replies `pending`. Errors:
-/// invalid_argument (validity, an id that stands for another command), overloaded (too many are open).
+/// Waits for the boat's acknowledgement as far as the call's deadline allows, else replies `pending`. Error: refused
+/// (bad validity or place, an id that stands for another command, too many that are open); it then had no effect.
 inline constexpr ise::request_response<telecommand_request, telecommand_reply> telecommand{"telecommand"};
 
 inline constexpr ise::subscription<telecommand_status, follow_telecommand, followed_telecommands> telecommand_state{"telecommand_state"};

@@ -15,7 +15,7 @@ constexpr ise::duration send_time = 30s;
 
 double in_range(const char* what, double value, double low, double high) {
     if (value >= low && value <= high) return value; // not a number fails
-    throw ise::error(ise::errc::invalid_argument, fmt::format("{} is {:g} to {:g}, not {:g}", what, low, high, value));
+    throw ise::error(ise::errc::refused, fmt::format("{} is {:g} to {:g}, not {:g}", what, low, high, value));
 }
 } // namespace
 

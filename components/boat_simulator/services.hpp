@@ -52,7 +52,7 @@ struct scene {
 namespace services {
 
 inline constexpr ise::subscription<ground_truth> truth{"ground_truth"};
-/// Errors: invalid_argument.
+/// Errors: refused (a number out of range).
 inline constexpr ise::request_response<scene_request, scene> scene_control{"scene"};
 
 } // namespace services

@@ -3,6 +3,8 @@
 #include <components/boat/find_component.hpp>
 #include <components/web_server/track_json.hpp>
 
+#include <ise/core/executor.hpp>
+
 #include <fmt/format.h>
 
 namespace atirma {
@@ -12,7 +14,8 @@ constexpr ise::duration tick_period = 10s; // of http_server's streams
 constexpr ise::duration watch_period = 1s; // of the links
 }
 
-web_server::web_server(web_server_options options) : options_(std::move(options)) {}
+web_server::web_server(web_server_options options)
+    : options_(std::move(options)), state_(std::make_unique<track_state>(options_.track)), feed_(std::make_unique<telemetry_feed>(*state_)) {}
 web_server::~web_server() = default;
 
 utc_ms web_server::clock() const { return std::chrono::floor<std::chrono::milliseconds>(wall()); }
@@ -54,7 +57,7 @@ ise::task<> web_server::run() {
 
 void web_server::listen() {
     auto executor = on().get_executor();
-    auto* context = executor.target<asio::io_context::executor_type>();
+    const auto* context = ise::executor_cast<asio::io_context::executor_type>(executor);
     if (!context)
         throw ise::error(ise::errc::invalid_argument, "the web server needs a loop on an asio::io_context of one thread: start it without an executor, "
                                                       "or headless where there is none (as in the virtual world)");

@@ -56,7 +56,8 @@ ise::task<> modem_port::run() {
         } else {
             problem = opened.error().message();
         }
-        if (problem != trouble_) log_.warning(problem, {{"device", options_.device}}); // once, not with every attempt
+        bool stopping = problem == "serial port closed";
+        if (problem != trouble_ && !stopping) log_.warning(problem, {{"device", options_.device}}); // once, not with every attempt
         trouble_ = problem;
         service();
         co_await ise::sleep_for(loop_, pause);
@@ -72,6 +73,7 @@ ise::task<std::string> modem_port::serve() {
             client_.on_bytes(now(), ise::bytes_view(buffer_).first(got.bytes));
             service();
         }
+        if (got.problem == asio::error::operation_aborted) co_return "serial port closed"; // we were cancelled
         if (got.problem == asio::error::eof) co_return fmt::format("serial port {} is gone", options_.device);
         if (got.problem) co_return fmt::format("serial port {} is gone: {}", options_.device, got.problem.message());
     }

@@ -28,7 +28,7 @@ struct xbee_air {
 
 namespace services {
 
-/// Errors: invalid_argument.
+/// Errors: refused (a number out of range).
 inline constexpr ise::request_response<xbee_air_request, xbee_air> air_control{"air_control"};
 inline constexpr ise::subscription<xbee_air> air{"air"};
 

@@ -162,9 +162,9 @@ void xbee_link_emulator::write(side& of) {
 
 xbee_air xbee_link_emulator::control(const xbee_air_request& request) {
     if (request.extra_loss && !(*request.extra_loss >= 0 && *request.extra_loss <= 1))
-        throw ise::error(ise::errc::invalid_argument, fmt::format("extra_loss is 0 to 1, not {:g}", *request.extra_loss));
+        throw ise::error(ise::errc::refused, fmt::format("extra_loss is 0 to 1, not {:g}", *request.extra_loss));
     if (request.shore_temperature_c && !(*request.shore_temperature_c >= -40 && *request.shore_temperature_c <= 125))
-        throw ise::error(ise::errc::invalid_argument, fmt::format("a temperature is -40 to 125 °C, not {:g}", *request.shore_temperature_c));
+        throw ise::error(ise::errc::refused, fmt::format("a temperature is -40 to 125 °C, not {:g}", *request.shore_temperature_c));
     options_.up = request.up.value_or(options_.up);
     options_.extra_loss = request.extra_loss.value_or(options_.extra_loss);
     air_->set_extra_loss(options_.up ? options_.extra_loss : 1);

@@ -35,7 +35,7 @@ const xbee::at_info& parameter_named(const std::string& name) {
     if (info) return *info;
     std::string known;
     for (const auto& n : names) known += fmt::format("{}{}", known.empty() ? "" : ", ", n.name);
-    throw ise::error(ise::errc::invalid_argument, fmt::format("the modem has no parameter '{}'; there are {}, and the AT commands by their two letters", name, known));
+    throw ise::error(ise::errc::refused, fmt::format("the modem has no parameter '{}'; there are {}, and the AT commands by their two letters", name, known));
 }
 
 std::int64_t shown(at_name command, ise::bytes_view value) {
@@ -104,14 +104,14 @@ ise::task<xbee_param> local_modem::parameter(xbee_param_request request) {
     ise::bytes argument;
     if (request.value) {
         if (info.access != xbee::at_access::read_write || info.size == 0)
-            throw ise::error(ise::errc::invalid_argument, fmt::format("{} ({}) cannot be set", xbee::text(info.name), info.meaning));
+            throw ise::error(ise::errc::refused, fmt::format("{} ({}) cannot be set", xbee::text(info.name), info.meaning));
         if (info.name == at("AP") || info.name == at("BD"))
-            throw ise::error(ise::errc::invalid_argument, fmt::format("{} ({}) would cut off the proxy itself", xbee::text(info.name), info.meaning));
+            throw ise::error(ise::errc::refused, fmt::format("{} ({}) would cut off the proxy itself", xbee::text(info.name), info.meaning));
         if (*request.value < info.minimum || *request.value > info.maximum)
-            throw ise::error(ise::errc::invalid_argument, fmt::format("{} ({}) is {} to {}, not {}", xbee::text(info.name), info.meaning, info.minimum, info.maximum, *request.value));
+            throw ise::error(ise::errc::refused, fmt::format("{} ({}) is {} to {}, not {}", xbee::text(info.name), info.meaning, info.minimum, info.maximum, *request.value));
         argument = xbee::at_value(*request.value, info.size);
     } else if (info.access == xbee::at_access::action) {
-        throw ise::error(ise::errc::invalid_argument, fmt::format("{} ({}) is no parameter", xbee::text(info.name), info.meaning));
+        throw ise::error(ise::errc::refused, fmt::format("{} ({}) is no parameter", xbee::text(info.name), info.meaning));
     }
     auto check = [&](const xbee::at_outcome& answer) {
         if (!answer.status) throw ise::error(ise::errc::not_connected, answer.reason, ise::execution::unknown);
@@ -138,7 +138,7 @@ ise::task<xbee::at_outcome> local_modem::ask(xbee::at_name name, ise::bytes para
         ise::waiter<std::error_code> wake;
         std::optional<xbee::at_outcome> answer;
     };
-    if (!port_.is_open()) throw ise::error(ise::errc::not_connected, port_.trouble());
+    if (!port_.is_open()) throw ise::error(ise::errc::refused, port_.trouble());
     waiting here(loop_);
     auto id = port_.local_at(name, std::move(parameter));
     if (!id) throw ise::error(id.error());

@@ -50,7 +50,8 @@ struct xbee_param {
 namespace services {
 
 inline constexpr ise::subscription<xbee_local> xb_local{"xb_local"};
-/// Errors: invalid_argument (no such parameter, out of range, read only), refused (the modem says no), not_connected.
+/// Errors: refused (no such parameter, out of range, read only, no port, or the modem says no), handler_failed (no answer:
+/// it may have been set).
 inline constexpr ise::request_response<xbee_param_request, xbee_param> xb_local_param{"xb_local_param"};
 
 } // namespace services

@@ -175,7 +175,9 @@ void xbee_proxy::work() {
 ise::task<telecommand_reply> xbee_proxy::command(telecommand_request request, ise::time_point deadline) {
     auto& r = *radio_;
     auto chosen = static_cast<std::uint32_t>(env().random()) | 1u; // never 0
-    auto id = r.book.submit(now(), clock(), request, chosen).value();
+    auto taken = r.book.submit(now(), clock(), request, chosen);
+    if (!taken) throw ise::error(ise::errc::refused, taken.error().message()); // it had no effect
+    auto id = *taken;
     work();
     waiting_call here(on(), id);
     struct listed {
