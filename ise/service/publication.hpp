@@ -18,11 +18,11 @@ public:
     publication() = default;
     explicit publication(std::shared_ptr<publication_core> core) : core_(std::move(core)) {}
 
-    void operator()(const packet_type& packet) const { core_->publish(std::make_shared<const bytes>(encode(packet))); }
+    void operator()(const packet_type& packet) const { core_->publish(shared(packet)); }
 
     /// Publishes when every lossless subscriber has room. Cancellation: terminal, the packet is not published.
     /// The packet is encoded before this returns.
-    task<> send(const packet_type& packet) const { return send_when_room(core_, std::make_shared<const bytes>(encode(packet))); }
+    task<> send(const packet_type& packet) const { return send_when_room(core_, shared(packet)); }
 
     /// Publishes if every lossless subscriber has room; else it does nothing, returns false, and `send` is to be
     /// awaited. For publishing much in one go: nothing is suspended as long as there is room.
@@ -36,7 +36,10 @@ public:
     std::uint64_t published() const noexcept { return core_->published(); }
 
 private:
-    static task<> send_when_room(std::shared_ptr<publication_core> core, std::shared_ptr<const bytes> packet) {
+    shared_bytes shared(const packet_type& packet) const {
+        return core_->share([&packet](buffer& out) { encode(packet, out); });
+    }
+    static task<> send_when_room(std::shared_ptr<publication_core> core, shared_bytes packet) {
         if (!core->has_room()) co_await core->wait_for_room();
         core->publish(std::move(packet));
     }
