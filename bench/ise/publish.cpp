@@ -20,10 +20,11 @@ private:
     ise::task<> run() override {
         auto out = publish(feed<Packet>);
         auto packet = make_packet<Packet>(asked_.size_bytes);
+        const bool hurry = in_a_hurry(asked_);
         for (;;) {
             if (out.subscribers() < asked_.subscribers) {
                 co_await sleep(std::chrono::milliseconds(1));
-            } else if (!in_a_hurry(asked_) || !out.try_send(packet)) {
+            } else if (!hurry || !out.try_send(packet)) {
                 co_await out.send(packet);
             }
         }
@@ -50,11 +51,12 @@ private:
             auto peer = at(server_);
             auto packets = co_await peer.subscribe(feed<Packet>, ise::subscribe_options::lossless(depth_for(asked_.size_bytes)));
             ++all_->subscribed;
+            const bool hurry = in_a_hurry(asked_);
             for (;;) {
                 auto packet = co_await packets.next();
                 if (!packet) throw ise::error(packets.cause());
                 ++all_->received;
-                if (!in_a_hurry(asked_)) continue;
+                if (!hurry) continue;
                 while (packets.try_next()) ++all_->received;
             }
         } catch (...) {
