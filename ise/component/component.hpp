@@ -175,7 +175,7 @@ private:
             co_await sleep_till(at);
             out(make());
             at = saturating_add(at, period);
-            if (at < now()) at += (now() - at) / period * period;
+            if (at < now()) at += ((now() - at) / period + 1) * period;
         }
     }
     template <class Contract>

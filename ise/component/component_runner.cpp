@@ -86,13 +86,23 @@ void component_runner::open() {
         auto wanted = options_.listen.empty() ? default_endpoints(env_, services_->self().incarnation) : options_.listen;
         for (const auto& at : wanted) services_->listen(at).value();
     }
-    begin_flow();
+    make_flow();
+    // Whoever starts it does not wait for its first step, which may take its time.
+    asio::post(on().get_executor(), [self = shared_from_this()] { self->begin_flow(); });
+}
+
+void component_runner::make_flow() {
+    flow_ = std::make_unique<task_scope>(on(), [this](const std::string& name, std::exception_ptr thrown) { on_child_failure(name, thrown); });
 }
 
 void component_runner::begin_flow() {
+    if (stop_asked_) return;
     flow_began_ = on().now();
-    flow_ = std::make_unique<task_scope>(on(), [this](const std::string& name, std::exception_ptr thrown) { on_child_failure(name, thrown); });
-    flow_->spawn("run", component_->run());
+    try {
+        flow_->spawn("run", component_->run());
+    } catch (...) { // a run() that is no coroutine
+        on_child_failure("run", std::current_exception());
+    }
     // Posted behind the flow's first step: it has provided what it provides before it first suspends.
     if (!component_->announce_when_ready_)
         asio::post(on().get_executor(), [self = shared_from_this()] { self->announce(); });
@@ -268,6 +278,7 @@ task<> component_runner::restart() {
     log_.warning("restarts", {{"after_s", fmt::format("{:.3f}", std::chrono::duration<double>(pause).count())}});
     co_await sleep_for(on(), pause);
     if (stop_asked_) co_return;
+    make_flow();
     restarting_ = false;
     {
         std::lock_guard lock(report_mutex_);

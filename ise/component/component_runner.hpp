@@ -63,6 +63,7 @@ public:
 
 private:
     void open();
+    void make_flow();
     void begin_flow();
     void announce();
     void tell_announced();

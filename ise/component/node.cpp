@@ -29,6 +29,13 @@ bool good_path(const std::string& path) {
     return letters && path.size() <= 200 && !path.starts_with('/') && !path.ends_with('/') && path.find("//") == std::string::npos;
 }
 
+// For a message, which may end at a zero or run over lines.
+std::string printable(std::string text) {
+    for (char& letter : text)
+        if (static_cast<unsigned char>(letter) < 0x20 || letter == 0x7f) letter = '?';
+    return text.size() <= 200 ? text : text.substr(0, 200) + "...";
+}
+
 class coroutine_component final : public component {
 public:
     explicit coroutine_component(std::function<task<>(component&)> body) : body_(std::move(body)) {}
@@ -215,7 +222,7 @@ component& node::start(const std::string& path, std::function<task<>(component&)
 
 component& node::launch(const std::string& path, std::unique_ptr<component> made, component_options options) {
     if (!good_path(path))
-        throw error(errc::invalid_argument, fmt::format("'{}' is no path of a component: write it like atirma/shore/xbee", path));
+        throw error(errc::invalid_argument, fmt::format("'{}' is no path of a component: write it like atirma/shore/xbee", printable(path)));
     auto share = state_->loop_for(path, options);
     auto& reference = *made;
     auto incarnation = state_->env.random() | 1; // never 0
