@@ -165,6 +165,11 @@ class loop_host {
 public:
     virtual ~loop_host() = default;
     virtual ise::loop& loop() noexcept = 0;
+    /// Ends the loop: nothing runs on it any more, its thread has been waited for, and what was suspended there is
+    /// destroyed, all while what that refers to still stands. The loop and its executor stay as husks until the host is
+    /// destroyed, so that what was made on them (sockets, timers) can be destroyed in between. Any number of times; not
+    /// from the loop's own thread, except for an adopted loop: that one is ended on its executor.
+    virtual void end() = 0;
 };
 
 } // namespace ise

@@ -24,7 +24,7 @@ public:
     /// snapshot for who has just come. The others count it as skipped, not as lost.
     template <class Wants>
     void to_some(const packet_type& packet, Wants wants) const {
-        core_->publish_to(std::make_shared<const bytes>(encode(packet)), wants);
+        core_->publish_to(shared(packet), wants);
     }
 
     /// Publishes when every lossless subscriber has room. Cancellation: terminal, the packet is not published.
