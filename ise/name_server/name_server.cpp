@@ -38,9 +38,9 @@ task<> name_server::run() {
     serve_options many;
     many.concurrent = 20'000; // who waits for a name costs a small coroutine
     many.waiting = 1024;
-    provide(naming::resolve_when_present, [this](naming::resolve_request request, const call_context& call) {
+    provide(naming::wait_for, [this](naming::await_request request, const call_context& call) {
         auto longest = std::clamp(request.wait, duration{}, naming::longest_wait);
-        return resolve_when_present(std::move(request), std::min(call.deadline, saturating_add(now(), longest)));
+        return wait_for(std::move(request.path), std::min(call.deadline, saturating_add(now(), longest)));
     }, many);
 
     publication_callbacks<subscription<naming::name_events, naming::watch_request>> callbacks;
@@ -106,18 +106,21 @@ void name_server::welcome(std::uint64_t number) {
     events_.to_some(packet, [number](const subscriber_info& who) { return who.number == number; });
 }
 
-task<naming::resolve_response> name_server::resolve_when_present(naming::resolve_request request, time_point until) {
+task<naming::await_response> name_server::wait_for(std::string path, time_point until) {
     waiter<> present(on(), [&present] { present.resume(); });
     timer over(on(), [&present] { present.resume(); });
     over.arm(until);
     for (;;) {
-        auto found = registry_->resolve(request.path, now());
-        if (found || now() >= until) co_return std::move(found).value();
+        naming::await_response response;
+        auto found = registry_->resolve(path, now());
+        if (found) response.found = std::move(*found);
+        response.certain = !registry_->recovering(now());
+        if (response.found || now() >= until) co_return response;
         struct listed { // whichever way this coroutine ends
             std::multimap<std::string, waiter<>*>& all;
             std::multimap<std::string, waiter<>*>::iterator which;
             ~listed() { all.erase(which); }
-        } guard{waiting_, waiting_.emplace(request.path, &present)};
+        } guard{waiting_, waiting_.emplace(path, &present)};
         co_await present.wait();
     }
 }

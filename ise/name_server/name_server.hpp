@@ -30,12 +30,12 @@ public:
     explicit name_server(name_server_options options = name_server_options());
     ~name_server() override;
 
-    /// On its loop, once it runs.
-    const registry& names() const noexcept { return *registry_; }
+    /// On its loop; null before it runs.
+    const registry* names() const noexcept { return registry_.get(); }
 
 private:
     task<> run() override;
-    task<naming::resolve_response> resolve_when_present(naming::resolve_request request, time_point until);
+    task<naming::await_response> wait_for(std::string path, time_point until);
     /// What every change ends with: watchers hear of it, and those who wait for a name.
     void changed();
     void welcome(std::uint64_t watcher);

@@ -63,6 +63,7 @@ void registry::expire(time_point at) {
 void registry::renew_lease(node& of, time_point at) {
     expiries_.erase({of.expires, of.who.lease_key});
     of.renewed = at;
+    ++of.renewals;
     of.expires = saturating_add(at, of.lease);
     expiries_.emplace(of.expires, of.who.lease_key);
 }
@@ -263,6 +264,7 @@ naming::holder registry::holder_of(const component& held, time_point at) const {
     who.process_id = held.owner->who.process_id;
     if (!held.claim.endpoints.empty()) who.endpoint = held.claim.endpoints.front();
     who.lease_age = at - held.owner->renewed;
+    who.renewals = held.owner->renewals;
     return who;
 }
 

@@ -82,6 +82,7 @@ private:
         duration lease{};
         time_point renewed{};                    // in the server's own running time, as all below
         time_point expires{};
+        std::uint64_t renewals = 0;
         std::set<std::string> paths;
         std::map<std::string, naming::grant> lost; // names that went to others, until the node says that it knows
     };

@@ -47,7 +47,8 @@ struct lease_registrar::holding {
     std::uint64_t version = 1;                   // of what is to be told…
     std::uint64_t told = 0;                      // …and of what the server knows
     time_point not_before = time_point::min();   // when it is told again
-    time_point first_denied = time_point::min(); // when somebody else was found to hold it
+    std::optional<naming::holder> other;         // who was found to hold it first
+    std::string obstacle;                        // why it was not granted yet
     bool enrolling = false;                      // somebody waits for the answer
     std::optional<failure> refused;
     waiter<> answered;
@@ -102,9 +103,8 @@ task<result<std::uint64_t>> lease_registrar::enroll(registration who, duration d
         holdings_.erase(path);
         co_return why;
     }
-    co_return failure(errc::name_server_lost,
-                      fmt::format("'{}' is not registered yet, it goes on trying: {}", path,
-                                  obstacle_.empty() ? fmt::format("the name server at {} has not decided", server_.text()) : obstacle_));
+    const auto& why = mine->obstacle.empty() ? obstacle_ : mine->obstacle;
+    co_return failure(errc::name_server_lost, fmt::format("'{}' is not registered yet, it goes on trying: {}", path, why.empty() ? "no answer yet" : why));
 }
 
 void lease_registrar::update(registration who) {
@@ -238,12 +238,12 @@ task<bool> lease_registrar::tell() {
         // It may have been withdrawn meanwhile, or be another life's.
         if (found == holdings_.end() || of == told.end() || found->second->who.incarnation != of->second.incarnation) continue;
         if (grant.what == verdict::granted) found->second->told = of->second.version;
-        take(std::move(grant), sent_at);
+        take(std::move(grant));
     }
     co_return true;
 }
 
-void lease_registrar::take(naming::grant answer, time_point asked_at) {
+void lease_registrar::take(naming::grant answer) {
     auto path = answer.path;
     auto& name = *holdings_.at(path);
     auto& log = host_.log();
@@ -254,18 +254,18 @@ void lease_registrar::take(naming::grant answer, time_point asked_at) {
             break;
         case verdict::wait:
             name.not_before = saturating_add(host_.on().now(), answer.retry_after);
-            obstacle_ = answer.reason;
+            name.obstacle = answer.reason;
             break;
         case verdict::taken: {
-            auto age = answer.held_by.empty() ? duration{} : answer.held_by.front().lease_age;
-            bool known = name.first_denied != time_point::min();
-            if (!known) name.first_denied = host_.on().now();
-            // It has renewed its lease since it was found there: it lives.
-            if (known && asked_at - age > name.first_denied) {
+            if (answer.held_by.empty()) answer.held_by.emplace_back();
+            const auto& holder = answer.held_by.front();
+            if (!name.other || name.other->epoch != holder.epoch) name.other = holder;
+            // One renewal may still have been on its way when its sender died; a second one was sent by the living.
+            if (holder.renewals >= name.other->renewals + 2) {
                 give_up(path, failure(errc::name_taken, answer.reason));
             } else {
                 name.not_before = saturating_add(host_.on().now(), lease_ / 5);
-                obstacle_ = answer.reason;
+                name.obstacle = answer.reason;
             }
             break;
         }
@@ -282,7 +282,8 @@ void lease_registrar::take(naming::grant answer, time_point asked_at) {
 void lease_registrar::granted(holding& name, std::uint64_t epoch) {
     bool news = name.epoch != epoch;
     name.epoch = epoch;
-    name.first_denied = time_point::min();
+    name.other.reset();
+    name.obstacle.clear();
     if (!news) return;
     if (name.enrolling) {
         name.answered.resume();
@@ -322,7 +323,7 @@ task<bool> lease_registrar::renew() {
     }
     lease_granted(sent_at, answer->lease);
     for (auto& grant : answer->lost)
-        if (holdings_.contains(grant.path) && grant.what == verdict::superseded) take(std::move(grant), sent_at);
+        if (holdings_.contains(grant.path) && grant.what == verdict::superseded) take(std::move(grant));
     co_return true;
 }
 

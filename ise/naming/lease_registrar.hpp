@@ -48,7 +48,7 @@ private:
     task<bool> tell_departures();
     std::vector<holding*> next_batch();
     naming::register_request request_of(const std::vector<holding*>& batch) const;
-    void take(naming::grant answer, time_point asked_at);
+    void take(naming::grant answer);
     void granted(holding& name, std::uint64_t epoch);
     void give_up(const std::string& path, failure why);
     void lease_granted(time_point sent_at, duration length);

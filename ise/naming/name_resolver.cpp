@@ -20,6 +20,8 @@ constexpr duration patience_with_memory = std::chrono::milliseconds(700);
 constexpr duration surely_lost = std::chrono::seconds(1);
 constexpr duration longest_pause = std::chrono::milliseconds(500);
 constexpr duration question_length = std::chrono::seconds(5);
+constexpr duration shortest_question = std::chrono::milliseconds(50);
+constexpr duration way_back = std::chrono::milliseconds(300);
 
 bool is_loopback(const endpoint& at) { return at.host == "localhost" || at.host == "::1" || at.host.starts_with("127."); }
 
@@ -38,6 +40,13 @@ std::optional<int> distance(const endpoint& at, bool same_host, bool same_proces
 
 // Whether the failure means that nobody could say.
 bool server_missing(const failure& why) { return why.code() != errc::no_such_name && why.code() != errc::cancelled; }
+
+result<naming::resolve_response> known_answer(const std::string& path, result<naming::await_response> answer) {
+    if (!answer) return answer.error();
+    if (answer->found) return std::move(*answer->found);
+    if (!answer->certain) return failure(errc::name_server_lost, fmt::format("the name server has just started and may not yet know '{}'", path));
+    return failure(errc::no_such_name, fmt::format("nobody is registered as '{}'", path));
+}
 
 } // namespace
 
@@ -123,20 +132,22 @@ task<result<location>> name_resolver::resolve(std::string path) {
 
 task<result<location>> name_resolver::resolve_when_present(std::string path, time_point deadline) {
     auto& on = host_.on();
+    std::optional<failure> said; // by a server that knew
     for (;;) {
-        auto left = deadline - on.now();
-        auto length = std::clamp(left, duration{}, question_length);
-        naming::resolve_request question;
+        auto left = std::max(deadline - on.now(), duration{});
+        bool last = left <= way_back;
+        naming::await_request question;
         question.path = path;
-        question.wait = length;
+        // The server ends the wait itself, in time for its answer to be here by the deadline.
+        if (!last) question.wait = std::min(left - way_back, question_length);
+        auto limit = std::max(question.wait + way_back, shortest_question);
         auto names = server();
-        // The server ends the wait itself; the rest is for the way there and back.
-        auto limit = std::min(length + std::chrono::milliseconds(500), std::max(left, duration(std::chrono::milliseconds(50))));
-        auto answer = co_await names.try_call(naming::resolve_when_present, std::move(question), limit);
-        auto found = take(path, std::move(answer));
-        bool final = found || found.error().code() == errc::unreachable || found.error().code() == errc::cancelled;
-        if (final || on.now() >= deadline) co_return found;
-        co_await sleep_until(on, std::min(deadline, saturating_add(on.now(), std::chrono::milliseconds(50))));
+        auto answer = co_await names.try_call(naming::wait_for, std::move(question), limit);
+        auto found = take(path, known_answer(path, std::move(answer)));
+        if (found || found.error().code() == errc::unreachable || found.error().code() == errc::cancelled) co_return found;
+        if (found.error().code() == errc::no_such_name) said = found.error();
+        if (last) co_return said ? *said : found.error();
+        co_await sleep_until(on, std::min(deadline, saturating_add(on.now(), std::chrono::milliseconds(20))));
     }
 }
 

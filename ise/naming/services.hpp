@@ -4,6 +4,7 @@
 #include <ise/service/contract.hpp>
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -82,6 +83,7 @@ struct holder {
     std::uint64_t process_id = 0;
     std::string endpoint;  ///< the first
     duration lease_age{};  ///< since it was last renewed
+    std::uint64_t renewals = 0; ///< of its lease so far
 };
 
 struct grant {
@@ -126,7 +128,6 @@ struct withdraw_response {};
 
 struct resolve_request {
     std::string path;
-    duration wait{}; ///< `resolve_when_present`: how long for somebody to hold it
 };
 
 struct resolve_response {
@@ -137,6 +138,16 @@ struct resolve_response {
     std::string host_key;
     std::string process_key;
     std::vector<std::string> endpoints;
+};
+
+struct await_request {
+    std::string path;
+    duration wait{}; ///< for somebody to hold it, at most `longest_wait`
+};
+
+struct await_response {
+    std::optional<resolve_response> found;
+    bool certain = true; ///< false: the server has just restarted, and may not know yet who holds the name
 };
 
 /// A name as lists and watchers see it.
@@ -202,8 +213,8 @@ inline constexpr request_response<renew_request, renew_response> renew{"ise.name
 inline constexpr request_response<withdraw_request, withdraw_response> withdraw{"ise.names.withdraw"};
 /// errc::no_such_name: nobody holds it; errc::name_server_lost: the server has just restarted and cannot say.
 inline constexpr request_response<resolve_request, resolve_response> resolve{"ise.names.resolve"};
-/// Answers when somebody holds it; errc::no_such_name after `wait`, at most `longest_wait`.
-inline constexpr request_response<resolve_request, resolve_response> resolve_when_present{"ise.names.await"};
+/// Answers when somebody holds it, or without a holder after the wait.
+inline constexpr request_response<await_request, await_response> wait_for{"ise.names.await"};
 inline constexpr request_response<list_request, list_response> list{"ise.names.list"};
 inline constexpr request_response<describe_request, describe_response> describe{"ise.names.describe"};
 inline constexpr subscription<name_events, watch_request> watch{"ise.names.watch"};

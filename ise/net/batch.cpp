@@ -5,11 +5,12 @@
 namespace ise::net {
 namespace {
 
-// A burst must not pin its memory for the life of a connection.
+// A burst must not pin its memory for the life of a connection; what is filled again and again keeps it, or every
+// turn would get fresh pages from the kernel.
 constexpr std::size_t kept_capacity = 256 * 1024;
 
 void recycle(buffer& used) {
-    if (used.capacity() > kept_capacity) used = buffer();
+    if (used.capacity() > kept_capacity && used.size() < used.capacity() / 4) used = buffer();
     used.clear();
 }
 
@@ -54,6 +55,24 @@ std::span<const asio::const_buffer> batch::remaining() {
         skip = 0;
     }
     return views_;
+}
+
+void batch::visit_unwritten(const std::function<void(const wire::frame_header&, bytes_view)>& visit) const {
+    std::size_t segment_at = 0; // where the segment begins in the whole
+    std::size_t frame_at = 0;   // where the next frame does
+    auto look = [&](bytes_view content) {
+        // Headers are never split: they are put down together with what follows them in the staging buffer.
+        while (frame_at < segment_at + content.size()) {
+            auto rest = content.subspan(frame_at - segment_at);
+            auto header = wire::read_header(rest.data());
+            std::size_t size = wire::frame_header::size + header.length;
+            if (frame_at >= written_ && size <= rest.size()) visit(header, rest.subspan(wire::frame_header::size, header.length));
+            frame_at += size;
+        }
+        segment_at += content.size();
+    };
+    for (const auto& part : segments_) look({part.data ? part.data : staging_.data() + part.begin, part.size});
+    look(staging_.view().subspan(staged_));
 }
 
 void batch::clear() {

@@ -1,9 +1,11 @@
 #pragma once
 #include <ise/core/bytes.hpp>
 #include <ise/packet/buffer.hpp>
+#include <ise/wire/frame.hpp>
 
 #include <asio/buffer.hpp>
 
+#include <functional>
 #include <memory>
 #include <span>
 #include <vector>
@@ -31,6 +33,9 @@ public:
     std::span<const asio::const_buffer> remaining();
     void advance(std::size_t count) noexcept { written_ += count; }
     void clear();
+
+    /// The frames of which no byte was written: `visit(header, body)`; a body that does not lie in one piece is passed over.
+    void visit_unwritten(const std::function<void(const wire::frame_header&, bytes_view)>& visit) const;
 
 private:
     struct segment {

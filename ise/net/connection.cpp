@@ -72,7 +72,13 @@ task<> connection::read() {
         parser_.commit(got.bytes);
         state = take_frames();
     }
-    if (!state) close(failure(state.error().code(), fmt::format("{}: {}", peer_name(), state.error().message())));
+    if (!state && open_) {
+        // The peer is told what it did wrong, if that goes at once.
+        farewell_ = state.error();
+        say_goodbye();
+        flush();
+        close(failure(state.error().code(), fmt::format("{}: {}", peer_name(), state.error().message())));
+    }
     report_end();
 }
 
@@ -119,8 +125,14 @@ result<void> connection::take(const wire::frame& received) {
         default: {
             auto receiver = user_.lock();
             if (!receiver) return failure(errc::cancelled, "nobody is here any more");
-            auto taken = receiver->on_frame(received);
-            if (!taken) return taken;
+            try {
+                auto taken = receiver->on_frame(received);
+                if (!taken) return taken;
+            } catch (const error& thrown) {
+                return thrown.why();
+            } catch (const std::exception& thrown) {
+                return failure(errc::handler_failed, thrown.what());
+            }
         }
     }
     if (outbox_.control().size() > max_control_bytes) return failure(errc::overloaded, "does not read what it asks for");
@@ -131,6 +143,7 @@ void connection::flush() {
     if (!open_ || blocked_) return;
     std::size_t sent = 0;
     while (sent < flush_bytes) {
+        if (farewell_ && outbox_.calls_drained()) say_goodbye();
         if (batch_.empty() && !outbox_.fill(batch_, on_.now())) {
             if (finishing_) transport_->shutdown_write();
             return;
@@ -187,7 +200,12 @@ void connection::pulse() {
     auto ours = duration(static_cast<std::int64_t>(terms_.we_accept.heartbeat_ns));
     auto theirs = duration(static_cast<std::int64_t>(terms_.peer_accepts.heartbeat_ns));
     auto lost_at = last_heard_ + ours * missed_heartbeats;
-    if (now >= lost_at) {
+    // Where it is this side that did not come round for a while, what the peer sent meanwhile is still unread.
+    bool slept = heartbeat_due_ != time_point{} && now - heartbeat_due_ > ours / 2;
+    if (now >= lost_at && slept) {
+        last_heard_ = now - ours * (missed_heartbeats - 1);
+        lost_at = now + ours;
+    } else if (now >= lost_at) {
         auto silent = std::chrono::duration<double>(now - last_heard_).count();
         close(failure(errc::peer_lost, fmt::format("{} was not heard for {:.1f} s", peer_name(), silent)));
         return;
@@ -198,21 +216,31 @@ void connection::pulse() {
         last_sent_ = now;
         written();
     }
-    heartbeat_.arm(std::min(lost_at, last_sent_ + theirs));
+    heartbeat_due_ = std::min(lost_at, last_sent_ + theirs);
+    heartbeat_.arm(heartbeat_due_);
 }
 
 void connection::finish(failure why, duration grace) {
     if (!open_ || finishing_) return;
     finishing_ = true;
-    wire::farewell goodbye;
-    goodbye.code = static_cast<std::uint8_t>(why.code());
-    goodbye.reason = why.message();
-    // Behind the replies that still wait: it is the last call-class frame.
-    buffer& out = outbox_.begin_call();
-    wire::put_frame(out, frame_type::goodbye, 0, 0, [&](buffer& body) { encode(goodbye, body); });
-    outbox_.end_call();
+    farewell_ = std::move(why);
     grace_.arm(saturating_add(on_.now(), grace));
-    flush();
+    written();
+}
+
+void connection::say_goodbye() {
+    wire::farewell goodbye;
+    goodbye.code = static_cast<std::uint8_t>(farewell_->code());
+    goodbye.reason = farewell_->message();
+    farewell_.reset();
+    wire::put_frame(outbox_.control(), frame_type::goodbye, 0, 0, [&](buffer& body) { encode(goodbye, body); });
+}
+
+void connection::take_unwritten(const std::function<void(const wire::frame_header&, bytes_view)>& visit) {
+    batch_.visit_unwritten([&](const wire::frame_header& header, bytes_view body) {
+        if (header.type == frame_type::request) visit(header, body);
+    });
+    outbox_.take_unwritten([&](std::uint64_t, wire::frame_header header, bytes_view body) { visit(header, body); });
 }
 
 void connection::close(failure cause) {

@@ -55,8 +55,8 @@ public:
     connection(loop& on, std::unique_ptr<stream> transport, session_terms terms, wire::parser parser);
     ~connection();
 
-    /// Begins to read, on coroutines owned by `scope`. Frames that came together with the handshake are handed over
-    /// in the next turn. `receiver` is held weakly: a session that is gone ends the connection.
+    /// Begins to read, on coroutines owned by `scope`; frames that came together with the handshake may be handed over
+    /// at once, and the connection may have ended when this returns. `receiver` is held weakly: a session that is gone ends the connection.
     void start(task_scope& scope, std::weak_ptr<user> receiver);
 
     /// Where frames are put; `written()` afterwards sees to it that they leave.
@@ -64,11 +64,15 @@ public:
     void written() { on_.flush_later(shared_from_this()); }
     void flush() override;
 
-    /// Tells the peer why, sends what waits for at most `grace`, then closes.
+    /// Sends what waits for at most `grace`, tells the peer why, then closes.
     void finish(failure why, duration grace);
+    /// Requests of which no byte was written, for the user's `on_closed`: `visit(header, body)`.
+    void take_unwritten(const std::function<void(const wire::frame_header&, bytes_view)>& visit);
     /// Ends it now. The first cause stays.
     void close(failure cause);
     bool open() const noexcept { return open_; }
+    /// Only where `!open()`.
+    const failure& cause() const noexcept { return *cause_; }
 
     const session_terms& terms() const noexcept { return terms_; }
     /// The peer for people: its path if it has one, and its address.
@@ -84,6 +88,7 @@ private:
     result<void> take_frames();
     result<void> take(const wire::frame& received);
     void pulse();
+    void say_goodbye();
     void report_end();
 
     loop& on_;
@@ -103,9 +108,11 @@ private:
     duration round_trip_{};
     time_point last_heard_{};
     time_point last_sent_{};
+    time_point heartbeat_due_{};
     bool open_ = true;
     bool blocked_ = false;   // the socket is full; the writer coroutine waits for it
-    bool finishing_ = false; // goodbye was said
+    std::optional<failure> farewell_; // goodbye is to be said once everything else was sent
+    bool finishing_ = false; // nothing new begins
     bool reported_ = false;
 };
 

@@ -16,9 +16,12 @@ using wire::frame_type;
 constexpr std::uint32_t max_greeting_bytes = 16 * 1024;
 constexpr std::uint64_t shortest_heartbeat_ns = 20'000'000;
 constexpr std::uint64_t longest_heartbeat_ns = 3'600'000'000'000;
+constexpr std::uint64_t largest_message_bytes = 0xffff'0000; // a frame's header counts in 32 bits
 
 wire::limits bounded(wire::limits offered) {
     offered.heartbeat_ns = std::clamp(offered.heartbeat_ns, shortest_heartbeat_ns, longest_heartbeat_ns);
+    offered.max_frame_bytes = std::max(offered.max_frame_bytes, wire::smallest_frame_limit);
+    offered.max_message_bytes = std::min(offered.max_message_bytes, largest_message_bytes);
     return offered;
 }
 

@@ -69,33 +69,32 @@ void outbox::end_call() {
 void outbox::add(publication_source& source) {
     if (source.pending_) return;
     source.pending_ = true;
-    sources_.push_back(&source);
+    // Behind its message in pieces, if there is one: a subscription's packets stay in order.
+    if (source.in_pieces_ == 0) sources_.push_back(&source);
 }
 
 void outbox::remove(publication_source& source) noexcept {
     if (std::exchange(source.pending_, false)) std::erase(sources_, &source);
-    // What was begun is finished: the receiver has its first pieces.
-    std::erase_if(big_packets_, [&](big_message& message) {
+    std::erase_if(big_packets_, [&](const big_message& message) {
         if (message.source != &source) return false;
-        message.source = nullptr;
-        if (message.begun) return false;
-        big_bytes_ -= message.size();
+        if (message.begun) put_abandoned(message);
+        big_bytes_ -= message.size() - message.sent;
         return true;
     });
     source.in_pieces_ = 0;
 }
 
 void outbox::put_packet(publication_source& from, frame_header header, bytes_view head,
-                        const std::shared_ptr<const bytes>& payload) {
+                        const shared_bytes& payload) {
     assert(filling_);
-    std::size_t size = head.size() + payload->size();
+    std::size_t size = head.size() + payload.size();
     header.length = static_cast<std::uint32_t>(size);
     if (size > whole_bytes) {
         big_message message;
         message.header = header;
         message.head.assign(head.begin(), head.end());
-        message.owner = payload;
-        message.payload = *payload;
+        message.owner = payload.owner();
+        message.payload = payload.view();
         message.source = &from;
         message.id = next_piece_id_++;
         ++from.in_pieces_;
@@ -105,10 +104,10 @@ void outbox::put_packet(publication_source& from, frame_header header, bytes_vie
     }
     wire::put_header(filling_->staging(), header);
     filling_->staging().append(head);
-    if (payload->size() <= copied_bytes) {
-        filling_->staging().append(bytes_view(*payload));
+    if (payload.size() <= copied_bytes) {
+        filling_->staging().append(payload.view());
     } else {
-        filling_->share(payload, *payload);
+        filling_->share(payload.owner(), payload.view());
     }
 }
 
@@ -116,15 +115,27 @@ bool outbox::empty() const noexcept {
     return control_.empty() && calls_.size() == calls_taken_ && big_calls_.empty() && big_packets_.empty() && sources_.empty();
 }
 
+// The receiver forgets the pieces that it has.
+void outbox::put_abandoned(const big_message& message) {
+    frame_header header;
+    header.type = frame_type::piece;
+    header.flags = wire::flag::abandoned;
+    header.id = message.id;
+    wire::put_header(control_, header);
+}
+
 bool outbox::fill(batch& out, time_point now) {
-    if (!control_.empty()) {
-        out.staging().append(control_.view());
-        control_.clear();
+    // Requests that have expired leave nothing to write, and others may wait behind them.
+    while (out.empty() && !empty()) {
+        if (!control_.empty()) {
+            out.staging().append(control_.view());
+            control_.clear();
+        }
+        if (calls_.size() > calls_taken_) fill_calls(out, now);
+        if (!big_calls_.empty()) fill_pieces(big_calls_, out, now);
+        if (!big_packets_.empty()) fill_pieces(big_packets_, out, now);
+        if (!sources_.empty()) fill_publications(out);
     }
-    if (calls_.size() > calls_taken_) fill_calls(out, now);
-    if (!big_calls_.empty()) fill_pieces(big_calls_, out, now);
-    if (!big_packets_.empty()) fill_pieces(big_packets_, out, now);
-    if (!sources_.empty()) fill_publications(out);
     return !out.empty();
 }
 
@@ -155,6 +166,11 @@ void outbox::fill_calls(batch& out, time_point now) {
     calls_taken_ = at;
     if (calls_taken_ == calls_.size()) {
         calls_.clear();
+        calls_taken_ = 0;
+    } else if (calls_taken_ > calls_.size() / 2) { // what was written must not pile up in front of what is not
+        buffer rest(calls_.size() - calls_taken_);
+        rest.append(calls_.view().subspan(calls_taken_));
+        calls_ = std::move(rest);
         calls_taken_ = 0;
     }
 }
@@ -226,6 +242,7 @@ void outbox::fill_publications(batch& out) {
 }
 
 void outbox::take_unwritten(const std::function<void(std::uint64_t, frame_header, bytes_view)>& visit) {
+    // One that was withdrawn is not the caller's any more: it finds no call of that id.
     for (std::size_t at = calls_taken_; at < calls_.size();) {
         auto header = wire::read_header(calls_.data() + at);
         bytes_view body(calls_.data() + at + frame_header::size, header.length);
@@ -236,13 +253,15 @@ void outbox::take_unwritten(const std::function<void(std::uint64_t, frame_header
         if (message.header.type == frame_type::request && !message.begun) visit(message.header.id, message.header, message.payload);
     calls_.clear();
     calls_taken_ = 0;
+    for (const auto& message : big_calls_) big_bytes_ -= message.size() - message.sent;
     big_calls_.clear();
 }
 
 bool outbox::withdraw(std::uint64_t request_id) {
     for (auto found = big_calls_.begin(); found != big_calls_.end(); ++found) {
-        if (found->begun || found->header.id != request_id || found->header.type != frame_type::request) continue;
-        big_bytes_ -= found->size();
+        if (found->header.id != request_id || found->header.type != frame_type::request) continue;
+        if (found->begun) put_abandoned(*found);
+        big_bytes_ -= found->size() - found->sent;
         big_calls_.erase(found);
         return true;
     }

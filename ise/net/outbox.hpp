@@ -1,6 +1,7 @@
 #pragma once
 #include <ise/core/time.hpp>
 #include <ise/net/batch.hpp>
+#include <ise/packet/shared_bytes.hpp>
 #include <ise/wire/frame.hpp>
 
 #include <deque>
@@ -44,7 +45,8 @@ public:
 
     /// Where the frame of a call or a reply is appended, between `begin_call()` and `end_call()`. A request's body
     /// begins with its service number and its deadline as nanoseconds of the loop's clock; what remains of it is
-    /// stamped when it is written, and an expired request is not written at all.
+    /// stamped when it is written, and an expired request is not written at all. What a later frame relies on (a
+    /// service's introduction) therefore goes into `control()`.
     buffer& begin_call();
     void end_call();
 
@@ -52,18 +54,21 @@ public:
     void remove(publication_source& source) noexcept;
     /// For sources: a packet frame. `head` is the part of the body before the shared payload.
     void put_packet(publication_source& from, wire::frame_header header, bytes_view head,
-                    const std::shared_ptr<const bytes>& payload);
+                    const shared_bytes& payload);
 
     /// Moves what goes into one write to the batch; false if nothing waits.
     bool fill(batch& out, time_point now);
 
     bool empty() const noexcept;
+    /// Whether neither control frames nor calls and replies wait.
+    bool calls_drained() const noexcept { return control_.empty() && calls_.size() == calls_taken_ && big_calls_.empty(); }
     std::size_t pending_bytes() const noexcept { return control_.size() + (calls_.size() - calls_taken_) + big_bytes_; }
     std::size_t pending_call_bytes() const noexcept { return (calls_.size() - calls_taken_) + big_bytes_; }
 
     /// Takes the requests that were never begun to be written: `visit(call id, payload and head of the body)`.
     void take_unwritten(const std::function<void(std::uint64_t, wire::frame_header, bytes_view)>& visit);
-    /// A request that was given up before it was written need not be written.
+    /// A request that was given up: true if the peer will never have it whole, so that it need not be told. One of
+    /// which pieces were written already is abandoned.
     bool withdraw(std::uint64_t request_id);
 
 private:
@@ -84,6 +89,7 @@ private:
     void fill_pieces(std::deque<big_message>& from, batch& out, time_point now);
     void fill_publications(batch& out);
     static void put_piece(big_message& message, batch& out);
+    void put_abandoned(const big_message& message);
 
     buffer control_;
     buffer calls_;

@@ -85,11 +85,12 @@ void call_service::serve(incoming_call call, bytes_view request) {
         refuse(call, failure(errc::overloaded, fmt::format("'{}' has {} requests waiting", name_, waiting_.size())));
         return;
     }
+    // A new worker takes the request from the queue as soon as its coroutine has come up.
     waiting_.push_back(waiting_call{std::move(call), bytes(request.begin(), request.end())});
+    if (workers_.size() < options_.concurrent) add_worker();
 }
 
 bool call_service::begin(incoming_call& call, bytes_view request) {
-    if (idle_.empty() && workers_.size() < options_.concurrent) add_worker();
     if (idle_.empty()) return false;
     auto* worker = idle_.back();
     if (call.adapt) {
@@ -102,8 +103,6 @@ bool call_service::begin(incoming_call& call, bytes_view request) {
     return true;
 }
 
-// Its coroutine runs at once up to `next()`, and is idle then. (On an executor that is not run right now it comes up
-// later, and takes its request from the queue.)
 void call_service::add_worker() {
     workers_.push_back(make_worker());
     auto& worker = *workers_.back();
@@ -113,12 +112,14 @@ void call_service::add_worker() {
     };
     auto executor = with_context(host_.on().get_executor(), &worker.context_);
     worker.cancel_ = host_.scope().spawn("handler of " + name_, body(shared_from_this(), worker), std::move(executor));
-    if (!worker.cancel_) workers_.pop_back(); // the component stops
+    if (worker.cancel_) return;
+    workers_.pop_back();
+    for (auto& entry : std::exchange(waiting_, {})) refuse(entry.call, failure(errc::cancelled, "the component stops"));
 }
 
 void call_service::idle(call_worker& worker) {
     worker.busy_ = false;
-    if (stopped_) {
+    if (stopped_ || host_.scope().stopping()) {
         worker.wake_.resume(false);
         return;
     }
@@ -139,13 +140,13 @@ void call_service::idle(call_worker& worker) {
     }
 }
 
+// The caller is gone: nobody is answered any more.
 void call_service::withdraw(const session& from, std::uint64_t id) {
     std::erase_if(waiting_, [&](const waiting_call& entry) { return entry.call.from.get() == &from && entry.call.id == id; });
     for (auto& worker : workers_) {
         if (worker->call_.from.get() != &from || worker->call_.id != id) continue;
-        auto call = std::exchange(worker->call_, {});
+        worker->call_ = {};
         worker->deadline_.disarm();
-        refuse(call, failure(errc::cancelled, "cancelled by the caller", execution::unknown));
         worker->give_up();
         return;
     }
@@ -156,7 +157,13 @@ void call_service::stop() {
     for (auto& entry : std::exchange(waiting_, {}))
         refuse(entry.call, failure(errc::cancelled, fmt::format("'{}' is not provided any more", name_)));
     for (auto* worker : std::exchange(idle_, {})) worker->wake_.resume(false);
-    for (auto& worker : workers_) worker->give_up();
+    // Those who wait for a handler that runs are told now, before the sessions say goodbye.
+    for (auto& worker : workers_) {
+        auto call = std::exchange(worker->call_, {});
+        worker->deadline_.disarm();
+        if (call.from) refuse(call, failure(errc::cancelled, fmt::format("'{}' was stopped while it ran", name_), execution::unknown));
+        worker->give_up();
+    }
 }
 
 call_context call_service::context_of_call(const incoming_call& call) {

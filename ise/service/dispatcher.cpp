@@ -21,13 +21,19 @@ result<void> dispatcher::check_name(const std::string& name) const {
 
 result<void> dispatcher::add(std::shared_ptr<call_service> service) {
     auto good = check_name(service->name());
-    if (good) calls_.emplace(service->name(), std::move(service));
+    if (!good) return good;
+    book_.add_own(service->types());
+    auto name = service->name();
+    calls_.emplace(std::move(name), std::move(service));
     return good;
 }
 
 result<void> dispatcher::add(std::shared_ptr<publication_core> publication) {
     auto good = check_name(publication->name());
-    if (good) publications_.emplace(publication->name(), std::move(publication));
+    if (!good) return good;
+    book_.add_own(publication->types());
+    auto name = publication->name();
+    publications_.emplace(std::move(name), std::move(publication));
     return good;
 }
 
@@ -64,7 +70,8 @@ std::vector<service_description> dispatcher::describe() const {
 
 void dispatcher::stop() {
     for (auto& [name, service] : calls_) service->stop();
-    for (auto& [name, publication] : publications_) publication->stop(failure(errc::cancelled, "the provider stops"));
+    // Subscribers are not told that a service has ended, which it has not: they wait for its next provider.
+    for (auto& [name, publication] : publications_) publication->let_go();
 }
 
 } // namespace ise

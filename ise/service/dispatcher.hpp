@@ -2,6 +2,7 @@
 #include <ise/core/result.hpp>
 #include <ise/service/contract.hpp>
 #include <ise/service/incoming_calls.hpp>
+#include <ise/service/schema_book.hpp>
 
 #include <map>
 #include <memory>
@@ -23,6 +24,9 @@ struct service_description {
 /// The services of a component by name.
 class dispatcher {
 public:
+    /// `book` learns the schemas of what is provided, to answer for them.
+    explicit dispatcher(schema_book& book) : book_(book) {}
+
     /// errc::invalid_argument if the name is taken or no name: letters, digits, `_`, `.`, `-`, `/`.
     result<void> add(std::shared_ptr<call_service> service);
     result<void> add(std::shared_ptr<publication_core> publication);
@@ -40,6 +44,7 @@ public:
 private:
     result<void> check_name(const std::string& name) const;
 
+    schema_book& book_;
     std::map<std::string, std::shared_ptr<call_service>, std::less<>> calls_;
     std::map<std::string, std::shared_ptr<publication_core>, std::less<>> publications_;
     std::map<std::string, const packet_types*, std::less<>> required_;

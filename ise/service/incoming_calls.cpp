@@ -18,6 +18,18 @@ std::uint32_t slot_of(std::uint64_t id) noexcept { return static_cast<std::uint3
 
 } // namespace
 
+result<void> incoming_calls::on_introduce(const wire::frame& received) {
+    auto introduced = wire::read_body<wire::introduction>(received.body);
+    if (!introduced) return introduced.error();
+    if (received.header.id != bindings_.size()) return failure(errc::protocol_error, "a service was introduced with a number out of turn");
+    if (bindings_.size() >= max_services) return failure(errc::overloaded, fmt::format("more than {} services were introduced", max_services));
+    auto made = std::make_unique<binding>();
+    made->name = std::move(introduced->service);
+    bindings_.push_back(std::move(made));
+    bind(*bindings_.back(), introduced->fingerprints);
+    return {};
+}
+
 result<void> incoming_calls::on_request(const wire::frame& received) {
     auto malformed = [](std::string_view what) { return failure(errc::protocol_error, fmt::format("a request came {}", what)); };
     bytes_view body = received.body;
@@ -26,21 +38,6 @@ result<void> incoming_calls::on_request(const wire::frame& received) {
     auto remaining = detail::load_little<std::int64_t>(body.data() + 4);
     body = body.subspan(12);
     if (remaining < 0) return malformed("with a negative time");
-
-    if (received.header.flags & wire::flag::introduces) {
-        if (body.size() < 4) return malformed("with half an introduction");
-        auto length = detail::load_little<std::uint32_t>(body.data());
-        body = body.subspan(4);
-        if (length > body.size()) return malformed("with half an introduction");
-        auto introduced = wire::read_body<wire::introduction>(body.first(length));
-        if (!introduced) return introduced.error();
-        body = body.subspan(length);
-        if (number != bindings_.size() || number >= max_services) return malformed("with a service number out of turn");
-        auto made = std::make_unique<binding>();
-        made->name = introduced->service;
-        bindings_.push_back(std::move(made));
-        bind(*bindings_.back(), introduced->fingerprints);
-    }
     if (number >= bindings_.size()) return malformed("for a service that was not introduced");
     trace_id trace;
     if (received.header.flags & wire::flag::traced) {
@@ -56,6 +53,12 @@ result<void> incoming_calls::on_request(const wire::frame& received) {
         return {};
     }
     if (slot_of(id) < running_.size() && running_[slot_of(id)].of) return malformed("with the number of a call that runs");
+    auto unsent = session_.wire().out().pending_call_bytes();
+    if (unsent > 2 * host.options().max_unsent_bytes) return failure(errc::overloaded, "does not take its replies");
+    if (unsent > host.options().max_unsent_bytes) {
+        refuse(id, failure(errc::overloaded, fmt::format("{} bytes of replies wait for being taken", unsent)));
+        return {};
+    }
 
     auto deadline = saturating_add(host.on().now(), duration(remaining));
     auto& of = *bindings_[number];
@@ -93,7 +96,14 @@ void incoming_calls::bind(binding& made, const std::vector<std::uint64_t>& finge
         return;
     }
     made.now = state::comparing;
-    made.response_differs = fingerprints[role::response] != ours.fingerprints[role::response];
+    if (fingerprints[role::response] != ours.fingerprints[role::response]) {
+        // Ahead of every reply, which it overtakes.
+        wire::provider_packets told;
+        told.fingerprints = ours.fingerprints;
+        auto number = bindings_.size() - 1;
+        wire::put_frame(session_.wire().out().control(), wire::frame_type::answers, 0, number, [&](buffer& body) { encode(told, body); });
+        session_.wire().written();
+    }
     compare(static_cast<std::uint32_t>(bindings_.size() - 1), fingerprints);
 }
 
@@ -151,37 +161,52 @@ void incoming_calls::serve(binding& of, std::uint64_t id, time_point deadline, t
     of.service->serve(std::move(call), request);
 }
 
+// The caller has gone on: it gets no answer.
 void incoming_calls::on_cancel(std::uint64_t id) {
     auto slot = slot_of(id);
-    if (slot >= running_.size() || running_[slot].id != id || !running_[slot].of) return; // answered already
-    running_[slot].of->service->withdraw(session_, id);
+    if (slot < running_.size() && running_[slot].id == id && running_[slot].of) {
+        auto service = running_[slot].of->service;
+        forget(id);
+        service->withdraw(session_, id);
+        return;
+    }
+    for (auto& of : bindings_) std::erase_if(of->held, [&](const held_request& entry) { return entry.id == id; });
+}
+
+void incoming_calls::forget(std::uint64_t id) noexcept {
+    auto slot = slot_of(id);
+    if (slot >= running_.size() || running_[slot].id != id || !running_[slot].of) return;
+    running_[slot].of = nullptr;
+    --running_count_;
 }
 
 void incoming_calls::on_session_end() {
     auto held = session_.shared_from_this();
     for (auto& entry : running_)
-        if (entry.of) entry.of->service->withdraw(session_, entry.id);
+        if (entry.of) on_cancel(entry.id);
 }
 
 void incoming_calls::reply(std::uint64_t id, function_ref<void(buffer&)> write_response) {
     auto slot = slot_of(id);
     if (slot >= running_.size() || running_[slot].id != id || !running_[slot].of) return;
-    auto& of = *std::exchange(running_[slot].of, nullptr);
-    --running_count_;
+    auto& of = *running_[slot].of;
+    forget(id);
     if (!session_.open()) return;
-    bool introduce = of.response_differs && !of.response_told;
-    of.response_told = true;
     auto& wire = session_.wire();
     buffer& out = wire.out().begin_call();
     std::size_t start = out.size();
+    std::optional<failure> problem;
     try {
-        wire::put_frame(out, wire::frame_type::reply, introduce ? wire::flag::introduces : std::uint8_t{0}, id, [&](buffer& body) {
-            if (introduce) body.append(of.service->types().fingerprints[role::response]);
-            write_response(body);
-        });
+        wire::put_frame(out, wire::frame_type::reply, 0, id, write_response);
+        auto size = out.size() - start - wire::frame_header::size;
+        auto most = wire.terms().peer_accepts.max_message_bytes;
+        if (size > most) problem.emplace(errc::too_large, fmt::format("the response of '{}' has {} bytes, its caller accepts {}", of.name, size, most), execution::unknown);
     } catch (const std::exception& thrown) {
+        problem.emplace(errc::handler_failed, fmt::format("the response of '{}' cannot be encoded: {}", of.name, thrown.what()), execution::unknown);
+    }
+    if (problem) {
         out.truncate(start);
-        refuse(id, failure(errc::handler_failed, fmt::format("the response of '{}' cannot be encoded: {}", of.name, thrown.what()), execution::unknown));
+        refuse(id, *problem);
         return;
     }
     wire.out().end_call();
@@ -189,11 +214,7 @@ void incoming_calls::reply(std::uint64_t id, function_ref<void(buffer&)> write_r
 }
 
 void incoming_calls::refuse(std::uint64_t id, const failure& why) {
-    auto slot = slot_of(id);
-    if (slot < running_.size() && running_[slot].id == id && running_[slot].of) {
-        running_[slot].of = nullptr;
-        --running_count_;
-    }
+    forget(id);
     if (!session_.open()) return;
     wire::call_failure told;
     told.code = static_cast<std::uint8_t>(why.code());

@@ -101,7 +101,7 @@ protected:
 private:
     friend class call_worker;
     void idle(call_worker& worker);
-    bool begin(incoming_call& call, bytes_view request);
+    bool begin(incoming_call& call, bytes_view request); // false: no worker is idle
     void add_worker();
 
     struct waiting_call {
@@ -124,11 +124,12 @@ class incoming_calls {
 public:
     explicit incoming_calls(session& owner) : session_(owner) {}
 
+    result<void> on_introduce(const wire::frame& received);
     result<void> on_request(const wire::frame& received);
     void on_cancel(std::uint64_t id);
     void on_session_end();
 
-    /// Answers a request; the first answer of a service whose response differs names its fingerprint.
+    /// Answers a request.
     void reply(std::uint64_t id, function_ref<void(buffer&)> write_response);
     void refuse(std::uint64_t id, const failure& why);
 
@@ -148,8 +149,6 @@ private:
         state now = state::ready;
         failure why{errc::no_such_service, {}};
         std::unique_ptr<adapter> request;
-        bool response_differs = false;
-        bool response_told = false;
         std::vector<held_request> held;
     };
     struct running_call {
@@ -159,6 +158,7 @@ private:
 
     void bind(binding& made, const std::vector<std::uint64_t>& fingerprints);
     void compare(std::uint32_t number, std::vector<std::uint64_t> fingerprints);
+    void forget(std::uint64_t id) noexcept;
     void serve(binding& of, std::uint64_t id, time_point deadline, trace_id trace, bytes_view request);
 
     session& session_;

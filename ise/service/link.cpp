@@ -105,7 +105,7 @@ task<result<void>> link::connect(time_point deadline) {
     arrivals_.push_back(&arrival);
     auto self = shared_from_this();
     wake();
-    if (!session_) co_await arrival.wait();
+    if (!session_ && !host_.stopping()) co_await arrival.wait();
     std::erase(arrivals_, &arrival);
     --connectors_;
     if (session_ && session_->open()) co_return result<void>();
@@ -124,25 +124,37 @@ task<> link::maintain(std::shared_ptr<link> self) {
         link& of;
         ~leaving() { of.maintaining_ = false; }
     } guard{*self};
+    auto& host = self->host_;
+    bool pause = false;
     if (self->since_ != time_point{}) { // again: what broke at once is not tried again at once
-        bool steady = self->host_.on().now() - self->since_ >= steady_session;
-        if (steady) self->pause_.reset();
-        co_await sleep_for(self->host_.on(), self->pause_.next());
+        pause = true;
+        if (host.on().now() - self->since_ >= steady_session) self->pause_.reset();
     }
-    while (self->wanted() && !self->host_.stopping()) {
+    for (;;) {
+        if (pause) co_await sleep_for(host.on(), self->pause_.next());
+        if (!self->wanted() || host.stopping()) co_return;
+        pause = true;
         auto made = co_await self->establish();
         if (made) {
             self->adopt(std::move(*made));
-            co_return;
+            if (self->session_) co_return;
+            continue; // it broke at its first frames
         }
         bool news = self->obstacle_ != made.error().message();
         self->obstacle_ = made.error().message();
-        if (news) self->host_.log().debug(self->obstacle_, {{"link", self->name_}});
-        co_await sleep_for(self->host_.on(), self->pause_.next());
+        if (news) host.log().debug(self->obstacle_, {{"link", self->name_}});
     }
 }
 
 void link::adopt(std::shared_ptr<session> made) {
+    if (host_.stopping()) {
+        made->finish(failure(errc::peer_lost, "the component stops"), std::chrono::seconds(1));
+        return;
+    }
+    if (!made->open()) { // it ended before it was ours
+        obstacle_ = made->wire().cause().message();
+        return;
+    }
     loop::turn in(host_.on());
     session_ = std::move(made);
     since_ = host_.on().now();
@@ -152,9 +164,19 @@ void link::adopt(std::shared_ptr<session> made) {
     for (auto* call : std::exchange(waiting_, {})) {
         buffer request = std::move(call->waiting);
         call->waiting = buffer();
-        bool sent = session_->send(*call, [&](buffer& out) { out.append(request.view()); });
-        if (!sent) host_.calls().fail(*call, failure(errc::overloaded, fmt::format("too many calls are pending at {}", name_)));
+        try {
+            bool sent = session_->send(*call, [&](buffer& out) { out.append(request.view()); });
+            if (!sent) host_.calls().fail(*call, failure(errc::overloaded, fmt::format("too many calls are pending at {}", name_)));
+        } catch (const error& thrown) {
+            host_.calls().fail(*call, thrown.why());
+        }
     }
+}
+
+void link::stop() {
+    failure why(errc::cancelled, "the component stops");
+    for (auto* arrival : arrivals_) arrival->resume();
+    for (auto* call : std::exchange(waiting_, {})) host_.calls().fail(*call, why);
 }
 
 task<result<std::shared_ptr<session>>> link::establish() {
@@ -194,8 +216,8 @@ void link::on_session_end(session& ended, const failure& cause) {
     if (session_.get() != &ended) return;
     session_.reset();
     obstacle_ = cause.message();
-    if (peer_only_) {
-        for (auto* subscriber : std::exchange(subscribers_, {})) subscriber->on_refused(cause);
+    if (host_.stopping()) {
+        stop();
     } else if (wanted()) {
         wake();
     }

@@ -72,6 +72,10 @@ public:
     void on_session_end(session& ended, const failure& cause);
     void requeue(pending_call& call, bytes_view request);
     void forget(pending_call& call) noexcept;
+    /// The component stops: what waits for a session has waited in vain.
+    void stop();
+    /// Whether it ends with the session it was made from.
+    bool peer_only() const noexcept { return peer_only_; }
     /// Why there is no session, for the text of a call that waited in vain.
     const std::string& obstacle() const noexcept { return obstacle_; }
     std::size_t waiting_calls() const noexcept { return waiting_.size(); }

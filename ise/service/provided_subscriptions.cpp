@@ -110,7 +110,11 @@ result<void> provided_subscriptions::on_unsubscribe(const wire::frame& received)
     if (found != by_id_.end()) {
         auto left = std::move(found->second);
         by_id_.erase(found);
-        if (left.who) response = left.publication->unsubscribe(*left.who, received.body, left.unsubscribe.get());
+        try {
+            if (left.who) response = left.publication->unsubscribe(*left.who, received.body, left.unsubscribe.get());
+        } catch (const std::exception& thrown) { // the user's callback, or its packet: it has left all the same
+            session_.host().log().warning(thrown.what(), {{"service", left.publication->name()}, {"peer", session_.peer_name()}});
+        }
     } // else it ended meanwhile: the answer is the same
     wire::put_frame(wire.out().begin_call(), frame_type::unsubscribed, 0, received.header.id, [&](buffer& body) { body.append(bytes_view(response)); });
     wire.out().end_call();

@@ -20,13 +20,13 @@ constexpr std::size_t max_queue_bytes = 256u << 20;
 
 } // namespace
 
-provided_subscription::provided_subscription(publication_core& of, const wire::subscribe& terms, std::uint64_t number)
+provided_subscription::provided_subscription(publication_core& of, const wire::subscribe& terms, subscriber_info info)
     : publication_(of), policy_(terms.policy), depth_(std::clamp<std::uint32_t>(terms.depth, 1, deepest)), credit_(terms.credit),
-      min_interval_(static_cast<std::int64_t>(std::min<std::uint64_t>(terms.min_interval_ns, std::int64_t{1} << 62))) {
+      min_interval_(static_cast<std::int64_t>(std::min<std::uint64_t>(terms.min_interval_ns, std::int64_t{1} << 62))),
+      info_(std::move(info)) {
     if (policy_ == overflow::keep_latest) depth_ = 1;
     auto& env = of.host().env();
     for (std::size_t half = 0; half < ticket_.size(); half += 8) detail::store_little(reinterpret_cast<std::byte*>(&ticket_[half]), env.random());
-    info_.number = number;
     if (policy_ == overflow::lossless) ++publication_.lossless_;
 }
 
@@ -68,37 +68,49 @@ void provided_subscription::grant(std::uint64_t total) {
     wake();
 }
 
-void provided_subscription::offer(std::uint64_t sequence, const std::shared_ptr<const bytes>& packet, time_point now) {
+bool provided_subscription::offer(std::uint64_t sequence, const shared_bytes& packet, time_point now) {
     if (min_interval_ > duration{}) {
         if (now < next_allowed_) {
             ++skipped_;
-            return;
+            return true;
         }
         next_allowed_ = saturating_add(now, min_interval_);
     }
-    while (queue_.size() >= depth_ || (queue_bytes_ + packet->size() > max_queue_bytes && !queue_.empty())) {
-        if (policy_ == overflow::lossless || policy_ == overflow::disconnect) {
-            publication_.end(*this, failure(errc::overloaded, fmt::format("the subscriber of '{}' did not take {} packets in time",
-                                                                          publication_.name(), queue_.size())));
-            return; // *this is gone
-        }
+    while (queue_.size() >= depth_ || (queue_bytes_ + packet.size() > max_queue_bytes && !queue_.empty())) {
+        if (policy_ == overflow::lossless || policy_ == overflow::disconnect) return false;
         auto& oldest = queue_.front();
         std::uint32_t inherited = oldest.skipped;
-        queue_bytes_ -= oldest.packet->size();
+        queue_bytes_ -= oldest.packet.size();
         queue_.pop_front();
         (queue_.empty() ? skipped_ : queue_.front().skipped) += inherited;
-        ++dropped_;
-        ++publication_.host().counts().packets_dropped;
+        count_drop();
     }
     queue_.push_back(item{sequence, std::exchange(skipped_, 0), packet});
-    queue_bytes_ += packet->size();
+    queue_bytes_ += packet.size();
     wake();
+    return true;
+}
+
+void provided_subscription::count_drop() {
+    ++dropped_;
+    ++publication_.host().counts().packets_dropped;
 }
 
 bool provided_subscription::take(net::outbox& out, std::size_t quantum) {
     std::size_t taken = 0;
     while (!queue_.empty() && may_send() && taken < quantum) {
         auto& next = queue_.front();
+        std::size_t size = next.packet.size();
+        if (size + 12 > session_->wire().terms().peer_accepts.max_message_bytes) {
+            publication_.host().log().warning("a packet is larger than its subscriber accepts",
+                                              {{"service", publication_.name()}, {"peer", info_.peer}, {"bytes", std::to_string(size)}});
+            std::uint32_t inherited = next.skipped;
+            queue_bytes_ -= size;
+            queue_.pop_front();
+            (queue_.empty() ? skipped_ : queue_.front().skipped) += inherited;
+            count_drop();
+            continue;
+        }
         std::array<std::byte, 12> head;
         detail::store_little(head.data(), next.sequence);
         detail::store_little(head.data() + 8, next.skipped);
@@ -107,7 +119,6 @@ bool provided_subscription::take(net::outbox& out, std::size_t quantum) {
         header.flags = next.skipped ? wire::flag::skipped : std::uint8_t{0};
         header.id = id_;
         out.put_packet(*this, header, bytes_view(head).first(next.skipped ? 12 : 8), next.packet);
-        std::size_t size = next.packet->size();
         taken += size + wire::frame_header::size;
         queue_bytes_ -= size;
         queue_.pop_front();
@@ -119,34 +130,36 @@ bool provided_subscription::take(net::outbox& out, std::size_t quantum) {
 }
 
 publication_core::publication_core(service_host& host, std::string name, const packet_types& types)
-    : host_(host), name_(std::move(name)), types_(types), room_(host.on(), [this] { room_.resume(); }) {}
+    : host_(host), name_(std::move(name)), types_(types) {}
 
 publication_core::~publication_core() = default;
 
-void publication_core::publish(std::shared_ptr<const bytes> packet) {
-    ++sequence_;
-    ++host_.counts().packets_published;
-    last_ = packet;
-    auto now = host_.on().now();
-    for (auto who = all_.begin(); who != all_.end();) {
-        auto next = std::next(who); // offering may end it
-        who->offer(sequence_, packet, now);
-        who = next;
-    }
+shared_bytes publication_core::share(function_ref<void(buffer&)> write_packet) {
+    write_packet(maker_.room());
+    return maker_.share();
 }
 
-void publication_core::publish_to(std::shared_ptr<const bytes> packet, function_ref<bool(const subscriber_info&)> wants) {
+void publication_core::publish(shared_bytes packet) {
+    last_ = packet;
+    publish_to(std::move(packet), [](const subscriber_info&) { return true; });
+}
+
+void publication_core::publish_to(shared_bytes packet, function_ref<bool(const subscriber_info&)> wants) {
     ++sequence_;
     ++host_.counts().packets_published;
     auto now = host_.on().now();
-    for (auto who = all_.begin(); who != all_.end();) {
-        auto next = std::next(who); // offering may end it
-        if (wants(who->info())) {
-            who->offer(sequence_, packet, now);
-        } else {
-            who->pass();
+    std::vector<std::uint64_t> too_slow; // ended afterwards: that calls the user back, who may publish
+    for (auto& who : all_) {
+        if (!wants(who.info())) {
+            who.pass();
+        } else if (!who.offer(sequence_, packet, now)) {
+            too_slow.push_back(who.info_.number);
         }
-        who = next;
+    }
+    for (auto number : too_slow) {
+        auto found = std::find_if(all_.begin(), all_.end(), [&](const auto& who) { return who.info_.number == number; });
+        if (found == all_.end()) continue;
+        end(*found, failure(errc::overloaded, fmt::format("the subscriber of '{}' did not take {} packets in time", name_, found->queue_.size())));
     }
 }
 
@@ -158,11 +171,19 @@ bool publication_core::has_room() const noexcept {
 }
 
 task<> publication_core::wait_for_room() {
-    while (!has_room()) co_await room_.wait();
+    waiter<> room(host_.on(), [&room] { room.resume(); });
+    struct entry {
+        std::vector<waiter<>*>& all;
+        waiter<>* mine;
+        ~entry() { std::erase(all, mine); }
+    } guard{waiting_, &room};
+    waiting_.push_back(&room);
+    while (!has_room()) co_await room.wait();
 }
 
 void publication_core::room_made() {
-    if (room_.waiting() && has_room()) room_.resume();
+    if (waiting_.empty() || !has_room()) return;
+    for (auto* room : waiting_) room->resume();
 }
 
 result<provided_subscription*> publication_core::subscribe(session& from, const wire::subscribe& terms, const adapter* adapt,
@@ -181,51 +202,73 @@ result<provided_subscription*> publication_core::subscribe(session& from, const 
             return &who;
         }
     }
-    auto& who = all_.emplace_back(*this, terms, next_number_++);
-    who.info_.peer = from.peer_name();
+    subscriber_info info;
+    info.peer = from.peer_name();
+    info.number = next_number_++;
     bytes response;
-    if (accept) {
-        auto decided = accept(std::as_bytes(std::span(terms.request)), adapt, who.info_);
-        if (!decided) {
-            all_.pop_back();
-            return decided.error();
-        }
+    if (accept) { // it may publish: who is not accepted yet gets nothing of that but the last value
+        auto decided = accept(std::as_bytes(std::span(terms.request)), adapt, info);
+        if (!decided) return decided.error();
         response = std::move(*decided);
     }
+    auto& who = all_.emplace_back(*this, terms, std::move(info));
     answer.ticket = who.ticket();
     answer.response.assign(reinterpret_cast<const std::uint8_t*>(response.data()),
                            reinterpret_cast<const std::uint8_t*>(response.data()) + response.size());
     bool with_last = terms.last_value && last_;
     answer.first_sequence = with_last ? sequence_ : sequence_ + 1;
-    if (with_last) who.offer(sequence_, last_, host_.on().now());
+    if (with_last) who.offer(sequence_, *last_, host_.on().now());
     return &who;
 }
 
 bytes publication_core::unsubscribe(provided_subscription& who, bytes_view request, const adapter* adapt) {
-    bytes response;
-    if (removed) response = removed(request, adapt, who.info_);
-    all_.remove_if([&](const provided_subscription& entry) { return &entry == &who; });
-    room_made();
-    return response;
+    auto info = take_out(who);
+    return removed ? removed(request, adapt, info) : bytes();
 }
 
 void publication_core::end(provided_subscription& who, const failure& why) {
     if (who.session_) who.session_->end_provided(who.id_, why);
-    if (removed) removed({}, nullptr, who.info_);
-    all_.remove_if([&](const provided_subscription& entry) { return &entry == &who; });
-    room_made();
+    drop(who);
 }
 
 void publication_core::vanish(provided_subscription& who) {
     host_.log().debug("a subscriber did not come back", {{"service", name_}, {"peer", who.info_.peer}});
-    if (removed) removed({}, nullptr, who.info_);
-    all_.remove_if([&](const provided_subscription& entry) { return &entry == &who; });
+    drop(who);
+}
+
+// The user's callback comes when nothing of the subscriber is left.
+void publication_core::drop(provided_subscription& who) {
+    auto info = take_out(who);
+    if (!removed) return;
+    try {
+        removed({}, nullptr, info);
+    } catch (const std::exception& thrown) {
+        host_.log().warning(thrown.what(), {{"service", name_}, {"peer", info.peer}});
+    }
+}
+
+subscriber_info publication_core::take_out(provided_subscription& who) {
+    std::list<provided_subscription> gone;
+    auto found = std::find_if(all_.begin(), all_.end(), [&](const auto& entry) { return &entry == &who; });
+    gone.splice(gone.end(), all_, found);
+    auto info = std::move(gone.front().info_);
+    gone.clear();
     room_made();
+    return info;
 }
 
 void publication_core::stop(const failure& why) {
     while (!all_.empty()) end(all_.front(), why);
-    room_.resume();
+    for (auto* room : waiting_) room->resume();
+}
+
+void publication_core::let_go() {
+    while (!all_.empty()) {
+        auto& who = all_.front();
+        if (who.session_) who.session_->forget_provided(who.id_);
+        drop(who);
+    }
+    for (auto* room : waiting_) room->resume();
 }
 
 } // namespace ise

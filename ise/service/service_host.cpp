@@ -9,7 +9,7 @@
 namespace ise {
 
 service_host::service_host(environment& env, loop& on, task_scope& scope, wire::identity self, service_options options, logger log)
-    : env_(env), on_(on), scope_(scope), self_(std::move(self)), options_(options), log_(std::move(log)), calls_(on) {}
+    : env_(env), on_(on), scope_(scope), self_(std::move(self)), options_(options), log_(std::move(log)), calls_(on), dispatcher_(schemas_) {}
 
 service_host::~service_host() = default;
 
@@ -31,6 +31,7 @@ result<wire::welcome> service_host::admit(const wire::hello& caller) {
     if (caller.wanted_epoch != 0 && self_.epoch != 0 && caller.wanted_epoch != self_.epoch)
         return failure(errc::wrong_peer, fmt::format("{} has epoch {} here, {} was wanted", me, self_.epoch, caller.wanted_epoch));
     if (stopping_) return failure(errc::cancelled, fmt::format("{} stops", me));
+    if (paused_) return *paused_;
     if (sessions_.size() >= options_.max_sessions)
         return failure(errc::overloaded, fmt::format("{} has {} sessions, no more are allowed", me, sessions_.size()));
     auto mine = greeting();
@@ -129,7 +130,15 @@ void service_host::stop(duration grace) {
     for (auto& entry : listeners_) entry->close();
     dispatcher_.stop();
     auto all = sessions_;
+    for (auto& [name, known] : links_)
+        if (auto held = known.lock()) held->stop();
     for (auto& [raw, held] : all) held->finish(failure(errc::peer_lost, "the component stops"), grace);
+}
+
+void service_host::pause(const failure& why, duration grace) {
+    paused_ = why;
+    auto all = sessions_;
+    for (auto& [raw, held] : all) held->finish(why, grace);
 }
 
 } // namespace ise

@@ -9,6 +9,7 @@
 
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 
 namespace ise {
@@ -35,6 +36,7 @@ struct service_options {
     std::size_t max_handshakes = 256;                    ///< strangers at once
     std::uint32_t max_calls_per_session = 4096;          ///< served at once for one peer
     std::uint32_t max_subscriptions_per_session = 1024;
+    std::size_t max_unsent_bytes = 64u << 20;            ///< of calls and replies on one session; more are overloaded
 };
 
 /// The services of one component: what it provides, whom it talks to. Everything on the component's loop.
@@ -79,6 +81,10 @@ public:
     void stop(duration grace);
     bool stopping() const noexcept { return stopping_; }
 
+    /// Ends every session and makes none until `go_on()`: what is provided changes hands. Peers come back by themselves.
+    void pause(const failure& why, duration grace);
+    void go_on() noexcept { paused_.reset(); }
+
 private:
     result<wire::welcome> admit(const wire::hello& caller) override;
     task<> accept(std::shared_ptr<listener> from);
@@ -99,6 +105,7 @@ private:
     std::map<std::string, std::weak_ptr<link>> links_;
     std::map<session*, std::shared_ptr<session>> sessions_;
     std::size_t handshakes_ = 0;
+    std::optional<failure> paused_;
     bool stopping_ = false;
 };
 

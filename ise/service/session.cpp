@@ -35,6 +35,8 @@ result<void> session::on_frame(const wire::frame& received) {
         case frame_type::reply: return on_reply(received);
         case frame_type::error: return on_error(received);
         case frame_type::cancel: incoming_.on_cancel(received.header.id); return {};
+        case frame_type::introduce: return incoming_.on_introduce(received);
+        case frame_type::answers: return on_answers(received);
         case frame_type::subscribe: return provided_->on_subscribe(received);
         case frame_type::subscribed: return on_subscribed(received);
         case frame_type::packet: return on_packet(received);
@@ -62,10 +64,21 @@ std::uint32_t session::number_of(const pending_call& call) {
     made->types = call.types;
     introduced_.push_back(std::move(made));
     host_.schemas().add_own(*call.types);
-    return static_cast<std::uint32_t>(introduced_.size() - 1);
+    auto number = static_cast<std::uint32_t>(introduced_.size() - 1);
+    introduce(number);
+    return number;
+}
+
+// A control frame: it overtakes requests, of which each may be given up before it was written.
+void session::introduce(std::uint32_t number) {
+    wire::introduction told;
+    told.service = introduced_[number]->name;
+    told.fingerprints = introduced_[number]->types->fingerprints;
+    wire::put_frame(connection_->out().control(), frame_type::introduce, 0, number, [&](buffer& body) { encode(told, body); });
 }
 
 bool session::send(pending_call& call, function_ref<void(buffer&)> write_request) {
+    if (connection_->out().pending_call_bytes() > host_.options().max_unsent_bytes) return false;
     if (free_slots_.empty()) {
         auto most = std::min(connection_->terms().peer_accepts.max_calls, 1u << 20);
         if (slots_.size() >= most) return false;
@@ -73,39 +86,29 @@ bool session::send(pending_call& call, function_ref<void(buffer&)> write_request
         free_slots_.push_back(static_cast<std::uint32_t>(slots_.size() - 1));
     }
     std::uint32_t number = number_of(call);
-    auto& service = *introduced_[number];
     std::uint32_t at = free_slots_.back();
     call.id = call_id(at, slots_[at].generation);
 
-    std::uint8_t flags = 0;
-    if (!service.told) flags |= wire::flag::introduces;
-    if (call.trace.trace) flags |= wire::flag::traced;
     auto& out = connection_->out().begin_call();
     std::size_t start = out.size();
     try {
-        wire::put_frame(out, frame_type::request, flags, call.id, [&](buffer& body) {
+        wire::put_frame(out, frame_type::request, call.trace.trace ? wire::flag::traced : std::uint8_t{0}, call.id, [&](buffer& body) {
             body.append(number);
             body.append(static_cast<std::int64_t>(call.deadline.time_since_epoch().count())); // becomes what remains (outbox)
-            if (!service.told) {
-                wire::introduction told;
-                told.service = service.name;
-                told.fingerprints = service.types->fingerprints;
-                auto length_at = body.size();
-                body.append(std::uint32_t{0});
-                encode(told, body);
-                body.patch_u32(length_at, static_cast<std::uint32_t>(body.size() - length_at - 4));
-            }
             if (call.trace.trace) {
                 body.append(call.trace.trace);
                 body.append(call.trace.parent);
             }
             write_request(body);
         });
+        auto size = out.size() - start - wire::frame_header::size;
+        auto most = connection_->terms().peer_accepts.max_message_bytes;
+        if (size > most)
+            throw error(errc::too_large, fmt::format("the request of '{}' has {} bytes, {} accepts {}", call.service, size, peer_name(), most));
     } catch (...) {
         out.truncate(start);
         throw;
     }
-    service.told = true;
     free_slots_.pop_back();
     slots_[at].call = &call;
     slots_[at].service = number;
@@ -118,8 +121,8 @@ bool session::send(pending_call& call, function_ref<void(buffer&)> write_request
 void session::abandon(pending_call& call) {
     take_slot(call.id);
     if (!connection_->open()) return;
-    connection_->out().withdraw(call.id);
-    wire::put_frame(connection_->out().control(), frame_type::cancel, 0, call.id, [](buffer&) {});
+    if (!connection_->out().withdraw(call.id))
+        wire::put_frame(connection_->out().control(), frame_type::cancel, 0, call.id, [](buffer&) {});
     connection_->written();
 }
 
@@ -134,34 +137,30 @@ pending_call* session::take_slot(std::uint64_t id, std::uint32_t* service) {
 
 result<void> session::on_reply(const wire::frame& received) {
     auto at = static_cast<std::uint32_t>(received.header.id);
-    bytes_view response = received.body;
-    std::uint64_t fingerprint = 0;
-    if (received.header.flags & wire::flag::introduces) {
-        if (response.size() < 8) return failure(errc::protocol_error, "a reply came with half an introduction");
-        fingerprint = detail::load_little<std::uint64_t>(response.data());
-        response = response.subspan(8);
-    }
     if (at >= slots_.size() || !slots_[at].call || call_id(at, slots_[at].generation) != received.header.id) {
         ++host_.calls().late_replies;
-        if (fingerprint && at < slots_.size()) learn_response(slots_[at].service, fingerprint);
         return {};
     }
-    auto number = slots_[at].service;
-    auto& service = *introduced_[number];
-    if (fingerprint && !service.response) learn_response(number, fingerprint);
+    auto& service = *introduced_[slots_[at].service];
     if (service.adapting) {
         if (service.held.size() >= 1024) return failure(errc::overloaded, "too many replies wait for a schema");
-        service.held.emplace_back(received.header.id, bytes(response.begin(), response.end()));
+        service.held.emplace_back(received.header.id, bytes(received.body.begin(), received.body.end()));
         return {};
     }
-    complete(received.header.id, service, response);
+    complete(received.header.id, service, received.body);
     return {};
 }
 
-void session::learn_response(std::uint32_t number, std::uint64_t fingerprint) {
+result<void> session::on_answers(const wire::frame& received) {
+    auto told = wire::read_body<wire::provider_packets>(received.body);
+    if (!told) return told.error();
+    if (received.header.id >= introduced_.size()) return failure(errc::protocol_error, "the packets of a service came that was not introduced");
+    auto number = static_cast<std::uint32_t>(received.header.id);
     auto& service = *introduced_[number];
-    const auto& ours = service.types->schemas[role::response];
-    if (service.adapting || service.response || fingerprint == ours.fingerprint()) return;
+    if (service.adapting || service.response) return failure(errc::protocol_error, fmt::format("the packets of '{}' came twice", service.name));
+    if (told->fingerprints.size() != service.types->fingerprints.size())
+        return failure(errc::protocol_error, fmt::format("'{}' was answered with the packets of another kind", service.name));
+    if (told->fingerprints[role::response] == service.types->fingerprints[role::response]) return {};
     service.adapting = true;
     auto release = [this, number](const failure* problem) {
         auto& waited = *introduced_[number];
@@ -174,7 +173,7 @@ void session::learn_response(std::uint32_t number, std::uint64_t fingerprint) {
             }
         }
     };
-    schemas_.need({fingerprint},
+    schemas_.need({told->fingerprints[role::response]},
         [this, number, release](const std::vector<schema>& theirs) {
             auto& waited = *introduced_[number];
             try {
@@ -185,6 +184,7 @@ void session::learn_response(std::uint32_t number, std::uint64_t fingerprint) {
             }
         },
         [release](const failure& why) { release(&why); });
+    return {};
 }
 
 void session::complete(std::uint64_t id, introduced& service, bytes_view response) {
@@ -233,6 +233,11 @@ void session::unsubscribe(subscriber_core& subscriber) {
     connection_->written();
 }
 
+subscriber_core* session::find_subscriber(std::uint64_t id) const noexcept {
+    auto found = subscribers_.find(id);
+    return found == subscribers_.end() ? nullptr : found->second;
+}
+
 void session::grant(const subscriber_core& subscriber, std::uint64_t total) {
     if (!connection_->open()) return;
     wire::put_frame(connection_->out().control(), frame_type::credit, 0, subscriber.id(), [&](buffer& body) { body.append(total); });
@@ -271,8 +276,10 @@ result<void> session::on_ended(const wire::frame& received) {
 
 void session::refuse_subscription(std::uint64_t subscription, const failure& why) { end_provided(subscription, why); }
 
+void session::forget_provided(std::uint64_t subscription) { provided_->forget(subscription); }
+
 void session::end_provided(std::uint64_t subscription, const failure& why) {
-    provided_->forget(subscription);
+    forget_provided(subscription);
     if (!connection_->open()) return;
     wire::farewell told;
     told.code = static_cast<std::uint8_t>(why.code());
@@ -288,17 +295,15 @@ void session::on_closed(const failure& cause) {
     auto self = shared_from_this();
     auto owner = owner_.lock();
     // Requests of which no byte was written go on waiting; the others may have run.
-    if (owner) {
-        connection_->out().take_unwritten([&](std::uint64_t id, const wire::frame_header& header, bytes_view body) {
-            std::uint32_t number = 0;
-            auto* call = take_slot(id, &number);
-            if (!call) return;
-            body = body.subspan(12);
-            if (header.flags & wire::flag::introduces) body = body.subspan(4 + detail::load_little<std::uint32_t>(body.data()));
-            if (header.flags & wire::flag::traced) body = body.subspan(16);
-            owner->requeue(*call, body);
-        });
-    }
+    connection_->take_unwritten([&](const wire::frame_header& header, bytes_view body) {
+        auto* call = take_slot(header.id);
+        if (!call) return; // given up
+        if (owner) {
+            owner->requeue(*call, body.subspan(header.flags & wire::flag::traced ? 28 : 12));
+        } else {
+            host_.calls().fail(*call, failure(errc::peer_lost, fmt::format("'{}': the session ended before it was called: {}", call->service, cause.message())));
+        }
+    });
     for (std::size_t at = 0; at < slots_.size(); ++at) {
         auto* call = slots_[at].call;
         if (!call) continue;

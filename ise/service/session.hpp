@@ -4,6 +4,7 @@
 #include <ise/service/incoming_calls.hpp>
 #include <ise/service/pending_call.hpp>
 #include <ise/service/schema_exchange.hpp>
+#include <ise/wire/messages.hpp>
 
 #include <map>
 #include <memory>
@@ -32,7 +33,8 @@ public:
     const wire::identity& peer() const noexcept { return connection_->terms().peer; }
     schema_exchange& schemas() noexcept { return schemas_; }
 
-    /// Sends a request; false where too many calls are pending (the call is untouched).
+    /// Sends a request; false where too much is pending (the call is untouched). Throws what writing it throws, and
+    /// errc::too_large where the peer would not take it.
     bool send(pending_call& call, function_ref<void(buffer&)> write_request);
     /// Nobody waits for this call any more.
     void abandon(pending_call& call);
@@ -45,8 +47,12 @@ public:
     void refuse_subscription(std::uint64_t subscription, const failure& why);
     void end_provided(std::uint64_t subscription, const failure& why);
 
+    void forget_provided(std::uint64_t subscription);
+
     void subscribe(subscriber_core& subscriber);
     void unsubscribe(subscriber_core& subscriber);
+    /// Our subscription of that number, if it is still there.
+    subscriber_core* find_subscriber(std::uint64_t id) const noexcept;
     /// Grants more packets to the provider.
     void grant(const subscriber_core& subscriber, std::uint64_t total);
 
@@ -61,7 +67,6 @@ private:
     struct introduced {
         std::string name;
         const packet_types* types;
-        bool told = false;
         std::unique_ptr<adapter> response;   // where the peer's response differs from ours
         bool adapting = false;               // its schema was asked for; replies wait
         std::vector<std::pair<std::uint64_t, bytes>> held;
@@ -76,11 +81,12 @@ private:
     pending_call* take_slot(std::uint64_t id, std::uint32_t* service = nullptr);
     result<void> on_reply(const wire::frame& received);
     result<void> on_error(const wire::frame& received);
+    result<void> on_answers(const wire::frame& received);
+    void introduce(std::uint32_t number);
     result<void> on_subscribed(const wire::frame& received);
     result<void> on_packet(const wire::frame& received);
     result<void> on_ended(const wire::frame& received);
     void complete(std::uint64_t id, introduced& service, bytes_view response);
-    void learn_response(std::uint32_t service, std::uint64_t fingerprint);
 
     service_host& host_;
     std::shared_ptr<net::connection> connection_;

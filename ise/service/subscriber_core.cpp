@@ -48,7 +48,6 @@ task<result<void>> subscriber_core::begin() {
     deadline.arm(saturating_add(on_.now(), limit));
     link_->attach(*this);
     if (!established_ && !refused_) co_await answer_.wait();
-    started_ = true;
     if (established_) co_return result<void>();
     auto why = refused_ ? *refused_
                : late   ? failure(errc::timed_out, fmt::format("'{}' at {} was not subscribed to in time{}{}", service_, link_->name(),
@@ -109,30 +108,40 @@ result<void> subscriber_core::on_subscribed(wire::subscribed answer) {
     comparing_ = true;
     auto shared = std::make_shared<wire::subscribed>(std::move(answer));
     auto id = id_;
-    auto refuse = [this, id](const failure& why) {
-        if (id != id_ || !session_) return;
-        session_->unsubscribe(*this);
-        session_ = nullptr;
-        on_refused(failure(errc::type_mismatch, fmt::format("'{}' at {}: {}", service_, link_->name(), why.message())));
+    // The subscription may be gone when the schemas come: it is looked up then.
+    auto refuse = [over = session_, id](const failure& why) {
+        if (auto* who = over->find_subscriber(id)) who->refuse_packets(why);
     };
     session_->schemas().need(
         {shared->fingerprints[role::subscribe_response], shared->fingerprints[role::published]},
-        [this, id, shared, refuse](const std::vector<schema>& theirs) {
-            if (id != id_ || !session_) return;
+        [over = session_, id, shared, refuse](const std::vector<schema>& theirs) {
+            auto* who = over->find_subscriber(id);
+            if (!who) return;
             try {
-                adapter response(theirs[0], types_.schemas[role::subscribe_response]);
-                auto adapted = response(std::as_bytes(std::span(shared->response)));
-                shared->response.assign(reinterpret_cast<const std::uint8_t*>(adapted.data()), reinterpret_cast<const std::uint8_t*>(adapted.data()) + adapted.size());
-                adapter_ = std::make_unique<adapter>(theirs[1], types_.schemas[role::published]);
-                if (adapter_->is_identity()) adapter_.reset();
+                who->adapt_to(theirs[0], theirs[1], *shared);
             } catch (const error& incompatible) {
                 refuse(incompatible.why());
                 return;
             }
-            establish(*shared);
+            who->establish(*shared);
         },
         refuse);
     return {};
+}
+
+void subscriber_core::refuse_packets(const failure& why) {
+    session_->unsubscribe(*this);
+    session_ = nullptr;
+    on_refused(failure(errc::type_mismatch, fmt::format("'{}' at {}: {}", service_, link_->name(), why.message())));
+}
+
+void subscriber_core::adapt_to(const schema& response, const schema& published, wire::subscribed& answer) {
+    adapter adapt(response, types_.schemas[role::subscribe_response]);
+    auto adapted = adapt(std::as_bytes(std::span(answer.response)));
+    auto* raw = reinterpret_cast<const std::uint8_t*>(adapted.data());
+    answer.response.assign(raw, raw + adapted.size());
+    adapter_ = std::make_unique<adapter>(published, types_.schemas[role::published]);
+    if (adapter_->is_identity()) adapter_.reset();
 }
 
 void subscriber_core::establish(const wire::subscribed& answer) {
@@ -174,12 +183,13 @@ void subscriber_core::on_ended(const failure& why) {
     on_refused(why);
 }
 
-void subscriber_core::on_session_end(const failure&) {
+void subscriber_core::on_session_end(const failure& cause) {
     session_ = nullptr;
     established_ = false;
     comparing_ = false;
     held_.clear();
-    // The link makes a new session and subscribes again.
+    // The link makes a new session and subscribes again, unless there was only this one.
+    if (link_->peer_only()) on_refused(cause);
 }
 
 result<void> subscriber_core::on_packet(std::uint64_t sequence, std::uint32_t skipped, bytes_view packet) {
@@ -193,7 +203,7 @@ result<void> subscriber_core::on_packet(std::uint64_t sequence, std::uint32_t sk
     std::uint64_t lost = missing > skipped ? missing - skipped : 0;
     counts_.skipped += std::min<std::uint64_t>(missing, skipped);
     counts_.lost_at_provider += lost;
-    if (lost_before_ != unknown_gap) lost_before_ += lost;
+    lost_before_ = gap_of(lost_before_, lost);
     next_sequence_ = sequence + 1;
 
     if (queued() >= capacity()) {
@@ -204,14 +214,14 @@ result<void> subscriber_core::on_packet(std::uint64_t sequence, std::uint32_t sk
             on_refused(failure(errc::overloaded, fmt::format("{} packets of '{}' were not taken in time", queued(), service_)));
             return {};
         }
-        drop_oldest();
+        lost_before_ = gap_of(drop_oldest(), lost_before_);
         ++counts_.lost_here;
-        if (lost_before_ != unknown_gap) ++lost_before_;
     }
     try {
         push(packet, adapter_.get(), lost_before_);
     } catch (const error& unreadable) {
         ++counts_.undecodable;
+        lost_before_ = gap_of(lost_before_, 1);
         if (counts_.undecodable == 1) link_->host().log().warning(unreadable.what(), {{"service", service_}, {"peer", link_->name()}});
         return {};
     }

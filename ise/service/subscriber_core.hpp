@@ -34,6 +34,11 @@ struct subscribe_options {
 /// The length of a gap that nobody can tell: the provider restarted, or did not know us any more.
 inline constexpr std::uint64_t unknown_gap = ~std::uint64_t{0};
 
+/// Two gaps, one behind the other.
+constexpr std::uint64_t gap_of(std::uint64_t first, std::uint64_t then) noexcept {
+    return first == unknown_gap || then == unknown_gap ? unknown_gap : first + then;
+}
+
 /// What became of the packets of a subscription; every drop has its reason.
 struct subscription_counts {
     std::uint64_t received = 0;
@@ -79,10 +84,11 @@ public:
     std::uint64_t id() const noexcept { return id_; }
 
 protected:
-    /// Decodes and queues a packet, knowing how many were lost before it. False if the queue was full and one was dropped.
+    /// Decodes and queues a packet, knowing how many were lost before it.
     virtual void push(bytes_view packet, const adapter* adapt, std::uint64_t lost_before) = 0;
     virtual std::size_t queued() const noexcept = 0;
-    virtual void drop_oldest() = 0;
+    /// Drops one. Whoever is next tells of it and of the gap before it; what nobody is there to tell is returned.
+    virtual std::uint64_t drop_oldest() = 0;
     virtual void take_response(bytes_view response) = 0;
 
     task<> wait_for_packet();
@@ -95,6 +101,8 @@ protected:
 
 private:
     void finish(failure why);
+    void refuse_packets(const failure& why);
+    void adapt_to(const schema& response, const schema& published, wire::subscribed& answer);
     void establish(const wire::subscribed& answer);
     std::size_t capacity() const noexcept;
 
@@ -115,7 +123,6 @@ private:
     std::uint64_t consumed_ = 0;
     std::uint64_t granted_ = 0;
     std::uint64_t granted_at_first_ = 0;
-    bool started_ = false;     // the user waited for the first answer already
     bool established_ = false;
     bool comparing_ = false;   // the schema of the published packet was asked for
     std::vector<std::tuple<std::uint64_t, std::uint32_t, bytes>> held_;

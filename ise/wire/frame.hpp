@@ -18,6 +18,8 @@ enum class frame_type : std::uint8_t {
     reply = 17,
     error = 18,
     cancel = 19,
+    introduce = 20, ///< a service's number and packets, by its caller; before the first request of that number
+    answers = 21,   ///< the packets of the provider, where they differ; before the first reply of that number
 
     subscribe = 32,
     subscribed = 33,
@@ -40,8 +42,7 @@ std::string_view name_of(frame_type type) noexcept;
 
 /// Bits of `frame_header::flags`; what a bit means depends on the type.
 namespace flag {
-inline constexpr std::uint8_t introduces = 1; ///< request, reply: the body begins with an introduction
-inline constexpr std::uint8_t traced = 2;     ///< request: the body carries a trace
+inline constexpr std::uint8_t traced = 1;     ///< request: the body carries a trace
 inline constexpr std::uint8_t skipped = 1;    ///< packet: the body carries a count of packets skipped by rate limit
 inline constexpr std::uint8_t last = 1;       ///< piece: the message is complete
 inline constexpr std::uint8_t abandoned = 2;  ///< piece: the sender gave the message up

@@ -30,9 +30,12 @@ struct identity {
     std::uint64_t epoch = 0;       ///< of its name, 0 if none was granted
 };
 
+/// Every receiver accepts frames of this size, so that a sender can cut its messages without asking.
+inline constexpr std::uint32_t smallest_frame_limit = 256u << 10;
+
 /// What the sender of it accepts from the other side.
 struct limits {
-    std::uint32_t max_frame_bytes = 1u << 20;
+    std::uint32_t max_frame_bytes = 1u << 20;     ///< at least smallest_frame_limit
     std::uint64_t max_message_bytes = 256ull << 20;
     std::uint32_t max_calls = 1u << 20;           ///< pending at once
     std::uint32_t max_subscriptions = 1u << 16;
@@ -71,10 +74,16 @@ struct farewell {
     std::string reason;
 };
 
-/// Introduces a service by its number on this connection.
+/// A service and its packets. Of a request-response service it goes ahead of the first request, and the caller gives
+/// it a number on this connection by which its requests name it.
 struct introduction {
     std::string service;
     std::vector<std::uint64_t> fingerprints; ///< of the service's packets, in the order of its kind
+};
+
+/// What the provider of an introduced service has in place of the packets that the caller announced.
+struct provider_packets {
+    std::vector<std::uint64_t> fingerprints;
 };
 
 struct call_failure {

@@ -24,6 +24,8 @@ std::string_view name_of(frame_type type) noexcept {
         case frame_type::reply: return "reply";
         case frame_type::error: return "error";
         case frame_type::cancel: return "cancel";
+        case frame_type::introduce: return "introduce";
+        case frame_type::answers: return "answers";
         case frame_type::subscribe: return "subscribe";
         case frame_type::subscribed: return "subscribed";
         case frame_type::packet: return "packet";
@@ -49,8 +51,8 @@ std::span<std::byte> parser::prepare() {
         begin_ = 0;
     }
     std::size_t wanted = storage_.empty() ? first_room : storage_.size();
-    if (end_ >= frame_header::size) // next() has checked the length
-        wanted = std::max(wanted, frame_header::size + read_header(storage_.data()).length);
+    if (end_ >= frame_header::size) // a length beyond the limit is next()'s to refuse
+        wanted = std::max<std::size_t>(wanted, frame_header::size + std::min(read_header(storage_.data()).length, max_frame_bytes_));
     if (filled_ && storage_.size() < largest_room) wanted = std::max(wanted, storage_.size() * 4);
     if (wanted > storage_.size()) storage_.resize(wanted);
     filled_ = false;

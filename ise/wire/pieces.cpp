@@ -3,12 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <limits>
 
 namespace ise::wire {
 namespace {
 
 constexpr std::size_t max_unfinished = 64;
-constexpr std::size_t first_reserve = 1024 * 1024;
 
 } // namespace
 
@@ -49,7 +49,7 @@ result<std::optional<assembled>> reassembly::take(const frame& piece) {
         if (begun.head.length > max_message_bytes_)
             return failure(errc::too_large, fmt::format("a message '{}' of {} bytes was announced, {} are allowed",
                                                         name_of(begun.head.type), begun.head.length, max_message_bytes_));
-        begun.body.reserve(std::min<std::uint64_t>(begun.head.length, first_reserve));
+        begun.body.reserve(static_cast<std::size_t>(std::min<std::uint64_t>(begun.head.length, 4 * content.size())));
         found = messages_.emplace(id, std::move(begun)).first;
     }
     auto& partial = found->second;
@@ -69,6 +69,7 @@ result<std::optional<assembled>> reassembly::take(const frame& piece) {
     whole.header.type = partial.head.type;
     whole.header.flags = partial.head.flags;
     whole.header.id = partial.head.id;
+    whole.header.length = static_cast<std::uint32_t>(std::min<std::uint64_t>(partial.head.length, std::numeric_limits<std::uint32_t>::max()));
     whole.body = std::move(partial.body);
     messages_.erase(found);
     return std::optional<assembled>(std::move(whole));

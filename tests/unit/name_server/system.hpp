@@ -86,9 +86,10 @@ public:
     ise::sim::process& start_body(const std::string& host, const std::string& process, body run) {
         return start(host, process, [process, run](ise::node& node) { node.start("test/" + process, run, everywhere()); });
     }
-    bool holds(const std::string& path) const { return server->running() && names->names().components() > 0 && epoch_of(path) != 0; }
+    bool holds(const std::string& path) const { return epoch_of(path) != 0; }
     std::uint64_t epoch_of(const std::string& path) const {
-        for (const auto& event : names->names().snapshot(path))
+        if (!server->running() || !names->names()) return 0;
+        for (const auto& event : names->names()->snapshot(path))
             if (event.name.path == path) return event.name.epoch;
         return 0;
     }

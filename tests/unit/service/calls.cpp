@@ -1,0 +1,415 @@
+#include <support/boat_services.hpp>
+#include <support/catch.hpp>
+#include <support/sim_parties.hpp>
+
+using namespace boat_services;
+using namespace ise_test;
+using namespace std::chrono_literals;
+using Catch::Matchers::Contains;
+using ise::errc;
+using ise::execution;
+
+namespace {
+
+using outcome = ise::result<mode_set>;
+
+ise::task<outcome> try_helm(ise::remote boat, std::string mode, ise::duration limit = 5s) {
+    set_mode request{std::move(mode)};
+    auto answer = co_await boat.try_call(helm, request, limit);
+    co_return answer;
+}
+
+// What the handlers of a boat saw.
+struct log_book {
+    int begun = 0, cancelled = 0;
+    std::vector<std::string> modes;
+    ise::time_point deadline{};
+};
+
+// "wait" takes ten seconds; other modes are answered at once.
+auto steering(ise::loop& on, log_book& book) {
+    return [&on, &book](set_mode request, const ise::call_context& context) -> ise::task<mode_set> {
+        ++book.begun;
+        book.modes.push_back(request.mode);
+        book.deadline = context.deadline;
+        if (request.mode == "fly") throw ise::error(errc::refused, "boats sail");
+        if (request.mode == "sink") throw std::runtime_error("the keel is gone");
+        if (request.mode.starts_with("wait")) {
+            try {
+                co_await ise::sleep_for(on, 10s);
+            } catch (const std::exception&) {
+                ++book.cancelled;
+                throw;
+            }
+        }
+        mode_set answer{true, request.mode};
+        co_return answer;
+    };
+}
+
+struct fixture {
+    sim_parties all;
+    party& boat = all.add("boat");
+    party& shore = all.add("shore");
+    log_book book;
+    ise::remote there;
+
+    explicit fixture(ise::serve_options serving = ise::serve_options()) {
+        boat.provide(helm, steering(boat.on, book), serving);
+        boat.listen("tcp://0.0.0.0:7400");
+        there = shore.at("tcp://boat:7400");
+    }
+    ~fixture() {
+        all.stop();
+        CHECK(boat.escaped.empty());
+        CHECK(shore.escaped.empty());
+        CHECK(shore.services->calls().open_calls() == 0);
+    }
+    outcome call(std::string mode, ise::duration limit = 5s) { return all.run(shore, try_helm(there, std::move(mode), limit)); }
+};
+
+} // namespace
+
+TEST_CASE("a call gives the handler's response") {
+    fixture at;
+    auto got = at.call("hold");
+    REQUIRE(got);
+    CHECK(got->reason == "hold");
+    CHECK(at.boat.services->counts().calls_served == 1);
+}
+
+TEST_CASE("a call that is refused says why, and that nothing was done") {
+    fixture at;
+    auto got = at.call("fly");
+    REQUIRE_FALSE(got);
+    CHECK(got.error().code() == errc::refused);
+    CHECK(got.error().executed() == execution::not_executed);
+    CHECK_THAT(got.error().message(), Contains("boats sail") && Contains("helm") && Contains("boat"));
+}
+
+TEST_CASE("an exception of a handler reaches the caller and leaves the session alive") {
+    fixture at;
+    auto got = at.call("sink");
+    REQUIRE_FALSE(got);
+    CHECK(got.error().code() == errc::handler_failed);
+    CHECK(got.error().executed() == execution::unknown);
+    CHECK_THAT(got.error().message(), Contains("the keel is gone"));
+    CHECK(at.call("hold"));
+    CHECK(at.boat.services->counts().sessions_accepted == 1);
+}
+
+TEST_CASE("a service that is not there is named, also where a subscription has the name") {
+    fixture at;
+    at.boat.publish(ise::subscription<fix>("anchor"));
+    constexpr ise::request_response<set_mode, mode_set> sails("sails"), anchor("anchor");
+    for (const auto& absent : {sails, anchor}) {
+        auto ask = [](ise::remote to, ise::request_response<set_mode, mode_set> what) -> ise::task<outcome> {
+            set_mode request{"x"};
+            auto got = co_await to.try_call(what, request, 1s);
+            co_return got;
+        };
+        auto got = at.all.run(at.shore, ask(at.there, absent));
+        REQUIRE_FALSE(got);
+        CHECK(got.error().code() == errc::no_such_service);
+        CHECK(got.error().executed() == execution::not_executed);
+        CHECK_THAT(got.error().message(), Contains(std::string(absent.name())));
+    }
+}
+
+TEST_CASE("a call times out when nobody answers, and the handler is cancelled") {
+    fixture at;
+    auto got = at.call("wait", 2s);
+    REQUIRE_FALSE(got);
+    CHECK(got.error().code() == errc::timed_out);
+    CHECK(got.error().executed() == execution::unknown);
+    CHECK(at.all.run_until([&] { return at.book.cancelled == 1; }));
+    CHECK(at.call("hold"));
+}
+
+TEST_CASE("a call of a component that is not there times out, not executed, and names the obstacle") {
+    fixture at;
+    auto nobody = at.shore.at("tcp://boat:9999");
+    auto got = at.all.run(at.shore, try_helm(nobody, "hold", 3s));
+    REQUIRE_FALSE(got);
+    CHECK(got.error().code() == errc::timed_out);
+    CHECK(got.error().executed() == execution::not_executed);
+    CHECK_THAT(got.error().message(), Contains("boat:9999") && Contains("refused"));
+}
+
+TEST_CASE("a call waits for a component that comes up within its deadline") {
+    sim_parties all;
+    auto& boat = all.add("boat");
+    auto& shore = all.add("shore");
+    log_book book;
+    boat.provide(helm, steering(boat.on, book));
+    all.world.at(4s, [&] { boat.listen("tcp://0.0.0.0:7400"); });
+    auto got = all.run(shore, try_helm(shore.at("tcp://boat:7400"), "hold", 20s));
+    CHECK(got);
+}
+
+TEST_CASE("a session that breaks leaves a running call unknown") {
+    fixture at;
+    REQUIRE(at.call("hold"));
+    auto waiting = start(at.shore.on, try_helm(at.there, "wait", 60s));
+    at.all.run_until([&] { return at.book.begun == 2; });
+    SECTION("because the provider's process died") {
+        at.all.world.host("boat").start_process("other");
+        dynamic_cast<ise::sim::process&>(at.boat.env).pause();
+        at.all.world.net().isolate("boat");
+        at.all.run_until([&] { return waiting->done; });
+        CHECK_THAT(waiting->get().error().message(), Contains("not heard"));
+        at.all.world.net().heal_all();
+        dynamic_cast<ise::sim::process&>(at.boat.env).go_on();
+    }
+    SECTION("because the provider said goodbye") {
+        at.boat.services->stop(1s);
+        at.all.run_until([&] { return waiting->done; });
+        CHECK(waiting->get().error().code() == errc::cancelled); // it was told before the goodbye
+        CHECK(waiting->get().error().executed() == execution::unknown);
+        return;
+    }
+    CHECK(waiting->get().error().code() == errc::peer_lost);
+    CHECK(waiting->get().error().executed() == execution::unknown);
+}
+
+TEST_CASE("the caller's cancellation reaches the handler") {
+    fixture at;
+    auto waiting = start(at.shore.on, try_helm(at.there, "wait", 60s));
+    at.all.run_until([&] { return at.book.begun == 1; });
+    waiting->cancel.emit(asio::cancellation_type::terminal);
+    CHECK(at.all.run_until([&] { return waiting->done && at.book.cancelled == 1; }));
+    CHECK(at.shore.services->calls().late_replies == 0); // who gives up is not answered
+    for (int i = 0; i < 3; ++i) CHECK(at.call("hold"));  // its slot and its worker serve again
+}
+
+TEST_CASE("a call is overloaded beyond what may wait, and those that wait are served in turn") {
+    ise::serve_options serving;
+    serving.concurrent = 1;
+    serving.waiting = 2;
+    fixture at(serving);
+    REQUIRE(at.call("hold"));
+    std::vector<std::shared_ptr<started<outcome>>> calls;
+    for (const char* mode : {"wait 1", "wait 2", "wait 3", "wait 4"}) calls.push_back(start(at.shore.on, try_helm(at.there, mode, 120s)));
+    at.all.run_until([&] { return calls[3]->done; });
+    CHECK(calls[3]->get().error().code() == errc::overloaded);
+    CHECK(calls[3]->get().error().executed() == execution::not_executed);
+    CHECK(at.book.begun == 2); // exclusive: one at a time
+    at.all.run_until([&] { return calls[2]->done; });
+    CHECK((calls[0]->get() && calls[1]->get() && calls[2]->get()));
+    CHECK(at.book.modes == std::vector<std::string>{"hold", "wait 1", "wait 2", "wait 3"});
+}
+
+TEST_CASE("a request that is given up while it waits for an exclusive service never runs") {
+    ise::serve_options serving;
+    serving.concurrent = 1;
+    fixture at(serving);
+    auto first = start(at.shore.on, try_helm(at.there, "wait", 60s));
+    auto second = start(at.shore.on, try_helm(at.there, "second", 60s));
+    at.all.run_until([&] { return at.book.begun == 1; });
+    at.all.world.run_for(1s);
+    second->cancel.emit(asio::cancellation_type::terminal);
+    auto third = start(at.shore.on, try_helm(at.there, "third", 60s)); // takes the place of the second
+    at.all.run_until([&] { return first->done && third->done; });
+    CHECK((first->get() && third->get()));
+    CHECK(at.book.modes == std::vector<std::string>{"wait", "third"});
+}
+
+TEST_CASE("the deadline that remains travels with the request") {
+    fixture at;
+    at.all.world.net().between("boat", "shore").latency = 100ms;
+    REQUIRE(at.call("hold", 30s));
+    auto begun = at.all.world.now();
+    REQUIRE(at.call("hold", 30s));
+    auto remaining = at.book.deadline - begun;
+    CHECK(remaining > 30s - 1ms);
+    CHECK(remaining < 31s);
+}
+
+TEST_CASE("a nested call has the smaller deadline of the two and the same trace") {
+    sim_parties all;
+    auto& boat = all.add("boat");
+    auto& proxy = all.add("proxy");
+    auto& shore = all.add("shore");
+    log_book book;
+    boat.provide(helm, steering(boat.on, book));
+    boat.listen("tcp://0.0.0.0:7400");
+    auto way = proxy.at("tcp://boat:7400");
+    proxy.provide(helm, [way](set_mode request) -> ise::task<mode_set> {
+        auto nested = co_await way.call(helm, request, 1h);
+        co_return nested;
+    });
+    proxy.listen("tcp://0.0.0.0:7400");
+    auto begun = all.world.now();
+    auto got = all.run(shore, try_helm(shore.at("tcp://proxy:7400"), "wait", 3s));
+    CHECK(got.error().code() == errc::timed_out);
+    CHECK(book.deadline - begun < 4s);
+    CHECK(all.run_until([&] { return book.cancelled == 1; })); // through both
+    CHECK(all.run(shore, try_helm(shore.at("tcp://proxy:7400"), "hold", 3s)));
+}
+
+TEST_CASE("a handler calls its caller back over the same session, without deadlock") {
+    sim_parties all;
+    auto& boat = all.add("boat");
+    auto& shore = all.add("shore"); // listens nowhere
+    constexpr ise::request_response<set_mode, mode_set> confirm("confirm");
+    shore.provide(confirm, [](set_mode asked) { return mode_set{true, "yes, " + asked.mode}; });
+    boat.provide(helm, [&boat, confirm](set_mode request) -> ise::task<mode_set> {
+        ise::remote back(std::make_shared<ise::link>(*boat.services, boat.services->sessions().begin()->second));
+        auto confirmed = co_await back.call(confirm, request, 2s);
+        co_return confirmed;
+    });
+    boat.listen("tcp://0.0.0.0:7400");
+    auto got = all.run(shore, try_helm(shore.at("tcp://boat:7400"), "hold"));
+    REQUIRE(got);
+    CHECK(got->reason == "yes, hold");
+}
+
+TEST_CASE("a reply that comes after its call has ended is counted") {
+    fixture at;
+    REQUIRE(at.call("hold"));
+    at.all.world.net().between("boat", "shore").latency = 1s;
+    auto got = at.call("hold", 1500ms); // answered at 2 s; the cancel crosses the reply
+    CHECK(got.error().code() == errc::timed_out);
+    at.all.world.run_for(5s);
+    CHECK(at.shore.services->calls().late_replies == 1);
+}
+
+TEST_CASE("calls go on over a new session after a cut, and none runs twice") {
+    fixture at;
+    REQUIRE(at.call("first"));
+    at.all.world.net().partition("boat", "shore");
+    // Written into the dead connection, as far as anybody knows.
+    auto lost = start(at.shore.on, try_helm(at.there, "lost", 60s));
+    at.all.run_until([&] { return lost->done; });
+    CHECK(lost->get().error().code() == errc::peer_lost);
+    CHECK(lost->get().error().executed() == execution::unknown);
+    // Asked for while there is no session: waits.
+    auto waited = start(at.shore.on, try_helm(at.there, "waited", 60s));
+    at.all.world.run_for(3s);
+    CHECK_FALSE(waited->done);
+    at.all.world.net().heal_all();
+    at.all.run_until([&] { return waited->done; });
+    CHECK(waited->get());
+    CHECK(std::count(at.book.modes.begin(), at.book.modes.end(), "waited") == 1);
+}
+
+TEST_CASE("requests of which no byte was written move to the next session") {
+    fixture at;
+    constexpr ise::request_response<blob, blob> heavy("heavy");
+    at.boat.provide(heavy, [](blob given) { return given; });
+    REQUIRE(at.call("first"));
+    at.all.world.net().partition("boat", "shore");
+    // Fills the socket, so that what follows is not written.
+    auto push = [](ise::remote to, ise::request_response<blob, blob> what) -> ise::task<ise::result<blob>> {
+        blob big;
+        big.content.resize(4 << 20);
+        auto got = co_await to.try_call(what, big, 60s);
+        co_return got;
+    };
+    auto big = start(at.shore.on, push(at.there, heavy));
+    at.all.world.run_for(10ms);
+    std::vector<std::shared_ptr<started<outcome>>> small;
+    for (int i = 0; i < 5; ++i) small.push_back(start(at.shore.on, try_helm(at.there, "small" + std::to_string(i), 60s)));
+    at.all.run_until([&] { return big->done; });
+    CHECK(big->get().error().executed() == execution::unknown);
+    at.all.world.net().heal_all();
+    at.all.run_until([&] { return std::all_of(small.begin(), small.end(), [](auto& one) { return one->done; }); });
+    for (auto& one : small) CHECK(one->get());
+    CHECK(at.book.modes == std::vector<std::string>{"first", "small0", "small1", "small2", "small3", "small4"});
+}
+
+TEST_CASE("64 MiB in flight do not hold up a 64-byte call on the same connection") {
+    fixture at;
+    auto& link = at.all.world.net().between("boat", "shore");
+    link.bandwidth_bytes_per_second = 4 << 20;
+    link.latency = 1ms;
+    at.boat.provide(echo, [](blob given) { given.content.resize(1); return given; });
+    REQUIRE(at.call("first"));
+    auto push = [](ise::remote to) -> ise::task<ise::result<blob>> {
+        blob big;
+        big.content.assign(64 << 20, 7);
+        auto got = co_await to.try_call(echo, big, 60s);
+        co_return got;
+    };
+    auto big = start(at.shore.on, push(at.there));
+    at.all.world.run_for(1s);
+    auto begun = at.all.world.now();
+    REQUIRE(at.call(std::string(64, 'x')));
+    CHECK(at.all.world.now() - begun < 500ms); // virtual time: what was ahead of it in the pipe
+    CHECK_FALSE(big->done);
+    at.all.run_until([&] { return big->done; });
+    REQUIRE(big->get());
+    CHECK(big->get()->content.size() == 1);
+}
+
+TEST_CASE("a big request that is given up is abandoned, also the first of its service") {
+    fixture at;
+    at.all.world.net().between("boat", "shore").bandwidth_bytes_per_second = 1 << 20;
+    int served = 0;
+    at.boat.provide(echo, [&](blob given) { ++served; given.content.resize(1); return given; });
+    auto push = [](ise::remote to, std::size_t size, ise::duration limit) -> ise::task<ise::result<blob>> {
+        blob big;
+        big.content.assign(size, 7);
+        auto got = co_await to.try_call(echo, big, limit);
+        co_return got;
+    };
+    auto big = start(at.shore.on, push(at.there, 16 << 20, 2s));
+    auto small = start(at.shore.on, push(at.there, 16, 10s)); // overtakes it
+    at.all.run_until([&] { return big->done && small->done; });
+    CHECK(big->get().error().code() == errc::timed_out);
+    CHECK(small->get());
+    at.all.world.run_for(30s);
+    CHECK(served == 1);
+    CHECK(at.boat.services->counts().sessions_accepted == 1);
+    CHECK(at.call("hold"));
+}
+
+TEST_CASE("a request beyond what the peer accepts is refused here, and the session stays") {
+    ise::service_options modest;
+    modest.accepts.max_message_bytes = 1 << 20;
+    sim_parties all;
+    auto& boat = all.add("boat", modest);
+    auto& shore = all.add("shore");
+    boat.provide(echo, [](blob given) { return given; });
+    boat.listen("tcp://0.0.0.0:7400");
+    auto push = [](ise::remote to, std::size_t size) -> ise::task<ise::result<blob>> {
+        blob big;
+        big.content.assign(size, 7);
+        auto got = co_await to.try_call(echo, big, 5s);
+        co_return got;
+    };
+    auto there = shore.at("tcp://boat:7400");
+    for (int i = 0; i < 2; ++i) { // before and after there is a session
+        auto got = all.run(shore, push(there, 2 << 20));
+        REQUIRE_FALSE(got);
+        CHECK(got.error().code() == errc::too_large);
+        CHECK(got.error().executed() == execution::not_executed);
+        CHECK(all.run(shore, push(there, 1 << 19)));
+    }
+    CHECK(boat.services->counts().sessions_accepted == 1);
+}
+
+TEST_CASE("a service that is withdrawn is gone for those who called it before") {
+    fixture at;
+    REQUIRE(at.call("hold"));
+    auto waiting = start(at.shore.on, try_helm(at.there, "wait", 60s));
+    at.all.run_until([&] { return at.book.begun == 2; });
+    at.boat.services->services().remove("helm");
+    at.all.run_until([&] { return waiting->done; });
+    CHECK(waiting->get().error().code() == errc::cancelled);
+    auto after = at.call("hold");
+    REQUIRE_FALSE(after);
+    CHECK(after.error().executed() == execution::not_executed);
+}
+
+TEST_CASE("a callback gets the outcome too") {
+    fixture at;
+    std::optional<outcome> got;
+    auto ask = [](ise::remote to, std::optional<outcome>& into) -> ise::task<> {
+        to.try_call(helm, set_mode{"hold"}, 5s, [&into](outcome came) { into.emplace(std::move(came)); });
+        co_return;
+    };
+    at.all.run(at.shore, ask(at.there, got));
+    at.all.run_until([&] { return got.has_value(); });
+    CHECK(got->value().reason == "hold");
+}
