@@ -317,6 +317,7 @@ naming::list_response registry::list(const naming::list_request& request, time_p
             break;
         }
         response.names.push_back(listed(at->second));
+        response.names.back().lease_age = running_time(now) - at->second.owner->renewed;
     }
     return response;
 }

@@ -162,6 +162,7 @@ struct listed_name {
     std::uint64_t process_id = 0;
     std::vector<std::string> endpoints;
     std::uint32_t services_provided = 0;
+    duration lease_age{};  ///< in lists: since it was last renewed
 };
 
 struct list_request {

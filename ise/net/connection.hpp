@@ -55,8 +55,8 @@ public:
     connection(loop& on, std::unique_ptr<stream> transport, session_terms terms, wire::parser parser);
     ~connection();
 
-    /// Begins to read, on coroutines owned by `scope`. Frames that came together with the handshake are handed over
-    /// in the next turn. `receiver` is held weakly: a session that is gone ends the connection.
+    /// Begins to read, on coroutines owned by `scope`; frames that came together with the handshake may be handed over
+    /// at once, and the connection may have ended when this returns. `receiver` is held weakly: a session that is gone ends the connection.
     void start(task_scope& scope, std::weak_ptr<user> receiver);
 
     /// Where frames are put; `written()` afterwards sees to it that they leave.
@@ -71,6 +71,8 @@ public:
     /// Ends it now. The first cause stays.
     void close(failure cause);
     bool open() const noexcept { return open_; }
+    /// Only where `!open()`.
+    const failure& cause() const noexcept { return *cause_; }
 
     const session_terms& terms() const noexcept { return terms_; }
     /// The peer for people: its path if it has one, and its address.

@@ -151,6 +151,10 @@ void link::adopt(std::shared_ptr<session> made) {
         made->finish(failure(errc::peer_lost, "the component stops"), std::chrono::seconds(1));
         return;
     }
+    if (!made->open()) { // it ended before it was ours
+        obstacle_ = made->wire().cause().message();
+        return;
+    }
     loop::turn in(host_.on());
     session_ = std::move(made);
     since_ = host_.on().now();

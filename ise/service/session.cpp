@@ -228,8 +228,7 @@ void session::subscribe(subscriber_core& subscriber) {
 
 void session::unsubscribe(subscriber_core& subscriber) {
     if (subscribers_.erase(subscriber.id()) == 0 || !connection_->open()) return;
-    auto request = encode(nothing{});
-    wire::put_frame(connection_->out().begin_call(), frame_type::unsubscribe, 0, subscriber.id(), [&](buffer& body) { body.append(bytes_view(request)); });
+    wire::put_frame(connection_->out().begin_call(), frame_type::unsubscribe, 0, subscriber.id(), [&](buffer& body) { body.append(bytes_view(subscriber.farewell())); });
     connection_->out().end_call();
     connection_->written();
 }
@@ -277,8 +276,10 @@ result<void> session::on_ended(const wire::frame& received) {
 
 void session::refuse_subscription(std::uint64_t subscription, const failure& why) { end_provided(subscription, why); }
 
+void session::forget_provided(std::uint64_t subscription) { provided_->forget(subscription); }
+
 void session::end_provided(std::uint64_t subscription, const failure& why) {
-    provided_->forget(subscription);
+    forget_provided(subscription);
     if (!connection_->open()) return;
     wire::farewell told;
     told.code = static_cast<std::uint8_t>(why.code());

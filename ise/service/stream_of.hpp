@@ -105,12 +105,12 @@ private:
         queue_.emplace_back(std::move(decoded), lost_before);
     }
     std::size_t queued() const noexcept override { return queue_.size(); }
-    void drop_oldest() override {
-        auto lost = queue_.front().lost_before();
+    std::uint64_t drop_oldest() override {
+        auto gap = gap_of(queue_.front().lost_before(), 1);
         queue_.pop_front();
-        // The gap is told with the next packet that is taken.
-        if (!queue_.empty() && queue_.front().lost_before() != unknown_gap && lost != 0)
-            queue_.front() = received<packet_type>(queue_.front().share(), lost == unknown_gap ? lost : queue_.front().lost_before() + lost);
+        if (queue_.empty()) return gap;
+        queue_.front() = received<packet_type>(queue_.front().share(), gap_of(gap, queue_.front().lost_before()));
+        return 0;
     }
     void take_response(bytes_view raw) override {
         if (!raw.empty()) decode_into(response, raw);

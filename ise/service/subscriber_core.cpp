@@ -30,7 +30,7 @@ subscribe_options subscribe_options::lossless(std::uint32_t depth) {
 
 subscriber_core::subscriber_core(std::shared_ptr<link> to, std::string service, const packet_types& types, subscribe_options options, bytes request)
     : on_(to->host().on()), link_(std::move(to)), options_(options), service_(std::move(service)), types_(types), request_(std::move(request)),
-      packet_(on_, [this] { packet_.resume(); }), answer_(on_, [this] { answer_.resume(); }) {
+      farewell_(adapt(schema(), types.schemas[role::unsubscribe_request], {})), packet_(on_, [this] { packet_.resume(); }), answer_(on_, [this] { answer_.resume(); }) {
     if (options_.depth == 0) options_.depth = 1;
 }
 
@@ -203,7 +203,7 @@ result<void> subscriber_core::on_packet(std::uint64_t sequence, std::uint32_t sk
     std::uint64_t lost = missing > skipped ? missing - skipped : 0;
     counts_.skipped += std::min<std::uint64_t>(missing, skipped);
     counts_.lost_at_provider += lost;
-    if (lost_before_ != unknown_gap) lost_before_ += lost;
+    lost_before_ = gap_of(lost_before_, lost);
     next_sequence_ = sequence + 1;
 
     if (queued() >= capacity()) {
@@ -214,14 +214,14 @@ result<void> subscriber_core::on_packet(std::uint64_t sequence, std::uint32_t sk
             on_refused(failure(errc::overloaded, fmt::format("{} packets of '{}' were not taken in time", queued(), service_)));
             return {};
         }
-        drop_oldest();
+        lost_before_ = gap_of(drop_oldest(), lost_before_);
         ++counts_.lost_here;
-        if (lost_before_ != unknown_gap) ++lost_before_;
     }
     try {
         push(packet, adapter_.get(), lost_before_);
     } catch (const error& unreadable) {
         ++counts_.undecodable;
+        lost_before_ = gap_of(lost_before_, 1);
         if (counts_.undecodable == 1) link_->host().log().warning(unreadable.what(), {{"service", service_}, {"peer", link_->name()}});
         return {};
     }

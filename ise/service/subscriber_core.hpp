@@ -34,6 +34,11 @@ struct subscribe_options {
 /// The length of a gap that nobody can tell: the provider restarted, or did not know us any more.
 inline constexpr std::uint64_t unknown_gap = ~std::uint64_t{0};
 
+/// Two gaps, one behind the other.
+constexpr std::uint64_t gap_of(std::uint64_t first, std::uint64_t then) noexcept {
+    return first == unknown_gap || then == unknown_gap ? unknown_gap : first + then;
+}
+
 /// What became of the packets of a subscription; every drop has its reason.
 struct subscription_counts {
     std::uint64_t received = 0;
@@ -49,6 +54,7 @@ struct subscription_counts {
 /// subscription object, and known to its link.
 class subscriber_core {
 public:
+    /// Throws errc::too_large where the unsubscribe packet is beyond what may be decoded.
     subscriber_core(std::shared_ptr<link> to, std::string service, const packet_types& types, subscribe_options options, bytes request);
     virtual ~subscriber_core();
 
@@ -67,6 +73,8 @@ public:
 
     // For sessions and links.
     wire::subscribe terms() const;
+    /// The unsubscribe packet: the user's own, if there is one, with its defaults.
+    const bytes& farewell() const noexcept { return farewell_; }
     void on_sent(session& over, std::uint64_t id);
     result<void> on_subscribed(wire::subscribed answer);
     void on_refused(const failure& why);
@@ -76,10 +84,11 @@ public:
     std::uint64_t id() const noexcept { return id_; }
 
 protected:
-    /// Decodes and queues a packet, knowing how many were lost before it. False if the queue was full and one was dropped.
+    /// Decodes and queues a packet, knowing how many were lost before it.
     virtual void push(bytes_view packet, const adapter* adapt, std::uint64_t lost_before) = 0;
     virtual std::size_t queued() const noexcept = 0;
-    virtual void drop_oldest() = 0;
+    /// Drops one. Whoever is next tells of it and of the gap before it; what nobody is there to tell is returned.
+    virtual std::uint64_t drop_oldest() = 0;
     virtual void take_response(bytes_view response) = 0;
 
     task<> wait_for_packet();
@@ -100,6 +109,7 @@ private:
     std::string service_;
     const packet_types& types_;
     bytes request_;
+    bytes farewell_;
     std::optional<failure> ended_;
     std::optional<failure> refused_;
     waiter<> packet_;

@@ -50,7 +50,7 @@ public:
     }
 
     // What is suspended is destroyed here, while everything that it refers to still stands.
-    void end() {
+    void end() override {
         ended_ = true;
         where_->alive = false;
         loop_.abandon();

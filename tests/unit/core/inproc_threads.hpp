@@ -12,7 +12,7 @@
 
 namespace threads {
 
-class bare_environment final : public ise::environment {
+class bare_environment : public ise::environment {
 public:
     ise::time_point now() const override {
         return ise::time_point(std::chrono::duration_cast<ise::duration>(std::chrono::steady_clock::now().time_since_epoch()));

@@ -1,0 +1,286 @@
+#include <ise/net/outbox.hpp>
+
+#include <ise/wire/pieces.hpp>
+
+#include <support/catch.hpp>
+
+#include <chrono>
+#include <deque>
+
+using namespace std::chrono_literals;
+using ise::net::batch;
+using ise::net::outbox;
+using ise::wire::frame_type;
+
+namespace {
+
+constexpr ise::time_point t0{1h};
+
+struct written {
+    frame_type type;
+    std::uint8_t flags;
+    std::uint64_t id;
+    ise::bytes body;
+};
+
+std::vector<written> frames_of(batch& from) {
+    ise::bytes all;
+    for (const auto& part : from.remaining()) {
+        auto* data = static_cast<const std::byte*>(part.data());
+        all.insert(all.end(), data, data + part.size());
+    }
+    std::vector<written> found;
+    for (std::size_t at = 0; at < all.size();) {
+        auto header = ise::wire::read_header(all.data() + at);
+        at += 16;
+        REQUIRE(at + header.length <= all.size());
+        auto* body = all.data() + at;
+        found.push_back({header.type, header.flags, header.id, ise::bytes(body, body + header.length)});
+        at += header.length;
+    }
+    return found;
+}
+std::vector<written> write(outbox& from, ise::time_point now = t0) {
+    batch out;
+    if (!from.fill(out, now)) return {};
+    return frames_of(out);
+}
+std::vector<std::uint64_t> ids_of(const std::vector<written>& frames) {
+    std::vector<std::uint64_t> ids;
+    for (const auto& frame : frames) ids.push_back(frame.id);
+    return ids;
+}
+
+void request(outbox& to, std::uint64_t id, ise::time_point deadline, std::size_t size = 4) {
+    ise::wire::put_frame(to.begin_call(), frame_type::request, 0, id, [&](ise::buffer& body) {
+        body.append(std::uint32_t{0});
+        body.append(static_cast<std::int64_t>(deadline.time_since_epoch().count()));
+        for (std::size_t i = 0; i < size; ++i) body.append(static_cast<std::uint8_t>(id));
+    });
+    to.end_call();
+}
+void ping(outbox& to, std::uint64_t id) {
+    ise::wire::put_frame(to.control(), frame_type::ping, 0, id, [](ise::buffer&) {});
+}
+std::int64_t time_left(const written& frame) { return ise::detail::load_little<std::int64_t>(frame.body.data() + 4); }
+
+struct source final : ise::net::publication_source {
+    std::uint64_t id;
+    std::deque<std::shared_ptr<const ise::bytes>> waiting;
+    int asked = 0;
+    explicit source(std::uint64_t number) : id(number) {}
+    void put(std::size_t size) { waiting.push_back(std::make_shared<const ise::bytes>(size, static_cast<std::byte>(id))); }
+    bool take(outbox& out, std::size_t quantum) override {
+        ++asked;
+        std::size_t taken = 0;
+        while (!waiting.empty() && taken < quantum) {
+            ise::wire::frame_header header;
+            header.type = frame_type::packet;
+            header.id = id;
+            auto packet = waiting.front();
+            waiting.pop_front();
+            std::byte head[8]{};
+            out.put_packet(*this, header, head, packet);
+            taken += packet->size();
+            if (packet->size() > outbox::whole_bytes) break;
+        }
+        return !waiting.empty();
+    }
+};
+
+} // namespace
+
+TEST_CASE("control goes first, then calls, then publications") {
+    outbox out;
+    source news(30);
+    news.put(10);
+    out.add(news);
+    request(out, 20, t0 + 1s);
+    ping(out, 10);
+    CHECK(ids_of(write(out)) == std::vector<std::uint64_t>{10, 20, 30});
+    CHECK(out.empty());
+    CHECK(write(out).empty());
+}
+
+TEST_CASE("what remains of a deadline is stamped at writing, and expired requests are not written") {
+    outbox out;
+    request(out, 1, t0 + 5s);
+    request(out, 2, t0 + 1s);
+    request(out, 3, t0 + 9s);
+    auto frames = write(out, t0 + 2s);
+    REQUIRE(ids_of(frames) == std::vector<std::uint64_t>{1, 3});
+    CHECK(time_left(frames[0]) == std::chrono::nanoseconds(3s).count());
+    CHECK(time_left(frames[1]) == std::chrono::nanoseconds(7s).count());
+    CHECK(out.empty());
+}
+
+TEST_CASE("many expired requests do not hide one that is good") {
+    outbox out;
+    for (std::uint64_t id = 0; id < 20'000; ++id) request(out, id, t0 + 1s);
+    request(out, 77'777, t0 + 9s);
+    CHECK(ids_of(write(out, t0 + 2s)) == std::vector<std::uint64_t>{77'777});
+    CHECK(out.pending_bytes() == 0);
+}
+
+TEST_CASE("calls leave in the order in which they came, in batches of bounded size, and nothing piles up") {
+    outbox out;
+    std::vector<std::uint64_t> seen;
+    std::uint64_t next = 0;
+    for (int round = 0; round < 50; ++round) {
+        for (int i = 0; i < 100; ++i) request(out, next++, t0 + 1h, 4000);
+        batch one;
+        REQUIRE(out.fill(one, t0));
+        CHECK(one.bytes() <= outbox::batch_bytes + 5000);
+        for (const auto& frame : frames_of(one)) seen.push_back(frame.id);
+    }
+    while (!out.empty())
+        for (const auto& frame : write(out)) seen.push_back(frame.id);
+    REQUIRE(seen.size() == next);
+    CHECK(std::is_sorted(seen.begin(), seen.end()));
+}
+
+TEST_CASE("a big message goes in pieces between which small ones pass") {
+    outbox out;
+    ise::wire::reassembly whole(100 << 20);
+    request(out, 1, t0 + 5s, 1'000'000);
+    std::optional<ise::wire::assembled> got;
+    std::uint64_t small = 100;
+    std::size_t small_seen = 0;
+    while (!out.empty()) {
+        request(out, small++, t0 + 5s);
+        for (const auto& frame : write(out, t0 + 2s)) {
+            if (frame.type == frame_type::request) {
+                ++small_seen;
+                continue;
+            }
+            ise::wire::frame piece;
+            piece.header.type = frame.type;
+            piece.header.flags = frame.flags;
+            piece.header.id = frame.id;
+            piece.body = frame.body;
+            CHECK(frame.body.size() <= outbox::piece_bytes + 100);
+            auto taken = whole.take(piece);
+            REQUIRE(taken);
+            if (*taken) got = std::move(**taken);
+        }
+        if (got && small_seen == small - 100) break;
+    }
+    REQUIRE(got);
+    CHECK((got->header.id == 1 && got->header.type == frame_type::request && got->body.size() == 1'000'012));
+    CHECK(ise::detail::load_little<std::int64_t>(got->body.data() + 4) == std::chrono::nanoseconds(3s).count());
+    CHECK(small_seen == small - 100);
+    CHECK(out.pending_bytes() == 0);
+}
+
+TEST_CASE("a request that is given up: unwritten it is not sent, half sent it is abandoned") {
+    outbox out;
+    request(out, 1, t0 + 5s);
+    request(out, 2, t0 + 5s, 1'000'000);
+    request(out, 3, t0 + 5s, 1'000'000);
+    CHECK(out.withdraw(1));
+    CHECK(out.withdraw(3));
+    auto first = write(out);
+    REQUIRE(first.size() == 1);
+    auto pieces = first[0].id;
+    CHECK(first[0].type == frame_type::piece);
+    CHECK(out.withdraw(2));
+    auto rest = write(out);
+    REQUIRE(rest.size() == 1);
+    CHECK((rest[0].type == frame_type::piece && rest[0].flags == ise::wire::flag::abandoned && rest[0].id == pieces && rest[0].body.empty()));
+    CHECK(out.empty());
+    CHECK(out.pending_bytes() == 0);
+    CHECK_FALSE(out.withdraw(2));
+    CHECK_FALSE(out.withdraw(99));
+}
+
+TEST_CASE("unwritten requests are handed back, begun ones are not") {
+    outbox out;
+    request(out, 1, t0 + 5s, 1'000'000);
+    write(out);
+    request(out, 2, t0 + 5s, 1'000'000);
+    request(out, 3, t0 + 5s);
+    std::vector<std::uint64_t> back;
+    out.take_unwritten([&](std::uint64_t id, ise::wire::frame_header, ise::bytes_view) { back.push_back(id); });
+    CHECK(back == std::vector<std::uint64_t>{3, 2});
+    CHECK(out.empty());
+    CHECK(out.pending_bytes() == 0);
+}
+
+TEST_CASE("a batch tells which frames were never begun") {
+    outbox out;
+    for (std::uint64_t id = 1; id <= 4; ++id) request(out, id, t0 + 5s, 20); // 48 bytes each
+    ping(out, 9);                                                            // 16 bytes, in front
+    batch one;
+    REQUIRE(out.fill(one, t0));
+    auto unwritten = [&] {
+        std::vector<std::uint64_t> ids;
+        one.visit_unwritten([&](const ise::wire::frame_header& header, ise::bytes_view body) {
+            CHECK(body.size() == header.length);
+            ids.push_back(header.id);
+        });
+        return ids;
+    };
+    CHECK(unwritten() == std::vector<std::uint64_t>{9, 1, 2, 3, 4});
+    one.advance(1);
+    CHECK(unwritten() == std::vector<std::uint64_t>{1, 2, 3, 4});
+    one.advance(16 + 48);
+    CHECK(unwritten() == std::vector<std::uint64_t>{3, 4});
+    one.advance(one.left());
+    CHECK(unwritten().empty());
+}
+
+TEST_CASE("publications share the connection by bytes, and are asked only when there is room") {
+    outbox out;
+    source loud(1), soft(2);
+    for (int i = 0; i < 1000; ++i) loud.put(10'000);
+    for (int i = 0; i < 10; ++i) soft.put(10'000);
+    out.add(loud);
+    out.add(soft);
+    CHECK(loud.asked == 0);
+    auto first = write(out);
+    auto of_soft = std::count_if(first.begin(), first.end(), [](const auto& frame) { return frame.id == 2; });
+    CHECK(of_soft == 10);
+    CHECK(first.size() < 50);
+    CHECK(loud.waiting.size() > 900); // what is newest is decided later
+}
+
+TEST_CASE("a subscription's packets stay behind its message in pieces, others do not wait") {
+    outbox out;
+    source pictures(1), fixes(2);
+    pictures.put(500'000);
+    pictures.put(10);
+    fixes.put(10);
+    out.add(pictures);
+    out.add(fixes);
+    std::vector<std::string> order;
+    for (int i = 0; !out.empty(); ++i) {
+        if (i == 2) { // more comes while the pieces are under way
+            pictures.put(11);
+            out.add(pictures);
+        }
+        for (const auto& frame : write(out))
+            order.push_back(frame.type == frame_type::piece ? (frame.flags & ise::wire::flag::last ? "last" : "piece") : std::to_string(frame.id));
+    }
+    CHECK(order.front() == "2");
+    auto last = std::find(order.begin(), order.end(), "last");
+    REQUIRE(last != order.end());
+    CHECK(std::vector<std::string>(last + 1, order.end()) == std::vector<std::string>{"1", "1"});
+    CHECK(std::find(order.begin(), last, "1") == last);
+}
+
+TEST_CASE("a source that goes takes its packets along, and half sent ones are abandoned") {
+    outbox out;
+    {
+        source pictures(1);
+        pictures.put(500'000);
+        out.add(pictures);
+        write(out);
+        write(out);
+        out.remove(pictures);
+    }
+    auto rest = write(out);
+    REQUIRE(rest.size() == 1);
+    CHECK(rest[0].flags == ise::wire::flag::abandoned);
+    CHECK(out.empty());
+    CHECK(out.pending_bytes() == 0);
+}

@@ -1,0 +1,184 @@
+#include <support/boat_services.hpp>
+#include <support/catch.hpp>
+#include <support/sim_parties.hpp>
+
+using namespace ise_test;
+using namespace std::chrono_literals;
+using Catch::Matchers::Contains;
+using ise::errc;
+
+// One service as three versions of a program declare it.
+namespace older {
+struct order {
+    std::string mode;
+};
+struct done {
+    bool accepted = false;
+};
+struct report {
+    double speed_kn = 0;
+};
+constexpr ise::request_response<order, done> helm("helm");
+constexpr ise::subscription<report> log_line("log");
+} // namespace older
+
+namespace newer {
+struct order {
+    std::string mode;
+    int urgency = 3;
+};
+struct done {
+    bool accepted = false;
+    std::string reason = "none given";
+};
+struct report {
+    double speed_kn = 0;
+    double heading_deg = -1;
+};
+constexpr ise::request_response<order, done> helm("helm");
+constexpr ise::subscription<report> log_line("log");
+} // namespace newer
+
+namespace other {
+struct order {
+    std::int64_t course_deg = 0;
+};
+struct done {
+    bool accepted = false;
+};
+struct report {
+    std::string text;
+};
+constexpr ise::request_response<order, done> helm("helm");
+constexpr ise::subscription<report> log_line("log");
+} // namespace other
+
+namespace {
+
+template <class Contract>
+ise::task<ise::result<typename Contract::response_type>> ask(ise::remote to, Contract contract, typename Contract::request_type request) {
+    auto got = co_await to.try_call(contract, request, 5s);
+    co_return got;
+}
+
+template <class Contract>
+ise::task<typename Contract::packet_type> first_of(ise::remote from, Contract contract) {
+    auto packets = co_await from.subscribe(contract);
+    auto packet = co_await packets.next();
+    co_return *packet;
+}
+
+struct fixture {
+    sim_parties all;
+    party& boat = all.add("boat");
+    party& shore = all.add("shore");
+    ise::remote there = shore.at("tcp://boat:7400");
+    fixture() { boat.listen("tcp://0.0.0.0:7400"); }
+    template <class T>
+    std::shared_ptr<started<T>> finish(ise::task<T> body) {
+        auto begun = start(shore.on, std::move(body));
+        CHECK(all.run_until([&] { return begun->done; }));
+        return begun;
+    }
+};
+
+} // namespace
+
+TEST_CASE("an older caller and a newer provider understand each other") {
+    fixture at;
+    int urgency = 0;
+    at.boat.provide(newer::helm, [&](newer::order asked) {
+        urgency = asked.urgency;
+        newer::done answer{asked.mode == "hold", "as you say"};
+        return answer;
+    });
+    for (int i = 0; i < 3; ++i) { // first while schemas are exchanged, then knowing them
+        older::order request{"hold"};
+        auto got = at.all.run(at.shore, ask(at.there, older::helm, request));
+        REQUIRE(got);
+        CHECK(got->accepted);
+        CHECK(urgency == 3); // its own default
+    }
+}
+
+TEST_CASE("a newer caller and an older provider understand each other") {
+    fixture at;
+    std::string mode;
+    at.boat.provide(older::helm, [&](older::order asked) {
+        mode = asked.mode;
+        return older::done{true};
+    });
+    for (int i = 0; i < 3; ++i) {
+        newer::order request{"hold", 9};
+        auto got = at.all.run(at.shore, ask(at.there, newer::helm, request));
+        REQUIRE(got);
+        CHECK(got->accepted);
+        CHECK(got->reason == "none given");
+        CHECK(mode == "hold");
+    }
+}
+
+TEST_CASE("calls made at once while the schemas are on their way are all served") {
+    fixture at;
+    at.boat.provide(newer::helm, [&](newer::order asked) -> ise::task<newer::done> {
+        newer::done answer{true, asked.mode};
+        co_return answer;
+    });
+    std::vector<std::shared_ptr<started<ise::result<older::done>>>> calls;
+    for (int i = 0; i < 20; ++i) calls.push_back(start(at.shore.on, ask(at.there, older::helm, older::order{"hold"})));
+    calls[7]->cancel.emit(asio::cancellation_type::terminal);
+    at.all.run_until([&] { return std::all_of(calls.begin(), calls.end(), [](auto& one) { return one->done; }); });
+    for (std::size_t i = 0; i < calls.size(); ++i) {
+        INFO(i);
+        if (i != 7) CHECK((!calls[i]->thrown && calls[i]->get()));
+    }
+}
+
+TEST_CASE("packets that differ incompatibly are refused with a diff, on both sides") {
+    fixture at;
+    int served = 0;
+    at.boat.provide(other::helm, [&](other::order) { ++served; return other::done{}; });
+    for (int i = 0; i < 2; ++i) {
+        auto got = at.all.run(at.shore, ask(at.there, older::helm, older::order{"hold"}));
+        REQUIRE_FALSE(got);
+        CHECK(got.error().code() == errc::type_mismatch);
+        CHECK(got.error().executed() == ise::execution::not_executed);
+        CHECK_THAT(got.error().message(), Contains("request") && Contains("mode") && Contains("course_deg"));
+    }
+    CHECK(served == 0);
+    REQUIRE(at.boat.warnings.size() == 1);
+    CHECK_THAT(at.boat.warnings[0], Contains("course_deg"));
+}
+
+TEST_CASE("subscriptions follow the same rules") {
+    fixture at;
+    SECTION("older subscriber") {
+        auto out = at.boat.publish(newer::log_line);
+        out(newer::report{4.5, 90});
+        CHECK(at.finish(first_of(at.there, older::log_line))->get().speed_kn == 4.5);
+    }
+    SECTION("newer subscriber") {
+        auto out = at.boat.publish(older::log_line);
+        out(older::report{4.5});
+        auto got = at.finish(first_of(at.there, newer::log_line));
+        CHECK(got->get().speed_kn == 4.5);
+        CHECK(got->get().heading_deg == -1);
+    }
+    SECTION("incompatible") {
+        auto out = at.boat.publish(other::log_line);
+        auto got = at.finish(first_of(at.there, older::log_line));
+        CHECK(got->code() == errc::type_mismatch);
+        CHECK_THROWS_WITH(got->get(), Contains("published packet") && Contains("text"));
+        CHECK(at.boat.warnings.size() == 1);
+    }
+    SECTION("a subscriber that leaves while the schemas are on their way") {
+        auto out = at.boat.publish(newer::log_line);
+        at.all.world.net().between("boat", "shore").latency = 1s;
+        auto leaving = start(at.shore.on, first_of(at.there, older::log_line));
+        at.all.world.run_for(6s);
+        leaving->cancel.emit(asio::cancellation_type::terminal);
+        at.all.world.run_for(20s);
+        CHECK(leaving->done);
+        CHECK(out.subscribers() == 0);
+    }
+}

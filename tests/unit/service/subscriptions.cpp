@@ -1,0 +1,457 @@
+#include <support/boat_services.hpp>
+#include <support/catch.hpp>
+#include <support/sim_parties.hpp>
+
+using namespace boat_services;
+using namespace ise_test;
+using namespace std::chrono_literals;
+using Catch::Matchers::Contains;
+using ise::errc;
+
+namespace {
+
+struct area {
+    std::string name;
+};
+struct granted {
+    int number = 0;
+};
+constexpr ise::subscription<fix, area, granted> watched("watched");
+
+// What a subscriber got: the packets (their latitudes), and the gap before each.
+struct reading {
+    std::vector<double> packets;
+    std::vector<std::uint64_t> gaps;
+    std::optional<ise::failure> end;
+    std::optional<ise::stream_of<ise::subscription<fix>>> stream;
+};
+using shared_reading = std::shared_ptr<reading>;
+
+ise::task<> follow(ise::remote from, shared_reading into, ise::subscribe_options options = {}) {
+    auto fixes = co_await from.subscribe(position, options);
+    into->stream.emplace(std::move(fixes));
+    for (;;) {
+        auto packet = co_await into->stream->next();
+        if (!packet) break;
+        into->packets.push_back(packet->latitude_deg);
+        into->gaps.push_back(packet.lost_before());
+    }
+    into->end = into->stream->cause();
+}
+
+// Subscribes and takes nothing until it is told to.
+ise::task<> hold(ise::remote from, shared_reading into, ise::subscribe_options options) {
+    auto fixes = co_await from.subscribe(position, options);
+    into->stream.emplace(std::move(fixes));
+}
+void drain(reading& from) {
+    for (auto packet = from.stream->try_next(); packet; packet = from.stream->try_next()) {
+        from.packets.push_back(packet->latitude_deg);
+        from.gaps.push_back(packet.lost_before());
+    }
+}
+
+fix at_latitude(double latitude) { return fix{latitude, 0, 0}; }
+std::vector<double> range(int first, int last) {
+    std::vector<double> made;
+    for (int i = first; i <= last; ++i) made.push_back(i);
+    return made;
+}
+
+struct fixture {
+    sim_parties all;
+    party& boat;
+    party& shore;
+    ise::publication<ise::subscription<fix>> fixes;
+    ise::remote there;
+    std::vector<std::shared_ptr<started<void>>> running;
+
+    explicit fixture(ise::service_options options = {}) : boat(all.add("boat", options)), shore(all.add("shore")) {
+        fixes = boat.publish(position);
+        boat.listen("tcp://0.0.0.0:7400");
+        there = shore.at("tcp://boat:7400");
+    }
+    ~fixture() {
+        running.clear();
+        all.stop();
+        CHECK(boat.escaped.empty());
+    }
+    shared_reading read(ise::subscribe_options options = {}) {
+        auto made = std::make_shared<reading>();
+        running.push_back(start(shore.on, follow(there, made, options)));
+        all.run_until([&] { return made->stream.has_value(); });
+        return made;
+    }
+    shared_reading sit(ise::subscribe_options options) {
+        auto made = std::make_shared<reading>();
+        all.run(shore, hold(there, made, options));
+        return made;
+    }
+    void publish(int first, int last) {
+        ise::loop::turn in(boat.on);
+        for (int i = first; i <= last; ++i) fixes(at_latitude(i));
+    }
+    void settle() { all.world.run_for(2s); }
+};
+
+} // namespace
+
+TEST_CASE("the last value comes first, and nothing after it is missed") {
+    fixture at;
+    at.publish(1, 3);
+    auto got = at.read();
+    at.publish(4, 6);
+    at.settle();
+    CHECK(got->packets == range(3, 6));
+    CHECK(got->gaps == std::vector<std::uint64_t>{0, 0, 0, 0});
+
+    ise::subscribe_options fresh;
+    fresh.last_value = false;
+    auto later = at.read(fresh);
+    at.publish(7, 7);
+    at.settle();
+    CHECK(later->packets == range(7, 7));
+}
+
+TEST_CASE("what is published right after the provider committed is not missed") {
+    fixture at;
+    ise::publication_callbacks<ise::subscription<fix, area, granted>> callbacks;
+    std::vector<std::string> left;
+    int count = 0;
+    ise::publication<ise::subscription<fix, area, granted>> out;
+    callbacks.on_subscribe = [&](const area& wanted, const ise::subscriber_info& who) -> ise::result<granted> {
+        CHECK_THAT(who.peer, Contains("shore"));
+        out(at_latitude(count)); // reentrant: whoever is not accepted yet gets it as the last value at most
+        if (wanted.name == "forbidden") return ise::failure(errc::refused, "not your waters");
+        return granted{++count};
+    };
+    callbacks.on_unsubscribe = [&](const auto&, const ise::subscriber_info& who) {
+        left.push_back(who.peer);
+        return ise::nothing{};
+    };
+    out = at.boat.publish(watched, callbacks);
+
+    auto subscribe = [](ise::remote from, std::string name) -> ise::task<std::pair<int, double>> {
+        area wanted{std::move(name)};
+        auto fixes = co_await from.subscribe(watched, wanted, ise::subscribe_options());
+        auto first = co_await fixes.next();
+        std::pair<int, double> got(fixes.response().number, first->latitude_deg);
+        co_return got;
+    };
+    auto got = at.all.run(at.shore, subscribe(at.there, "bay"));
+    CHECK(got == std::pair(1, 0.0));
+    at.settle();
+    CHECK(left.size() == 1);
+    CHECK(out.subscribers() == 0);
+
+    auto refused = start(at.shore.on, subscribe(at.there, "forbidden"));
+    at.all.run_until([&] { return refused->done; });
+    CHECK(refused->code() == errc::refused);
+    CHECK_THROWS_WITH(refused->get(), Contains("not your waters"));
+    CHECK(left.size() == 1);
+}
+
+TEST_CASE("a subscription to what is not there, or is another kind of service, is refused") {
+    fixture at;
+    at.boat.provide(helm, [](set_mode) { return mode_set{}; });
+    for (const char* name : {"nowhere", "helm"}) {
+        auto subscribe = [](ise::remote from, std::string what) -> ise::task<> {
+            ise::subscription<fix> contract(what);
+            auto fixes = co_await from.subscribe(contract);
+        };
+        auto got = start(at.shore.on, subscribe(at.there, name));
+        at.all.run_until([&] { return got->done; });
+        CHECK_THROWS_WITH(got->get(), Contains(name) && Contains("service"));
+    }
+}
+
+TEST_CASE("every policy of a subscriber that does not take its packets") {
+    fixture at;
+    SECTION("keep latest: only the newest, the gap counted") {
+        auto got = at.sit(ise::subscribe_options::latest());
+        for (int i = 1; i <= 5; ++i) {
+            at.publish(i, i);
+            at.settle();
+        }
+        drain(*got);
+        CHECK(got->packets == range(5, 5));
+        CHECK(got->gaps == std::vector<std::uint64_t>{4});
+        CHECK(got->stream->counts().lost_here == 4);
+    }
+    SECTION("keep latest within one turn: dropped at the provider, before it is written") {
+        auto got = at.sit(ise::subscribe_options::latest());
+        at.publish(1, 5);
+        at.settle();
+        drain(*got);
+        CHECK(got->packets == range(5, 5));
+        CHECK(got->gaps == std::vector<std::uint64_t>{4});
+        CHECK(got->stream->counts().lost_at_provider == 4);
+        CHECK(at.boat.services->counts().packets_dropped == 4);
+    }
+    SECTION("keep the last few") {
+        auto got = at.sit(ise::subscribe_options::last(3));
+        for (int i = 1; i <= 10; ++i) {
+            at.publish(i, i);
+            at.settle();
+        }
+        drain(*got);
+        CHECK(got->packets == range(8, 10));
+        CHECK(got->gaps == std::vector<std::uint64_t>{7, 0, 0});
+    }
+    SECTION("lossless: the provider holds back, credits let it go on, and a publisher that waits is not overtaken") {
+        auto got = at.sit(ise::subscribe_options::lossless(4));
+        auto send = [](ise::publication<ise::subscription<fix>> out, int first, int last) -> ise::task<> {
+            for (int i = first; i <= last; ++i) {
+                auto packet = at_latitude(i);
+                co_await out.send(packet);
+            }
+        };
+        auto sending = start(at.boat.on, send(at.fixes, 1, 20));
+        at.settle();
+        CHECK_FALSE(sending->done);
+        CHECK(at.fixes.published() == 8); // four here, four held back there
+        for (int i = 0; i < 10; ++i) {
+            drain(*got);
+            at.settle();
+        }
+        CHECK(sending->done);
+        CHECK(got->packets == range(1, 20));
+        CHECK(std::count(got->gaps.begin(), got->gaps.end(), 0u) == 20);
+    }
+    SECTION("lossless: beyond what the provider may hold back it ends, and says so") {
+        auto got = at.sit(ise::subscribe_options::lossless(4));
+        at.publish(1, 4);
+        at.settle();
+        at.publish(5, 9);
+        at.settle();
+        drain(*got);
+        CHECK(got->packets == range(1, 4));
+        REQUIRE(got->stream->ended());
+        CHECK(got->stream->cause().code() == errc::overloaded);
+        CHECK(at.fixes.subscribers() == 0);
+    }
+    SECTION("disconnect: it ends at the first packet that would be lost") {
+        ise::subscribe_options strict;
+        strict.policy = ise::overflow::disconnect;
+        strict.depth = 2;
+        auto got = at.sit(strict);
+        for (int i = 1; i <= 3; ++i) {
+            at.publish(i, i);
+            at.settle();
+        }
+        REQUIRE(got->stream->ended());
+        CHECK(got->stream->cause().code() == errc::overloaded);
+        drain(*got);
+        CHECK(got->packets == range(1, 2));
+        CHECK(at.fixes.subscribers() == 0);
+    }
+}
+
+TEST_CASE("what the rate limit leaves out is counted apart from what was lost") {
+    fixture at;
+    ise::subscribe_options slow;
+    slow.min_interval = 10s;
+    auto got = at.read(slow);
+    for (int i = 0; i < 50; ++i) {
+        at.publish(i, i);
+        at.all.world.run_for(1s);
+    }
+    CHECK(got->packets == std::vector<double>{0, 10, 20, 30, 40});
+    CHECK(got->stream->counts().skipped == 36);
+    CHECK(got->stream->counts().lost_at_provider == 0);
+    CHECK(std::count(got->gaps.begin(), got->gaps.end(), 0u) == 5);
+}
+
+TEST_CASE("a slow subscriber does not slow another") {
+    fixture at;
+    auto& far = at.all.add("far");
+    at.all.world.net().between("boat", "far").bandwidth_bytes_per_second = 100;
+    auto slow = std::make_shared<reading>();
+    auto slowly = start(far.on, follow(far.at("tcp://boat:7400"), slow, ise::subscribe_options::last(4)));
+    at.all.run_until([&] { return at.fixes.subscribers() == 1; });
+    auto quick = at.read(ise::subscribe_options::last(4));
+    for (int i = 1; i <= 3000; ++i) {
+        at.publish(i, i);
+        at.all.world.run_for(10ms);
+    }
+    CHECK(quick->packets == range(1, 3000));
+    CHECK(slow->packets.size() < 100);
+    CHECK(at.boat.services->counts().packets_dropped > 0);
+    at.all.world.net().between("boat", "far").bandwidth_bytes_per_second = 0;
+    at.all.world.run_for(1h);
+    CHECK(slow->packets.back() == 3000);
+    std::uint64_t lost = 0;
+    for (auto gap : slow->gaps) lost += gap;
+    CHECK(lost + slow->packets.size() == 3000); // exact to the packet
+    CHECK(slow->stream->counts().lost_at_provider == at.boat.services->counts().packets_dropped);
+}
+
+TEST_CASE("a subscription goes on after a cut and knows the gap exactly") {
+    fixture at;
+    auto got = at.read(ise::subscribe_options::last(5));
+    at.publish(1, 2);
+    at.settle();
+    at.all.world.net().partition("boat", "shore");
+    for (int i = 3; i <= 30; ++i) {
+        at.publish(i, i);
+        at.all.world.run_for(500ms);
+    }
+    CHECK_FALSE(got->stream->connected());
+    at.all.world.net().heal_all();
+    at.all.world.run_for(20s);
+    at.publish(31, 31);
+    at.settle();
+    REQUIRE_FALSE(got->packets.empty());
+    CHECK(got->packets.back() == 31);
+    std::uint64_t lost = 0;
+    for (auto gap : got->gaps) lost += gap;
+    CHECK(lost + got->packets.size() == 31);
+    CHECK(std::is_sorted(got->packets.begin(), got->packets.end()));
+    CHECK(got->stream->counts().resumed == 1);
+    CHECK(got->stream->counts().restarts == 0);
+    CHECK(at.fixes.subscribers() == 1);
+}
+
+TEST_CASE("a subscriber that does not come back within the linger is forgotten, and told so when it does") {
+    ise::service_options options;
+    options.linger = 10s;
+    fixture at(options);
+    auto got = at.read();
+    at.publish(1, 1);
+    at.settle();
+    at.all.world.net().partition("boat", "shore");
+    at.all.run_until([&] { return at.fixes.subscribers() == 0; });
+    at.publish(2, 5);
+    at.all.world.net().heal_all();
+    at.all.run_until([&] { return at.fixes.subscribers() == 1; });
+    at.settle();
+    CHECK(got->packets.back() == 5);
+    CHECK(got->gaps.back() == ise::unknown_gap);
+    CHECK(got->stream->counts().restarts == 1);
+}
+
+TEST_CASE("a restarted provider is a gap of unknown length") {
+    sim_parties all;
+    auto& shore = all.add("shore");
+    auto& first = all.add("boat");
+    auto fixes = first.publish(position);
+    first.listen("tcp://0.0.0.0:7400");
+    auto got = std::make_shared<reading>();
+    auto following = start(shore.on, follow(shore.at("tcp://boat:7400"), got));
+    all.run_until([&] { return fixes.subscribers() == 1; });
+    fixes(at_latitude(1));
+    all.world.run_for(1s);
+    first.services->stop(1s);
+    first.scope.stop();
+    all.world.run_for(1s);
+    auto& second = all.add("boat");
+    auto again = second.publish(position);
+    again(at_latitude(7));
+    second.listen("tcp://0.0.0.0:7400");
+    all.world.run_for(20s);
+    again(at_latitude(8));
+    all.world.run_for(1s);
+    CHECK(got->packets == std::vector<double>{1, 7, 8});
+    CHECK(got->gaps == std::vector<std::uint64_t>{0, ise::unknown_gap, 0});
+    CHECK(got->stream->counts().restarts == 1);
+    CHECK_FALSE(got->end);
+}
+
+TEST_CASE("a packet is encoded once, however many subscribe") {
+    fixture at;
+    std::vector<shared_reading> all;
+    for (int i = 0; i < 8; ++i) all.push_back(at.read());
+    auto core = at.boat.services->services().find_publication("position");
+    auto packet = std::make_shared<const ise::bytes>(ise::encode(at_latitude(5)));
+    core->publish(packet);
+    CHECK(packet.use_count() > 8); // shared by all queues, not copied
+    at.settle();
+    for (auto& one : all) CHECK(one->packets == range(5, 5));
+}
+
+TEST_CASE("order holds within a subscription although big packets go in pieces and small ones do not") {
+    fixture at;
+    at.all.world.net().between("boat", "shore").bandwidth_bytes_per_second = 10 << 20;
+    auto out = at.boat.publish(pictures);
+    auto take = [](ise::remote from, std::vector<std::size_t>& sizes, std::size_t count) -> ise::task<> {
+        auto stream = co_await from.subscribe(pictures, ise::subscribe_options::last(100));
+        while (sizes.size() < count) {
+            auto packet = co_await stream.next();
+            if (!packet) break;
+            sizes.push_back(packet->content.size());
+        }
+    };
+    std::vector<std::size_t> sizes;
+    auto taking = start(at.shore.on, take(at.there, sizes, 40));
+    at.all.run_until([&] { return out.subscribers() == 1; });
+    std::vector<std::size_t> sent;
+    for (std::size_t i = 0; i < 40; ++i) {
+        blob picture;
+        picture.content.resize(i % 3 == 0 ? 300'000 + i : i);
+        sent.push_back(picture.content.size());
+        out(picture);
+        at.all.world.run_for(5ms);
+    }
+    REQUIRE(at.all.run_until([&] { return taking->done; }));
+    CHECK(sizes == sent);
+}
+
+TEST_CASE("leaving in the middle of a big packet leaves the session whole") {
+    fixture at;
+    at.all.world.net().between("boat", "shore").bandwidth_bytes_per_second = 1 << 20;
+    auto out = at.boat.publish(pictures);
+    auto take = [](ise::remote from, ise::loop& on) -> ise::task<> {
+        auto stream = co_await from.subscribe(pictures);
+        co_await ise::sleep_for(on, 2s);
+    };
+    auto taking = start(at.shore.on, take(at.there, at.shore.on));
+    at.all.run_until([&] { return out.subscribers() == 1; });
+    blob picture;
+    picture.content.resize(8 << 20);
+    out(picture);
+    at.all.run_until([&] { return taking->done; });
+    auto got = at.read();
+    at.publish(1, 3);
+    at.all.world.run_for(20s);
+    CHECK(got->packets == range(1, 3));
+    CHECK(out.subscribers() == 0);
+    CHECK(at.boat.services->counts().sessions_accepted == 1);
+}
+
+TEST_CASE("dropping the stream unsubscribes, and one that waits ends with its component") {
+    fixture at;
+    auto got = at.read();
+    got->stream->leave();
+    at.settle();
+    CHECK(at.fixes.subscribers() == 0);
+    REQUIRE(got->end);
+    CHECK(got->end->code() == errc::cancelled);
+
+    auto again = at.read();
+    at.boat.services->services().remove("position");
+    at.settle();
+    REQUIRE(again->end);
+    CHECK(again->end->code() == errc::no_such_service);
+}
+
+TEST_CASE("a subscription over the peer's own session ends with it") {
+    sim_parties all;
+    auto& boat = all.add("boat");
+    auto& shore = all.add("shore"); // listens nowhere, and publishes
+    auto fixes = shore.publish(position);
+    boat.provide(helm, [](set_mode) { return mode_set{}; });
+    boat.listen("tcp://0.0.0.0:7400");
+    auto there = shore.at("tcp://boat:7400"); // the session lives as long as somebody may talk over it
+    all.run(shore, there.connect(5s)).value();
+    auto back = ise::remote(std::make_shared<ise::link>(*boat.services, boat.services->sessions().begin()->second));
+    auto got = std::make_shared<reading>();
+    auto following = start(boat.on, follow(back, got));
+    all.run_until([&] { return fixes.subscribers() == 1; });
+    fixes(at_latitude(1));
+    all.world.run_for(1s);
+    CHECK(got->packets == range(1, 1));
+    shore.services->sessions().begin()->second->wire().close(ise::failure(errc::peer_lost, "pulled"));
+    all.run_until([&] { return following->done; });
+    REQUIRE(got->end);
+    CHECK(got->end->code() == errc::peer_lost);
+}
