@@ -86,7 +86,9 @@ ise::task<> observer::ping() {
         request.valid_s = 60;
         ++seen_->telecommands;
         auto reply = co_await proxy.try_call(services::telecommand, request, 10s);
-        if (!reply) {
+        if (!reply && reply.error().code() == ise::errc::cancelled) {
+            --seen_->telecommands; // the time is over: it says nothing about the boat
+        } else if (!reply) {
             ++seen_->failed;
             log().warning(reply.error().message());
         } else if (reply->state == telecommand_stage::acknowledged) {
@@ -141,6 +143,7 @@ ise::task<std::string> observer::read_stream(ise::endpoint from) {
             if (told.starts_with("data: ") && event.starts_with("update") && told.find("\"position\"") != std::string_view::npos) ++seen_->page_updates;
         }
         if (text.size() > longest_line) co_return "the page's stream makes no sense";
+        if (got.problem == asio::error::operation_aborted) co_return std::string(); // our time is over
         if (got.problem) co_return "the page's stream ended: " + got.problem.message();
     }
 }

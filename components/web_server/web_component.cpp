@@ -38,8 +38,7 @@ ise::task<> web_server::run() {
     } guard{*this};
     require(services::telemetry);
     for (const auto& path : options_.telemetry) spawn("telemetry of " + path, follow(path));
-    co_await ready();
-    if (server_ && options_.on_listening) options_.on_listening(server_->url());
+    if (server_ && options_.on_listening) options_.on_listening(server_->url()); // people need no name server
     auto next_status = now(), next_tick = now() + tick_period;
     for (;;) {
         watch_links();

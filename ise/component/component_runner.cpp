@@ -1,10 +1,7 @@
 #include <ise/component/component_runner.hpp>
 
 #include <ise/component/node_state.hpp>
-#if __has_include(<ise/naming/name_resolver.hpp>)
 #include <ise/naming/name_resolver.hpp>
-#define ISE_HAS_NAMES 1
-#endif
 #include <ise/service/session.hpp>
 
 #include <asio/bind_cancellation_slot.hpp>
@@ -78,9 +75,7 @@ void component_runner::start() {
 }
 
 void component_runner::open() {
-#ifdef ISE_HAS_NAMES
     if (names_ && name_server_) services_->use_resolver(std::make_shared<name_resolver>(*services_, *name_server_));
-#endif
     services_->services().add(make_call_service(*services_, describe_service, [this](const describe_request&) { return describe_self(); })).value();
     if (options_.listens) {
         auto wanted = options_.listen.empty() ? default_endpoints(env_, services_->self().incarnation) : options_.listen;

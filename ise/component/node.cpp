@@ -2,11 +2,8 @@
 
 #include <ise/component/left_behind.hpp>
 #include <ise/component/node_state.hpp>
-#if __has_include(<ise/naming/lease_registrar.hpp>)
 #include <ise/naming/lease_registrar.hpp>
 #include <ise/naming/services.hpp>
-#define ISE_HAS_NAMES 1
-#endif
 
 #include <asio/co_spawn.hpp>
 #include <asio/use_future.hpp>
@@ -63,12 +60,10 @@ void node::state::start_names() {
     self.process_key = env.identity().process_key;
     self.incarnation = env.random();
     services = std::make_unique<service_host>(env, loop(), *scope, std::move(self), options.services, log);
-#ifdef ISE_HAS_NAMES
     names = std::make_unique<lease_registrar>(*services, *options.name_server, options.lease);
     names->on_change = [this](const std::string& path, result<std::uint64_t> epoch) {
         if (auto runner = find(path)) runner->on_name_change(std::move(epoch));
     };
-#endif
 }
 
 task<result<std::uint64_t>> node::state::enroll(registration who, duration deadline) { return names->enroll(std::move(who), deadline); }
@@ -159,9 +154,7 @@ void node::state::on_stopped() {
 node::node(environment& env, node_options options) {
     if (options.use_names && !options.name_server) {
         auto told = env.variable("ISE_NAME_SERVER");
-#ifdef ISE_HAS_NAMES
         options.name_server = told ? endpoint::parse(*told).value() : default_name_server();
-#endif
     }
     state_ = std::make_shared<state>(env, std::move(options));
     auto setup = [held = state_] {

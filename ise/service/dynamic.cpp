@@ -88,11 +88,8 @@ public:
     }
 
     received<dynamic_packet> take() {
-        if (queue_.empty()) return {};
-        auto first = std::move(queue_.front());
-        queue_.pop_front();
-        taken();
-        return first;
+        if (!queue_.empty()) taken();
+        return queue_.take();
     }
 
     dynamic_packet response;
@@ -105,24 +102,16 @@ private:
 
     void push(bytes_view packet, const adapter* adapt, std::uint64_t lost_before) override {
         auto decoded = std::make_shared<const dynamic_packet>(read(types_->schemas[role::published], packet, adapt));
-        queue_.emplace_back(std::move(decoded), lost_before);
+        queue_.push(std::move(decoded), lost_before);
     }
     std::size_t queued() const noexcept override { return queue_.size(); }
-    void drop_oldest() override {
-        auto lost = queue_.front().lost_before();
-        queue_.pop_front();
-        if (queue_.empty() || lost == 0) return;
-        // The gap is told with the next packet that is taken.
-        auto& next = queue_.front();
-        bool unknown = lost == unknown_gap || next.lost_before() == unknown_gap;
-        next = received<dynamic_packet>(next.share(), unknown ? unknown_gap : next.lost_before() + lost);
-    }
+    std::uint64_t drop_oldest() override { return queue_.drop_oldest(); }
     void take_response(bytes_view raw) override {
         if (!raw.empty()) response = read(types_->schemas[role::subscribe_response], raw, nullptr);
     }
 
     std::shared_ptr<const packet_types> types_;
-    std::deque<received<dynamic_packet>> queue_;
+    received_queue<dynamic_packet> queue_;
 };
 
 dynamic_stream::dynamic_stream(std::shared_ptr<core> made) noexcept : core_(std::move(made)) {}

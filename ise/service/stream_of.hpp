@@ -1,33 +1,12 @@
 #pragma once
 #include <ise/packet/codec.hpp>
+#include <ise/service/received.hpp>
 #include <ise/service/subscriber_core.hpp>
 
-#include <deque>
 #include <memory>
 #include <optional>
 
 namespace ise {
-
-/// A published packet as a subscriber holds it: points to a const packet, shared, never copied. Empty once the
-/// subscription has ended.
-template <class Packet>
-class received {
-public:
-    received() = default;
-    received(std::shared_ptr<const Packet> packet, std::uint64_t lost_before) : packet_(std::move(packet)), lost_before_(lost_before) {}
-
-    explicit operator bool() const noexcept { return packet_ != nullptr; }
-    const Packet& operator*() const noexcept { return *packet_; }
-    const Packet* operator->() const noexcept { return packet_.get(); }
-    const std::shared_ptr<const Packet>& share() const noexcept { return packet_; }
-
-    /// Packets that were published since the one before and did not arrive; `unknown_gap` after a restart.
-    std::uint64_t lost_before() const noexcept { return lost_before_; }
-
-private:
-    std::shared_ptr<const Packet> packet_;
-    std::uint64_t lost_before_ = 0;
-};
 
 /// A live subscription: packets in the order in which they were published. It heals by itself when the session or
 /// the provider is lost; it ends when the provider ends it, or when this object goes. Used on its component's loop by
@@ -85,11 +64,8 @@ public:
     }
 
     received<packet_type> take() {
-        if (queue_.empty()) return {};
-        auto first = std::move(queue_.front());
-        queue_.pop_front();
-        taken();
-        return first;
+        if (!queue_.empty()) taken();
+        return queue_.take();
     }
 
     response_type response{};
@@ -102,21 +78,15 @@ private:
         } else {
             decode_into(*decoded, packet);
         }
-        queue_.emplace_back(std::move(decoded), lost_before);
+        queue_.push(std::move(decoded), lost_before);
     }
     std::size_t queued() const noexcept override { return queue_.size(); }
-    std::uint64_t drop_oldest() override {
-        auto gap = gap_of(queue_.front().lost_before(), 1);
-        queue_.pop_front();
-        if (queue_.empty()) return gap;
-        queue_.front() = received<packet_type>(queue_.front().share(), gap_of(gap, queue_.front().lost_before()));
-        return 0;
-    }
+    std::uint64_t drop_oldest() override { return queue_.drop_oldest(); }
     void take_response(bytes_view raw) override {
         if (!raw.empty()) decode_into(response, raw);
     }
 
-    std::deque<received<packet_type>> queue_;
+    received_queue<packet_type> queue_;
 };
 
 } // namespace ise
