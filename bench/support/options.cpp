@@ -43,7 +43,7 @@ options parse_options(int argc, char** argv) {
     }
     if (at == argc) throw std::invalid_argument("say what to do");
     out.work = argv[at++];
-    check_one_of("work", out.work, {"call", "publish", "paced"});
+    check_one_of("work", out.work, {"call", "publish", "paced", "idle"});
     for (; at < argc; at += 2) {
         const std::string_view name = argv[at];
         if (at + 1 == argc) throw std::invalid_argument(std::string(name) + " needs a value");
@@ -68,7 +68,7 @@ options parse_options(int argc, char** argv) {
 const char* usage() noexcept {
     return "usage: PROGRAM serve WORK [options]              prints its address, ends when its standard input ends\n"
            "       PROGRAM WORK --connect ADDRESS [options]  measures, prints one line of JSON\n"
-           "WORK: call, publish, paced\n"
+           "WORK: call, publish, paced, idle\n"
            "  --kind raw|asio|...            --transport tcp|local|inproc\n"
            "  --size BYTES                   --outstanding N   --subscribers N\n"
            "  --seconds S                    --warmup S\n"

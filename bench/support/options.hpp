@@ -7,7 +7,7 @@ namespace bench {
 /// What a benchmark program was asked to do; bench/README.md describes the command line.
 struct options {
     bool serve = false;             ///< the other side: prints its address, ends when standard input ends
-    std::string work;               ///< call, publish, paced
+    std::string work;               ///< call, publish, paced, idle
     std::string kind = "raw";       ///< raw, asio; a program may know others
     std::string transport = "tcp";  ///< tcp, local, inproc
     std::string connect;            ///< what the serving side printed

@@ -8,6 +8,14 @@
 namespace bench {
 
 void print(const options& asked, const outcome& found) {
+    if (asked.work == "idle") {
+        std::printf("{\"work\":\"idle\",\"kind\":\"%s\",\"transport\":\"%s\",\"connections\":%llu,\"heap_bytes_each\":%.0f,"
+                    "\"resident_bytes_each\":%.0f}\n",
+                    asked.kind.c_str(), asked.transport.c_str(), static_cast<unsigned long long>(found.count), found.bytes_each,
+                    found.resident_bytes_each);
+        std::fflush(stdout);
+        return;
+    }
     const auto per_s = found.seconds > 0 ? static_cast<double>(found.count) / found.seconds : 0;
     std::printf("{\"work\":\"%s\",\"kind\":\"%s\",\"transport\":\"%s\",\"size_bytes\":%zu,\"outstanding\":%zu,\"subscribers\":%zu,"
                 "\"seconds\":%.6f,\"count\":%llu,\"per_s\":%.1f,\"latency_ns\":",

@@ -125,7 +125,8 @@ void simulated_boat::queue(link_id link, ise::bytes raw) {
 }
 
 packet_header simulated_boat::next_header() {
-    return {boot_, sequence_++, options_.epoch + std::chrono::milliseconds(steps_ * 100)};
+    auto passed_ms = static_cast<double>(steps_) * 100 * options_.clock_rate;
+    return {boot_, sequence_++, options_.epoch + std::chrono::milliseconds(std::llround(passed_ms))};
 }
 
 std::vector<ise::bytes> simulated_boat::take_packets(link_id link) {

@@ -19,6 +19,7 @@ struct boat_options {
     std::optional<waypoint> start;            ///< also home; else half-way along the last leg of the course
     std::optional<double> heading_deg;        ///< else on a reach: a boat at rest head to wind never moves
     utc_time epoch{};                         ///< the UTC of model time 0
+    double clock_rate = 1;                    ///< UTC that passes per model time; 1/speedup keeps the boat's clock right
     std::uint16_t boot = 1;
     std::uint64_t seed = 1;                   ///< of the noise of the instruments
     boat_parameters model = small_boat_parameters();

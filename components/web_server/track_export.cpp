@@ -34,12 +34,12 @@ std::string iso(utc_ms at) {
     return rest_ms == 0 ? text + "Z" : fmt::format("{}.{:03}Z", text, rest_ms);
 }
 
-std::string name_of(const waypoint& point, std::size_t index) {
+std::string name_of(const track_waypoint& point, std::size_t index) {
     return point.name.empty() ? fmt::format("WP{}", index + 1) : xml(point.name);
 }
 } // namespace
 
-std::string to_gpx(std::string_view boat, const std::vector<track_point>& track, const std::vector<waypoint>& waypoints) {
+std::string to_gpx(std::string_view boat, const std::vector<track_point>& track, const std::vector<track_waypoint>& waypoints) {
     std::string out;
     auto to = std::back_inserter(out);
     fmt::format_to(to,
@@ -66,7 +66,7 @@ std::string to_gpx(std::string_view boat, const std::vector<track_point>& track,
     return out += "</gpx>\n";
 }
 
-std::string to_kml(std::string_view boat, const std::vector<track_point>& track, const std::vector<waypoint>& waypoints) {
+std::string to_kml(std::string_view boat, const std::vector<track_point>& track, const std::vector<track_waypoint>& waypoints) {
     std::string out;
     auto to = std::back_inserter(out);
     fmt::format_to(to,

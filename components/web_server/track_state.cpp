@@ -126,7 +126,7 @@ struct track_state::implementation {
 
     /// How fast the waypoint comes nearer. A boat that tacks does not point at it, so this is made good over the
     /// last minutes of the leg; at its beginning, the speed's part in that direction.
-    std::optional<double> closing_mps(const waypoint& target, double there_m) const {
+    std::optional<double> closing_mps(const track_waypoint& target, double there_m) const {
         auto now = position->from.measured_at;
         auto since = std::max(now - std::chrono::minutes(5), leg_since.value_or(utc_ms::min() + std::chrono::hours(1)));
         if (now - since >= beside) {
@@ -267,7 +267,7 @@ std::optional<page_event> track_state::apply(const waypoints_update& given, utc_
     auto update = given;
     bool sound = update.points.size() <= self.options.max_waypoints &&
                  std::all_of(update.points.begin(), update.points.end(),
-                             [](const waypoint& w) { return on_earth(w.latitude_deg, w.longitude_deg); });
+                             [](const track_waypoint& w) { return on_earth(w.latitude_deg, w.longitude_deg); });
     if (!sound) return ++self.statistics.refused, std::nullopt;
     if (!self.accept(update.from) || !self.is_newer(self.waypoints, update)) return std::nullopt;
     for (auto& point : update.points) point.name = bounded(point.name);
@@ -342,11 +342,11 @@ page_event track_state::status(utc_ms now) const {
 }
 
 std::string track_state::gpx() const {
-    return to_gpx(self_->options.boat, self_->line.points(), self_->waypoints ? self_->waypoints->points : std::vector<waypoint>());
+    return to_gpx(self_->options.boat, self_->line.points(), self_->waypoints ? self_->waypoints->points : std::vector<track_waypoint>());
 }
 
 std::string track_state::kml() const {
-    return to_kml(self_->options.boat, self_->line.points(), self_->waypoints ? self_->waypoints->points : std::vector<waypoint>());
+    return to_kml(self_->options.boat, self_->line.points(), self_->waypoints ? self_->waypoints->points : std::vector<track_waypoint>());
 }
 
 const std::vector<track_point>& track_state::track() const noexcept { return self_->line.points(); }

@@ -54,7 +54,7 @@ struct power_update {
     std::optional<double> battery_charge_percent;
 };
 
-struct waypoint {
+struct track_waypoint {
     double latitude_deg = 0;
     double longitude_deg = 0;
     std::string name; ///< may be empty
@@ -62,7 +62,7 @@ struct waypoint {
 
 struct waypoints_update {
     report_origin from;
-    std::vector<waypoint> points;
+    std::vector<track_waypoint> points;
     std::optional<std::size_t> active; ///< the one the boat steers for
     bool closed = false;               ///< after the last comes the first
 };

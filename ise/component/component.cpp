@@ -1,8 +1,10 @@
 #include <ise/component/component.hpp>
 
 #include <ise/component/component_runner.hpp>
-#include <ise/naming/name_resolver.hpp>
 #include <ise/service/session.hpp>
+
+#include <asio/error.hpp>
+#include <asio/post.hpp>
 
 #include <fmt/format.h>
 
@@ -70,8 +72,73 @@ void component::spawn(std::string name, task<> body) { started(runner_).flow().s
 task<> component::ready() { return started(runner_).ready(); }
 void component::stop() { started(runner_).stop(); }
 
+namespace {
+
+struct offloaded {
+    explicit offloaded(loop& on) : wake(on, [] {}) {} // not interrupted: the job uses its coroutine's variables
+    unique_function<void()> job;
+    waiter<> wake;
+    std::exception_ptr thrown;
+    bool finished = false;
+};
+
+} // namespace
+
+task<> component::run_elsewhere(unique_function<void()> job) {
+    auto& runner = started(runner_);
+    auto done = std::make_shared<offloaded>(on());
+    done->job = std::move(job);
+    env().offload([done, gate = on().gate(), running = runner.begin_job()]() mutable {
+        try {
+            done->job();
+        } catch (...) {
+            done->thrown = std::current_exception();
+        }
+        done->job = {};
+        gate->post([done] {
+            done->finished = true;
+            done->wake.resume();
+        });
+        running.reset(); // the component may be destroyed from now on
+    });
+    while (!done->finished) co_await done->wake.wait();
+    if (done->thrown) std::rethrow_exception(done->thrown);
+}
+
+void component::post_spawn(std::string name, task<> body) {
+    asio::post(get_executor(), [self = runner_->shared_from_this(), name = std::move(name), body = std::move(body)]() mutable {
+        auto taken = std::move(body);
+        self->flow().spawn(std::move(name), std::move(taken));
+    });
+}
+
+void component::throw_outcome(const std::exception_ptr& thrown) const {
+    bool gone = false;
+    try {
+        std::rethrow_exception(thrown);
+    } catch (const std::future_error&) {
+        gone = true; // destroyed before it ended
+    } catch (const std::system_error& cancelled) {
+        gone = cancelled.code() == asio::error::operation_aborted && runner_->stop_asked();
+        if (!gone) throw;
+    }
+    throw error(errc::cancelled, fmt::format("'{}' was stopped while a thread waited for it", path()), execution::unknown);
+}
+
+void component::check_period(duration period) {
+    if (period <= duration{}) throw error(errc::invalid_argument, "a period must be longer than nothing");
+}
+
+bool component::keeps_trying(const remote& provider, std::string_view service, const failure& why, bool first) const {
+    bool absent = why.code() == errc::timed_out || why.code() == errc::peer_lost || why.code() == errc::unreachable;
+    if (absent && first) log().warning("waits for a subscription", {{"service", std::string(service)}, {"provider", provider.name()}, {"cause", why.message()}});
+    return absent;
+}
+
 void component::check_may_block() const {
     auto& runner = started(runner_);
+    if (runner.state() == component_state::stopped || runner.state() == component_state::failed)
+        throw error(errc::cancelled, fmt::format("'{}' has stopped", runner.path()));
     if (runner.env().is_virtual()) throw error(errc::would_block_self, "a blocking wait in the virtual world would stop its only thread: co_await instead");
     if (runner.on().running_here())
         throw error(errc::would_block_self, fmt::format("a blocking wait on the own thread of '{}' would never end: co_await instead", runner.path()));

@@ -8,11 +8,10 @@
 #include <ise/service/publication.hpp>
 #include <ise/service/remote.hpp>
 
-#include <asio/co_spawn.hpp>
-#include <asio/use_future.hpp>
-
 #include <functional>
+#include <future>
 #include <memory>
+#include <optional>
 #include <string>
 
 namespace ise {
@@ -69,9 +68,12 @@ public:
         add(core);
         return publication<Contract>(core);
     }
-    /// Publishes what `make()` returns, every `period`, until the component stops.
+    /// Publishes what `make()` returns, now and every `period` until the component stops. A loop that was held up
+    /// publishes once and goes on in step: times that have passed are not made up for.
+    /// Throws errc::invalid_argument for a period that is none.
     template <class Contract, class Make>
     void publish_every(const Contract& service, duration period, Make make) {
+        check_period(period);
         spawn(std::string(service.name()), tick(publish(service), period, std::function<typename Contract::packet_type()>(std::move(make))));
     }
     /// Ends a provided service.
@@ -96,7 +98,9 @@ public:
     /// The one whose call is being answered, for calling back over the same session.
     remote caller(const call_context& context);
 
-    /// Subscribes with a callback: `on_packet(const Packet&)` for every packet, in order, on the component's loop.
+    /// Subscribes with a callback: `on_packet(const Packet&)` for every packet, in order, on the component's loop, until
+    /// the provider withdraws the service. Waits for a provider that is not there as long as it takes; a refusal, or what
+    /// the callback throws, follows the failure policy.
     template <class Contract, class Callback>
     void listen(remote provider, const Contract& service, Callback on_packet, subscribe_options options = subscribe_options()) {
         spawn(std::string(service.name()), each(std::move(provider), service, std::function<void(const typename Contract::packet_type&)>(std::move(on_packet)), options));
@@ -110,7 +114,8 @@ public:
     task<> sleep_till(time_point at) { return sleep_until(on(), at); }
     time_point now() const { return on().now(); }
     wall_time wall() const { return env().wall(); }
-    /// Runs `work` on another thread and waits: for what computes long. Its exception is thrown here.
+    /// Runs `work` on another thread and waits: for what computes long. Its exception is thrown here. `work` may refer
+    /// to the coroutine's variables: cancellation does not interrupt it, and takes effect at the next suspension.
     template <class Work>
     task<std::invoke_result_t<Work&>> offload(Work work) {
         return offload_on(std::move(work));
@@ -126,12 +131,20 @@ public:
 
     // --- from other threads -------------------------------------------------------------------------------------
 
-    /// Runs a coroutine on the component's loop and blocks the calling thread until it is done.
-    /// errc::would_block_self on the component's own loop, and in the virtual world, where nothing may block.
+    /// Runs a coroutine on the component's loop and blocks the calling thread until it is done; throws what it throws.
+    /// errc::cancelled if the component stops meanwhile or has stopped; errc::would_block_self on the component's own
+    /// loop, and in the virtual world, where nothing may block.
     template <class T>
     T wait(task<T> body) {
         check_may_block();
-        return asio::co_spawn(get_executor(), std::move(body), asio::use_future).get();
+        std::promise<T> promise;
+        auto outcome = promise.get_future();
+        post_spawn("wait", fulfil<T>(std::move(body), std::move(promise)));
+        try {
+            return outcome.get();
+        } catch (...) {
+            throw_outcome(std::current_exception());
+        }
     }
 
 protected:
@@ -147,61 +160,70 @@ private:
     void withdraw_service(const std::string& name);
     void declare_required(const std::string& name, const packet_types& types);
     void check_may_block() const;
+    static void check_period(duration period);
+    /// Starts a coroutine of the flow from any thread; it is destroyed unstarted if the component stops.
+    void post_spawn(std::string name, task<> body);
+    /// Makes what a coroutine of a stopped component throws a clear error.
+    [[noreturn]] void throw_outcome(const std::exception_ptr& thrown) const;
+    /// Whether a subscription that was not made is worth another try; says so once.
+    bool keeps_trying(const remote& provider, std::string_view service, const failure& why, bool first) const;
+    task<> run_elsewhere(unique_function<void()> job);
 
     template <class Contract>
     task<> tick(publication<Contract> out, duration period, std::function<typename Contract::packet_type()> make) {
-        for (auto at = now();; at += period) {
+        for (auto at = now();;) {
             co_await sleep_till(at);
             out(make());
+            at = saturating_add(at, period);
+            if (at < now()) at += ((now() - at) / period + 1) * period;
         }
     }
     template <class Contract>
     task<> each(remote provider, Contract service, std::function<void(const typename Contract::packet_type&)> on_packet, subscribe_options options) {
-        auto packets = co_await provider.subscribe(service, options);
+        stream_of<Contract> packets;
+        for (bool first = true;; first = false) {
+            std::optional<failure> why;
+            try {
+                packets = co_await provider.subscribe(service, options);
+            } catch (const error& refused) {
+                why = refused.why();
+            }
+            if (!why) break;
+            if (!keeps_trying(provider, service.name(), *why, first)) throw error(std::move(*why));
+        }
         for (;;) {
             auto packet = co_await packets.next();
             if (!packet) break;
             on_packet(*packet);
         }
     }
+    template <class T>
+    static task<> fulfil(task<T> body, std::promise<T> promise) {
+        try {
+            if constexpr (std::is_void_v<T>) {
+                co_await std::move(body);
+                promise.set_value();
+            } else {
+                auto value = co_await std::move(body);
+                promise.set_value(std::move(value));
+            }
+        } catch (...) {
+            promise.set_exception(std::current_exception());
+        }
+    }
     template <class Work>
     task<std::invoke_result_t<Work&>> offload_on(Work work) {
         using value = std::invoke_result_t<Work&>;
-        auto done = std::make_shared<offloaded<value>>(on());
-        env().offload([done, job = std::make_shared<Work>(std::move(work)), executor = get_executor()] {
-            done->run(*job);
-            asio::post(executor, [done] {
-                done->finished = true;
-                done->wake.resume();
-            });
-        });
-        while (!done->finished) co_await done->wake.wait();
-        co_return done->take();
+        if constexpr (std::is_void_v<value>) {
+            unique_function<void()> job = [&work] { work(); };
+            co_await run_elsewhere(std::move(job));
+        } else {
+            std::optional<value> made;
+            unique_function<void()> job = [&] { made.emplace(work()); };
+            co_await run_elsewhere(std::move(job));
+            co_return std::move(*made);
+        }
     }
-    template <class T>
-    struct offloaded {
-        explicit offloaded(loop& on) : wake(on, [this] { wake.resume(); }) {}
-        template <class Work>
-        void run(Work& job) {
-            try {
-                if constexpr (std::is_void_v<T>) {
-                    job();
-                } else {
-                    value.emplace(job());
-                }
-            } catch (...) {
-                thrown = std::current_exception();
-            }
-        }
-        T take() {
-            if (thrown) std::rethrow_exception(thrown);
-            if constexpr (!std::is_void_v<T>) return std::move(*value);
-        }
-        waiter<> wake;
-        std::optional<std::conditional_t<std::is_void_v<T>, std::monostate, T>> value;
-        std::exception_ptr thrown;
-        bool finished = false;
-    };
 
     component_runner* runner_ = nullptr; // before it is started there is none
     bool announce_when_ready_ = false;

@@ -1,9 +1,13 @@
 #include <ise/component/component_runner.hpp>
 
 #include <ise/component/node_state.hpp>
+#if __has_include(<ise/naming/name_resolver.hpp>)
 #include <ise/naming/name_resolver.hpp>
+#define ISE_HAS_NAMES 1
+#endif
 #include <ise/service/session.hpp>
 
+#include <asio/bind_cancellation_slot.hpp>
 #include <asio/co_spawn.hpp>
 #include <asio/detached.hpp>
 
@@ -13,6 +17,8 @@ namespace ise {
 namespace {
 
 constexpr duration name_wait = std::chrono::seconds(5);
+// A flow that ran for this long was a good one: the next restart begins with the shortest pause.
+constexpr duration steady_flow = std::chrono::seconds(60);
 
 // What a component listens on unless it is told: the nearest for each who asks.
 std::vector<endpoint> default_endpoints(environment& env, std::uint64_t incarnation) {
@@ -39,11 +45,11 @@ std::vector<endpoint> reachable(environment& env, const endpoint& at) {
 
 } // namespace
 
-component_runner::component_runner(std::weak_ptr<node::state> of, environment& env, std::shared_ptr<loop_host> host, std::string path,
+component_runner::component_runner(std::weak_ptr<node::state> of, environment& env, std::shared_ptr<loop_share> share, std::string path,
                                    std::unique_ptr<component> made, component_options options, const node_options& node, std::uint64_t incarnation)
-    : node_(std::move(of)), env_(env), host_(std::move(host)), path_(std::move(path)), options_(std::move(options)), grace_(node.grace),
+    : node_(std::move(of)), env_(env), share_(std::move(share)), path_(std::move(path)), options_(std::move(options)), grace_(node.grace),
       names_(node.use_names), name_server_(node.name_server), log_(env, path_.empty() ? "(anonymous)" : path_, node.log),
-      component_(std::move(made)), announced_wake_(host_->loop(), [this] { announced_wake_.resume(); }),
+      component_(std::move(made)),
       pause_(env, std::chrono::milliseconds(200), std::chrono::seconds(30)) {
     wire::identity self;
     self.path = path_;
@@ -55,37 +61,65 @@ component_runner::component_runner(std::weak_ptr<node::state> of, environment& e
     services_ = std::make_unique<service_host>(env, on(), *connections_, std::move(self), node.services, log_);
     report_.path = path_;
     component_->runner_ = this;
+    ++share_->unfinished;
 }
 
 component_runner::~component_runner() = default;
 
 void component_runner::start() {
+    if (stop_asked_) throw error(errc::cancelled, fmt::format("'{}' was stopped before it started", path_));
+    try {
+        open();
+    } catch (...) {
+        services_->stop(duration{}); // nobody may come in any more
+        stop();
+        throw;
+    }
+}
+
+void component_runner::open() {
+#ifdef ISE_HAS_NAMES
     if (names_ && name_server_) services_->use_resolver(std::make_shared<name_resolver>(*services_, *name_server_));
+#endif
     services_->services().add(make_call_service(*services_, describe_service, [this](const describe_request&) { return describe_self(); })).value();
     if (options_.listens) {
         auto wanted = options_.listen.empty() ? default_endpoints(env_, services_->self().incarnation) : options_.listen;
         for (const auto& at : wanted) services_->listen(at).value();
     }
-    begin_flow();
+    make_flow();
+    // Whoever starts it does not wait for its first step, which may take its time.
+    asio::post(on().get_executor(), [self = shared_from_this()] { self->begin_flow(); });
+}
+
+void component_runner::make_flow() {
+    flow_ = std::make_unique<task_scope>(on(), [this](const std::string& name, std::exception_ptr thrown) { on_child_failure(name, thrown); });
 }
 
 void component_runner::begin_flow() {
-    flow_ = std::make_unique<task_scope>(on(), [this](const std::string& name, std::exception_ptr thrown) { on_child_failure(name, thrown); });
-    flow_->spawn("run", component_->run());
+    if (stop_asked_) return;
+    flow_began_ = on().now();
+    try {
+        flow_->spawn("run", component_->run());
+    } catch (...) { // a run() that is no coroutine
+        on_child_failure("run", std::current_exception());
+    }
     // Posted behind the flow's first step: it has provided what it provides before it first suspends.
     if (!component_->announce_when_ready_)
         asio::post(on().get_executor(), [self = shared_from_this()] { self->announce(); });
 }
 
 void component_runner::announce() {
-    if (announcing_ || stop_asked_) return;
-    announcing_ = true;
+    if (stop_asked_) return;
     auto expected = component_state::starting;
-    state_.compare_exchange_strong(expected, component_state::ready);
+    bool news = state_.compare_exchange_strong(expected, component_state::ready);
+    services_->go_on();
+    if (std::exchange(announcing_, true)) {
+        if (news) services_changed(); // it was restarted
+        return;
+    }
     auto owner = node_.lock();
     if (path_.empty() || !options_.registers || !owner || !owner->names) {
-        announced_ = true;
-        announced_wake_.resume();
+        tell_announced();
         return;
     }
     connections_->spawn("registration", enroll(shared_from_this()));
@@ -102,22 +136,30 @@ task<> component_runner::enroll([[maybe_unused]] std::shared_ptr<component_runne
         services_->set_epoch(*granted);
         log_.info("registered", {{"epoch", std::to_string(*granted)}});
     } else if (granted.error().code() == errc::name_taken) {
-        {
-            std::lock_guard lock(report_mutex_);
-            report_.failure = granted.error().message();
-        }
+        fail(granted.error().message());
         log_.error(granted.error().message());
         stop();
     } else {
         log_.warning(granted.error().message());
     }
+    tell_announced();
+}
+
+void component_runner::tell_announced() {
     announced_ = true;
-    announced_wake_.resume();
+    for (auto* waiting : awaiting_announced_) waiting->resume();
 }
 
 task<> component_runner::ready() {
     announce();
-    while (!announced_) co_await announced_wake_.wait();
+    waiter<> told(on(), [&told] { told.resume(); });
+    struct listed {
+        std::vector<waiter<>*>& all;
+        waiter<>* who;
+        ~listed() { std::erase(all, who); }
+    } among{awaiting_announced_, &told};
+    awaiting_announced_.push_back(&told);
+    while (!announced_) co_await told.wait();
 }
 
 registration component_runner::describe_for_names() const {
@@ -198,13 +240,14 @@ component_text component_runner::describe_self() const {
     return made;
 }
 
+void component_runner::fail(std::string why) {
+    std::lock_guard lock(report_mutex_);
+    report_.failure = std::move(why);
+}
+
 void component_runner::on_child_failure(const std::string& name, std::exception_ptr thrown) {
-    auto text = fmt::format("{}: {}", name, describe(thrown));
     log_.error("an exception escaped", {{"coroutine", name}, {"cause", describe(thrown)}});
-    {
-        std::lock_guard lock(report_mutex_);
-        report_.failure = text;
-    }
+    fail(fmt::format("{}: {}", name, describe(thrown)));
     if (stop_asked_) return;
     switch (options_.policy) {
         case on_failure::stop_component: stop(); break;
@@ -218,23 +261,36 @@ void component_runner::on_child_failure(const std::string& name, std::exception_
     }
 }
 
+// Peers see their sessions end, and come back when there is something to come back to.
 task<> component_runner::restart() {
+    state_ = component_state::starting;
     flow_->stop();
-    co_await flow_->join_until(saturating_add(on().now(), grace_));
-    if (flow_->size() > 0) {
-        log_.error("cannot be restarted: coroutines of its last flow still run", {{"count", std::to_string(flow_->size())}});
+    bool ended = co_await flow_->join_until(saturating_add(on().now(), grace_));
+    if (!ended) {
+        log_.error("cannot be restarted: coroutines of its last flow still run", {{"coroutines", fmt::format("{}", fmt::join(flow_->running(), ", "))}});
         stop();
         co_return;
     }
+    services_->pause(failure(errc::peer_lost, fmt::format("'{}' restarts after a failure", path_)), grace_ / 2);
     for (const auto& name : std::vector(own_services_)) withdraw_service(name);
-    co_await sleep_for(on(), pause_.next());
+    if (on().now() - flow_began_ >= steady_flow) pause_.reset();
+    auto pause = pause_.next();
+    log_.warning("restarts", {{"after_s", fmt::format("{:.3f}", std::chrono::duration<double>(pause).count())}});
+    co_await sleep_for(on(), pause);
+    if (stop_asked_) co_return;
+    make_flow();
     restarting_ = false;
-    log_.info("restarts");
+    {
+        std::lock_guard lock(report_mutex_);
+        report_.failure.clear();
+        ++report_.restarts;
+    }
     begin_flow();
 }
 
 void component_runner::stop() {
     if (stop_asked_.exchange(true)) return;
+    stop_limit_ = saturating_add(env_.now(), grace_ * 3 + std::chrono::milliseconds(100)).time_since_epoch().count();
     asio::post(on().get_executor(), [self = shared_from_this()] {
         asio::co_spawn(self->on().get_executor(), shut_down(self), asio::detached);
     });
@@ -244,7 +300,7 @@ void component_runner::stop() {
 task<> component_runner::shut_down(std::shared_ptr<component_runner> self) {
     auto& me = *self;
     auto limit = saturating_add(me.on().now(), me.grace_);
-    me.state_ = component_state::stopping;
+    if (!me.over()) me.state_ = component_state::stopping;
     if (auto owner = me.node_.lock(); owner && owner->names && me.announcing_ && !me.path_.empty() && me.options_.registers)
         asio::co_spawn(owner->loop().get_executor(), owner->names->withdraw(me.path_), asio::detached);
 
@@ -264,19 +320,36 @@ task<> component_runner::shut_down(std::shared_ptr<component_runner> self) {
     me.connections_->stop();
     bool closed = co_await me.connections_->join_until(saturating_add(me.on().now(), me.grace_));
     if (!closed) note(*me.connections_);
-    bool failed = false;
+    for (const auto& name : still) me.log_.error("a coroutine did not end in time", {{"coroutine", name}});
     {
         std::lock_guard lock(me.report_mutex_);
-        me.report_.still_running = still;
-        failed = !me.report_.failure.empty();
+        me.report_.still_running = std::move(still);
     }
-    for (const auto& name : still) me.log_.error("a coroutine did not end in time", {{"coroutine", name}});
-    if (still.empty()) {
-        me.component_.reset();
-        me.flow_.reset();
+    // Not within a turn of the loop, which may be gone when this returns.
+    asio::post(me.on().get_executor(), [self] { self->finish(); });
+}
+
+void component_runner::finish() {
+    if (--share_->unfinished == 0 && share_->adopted) share_->host->end();
+    bool failed = !report().failure.empty();
+    auto owner = node_.lock();
+    state_ = failed ? component_state::failed : component_state::stopped;
+    ended_ = true;
+    if (owner) owner->on_stopped();
+}
+
+bool component_runner::give_up_if_late() {
+    if (over() || env_.now().time_since_epoch().count() < stop_limit_) return false;
+    std::string what = share_->adopted ? "its executor, which is blocked or not run by the program" : "its thread, which does not come back to its loop";
+    log_.error("cannot be stopped and is left behind", {{"still_running", what}});
+    {
+        std::lock_guard lock(report_mutex_);
+        report_.still_running.push_back(what);
+        if (report_.failure.empty()) report_.failure = "could not be stopped: " + what;
     }
-    me.state_ = failed ? component_state::failed : component_state::stopped;
-    if (auto owner = me.node_.lock()) owner->on_stopped();
+    auto now = state_.load();
+    while (now < component_state::stopped && !state_.compare_exchange_weak(now, component_state::failed)) {}
+    return true;
 }
 
 void component_runner::on_name_change(result<std::uint64_t> epoch) {
@@ -286,16 +359,13 @@ void component_runner::on_name_change(result<std::uint64_t> epoch) {
             return;
         }
         self->log_.error(epoch.error().message());
-        {
-            std::lock_guard lock(self->report_mutex_);
-            self->report_.failure = epoch.error().message();
-        }
+        self->fail(epoch.error().message());
         self->stop();
     });
 }
 
 bool component_runner::poke() {
-    if (state() == component_state::stopped || state() == component_state::failed) return true;
+    if (over()) return true;
     if (poked_.exchange(true)) return false;
     asio::post(on().get_executor(), [self = shared_from_this()] { self->poked_ = false; });
     return true;

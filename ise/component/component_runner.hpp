@@ -1,4 +1,6 @@
 #pragma once
+#include <ise/component/job_count.hpp>
+#include <ise/component/loop_share.hpp>
 #include <ise/component/node.hpp>
 #include <ise/core/task_scope.hpp>
 #include <ise/service/back_off.hpp>
@@ -14,21 +16,27 @@ namespace ise {
 /// the constructor, `stop()` and what reads atomics happens on the component's loop.
 class component_runner : public std::enable_shared_from_this<component_runner> {
 public:
-    component_runner(std::weak_ptr<node::state> of, environment& env, std::shared_ptr<loop_host> host, std::string path,
+    component_runner(std::weak_ptr<node::state> of, environment& env, std::shared_ptr<loop_share> share, std::string path,
                      std::unique_ptr<component> made, component_options options, const node_options& node, std::uint64_t incarnation);
     ~component_runner();
 
-    /// Listens, provides ISE's own services and starts the flow. Throws what listening refuses.
+    /// Listens, provides ISE's own services and starts the flow. Throws what listening refuses; then nothing listens, and
+    /// what was begun ends by itself.
     void start();
     /// From any thread, any number of times.
     void stop();
 
     const std::string& path() const noexcept { return path_; }
     component_state state() const noexcept { return state_.load(); }
-    loop& on() noexcept { return host_->loop(); }
+    loop& on() noexcept { return share_->host->loop(); }
     environment& env() noexcept { return env_; }
-    const std::shared_ptr<loop_host>& host() const noexcept { return host_; }
+    const std::shared_ptr<loop_share>& share() const noexcept { return share_; }
     stop_report report() const;
+    bool stop_asked() const noexcept { return stop_asked_.load(); }
+    /// Stopped or failed: nothing more comes from it.
+    bool over() const noexcept { return state() >= component_state::stopped; }
+    /// Whether nothing of it runs any more and it can be destroyed; else see leave_behind().
+    bool ended() const noexcept { return ended_.load() && jobs_->none(); }
 
     // For the component.
     service_host& services() noexcept { return *services_; }
@@ -45,12 +53,20 @@ public:
     /// Asks the loop to show that it turns; true if the question before was answered.
     bool poke();
     std::atomic<bool> stalled{false};
-    /// Ends the loop if nobody else shares it; from no loop. Coroutines that did not end are destroyed.
-    void end_loop() { host_.reset(); }
+    /// Counts it as stopped although its thread does not come back to its loop, or its executor is not run, for longer
+    /// than stopping may take. True if it was given up now.
+    bool give_up_if_late();
+    /// Something that runs on another thread for it, as long as the result is held.
+    std::shared_ptr<void> begin_job() { return jobs_->begin(); }
+    /// Waits for all of that; from a thread that may wait.
+    void wait_for_jobs() { jobs_->wait(); }
 
 private:
+    void open();
+    void make_flow();
     void begin_flow();
     void announce();
+    void tell_announced();
     task<> enroll(std::shared_ptr<component_runner> self);
     registration describe_for_names() const;
     void services_changed();
@@ -58,10 +74,12 @@ private:
     void on_child_failure(const std::string& name, std::exception_ptr thrown);
     task<> restart();
     static task<> shut_down(std::shared_ptr<component_runner> self);
+    void finish();
+    void fail(std::string why);
 
     std::weak_ptr<node::state> node_;
     environment& env_;
-    std::shared_ptr<loop_host> host_;
+    std::shared_ptr<loop_share> share_;
     std::string path_;
     component_options options_;
     duration grace_;
@@ -71,6 +89,9 @@ private:
     std::atomic<component_state> state_{component_state::starting};
     std::atomic<bool> stop_asked_{false};
     std::atomic<bool> poked_{false};
+    std::atomic<bool> ended_{false};
+    std::atomic<duration::rep> stop_limit_{duration::max().count()}; // when it is given up
+    std::shared_ptr<job_count> jobs_ = std::make_shared<job_count>();
 
     // On the loop. The component goes first, then its coroutines' owners, then its services.
     std::unique_ptr<task_scope> connections_;
@@ -78,8 +99,9 @@ private:
     std::unique_ptr<task_scope> flow_;
     std::unique_ptr<component> component_;
     std::vector<std::string> own_services_; // what the flow provided: withdrawn when it restarts
-    waiter<> announced_wake_;
+    std::vector<waiter<>*> awaiting_announced_;
     back_off pause_;
+    time_point flow_began_{};
     bool announcing_ = false;
     bool announced_ = false;
     bool restarting_ = false;

@@ -1,8 +1,12 @@
 #include <ise/component/node.hpp>
 
+#include <ise/component/left_behind.hpp>
 #include <ise/component/node_state.hpp>
+#if __has_include(<ise/naming/lease_registrar.hpp>)
 #include <ise/naming/lease_registrar.hpp>
 #include <ise/naming/services.hpp>
+#define ISE_HAS_NAMES 1
+#endif
 
 #include <asio/co_spawn.hpp>
 #include <asio/use_future.hpp>
@@ -23,6 +27,13 @@ bool good_path(const std::string& path) {
                letter == '_' || letter == '-' || letter == '.' || letter == '/';
     });
     return letters && path.size() <= 200 && !path.starts_with('/') && !path.ends_with('/') && path.find("//") == std::string::npos;
+}
+
+// For a message, which may end at a zero or run over lines.
+std::string printable(std::string text) {
+    for (char& letter : text)
+        if (static_cast<unsigned char>(letter) < 0x20 || letter == 0x7f) letter = '?';
+    return text.size() <= 200 ? text : text.substr(0, 200) + "...";
 }
 
 class coroutine_component final : public component {
@@ -52,10 +63,12 @@ void node::state::start_names() {
     self.process_key = env.identity().process_key;
     self.incarnation = env.random();
     services = std::make_unique<service_host>(env, loop(), *scope, std::move(self), options.services, log);
+#ifdef ISE_HAS_NAMES
     names = std::make_unique<lease_registrar>(*services, *options.name_server, options.lease);
     names->on_change = [this](const std::string& path, result<std::uint64_t> epoch) {
         if (auto runner = find(path)) runner->on_name_change(std::move(epoch));
     };
+#endif
 }
 
 task<result<std::uint64_t>> node::state::enroll(registration who, duration deadline) { return names->enroll(std::move(who), deadline); }
@@ -68,6 +81,7 @@ void node::state::watch_loops() {
         all = runners;
     }
     for (auto& runner : all) {
+        if (runner->give_up_if_late()) on_stopped();
         bool turning = runner->poke();
         if (runner->stalled.exchange(!turning) == !turning) continue;
         if (turning) {
@@ -82,9 +96,41 @@ void node::state::watch_loops() {
 
 std::shared_ptr<component_runner> node::state::find(const std::string& path) const {
     std::lock_guard lock(mutex);
-    for (const auto& runner : runners)
-        if (runner->path() == path) return runner;
-    return nullptr;
+    std::shared_ptr<component_runner> stopped;
+    for (const auto& runner : runners) {
+        if (runner->path() != path) continue;
+        if (!runner->over()) return runner;
+        stopped = runner;
+    }
+    return stopped;
+}
+
+void node::state::take_in(const std::shared_ptr<component_runner>& made) {
+    std::shared_ptr<component_runner> old; // destroyed outside of the lock
+    std::lock_guard lock(mutex);
+    for (auto& runner : runners) {
+        if (made->path().empty() || runner->path() != made->path()) continue;
+        if (!runner->over()) throw error(errc::name_taken, fmt::format("this node runs '{}' already", made->path()));
+        if (runner->ended() && !runner->share()->adopted && runner->share().use_count() == 1) old = runner;
+    }
+    if (old) std::erase(runners, old);
+    runners.push_back(made);
+}
+
+void node::state::let_go(const component_runner& which) {
+    std::lock_guard lock(mutex);
+    std::erase_if(runners, [&](const auto& runner) { return runner.get() == &which; });
+}
+
+std::shared_ptr<loop_share> node::state::loop_for(const std::string& path, const component_options& wanted) {
+    if (wanted.executor) return std::make_shared<loop_share>(env.adopt(*wanted.executor, wanted.one_thread), true);
+    if (wanted.together_with.empty())
+        return std::make_shared<loop_share>(env.make_loop(path.empty() ? "component" : path.substr(path.rfind('/') + 1)), false);
+    auto other = find(wanted.together_with);
+    if (!other || other->over())
+        throw error(errc::invalid_argument, fmt::format("'{}' shall share the loop of '{}', which this node does not run{}", path,
+                                                        wanted.together_with, other ? " any more" : ""));
+    return other->share();
 }
 
 void node::state::stop_all() {
@@ -97,9 +143,7 @@ void node::state::stop_all() {
 }
 
 bool node::state::all_stopped() const {
-    return std::ranges::all_of(runners, [](const auto& runner) {
-        return runner->state() == component_state::stopped || runner->state() == component_state::failed;
-    });
+    return std::ranges::all_of(runners, [](const auto& runner) { return runner->over(); });
 }
 
 void node::state::on_stopped() {
@@ -115,7 +159,9 @@ void node::state::on_stopped() {
 node::node(environment& env, node_options options) {
     if (options.use_names && !options.name_server) {
         auto told = env.variable("ISE_NAME_SERVER");
+#ifdef ISE_HAS_NAMES
         options.name_server = told ? endpoint::parse(*told).value() : default_name_server();
+#endif
     }
     state_ = std::make_shared<state>(env, std::move(options));
     auto setup = [held = state_] {
@@ -128,10 +174,7 @@ node::node(environment& env, node_options options) {
     if (env.is_virtual()) {
         setup();
     } else {
-        std::packaged_task<void()> job(setup);
-        auto done = job.get_future();
-        asio::post(state_->loop().get_executor(), std::move(job));
-        done.get();
+        asio::post(state_->loop().get_executor(), std::packaged_task<void()>(setup)).get();
     }
 }
 
@@ -153,10 +196,24 @@ node::~node() {
         asio::co_spawn(state_->loop().get_executor(), closing(state_), [&closed](std::exception_ptr) { closed.set_value(); });
         over.get();
     }
-    // The loops end before what their coroutines use.
-    for (auto& runner : state_->runners) runner->end_loop();
-    state_->runners.clear();
-    state_->host.reset();
+    // Every loop ends before what its coroutines use; those that cannot be ended now are left behind together with all
+    // that runs on them.
+    std::map<loop_share*, std::vector<std::shared_ptr<component_runner>>> by_loop;
+    {
+        std::lock_guard lock(state_->mutex);
+        for (auto& runner : state_->runners) by_loop[runner->share().get()].push_back(runner);
+        state_->runners.clear();
+    }
+    for (auto& [share, runners] : by_loop) {
+        bool ended = state_->env.is_virtual() || std::ranges::all_of(runners, [](const auto& runner) { return runner->ended(); });
+        if (!ended) {
+            leave_behind(std::move(runners));
+        } else if (!share->adopted || state_->env.is_virtual()) {
+            share->host->end();
+        }
+    }
+    by_loop.clear();
+    state_->host->end();
 }
 
 component& node::start(const std::string& path, std::function<task<>(component&)> body, component_options options) {
@@ -165,42 +222,26 @@ component& node::start(const std::string& path, std::function<task<>(component&)
 
 component& node::launch(const std::string& path, std::unique_ptr<component> made, component_options options) {
     if (!good_path(path))
-        throw error(errc::invalid_argument, fmt::format("'{}' is no path of a component: write it like atirma/shore/xbee", path));
-    if (!path.empty())
-        if (auto other = state_->find(path); other && other->state() != component_state::stopped && other->state() != component_state::failed)
-            throw error(errc::name_taken, fmt::format("this node runs '{}' already", path));
-
-    bool adopted = options.executor.has_value();
-    std::shared_ptr<loop_host> host;
-    if (adopted) {
-        host = state_->env.adopt(*options.executor, options.one_thread);
-    } else if (!options.together_with.empty()) {
-        auto other = state_->find(options.together_with);
-        if (!other) throw error(errc::invalid_argument, fmt::format("'{}' shall share the loop of '{}', which this node does not run", path, options.together_with));
-        host = other->host();
-    } else {
-        host = state_->env.make_loop(path.empty() ? "component" : path.substr(path.rfind('/') + 1));
-    }
+        throw error(errc::invalid_argument, fmt::format("'{}' is no path of a component: write it like atirma/shore/xbee", printable(path)));
+    auto share = state_->loop_for(path, options);
     auto& reference = *made;
     auto incarnation = state_->env.random() | 1; // never 0
-    auto runner = std::make_shared<component_runner>(state_, state_->env, std::move(host), path, std::move(made), std::move(options),
-                                                     state_->options, incarnation);
-    // On an adopted executor, which may not run yet, the caller sees to it that nothing else runs there now.
-    if (adopted || state_->env.is_virtual() || runner->on().running_here()) {
-        runner->start();
-    } else {
-        std::packaged_task<void()> job([runner] { runner->start(); });
-        auto done = job.get_future();
-        asio::post(runner->on().get_executor(), std::move(job));
-        try {
-            done.get();
-        } catch (...) {
-            runner->end_loop();
-            throw;
+    auto runner = std::make_shared<component_runner>(state_, state_->env, share, path, std::move(made), std::move(options), state_->options, incarnation);
+    state_->take_in(runner); // first, so that whoever stops the node stops it too
+    try {
+        // Nothing else runs on an adopted executor now, as the caller sees to.
+        if (share->adopted || state_->env.is_virtual() || runner->on().running_here()) {
+            runner->start();
+        } else {
+            asio::post(runner->on().get_executor(), std::packaged_task<void()>([runner] { runner->start(); })).get();
         }
+    } catch (...) {
+        state_->let_go(*runner);
+        bool alone = share.use_count() == 2; // here and in the runner
+        if (alone && !share->adopted && !state_->env.is_virtual()) share->host->end();
+        state_->on_stopped(); // for who waits for the last one
+        throw;
     }
-    std::lock_guard lock(state_->mutex);
-    state_->runners.push_back(std::move(runner));
     return reference;
 }
 
@@ -237,7 +278,20 @@ std::vector<stop_report> node::reports() const {
     std::lock_guard lock(state_->mutex);
     std::vector<stop_report> all;
     for (const auto& runner : state_->runners)
-        if (runner->state() == component_state::stopped || runner->state() == component_state::failed) all.push_back(runner->report());
+        if (runner->over()) all.push_back(runner->report());
+    return all;
+}
+
+std::vector<component_status> node::components() const {
+    std::lock_guard lock(state_->mutex);
+    std::vector<component_status> all;
+    for (const auto& runner : state_->runners) {
+        component_status status;
+        status.path = runner->path();
+        status.state = runner->state();
+        status.stalled = runner->stalled;
+        all.push_back(std::move(status));
+    }
     return all;
 }
 

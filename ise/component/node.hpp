@@ -36,7 +36,8 @@ struct component_options {
     bool listens = true;                       ///< false: it only asks others
     bool registers = true;                     ///< with the name server, if it has a path
     on_failure policy = on_failure::stop_component;
-    /// An executor of the embedding program; `one_thread` promises that nothing on it runs concurrently.
+    /// An executor of the embedding program; `one_thread` promises that nothing on it runs concurrently. Start the
+    /// component before the program runs it, or on it; run it until the component has stopped (`node::stopped()`).
     std::optional<asio::any_io_executor> executor;
     bool one_thread = false;
     /// Shares the loop of another component of this node, by path.
@@ -48,8 +49,16 @@ struct component_options {
 /// What a stopped component left behind.
 struct stop_report {
     std::string path;
-    std::vector<std::string> still_running; ///< coroutines that did not end within the grace
-    std::string failure;                    ///< why it failed, if it did
+    std::vector<std::string> still_running; ///< coroutines that did not end within the grace, or its thread
+    std::string failure;                    ///< why it failed, if it did and was not started again since
+    unsigned restarts = 0;
+};
+
+/// How a component of a node is, now.
+struct component_status {
+    std::string path;
+    component_state state{};
+    bool stalled = false; ///< its thread has not come back to its loop for a while
 };
 
 /// A process' share of the system: it runs components, each on a loop of its own, and keeps their names alive.
@@ -59,14 +68,19 @@ struct stop_report {
 class node {
 public:
     explicit node(environment& env, node_options options = node_options());
-    /// Stops what still runs, waiting at most the grace period for each.
+    /// Stops what still runs, and waits for a bounded time: three times the grace and a little. A component whose thread
+    /// does not come back to its loop in that time is named in the log and left behind: nothing more of it runs once
+    /// its handler returns, and it is destroyed then, or with the executor that it was given; the environment must
+    /// outlive it (real_environment's destructor waits). In the virtual world nothing is waited for: what still runs is
+    /// destroyed where it is, as if the process had been killed.
     ~node();
     node(const node&) = delete;
     node& operator=(const node&) = delete;
 
     /// Starts a component under a path (empty: anonymous). Throws errc::invalid_argument for a path that is none or that is
     /// used in this node already, errc::address_in_use and the like when it cannot listen.
-    /// The reference is valid until the component has stopped and the node is gone.
+    /// errc::cancelled when it is stopped meanwhile. A start that throws leaves nothing behind.
+    /// The reference is valid until the node is gone, or another component is started under the path of this one.
     template <class C, class... A>
         requires std::derived_from<C, component>
     C& start(const std::string& path, component_options options, A&&... arguments) {
@@ -87,13 +101,16 @@ public:
     /// Asks one component to stop, or all.
     void stop(const std::string& path);
     void stop();
-    /// Blocks until every component has stopped by itself or by `stop()`; not in the virtual world.
+    /// Blocks until every component has stopped by itself or by `stop()`, which takes a bounded time (see the
+    /// destructor); not in the virtual world, and not on an executor that a component runs on.
     void wait();
     /// Completes when every component has stopped; on any executor of the virtual world, or one of the program's.
     task<> stopped();
     /// Of the components that have stopped so far.
     std::vector<stop_report> reports() const;
     bool all_stopped() const;
+    /// Of all components, also those that have stopped.
+    std::vector<component_status> components() const;
 
     environment& env() noexcept;
     const node_options& options() const noexcept;

@@ -21,8 +21,13 @@ struct node::state : std::enable_shared_from_this<node::state> {
     void stop_all();
     void on_stopped();
     bool all_stopped() const;
+    /// The one that runs under a path, else one that has stopped.
     std::shared_ptr<component_runner> find(const std::string& path) const;
-    void shut_names();
+    /// Takes a component in under its path, in the place of a stopped one. Throws errc::name_taken.
+    void take_in(const std::shared_ptr<component_runner>& made);
+    void let_go(const component_runner& which);
+    /// The loop that a new component shall run on.
+    std::shared_ptr<loop_share> loop_for(const std::string& path, const component_options& wanted);
 
     environment& env;
     node_options options;

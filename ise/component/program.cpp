@@ -1,3 +1,4 @@
+// environment-boundary: the signals of a program are handled here, for programs only
 #include <ise/component/node.hpp>
 
 #include <asio/io_context.hpp>

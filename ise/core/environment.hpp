@@ -27,6 +27,13 @@ struct serial_options {
     bool hardware_flow_control = false;
 };
 
+/// A serial line made of nothing: programs open `device` like a port, and whatever is emulated behind it reads and
+/// writes `far_end`. When the program at the device closes it, `far_end` may fail; make another one then.
+struct pseudo_terminal {
+    std::unique_ptr<stream> far_end;
+    std::string device; ///< what `open_serial` opens: the link where one was asked for
+};
+
 /// The world as one process sees it. Nothing in ISE reads a clock, sleeps, draws a random number or opens
 /// anything except through it, so that the same components run on the real and on the virtual world.
 ///
@@ -63,6 +70,9 @@ public:
     virtual result<std::unique_ptr<datagram_socket>> open_datagram(loop& on, const endpoint& at) = 0;
     /// Errors: errc::io_failed (no such device, no permission, in use).
     virtual result<std::unique_ptr<stream>> open_serial(loop& on, const serial_options& options) = 0;
+    /// Makes a pseudo-terminal, found under the symbolic link `link` unless that is empty. The link goes with `far_end`; one
+    /// that a dead program left behind is replaced. Errors: errc::address_in_use (something else lies there), errc::io_failed.
+    virtual result<pseudo_terminal> open_pseudo_terminal(loop& on, const std::string& link) = 0;
 
     /// The whole content of a small file (configuration, recorded data), at most `max_bytes`.
     virtual result<std::string> read_file(const std::string& path, std::size_t max_bytes) = 0;

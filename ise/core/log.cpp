@@ -7,6 +7,25 @@
 #include <unistd.h>
 
 namespace ise {
+namespace {
+
+constexpr std::size_t longest_line = 8 * 1024;
+
+// Bare where it can be read so, else quoted, so that no value looks like further fields.
+void append_value(std::string& line, std::string_view value) {
+    if (!value.empty() && value.find_first_of(" \"=\\\n\t\r") == std::string_view::npos) {
+        line += value;
+        return;
+    }
+    line += '"';
+    for (char letter : value.substr(0, longest_line)) {
+        if (letter == '"' || letter == '\\') line += '\\';
+        line += letter;
+    }
+    line += '"';
+}
+
+} // namespace
 
 std::string_view name_of(log_level level) noexcept {
     switch (level) {
@@ -24,12 +43,18 @@ std::string format_line(const log_record& record) {
     auto line = fmt::format("{:%Y-%m-%dT%H:%M:%S}.{:03}Z {:<7} {}: {}", fmt::gmtime(std::chrono::system_clock::to_time_t(seconds)),
                             (milliseconds - seconds).count(), name_of(record.level), record.component, record.message);
     for (const auto& field : record.fields) {
-        bool bare = !field.value.empty() && field.value.find_first_of(" \"=\n") == std::string::npos;
-        line += bare ? fmt::format(" {}={}", field.name, field.value) : fmt::format(" {}=\"{}\"", field.name, field.value);
+        line += fmt::format(" {}=", field.name);
+        append_value(line, field.value);
     }
-    // One record is one line, whatever a peer's text holds.
+    // One record is one line of bounded length, whatever a peer's text holds.
     for (char& letter : line)
-        if (static_cast<unsigned char>(letter) < 0x20) letter = ' ';
+        if (static_cast<unsigned char>(letter) < 0x20 || letter == 0x7f) letter = ' ';
+    if (line.size() > longest_line) {
+        auto cut = longest_line;
+        while (cut > 0 && (static_cast<unsigned char>(line[cut]) & 0xc0) == 0x80) --cut; // not within a letter
+        line.resize(cut);
+        line += "...";
+    }
     line += '\n';
     return line;
 }
@@ -50,7 +75,10 @@ void logger::write(log_level level, std::string_view message, std::initializer_l
     record.component = component_;
     record.message = message;
     record.fields = fields;
-    sink_(record);
+    try {
+        sink_(record);
+    } catch (...) { // a sink that fails must not stop what it tells about
+    }
 }
 
 } // namespace ise

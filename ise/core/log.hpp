@@ -29,10 +29,11 @@ struct log_record {
     std::initializer_list<log_field> fields;
 };
 
-/// Where records go. Called from any thread; must not block for long.
+/// Where records go. Called from any thread; must not block for long. What it throws is dropped with the record.
 using log_sink = std::function<void(const log_record&)>;
 
-/// `2026-11-21T10:00:00.123Z warning atirma/xbee: the port is gone device=/dev/ttyUSB0`, one line, newline included.
+/// `2026-11-21T10:00:00.123Z warning atirma/xbee: the port is gone device=/dev/ttyUSB0`, one line, newline included; at
+/// most 8 KiB and three dots, control characters as blanks.
 std::string format_line(const log_record& record);
 
 /// A sink that writes such lines to standard error, whole lines at a time.

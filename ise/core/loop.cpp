@@ -4,21 +4,40 @@
 
 #include <asio/post.hpp>
 
+#include <algorithm>
 #include <utility>
 
 namespace ise {
+namespace {
 
-timer::timer(loop& owner, std::function<void()> fire) : loop_(owner), fire_(std::move(fire)) {}
-timer::~timer() { disarm(); }
-
-void timer::arm(time_point at) {
-    disarm();
-    at_ = at;
-    loop_.insert(*this);
+// Keeps the room of a list that was worked off for the next one, unless it was an exceptional one.
+template <class T>
+void reuse(std::vector<T>& done, std::vector<T>& spare) {
+    constexpr std::size_t most = 1024;
+    done.clear();
+    if (done.capacity() <= most) spare = std::move(done);
 }
 
-void timer::disarm() noexcept {
-    if (armed()) loop_.remove(*this);
+} // namespace
+
+timer::timer(loop& owner, std::function<void()> fire) : loop_(owner), fire_(std::move(fire)) {}
+timer::~timer() {
+    if (slot_ != unlisted) loop_.remove(*this);
+}
+
+// A deadline that is met is the rule: a timer that is disarmed, or moved to a later time, stays listed under its old
+// time and is looked at when that comes. A call's timer, disarmed and armed anew for every call, is moved in the
+// list once in a deadline's length instead of twice a call.
+void timer::arm(time_point at) {
+    if (loop_.abandoned()) return;
+    at_ = at;
+    order_ = loop_.armed_count_++;
+    armed_ = true;
+    if (slot_ != unlisted) {
+        if (listed_at_ < at) return;
+        loop_.remove(*this);
+    }
+    loop_.insert(*this);
 }
 
 loop::loop(environment& environment, executor_type executor, std::function<bool()> running_here)
@@ -33,7 +52,10 @@ loop::~loop() {
 void loop::abandon() noexcept {
     abandoned_ = true;
     gate_->shut();
-    for (timer* entry : heap_) entry->slot_ = timer::unarmed;
+    for (timer* entry : heap_) {
+        entry->slot_ = timer::unlisted;
+        entry->armed_ = false;
+    }
     heap_.clear();
     // What is dropped may drop more, or touch the loop: every step leaves the lists whole.
     while (suspended_) {
@@ -61,20 +83,24 @@ void loop::delist(suspended& entry) noexcept {
 time_point loop::now() const { return depth_ > 0 ? turn_time_ : environment_.now(); }
 
 bool loop::before(const timer& a, const timer& b) noexcept {
-    return a.at_ != b.at_ ? a.at_ < b.at_ : a.order_ < b.order_;
+    return a.listed_at_ != b.listed_at_ ? a.listed_at_ < b.listed_at_ : a.listed_order_ < b.listed_order_;
 }
 
 void loop::insert(timer& entry) {
-    if (abandoned_) return;
-    entry.order_ = armed_count_++;
+    entry.listed_at_ = entry.at_;
+    entry.listed_order_ = entry.order_;
     entry.slot_ = heap_.size();
     heap_.push_back(&entry);
     sift_up(entry.slot_);
     wake_for_first();
 }
 
+std::size_t loop::armed_timers() const noexcept {
+    return static_cast<std::size_t>(std::count_if(heap_.begin(), heap_.end(), [](const timer* entry) { return entry->armed(); }));
+}
+
 void loop::remove(timer& entry) noexcept {
-    std::size_t hole = std::exchange(entry.slot_, timer::unarmed);
+    std::size_t hole = std::exchange(entry.slot_, timer::unlisted);
     timer* last = heap_.back();
     heap_.pop_back();
     if (hole == heap_.size()) return;
@@ -115,8 +141,8 @@ void loop::sift_down(std::size_t slot) noexcept {
 // The alarm is moved only when something earlier comes: a deadline that is met costs no system call, and an
 // alarm that finds nothing due arms itself for what is left.
 void loop::wake_for_first() {
-    if (heap_.empty() || heap_.front()->at_ >= alarm_at_) return;
-    alarm_at_ = heap_.front()->at_;
+    if (heap_.empty() || heap_.front()->listed_at_ >= alarm_at_) return;
+    alarm_at_ = heap_.front()->listed_at_;
     if (alarm_) alarm_->arm(alarm_at_);
 }
 
@@ -128,10 +154,19 @@ void loop::on_alarm() {
     // What is armed by what fires here waits for the next turn, or a timer that moves itself to a time that
     // has passed would never let go.
     const auto newcomers = armed_count_;
-    while (!heap_.empty() && heap_.front()->at_ <= turn_time_ && heap_.front()->order_ < newcomers) {
+    while (!heap_.empty() && heap_.front()->listed_at_ <= turn_time_) {
         timer* due = heap_.front();
+        bool moved = due->listed_at_ != due->at_;
+        if (due->armed_ && !moved && due->order_ >= newcomers) break;
         remove(*due);
+        if (!due->armed_) continue;
+        if (moved) {
+            insert(*due);
+            continue;
+        }
+        due->armed_ = false;
         due->fire_(); // may destroy *due
+        if (abandoned_) return;
     }
     wake_for_first();
 }
@@ -177,18 +212,20 @@ void loop::end_turn() {
     // What is resumed may make more ready; all of it belongs to this turn, bounded so that the sockets get
     // their share.
     for (int round = 0; round < 64 && (!ready_.empty() || !outputs_.empty()); ++round) {
-        auto ready = std::exchange(ready_, {});
+        auto ready = std::exchange(ready_, std::move(spare_ready_));
         for (auto& resume : ready) {
             if (abandoned_) return;
             resume();
         }
+        reuse(ready, spare_ready_);
         if (ready_.empty()) {
-            auto outputs = std::exchange(outputs_, {});
+            auto outputs = std::exchange(outputs_, std::move(spare_outputs_));
             for (auto& output : outputs) {
                 if (abandoned_) return;
                 output->queued_ = false;
                 output->flush();
             }
+            reuse(outputs, spare_outputs_);
         }
     }
     if (!ready_.empty() || !outputs_.empty()) post_turn();

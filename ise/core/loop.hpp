@@ -34,19 +34,23 @@ public:
 
     /// Arms or moves it. A time that has passed fires in the next turn, never inside this call.
     void arm(time_point at);
-    void disarm() noexcept;
-    bool armed() const noexcept { return slot_ != unarmed; }
+    void disarm() noexcept { armed_ = false; }
+    bool armed() const noexcept { return armed_; }
     time_point at() const noexcept { return at_; }
 
 private:
     friend class loop;
-    static constexpr std::size_t unarmed = static_cast<std::size_t>(-1);
+    static constexpr std::size_t unlisted = static_cast<std::size_t>(-1);
 
     loop& loop_;
     std::function<void()> fire_;
     time_point at_{};
     std::uint64_t order_ = 0; // timers of one instant fire as they were armed
-    std::size_t slot_ = unarmed;
+    // Where the loop lists it: under its time, or an earlier one that it had before.
+    time_point listed_at_{};
+    std::uint64_t listed_order_ = 0;
+    std::size_t slot_ = unlisted;
+    bool armed_ = false;
 };
 
 /// Whatever has bytes to write once the turn is over.
@@ -111,7 +115,7 @@ public:
         loop& loop_;
     };
 
-    std::size_t armed_timers() const noexcept { return heap_.size(); }
+    std::size_t armed_timers() const noexcept;
 
     /// The way in for other threads, which may keep it for longer than the loop lives.
     const std::shared_ptr<loop_gate>& gate() const noexcept { return gate_; }
@@ -143,8 +147,8 @@ private:
     std::function<bool()> running_here_;
     std::unique_ptr<alarm> alarm_;
     std::vector<timer*> heap_;
-    std::vector<ready_function> ready_;
-    std::vector<std::shared_ptr<flushable>> outputs_;
+    std::vector<ready_function> ready_, spare_ready_;
+    std::vector<std::shared_ptr<flushable>> outputs_, spare_outputs_;
     time_point turn_time_{};
     time_point alarm_at_ = time_point::max();
     std::uint64_t armed_count_ = 0;
@@ -161,6 +165,11 @@ class loop_host {
 public:
     virtual ~loop_host() = default;
     virtual ise::loop& loop() noexcept = 0;
+    /// Ends the loop: nothing runs on it any more, its thread has been waited for, and what was suspended there is
+    /// destroyed, all while what that refers to still stands. The loop and its executor stay as husks until the host is
+    /// destroyed, so that what was made on them (sockets, timers) can be destroyed in between. Any number of times; not
+    /// from the loop's own thread, except for an adopted loop: that one is ended on its executor.
+    virtual void end() = 0;
 };
 
 } // namespace ise

@@ -13,6 +13,8 @@ class [[nodiscard]] result {
 public:
     using value_type = T;
 
+    /// What Asio passes beside an exception: a failure that nobody looks at.
+    result() : result(failure(errc::cancelled, "there is no outcome")) {}
     result(T value) : state_(std::in_place_index<0>, std::move(value)) {}
     result(failure why) : state_(std::in_place_index<1>, std::move(why)) {}
 

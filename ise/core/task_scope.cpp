@@ -25,8 +25,12 @@ asio::cancellation_signal* task_scope::spawn(std::string name, task<> body, asio
     auto done = [self = self_, children = children_, who](std::exception_ptr problem) {
         if (*self) (*self)->ended(who, problem);
     };
+    // On the loop's own thread it runs at once up to its first suspension, and may end there.
+    bool gone = false;
+    auto outer = std::exchange(starting_, starting{&*who, &gone});
     asio::co_spawn(std::move(executor), std::move(body), asio::bind_cancellation_slot(who->cancel.slot(), std::move(done)));
-    return &who->cancel;
+    starting_ = outer;
+    return gone ? nullptr : &who->cancel;
 }
 
 void task_scope::stop() {
@@ -55,6 +59,7 @@ std::vector<std::string> task_scope::running() const {
 }
 
 void task_scope::ended(children::iterator who, std::exception_ptr problem) {
+    if (starting_.who == &*who) *starting_.gone = true;
     auto name = std::move(who->name);
     children_->erase(who);
     if (problem && on_failure_ && !(stopping_ && is_cancellation(problem))) on_failure_(name, problem);

@@ -27,7 +27,8 @@ public:
     task_scope& operator=(const task_scope&) = delete;
 
     /// Starts `body` on the loop's executor (or `executor`, which must lie on it), at the next turn at the latest.
-    /// Gives the child's own cancellation, valid until it ends; null after `stop()`, when nothing is started any more.
+    /// Gives the child's own cancellation, valid until it ends; null if it has ended already, and after `stop()`, when
+    /// nothing is started any more.
     asio::cancellation_signal* spawn(std::string name, task<> body);
     asio::cancellation_signal* spawn(std::string name, task<> body, asio::any_io_executor executor);
 
@@ -50,6 +51,10 @@ private:
         asio::cancellation_signal cancel;
     };
     using children = std::list<child>;
+    struct starting { // the child that is being started, while it runs for the first time
+        child* who = nullptr;
+        bool* gone = nullptr;
+    };
 
     void ended(children::iterator who, std::exception_ptr problem);
 
@@ -58,6 +63,7 @@ private:
     std::shared_ptr<children> children_ = std::make_shared<children>();
     std::shared_ptr<task_scope*> self_ = std::make_shared<task_scope*>(this);
     waiter<> empty_;
+    starting starting_;
     bool stopping_ = false;
 };
 

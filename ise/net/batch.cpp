@@ -5,11 +5,12 @@
 namespace ise::net {
 namespace {
 
-// A burst must not pin its memory for the life of a connection.
+// A burst must not pin its memory for the life of a connection; what is filled again and again keeps it, or every
+// turn would get fresh pages from the kernel.
 constexpr std::size_t kept_capacity = 256 * 1024;
 
 void recycle(buffer& used) {
-    if (used.capacity() > kept_capacity) used = buffer();
+    if (used.capacity() > kept_capacity && used.size() < used.capacity() / 4) used = buffer();
     used.clear();
 }
 

@@ -85,16 +85,16 @@ void outbox::remove(publication_source& source) noexcept {
 }
 
 void outbox::put_packet(publication_source& from, frame_header header, bytes_view head,
-                        const std::shared_ptr<const bytes>& payload) {
+                        const shared_bytes& payload) {
     assert(filling_);
-    std::size_t size = head.size() + payload->size();
+    std::size_t size = head.size() + payload.size();
     header.length = static_cast<std::uint32_t>(size);
     if (size > whole_bytes) {
         big_message message;
         message.header = header;
         message.head.assign(head.begin(), head.end());
-        message.owner = payload;
-        message.payload = *payload;
+        message.owner = payload.owner();
+        message.payload = payload.view();
         message.source = &from;
         message.id = next_piece_id_++;
         ++from.in_pieces_;
@@ -104,10 +104,10 @@ void outbox::put_packet(publication_source& from, frame_header header, bytes_vie
     }
     wire::put_header(filling_->staging(), header);
     filling_->staging().append(head);
-    if (payload->size() <= copied_bytes) {
-        filling_->staging().append(bytes_view(*payload));
+    if (payload.size() <= copied_bytes) {
+        filling_->staging().append(payload.view());
     } else {
-        filling_->share(payload, *payload);
+        filling_->share(payload.owner(), payload.view());
     }
 }
 

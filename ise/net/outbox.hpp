@@ -1,6 +1,7 @@
 #pragma once
 #include <ise/core/time.hpp>
 #include <ise/net/batch.hpp>
+#include <ise/packet/shared_bytes.hpp>
 #include <ise/wire/frame.hpp>
 
 #include <deque>
@@ -53,7 +54,7 @@ public:
     void remove(publication_source& source) noexcept;
     /// For sources: a packet frame. `head` is the part of the body before the shared payload.
     void put_packet(publication_source& from, wire::frame_header header, bytes_view head,
-                    const std::shared_ptr<const bytes>& payload);
+                    const shared_bytes& payload);
 
     /// Moves what goes into one write to the batch; false if nothing waits.
     bool fill(batch& out, time_point now);

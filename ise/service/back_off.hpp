@@ -18,6 +18,12 @@ public:
         return duration(base.count() / 2 + static_cast<std::int64_t>(env_.random() % spread));
     }
     void reset() noexcept { next_ = first_; }
+    /// Never longer than this from now on.
+    void limit(duration longest) noexcept {
+        longest_ = std::min(longest_, longest);
+        first_ = std::min(first_, longest_);
+        next_ = std::min(next_, longest_);
+    }
 
 private:
     environment& env_;

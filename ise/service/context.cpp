@@ -1,6 +1,6 @@
 #include <ise/service/context.hpp>
 
-#include <ise/core/executor_target.hpp>
+#include <ise/core/executor.hpp>
 
 namespace ise {
 namespace {
@@ -12,13 +12,13 @@ using general = context_executor<asio::any_io_executor>;
 } // namespace
 
 asio::any_io_executor with_context(const asio::any_io_executor& on, const call_context* context) {
-    if (auto* inner = target_of<asio::io_context::executor_type>(on)) return plain(*inner, context);
+    if (auto* inner = executor_cast<asio::io_context::executor_type>(on)) return plain(*inner, context);
     return general(on, context);
 }
 
 const call_context* context_of(const asio::any_io_executor& on) noexcept {
-    if (auto* known = target_of<plain>(on)) return known->context();
-    if (auto* known = target_of<general>(on)) return known->context();
+    if (auto* known = executor_cast<plain>(on)) return known->context();
+    if (auto* known = executor_cast<general>(on)) return known->context();
     return nullptr;
 }
 

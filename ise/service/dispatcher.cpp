@@ -70,6 +70,7 @@ std::vector<service_description> dispatcher::describe() const {
 
 void dispatcher::stop() {
     for (auto& [name, service] : calls_) service->stop();
+    // Subscribers are not told that a service has ended, which it has not: they wait for its next provider.
     for (auto& [name, publication] : publications_) publication->let_go();
 }
 

@@ -22,15 +22,20 @@ constexpr std::size_t max_waiting_calls = 100'000;
 
 link::link(service_host& host, std::string path, std::optional<endpoint> fixed)
     : host_(host), path_(std::move(path)), fixed_(std::move(fixed)), name_(fixed_ ? fixed_->text() : path_),
-      pause_(host.env(), host.options().first_back_off, host.options().longest_back_off) {}
+      pause_(host.env(), host.options().first_back_off, host.options().longest_back_off), connect_time_(host.options().connect_time) {}
 
 link::link(service_host& host, const std::shared_ptr<session>& peer)
     : host_(host), name_(peer->peer_name()), session_(peer),
-      pause_(host.env(), host.options().first_back_off, host.options().longest_back_off), peer_only_(true) {}
+      pause_(host.env(), host.options().first_back_off, host.options().longest_back_off), connect_time_(host.options().connect_time), peer_only_(true) {}
 
 link::~link() {
     // Nobody talks to the peer over it any more; a peer that made the session itself keeps it.
-    if (session_ && session_->open() && !peer_only_) session_->finish(failure(errc::cancelled, "nothing more to say"), std::chrono::seconds(1));
+    if (session_ && session_->open() && !peer_only_ && !host_.on().abandoned()) session_->finish(failure(errc::cancelled, "nothing more to say"), std::chrono::seconds(1));
+}
+
+void link::hurry(duration longest_pause, duration connect_time) noexcept {
+    pause_.limit(longest_pause);
+    connect_time_ = std::min(connect_time_, connect_time);
 }
 
 void link::submit(pending_call& call, function_ref<void(buffer&)> write_request) {
@@ -188,7 +193,7 @@ task<result<std::shared_ptr<session>>> link::establish() {
     std::string tried;
     failure last(errc::unreachable, fmt::format("{} has no endpoint that can be reached from here", name_));
     for (const auto& at : where.endpoints) {
-        auto deadline = saturating_add(host_.on().now(), host_.options().connect_time);
+        auto deadline = saturating_add(host_.on().now(), connect_time_);
         // The stream is connected under the same deadline as the greeting.
         auto transport = co_await net::connect_until(host_.on(), at, deadline);
         if (!transport) {

@@ -60,6 +60,9 @@ public:
     /// Makes a session without a call; completes when it is there. errc::timed_out names the last obstacle.
     task<result<void>> connect(time_point deadline);
 
+    /// Tries again sooner than the component's options say: for a provider that many depend on.
+    void hurry(duration longest_pause, duration connect_time) noexcept;
+
     /// For people: the path, or the endpoint.
     const std::string& name() const noexcept { return name_; }
     const std::shared_ptr<session>& current() const noexcept { return session_; }
@@ -95,6 +98,7 @@ private:
     std::vector<subscriber_core*> subscribers_;
     std::vector<waiter<>*> arrivals_;
     back_off pause_;
+    duration connect_time_;
     time_point since_{}; // the present session began
     int connectors_ = 0;
     bool maintaining_ = false;

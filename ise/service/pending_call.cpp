@@ -26,7 +26,17 @@ struct cancel_operation {
 
 pending_call::pending_call(call_desk& of) : desk(of), alarm(of.on(), [this] { desk.expire(*this); }) {}
 
-call_desk::~call_desk() = default;
+void pending_call::drop() noexcept {
+    alarm.disarm();
+    if (!std::exchange(cancelling, false) && slot.is_connected()) slot.clear();
+    slot = {};
+    auto dropped = std::move(done);
+}
+
+call_desk::~call_desk() {
+    for (auto& call : all_)
+        if (call->done) on_.delist(*call);
+}
 
 pending_call& call_desk::open() {
     if (free_.empty()) {
@@ -35,6 +45,7 @@ pending_call& call_desk::open() {
     }
     auto* call = free_.back();
     free_.pop_back();
+    on_.enlist(*call);
     return *call;
 }
 
@@ -46,6 +57,8 @@ void call_desk::watch(pending_call& call, asio::cancellation_slot slot) {
 }
 
 void call_desk::end(pending_call& call, const call_outcome& outcome) {
+    if (!call.done) return; // dropped: the loop has ended
+    on_.delist(call);
     call.alarm.disarm();
     if (!std::exchange(call.cancelling, false) && call.slot.is_connected()) call.slot.clear();
     call.slot = {};

@@ -27,7 +27,7 @@ struct call_outcome {
 };
 
 /// One call from its beginning to its outcome. Pooled: steady calling allocates none of these.
-struct pending_call {
+struct pending_call final : suspended {
     explicit pending_call(call_desk& of);
 
     call_desk& desk;
@@ -44,6 +44,9 @@ struct pending_call {
     session* sent_on = nullptr;          ///< the session it was written to
     std::uint64_t id = 0;                ///< on that session
     buffer waiting;                      ///< the encoded request, while there is no session
+
+private:
+    void drop() noexcept override; // the loop ends: who waits is destroyed unresumed
 };
 
 /// Makes, ends and recycles the calls of one component.

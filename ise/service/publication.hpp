@@ -18,18 +18,37 @@ public:
     publication() = default;
     explicit publication(std::shared_ptr<publication_core> core) : core_(std::move(core)) {}
 
-    void operator()(const packet_type& packet) const { core_->publish(std::make_shared<const bytes>(encode(packet))); }
+    void operator()(const packet_type& packet) const { core_->publish(shared(packet)); }
+
+    /// Publishes to those subscribers for which `wants(const subscriber_info&)` holds: a watch that was narrowed down, a
+    /// snapshot for who has just come. The others count it as skipped, not as lost.
+    template <class Wants>
+    void to_some(const packet_type& packet, Wants wants) const {
+        core_->publish_to(shared(packet), wants);
+    }
 
     /// Publishes when every lossless subscriber has room. Cancellation: terminal, the packet is not published.
-    task<> send(packet_type packet) const { return send_when_room(core_, std::move(packet)); }
+    /// The packet is encoded before this returns.
+    task<> send(const packet_type& packet) const { return send_when_room(core_, shared(packet)); }
+
+    /// Publishes if every lossless subscriber has room; else it does nothing, returns false, and `send` is to be
+    /// awaited. For publishing much in one go: nothing is suspended as long as there is room.
+    bool try_send(const packet_type& packet) const {
+        if (!core_->has_room()) return false;
+        (*this)(packet);
+        return true;
+    }
 
     std::size_t subscribers() const noexcept { return core_->subscribers(); }
     std::uint64_t published() const noexcept { return core_->published(); }
 
 private:
-    static task<> send_when_room(std::shared_ptr<publication_core> core, packet_type packet) {
+    shared_bytes shared(const packet_type& packet) const {
+        return core_->share([&packet](buffer& out) { encode(packet, out); });
+    }
+    static task<> send_when_room(std::shared_ptr<publication_core> core, shared_bytes packet) {
         if (!core->has_room()) co_await core->wait_for_room();
-        core->publish(std::make_shared<const bytes>(encode(packet)));
+        core->publish(std::move(packet));
     }
 
     std::shared_ptr<publication_core> core_;

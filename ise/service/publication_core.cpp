@@ -68,7 +68,7 @@ void provided_subscription::grant(std::uint64_t total) {
     wake();
 }
 
-bool provided_subscription::offer(std::uint64_t sequence, const std::shared_ptr<const bytes>& packet, time_point now) {
+bool provided_subscription::offer(std::uint64_t sequence, const shared_bytes& packet, time_point now) {
     if (min_interval_ > duration{}) {
         if (now < next_allowed_) {
             ++skipped_;
@@ -76,17 +76,17 @@ bool provided_subscription::offer(std::uint64_t sequence, const std::shared_ptr<
         }
         next_allowed_ = saturating_add(now, min_interval_);
     }
-    while (queue_.size() >= depth_ || (queue_bytes_ + packet->size() > max_queue_bytes && !queue_.empty())) {
+    while (queue_.size() >= depth_ || (queue_bytes_ + packet.size() > max_queue_bytes && !queue_.empty())) {
         if (policy_ == overflow::lossless || policy_ == overflow::disconnect) return false;
         auto& oldest = queue_.front();
         std::uint32_t inherited = oldest.skipped;
-        queue_bytes_ -= oldest.packet->size();
+        queue_bytes_ -= oldest.packet.size();
         queue_.pop_front();
         (queue_.empty() ? skipped_ : queue_.front().skipped) += inherited;
         count_drop();
     }
     queue_.push_back(item{sequence, std::exchange(skipped_, 0), packet});
-    queue_bytes_ += packet->size();
+    queue_bytes_ += packet.size();
     wake();
     return true;
 }
@@ -100,7 +100,7 @@ bool provided_subscription::take(net::outbox& out, std::size_t quantum) {
     std::size_t taken = 0;
     while (!queue_.empty() && may_send() && taken < quantum) {
         auto& next = queue_.front();
-        std::size_t size = next.packet->size();
+        std::size_t size = next.packet.size();
         if (size + 12 > session_->wire().terms().peer_accepts.max_message_bytes) {
             publication_.host().log().warning("a packet is larger than its subscriber accepts",
                                               {{"service", publication_.name()}, {"peer", info_.peer}, {"bytes", std::to_string(size)}});
@@ -134,14 +134,28 @@ publication_core::publication_core(service_host& host, std::string name, const p
 
 publication_core::~publication_core() = default;
 
-void publication_core::publish(std::shared_ptr<const bytes> packet) {
+shared_bytes publication_core::share(function_ref<void(buffer&)> write_packet) {
+    write_packet(maker_.room());
+    return maker_.share();
+}
+
+void publication_core::publish(shared_bytes packet) {
+    last_ = packet;
+    publish_to(std::move(packet), [](const subscriber_info&) { return true; });
+}
+
+void publication_core::publish_to(shared_bytes packet, function_ref<bool(const subscriber_info&)> wants) {
     ++sequence_;
     ++host_.counts().packets_published;
-    last_ = packet;
     auto now = host_.on().now();
     std::vector<std::uint64_t> too_slow; // ended afterwards: that calls the user back, who may publish
-    for (auto& who : all_)
-        if (!who.offer(sequence_, packet, now)) too_slow.push_back(who.info_.number);
+    for (auto& who : all_) {
+        if (!wants(who.info())) {
+            who.pass();
+        } else if (!who.offer(sequence_, packet, now)) {
+            too_slow.push_back(who.info_.number);
+        }
+    }
     for (auto number : too_slow) {
         auto found = std::find_if(all_.begin(), all_.end(), [&](const auto& who) { return who.info_.number == number; });
         if (found == all_.end()) continue;
@@ -203,7 +217,7 @@ result<provided_subscription*> publication_core::subscribe(session& from, const 
                            reinterpret_cast<const std::uint8_t*>(response.data()) + response.size());
     bool with_last = terms.last_value && last_;
     answer.first_sequence = with_last ? sequence_ : sequence_ + 1;
-    if (with_last) who.offer(sequence_, last_, host_.on().now());
+    if (with_last) who.offer(sequence_, *last_, host_.on().now());
     return &who;
 }
 

@@ -1,10 +1,12 @@
 #pragma once
 #include <ise/core/bytes.hpp>
+#include <ise/core/function_ref.hpp>
 #include <ise/core/result.hpp>
 #include <ise/core/task.hpp>
 #include <ise/core/waiter.hpp>
 #include <ise/net/outbox.hpp>
 #include <ise/packet/adapt.hpp>
+#include <ise/packet/shared_bytes.hpp>
 #include <ise/service/contract.hpp>
 #include <ise/wire/messages.hpp>
 
@@ -13,6 +15,7 @@
 #include <list>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -41,7 +44,9 @@ public:
     bool attached() const noexcept { return session_ != nullptr; }
 
     /// False: the queue is full, and the policy is to end it then.
-    bool offer(std::uint64_t sequence, const std::shared_ptr<const bytes>& packet, time_point now);
+    bool offer(std::uint64_t sequence, const shared_bytes& packet, time_point now);
+    /// A packet was published that is not meant for this one.
+    void pass() noexcept { ++skipped_; }
     void grant(std::uint64_t total);
     bool has_room() const noexcept;
     bool take(net::outbox& out, std::size_t quantum) override;
@@ -58,7 +63,7 @@ private:
     struct item {
         std::uint64_t sequence;
         std::uint32_t skipped;
-        std::shared_ptr<const bytes> packet;
+        shared_bytes packet;
     };
     void wake();
     void count_drop();
@@ -93,8 +98,12 @@ public:
     const packet_types& types() const noexcept { return types_; }
     service_host& host() noexcept { return host_; }
 
+    /// Encodes a packet once for all subscribers.
+    shared_bytes share(function_ref<void(buffer&)> write_packet);
     /// Publishes to all subscribers; never blocks.
-    void publish(std::shared_ptr<const bytes> packet);
+    void publish(shared_bytes packet);
+    /// Publishes to those that `wants` names; for the others it is skipped, which is no loss. It is no last value.
+    void publish_to(shared_bytes packet, function_ref<bool(const subscriber_info&)> wants);
     /// Whether every lossless subscriber has room for one more packet.
     bool has_room() const noexcept;
     /// Waits until it has.
@@ -130,7 +139,8 @@ private:
     std::string name_;
     const packet_types& types_;
     std::list<provided_subscription> all_;
-    std::shared_ptr<const bytes> last_;
+    shared_bytes_maker maker_;
+    std::optional<shared_bytes> last_;
     std::uint64_t sequence_ = 0; // of the last packet published; the first has 1
     std::uint64_t next_number_ = 1;
     std::vector<waiter<>*> waiting_; // for room

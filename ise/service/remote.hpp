@@ -53,7 +53,7 @@ public:
     /// timed_out, peer_lost, cancelled, overloaded, handler_failed…; `executed()` says whether it may have run.
     /// Cancellation: terminal; the provider's handler is cancelled too.
     template <class Contract>
-    task<typename Contract::response_type> call(const Contract& service, typename Contract::request_type request, duration deadline = {}) const {
+    task<typename Contract::response_type> call(const Contract& service, typename Contract::request_type request, duration deadline = duration()) const {
         using response = typename Contract::response_type;
         return asio::async_initiate<const asio::use_awaitable_t<>, void(std::exception_ptr, response)>(
             [](auto handler, std::shared_ptr<link> to, service_key key, typename Contract::request_type packet, duration limit) {
@@ -70,7 +70,7 @@ public:
 
     /// The same, with the outcome as a value.
     template <class Contract>
-    task<result<typename Contract::response_type>> try_call(const Contract& service, typename Contract::request_type request, duration deadline = {}) const {
+    task<result<typename Contract::response_type>> try_call(const Contract& service, typename Contract::request_type request, duration deadline = duration()) const {
         return try_call(service, std::move(request), deadline, asio::use_awaitable);
     }
 

@@ -1,9 +1,9 @@
 #pragma once
+#include <ise/core/result.hpp>
 #include <ise/service/contract.hpp>
 
 #include <deque>
-#include <functional>
-#include <map>
+#include <memory>
 #include <optional>
 #include <unordered_map>
 
@@ -17,12 +17,18 @@ public:
     void learn(const schema& received);
     std::optional<schema> find(std::uint64_t fingerprint) const;
 
+    /// Packets of a service that was learnt at run time, kept as long as this book: sessions remember a service by the
+    /// address of its types. The same packets are kept once. errc::overloaded beyond a bound.
+    result<std::shared_ptr<const packet_types>> keep(const std::shared_ptr<const packet_types>& types);
+
 private:
     static constexpr std::size_t max_learnt = 4096;
+    static constexpr std::size_t max_kept = 4096;
 
     std::unordered_map<std::uint64_t, schema> own_;
     std::unordered_map<std::uint64_t, schema> learnt_;
     std::deque<std::uint64_t> order_; // oldest first
+    std::unordered_multimap<std::uint64_t, std::shared_ptr<const packet_types>> kept_; // by their fingerprints together
 };
 
 } // namespace ise

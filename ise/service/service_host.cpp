@@ -31,6 +31,7 @@ result<wire::welcome> service_host::admit(const wire::hello& caller) {
     if (caller.wanted_epoch != 0 && self_.epoch != 0 && caller.wanted_epoch != self_.epoch)
         return failure(errc::wrong_peer, fmt::format("{} has epoch {} here, {} was wanted", me, self_.epoch, caller.wanted_epoch));
     if (stopping_) return failure(errc::cancelled, fmt::format("{} stops", me));
+    if (paused_) return *paused_;
     if (sessions_.size() >= options_.max_sessions)
         return failure(errc::overloaded, fmt::format("{} has {} sessions, no more are allowed", me, sessions_.size()));
     auto mine = greeting();
@@ -132,6 +133,12 @@ void service_host::stop(duration grace) {
     for (auto& [name, known] : links_)
         if (auto held = known.lock()) held->stop();
     for (auto& [raw, held] : all) held->finish(failure(errc::peer_lost, "the component stops"), grace);
+}
+
+void service_host::pause(const failure& why, duration grace) {
+    paused_ = why;
+    auto all = sessions_;
+    for (auto& [raw, held] : all) held->finish(why, grace);
 }
 
 } // namespace ise

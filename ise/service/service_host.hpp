@@ -9,6 +9,7 @@
 
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 
 namespace ise {
@@ -80,6 +81,10 @@ public:
     void stop(duration grace);
     bool stopping() const noexcept { return stopping_; }
 
+    /// Ends every session and makes none until `go_on()`: what is provided changes hands. Peers come back by themselves.
+    void pause(const failure& why, duration grace);
+    void go_on() noexcept { paused_.reset(); }
+
 private:
     result<wire::welcome> admit(const wire::hello& caller) override;
     task<> accept(std::shared_ptr<listener> from);
@@ -100,6 +105,7 @@ private:
     std::map<std::string, std::weak_ptr<link>> links_;
     std::map<session*, std::shared_ptr<session>> sessions_;
     std::size_t handshakes_ = 0;
+    std::optional<failure> paused_;
     bool stopping_ = false;
 };
 

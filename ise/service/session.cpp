@@ -228,8 +228,7 @@ void session::subscribe(subscriber_core& subscriber) {
 
 void session::unsubscribe(subscriber_core& subscriber) {
     if (subscribers_.erase(subscriber.id()) == 0 || !connection_->open()) return;
-    auto request = encode(nothing{});
-    wire::put_frame(connection_->out().begin_call(), frame_type::unsubscribe, 0, subscriber.id(), [&](buffer& body) { body.append(bytes_view(request)); });
+    wire::put_frame(connection_->out().begin_call(), frame_type::unsubscribe, 0, subscriber.id(), [&](buffer& body) { body.append(bytes_view(subscriber.farewell())); });
     connection_->out().end_call();
     connection_->written();
 }

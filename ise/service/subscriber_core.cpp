@@ -30,7 +30,7 @@ subscribe_options subscribe_options::lossless(std::uint32_t depth) {
 
 subscriber_core::subscriber_core(std::shared_ptr<link> to, std::string service, const packet_types& types, subscribe_options options, bytes request)
     : on_(to->host().on()), link_(std::move(to)), options_(options), service_(std::move(service)), types_(types), request_(std::move(request)),
-      packet_(on_, [this] { packet_.resume(); }), answer_(on_, [this] { answer_.resume(); }) {
+      farewell_(adapt(schema(), types.schemas[role::unsubscribe_request], {})), packet_(on_, [this] { packet_.resume(); }), answer_(on_, [this] { answer_.resume(); }) {
     if (options_.depth == 0) options_.depth = 1;
 }
 

@@ -54,6 +54,7 @@ struct subscription_counts {
 /// subscription object, and known to its link.
 class subscriber_core {
 public:
+    /// Throws errc::too_large where the unsubscribe packet is beyond what may be decoded.
     subscriber_core(std::shared_ptr<link> to, std::string service, const packet_types& types, subscribe_options options, bytes request);
     virtual ~subscriber_core();
 
@@ -72,6 +73,8 @@ public:
 
     // For sessions and links.
     wire::subscribe terms() const;
+    /// The unsubscribe packet: the user's own, if there is one, with its defaults.
+    const bytes& farewell() const noexcept { return farewell_; }
     void on_sent(session& over, std::uint64_t id);
     result<void> on_subscribed(wire::subscribed answer);
     void on_refused(const failure& why);
@@ -106,6 +109,7 @@ private:
     std::string service_;
     const packet_types& types_;
     bytes request_;
+    bytes farewell_;
     std::optional<failure> ended_;
     std::optional<failure> refused_;
     waiter<> packet_;

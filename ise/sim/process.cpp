@@ -50,7 +50,7 @@ public:
     }
 
     // What is suspended is destroyed here, while everything that it refers to still stands.
-    void end() {
+    void end() override {
         ended_ = true;
         where_->alive = false;
         loop_.abandon();
@@ -217,6 +217,17 @@ result<std::unique_ptr<stream>> process::open_serial(loop& on, const serial_opti
     if (found == host_.serial_lines.end())
         return failure(errc::io_failed, fmt::format("cannot open {}: host '{}' has no such device", options.device, host_.name()));
     return found->second->open_device(*this, on, options.device, options.baud);
+}
+
+result<pseudo_terminal> process::open_pseudo_terminal(loop& on, const std::string& link) {
+    auto can = usable("open_pseudo_terminal");
+    if (!can) return can.error();
+    if (auto fault = begin_operation()) return io_failure(fmt::format("cannot make {}", link), fault);
+    auto name = link.substr(link.rfind('/') + 1);
+    if (name.empty()) name = fmt::format("pts{}", host_.serial_lines.size());
+    auto far = host_.world().serial_line(name, host_).open_far_end(*this, on);
+    if (!far) return far.error();
+    return pseudo_terminal{std::move(*far), "/dev/" + name};
 }
 
 result<std::string> process::read_file(const std::string& path, std::size_t max_bytes) {

@@ -54,6 +54,8 @@ public:
     result<std::unique_ptr<listener>> listen(loop& on, const endpoint& at) override;
     result<std::unique_ptr<datagram_socket>> open_datagram(loop& on, const endpoint& at) override;
     result<std::unique_ptr<stream>> open_serial(loop& on, const serial_options& options) override;
+    /// A serial line into this host under the last part of `link` ("ttyA" of "/run/demo/ttyA").
+    result<pseudo_terminal> open_pseudo_terminal(loop& on, const std::string& link) override;
     result<std::string> read_file(const std::string& path, std::size_t max_bytes) override;
     std::vector<std::string> interface_addresses() const override { return {host_.address()}; }
 

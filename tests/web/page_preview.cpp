@@ -78,7 +78,7 @@ public:
 private:
     atirma::track_state& state_;
     atirma::utc_ms time_;
-    std::vector<atirma::waypoint> course_;
+    std::vector<atirma::track_waypoint> course_;
     std::size_t active_ = 1;
     double latitude_ = 28.1532, longitude_ = -15.4483, heading_ = 60;
     int tack_ = 1, on_tack_ = 0;

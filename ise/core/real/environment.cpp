@@ -1,6 +1,7 @@
 #include <ise/core/real/environment.hpp>
 
-#include <ise/core/executor_target.hpp>
+#include <ise/core/executor.hpp>
+#include <ise/core/inproc.hpp>
 #include <ise/core/real/sockets.hpp>
 
 #include <asio/executor_work_guard.hpp>
@@ -13,6 +14,7 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <condition_variable>
 #include <cstdlib>
 #include <fstream>
 #include <mutex>
@@ -51,11 +53,43 @@ private:
     std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
 };
 
+// The loops that live, so that the environment can outlive them.
+struct loop_count {
+    std::mutex mutex;
+    std::condition_variable none;
+    int count = 0;
+};
+
+// A place in the count.
+class counted {
+public:
+    explicit counted(std::shared_ptr<loop_count> in) : in_(std::move(in)) {
+        std::lock_guard lock(in_->mutex);
+        ++in_->count;
+    }
+    ~counted() {
+        std::lock_guard lock(in_->mutex);
+        if (--in_->count == 0) in_->none.notify_all();
+    }
+    counted(const counted&) = delete;
+    counted& operator=(const counted&) = delete;
+
+private:
+    std::shared_ptr<loop_count> in_;
+};
+
+// Destroys what waits in it before it is destroyed itself.
+class ending_context : public asio::io_context {
+public:
+    using asio::io_context::io_context;
+    using asio::execution_context::shutdown;
+};
+
 // A thread with an io_context of its own.
 class thread_loop final : public loop_host {
 public:
-    thread_loop(environment& environment, const std::string& name)
-        : context_(std::make_unique<asio::io_context>(1)),
+    thread_loop(environment& environment, const std::string& name, std::shared_ptr<loop_count> among)
+        : counted_(std::move(among)), context_(std::make_unique<ending_context>(1)),
           loop_(std::make_unique<ise::loop>(environment, context_->get_executor(),
                                             [executor = context_->get_executor()] { return executor.running_in_this_thread(); })),
           work_(asio::make_work_guard(*context_)) {
@@ -64,21 +98,29 @@ public:
         ::pthread_setname_np(thread_.native_handle(), name.substr(0, 15).c_str());
     }
 
-    // Coroutines that are still suspended hold timers of the loop: the context goes before it.
+    // What was posted since holds parts of the loop: the context goes before it.
     ~thread_loop() override {
+        end();
+        context_.reset();
+    }
+
+    void end() override {
+        if (!thread_.joinable()) return;
         work_.reset();
         context_->stop();
         thread_.join();
+        loop_->abandon();
         loop_->use_alarm(nullptr);
         context_->restart();
         context_->poll();
-        context_.reset();
+        context_->shutdown(); // and what waits for sockets and the like
     }
 
     ise::loop& loop() noexcept override { return *loop_; }
 
 private:
-    std::unique_ptr<asio::io_context> context_;
+    counted counted_; // to the very end
+    std::unique_ptr<ending_context> context_;
     std::unique_ptr<ise::loop> loop_;
     asio::executor_work_guard<asio::io_context::executor_type> work_;
     std::thread thread_;
@@ -90,11 +132,17 @@ public:
         : loop_(environment, std::move(executor), std::move(running_here)) {
         loop_.use_alarm(std::make_unique<asio_alarm>(loop_));
     }
-    ~adopted_loop() override { loop_.use_alarm(nullptr); }
+    ~adopted_loop() override { end(); }
+    void end() override {
+        if (std::exchange(ended_, true)) return;
+        loop_.abandon();
+        loop_.use_alarm(nullptr);
+    }
     ise::loop& loop() noexcept override { return loop_; }
 
 private:
     ise::loop loop_;
+    bool ended_ = false;
 };
 
 std::string first_line_of(const char* path) {
@@ -123,10 +171,14 @@ process_identity this_process() {
     return made;
 }
 
+task<result<std::unique_ptr<stream>>> given(result<std::unique_ptr<stream>> outcome) { co_return outcome; }
+
 } // namespace
 
 struct real_environment::state {
     process_identity identity = this_process();
+    std::shared_ptr<loop_count> loops = std::make_shared<loop_count>();
+    inproc_registry inproc;
     std::mutex random_mutex;
     // Tickets and incarnations must not be guessed: each is drawn from the kernel, a batch at a time.
     std::array<std::uint64_t, 64> drawn{};
@@ -137,7 +189,12 @@ struct real_environment::state {
 };
 
 real_environment::real_environment() : state_(std::make_unique<state>()) {}
-real_environment::~real_environment() = default;
+
+// A thread that a node had to leave behind uses the environment until it comes back.
+real_environment::~real_environment() {
+    std::unique_lock lock(state_->loops->mutex);
+    state_->loops->none.wait(lock, [this] { return state_->loops->count == 0; });
+}
 
 time_point real_environment::now() const { return steady_now(); }
 wall_time real_environment::wall() const { return std::chrono::system_clock::now(); }
@@ -159,12 +216,12 @@ std::optional<std::string> real_environment::variable(const std::string& name) c
 }
 
 std::unique_ptr<loop_host> real_environment::make_loop(const std::string& name) {
-    return std::make_unique<thread_loop>(*this, name);
+    return std::make_unique<thread_loop>(*this, name, state_->loops);
 }
 
 std::unique_ptr<loop_host> real_environment::adopt(asio::any_io_executor executor, bool one_thread) {
     if (one_thread) {
-        auto* context = target_of<asio::io_context::executor_type>(executor);
+        auto* context = executor_cast<asio::io_context::executor_type>(executor);
         auto running = context ? std::function<bool()>([on = *context] { return on.running_in_this_thread(); })
                                : std::function<bool()>([] { return true; }); // promised
         return std::make_unique<adopted_loop>(*this, std::move(executor), std::move(running));
@@ -183,20 +240,18 @@ task<result<std::unique_ptr<stream>>> real_environment::connect(loop& on, endpoi
     switch (to.kind) {
         case protocol::tcp: return real::connect_tcp(on, std::move(to));
         case protocol::local: return real::connect_local(on, std::move(to));
-        case protocol::udp:
-        case protocol::inproc: break;
+        case protocol::inproc: return given(state_->inproc.connect(on, to.path));
+        case protocol::udp: break;
     }
-    return [](endpoint where) -> task<result<std::unique_ptr<stream>>> {
-        co_return failure(errc::invalid_argument, fmt::format("{} is no endpoint of a stream", where.text()));
-    }(std::move(to));
+    return given(failure(errc::invalid_argument, fmt::format("{} is no endpoint of a stream", to.text())));
 }
 
 result<std::unique_ptr<listener>> real_environment::listen(loop& on, const endpoint& at) {
     switch (at.kind) {
         case protocol::tcp: return real::listen_tcp(on, at);
         case protocol::local: return real::listen_local(on, at);
-        case protocol::udp:
-        case protocol::inproc: break;
+        case protocol::inproc: return state_->inproc.listen(on, at.path);
+        case protocol::udp: break;
     }
     return failure(errc::invalid_argument, fmt::format("{} is no endpoint that accepts streams", at.text()));
 }
@@ -207,6 +262,10 @@ result<std::unique_ptr<datagram_socket>> real_environment::open_datagram(loop& o
 
 result<std::unique_ptr<stream>> real_environment::open_serial(loop& on, const serial_options& options) {
     return real::open_serial(on, options);
+}
+
+result<pseudo_terminal> real_environment::open_pseudo_terminal(loop& on, const std::string& link) {
+    return real::open_pseudo_terminal(on, link);
 }
 
 result<std::string> real_environment::read_file(const std::string& path, std::size_t max_bytes) {

@@ -6,7 +6,7 @@
 namespace ise {
 
 /// The real world: the machine's clocks, threads, sockets and serial ports. One a process; it outlives the
-/// nodes and loops made from it.
+/// nodes and loops made from it: its destructor waits for the threads of its loops, and for offloaded work.
 class real_environment final : public environment {
 public:
     real_environment();
@@ -25,6 +25,7 @@ public:
     result<std::unique_ptr<listener>> listen(loop& on, const endpoint& at) override;
     result<std::unique_ptr<datagram_socket>> open_datagram(loop& on, const endpoint& at) override;
     result<std::unique_ptr<stream>> open_serial(loop& on, const serial_options& options) override;
+    result<pseudo_terminal> open_pseudo_terminal(loop& on, const std::string& link) override;
     result<std::string> read_file(const std::string& path, std::size_t max_bytes) override;
     std::vector<std::string> interface_addresses() const override;
 

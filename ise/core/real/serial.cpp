@@ -8,6 +8,7 @@
 
 #include <fcntl.h>
 #include <sys/ioctl.h>
+#include <termios.h>
 #include <unistd.h>
 
 namespace ise::real {
@@ -34,6 +35,7 @@ result<std::unique_ptr<stream>> open_serial(loop& on, const serial_options& opti
     if (problem) return refuse();
     int flags = ::fcntl(opened.native_handle(), F_GETFL);
     ::fcntl(opened.native_handle(), F_SETFL, flags | O_NONBLOCK);
+    ::tcflush(opened.native_handle(), TCIOFLUSH); // what came while nobody listened is old
 
     // An asio::serial_port can be read but not awaited for writability: the descriptor itself can.
     asio::posix::stream_descriptor descriptor(on.get_executor(), ::dup(opened.native_handle()));

@@ -10,5 +10,6 @@ result<std::unique_ptr<listener>> listen_tcp(loop& on, const endpoint& at);
 result<std::unique_ptr<listener>> listen_local(loop& on, const endpoint& at);
 result<std::unique_ptr<datagram_socket>> open_udp(loop& on, const endpoint& at);
 result<std::unique_ptr<stream>> open_serial(loop& on, const serial_options& options);
+result<pseudo_terminal> open_pseudo_terminal(loop& on, const std::string& link);
 
 } // namespace ise::real

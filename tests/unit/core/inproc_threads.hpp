@@ -12,7 +12,7 @@
 
 namespace threads {
 
-class bare_environment final : public ise::environment {
+class bare_environment : public ise::environment {
 public:
     ise::time_point now() const override {
         return ise::time_point(std::chrono::duration_cast<ise::duration>(std::chrono::steady_clock::now().time_since_epoch()));
@@ -29,6 +29,7 @@ public:
     ise::result<std::unique_ptr<ise::listener>> listen(ise::loop&, const ise::endpoint&) override { return no(); }
     ise::result<std::unique_ptr<ise::datagram_socket>> open_datagram(ise::loop&, const ise::endpoint&) override { return no(); }
     ise::result<std::unique_ptr<ise::stream>> open_serial(ise::loop&, const ise::serial_options&) override { return no(); }
+    ise::result<ise::pseudo_terminal> open_pseudo_terminal(ise::loop&, const std::string&) override { return no(); }
     ise::result<std::string> read_file(const std::string&, std::size_t) override { return no(); }
     std::vector<std::string> interface_addresses() const override { return {}; }
 

@@ -2,6 +2,8 @@
 
 #include <support/catch.hpp>
 
+#include <set>
+
 using namespace talk;
 
 namespace {
@@ -118,4 +120,14 @@ TEST_CASE("sim: a frozen process catches up when it goes on") {
     it.go_on();
     world.run_for(1s);
     CHECK(log.size() == 12); // the one that was due, and one a second later
+}
+
+TEST_CASE("sim: processes with similar names draw different numbers") {
+    ise::sim::world world;
+    std::set<std::uint64_t> first;
+    for (int i = 0; i < 10; ++i) {
+        auto name = "boat" + std::to_string(i);
+        first.insert(world.host(name).start_process(name).random());
+    }
+    CHECK(first.size() == 10);
 }

@@ -220,7 +220,7 @@ TEST_CASE("hostile texts and numbers of reports stay bounded and harmless") {
     CHECK(all["sources"].size() <= 16);
     CHECK(all["heard"].size() <= 16);
     CHECK(all["feeds"].size() <= 16);
-    atirma::waypoints_update many{{start, start, "xbee", false}, std::vector<atirma::waypoint>(501), std::nullopt, false};
+    atirma::waypoints_update many{{start, start, "xbee", false}, std::vector<atirma::track_waypoint>(501), std::nullopt, false};
     CHECK_FALSE(state.apply(many, start).has_value());
 }
 

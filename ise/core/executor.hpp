@@ -5,9 +5,9 @@
 
 namespace ise {
 
-/// The executor of type `Executor` that `on` holds, or null. (Asio's own `target<>()` casts without looking.)
+/// The executor inside, if it is an `Executor`, else null. (In Asio 1.22 `target()` itself does not look.)
 template <class Executor>
-const Executor* target_of(const asio::any_io_executor& on) noexcept {
+const Executor* executor_cast(const asio::any_io_executor& on) noexcept {
     return on && on.target_type() == typeid(Executor) ? on.target<Executor>() : nullptr;
 }
 

@@ -1,0 +1,137 @@
+// Hosts any of the components of A-Tirma in one process, or looks at a running system for a while.
+#include "hosting.hpp"
+#include "observer.hpp"
+
+#include <ise/core/real/environment.hpp>
+
+#include <CLI/CLI.hpp>
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <map>
+#include <mutex>
+
+namespace {
+
+struct common_options {
+    std::string name_server;
+    ise::log_level level = ise::log_level::info;
+};
+
+void add_common(CLI::App& to, common_options& options) {
+    to.add_option("--name-server", options.name_server, "its endpoint (default: ISE_NAME_SERVER, else that of this machine)");
+    static const std::map<std::string, ise::log_level> levels{
+        {"debug", ise::log_level::debug}, {"info", ise::log_level::info}, {"warning", ise::log_level::warning}, {"error", ise::log_level::error}};
+    to.add_option("--log-level", options.level, "debug, info, warning, error")->transform(CLI::CheckedTransformer(levels, CLI::ignore_case))->default_str("info");
+}
+
+ise::node_options node_options_of(const common_options& options) {
+    ise::node_options made;
+    made.name = "atirma";
+    made.log = ise::log_to_stderr(options.level);
+    if (!options.name_server.empty()) made.name_server = ise::endpoint::parse(options.name_server).value();
+    return made;
+}
+
+std::vector<ise::endpoint> endpoints_of(const std::vector<std::string>& texts) {
+    std::vector<ise::endpoint> all;
+    for (const auto& text : texts) all.push_back(ise::endpoint::parse(text).value());
+    return all;
+}
+
+void say(const std::string& line) {
+    static std::mutex one_at_a_time;
+    std::lock_guard lock(one_at_a_time);
+    std::fputs((line + "\n").c_str(), stdout);
+    std::fflush(stdout);
+}
+
+void complain(const std::string& what) { std::fputs(("atirma: " + what + "\n").c_str(), stderr); }
+
+int run(const common_options& common, const std::vector<atirma::hosted>& wanted) {
+    ise::real_environment world;
+    ise::node node(world, node_options_of(common));
+    for (const auto& one : wanted) {
+        ise::component_options options;
+        options.listen = endpoints_of(one.listen);
+        options.advertise = endpoints_of(one.advertise);
+        options.policy = ise::on_failure::stop_node;
+        node.launch(one.path, one.make(), std::move(options));
+    }
+    int code = ise::run_until_signal(node, [&] {
+        for (const auto& one : wanted) say("started: " + one.path);
+    });
+    for (const auto& report : node.reports()) {
+        if (!report.failure.empty()) complain(report.path + ": " + report.failure);
+        for (const auto& name : report.still_running) complain(report.path + ": did not end in time: " + name);
+    }
+    return code;
+}
+
+int observe(const common_options& common, const atirma::observer_options& options) {
+    ise::real_environment world;
+    ise::node node(world, node_options_of(common));
+    auto seen = std::make_shared<atirma::observation>();
+    ise::component_options anonymous;
+    anonymous.listens = false;
+    anonymous.registers = false;
+    node.launch("", std::make_unique<atirma::observer>(options, seen), std::move(anonymous));
+    int code = ise::run_until_signal(node);
+    auto text = seen->text();
+    text.pop_back();
+    say(text);
+    if (code != 0) return code;
+    if (options.page && !seen->page_is_live()) complain("the page's event stream brought no telemetry");
+    if (!seen->boat_answered()) complain("the boat acknowledged no telecommand");
+    return (!options.page || seen->page_is_live()) && seen->boat_answered() ? 0 : 1;
+}
+
+} // namespace
+
+int main(int count, char** words) {
+    CLI::App app{"The shore side of A-Tirma, and a boat to try it with"};
+    app.set_version_flag("--version", "atirma " ATIRMA_VERSION);
+    app.require_subcommand(1);
+    app.footer("Exit codes: 0 ended as asked, 1 something failed, 2 wrong arguments.\n"
+               "Example: atirma run boat-simulator --serial /tmp/xbee-boat xbee-link xbee-proxy --serial /tmp/xbee-shore web-server");
+
+    common_options common;
+    std::vector<atirma::hosted> wanted;
+    auto* runs = app.add_subcommand("run", "run one component or several, until SIGINT or SIGTERM");
+    add_common(*runs, common);
+    runs->require_subcommand(1, 0);
+    atirma::add_components(*runs, wanted, say);
+
+    atirma::observer_options observer;
+    double length_s = 30;
+    std::string page;
+    auto* observes = app.add_subcommand("observe", "look at telemetry, telecommands and page for a while, then sum up");
+    add_common(*observes, common);
+    observes->add_option("--proxy", observer.proxy, "whose services are used")->capture_default_str();
+    observes->add_option("--page", page, "host:port of the web server whose event stream is read");
+    observes->add_option("--for", length_s, "seconds")->check(CLI::Range(1.0, 86400.0))->capture_default_str();
+
+    try {
+        app.parse(count, words);
+    } catch (const CLI::ParseError& why) {
+        return app.exit(why) == 0 ? 0 : 2; // prints help, or what is wrong
+    }
+    try {
+        if (!common.name_server.empty()) ise::endpoint::parse(common.name_server).value();
+        if (!page.empty()) observer.page = ise::endpoint::parse("tcp://" + page).value();
+        for (const auto& one : wanted) {
+            endpoints_of(one.listen);
+            endpoints_of(one.advertise);
+        }
+    } catch (const ise::error& why) {
+        complain(why.what());
+        return 2;
+    }
+    observer.length = std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(length_s));
+    try {
+        return observes->parsed() ? observe(common, observer) : run(common, wanted);
+    } catch (const std::exception& why) {
+        complain(why.what());
+        return 1;
+    }
+}

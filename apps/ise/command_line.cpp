@@ -1,0 +1,195 @@
+#include "command_line.hpp"
+
+#include "commands.hpp"
+#include "completion.hpp"
+#include "text.hpp"
+
+#include <ise/packet/json.hpp>
+
+#include <CLI/CLI.hpp>
+
+#include <fmt/format.h>
+
+#include <iostream>
+#include <iterator>
+#include <memory>
+
+namespace ise::cli {
+namespace {
+
+constexpr const char* exit_codes = R"(Exit codes:
+  0    the answer is complete; also when its reader (head) has gone, and when Ctrl-C ended echo or hz
+  1    the component was reached and refused, or failed
+  2    the command line makes no sense: an option, an endpoint, call on a subscription
+  3    not reached: no name server, no such name or service, no answer in time
+  4    JSON or packets do not fit; the message has the path
+  5    the answer could not be written to standard output
+  130  Ctrl-C before the answer
+Answers go to standard output, everything else to standard error.)";
+
+// CLI11's own places for what is read; they outlive the parse.
+struct places {
+    wish made;
+    std::string timeout = "5s";
+    std::string json;
+    list_options list;
+    describe_options describe;
+    call_options call;
+    echo_options echo;
+    hz_options hz;
+    std::string every, length, window;
+    std::uint64_t echo_count = 0, hz_count = 0;
+    std::string shell;
+};
+
+duration positive(const std::string& text, std::string_view option) {
+    auto parsed = parse_duration(text);
+    if (!parsed) throw problem(exit_code::usage, "usage", fmt::format("{}: {}", option, parsed.error().message()));
+    if (*parsed <= duration{}) throw problem(exit_code::usage, "usage", fmt::format("{}: must be longer than nothing", option));
+    return *parsed;
+}
+
+// At most what a JSON text may have anyway.
+std::string read_input() {
+    const std::size_t most = json_limits().max_text_bytes;
+    std::string text;
+    char piece[4096];
+    while (std::cin.read(piece, sizeof piece) || std::cin.gcount() > 0) {
+        text.append(piece, static_cast<std::size_t>(std::cin.gcount()));
+        if (text.size() > most) throw problem(exit_code::mismatch, "too_large", fmt::format("standard input has more than {} bytes", most));
+    }
+    return text;
+}
+
+std::string json_given(const std::string& text) {
+    if (text.empty()) return "{}";
+    return text == "-" ? read_input() : text;
+}
+
+command_info describe_command(const CLI::App& app) {
+    command_info made;
+    made.name = app.get_name();
+    made.description = app.get_description();
+    for (const auto* one : app.get_options()) {
+        option_info info;
+        info.description = one->get_description();
+        info.takes_value = one->get_items_expected_max() > 0;
+        auto type = one->get_type_name(); // "TEXT:{bash,fish,zsh}"
+        if (auto from = type.find('{'), to = type.find('}'); from != std::string::npos && to > from)
+            info.choices = CLI::detail::split(type.substr(from + 1, to - from - 1), ',');
+        if (one->get_positional()) {
+            info.names.push_back(one->get_name());
+            made.places.push_back(std::move(info));
+        } else {
+            for (const auto& name : one->get_lnames()) info.names.push_back("--" + name);
+            for (const auto& name : one->get_snames()) info.names.push_back("-" + name);
+            made.options.push_back(std::move(info));
+        }
+    }
+    for (const auto* below : app.get_subcommands([](const CLI::App*) { return true; })) made.commands.push_back(describe_command(*below));
+    return made;
+}
+
+void add_subscription(CLI::App& command, subscribe_choice& what, std::string& json) {
+    command.add_option("NAME", what.name, "path of a component, or endpoint such as tcp://127.0.0.1:7411")->required();
+    command.add_option("SERVICE", what.service, "name of a subscription service")->required();
+    command.add_option("JSON", json, "subscribe request; - reads standard input (default: {})");
+    auto* latest = command.add_flag("--latest", what.latest, "of packets that come too fast only the latest is kept");
+    command.add_flag("--lossless", what.lossless, "the provider holds packets back; a subscription that falls too far behind ends")->excludes(latest);
+    command.add_option("--depth", what.depth, "packets kept for us at either end (default: 1024)")->check(CLI::Range(1u, 65536u))->type_name("N");
+}
+
+void build(CLI::App& app, places& to) {
+    auto& set = to.made.set;
+    app.require_subcommand(1);
+    app.fallthrough();
+    app.set_version_flag("--version", "ise " ISE_VERSION);
+    app.footer(exit_codes);
+    app.add_option("--name-server", set.name_server, "its endpoint (default: $ISE_NAME_SERVER, else tcp://127.0.0.1:7400)")->type_name("ENDPOINT");
+    app.add_option("--timeout", to.timeout, "for the whole command, or its first answer (default: 5s)")->type_name("TIME");
+    app.add_flag("--wait", set.wait, "wait for a component that is not there yet, until the timeout");
+    app.add_flag("--json", set.json, "for programs: answers, errors and notes as one line of JSON each");
+    app.add_flag("--pretty", set.pretty, "JSON over several lines");
+    app.add_flag("--verbose", set.verbose, "log to standard error");
+
+    auto* list_command = app.add_subcommand("list", "the components that the name server knows");
+    list_command->add_option("PREFIX", to.list.prefix, "only this path and what is below it");
+    list_command->add_flag("--names", to.list.names, "nothing but the paths");
+    list_command->callback([&to] { to.made.talk.body = [options = to.list](context& in) { return list(in, options); }; });
+
+    auto* describe_command = app.add_subcommand("describe", "a component: endpoints, services, packets, sessions");
+    describe_command->add_option("NAME", to.describe.name, "path of a component, or endpoint such as tcp://127.0.0.1:7411")->required();
+    describe_command->add_flag("--all", to.describe.all, "ISE's own services too");
+    describe_command->add_flag("--names", to.describe.names, "nothing but the names of its services");
+    describe_command->callback([&to] { to.made.talk.body = [options = to.describe](context& in) { return describe(in, options); }; });
+
+    auto* call_command = app.add_subcommand("call", "calls a service and prints the response as JSON");
+    call_command->add_option("NAME", to.call.name, "path of a component, or endpoint such as tcp://127.0.0.1:7411")->required();
+    call_command->add_option("SERVICE", to.call.service, "name of a request-response service")->required();
+    call_command->add_option("JSON", to.json, "request; - reads standard input (default: {}, every field at its default)");
+    call_command->callback([&to] {
+        to.call.json = json_given(to.json);
+        to.made.talk.body = [options = to.call](context& in) { return call(in, options); };
+    });
+
+    auto* echo_command = app.add_subcommand("echo", "subscribes and prints each packet as a line of JSON");
+    add_subscription(*echo_command, to.echo.what, to.json);
+    auto* count = echo_command->add_option("--count,-n", to.echo_count, "end after so many packets")->type_name("N")->check(CLI::PositiveNumber);
+    echo_command->add_option("--for", to.length, "end after this time; with --count: 3 unless that many came")->type_name("TIME");
+    echo_command->add_option("--every", to.every, "at most one packet in this time; those between are skipped")->type_name("TIME");
+    echo_command->add_flag("--no-last", to.echo.no_last_value, "not the packet that was published before we came");
+    echo_command->add_flag("--losses", to.echo.losses, R"(each line is {"lost_before":N,"packet":{...}}; null: nobody knows how many)");
+    echo_command->callback([&to, count] {
+        to.echo.what.json = json_given(to.json);
+        if (count->count() > 0) to.echo.count = to.echo_count;
+        if (!to.length.empty()) to.echo.length = positive(to.length, "--for");
+        if (!to.every.empty()) to.echo.every = positive(to.every, "--every");
+        to.made.talk.endless = !to.echo.count;
+        to.made.talk.body = [options = to.echo](context& in) { return echo(in, options); };
+    });
+
+    auto* hz_command = app.add_subcommand("hz", "how often and how evenly packets come, and how many are lost");
+    add_subscription(*hz_command, to.hz.what, to.json);
+    hz_command->add_option("--window", to.window, "time of one line (default: 1s)")->type_name("TIME");
+    auto* lines = hz_command->add_option("--count,-n", to.hz_count, "end after so many lines")->type_name("N")->check(CLI::PositiveNumber);
+    hz_command->callback([&to, lines] {
+        to.hz.what.json = json_given(to.json);
+        if (lines->count() > 0) to.hz.count = to.hz_count;
+        if (!to.window.empty()) to.hz.window = positive(to.window, "--window");
+        to.made.talk.endless = !to.hz.count;
+        to.made.talk.body = [options = to.hz](context& in) { return hz(in, options); };
+    });
+
+    auto* completion_command = app.add_subcommand("completion", "prints a completion script: eval \"$(ise completion bash)\"");
+    completion_command->add_option("SHELL", to.shell, "bash, zsh or fish")->required()->check(CLI::IsMember({"bash", "zsh", "fish"}));
+    completion_command->callback([&to, &app] { to.made.text = completion_script(cli::describe_command(app), to.shell); });
+
+    auto* version_command = app.add_subcommand("version", "prints the version");
+    version_command->callback([&to] { to.made.text = "ise " ISE_VERSION "\n"; });
+}
+
+} // namespace
+
+wish read_command_line(int count, const char* const* arguments) {
+    places to;
+    CLI::App app("Lists, describes, calls and listens to running components.", "ise");
+    build(app, to);
+    try {
+        app.parse(count, arguments);
+    } catch (const CLI::CallForHelp&) {
+        to.made.talk = {};
+        to.made.text = app.help();
+        return to.made;
+    } catch (const CLI::CallForVersion& version) {
+        to.made.talk = {};
+        to.made.text = std::string(version.what()) + "\n";
+        return to.made;
+    } catch (const CLI::ParseError& wrong) {
+        auto selected = app.get_subcommands();
+        throw problem(exit_code::usage, "usage", wrong.what(), fmt::format("ise {}--help says how", selected.empty() ? "" : selected.back()->get_name() + " "));
+    }
+    to.made.set.timeout = positive(to.timeout, "--timeout");
+    return to.made;
+}
+
+} // namespace ise::cli

@@ -1,0 +1,123 @@
+#include "completion.hpp"
+
+#include "completion_scripts.hpp"
+
+#include <fmt/format.h>
+
+#include <set>
+#include <string_view>
+#include <utility>
+
+namespace ise::cli {
+namespace {
+
+std::string filled(std::string script, std::string_view place, const std::string& text) {
+    if (auto at = script.find(place); at != std::string::npos) script.replace(at, place.size(), text);
+    return script;
+}
+
+// Between single quotes; `:` parts name and description for zsh.
+std::string quoted(const std::string& text, std::string_view quote, bool escape_colons = false) {
+    std::string out = "'";
+    for (char letter : text) {
+        if (letter == '\'') out += quote;
+        else if (letter == ':' && escape_colons) out += "\\:";
+        else out += letter;
+    }
+    return out + "'";
+}
+
+std::set<std::string> options_with_values(const command_info& from) {
+    std::set<std::string> names;
+    for (const auto& one : from.options)
+        if (one.takes_value) names.insert(one.names.begin(), one.names.end());
+    for (const auto& below : from.commands) names.merge(options_with_values(below));
+    return names;
+}
+
+std::string joined(const std::set<std::string>& names, std::string_view between) {
+    std::string text;
+    for (const auto& name : names) text += (text.empty() ? "" : std::string(between)) + name;
+    return text;
+}
+
+// What completes a place: its name, which the scripts know, or its choices.
+std::string place_word(const option_info& place) {
+    if (place.choices.empty()) return place.names.front();
+    std::string words;
+    for (const auto& one : place.choices) words += (words.empty() ? "" : " ") + one;
+    return words;
+}
+
+// Words for a JSON text are the user's own.
+bool completes(const option_info& place) { return place.names.front() != "JSON"; }
+
+std::vector<option_info> all_options(const command_info& program, const command_info& command) {
+    auto all = command.options;
+    for (const auto& global : program.options) {
+        bool known = false;
+        for (const auto& own : command.options) known = known || own.names == global.names;
+        if (!known) all.push_back(global);
+    }
+    return all;
+}
+
+std::string bash_case(const command_info& program, const command_info& command, bool top) {
+    std::string options, places;
+    for (const auto& one : all_options(program, command))
+        for (const auto& name : one.names) options += (options.empty() ? "" : " ") + name;
+    for (const auto& below : command.commands) places += (places.empty() ? "" : " ") + below.name;
+    if (!places.empty()) places = "\"" + places + "\"";
+    for (const auto& place : command.places) places += fmt::format("{}\"{}\"", places.empty() ? "" : " ", completes(place) ? place_word(place) : "");
+    return fmt::format("        {}) options=\"{}\" places=({}) ;;\n", top ? "\"\"" : command.name, options, places);
+}
+
+std::string zsh_case(const command_info& program, const command_info& command, bool top) {
+    std::string options, places;
+    for (const auto& one : all_options(program, command))
+        for (const auto& name : one.names) options += quoted(name + "\n" + one.description, "'\\''", true).replace(1 + name.size(), 1, ":") + " ";
+    if (top) {
+        std::string commands;
+        for (const auto& below : command.commands) commands += quoted(below.name + ":" + below.description, "'\\''") + " ";
+        return fmt::format("        \"\") options=({}) places=(COMMAND); local -a commands=({}) ;;\n", options, commands);
+    }
+    for (const auto& place : command.places) places += fmt::format("\"{}\" ", completes(place) ? place_word(place) : "");
+    return fmt::format("        {}) options=({}) places=({}) ;;\n", command.name, options, places);
+}
+
+std::string fish_option(const option_info& one, const std::string& condition) {
+    std::string line = "complete -c ise" + condition;
+    for (const auto& name : one.names) line += name.starts_with("--") ? " -l " + name.substr(2) : " -s " + name.substr(1);
+    if (one.takes_value) line += " -x";
+    return line + " -d " + quoted(one.description, "\\'") + "\n";
+}
+
+std::string fish_lines(const command_info& program) {
+    std::string lines;
+    for (const auto& global : program.options) lines += fish_option(global, "");
+    for (const auto& command : program.commands) {
+        lines += fmt::format("complete -c ise -n '__ise_at \"\"' -a {} -d {}\n", command.name, quoted(command.description, "\\'"));
+        for (const auto& one : command.options)
+            if (one.names.front() != "--help") lines += fish_option(one, fmt::format(" -n '__ise_at {}'", command.name));
+        for (std::size_t at = 0; at < command.places.size(); ++at) {
+            const auto& place = command.places[at];
+            if (!completes(place)) continue;
+            auto words = place.choices.empty() ? fmt::format("(__ise_names {})", place.names.front()) : place_word(place);
+            lines += fmt::format("complete -c ise -n '__ise_at {} {}' -a '{}'\n", command.name, at, words);
+        }
+    }
+    return lines;
+}
+
+} // namespace
+
+std::string completion_script(const command_info& program, const std::string& shell) {
+    auto values = options_with_values(program);
+    if (shell == "fish") return filled(filled(fish_script, "@VALUES@", joined(values, " ")), "@LINES@", fish_lines(program));
+    auto one_case = shell == "zsh" ? zsh_case : bash_case;
+    auto cases = one_case(program, program, true);
+    for (const auto& command : program.commands) cases += one_case(program, command, false);
+    return filled(filled(shell == "zsh" ? zsh_script : bash_script, "@VALUES@", joined(values, shell == "zsh" ? "|" : " | ")), "@CASES@", cases);
+}
+
+} // namespace ise::cli

@@ -1,0 +1,117 @@
+#include "conversation.hpp"
+
+#include "text.hpp"
+
+#include <ise/component/node.hpp>
+#include <ise/core/real/environment.hpp>
+#include <ise/core/task_scope.hpp>
+#include <ise/naming/services.hpp>
+
+#include <nlohmann/json.hpp>
+
+#include <fmt/format.h>
+
+#include <optional>
+
+namespace ise::cli {
+namespace {
+
+// What the command's end was, written on its component's thread and read when that has stopped.
+struct ending {
+    std::optional<exit_code> code;
+    std::optional<problem> why;
+};
+
+task<> converse(component& self, const settings& set, const conversation& what, ending& end) {
+    output out;
+    context in{self, set, out, saturating_add(self.now(), set.timeout)};
+    try {
+        co_await what.body(in);
+        end.code = exit_code::ok;
+    } catch (const reader_gone&) {
+        end.code = exit_code::ok;
+    } catch (const problem& why) {
+        end.why = why;
+    } catch (const error& thrown) {
+        end.why.emplace(thrown.why());
+    } catch (const std::exception& thrown) {
+        if (is_cancellation(std::current_exception())) throw; // Ctrl-C
+        end.why.emplace(exit_code::failed, "unexpected", thrown.what());
+    }
+    // Cancelled: what was waited for may have made a failure of it.
+    if (end.why && self.state() == component_state::stopping) end.why.reset();
+    if (end.why) end.code = end.why->code();
+    self.stop();
+}
+
+} // namespace
+
+endpoint name_server_of(const settings& set, const environment& env) {
+    auto text = set.name_server;
+    std::string from = "--name-server";
+    if (text.empty()) {
+        auto told = env.variable("ISE_NAME_SERVER");
+        if (!told || told->empty()) return default_name_server();
+        text = *told;
+        from = "the environment variable ISE_NAME_SERVER";
+    }
+    auto parsed = endpoint::parse(text);
+    if (!parsed) throw problem(exit_code::usage, "usage", fmt::format("{}: {}", from, parsed.error().message()));
+    return *parsed;
+}
+
+exit_code run(const settings& set, const conversation& what) {
+    ending end;
+    try {
+        real_environment env;
+        node_options options;
+        options.name = "ise";
+        options.name_server = name_server_of(set, env);
+        options.grace = std::chrono::milliseconds(500);
+        options.log = set.verbose ? log_to_stderr(log_level::debug) : log_sink();
+        component_options mine;
+        mine.listens = false;
+        node running(env, options);
+        running.start("", [&](component& self) { return converse(self, set, what, end); }, mine);
+        run_until_signal(running);
+    } catch (const problem& why) {
+        end.why = why;
+        end.code = why.code();
+    } catch (const std::exception& thrown) {
+        end.why.emplace(exit_code::failed, "unexpected", thrown.what());
+        end.code = exit_code::failed;
+    }
+    if (end.why) report(*end.why, set.json);
+    if (end.code) return *end.code;
+    return what.endless ? exit_code::ok : exit_code::interrupted;
+}
+
+void report(const problem& why, bool json) {
+    if (json) {
+        nlohmann::ordered_json told;
+        told["error"] = why.name();
+        told["exit_code"] = static_cast<int>(why.code());
+        told["message"] = why.what();
+        if (!why.executed().empty()) told["executed"] = why.executed();
+        if (!why.advice().empty()) told["advice"] = why.advice();
+        complain(told.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+        return;
+    }
+    auto text = fmt::format("ise: {}\n", printable(why.what(), true));
+    if (why.executed() == "unknown") text += "     it may have run there all the same\n";
+    if (why.executed() == "not_executed") text += "     it did not run there\n";
+    if (!why.advice().empty()) text += fmt::format("     {}\n", printable(why.advice(), true));
+    complain(text);
+}
+
+void note(const settings& set, const std::string& text) {
+    if (set.json) {
+        nlohmann::ordered_json told;
+        told["note"] = text;
+        complain(told.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+    } else {
+        complain(fmt::format("ise: {}\n", printable(text)));
+    }
+}
+
+} // namespace ise::cli

@@ -1,0 +1,135 @@
+#include "description.hpp"
+
+#include "table.hpp"
+#include "text.hpp"
+
+#include <ise/component/learn.hpp>
+
+#include <nlohmann/json.hpp>
+
+#include <fmt/format.h>
+
+namespace ise::cli {
+namespace {
+
+using nlohmann::ordered_json;
+
+std::string hex(std::uint64_t number) { return fmt::format("{:016x}", number); }
+
+service_kind kind_of(const service_text& one) { return one.kind == 0 ? service_kind::request_response : service_kind::subscription; }
+
+ordered_json service_json(const service_text& one) {
+    ordered_json told;
+    told["name"] = one.name;
+    told["kind"] = ise::name_of(kind_of(one));
+    told["provided"] = one.provided;
+    auto packets = ordered_json::array();
+    for (std::size_t place = 0; place < one.packets.size(); ++place) {
+        ordered_json packet;
+        packet["role"] = role::name(kind_of(one), place);
+        packet["fingerprint"] = hex(one.packets[place].fingerprint);
+        packet["schema"] = one.packets[place].schema;
+        packets.push_back(std::move(packet));
+    }
+    told["packets"] = std::move(packets);
+    return told;
+}
+
+std::string indented(const std::string& text, const std::string& by) {
+    std::string out = by;
+    for (char letter : text) {
+        out += letter;
+        if (letter == '\n') out += by;
+    }
+    return out + '\n';
+}
+
+// Fit for a shell, between single quotes.
+std::string shell_quoted(const std::string& text) {
+    std::string out = "'";
+    for (char letter : text) out += letter == '\'' ? std::string("'\\''") : std::string(1, letter);
+    return out + "'";
+}
+
+std::string example(const std::string& name, const dynamic_contract& service) {
+    bool calls = service.kind() == service_kind::request_response;
+    const auto& asked = service.packet(role::request);
+    std::string json;
+    constexpr std::size_t longest = 160;
+    bool small = asked.type().min_size <= longest;
+    if (small && !asked.type().members.empty()) json = " " + shell_quoted(printable(default_packet(asked).to_json()));
+    if (!small || json.size() > longest) json = calls ? " -" : "";
+    return fmt::format("    ise {} {} {}{}\n", calls ? "call" : "echo", name, printable(service.name()), json);
+}
+
+std::string service_page(const service_text& one, const std::string& name) {
+    auto kind = kind_of(one);
+    auto page = fmt::format("\n{}  ({})\n", printable(one.name), ise::name_of(kind));
+    auto contract = contract_of(one);
+    if (!contract) return page + fmt::format("    {}\n", printable(contract.error().message(), true));
+    for (std::size_t place = 0; place < one.packets.size(); ++place) {
+        const auto& packet = contract->packet(place);
+        // The control packets that need not be there say nothing.
+        if (kind == service_kind::subscription && place != role::published && packet.type().members.empty()) continue;
+        page += fmt::format("  {}\n", role::name(kind, place)) + indented(printable(packet.pretty(), true), "    ");
+    }
+    if (one.provided) page += "  try\n" + example(name, *contract);
+    return page;
+}
+
+} // namespace
+
+std::string as_json(const component_text& about) {
+    ordered_json told;
+    told["path"] = about.path;
+    told["state"] = about.state;
+    told["host"] = about.host_name;
+    told["process_id"] = about.process_id;
+    told["incarnation"] = hex(about.incarnation);
+    told["epoch"] = std::to_string(about.epoch); // beyond 2^53 a JSON number is not exact
+    told["endpoints"] = about.endpoints;
+    auto services = ordered_json::array();
+    for (const auto& one : about.services) services.push_back(service_json(one));
+    told["services"] = std::move(services);
+    auto sessions = ordered_json::array();
+    for (const auto& one : about.sessions) {
+        ordered_json session;
+        session["peer"] = one.peer;
+        session["bytes_in"] = one.bytes_in;
+        session["bytes_out"] = one.bytes_out;
+        session["round_trip_s"] = static_cast<double>(one.round_trip_ns) * 1e-9;
+        sessions.push_back(std::move(session));
+    }
+    told["sessions"] = std::move(sessions);
+    told["calls_served"] = about.calls_served;
+    told["packets_published"] = about.packets_published;
+    told["packets_dropped"] = about.packets_dropped;
+    return told.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
+}
+
+std::string as_page(const component_text& about, const std::string& name, std::size_t width) {
+    auto page = fmt::format("{}  {}\n", about.path.empty() ? "(anonymous)" : printable(about.path), printable(about.state));
+    page += fmt::format("  host       {}, process {}\n", printable(about.host_name), about.process_id);
+    page += fmt::format("  life       incarnation {}{}\n", hex(about.incarnation), about.epoch == 0 ? "" : fmt::format(", epoch {}", about.epoch));
+    for (std::size_t at = 0; at < about.endpoints.size(); ++at)
+        page += fmt::format("  {}  {}\n", at == 0 ? "endpoints" : "         ", printable(about.endpoints[at]));
+    page += fmt::format("  counts     {} calls served, {} packets published, {} dropped\n", about.calls_served, about.packets_published, about.packets_dropped);
+
+    std::string required;
+    for (const auto& one : about.services) {
+        if (one.provided) page += service_page(one, name);
+        else required += fmt::format("  {}  ({})\n", printable(one.name), ise::name_of(kind_of(one)));
+    }
+    if (!required.empty()) page += "\nrequired of others\n" + required;
+
+    if (!about.sessions.empty()) {
+        table rows({"SESSION WITH", "IN", "OUT", "ROUND TRIP"});
+        for (const auto& one : about.sessions)
+            rows.add({one.peer, show_bytes(one.bytes_in), show_bytes(one.bytes_out),
+                      one.round_trip_ns > 0 ? show_duration(duration(one.round_trip_ns)) : std::string("-")});
+        page += "\n" + rows.text(width);
+    }
+    return page;
+}
+
+} // namespace ise::cli

@@ -1,0 +1,57 @@
+#include "subscribing.hpp"
+
+#include "text.hpp"
+
+#include <fmt/format.h>
+
+namespace ise::cli {
+namespace {
+
+void append_line(std::string& text, const received<dynamic_packet>& packet, json_style style, bool envelope) {
+    auto json = packet->to_json(style);
+    if (!envelope) {
+        text += json;
+    } else if (packet.lost_before() == unknown_gap) {
+        text += fmt::format("{{\"lost_before\":null,\"packet\":{}}}", json);
+    } else {
+        text += fmt::format("{{\"lost_before\":{},\"packet\":{}}}", packet.lost_before(), json);
+    }
+    text += '\n';
+}
+
+} // namespace
+
+task<> echo(context& in, echo_options options) {
+    subscribe_options terms;
+    terms.min_interval = options.every;
+    terms.last_value = !options.no_last_value;
+    auto stream = co_await open_stream(in, options.what, terms);
+    bool over = false;
+    timer end(in.self.on(), [&] {
+        over = true;
+        stream.leave();
+    });
+    if (options.length) end.arm(saturating_add(in.self.now(), *options.length));
+    auto style = in.set.pretty ? json_style::pretty : json_style::compact;
+    std::uint64_t shown = 0;
+    auto wanted = [&] { return !options.count || shown < *options.count; };
+    constexpr std::size_t batch_bytes = 64 << 10;
+    while (wanted()) {
+        auto packet = co_await stream.next();
+        if (!packet) break;
+        std::string text;
+        // What has come meanwhile is written at once with it.
+        for (; packet; packet = stream.try_next()) {
+            if (packet.lost_before() != 0 && !options.losses) note(in.set, show_loss(packet.lost_before()));
+            append_line(text, packet, style, options.losses);
+            ++shown;
+            if (!wanted() || text.size() >= batch_bytes) break;
+        }
+        co_await in.out.write(in.self, std::move(text));
+    }
+    if (stream.ended() && !over && wanted()) throw problem(stream.cause());
+    if (over && options.count && wanted())
+        throw problem(exit_code::not_reached, "timed_out", fmt::format("{} of {} packets came within {}", shown, *options.count, show_duration(*options.length)));
+}
+
+} // namespace ise::cli

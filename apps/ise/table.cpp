@@ -1,0 +1,34 @@
+#include "table.hpp"
+
+#include "text.hpp"
+
+#include <algorithm>
+
+namespace ise::cli {
+
+void table::add(std::vector<std::string> cells) {
+    for (auto& cell : cells) cell = printable(cell);
+    cells.resize(rows_.front().size());
+    rows_.push_back(std::move(cells));
+}
+
+std::string table::text(std::size_t width, const std::string& indent) const {
+    constexpr std::size_t gap = 2, least_last = 12;
+    auto count = rows_.front().size();
+    std::vector<std::size_t> widths(count, 0);
+    for (const auto& row : rows_)
+        for (std::size_t at = 0; at < count; ++at) widths[at] = std::max(widths[at], columns(row[at]));
+    std::size_t before = indent.size();
+    for (std::size_t at = 0; at + 1 < count; ++at) before += widths[at] + gap;
+    std::string text;
+    for (const auto& row : rows_) {
+        auto line = indent;
+        for (std::size_t at = 0; at + 1 < count; ++at) line += row[at] + std::string(widths[at] + gap - columns(row[at]), ' ');
+        line += width == 0 ? row.back() : cut(row.back(), std::max(least_last, width > before ? width - before : 0));
+        line.erase(line.find_last_not_of(' ') + 1);
+        text += line + '\n';
+    }
+    return text;
+}
+
+} // namespace ise::cli

@@ -1,0 +1,151 @@
+#include "target.hpp"
+
+#include "text.hpp"
+
+#include <fmt/format.h>
+
+namespace ise::cli {
+namespace {
+
+// A link goes on trying until the deadline; a person wants to know at once.
+constexpr duration look_up = std::chrono::milliseconds(20);
+
+task<result<void>> connect(context& in, remote who) {
+    if (in.set.wait) {
+        auto got = co_await who.connect(in.left());
+        co_return got;
+    }
+    for (;;) {
+        auto slice = std::min(look_up, in.left());
+        auto got = co_await who.connect(slice);
+        if (got) co_return got;
+        if (!who.way().obstacle().empty()) co_return failure(errc::unreachable, who.way().obstacle());
+        if (in.self.now() >= in.until) co_return got;
+    }
+}
+
+std::string quoted(const std::string& name) { return fmt::format("'{}'", name); }
+
+// For an error only: whatever goes wrong here, that one is told.
+task<std::string> advice_for_name(context& in, std::string name) {
+    std::vector<std::string> known;
+    try {
+        auto names = co_await listed_names(in, "");
+        for (auto& one : names) known.push_back(std::move(one.path));
+    } catch (const problem&) {
+        co_return std::string();
+    }
+    if (known.empty()) co_return std::string("no component is registered");
+    auto near = nearest(name, known);
+    for (auto& one : near) one = quoted(one);
+    if (!near.empty()) co_return fmt::format("did you mean {}?", enumerate(near));
+    co_return fmt::format("{} names are registered: ise list", known.size());
+}
+
+std::string services_there(const component_text& about) {
+    std::vector<std::string> names;
+    for (const auto& one : about.services)
+        if (one.provided && !is_internal(one.name)) names.push_back(quoted(one.name));
+    return names.empty() ? "it provides no service" : "it provides " + enumerate(names);
+}
+
+} // namespace
+
+task<remote> reach_name_server(context& in) {
+    auto at = name_server_of(in.set, in.self.env());
+    auto server = in.self.at(at);
+    auto got = co_await connect(in, server);
+    if (!got)
+        throw problem(exit_code::not_reached, "name_server_lost", fmt::format("there is no name server at {}: {}", at.text(), got.error().message()),
+                      "start one with ise_name_server, tell where it is with --name-server or ISE_NAME_SERVER, or name the component by its endpoint");
+    co_return server;
+}
+
+task<std::vector<naming::listed_name>> listed_names(context& in, std::string prefix) {
+    auto server = co_await reach_name_server(in);
+    std::vector<naming::listed_name> names;
+    naming::list_request question;
+    question.prefix = std::move(prefix);
+    for (;;) {
+        auto page = question;
+        auto told = co_await server.try_call(naming::list, std::move(page), in.left());
+        if (!told) throw problem(told.error());
+        for (auto& one : told->names) names.push_back(std::move(one));
+        // A server that says "more" and tells nothing new would be asked for ever.
+        if (!told->more || told->names.empty() || names.back().path <= question.after) break;
+        question.after = names.back().path;
+    }
+    co_return names;
+}
+
+task<remote> reach(context& in, std::string name) {
+    if (name.find("://") != std::string::npos) {
+        auto at = endpoint::parse(name);
+        if (!at) throw problem(exit_code::usage, "usage", at.error().message());
+        auto who = in.self.at(*at);
+        auto got = co_await connect(in, who);
+        if (!got) throw problem(failure(got.error().code(), fmt::format("{} is not reached: {}", name, got.error().message())),
+                                "is the component running there? --wait waits for it until the timeout");
+        co_return who;
+    }
+    [[maybe_unused]] auto server = co_await reach_name_server(in);
+    auto* names = in.self.services().resolver();
+    if (!names) throw problem(exit_code::failed, "unexpected", "this program was built without names: name the component by its endpoint");
+    result<location> found;
+    if (in.set.wait) {
+        found = co_await names->resolve_when_present(name, in.until);
+    } else {
+        found = co_await names->resolve(name);
+    }
+    if (!found) {
+        std::string advice;
+        if (found.error().code() == errc::no_such_name) {
+            in.until = std::max(in.until, in.self.now() + std::chrono::seconds(1));
+            advice = co_await advice_for_name(in, name);
+        }
+        throw problem(found.error(), advice);
+    }
+    auto who = in.self.at(name);
+    auto got = co_await connect(in, who);
+    if (!got) throw problem(failure(got.error().code(), fmt::format("'{}' is registered, but not reached: {}", name, got.error().message())),
+                            "it may just have ended: its name goes when its lease ends, a few seconds later");
+    co_return who;
+}
+
+task<component_text> ask_about(context& in, remote who) {
+    describe_request question;
+    auto told = co_await who.try_call(describe_service, question, in.left());
+    if (!told) throw problem(told.error());
+    co_return std::move(*told);
+}
+
+task<dynamic_contract> find_service(context& in, remote who, std::string service, service_kind wanted) {
+    auto about = co_await ask_about(in, who);
+    std::vector<std::string> names;
+    for (const auto& one : about.services) {
+        if (!one.provided) continue;
+        names.push_back(one.name);
+        if (one.name != service) continue;
+        auto contract = contract_of(one);
+        if (!contract) throw problem(contract.error());
+        if (contract->kind() != wanted) {
+            bool calls = wanted == service_kind::request_response;
+            throw problem(exit_code::usage, "usage", fmt::format("'{}' at {} is a {} service", service, who.name(), ise::name_of(contract->kind())),
+                          fmt::format("{} it: ise {} {} {}", calls ? "subscribe to" : "call", calls ? "echo" : "call", who.name(), service));
+        }
+        co_return std::move(*contract);
+    }
+    auto near = nearest(service, names);
+    throw problem(exit_code::not_reached, "no_such_service", fmt::format("there is no service '{}' at {}", service, who.name()),
+                  services_there(about) + (near.empty() ? "" : fmt::format("; did you mean '{}'?", near.front())));
+}
+
+dynamic_packet packet_from(const schema& of, const std::string& json, std::string_view what) {
+    try {
+        return dynamic_packet::from_json(of, json);
+    } catch (const error& unfit) {
+        throw problem(failure(unfit.code(), fmt::format("the {} is not as it must be: {}", what, unfit.what())), "it is " + of.pretty());
+    }
+}
+
+} // namespace ise::cli

@@ -1,0 +1,105 @@
+// The name server as a program: where the components of a system find each other.
+// Exit codes: 0 ended by SIGINT or SIGTERM, 1 it cannot run (the reason is on stderr), 2 wrong usage.
+#include <ise/component/node.hpp>
+#include <ise/core/real/environment.hpp>
+#include <ise/name_server/name_server.hpp>
+
+#include <CLI/CLI.hpp>
+
+#include <fmt/format.h>
+
+#include <cstdio>
+
+namespace {
+
+constexpr int cannot_run = 1;
+constexpr int wrong_usage = 2;
+
+struct settings {
+    std::vector<std::string> listen;
+    std::string lease = "2s";
+    std::string log_level = "info";
+    bool fresh = false;
+};
+
+// "2s", "500ms", "1.5s": a number and a unit, since a bare number would be guessed at.
+ise::duration duration_of(const std::string& text) {
+    char unit[3] = {};
+    double value = 0;
+    int used = 0;
+    if (std::sscanf(text.c_str(), "%lf%2[a-z]%n", &value, unit, &used) != 2 || static_cast<std::size_t>(used) != text.size())
+        throw CLI::ValidationError("--lease", fmt::format("'{}' is no duration: write it like 2s or 500ms", text));
+    std::string name = unit;
+    double scale_ns = name == "s" ? 1e9 : name == "ms" ? 1e6 : 0;
+    if (scale_ns == 0) throw CLI::ValidationError("--lease", fmt::format("'{}' has no unit that is known: s or ms", text));
+    double ns = value * scale_ns;
+    if (!(ns >= 50e6 && ns <= 3600e9)) throw CLI::ValidationError("--lease", fmt::format("'{}' is not from 50ms to 3600s", text));
+    return ise::duration(static_cast<std::int64_t>(ns));
+}
+
+ise::log_level level_of(const std::string& text) {
+    for (auto level : {ise::log_level::debug, ise::log_level::info, ise::log_level::warning, ise::log_level::error})
+        if (text == ise::name_of(level)) return level;
+    return ise::log_level::info; // CLI has checked it
+}
+
+int run(const settings& wanted, ise::duration lease) {
+    ise::component_options where;
+    where.registers = false;
+    for (const auto& text : wanted.listen) {
+        auto at = ise::endpoint::parse(text);
+        if (!at) throw CLI::ValidationError("--listen", at.error().message());
+        where.listen.push_back(std::move(*at));
+    }
+    if (where.listen.empty()) where.listen.push_back(ise::default_name_server());
+
+    ise::real_environment env;
+    ise::node_options options;
+    options.name = "name_server";
+    options.use_names = false; // it needs nobody to be found
+    options.log = ise::log_to_stderr(level_of(wanted.log_level));
+    ise::node node(env, std::move(options));
+
+    ise::name_server_options terms;
+    terms.lease = lease;
+    terms.fresh = wanted.fresh;
+    std::string listening;
+    try {
+        auto& server = node.start<ise::name_server>(std::string(ise::naming::server_path), std::move(where), terms);
+        for (const auto& at : server.services().listening()) listening += (listening.empty() ? "" : " and ") + at.text();
+    } catch (const ise::error& thrown) {
+        if (thrown.code() != ise::errc::address_in_use) throw;
+        fmt::print(stderr, "ise_name_server: {}\nPerhaps a name server runs there already: one is enough. Else choose another place with --listen, "
+                           "and set ISE_NAME_SERVER to it for the others.\n", thrown.what());
+        return cannot_run;
+    }
+    return ise::run_until_signal(node, [&] {
+        fmt::print("name server listens on {}\n", listening);
+        std::fflush(stdout);
+    });
+}
+
+} // namespace
+
+int main(int argc, char** argv) {
+    CLI::App app("Keeps the names of an ISE system: components register here and find each other by path.", "ise_name_server");
+    settings wanted;
+    app.add_option("--listen", wanted.listen, "where to listen, such as tcp://0.0.0.0:7400; several are allowed (default " + ise::default_name_server().text() + ")");
+    app.add_option("--lease", wanted.lease, "the longest time for which a name outlives a node that was lost, such as 2s or 500ms")->capture_default_str();
+    app.add_option("--log-level", wanted.log_level, "the least that is logged to stderr: debug, info, warning or error")
+        ->check(CLI::IsMember({"debug", "info", "warning", "error"}))
+        ->capture_default_str();
+    app.add_flag("--fresh", wanted.fresh, "no name server ran here before: grant names at once, instead of first waiting one lease for those who held them");
+    app.set_version_flag("--version", "ise_name_server " ISE_VERSION);
+    app.footer("Others look for it at ISE_NAME_SERVER, or at " + ise::default_name_server().text() +
+               ".\nExit codes: 0 ended by a signal, 1 it cannot run, 2 wrong usage.");
+    try {
+        app.parse(argc, argv);
+        return run(wanted, duration_of(wanted.lease));
+    } catch (const CLI::ParseError& wrong) {
+        return app.exit(wrong) == 0 ? 0 : wrong_usage;
+    } catch (const std::exception& thrown) {
+        fmt::print(stderr, "ise_name_server: {}\n", thrown.what());
+        return cannot_run;
+    }
+}

@@ -1,0 +1,101 @@
+#pragma once
+#include <components/boat/telecommand.hpp>
+
+#include <ise/service/contract.hpp>
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <vector>
+
+// What the proxy of any link provides, whichever link it is. Includers of this header need no other of the boat.
+namespace atirma {
+
+/// One telemetry packet as it came over a link. (boot, sequence) tells the same packet on two links.
+struct telemetry_packet {
+    link_id link = link_id::xbee;
+    std::uint16_t boot = 0;
+    std::uint32_t sequence = 0;
+    utc_time measured_at{};         ///< by the boat's clock
+    utc_time received_at{};         ///< by the clock of the proxy's host
+    bool history = false;           ///< sent again after a gap: never the current position
+    std::vector<std::byte> raw;     ///< for parse_telemetry(); its checksum was right
+};
+
+/// A telecommand without its id and time. The fields beside `kind` count only for the kinds that name them.
+struct boat_command {
+    command_kind kind = command_kind::ping;
+    sailing_mode mode = sailing_mode::manual;                 ///< set_mode
+    std::uint8_t index = 0;                                   ///< waypoint_insert (before it), _delete, _select
+    waypoint point;                                           ///< waypoint_add, waypoint_insert
+    parameter_id parameter = parameter_id::time_to_next_tack; ///< set_parameter, get_parameter
+    float value = 0;                                          ///< set_parameter, in the unit of the parameter
+    link_id link = link_id::xbee;                             ///< set_telemetry_period
+    float period_s = 0;                                       ///< set_telemetry_period; 0 is off
+    bool on = true;                                           ///< emergency_beacon
+    bool operator==(const boat_command&) const = default;
+};
+
+telecommand to_telecommand(std::uint32_t id, utc_time sent_at, const boat_command& what);
+
+/// `{"id":7,"command":{"kind":"set_mode","mode":"hold"}}`. The same id with the same command again is the same telecommand:
+/// it is not executed twice, and the reply tells what became of it.
+struct telecommand_request {
+    std::uint32_t id = 0;   ///< chosen by the requester; 0: the proxy chooses one and tells it
+    boat_command command;
+    float valid_s = 300;    ///< how long the proxy goes on trying, also after its reply, 1 … 86400
+};
+
+enum class telecommand_stage : std::uint8_t {
+    pending = 0,      ///< only in a reply: not decided yet, follow telecommand_state
+    queued = 1,       ///< waits for the link
+    sent = 2,         ///< left the shore (it may be lost all the same)
+    acknowledged = 3, ///< the boat answered: `result` says what
+    failed = 4,       ///< cannot be sent
+    expired = 5,      ///< its validity is over without an answer: it may have been executed
+};
+constexpr bool is_final(telecommand_stage stage) noexcept { return stage >= telecommand_stage::acknowledged; }
+
+struct telecommand_reply {
+    std::uint32_t id = 0;
+    telecommand_stage state = telecommand_stage::pending;
+    std::optional<ack_code> result; ///< the boat's word; nothing before it was acknowledged
+    std::optional<float> value;     ///< what holds at the boat now, for kinds that tell
+    std::string text;               ///< for people
+};
+
+/// A change in the life of a telecommand.
+struct telecommand_status {
+    std::uint32_t id = 0;
+    link_id link = link_id::xbee;
+    command_kind kind = command_kind::ping;
+    telecommand_stage state = telecommand_stage::queued;
+    std::optional<ack_code> result;
+    std::optional<float> value;
+    std::string text;
+    utc_time at{};                  ///< of the change
+    std::uint32_t attempts = 0;     ///< times that it was given to the link
+};
+
+/// Which telecommand to follow; 0: all.
+struct follow_telecommand {
+    std::uint32_t id = 0;
+};
+/// Where things stand at the beginning: what was asked for, of all those that are not decided yet.
+struct followed_telecommands {
+    std::vector<telecommand_status> now;
+};
+
+namespace services {
+
+inline constexpr ise::subscription<telemetry_packet> telemetry{"telemetry"};
+
+/// Waits for the boat's acknowledgement as far as the call's deadline allows, else replies `pending`. Error: refused
+/// (bad validity or place, an id that stands for another command, too many that are open); it then had no effect.
+inline constexpr ise::request_response<telecommand_request, telecommand_reply> telecommand{"telecommand"};
+
+inline constexpr ise::subscription<telecommand_status, follow_telecommand, followed_telecommands> telecommand_state{"telecommand_state"};
+
+} // namespace services
+
+} // namespace atirma

@@ -1,0 +1,183 @@
+#include <components/boat_simulator/boat_simulator.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace atirma {
+namespace {
+using namespace std::chrono_literals;
+// So few at the modem at a time that what is sent is never much older than the queue it came from.
+constexpr std::size_t in_hand_at_most = 3;
+constexpr std::size_t max_wind_file_bytes = 64u << 20;
+constexpr ise::duration send_time = 30s;
+
+double in_range(const char* what, double value, double low, double high) {
+    if (value >= low && value <= high) return value; // not a number fails
+    throw ise::error(ise::errc::refused, fmt::format("{} is {:g} to {:g}, not {:g}", what, low, high, value));
+}
+} // namespace
+
+std::shared_ptr<const simulator::wind_source> boat_simulator::make_wind() {
+    if (!options_.wind_file.empty()) {
+        auto text = env().read_file(options_.wind_file, max_wind_file_bytes).value();
+        return simulator::parse_wind_csv(text, options_.wind_file).value();
+    }
+    simulator::wind_sample mean;
+    mean.speed_mps = in_range("the wind's speed in m/s", options_.wind_speed_mps, 0, 40);
+    mean.from_deg = in_range("the wind's direction in degrees", options_.wind_from_deg, 0, 360);
+    if (options_.gusts) return simulator::gusting_wind(mean, options_.seed);
+    return simulator::constant_wind(mean);
+}
+
+void boat_simulator::make_boat() {
+    in_range("the speedup", options_.speedup, 0.1, 1000);
+    simulator::boat_options made;
+    if (options_.course != "none") {
+        auto course = simulator::find_course(options_.course);
+        if (!course) throw ise::error(ise::errc::invalid_argument, fmt::format("there is no course '{}': T1, T2, none", options_.course));
+        made.course = course->marks;
+    }
+    auto utc = std::chrono::floor<std::chrono::milliseconds>(wall());
+    made.epoch = utc;
+    made.clock_rate = 1 / options_.speedup;
+    made.seed = options_.seed;
+    // A boat counts its starts; this one has nowhere to keep the number, so it takes the second, never 0.
+    auto second = std::chrono::duration_cast<std::chrono::seconds>(utc.time_since_epoch()).count();
+    made.boot = options_.boot != 0 ? options_.boot : static_cast<std::uint16_t>(second % 65535 + 1);
+    wind_ = std::make_shared<simulator::scene_wind>(make_wind());
+    boat_ = std::make_unique<simulator::simulated_boat>(std::move(made), wind_);
+}
+
+ise::task<> boat_simulator::run() {
+    make_boat();
+    started_ = now();
+    heard_at_ = started_;
+    sent_ = failed_ = heard_ = 0;
+    if (!options_.port.device.empty()) {
+        port_ = std::make_unique<xbee::modem_port>(on(), log(), options_.port);
+        port_->on_event = [this](const xbee::client_event& event) { on_radio_event(event); };
+        spawn("modem", port_->run());
+    }
+    provide(services::scene_control, [this](const scene_request& request) { return set_scene(request); });
+    publish_every(services::truth, options_.truth_period, [this] {
+        sail();
+        return truth();
+    });
+    // A step of the model, but not more often than a hundred times a second: then several steps at once.
+    auto pace = std::max<ise::duration>(10ms, std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(0.1 / options_.speedup)));
+    log().info("the boat sails", {{"course", options_.course}, {"boot", std::to_string(boat_->boot())}, {"speedup", fmt::format("{:g}", options_.speedup)}});
+    for (;;) {
+        sail();
+        co_await sleep(pace);
+    }
+}
+
+void boat_simulator::sail() {
+    boat_->set_link_status(radio_status());
+    boat_->advance(model_now());
+    send();
+}
+
+void boat_simulator::send() {
+    if (!port_) return;
+    if (!radio_on_) {
+        boat_->take_packets(link_id::xbee);
+        return;
+    }
+    while (port_->modem_ready() && port_->in_hand() < in_hand_at_most) {
+        auto raw = boat_->take_packet(link_id::xbee);
+        if (raw.empty()) return;
+        auto taken = port_->send(options_.shore_address, std::move(raw), send_time);
+        if (!taken) {
+            ++failed_;
+            return;
+        }
+    }
+}
+
+void boat_simulator::on_radio_event(const xbee::client_event& event) {
+    if (const auto* outcome = std::get_if<xbee::send_outcome>(&event)) {
+        ++(outcome->delivered ? sent_ : failed_);
+    } else if (const auto* packet = std::get_if<xbee::packet_received>(&event)) {
+        if (!radio_on_ || packet->source != options_.shore_address) return;
+        heard_at_ = now();
+        boat_->advance(model_now());
+        auto done = boat_->on_packet(link_id::xbee, packet->payload);
+        if (done) {
+            ++heard_;
+            log().info("telecommand", {{"id", std::to_string(done->id)}, {"kind", std::string(name_of(done->kind))}, {"result", std::string(name_of(done->code))}});
+        } else {
+            log().warning("a packet was refused", {{"cause", done.error().message()}});
+        }
+    }
+    // The next packets go with the boat's next step: sending from within an event could go on for ever.
+}
+
+scene boat_simulator::set_scene(const scene_request& request) {
+    boat_->advance(model_now());
+    auto air = boat_->true_wind();
+    if (request.wind_speed_mps) air.speed_mps = in_range("wind_speed_mps", *request.wind_speed_mps, 0, 40);
+    if (request.wind_from_deg) air.from_deg = std::fmod(in_range("wind_from_deg", *request.wind_from_deg, 0, 360), 360.0);
+    double at_s = std::chrono::duration<double>(model_now()).count();
+    if (request.original_wind) wind_->change(at_s, std::nullopt);
+    else if (request.wind_speed_mps || request.wind_from_deg) wind_->change(at_s, air);
+    if (request.radio_on) radio_on_ = *request.radio_on;
+    auto holds = wind_->at(at_s);
+    scene told;
+    told.wind_speed_mps = holds.speed_mps;
+    told.wind_from_deg = holds.from_deg;
+    told.original_wind = wind_->original();
+    told.radio_on = radio_on_;
+    return told;
+}
+
+link_status boat_simulator::radio_status() const {
+    link_status told;
+    told.link = link_id::xbee;
+    told.up = port_ && port_->modem_ready() && radio_on_;
+    told.queued = static_cast<std::uint16_t>(std::min<std::size_t>(boat_->queued(link_id::xbee), 65535));
+    told.sent = static_cast<std::uint32_t>(sent_);
+    told.failed = static_cast<std::uint32_t>(failed_);
+    told.last_heard_age_s = std::chrono::duration<float>(now() - heard_at_).count();
+    return told;
+}
+
+ground_truth boat_simulator::truth() const {
+    auto where = boat_->location_now();
+    auto how = boat_->navigation_now();
+    auto air = boat_->true_wind();
+    ground_truth told;
+    told.at = std::chrono::floor<std::chrono::milliseconds>(wall());
+    told.model_time_s = std::chrono::duration<double>(model_now()).count();
+    told.latitude_deg = where.latitude_deg;
+    told.longitude_deg = where.longitude_deg;
+    told.speed_over_ground_mps = where.speed_over_ground_mps;
+    told.course_over_ground_deg = where.course_over_ground_deg;
+    told.distance_sailed_m = where.distance_sailed_m;
+    told.heading_deg = how.heading_deg;
+    told.heel_deg = how.heel_deg;
+    told.wind_speed_mps = static_cast<float>(air.speed_mps);
+    told.wind_from_deg = static_cast<float>(air.from_deg);
+    told.mode = how.mode;
+    told.in_irons = how.in_irons;
+    told.waypoint_index = how.waypoint_index;
+    told.waypoint_count = how.waypoint_count;
+    told.laps = how.laps;
+    told.boot = boat_->boot();
+    told.modem_ready = port_ && port_->modem_ready();
+    told.packets_sent = sent_;
+    told.packets_failed = failed_;
+    told.packets_queued = boat_->queued(link_id::xbee);
+    told.telecommands_heard = heard_;
+    told.packets_refused = boat_->refused_packets();
+    return told;
+}
+
+simulator::model_time boat_simulator::model_now() const {
+    auto passed_s = std::chrono::duration<double>(now() - started_).count() * options_.speedup;
+    return std::chrono::duration_cast<simulator::model_time>(std::chrono::duration<double>(passed_s));
+}
+
+} // namespace atirma

@@ -1,0 +1,60 @@
+#pragma once
+#include <components/boat_simulator/scene_wind.hpp>
+#include <components/boat_simulator/services.hpp>
+#include <components/boat_simulator/simulated_boat.hpp>
+#include <components/xbee/modem_port.hpp>
+
+#include <ise/component/component.hpp>
+
+#include <memory>
+#include <string>
+
+namespace atirma {
+
+struct boat_simulator_options {
+    std::string course = "T1";               ///< T1, T2, or "none": it stays where it starts
+    std::string wind_file;                   ///< a recorded series (CSV); empty: the wind below
+    double wind_speed_mps = 6;
+    double wind_from_deg = 45;
+    bool gusts = true;                       ///< about that wind, by the seed
+    std::uint64_t seed = 1;
+    double speedup = 1;                      ///< 0.1 … 1000: of the boat's model time, never of deadlines
+    std::uint16_t boot = 0;                  ///< 0: from the clock, so that it differs each time it starts
+    xbee::port_options port;                 ///< the boat's own modem; an empty device: it has no radio
+    std::uint64_t shore_address = 0x0013A20040000001; ///< of the shore's modem
+    ise::duration truth_period = std::chrono::milliseconds(500);
+};
+
+/// A boat that sails in real time (times `speedup`), with its own modem on a serial port: telemetry goes out, telecommands
+/// come in. Services: `ground_truth`, `scene` (services.hpp). A wind file that cannot be read, an unknown course and
+/// numbers out of range end `run()` with an error that says so.
+class boat_simulator final : public ise::component {
+public:
+    explicit boat_simulator(boat_simulator_options options = boat_simulator_options()) : options_(std::move(options)) {}
+
+    /// Where the boat is now; nothing before it was started. On the component's loop.
+    const simulator::simulated_boat* boat() const noexcept { return boat_.get(); }
+
+private:
+    ise::task<> run() override;
+    std::shared_ptr<const simulator::wind_source> make_wind();
+    void make_boat();
+    void sail();
+    void send();
+    void on_radio_event(const xbee::client_event& event);
+    scene set_scene(const scene_request& request);
+    ground_truth truth() const;
+    link_status radio_status() const;
+    simulator::model_time model_now() const;
+
+    boat_simulator_options options_;
+    std::shared_ptr<simulator::scene_wind> wind_;
+    std::unique_ptr<simulator::simulated_boat> boat_;
+    std::unique_ptr<xbee::modem_port> port_;
+    ise::time_point started_{};
+    ise::time_point heard_at_{};
+    bool radio_on_ = true;
+    std::uint64_t sent_ = 0, failed_ = 0, heard_ = 0;
+};
+
+} // namespace atirma

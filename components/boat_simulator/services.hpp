@@ -1,0 +1,60 @@
+#pragma once
+#include <components/boat/telemetry.hpp>
+
+#include <ise/service/contract.hpp>
+
+#include <optional>
+
+// What the simulator tells and takes besides being a boat: for tests, the link emulator and reports; no boat has this.
+namespace atirma {
+
+/// How things are, without instruments and radio in between.
+struct ground_truth {
+    utc_time at{};              ///< by the simulator's host
+    double model_time_s = 0;    ///< since the boat was made; runs `speedup` times as fast as the clock
+    double latitude_deg = 0;
+    double longitude_deg = 0;
+    float speed_over_ground_mps = 0;
+    float course_over_ground_deg = 0;
+    float heading_deg = 0;
+    float heel_deg = 0;
+    float wind_speed_mps = 0;
+    float wind_from_deg = 0;
+    float distance_sailed_m = 0;
+    sailing_mode mode = sailing_mode::manual;
+    bool in_irons = false;
+    std::uint8_t waypoint_index = 0;
+    std::uint8_t waypoint_count = 0;
+    std::uint16_t laps = 0;
+    std::uint16_t boot = 0;
+    bool modem_ready = false;
+    std::uint64_t packets_sent = 0;      ///< acknowledged by the shore's modem
+    std::uint64_t packets_failed = 0;    ///< given to the modem, and not
+    std::uint64_t packets_queued = 0;
+    std::uint64_t telecommands_heard = 0;
+    std::uint64_t packets_refused = 0;   ///< heard, and no telecommand
+};
+
+/// Changes the scene while the boat sails; what is missing stays. An empty one only asks.
+struct scene_request {
+    std::optional<double> wind_speed_mps;  ///< 0 … 40, constant from now on
+    std::optional<double> wind_from_deg;   ///< true direction it comes from
+    bool original_wind = false;            ///< back to the wind that the simulator was started with
+    std::optional<bool> radio_on;          ///< false: the boat neither sends nor hears
+};
+struct scene {
+    double wind_speed_mps = 0;
+    double wind_from_deg = 0;
+    bool original_wind = true;
+    bool radio_on = true;
+};
+
+namespace services {
+
+inline constexpr ise::subscription<ground_truth> truth{"ground_truth"};
+/// Errors: refused (a number out of range).
+inline constexpr ise::request_response<scene_request, scene> scene_control{"scene"};
+
+} // namespace services
+
+} // namespace atirma

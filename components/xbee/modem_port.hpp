@@ -1,0 +1,72 @@
+#pragma once
+#include <components/xbee/radio_client.hpp>
+
+#include <ise/core/environment.hpp>
+#include <ise/core/log.hpp>
+#include <ise/core/task.hpp>
+
+#include <array>
+#include <functional>
+#include <memory>
+#include <string>
+
+namespace atirma::xbee {
+
+struct port_options {
+    std::string device = "/dev/ttyUSB0";
+    unsigned baud = 9600;
+    bool hardware_flow_control = false;
+    client_options client;
+    ise::duration shortest_retry = std::chrono::milliseconds(250); ///< between attempts to open it; doubles
+    ise::duration longest_retry = std::chrono::seconds(5);
+};
+
+/// The thin shell around `radio_client`: the serial port of a modem, opened through the environment and opened again when it
+/// vanished. Requests may be made at any time; they wait for port and modem until their time is up, and each ends in one
+/// event. Used on one loop; must outlive `run()`.
+class modem_port {
+public:
+    modem_port(ise::loop& on, ise::logger log, port_options options);
+
+    /// Hears every event, on the loop; may make new requests. Set it before `run()`.
+    std::function<void(const client_event&)> on_event;
+
+    /// Opens the port and serves it until it is cancelled. Never fails: what is wrong is logged and shown by `trouble()`.
+    ise::task<> run();
+
+    ise::result<token> send(std::uint64_t destination, ise::bytes payload, ise::duration timeout);
+    ise::result<token> local_at(at_name command, ise::bytes parameter = {});
+
+    bool is_open() const noexcept { return stream_ != nullptr; }
+    bool modem_ready() const noexcept { return client_.ready(); }
+    api_mode mode() const noexcept { return client_.mode(); }
+    /// Why nothing can be sent now; empty where it can.
+    const std::string& trouble() const noexcept { return trouble_; }
+    /// Times that the port was opened.
+    std::uint64_t openings() const noexcept { return openings_; }
+    /// Requests that the modem or the queue before it holds.
+    std::size_t in_hand() const noexcept { return client_.outstanding() + client_.queued(); }
+    const client_counters& counters() const noexcept { return client_.counters(); }
+    const port_options& options() const noexcept { return options_; }
+
+private:
+    instant now() const { return loop_.now().time_since_epoch(); }
+    void service();
+    void write();
+    void on_own_event(const client_event& event);
+    ise::task<std::string> serve();
+
+    ise::loop& loop_;
+    ise::logger log_;
+    port_options options_;
+    radio_client client_;
+    std::unique_ptr<ise::stream> stream_;
+    ise::timer wake_;
+    ise::bytes unwritten_;
+    std::array<std::byte, 1024> buffer_{};
+    std::string trouble_ = "the port was not opened yet";
+    std::uint64_t openings_ = 0;
+    bool servicing_ = false;
+};
+
+} // namespace atirma::xbee

@@ -1,0 +1,50 @@
+#pragma once
+#include <components/boat/command_book.hpp>
+#include <components/boat/duplicate_filter.hpp>
+#include <components/xbee/modem_port.hpp>
+#include <components/xbee_proxy/local_modem.hpp>
+#include <components/xbee_proxy/services.hpp>
+
+#include <ise/component/component.hpp>
+
+#include <map>
+#include <memory>
+
+namespace atirma {
+
+struct xbee_proxy_options {
+    xbee::port_options port;
+    std::uint64_t boat_address = 0x0013A20040000002; ///< of the boat's modem; 0: whoever is heard last
+    ise::duration local_period = std::chrono::seconds(2); ///< of xb_local
+    ise::duration send_time = std::chrono::seconds(30);   ///< that one attempt may take; then it is tried again
+    book_options book;
+};
+
+/// The boat over the XBee radio: what comes through the serial port of a modem is published, telecommands go the other
+/// way. The port may vanish and come back; telecommands wait for it within their validity. Services: `telemetry`,
+/// `telecommand`, `telecommand_state` (components/boat/services.hpp), `xb_local`, `xb_local_param` (services.hpp).
+class xbee_proxy final : public ise::component {
+public:
+    explicit xbee_proxy(xbee_proxy_options options = xbee_proxy_options());
+    ~xbee_proxy() override;
+
+private:
+    struct radio;       // what lives from one run() to the next
+    struct waiting_call;
+
+    ise::task<> run() override;
+    void provide_all();
+    void on_radio_event(const xbee::client_event& event);
+    void on_packet(const xbee::packet_received& packet);
+    void on_sent(const xbee::send_outcome& outcome);
+    void publish_local();
+    /// Gives what is due to the radio, tells what changed, and looks when to come again.
+    void work();
+    ise::task<telecommand_reply> command(telecommand_request request, ise::time_point deadline);
+    utc_time clock() const;
+
+    xbee_proxy_options options_;
+    std::unique_ptr<radio> radio_;
+};
+
+} // namespace atirma

@@ -1,0 +1,35 @@
+#include <ise/component/learn.hpp>
+
+#include <fmt/format.h>
+
+namespace ise {
+
+result<dynamic_contract> contract_of(const service_text& told) {
+    if (told.kind > static_cast<std::uint8_t>(service_kind::subscription))
+        return failure(errc::malformed, fmt::format("'{}' is a service of an unknown kind ({})", told.name, told.kind));
+    auto kind = static_cast<service_kind>(told.kind);
+    std::vector<schema> packets;
+    for (const auto& packet : told.packets) {
+        auto parsed = schema::parse(packet.schema);
+        if (!parsed)
+            return failure(parsed.error().code(), fmt::format("the {} of '{}' is not described readably: {}", role::name(kind, packets.size()), told.name,
+                                                              parsed.error().message()));
+        packets.push_back(std::move(*parsed));
+    }
+    return dynamic_contract::make(told.name, kind, std::move(packets));
+}
+
+task<result<dynamic_contract>> learn(remote provider, std::string service, duration deadline) {
+    describe_request question;
+    auto told = co_await provider.try_call(describe_service, question, deadline);
+    if (!told) co_return told.error();
+    std::string known;
+    for (const auto& one : told->services) {
+        if (!one.provided) continue;
+        if (one.name == service) co_return contract_of(one);
+        if (!one.name.starts_with("ise.")) known += (known.empty() ? "" : ", ") + one.name;
+    }
+    co_return failure(errc::no_such_service, fmt::format("{} provides no service '{}'; it provides {}", provider.name(), service, known.empty() ? "none" : known));
+}
+
+} // namespace ise

@@ -1,0 +1,128 @@
+#include <ise/name_server/name_server.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace ise {
+
+name_server::name_server(name_server_options options) : options_(options) {}
+name_server::~name_server() = default;
+
+task<> name_server::run() {
+    registry_options options;
+    options.lease = options_.lease;
+    options.recovery = options_.fresh ? duration{} : options_.lease;
+    options.limits = options_.limits;
+    registry_ = std::make_unique<registry>(options, services().self().incarnation, now(), wall());
+
+    provide(naming::enroll, [this](naming::register_request request) {
+        auto response = registry_->enroll(request, now());
+        changed();
+        return response;
+    });
+    provide(naming::renew, [this](naming::renew_request request) {
+        auto response = registry_->renew(request, now());
+        changed();
+        return response;
+    });
+    provide(naming::withdraw, [this](naming::withdraw_request request) {
+        registry_->withdraw(request, now());
+        changed();
+        return naming::withdraw_response();
+    });
+    provide(naming::resolve, [this](naming::resolve_request request) { return registry_->resolve(request.path, now()); });
+    provide(naming::list, [this](naming::list_request request) { return registry_->list(request, now()); });
+    provide(naming::describe, [this](naming::describe_request request) { return registry_->describe(request.path, now()); });
+
+    serve_options many;
+    many.concurrent = 20'000; // who waits for a name costs a small coroutine
+    many.waiting = 1024;
+    provide(naming::wait_for, [this](naming::await_request request, const call_context& call) {
+        auto longest = std::clamp(request.wait, duration{}, naming::longest_wait);
+        return wait_for(std::move(request.path), std::min(call.deadline, saturating_add(now(), longest)));
+    }, many);
+
+    publication_callbacks<subscription<naming::name_events, naming::watch_request>> callbacks;
+    callbacks.on_subscribe = [this](const naming::watch_request& request, const subscriber_info& who) -> result<nothing> {
+        if (request.prefix.size() > options_.limits.max_path_bytes)
+            return failure(errc::too_large, fmt::format("a prefix of {} bytes, max_path_bytes is {}", request.prefix.size(), options_.limits.max_path_bytes));
+        watcher made;
+        made.prefix = request.prefix;
+        while (made.prefix.ends_with('/')) made.prefix.pop_back();
+        watchers_[who.number] = std::move(made);
+        on().later([this, number = who.number] { welcome(number); }); // behind the answer
+        return nothing();
+    };
+    callbacks.on_unsubscribe = [this](const nothing&, const subscriber_info& who) {
+        watchers_.erase(who.number);
+        return nothing();
+    };
+    events_ = publish(naming::watch, std::move(callbacks));
+
+    tick_ = std::make_unique<timer>(on(), [this] { tick(); });
+    tick();
+    co_return;
+}
+
+void name_server::tick() {
+    registry_->advance(now());
+    changed();
+    tick_->arm(saturating_add(now(), registry_->tick()));
+}
+
+void name_server::changed() {
+    auto events = registry_->take_changes();
+    if (events.empty()) return;
+    for (const auto& event : events) {
+        if (event.what == naming::name_change::removed) continue;
+        auto [first, last] = waiting_.equal_range(event.name.path);
+        for (; first != last; ++first) first->second->resume();
+    }
+    // A packet for each prefix that somebody watches.
+    std::set<std::string> prefixes;
+    for (const auto& [number, entry] : watchers_)
+        if (entry.has_snapshot) prefixes.insert(entry.prefix);
+    for (const auto& prefix : prefixes) {
+        naming::name_events packet;
+        for (const auto& event : events)
+            if (naming::lies_below(event.name.path, prefix)) packet.events.push_back(event);
+        if (packet.events.empty()) continue;
+        events_.to_some(packet, [&](const subscriber_info& who) {
+            auto found = watchers_.find(who.number);
+            return found != watchers_.end() && found->second.has_snapshot && found->second.prefix == prefix;
+        });
+    }
+}
+
+void name_server::welcome(std::uint64_t number) {
+    auto found = watchers_.find(number);
+    if (found == watchers_.end()) return;
+    changed(); // nothing that the snapshot holds is told again
+    found->second.has_snapshot = true;
+    naming::name_events packet;
+    packet.snapshot = true;
+    packet.events = registry_->snapshot(found->second.prefix);
+    events_.to_some(packet, [number](const subscriber_info& who) { return who.number == number; });
+}
+
+task<naming::await_response> name_server::wait_for(std::string path, time_point until) {
+    waiter<> present(on(), [&present] { present.resume(); });
+    timer over(on(), [&present] { present.resume(); });
+    over.arm(until);
+    for (;;) {
+        naming::await_response response;
+        auto found = registry_->resolve(path, now());
+        if (found) response.found = std::move(*found);
+        response.certain = !registry_->recovering(now());
+        if (response.found || now() >= until) co_return response;
+        struct listed { // whichever way this coroutine ends
+            std::multimap<std::string, waiter<>*>& all;
+            std::multimap<std::string, waiter<>*>::iterator which;
+            ~listed() { all.erase(which); }
+        } guard{waiting_, waiting_.emplace(path, &present)};
+        co_await present.wait();
+    }
+}
+
+} // namespace ise

@@ -1,0 +1,376 @@
+#include <ise/name_server/registry.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace ise {
+namespace {
+
+using naming::verdict;
+
+constexpr std::uint64_t highest_epoch = std::uint64_t{1} << 62; // beyond: nobody was ever granted it
+constexpr std::size_t max_fingerprints = 16;                    // of one service; the kinds have at most five
+constexpr duration shortest_lease = std::chrono::milliseconds(50);
+
+std::uint64_t microseconds_of(wall_time wall) {
+    auto count = std::chrono::duration_cast<std::chrono::microseconds>(wall.time_since_epoch()).count();
+    return count > 0 ? static_cast<std::uint64_t>(count) : 1;
+}
+
+naming::grant refused(const std::string& path, std::string why) {
+    naming::grant made;
+    made.path = path;
+    made.what = verdict::refused;
+    made.reason = std::move(why);
+    return made;
+}
+
+} // namespace
+
+registry::registry(registry_options options, std::uint64_t incarnation, time_point now, wall_time wall)
+    : options_(options), incarnation_(incarnation), base_epoch_(std::min(microseconds_of(wall), highest_epoch)), last_epoch_(base_epoch_),
+      recovered_(saturating_add(now, options.recovery)), last_seen_(now), schemas_(options.limits.schemas) {
+    options_.lease = std::max(options_.lease, shortest_lease);
+}
+
+// --- time ---------------------------------------------------------------------------------------------------------
+
+time_point registry::running_time(time_point now) {
+    auto gap = now - last_seen_;
+    last_seen_ = std::max(last_seen_, now);
+    if (gap > options_.lease / 2) stalled_ += gap; // it is called every tick(), if it runs at all
+    return last_seen_ - stalled_;
+}
+
+void registry::advance(time_point now) { expire(running_time(now)); }
+
+bool registry::recovering(time_point now) { return running_time(now) < recovered_; }
+
+void registry::expire(time_point at) {
+    while (!expiries_.empty() && expiries_.begin()->first <= at) {
+        auto found = nodes_.find(expiries_.begin()->second);
+        auto paths = found->second.paths; // removing changes them
+        for (const auto& path : paths) {
+            remember(path, components_.at(path).claim.epoch);
+            remove(path);
+        }
+        expiries_.erase(expiries_.begin());
+        nodes_.erase(found);
+    }
+}
+
+void registry::renew_lease(node& of, time_point at) {
+    expiries_.erase({of.expires, of.who.lease_key});
+    of.renewed = at;
+    ++of.renewals;
+    of.expires = saturating_add(at, of.lease);
+    expiries_.emplace(of.expires, of.who.lease_key);
+}
+
+// --- claims -------------------------------------------------------------------------------------------------------
+
+naming::register_response registry::enroll(const naming::register_request& request, time_point now) {
+    auto at = running_time(now);
+    expire(at);
+    naming::register_response response;
+    response.server_incarnation = incarnation_;
+    auto refuse_all = [&](const std::string& why) {
+        for (const auto& claim : request.components) response.grants.push_back(refused(claim.path, why));
+        return response;
+    };
+    if (auto why = objection(request.node)) return refuse_all(*why);
+    auto known = nodes_.find(request.node.lease_key);
+    if (known == nodes_.end()) {
+        if (nodes_.size() >= options_.limits.max_nodes) return refuse_all(fmt::format("{} nodes are registered, which is max_nodes", nodes_.size()));
+        known = nodes_.try_emplace(request.node.lease_key).first;
+    }
+    auto& from = known->second;
+    from.who = request.node;
+    from.lease = std::clamp(request.lease, shortest_lease, options_.lease);
+    renew_lease(from, at);
+    response.lease = from.lease;
+
+    std::string unusable; // a schema that is none concerns those who wrote it, not the names
+    for (const auto& text : request.schemas)
+        if (auto kept = schemas_.offer(text); !kept && unusable.empty()) unusable = kept.error().message();
+    for (const auto& claim : request.components) {
+        response.grants.push_back(decide(from, claim, at));
+        auto& last = response.grants.back();
+        if (last.what == verdict::granted) last.reason = unusable;
+    }
+    schemas_.sweep();
+    return response;
+}
+
+naming::grant registry::decide(node& from, naming::component_claim claim, time_point at) {
+    auto path = claim.path;
+    if (auto why = objection(claim)) return refused(path, std::move(*why));
+    auto returning = claim.epoch;
+    bool recovering = at < recovered_;
+    auto fresh = [&] { return std::max(last_epoch_, returning) + 1; };
+
+    if (auto held = components_.find(path); held != components_.end()) {
+        auto& holder = held->second;
+        auto epoch = holder.claim.epoch;
+        if (holder.owner == &from) return accept(from, std::move(claim), claim.incarnation == holder.claim.incarnation ? epoch : fresh());
+        // Of two grants of a server that ran before, the higher one is the later one, whenever its holder comes back.
+        if (returning > epoch && epoch < base_epoch_) {
+            auto* loser = holder.owner;
+            auto granted = accept(from, std::move(claim), returning);
+            if (granted.what == verdict::granted) loser->lost[path] = denied(path, verdict::superseded, components_.at(path), at);
+            return granted;
+        }
+        return denied(path, returning != 0 ? verdict::superseded : verdict::taken, holder, at);
+    }
+    if (returning == 0 && recovering) {
+        naming::grant later;
+        later.path = path;
+        later.what = verdict::wait;
+        later.retry_after = recovered_ - at;
+        later.reason = "the name server has just started: first those who held names before get them";
+        return later;
+    }
+    if (returning == 0) return accept(from, std::move(claim), fresh());
+    auto last = last_held_.find(path);
+    bool nobody_since = recovering || (last != last_held_.end() && last->second == returning);
+    return accept(from, std::move(claim), nobody_since ? returning : fresh());
+}
+
+naming::grant registry::accept(node& from, naming::component_claim claim, std::uint64_t epoch) {
+    const auto& limits = options_.limits;
+    auto held = components_.find(claim.path);
+    std::size_t services_before = held == components_.end() ? 0 : held->second.claim.services.size();
+    if (held == components_.end() && components_.size() >= limits.max_components)
+        return refused(claim.path, fmt::format("{} names are registered, which is max_components", components_.size()));
+    if (services_ - services_before + claim.services.size() > limits.max_services)
+        return refused(claim.path, fmt::format("{} services are registered, max_services is {}", services_, limits.max_services));
+
+    last_epoch_ = std::max(last_epoch_, epoch);
+    claim.epoch = epoch;
+    naming::grant granted;
+    granted.path = claim.path;
+    granted.epoch = epoch;
+    bool is_new = held == components_.end();
+    auto path = claim.path;
+    schemas_.use(claim.services);
+    if (is_new) {
+        held = components_.try_emplace(path).first;
+    } else {
+        schemas_.release(held->second.claim.services);
+        held->second.owner->paths.erase(path);
+    }
+    auto& entry = held->second;
+    auto before = is_new ? naming::listed_name() : listed(entry);
+    services_ += claim.services.size();
+    services_ -= services_before;
+    entry.claim = std::move(claim);
+    entry.owner = &from;
+    from.paths.insert(path);
+    from.lost.erase(path);
+    last_held_.erase(path);
+    auto after = listed(entry);
+    bool same = before.epoch == after.epoch && before.incarnation == after.incarnation && before.state == after.state && before.type == after.type &&
+                before.endpoints == after.endpoints && before.services_provided == after.services_provided;
+    if (is_new || !same) note(is_new ? naming::name_change::added : naming::name_change::changed, entry);
+    return granted;
+}
+
+naming::renew_response registry::renew(const naming::renew_request& request, time_point now) {
+    auto at = running_time(now);
+    expire(at);
+    naming::renew_response response;
+    response.server_incarnation = incarnation_;
+    auto found = nodes_.find(request.lease_key);
+    if (found == nodes_.end()) return response;
+    auto& from = found->second;
+    renew_lease(from, at);
+    response.known = true;
+    response.lease = from.lease;
+    for (const auto& [path, grant] : from.lost) response.lost.push_back(grant);
+    return response;
+}
+
+void registry::withdraw(const naming::withdraw_request& request, time_point now) {
+    expire(running_time(now));
+    auto found = nodes_.find(request.lease_key);
+    if (found == nodes_.end()) return;
+    auto& from = found->second;
+    for (const auto& gone : request.departures) {
+        from.lost.erase(gone.path);
+        auto held = components_.find(gone.path);
+        if (held != components_.end() && held->second.owner == &from && held->second.claim.incarnation == gone.incarnation) remove(gone.path);
+    }
+    if (from.paths.empty() && from.lost.empty()) {
+        expiries_.erase({from.expires, from.who.lease_key});
+        nodes_.erase(found);
+    }
+}
+
+void registry::remove(const std::string& path) {
+    auto held = components_.find(path);
+    note(naming::name_change::removed, held->second);
+    schemas_.release(held->second.claim.services);
+    services_ -= held->second.claim.services.size();
+    held->second.owner->paths.erase(held->first);
+    components_.erase(held);
+}
+
+void registry::remember(const std::string& path, std::uint64_t epoch) {
+    // Which one is forgotten does not matter: a holder that is not remembered gets a new epoch.
+    if (last_held_.size() >= options_.limits.max_remembered) last_held_.erase(last_held_.begin());
+    last_held_[path] = epoch;
+}
+
+// --- what is refused ----------------------------------------------------------------------------------------------
+
+std::optional<std::string> registry::objection(const naming::node_identity& who) const {
+    if (who.lease_key == 0) return "a node without a lease key";
+    auto longest = options_.limits.max_text_bytes;
+    for (const auto* text : {&who.name, &who.host_name, &who.host_key, &who.process_key})
+        if (text->size() > longest) return fmt::format("a text of the node has {} bytes, max_text_bytes is {}", text->size(), longest);
+    return std::nullopt;
+}
+
+std::optional<std::string> registry::objection(const naming::component_claim& claim) const {
+    const auto& limits = options_.limits;
+    bool letters = std::ranges::all_of(claim.path, [](unsigned char letter) {
+        return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') || (letter >= '0' && letter <= '9') || letter == '_' ||
+               letter == '-' || letter == '.' || letter == '/';
+    });
+    if (claim.path.size() > limits.max_path_bytes) return fmt::format("a path of {} bytes, max_path_bytes is {}", claim.path.size(), limits.max_path_bytes);
+    if (!letters || claim.path.empty() || claim.path.starts_with('/') || claim.path.ends_with('/') || claim.path.find("//") != std::string::npos)
+        return "no path of a component: write it like atirma/shore/xbee";
+    if (claim.epoch >= highest_epoch) return fmt::format("nobody was ever granted the epoch {}", claim.epoch);
+    if (claim.endpoints.size() > limits.max_endpoints_per_component)
+        return fmt::format("{} endpoints, max_endpoints_per_component is {}", claim.endpoints.size(), limits.max_endpoints_per_component);
+    if (claim.services.size() > limits.max_services_per_component)
+        return fmt::format("{} services, max_services_per_component is {}", claim.services.size(), limits.max_services_per_component);
+    auto too_long = [&](const std::string& text) { return text.size() > limits.max_text_bytes; };
+    if (too_long(claim.type) || too_long(claim.state) || std::ranges::any_of(claim.endpoints, too_long) ||
+        std::ranges::any_of(claim.services, too_long, &naming::service_entry::name))
+        return fmt::format("a type, state, endpoint or service name of more than max_text_bytes, which is {}", limits.max_text_bytes);
+    for (const auto& service : claim.services)
+        if (service.fingerprints.size() > max_fingerprints)
+            return fmt::format("the service '{}' names {} packets, at most {} are accepted", service.name, service.fingerprints.size(), max_fingerprints);
+    return std::nullopt;
+}
+
+naming::holder registry::holder_of(const component& held, time_point at) const {
+    naming::holder who;
+    who.epoch = held.claim.epoch;
+    who.incarnation = held.claim.incarnation;
+    who.host_name = held.owner->who.host_name;
+    who.process_id = held.owner->who.process_id;
+    if (!held.claim.endpoints.empty()) who.endpoint = held.claim.endpoints.front();
+    who.lease_age = at - held.owner->renewed;
+    who.renewals = held.owner->renewals;
+    return who;
+}
+
+naming::grant registry::denied(const std::string& path, verdict what, const component& held, time_point at) const {
+    naming::grant made;
+    made.path = path;
+    made.what = what;
+    made.held_by.push_back(holder_of(held, at));
+    const auto& who = made.held_by.back();
+    made.reason = fmt::format("'{}' is held by process {} on {}{} under epoch {}, whose lease was renewed {} ms ago", path, who.process_id,
+                              who.host_name, who.endpoint.empty() ? "" : " at " + who.endpoint, who.epoch,
+                              std::chrono::duration_cast<std::chrono::milliseconds>(who.lease_age).count());
+    return made;
+}
+
+// --- what others ask ----------------------------------------------------------------------------------------------
+
+result<naming::resolve_response> registry::resolve(std::string_view path, time_point now) {
+    auto at = running_time(now);
+    expire(at);
+    auto held = components_.find(path);
+    if (held == components_.end()) {
+        if (at < recovered_)
+            return failure(errc::name_server_lost, fmt::format("the name server has just started and may not yet know '{}'", path));
+        return failure(errc::no_such_name, fmt::format("nobody is registered as '{}'", path));
+    }
+    const auto& entry = held->second;
+    naming::resolve_response found;
+    found.path = held->first;
+    found.epoch = entry.claim.epoch;
+    found.incarnation = entry.claim.incarnation;
+    found.host_name = entry.owner->who.host_name;
+    found.host_key = entry.owner->who.host_key;
+    found.process_key = entry.owner->who.process_key;
+    found.endpoints = entry.claim.endpoints;
+    return found;
+}
+
+naming::list_response registry::list(const naming::list_request& request, time_point now) {
+    expire(running_time(now));
+    naming::list_response response;
+    auto most = request.limit == 0 ? options_.limits.max_listed : std::min<std::size_t>(request.limit, options_.limits.max_listed);
+    std::string_view prefix = request.prefix;
+    while (prefix.ends_with('/')) prefix.remove_suffix(1);
+    auto at = request.after.empty() || request.after < prefix ? components_.lower_bound(prefix) : components_.upper_bound(request.after);
+    for (; at != components_.end() && std::string_view(at->first).starts_with(prefix); ++at) {
+        if (!naming::lies_below(at->first, prefix)) continue; // "atirma2" beside "atirma"
+        if (response.names.size() == most) {
+            response.more = true;
+            break;
+        }
+        response.names.push_back(listed(at->second));
+        response.names.back().lease_age = running_time(now) - at->second.owner->renewed;
+    }
+    return response;
+}
+
+result<naming::describe_response> registry::describe(std::string_view path, time_point now) {
+    auto at = running_time(now);
+    expire(at);
+    auto held = components_.find(path);
+    if (held == components_.end()) return failure(errc::no_such_name, fmt::format("nobody is registered as '{}'", path));
+    const auto& entry = held->second;
+    naming::describe_response response;
+    response.name = listed(entry);
+    response.services = entry.claim.services;
+    schemas_.collect(entry.claim.services, response.schemas);
+    response.lease = entry.owner->lease;
+    response.lease_age = at - entry.owner->renewed;
+    return response;
+}
+
+naming::listed_name registry::listed(const component& held) const {
+    naming::listed_name made;
+    made.path = held.claim.path;
+    made.epoch = held.claim.epoch;
+    made.incarnation = held.claim.incarnation;
+    made.type = held.claim.type;
+    made.state = held.claim.state;
+    made.node = held.owner->who.name;
+    made.host_name = held.owner->who.host_name;
+    made.process_id = held.owner->who.process_id;
+    made.endpoints = held.claim.endpoints;
+    made.services_provided = static_cast<std::uint32_t>(std::ranges::count(held.claim.services, true, &naming::service_entry::provided));
+    return made;
+}
+
+std::vector<naming::name_event> registry::snapshot(std::string_view prefix) const {
+    std::vector<naming::name_event> all;
+    while (prefix.ends_with('/')) prefix.remove_suffix(1);
+    for (auto at = components_.lower_bound(prefix); at != components_.end() && std::string_view(at->first).starts_with(prefix); ++at) {
+        if (!naming::lies_below(at->first, prefix)) continue;
+        naming::name_event event;
+        event.name = listed(at->second);
+        all.push_back(std::move(event));
+    }
+    return all;
+}
+
+void registry::note(naming::name_change what, const component& held) {
+    naming::name_event event;
+    event.what = what;
+    event.name = listed(held);
+    changes_.push_back(std::move(event));
+}
+
+std::vector<naming::name_event> registry::take_changes() { return std::exchange(changes_, {}); }
+
+} // namespace ise

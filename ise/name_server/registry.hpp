@@ -1,0 +1,124 @@
+#pragma once
+#include <ise/core/result.hpp>
+#include <ise/core/time.hpp>
+#include <ise/naming/services.hpp>
+#include <ise/name_server/schema_store.hpp>
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <vector>
+
+namespace ise {
+
+/// What the name server holds at most. What goes beyond is refused by the limit's name.
+struct registry_limits {
+    std::size_t max_components = 100'000;
+    std::size_t max_services = 1'000'000;          ///< of all components together
+    std::size_t max_services_per_component = 1024;
+    std::size_t max_endpoints_per_component = 64;
+    std::size_t max_nodes = 50'000;
+    std::size_t max_path_bytes = 200;
+    std::size_t max_text_bytes = 512;              ///< of every other name, state and endpoint
+    std::size_t max_listed = 10'000;               ///< in one answer
+    std::size_t max_remembered = 100'000;          ///< paths whose last epoch is known though nobody holds them
+    schema_store_limits schemas;
+};
+
+struct registry_options {
+    duration lease = std::chrono::seconds(2);   ///< the longest that is granted
+    /// After a start only those who held names before get them, for as long as this: nobody else takes a name that its
+    /// holder has not yet been able to renew. The longest lease, where a server may have run before.
+    duration recovery = std::chrono::seconds(2);
+    registry_limits limits;
+};
+
+/// Who holds which name, and until when: the decisions of the name server, without its services. Times are passed in
+/// and never go back.
+///
+/// Epochs: each grant has a higher one than every grant before it, also of a server that ran before. Nothing is stored
+/// for that: counting starts at the wall clock's microseconds, which a server that grants less than a million names a
+/// second cannot overtake, and goes above every epoch that a returning holder shows. (After a clock that went back,
+/// these are what keeps the order.)
+///
+/// Time in which the server itself did not run (`advance` was not called) expires no lease: the renewals of that time
+/// still wait to be read.
+class registry {
+public:
+    registry(registry_options options, std::uint64_t incarnation, time_point now, wall_time wall);
+
+    naming::register_response enroll(const naming::register_request& request, time_point now);
+    naming::renew_response renew(const naming::renew_request& request, time_point now);
+    void withdraw(const naming::withdraw_request& request, time_point now);
+
+    result<naming::resolve_response> resolve(std::string_view path, time_point now);
+    naming::list_response list(const naming::list_request& request, time_point now);
+    result<naming::describe_response> describe(std::string_view path, time_point now);
+    /// All names below a prefix, for a watcher.
+    std::vector<naming::name_event> snapshot(std::string_view prefix) const;
+
+    /// Ends the leases that are over. Called at least every `tick()`.
+    void advance(time_point now);
+    duration tick() const noexcept { return options_.lease / 4; }
+    bool recovering(time_point now);
+
+    /// What has changed since it was last asked, in order.
+    std::vector<naming::name_event> take_changes();
+
+    std::size_t components() const noexcept { return components_.size(); }
+    std::size_t services() const noexcept { return services_; }
+    std::size_t nodes() const noexcept { return nodes_.size(); }
+    std::size_t schemas() const noexcept { return schemas_.size(); }
+    std::uint64_t last_epoch() const noexcept { return last_epoch_; }
+    const registry_options& options() const noexcept { return options_; }
+
+private:
+    struct node {
+        naming::node_identity who;
+        duration lease{};
+        time_point renewed{};                    // in the server's own running time, as all below
+        time_point expires{};
+        std::uint64_t renewals = 0;
+        std::set<std::string> paths;
+        std::map<std::string, naming::grant> lost; // names that went to others, until the node says that it knows
+    };
+    struct component {
+        naming::component_claim claim;
+        node* owner = nullptr;
+    };
+
+    time_point running_time(time_point now);
+    void renew_lease(node& of, time_point at);
+    void expire(time_point at);
+    naming::grant decide(node& from, naming::component_claim claim, time_point at);
+    naming::grant accept(node& from, naming::component_claim claim, std::uint64_t epoch);
+    std::optional<std::string> objection(const naming::component_claim& claim) const;
+    std::optional<std::string> objection(const naming::node_identity& who) const;
+    void remove(const std::string& path);
+    void remember(const std::string& path, std::uint64_t epoch);
+    naming::holder holder_of(const component& held, time_point at) const;
+    naming::grant denied(const std::string& path, naming::verdict what, const component& held, time_point at) const;
+    naming::listed_name listed(const component& held) const;
+    void note(naming::name_change what, const component& held);
+
+    registry_options options_;
+    std::uint64_t incarnation_;
+    std::uint64_t base_epoch_;  // grants below it are of a server that ran before
+    std::uint64_t last_epoch_;
+    time_point recovered_;      // in running time
+    time_point last_seen_;
+    duration stalled_{};        // did not run for so long
+    schema_store schemas_;
+    std::map<std::string, component, std::less<>> components_;
+    std::unordered_map<std::uint64_t, node> nodes_;                // by lease key
+    std::set<std::pair<time_point, std::uint64_t>> expiries_;      // of nodes
+    std::map<std::string, std::uint64_t, std::less<>> last_held_;  // epochs of names that expired
+    std::size_t services_ = 0;
+    std::vector<naming::name_event> changes_;
+};
+
+} // namespace ise

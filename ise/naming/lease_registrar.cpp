@@ -1,0 +1,377 @@
+#include <ise/naming/lease_registrar.hpp>
+
+#include <ise/core/sleep.hpp>
+#include <ise/service/back_off.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <unordered_set>
+
+namespace ise {
+namespace {
+
+using naming::verdict;
+
+constexpr std::size_t batch_size = 256; // names told in one request
+constexpr duration least_patience = std::chrono::milliseconds(200);
+constexpr duration longest_pause = std::chrono::milliseconds(500);
+
+naming::component_claim claim_of(const registration& who, std::uint64_t epoch) {
+    naming::component_claim made;
+    made.path = who.path;
+    made.incarnation = who.incarnation;
+    made.epoch = epoch;
+    made.type = who.type;
+    made.state = who.state;
+    for (const auto& at : who.endpoints) made.endpoints.push_back(at.text());
+    for (const auto& service : who.services) {
+        naming::service_entry entry;
+        entry.name = service.name;
+        entry.kind = static_cast<std::uint8_t>(service.kind);
+        entry.provided = service.provided;
+        if (service.types) entry.fingerprints = service.types->fingerprints;
+        made.services.push_back(std::move(entry));
+    }
+    return made;
+}
+
+} // namespace
+
+/// A name that this node has or wants.
+struct lease_registrar::holding {
+    holding(loop& on, registration of) : who(std::move(of)), answered(on, [this] { answered.resume(); }) {}
+
+    registration who;
+    std::uint64_t epoch = 0;                     // 0: never granted
+    std::uint64_t version = 1;                   // of what is to be told…
+    std::uint64_t told = 0;                      // …and of what the server knows
+    time_point not_before = time_point::min();   // when it is told again
+    std::optional<naming::holder> other;         // who was found to hold it first
+    std::string obstacle;                        // why it was not granted yet
+    bool enrolling = false;                      // somebody waits for the answer
+    std::optional<failure> refused;
+    waiter<> answered;
+};
+
+lease_registrar::lease_registrar(service_host& host, endpoint name_server, duration lease)
+    : host_(host), server_(std::move(name_server)), lease_(std::max(lease, duration(std::chrono::milliseconds(50)))),
+      lease_key_(host.env().random() | 1), news_(host.on(), [this] { news_.resume(); }) {
+    auto way = host_.link_to(server_);
+    way->hurry(std::min(lease_ / 4, longest_pause), std::max(lease_ / 2, least_patience));
+    names_ = remote(std::move(way));
+    host_.scope().spawn("names", keep(*this));
+}
+
+lease_registrar::~lease_registrar() = default;
+
+bool lease_registrar::confirmed() const noexcept { return host_.on().now() < valid_until_; }
+
+std::uint64_t lease_registrar::epoch_of(const std::string& path) const noexcept {
+    auto found = holdings_.find(path);
+    return found == holdings_.end() ? 0 : found->second->epoch;
+}
+
+// --- what the node asks -------------------------------------------------------------------------------------------
+
+task<result<std::uint64_t>> lease_registrar::enroll(registration who, duration deadline) {
+    auto path = who.path;
+    auto& on = host_.on();
+    auto until = saturating_add(on.now(), deadline);
+    departures_.erase(path); // the same node's next life replaces the last one
+    auto& entry = holdings_[path];
+    entry = std::make_unique<holding>(on, std::move(who));
+    auto* mine = entry.get();
+    mine->enrolling = true;
+    wake();
+
+    timer late(on, [mine] { mine->answered.resume(); });
+    late.arm(until);
+    while (mine->epoch == 0 && !mine->refused && on.now() < until) {
+        co_await mine->answered.wait();
+        // Withdrawn meanwhile: it is not there any more.
+        auto found = holdings_.find(path);
+        if (found == holdings_.end() || found->second.get() != mine) {
+            late.disarm();
+            co_return failure(errc::cancelled, fmt::format("'{}' was withdrawn before it was granted", path));
+        }
+    }
+    mine->enrolling = false;
+    if (mine->epoch != 0) co_return mine->epoch;
+    if (mine->refused) {
+        auto why = *mine->refused;
+        holdings_.erase(path);
+        co_return why;
+    }
+    const auto& why = mine->obstacle.empty() ? obstacle_ : mine->obstacle;
+    co_return failure(errc::name_server_lost, fmt::format("'{}' is not registered yet, it goes on trying: {}", path, why.empty() ? "no answer yet" : why));
+}
+
+void lease_registrar::update(registration who) {
+    auto found = holdings_.find(who.path);
+    if (found == holdings_.end() || found->second->who.incarnation != who.incarnation) return;
+    found->second->who = std::move(who);
+    ++found->second->version;
+    wake();
+}
+
+void lease_registrar::set_state(const std::string& path, std::string_view state) {
+    auto found = holdings_.find(path);
+    if (found == holdings_.end() || found->second->who.state == state) return;
+    found->second->who.state = state;
+    ++found->second->version;
+    wake();
+}
+
+task<> lease_registrar::withdraw(std::string path) {
+    auto found = holdings_.find(path);
+    if (found == holdings_.end()) co_return;
+    auto incarnation = found->second->who.incarnation;
+    auto gone = std::move(found->second);
+    holdings_.erase(found);
+    gone->answered.resume();
+    departures_[path] = incarnation;
+    co_await tell_departures();
+    wake();
+}
+
+// --- the coroutine that keeps the lease ---------------------------------------------------------------------------
+
+task<> lease_registrar::keep(lease_registrar& self) {
+    back_off pause(self.host_.env(), std::chrono::milliseconds(50), std::min(self.lease_ / 4, longest_pause));
+    while (!self.host_.scope().stopping()) {
+        auto now = self.host_.on().now();
+        bool reached = true;
+        if (!self.departures_.empty()) {
+            reached = co_await self.tell_departures();
+        } else if (!self.next_batch().empty()) {
+            reached = co_await self.tell();
+        } else if (!self.holdings_.empty() && self.renew_at_ <= now) {
+            reached = co_await self.renew();
+        } else {
+            co_await self.pause_until(self.next_event());
+        }
+        if (reached) {
+            pause.reset();
+        } else {
+            co_await sleep_for(self.host_.on(), pause.next());
+        }
+    }
+}
+
+time_point lease_registrar::next_event() const {
+    auto at = holdings_.empty() ? time_point::max() : renew_at_;
+    for (const auto& [path, name] : holdings_)
+        if (name->told != name->version && !name->refused) at = std::min(at, name->not_before);
+    return at;
+}
+
+task<> lease_registrar::pause_until(time_point at) {
+    timer due(host_.on(), [this] { wake(); });
+    if (at != time_point::max()) due.arm(at);
+    if (!has_news_) co_await news_.wait();
+    has_news_ = false;
+}
+
+void lease_registrar::wake() {
+    has_news_ = true;
+    news_.resume();
+}
+
+std::vector<lease_registrar::holding*> lease_registrar::next_batch() {
+    auto now = host_.on().now();
+    std::vector<holding*> batch;
+    for (auto& [path, name] : holdings_) {
+        if (name->told == name->version || name->refused || name->not_before > now) continue;
+        batch.push_back(name.get());
+        if (batch.size() == batch_size) break;
+    }
+    return batch;
+}
+
+naming::register_request lease_registrar::request_of(const std::vector<holding*>& batch) const {
+    const auto& here = host_.env().identity();
+    naming::register_request request;
+    request.node.lease_key = lease_key_;
+    request.node.name = host_.log().component();
+    request.node.host_name = here.host_name;
+    request.node.host_key = here.host_key;
+    request.node.process_key = here.process_key;
+    request.node.process_id = here.process_id;
+    request.lease = lease_;
+    std::unordered_set<std::uint64_t> told;
+    for (const auto* name : batch) {
+        request.components.push_back(claim_of(name->who, name->epoch));
+        for (const auto& service : name->who.services) {
+            if (!service.types) continue;
+            for (const auto& packet : service.types->schemas) {
+                if (!told.insert(packet.fingerprint()).second) continue;
+                naming::schema_text text;
+                text.fingerprint = packet.fingerprint();
+                text.text = packet.text();
+                request.schemas.push_back(std::move(text));
+            }
+        }
+    }
+    return request;
+}
+
+task<bool> lease_registrar::tell() {
+    auto batch = next_batch();
+    auto request = request_of(batch);
+    struct told_state {
+        std::uint64_t incarnation;
+        std::uint64_t version;
+    };
+    std::map<std::string, told_state> told;
+    for (const auto* name : batch) told.emplace(name->who.path, told_state{name->who.incarnation, name->version});
+    auto sent_at = host_.on().now();
+    auto answer = co_await names_.try_call(naming::enroll, std::move(request), std::max(lease_, duration(std::chrono::seconds(1))));
+    if (!answer) {
+        unreachable(answer.error());
+        co_return false;
+    }
+    lease_granted(sent_at, answer->lease);
+    for (auto& grant : answer->grants) {
+        auto found = holdings_.find(grant.path);
+        auto of = told.find(grant.path);
+        // It may have been withdrawn meanwhile, or be another life's.
+        if (found == holdings_.end() || of == told.end() || found->second->who.incarnation != of->second.incarnation) continue;
+        if (grant.what == verdict::granted) found->second->told = of->second.version;
+        take(std::move(grant));
+    }
+    co_return true;
+}
+
+void lease_registrar::take(naming::grant answer) {
+    auto path = answer.path;
+    auto& name = *holdings_.at(path);
+    auto& log = host_.log();
+    switch (answer.what) {
+        case verdict::granted:
+            if (!answer.reason.empty()) log.warning("the name server keeps not all schemas", {{"component", path}, {"cause", answer.reason}});
+            granted(name, answer.epoch);
+            break;
+        case verdict::wait:
+            name.not_before = saturating_add(host_.on().now(), answer.retry_after);
+            name.obstacle = answer.reason;
+            break;
+        case verdict::taken: {
+            if (answer.held_by.empty()) answer.held_by.emplace_back();
+            const auto& holder = answer.held_by.front();
+            if (!name.other || name.other->epoch != holder.epoch) name.other = holder;
+            // One renewal may still have been on its way when its sender died; a second one was sent by the living.
+            if (holder.renewals >= name.other->renewals + 2) {
+                give_up(path, failure(errc::name_taken, answer.reason));
+            } else {
+                name.not_before = saturating_add(host_.on().now(), lease_ / 5);
+                name.obstacle = answer.reason;
+            }
+            break;
+        }
+        case verdict::superseded: give_up(path, failure(errc::superseded, fmt::format("another took this name over: {}", answer.reason))); break;
+        case verdict::refused:
+            give_up(path, failure(errc::refused, fmt::format("the name server refuses '{}': {}", path, answer.reason)));
+            break;
+        default:
+            give_up(path, failure(errc::protocol_error, fmt::format("the name server gives '{}' an answer of a later version", path)));
+            break;
+    }
+}
+
+void lease_registrar::granted(holding& name, std::uint64_t epoch) {
+    bool news = name.epoch != epoch;
+    name.epoch = epoch;
+    name.other.reset();
+    name.obstacle.clear();
+    if (!news) return;
+    if (name.enrolling) {
+        name.answered.resume();
+    } else if (on_change) {
+        on_change(name.who.path, epoch);
+    }
+}
+
+// A name that was denied, or lost: whoever waits for it hears of it, else the node.
+void lease_registrar::give_up(const std::string& path, failure why) {
+    auto found = holdings_.find(path);
+    auto& name = *found->second;
+    if (name.enrolling) {
+        name.refused = std::move(why);
+        name.answered.resume(); // which removes it
+        return;
+    }
+    auto lost = std::move(found->second);
+    holdings_.erase(found);
+    departures_[path] = lost->who.incarnation; // so that the server does not tell of it again
+    wake();
+    if (on_change) on_change(path, std::move(why));
+}
+
+task<bool> lease_registrar::renew() {
+    naming::renew_request request;
+    request.lease_key = lease_key_;
+    auto sent_at = host_.on().now();
+    auto answer = co_await names_.try_call(naming::renew, request, std::max(lease_ / 3, least_patience));
+    if (!answer) {
+        unreachable(answer.error());
+        co_return false;
+    }
+    if (!answer->known) {
+        lease_lost();
+        co_return true;
+    }
+    lease_granted(sent_at, answer->lease);
+    for (auto& grant : answer->lost)
+        if (holdings_.contains(grant.path) && grant.what == verdict::superseded) take(std::move(grant));
+    co_return true;
+}
+
+task<bool> lease_registrar::tell_departures() {
+    naming::withdraw_request request;
+    request.lease_key = lease_key_;
+    for (const auto& [path, incarnation] : departures_) {
+        naming::departure gone;
+        gone.path = path;
+        gone.incarnation = incarnation;
+        request.departures.push_back(std::move(gone));
+    }
+    auto told = request.departures;
+    auto answer = co_await names_.try_call(naming::withdraw, std::move(request), std::max(lease_ / 3, least_patience));
+    if (!answer) {
+        unreachable(answer.error());
+        co_return false;
+    }
+    for (const auto& gone : told) {
+        auto known = departures_.find(gone.path);
+        if (known != departures_.end() && known->second == gone.incarnation) departures_.erase(known);
+    }
+    co_return true;
+}
+
+void lease_registrar::lease_granted(time_point sent_at, duration length) {
+    if (length > duration{}) lease_ = length;
+    valid_until_ = saturating_add(sent_at, lease_);
+    renew_at_ = saturating_add(sent_at, lease_ / 3);
+    obstacle_.clear();
+    if (std::exchange(complained_, false)) host_.log().info("the name server is back", {{"name_server", server_.text()}});
+}
+
+// It was restarted, or we were away for too long: everything is told again, with the epochs that were granted.
+void lease_registrar::lease_lost() {
+    host_.log().info("the name server does not know this node any more: registering again", {{"name_server", server_.text()}});
+    valid_until_ = time_point::min();
+    renew_at_ = time_point::max();
+    for (auto& [path, name] : holdings_) name->told = 0;
+    departures_.clear();
+}
+
+void lease_registrar::unreachable(const failure& why) {
+    obstacle_ = fmt::format("the name server at {} does not answer: {}", server_.text(), why.message());
+    if (confirmed() || host_.scope().stopping() || std::exchange(complained_, true)) return;
+    bool holds = std::ranges::any_of(holdings_, [](const auto& entry) { return entry.second->epoch != 0; });
+    host_.log().warning(holds ? "names are unconfirmed: they could not be renewed in time, sessions go on" : "the name server does not answer, trying on",
+                        {{"name_server", server_.text()}, {"cause", why.message()}});
+}
+
+} // namespace ise

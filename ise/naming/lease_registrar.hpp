@@ -1,0 +1,76 @@
+#pragma once
+#include <ise/naming/registrar.hpp>
+#include <ise/naming/services.hpp>
+#include <ise/service/remote.hpp>
+#include <ise/service/service_host.hpp>
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <set>
+#include <string>
+#include <vector>
+
+namespace ise {
+
+/// Keeps the names of a node by one lease at the name server, renewed at a third of it. Lives on the node's loop; its
+/// coroutine belongs to the host's scope and ends with that.
+///
+/// The lease counts from when its renewal was sent, so that it is never over at the server while it is thought to hold
+/// here. A node that could not renew goes on, its names unconfirmed. A server that does not know the lease is told
+/// everything again, with the epochs that were granted. A name that was granted to somebody else meanwhile is given up:
+/// `on_change` with errc::superseded.
+///
+/// A name that another holds is errc::name_taken only when its holder has been seen to live: that of a process which
+/// died a moment ago is waited for until its lease is over.
+class lease_registrar final : public registrar {
+public:
+    lease_registrar(service_host& host, endpoint name_server, duration lease);
+    ~lease_registrar() override;
+
+    task<result<std::uint64_t>> enroll(registration who, duration deadline) override;
+    void update(registration who) override;
+    void set_state(const std::string& path, std::string_view state) override;
+    /// Completes when the server knows, or does not answer; then it is told as soon as it does.
+    task<> withdraw(std::string path) override;
+
+    /// Whether the lease holds now, as far as this side knows.
+    bool confirmed() const noexcept;
+    /// The epoch of a name, 0 if it was not granted.
+    std::uint64_t epoch_of(const std::string& path) const noexcept;
+
+private:
+    struct holding;
+
+    static task<> keep(lease_registrar& self);
+    task<bool> tell();
+    task<bool> renew();
+    task<bool> tell_departures();
+    std::vector<holding*> next_batch();
+    naming::register_request request_of(const std::vector<holding*>& batch) const;
+    void take(naming::grant answer);
+    void granted(holding& name, std::uint64_t epoch);
+    void give_up(const std::string& path, failure why);
+    void lease_granted(time_point sent_at, duration length);
+    void lease_lost();
+    void unreachable(const failure& why);
+    time_point next_event() const;
+    task<> pause_until(time_point at);
+    void wake();
+
+    service_host& host_;
+    endpoint server_;
+    duration lease_;        // wanted, then as granted
+    remote names_;
+    std::uint64_t lease_key_;
+    std::map<std::string, std::unique_ptr<holding>> holdings_;
+    std::map<std::string, std::uint64_t> departures_; // incarnations that the server has not been told to forget
+    time_point renew_at_ = time_point::max();
+    time_point valid_until_ = time_point::min();
+    std::string obstacle_;   // why the server was not reached last
+    bool complained_ = false;
+    waiter<> news_;
+    bool has_news_ = false;
+};
+
+} // namespace ise

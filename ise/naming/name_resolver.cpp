@@ -1,0 +1,154 @@
+#include <ise/naming/name_resolver.hpp>
+
+#include <ise/core/sleep.hpp>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <optional>
+
+namespace ise {
+namespace {
+
+constexpr std::size_t max_remembered = 4096;
+constexpr duration session_kept = std::chrono::seconds(10);
+// How long a question waits for the server; shorter where the answer of before will do.
+constexpr duration patience = std::chrono::seconds(3);
+constexpr duration patience_with_memory = std::chrono::milliseconds(700);
+// The server was found missing so lately that it is not waited for again.
+constexpr duration surely_lost = std::chrono::seconds(1);
+constexpr duration longest_pause = std::chrono::milliseconds(500);
+constexpr duration question_length = std::chrono::seconds(5);
+constexpr duration shortest_question = std::chrono::milliseconds(50);
+constexpr duration way_back = std::chrono::milliseconds(300);
+
+bool is_loopback(const endpoint& at) { return at.host == "localhost" || at.host == "::1" || at.host.starts_with("127."); }
+
+// Smaller is nearer; nothing: it does not lead there.
+std::optional<int> distance(const endpoint& at, bool same_host, bool same_process) {
+    switch (at.kind) {
+        case protocol::inproc: return same_process ? std::optional(0) : std::nullopt;
+        case protocol::local: return same_host ? std::optional(1) : std::nullopt;
+        case protocol::tcp:
+            if (!is_loopback(at)) return 3;
+            return same_host ? std::optional(2) : std::nullopt;
+        case protocol::udp: break; // carries no streams
+    }
+    return std::nullopt;
+}
+
+// Whether the failure means that nobody could say.
+bool server_missing(const failure& why) { return why.code() != errc::no_such_name && why.code() != errc::cancelled; }
+
+result<naming::resolve_response> known_answer(const std::string& path, result<naming::await_response> answer) {
+    if (!answer) return answer.error();
+    if (answer->found) return std::move(*answer->found);
+    if (!answer->certain) return failure(errc::name_server_lost, fmt::format("the name server has just started and may not yet know '{}'", path));
+    return failure(errc::no_such_name, fmt::format("nobody is registered as '{}'", path));
+}
+
+} // namespace
+
+std::vector<endpoint> reachable_endpoints(const naming::resolve_response& from, const process_identity& here) {
+    bool same_host = from.host_key == here.host_key;
+    bool same_process = from.process_key == here.process_key;
+    std::vector<std::pair<int, endpoint>> found;
+    for (const auto& text : from.endpoints) {
+        auto at = endpoint::parse(text);
+        if (!at) continue;
+        if (auto far = distance(*at, same_host, same_process)) found.emplace_back(*far, std::move(*at));
+    }
+    std::ranges::stable_sort(found, {}, &std::pair<int, endpoint>::first);
+    std::vector<endpoint> nearest_first;
+    for (auto& [far, at] : found) nearest_first.push_back(std::move(at));
+    return nearest_first;
+}
+
+name_resolver::name_resolver(service_host& host, endpoint name_server)
+    : host_(host), server_(std::move(name_server)), idle_(host.on(), [this] { held_ = remote(); }) {}
+
+name_resolver::~name_resolver() = default;
+
+remote name_resolver::server() {
+    if (!held_) {
+        auto way = host_.link_to(server_);
+        way->hurry(longest_pause, std::chrono::seconds(2));
+        held_ = remote(std::move(way));
+    }
+    idle_.arm(saturating_add(host_.on().now(), session_kept));
+    return held_;
+}
+
+result<location> name_resolver::take(const std::string& path, result<naming::resolve_response> answer) {
+    if (!answer) {
+        if (answer.error().code() == errc::no_such_name) known_.erase(path);
+        if (!server_missing(answer.error())) return answer.error();
+        if (answer.error().code() != errc::name_server_lost) lost_at_ = host_.on().now(); // not even a server that waits
+        if (const auto* last = recall(path)) return *last;
+        return failure(errc::name_server_lost, fmt::format("'{}' cannot be resolved: {}", path, answer.error().message()));
+    }
+    lost_at_ = time_point::min();
+    location found;
+    found.path = path;
+    found.epoch = answer->epoch;
+    found.incarnation = answer->incarnation;
+    found.endpoints = reachable_endpoints(*answer, host_.env().identity());
+    if (found.endpoints.empty())
+        return failure(errc::unreachable,
+                       fmt::format("'{}' on {} cannot be reached from {}: it listens on {} only; let it listen on tcp://0.0.0.0:0 too", path,
+                                   answer->host_name, host_.env().identity().host_name,
+                                   answer->endpoints.empty() ? "nothing" : fmt::format("{}", fmt::join(answer->endpoints, ", "))));
+    remember(path, found);
+    return found;
+}
+
+const location* name_resolver::recall(const std::string& path) {
+    auto found = known_.find(path);
+    if (found == known_.end()) return nullptr;
+    found->second.used = ++uses_;
+    return &found->second.where;
+}
+
+void name_resolver::remember(const std::string& path, const location& where) {
+    if (known_.size() >= max_remembered && !known_.contains(path))
+        known_.erase(std::ranges::min_element(known_, {}, [](const auto& entry) { return entry.second.used; }));
+    auto& entry = known_[path];
+    entry.where = where;
+    entry.used = ++uses_;
+}
+
+task<result<location>> name_resolver::resolve(std::string path) {
+    const auto* last = recall(path);
+    auto now = host_.on().now();
+    // Asked all the same: the next one finds out whether it is back.
+    auto limit = !last ? patience : lost_at_ > time_point::min() && now - lost_at_ < surely_lost ? longest_pause / 10 : patience_with_memory;
+    naming::resolve_request question;
+    question.path = path;
+    auto names = server();
+    auto answer = co_await names.try_call(naming::resolve, std::move(question), limit);
+    co_return take(path, std::move(answer));
+}
+
+task<result<location>> name_resolver::resolve_when_present(std::string path, time_point deadline) {
+    auto& on = host_.on();
+    std::optional<failure> said; // by a server that knew
+    for (;;) {
+        auto left = std::max(deadline - on.now(), duration{});
+        bool last = left <= way_back;
+        naming::await_request question;
+        question.path = path;
+        // The server ends the wait itself, in time for its answer to be here by the deadline.
+        if (!last) question.wait = std::min(left - way_back, question_length);
+        auto limit = std::max(question.wait + way_back, shortest_question);
+        auto names = server();
+        auto answer = co_await names.try_call(naming::wait_for, std::move(question), limit);
+        auto found = take(path, known_answer(path, std::move(answer)));
+        if (found || found.error().code() == errc::unreachable || found.error().code() == errc::cancelled) co_return found;
+        if (found.error().code() == errc::no_such_name) said = found.error();
+        if (last) co_return said ? *said : found.error();
+        co_await sleep_until(on, std::min(deadline, saturating_add(on.now(), std::chrono::milliseconds(20))));
+    }
+}
+
+} // namespace ise

@@ -1,0 +1,168 @@
+#include <ise/service/dynamic.hpp>
+
+#include <fmt/format.h>
+
+#include <deque>
+
+namespace ise {
+namespace {
+
+// The request's bytes as the service has them.
+bytes fitted(const dynamic_packet& request, const schema& wanted) {
+    auto given = request.encoded();
+    if (request.type().fingerprint() == wanted.fingerprint()) return bytes(given.begin(), given.end());
+    return adapt(request.type(), wanted, given);
+}
+
+std::optional<failure> check_kind(const remote& provider, const dynamic_contract& service, service_kind wanted) {
+    if (service.kind() == wanted) return std::nullopt;
+    return failure(errc::invalid_argument, fmt::format("'{}' at {} is a {} service: {}", service.name(), provider.name(), name_of(service.kind()),
+                                                       wanted == service_kind::subscription ? "call it" : "subscribe to it"));
+}
+
+result<dynamic_packet> response_of(const call_outcome& outcome, const schema& type) {
+    if (outcome.why) return *outcome.why;
+    try {
+        if (outcome.adapt) return dynamic_packet(type, (*outcome.adapt)(outcome.response));
+        return dynamic_packet(type, bytes(outcome.response.begin(), outcome.response.end()));
+    } catch (const error& unfit) {
+        // The provider answered, and so it ran.
+        return failure(unfit.code(), unfit.what(), execution::unknown);
+    }
+}
+
+task<result<dynamic_packet>> submit(std::shared_ptr<link> to, std::string service, std::shared_ptr<const packet_types> types, bytes request,
+                                    duration deadline) {
+    return asio::async_initiate<const asio::use_awaitable_t<>, void(result<dynamic_packet>)>(
+        [](auto handler, std::shared_ptr<link> over, std::string name, std::shared_ptr<const packet_types> packets, bytes body, duration limit) {
+            auto& on = over->host().on();
+            auto executor = asio::get_associated_executor(handler, on.get_executor());
+            auto& call = detail::begin_call(*over, service_key{name, packets.get()}, limit, executor, asio::get_associated_cancellation_slot(handler));
+            auto type = packets->schemas[role::response];
+            call.done = [handler = std::move(handler), type, &on](const call_outcome& outcome) mutable {
+                on.later([handler = std::move(handler), got = response_of(outcome, type)]() mutable { handler(std::move(got)); });
+            };
+            over->submit(call, [&](buffer& out) { out.append(bytes_view(body)); });
+        },
+        asio::use_awaitable, std::move(to), std::move(service), std::move(types), std::move(request), deadline);
+}
+
+} // namespace
+
+result<dynamic_contract> dynamic_contract::make(std::string name, service_kind kind, std::vector<schema> packets) {
+    std::size_t wanted = kind == service_kind::request_response ? 2 : 5;
+    if (packets.size() != wanted)
+        return failure(errc::invalid_argument, fmt::format("the {} service '{}' was described with {} packets, it has {}", name_of(kind), name,
+                                                           packets.size(), wanted));
+    return dynamic_contract(std::move(name), std::make_shared<const packet_types>(kind, std::move(packets)));
+}
+
+// A packet without fields in the layout of one with fields: each takes its default.
+dynamic_packet default_packet(const schema& of) { return dynamic_packet(of, adapt(schema(), of, {})); }
+
+task<result<dynamic_packet>> call_dynamic(remote provider, dynamic_contract service, dynamic_packet request, duration deadline) {
+    auto& way = provider.way();
+    if (auto misplaced = detail::check_place(way, {service.name(), nullptr})) co_return std::move(*misplaced);
+    if (auto wrong = check_kind(provider, service, service_kind::request_response)) co_return std::move(*wrong);
+    auto kept = way.host().schemas().keep(service.types());
+    if (!kept) co_return kept.error();
+    bytes body;
+    try {
+        body = fitted(request, service.packet(role::request));
+    } catch (const error& unfit) {
+        co_return unfit.why();
+    }
+    auto answer = co_await submit(way.shared_from_this(), service.name(), std::move(*kept), std::move(body), deadline);
+    co_return answer;
+}
+
+class dynamic_stream::core final : public subscriber_core {
+public:
+    core(std::shared_ptr<link> to, std::string service, std::shared_ptr<const packet_types> types, subscribe_options options, bytes request)
+        : subscriber_core(std::move(to), std::move(service), *types, options, std::move(request)),
+          response(default_packet(types->schemas[role::subscribe_response])), types_(std::move(types)) {}
+
+    static task<received<dynamic_packet>> next(std::shared_ptr<core> self) {
+        while (self->queue_.empty() && !self->ended()) co_await self->wait_for_packet();
+        co_return self->take();
+    }
+
+    received<dynamic_packet> take() {
+        if (queue_.empty()) return {};
+        auto first = std::move(queue_.front());
+        queue_.pop_front();
+        taken();
+        return first;
+    }
+
+    dynamic_packet response;
+
+private:
+    static dynamic_packet read(const schema& type, bytes_view raw, const adapter* adapt) {
+        if (adapt) return dynamic_packet(type, (*adapt)(raw));
+        return dynamic_packet(type, bytes(raw.begin(), raw.end()));
+    }
+
+    void push(bytes_view packet, const adapter* adapt, std::uint64_t lost_before) override {
+        auto decoded = std::make_shared<const dynamic_packet>(read(types_->schemas[role::published], packet, adapt));
+        queue_.emplace_back(std::move(decoded), lost_before);
+    }
+    std::size_t queued() const noexcept override { return queue_.size(); }
+    void drop_oldest() override {
+        auto lost = queue_.front().lost_before();
+        queue_.pop_front();
+        if (queue_.empty() || lost == 0) return;
+        // The gap is told with the next packet that is taken.
+        auto& next = queue_.front();
+        bool unknown = lost == unknown_gap || next.lost_before() == unknown_gap;
+        next = received<dynamic_packet>(next.share(), unknown ? unknown_gap : next.lost_before() + lost);
+    }
+    void take_response(bytes_view raw) override {
+        if (!raw.empty()) response = read(types_->schemas[role::subscribe_response], raw, nullptr);
+    }
+
+    std::shared_ptr<const packet_types> types_;
+    std::deque<received<dynamic_packet>> queue_;
+};
+
+dynamic_stream::dynamic_stream(std::shared_ptr<core> made) noexcept : core_(std::move(made)) {}
+
+dynamic_stream& dynamic_stream::operator=(dynamic_stream&& other) noexcept {
+    if (core_ && core_ != other.core_) core_->leave();
+    core_ = std::move(other.core_);
+    return *this;
+}
+
+dynamic_stream::~dynamic_stream() {
+    if (core_) core_->leave();
+}
+
+task<received<dynamic_packet>> dynamic_stream::next() { return core::next(core_); }
+received<dynamic_packet> dynamic_stream::try_next() { return core_->take(); }
+const dynamic_packet& dynamic_stream::response() const noexcept { return core_->response; }
+const subscription_counts& dynamic_stream::counts() const noexcept { return core_->counts(); }
+bool dynamic_stream::connected() const noexcept { return core_->connected(); }
+bool dynamic_stream::ended() const noexcept { return core_->ended(); }
+const failure& dynamic_stream::cause() const noexcept { return core_->cause(); }
+void dynamic_stream::leave() { core_->leave(); }
+
+task<result<dynamic_stream>> subscribe_dynamic(remote provider, dynamic_contract service, dynamic_packet request, subscribe_options options) {
+    auto& way = provider.way();
+    if (auto misplaced = detail::check_place(way, {service.name(), nullptr})) co_return std::move(*misplaced);
+    if (auto wrong = check_kind(provider, service, service_kind::subscription)) co_return std::move(*wrong);
+    auto kept = way.host().schemas().keep(service.types());
+    if (!kept) co_return kept.error();
+    std::shared_ptr<dynamic_stream::core> core;
+    try {
+        auto body = fitted(request, service.packet(role::subscribe_request));
+        core = std::make_shared<dynamic_stream::core>(way.shared_from_this(), service.name(), std::move(*kept), options, std::move(body));
+    } catch (const error& unfit) {
+        co_return unfit.why();
+    }
+    dynamic_stream made(core); // leaves again if the wait is cancelled
+    auto begun = co_await core->begin();
+    if (!begun) co_return begun.error();
+    co_return std::move(made);
+}
+
+} // namespace ise

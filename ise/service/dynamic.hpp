@@ -1,0 +1,76 @@
+#pragma once
+#include <ise/packet/dynamic.hpp>
+#include <ise/service/remote.hpp>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+/// Calls and subscriptions of services whose packets are known at run time only, as a component describes them.
+namespace ise {
+
+/// A service with the schemas that were received for it. A value, cheap to copy.
+class dynamic_contract {
+public:
+    /// errc::invalid_argument unless there are as many packets as the kind has (two, or five).
+    static result<dynamic_contract> make(std::string name, service_kind kind, std::vector<schema> packets);
+
+    const std::string& name() const noexcept { return name_; }
+    service_kind kind() const noexcept { return types_->kind; }
+    /// By its `role`: `packet(role::request)`.
+    const schema& packet(std::size_t place) const noexcept { return types_->schemas[place]; }
+    const std::shared_ptr<const packet_types>& types() const noexcept { return types_; }
+
+private:
+    dynamic_contract(std::string name, std::shared_ptr<const packet_types> types) : name_(std::move(name)), types_(std::move(types)) {}
+
+    std::string name_;
+    std::shared_ptr<const packet_types> types_;
+};
+
+/// A packet of this schema with every field at its default.
+dynamic_packet default_packet(const schema& of);
+
+/// Calls and waits for the response, at most `deadline` (zero: the component's default). The failures are those of
+/// `remote::try_call`; besides errc::invalid_argument for a subscription, errc::type_mismatch where `request` does
+/// not fit the service. A request of another schema is adapted.
+/// On the loop of the component that made `provider`. Cancellation: terminal; the provider's handler is cancelled too.
+task<result<dynamic_packet>> call_dynamic(remote provider, dynamic_contract service, dynamic_packet request, duration deadline = duration());
+
+/// A live subscription of packets known at run time: as `stream_of`, which see.
+class dynamic_stream {
+public:
+    dynamic_stream() = default;
+    dynamic_stream(dynamic_stream&&) noexcept = default;
+    dynamic_stream& operator=(dynamic_stream&& other) noexcept;
+    ~dynamic_stream();
+
+    /// The next packet; empty when the subscription has ended (`cause()` says why). Cancellation: terminal, no packet
+    /// is lost.
+    task<received<dynamic_packet>> next();
+    /// A packet that is there already, or an empty one. Never suspends.
+    received<dynamic_packet> try_next();
+
+    /// What the provider answered to the subscription.
+    const dynamic_packet& response() const noexcept;
+    const subscription_counts& counts() const noexcept;
+    bool connected() const noexcept;
+    bool ended() const noexcept;
+    /// Only where `ended()`.
+    const failure& cause() const noexcept;
+    void leave();
+
+    class core;
+    explicit dynamic_stream(std::shared_ptr<core> made) noexcept;
+
+private:
+    std::shared_ptr<core> core_;
+};
+
+/// Subscribes with a subscribe packet; completes when the provider has committed. The failures are those of
+/// `remote::subscribe`, and errc::invalid_argument for a request-response service.
+/// The stream goes on adapting to `service` when the provider restarts with compatible packets.
+task<result<dynamic_stream>> subscribe_dynamic(remote provider, dynamic_contract service, dynamic_packet request,
+                                               subscribe_options options = subscribe_options());
+
+} // namespace ise

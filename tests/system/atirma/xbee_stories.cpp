@@ -1,0 +1,290 @@
+#include "sea.hpp"
+
+#include <support/catch.hpp>
+
+#include <set>
+
+using namespace std::chrono_literals;
+using namespace atirma;
+
+namespace {
+
+telecommand_request set_mode(std::uint32_t id, sailing_mode mode) {
+    telecommand_request request;
+    request.id = id;
+    request.command.kind = command_kind::set_mode;
+    request.command.mode = mode;
+    return request;
+}
+
+using asked = std::optional<ise::result<telecommand_reply>>;
+
+void command(sea& it, telecommand_request request, ise::duration deadline, asked& into) {
+    it.user([request, deadline, &into](ise::component& self) -> ise::task<> {
+        auto proxy = sea::proxy(self);
+        into = co_await proxy.try_call(services::telecommand, request, deadline);
+    });
+}
+
+void set_air(sea& it, xbee_air_request request) {
+    bool done = false;
+    it.user([request, &done](ise::component& self) -> ise::task<> {
+        auto air = sea::air(self);
+        auto told = co_await air.try_call(services::air_control, request, 5s);
+        told.value();
+        done = true;
+    });
+    REQUIRE(it.until([&] { return done; }));
+}
+
+void switch_link(sea& it, bool up) {
+    xbee_air_request request;
+    request.up = up;
+    set_air(it, request);
+}
+
+bool radio_works(const sea::watched& seen) { return !seen.telemetry.empty() && seen.local && seen.local->modem_ready; }
+
+} // namespace
+
+TEST_CASE("atirma: telemetry arrives at a subscriber through both modems, each packet once") {
+    sea it;
+    auto& seen = it.watch();
+    REQUIRE(it.until([&] { return seen.telemetry.size() >= 60; }));
+    std::set<std::pair<int, std::uint32_t>> numbers;
+    std::set<std::string> types;
+    for (const auto& packet : seen.telemetry) {
+        numbers.emplace(packet.boot, packet.sequence);
+        auto message = parse_telemetry(packet.raw);
+        REQUIRE(message);
+        types.insert(std::string(name_of(message->body)));
+        CHECK(packet.link == link_id::xbee);
+        CHECK(packet.measured_at == message->header.measured_at);
+        CHECK(packet.received_at >= packet.measured_at);
+        CHECK(packet.received_at - packet.measured_at < 10s);
+    }
+    CHECK(numbers.size() == seen.telemetry.size());
+    CHECK(types.contains("location"));
+    CHECK(types.contains("navigation"));
+    CHECK(types.contains("wind"));
+    CHECK(types.contains("waypoints"));
+    CHECK(seen.lost == 0);
+}
+
+TEST_CASE("atirma: set_mode over the radio is acknowledged by the boat and changes its mode") {
+    sea it;
+    auto& seen = it.watch();
+    REQUIRE(it.until([&] { return radio_works(seen); }));
+    REQUIRE(it.boat().pilot().mode() == sailing_mode::automatic);
+    asked answer;
+    command(it, set_mode(7, sailing_mode::hold), 20s, answer);
+    REQUIRE(it.until([&] { return answer.has_value(); }));
+    REQUIRE(*answer);
+    CHECK((*answer)->id == 7);
+    CHECK((*answer)->state == telecommand_stage::acknowledged);
+    CHECK((*answer)->result == ack_code::done);
+    CHECK((*answer)->text == "hold");
+    CHECK(it.boat().pilot().mode() == sailing_mode::hold);
+    // The subscription told the way there, without the proxy being asked.
+    REQUIRE(it.until([&] { return !seen.states.empty() && seen.states.back().state == telecommand_stage::acknowledged; }));
+    CHECK(seen.states.front().state == telecommand_stage::queued);
+    CHECK(seen.states.back().id == 7);
+}
+
+TEST_CASE("atirma: the same id is executed once, and stands for one telecommand only") {
+    sea it;
+    auto& seen = it.watch();
+    REQUIRE(it.until([&] { return radio_works(seen); }));
+    asked first, again, other;
+    command(it, set_mode(9, sailing_mode::hold), 20s, first);
+    REQUIRE(it.until([&] { return first.has_value(); }));
+    command(it, set_mode(9, sailing_mode::hold), 20s, again);
+    command(it, set_mode(9, sailing_mode::manual), 20s, other);
+    REQUIRE(it.until([&] { return again && other; }));
+    REQUIRE(*again);
+    CHECK((*again)->state == telecommand_stage::acknowledged);
+    REQUIRE_FALSE(*other);
+    CHECK(other->error().code() == ise::errc::refused);
+    CHECK(it.boat().pilot().mode() == sailing_mode::hold);
+    it.world.run_for(5s);
+    CHECK(seen.local->telecommands_sent == 1);
+}
+
+TEST_CASE("atirma: over a link that is off a telecommand is pending, and acknowledged when it is on again") {
+    sea it;
+    auto& seen = it.watch();
+    REQUIRE(it.until([&] { return radio_works(seen); }));
+    switch_link(it, false);
+    asked answer;
+    command(it, set_mode(11, sailing_mode::station_keep), 5s, answer);
+    REQUIRE(it.until([&] { return answer.has_value(); }, 6s)); // within its deadline
+    REQUIRE(*answer);
+    CHECK((*answer)->state == telecommand_stage::pending);
+    CHECK_FALSE((*answer)->result);
+    CHECK(it.boat().pilot().mode() == sailing_mode::automatic);
+    switch_link(it, true);
+    REQUIRE(it.until([&] { return !seen.states.empty() && seen.states.back().state == telecommand_stage::acknowledged; }, 5min));
+    CHECK(seen.states.back().id == 11);
+    CHECK(seen.states.back().attempts >= 2);
+    CHECK(it.boat().pilot().mode() == sailing_mode::station_keep);
+}
+
+TEST_CASE("atirma: a telecommand whose time is over has expired, and says that it may have been executed") {
+    sea it;
+    auto& seen = it.watch();
+    REQUIRE(it.until([&] { return radio_works(seen); }));
+    switch_link(it, false);
+    auto request = set_mode(12, sailing_mode::hold);
+    request.valid_s = 20;
+    asked answer;
+    command(it, request, 40s, answer);
+    REQUIRE(it.until([&] { return answer.has_value(); }));
+    REQUIRE(*answer);
+    CHECK((*answer)->state == telecommand_stage::expired);
+    CHECK_FALSE((*answer)->text.empty());
+}
+
+TEST_CASE("atirma: who follows one telecommand is told of no other, and hears first where it stands") {
+    sea it;
+    auto& seen = it.watch();
+    REQUIRE(it.until([&] { return radio_works(seen); }));
+    switch_link(it, false);
+    asked a, b;
+    command(it, set_mode(21, sailing_mode::hold), 2s, a);
+    command(it, set_mode(22, sailing_mode::manual), 2s, b);
+    REQUIRE(it.until([&] { return a && b; }));
+    std::optional<followed_telecommands> first;
+    std::vector<telecommand_status> told;
+    it.user([&](ise::component& self) -> ise::task<> {
+        follow_telecommand which{22};
+        auto proxy = sea::proxy(self);
+        ise::subscribe_options options;
+        auto states = co_await proxy.subscribe(services::telecommand_state, which, options);
+        first = states.response();
+        for (;;) {
+            auto state = co_await states.next();
+            if (!state) break;
+            told.push_back(*state);
+        }
+    });
+    REQUIRE(it.until([&] { return first.has_value(); }));
+    REQUIRE(first->now.size() == 1);
+    CHECK(first->now.front().id == 22);
+    switch_link(it, true);
+    REQUIRE(it.until([&] { return !told.empty() && told.back().state == telecommand_stage::acknowledged; }, 5min));
+    for (const auto& state : told) CHECK(state.id == 22);
+}
+
+TEST_CASE("atirma: a proxy that is killed and started again heals: its subscribers receive on, and know of the gap") {
+    sea it;
+    auto& seen = it.watch();
+    REQUIRE(it.until([&] { return seen.telemetry.size() >= 10; }));
+    it.proxy_process().crash();
+    it.world.run_for(20s);
+    auto before = seen.telemetry.size();
+    it.proxy_process().restart();
+    REQUIRE(it.until([&] { return seen.telemetry.size() >= before + 10; }));
+    CHECK(seen.unknown_gaps == 1);
+    asked answer;
+    command(it, set_mode(31, sailing_mode::hold), 20s, answer);
+    REQUIRE(it.until([&] { return answer.has_value(); }));
+    REQUIRE(*answer);
+    CHECK((*answer)->state == telecommand_stage::acknowledged);
+}
+
+TEST_CASE("atirma: the serial port vanishes and returns: the proxy says so, and telecommands wait for it") {
+    sea it;
+    auto& seen = it.watch();
+    REQUIRE(it.until([&] { return radio_works(seen); }));
+    it.shore_line().vanish();
+    REQUIRE(it.until([&] { return seen.local && !seen.local->port_open; }));
+    CHECK(seen.local->trouble.find("/dev/ttyUSB0") != std::string::npos);
+    asked answer;
+    command(it, set_mode(41, sailing_mode::hold), 60s, answer);
+    it.world.run_for(20s);
+    CHECK_FALSE(answer);
+    it.shore_line().come_back();
+    REQUIRE(it.until([&] { return answer.has_value(); }));
+    REQUIRE(*answer);
+    CHECK((*answer)->state == telecommand_stage::acknowledged);
+    auto packets = seen.telemetry.size();
+    REQUIRE(it.until([&] { return seen.telemetry.size() > packets && seen.local->port_openings == 2; }));
+    CHECK(seen.local->port_open);
+    CHECK(seen.local->trouble.empty());
+}
+
+TEST_CASE("atirma: lossy air costs retries and no telecommand") {
+    sea it(3);
+    auto& seen = it.watch();
+    REQUIRE(it.until([&] { return radio_works(seen); }));
+    xbee_air_request lossy;
+    lossy.extra_loss = 0.4;
+    set_air(it, lossy);
+    std::vector<asked> answers(6);
+    for (std::size_t i = 0; i < answers.size(); ++i) command(it, set_mode(static_cast<std::uint32_t>(100 + i), i % 2 ? sailing_mode::automatic : sailing_mode::hold), 4min, answers[i]);
+    REQUIRE(it.until([&] { return std::all_of(answers.begin(), answers.end(), [](const asked& a) { return a.has_value(); }); }, 10min));
+    for (const auto& answer : answers) {
+        REQUIRE(*answer);
+        CHECK((*answer)->state == telecommand_stage::acknowledged);
+    }
+    std::set<std::pair<int, std::uint32_t>> numbers;
+    for (const auto& packet : seen.telemetry) numbers.emplace(packet.boot, packet.sequence);
+    CHECK(numbers.size() == seen.telemetry.size());
+}
+
+TEST_CASE("atirma: telecommands that make no sense are refused before they are sent") {
+    sea it;
+    auto& seen = it.watch();
+    REQUIRE(it.until([&] { return radio_works(seen); }));
+    auto endless = set_mode(51, sailing_mode::hold);
+    endless.valid_s = 0;
+    telecommand_request nowhere;
+    nowhere.id = 52;
+    nowhere.command.kind = command_kind::waypoint_add;
+    nowhere.command.point.latitude_deg = 91;
+    asked a, b;
+    command(it, endless, 5s, a);
+    command(it, nowhere, 5s, b);
+    REQUIRE(it.until([&] { return a && b; }));
+    REQUIRE_FALSE(*a);
+    REQUIRE_FALSE(*b);
+    CHECK(a->error().code() == ise::errc::refused);
+    CHECK(b->error().code() == ise::errc::refused);
+    CHECK(a->error().executed() == ise::execution::not_executed);
+}
+
+TEST_CASE("atirma: parameters of the local modem are read and set by name") {
+    sea it;
+    auto& seen = it.watch();
+    REQUIRE(it.until([&] { return radio_works(seen); }));
+    std::vector<ise::result<xbee_param>> answers;
+    it.user([&answers](ise::component& self) -> ise::task<> {
+        std::vector<xbee_param_request> requests(5);
+        requests[0].name = "power_level";
+        requests[0].value = 2;
+        requests[1].name = "PL";
+        requests[2].name = "power_level";
+        requests[2].value = 9;
+        requests[3].name = "colour";
+        requests[4].name = "temperature_c";
+        auto proxy = sea::proxy(self);
+        for (auto& request : requests) {
+            auto answer = co_await proxy.try_call(services::xb_local_param, request, 10s);
+            answers.push_back(std::move(answer));
+        }
+    });
+    REQUIRE(it.until([&] { return answers.size() == 5; }));
+    REQUIRE(answers[0]);
+    CHECK(answers[0]->value == 2);
+    REQUIRE(answers[1]);
+    CHECK(answers[1]->value == 2);
+    REQUIRE_FALSE(answers[2]);
+    CHECK(answers[2].error().code() == ise::errc::refused);
+    REQUIRE_FALSE(answers[3]);
+    CHECK(answers[3].error().message().find("power_level") != std::string::npos); // says what there is
+    REQUIRE(answers[4]);
+    CHECK(answers[4]->value == 27);
+    REQUIRE(it.until([&] { return seen.local->power_level == 2; }));
+    CHECK(seen.local->address == 0x0013A20040000001);
+    CHECK(seen.local->rssi_dbm.value_or(0) < 0);
+}

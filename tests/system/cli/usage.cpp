@@ -1,0 +1,140 @@
+// The command line as a shell sees it: what needs no running component.
+#include <support/catch.hpp>
+#include <support/program.hpp>
+
+using ise_test::run_program;
+using ise_test::start_options;
+
+TEST_CASE("wrong command lines end with 2, say why and print no answer") {
+    auto arguments = GENERATE(std::vector<std::string>{"ise"},
+                              std::vector<std::string>{"ise", "sail"},
+                              std::vector<std::string>{"ise", "describe"},
+                              std::vector<std::string>{"ise", "call", "atirma/boat"},
+                              std::vector<std::string>{"ise", "list", "a", "b"},
+                              std::vector<std::string>{"ise", "list", "--timeout", "soon"},
+                              std::vector<std::string>{"ise", "list", "--timeout", "0s"},
+                              std::vector<std::string>{"ise", "list", "--timeout", "1e300h"},
+                              std::vector<std::string>{"ise", "list", "--name-server", "nowhere"},
+                              std::vector<std::string>{"ise", "echo", "a", "b", "--count", "0"},
+                              std::vector<std::string>{"ise", "echo", "a", "b", "--count", "-3"},
+                              std::vector<std::string>{"ise", "echo", "a", "b", "--latest", "--lossless"},
+                              std::vector<std::string>{"ise", "echo", "a", "b", "--depth", "0"},
+                              std::vector<std::string>{"ise", "hz", "a", "b", "--window", "-1s"},
+                              std::vector<std::string>{"ise", "describe", "tcp://127.0.0.1"},
+                              std::vector<std::string>{"ise", "describe", "ftp://127.0.0.1:1"},
+                              std::vector<std::string>{"ise", "completion", "tcsh"});
+    CAPTURE(arguments);
+    auto ran = run_program(arguments);
+    CAPTURE(ran.err);
+    CHECK(ran.exit_code == 2);
+    CHECK(ran.out.empty());
+    CHECK(ran.err.starts_with("ise: "));
+}
+
+TEST_CASE("a name server variable that is no endpoint is named") {
+    start_options options;
+    options.variables = {{"ISE_NAME_SERVER", "here"}};
+    auto ran = run_program({"ise", "list"}, options);
+    CHECK(ran.exit_code == 2);
+    CHECK_THAT(ran.err, Catch::Contains("ISE_NAME_SERVER") && Catch::Contains("'here' is no endpoint"));
+}
+
+TEST_CASE("help and version are answers") {
+    auto help = run_program({"ise", "--help"});
+    CHECK(help.exit_code == 0);
+    CHECK(help.err.empty());
+    CHECK_THAT(help.out, Catch::Contains("Exit codes:") && Catch::Contains("describe") && Catch::Contains("--name-server"));
+    auto call = run_program({"ise", "call", "--help"});
+    CHECK(call.exit_code == 0);
+    CHECK_THAT(call.out, Catch::Contains("SERVICE") && Catch::Contains("standard input"));
+    auto version = run_program({"ise", "version"});
+    CHECK(version.exit_code == 0);
+    CHECK(version.out.starts_with("ise "));
+    CHECK(run_program({"ise", "--version"}).out == version.out);
+}
+
+TEST_CASE("where no name server runs the command says how to start one") {
+    start_options options;
+    options.variables = {{"ISE_NAME_SERVER", "local://@ise-test-nobody-listens-here"}};
+    auto command = GENERATE(std::vector<std::string>{"ise", "list"}, std::vector<std::string>{"ise", "describe", "atirma/boat"},
+                            std::vector<std::string>{"ise", "call", "atirma/boat", "helm"});
+    auto ran = run_program(command, options);
+    CHECK(ran.exit_code == 3);
+    CHECK(ran.out.empty());
+    CHECK_THAT(ran.err, Catch::Contains("no name server at local://@ise-test-nobody-listens-here") && Catch::Contains("ise_name_server"));
+}
+
+TEST_CASE("an endpoint where nobody listens is not reached") {
+    auto ran = run_program({"ise", "describe", "local://@ise-test-nobody-listens-here"});
+    CHECK(ran.exit_code == 3);
+    CHECK_THAT(ran.err, Catch::Contains("local://@ise-test-nobody-listens-here is not reached") && Catch::Contains("--wait"));
+    auto waited = run_program({"ise", "--wait", "--timeout", "300ms", "describe", "local://@ise-test-nobody-listens-here"});
+    CHECK(waited.exit_code == 3);
+    CHECK_THAT(waited.err, Catch::Contains("in time"));
+}
+
+TEST_CASE("with --json an error is one line for a program") {
+    auto ran = run_program({"ise", "describe", "--json", "local://@ise-test-nobody-listens-here"});
+    CHECK(ran.exit_code == 3);
+    CHECK(ran.out.empty());
+    CHECK(ran.err.starts_with(R"({"error":"unreachable","exit_code":3,"message":)"));
+    CHECK(ran.err.find('\n') == ran.err.size() - 1);
+    auto usage = run_program({"ise", "--json", "sail"});
+    CHECK(usage.exit_code == 2);
+    CHECK(usage.err.starts_with(R"({"error":"usage","exit_code":2,)"));
+}
+
+TEST_CASE("an answer that cannot be written is an error of its own") {
+    start_options closed;
+    closed.closed_output = true;
+    auto ran = run_program({"ise", "version"}, closed);
+    CHECK(ran.exit_code == 5);
+    CHECK_THAT(ran.err, Catch::Contains("standard output cannot be written"));
+    start_options full;
+    full.output_file = "/dev/full";
+    CHECK(run_program({"ise", "version"}, full).exit_code == 5);
+}
+
+TEST_CASE("the completion scripts are good in their shells and know every command") {
+    auto shell = GENERATE(std::string("bash"), std::string("zsh"), std::string("fish"));
+    CAPTURE(shell);
+    auto script = run_program({"ise", "completion", shell});
+    REQUIRE(script.exit_code == 0);
+    for (const char* word : {"list", "describe", "call", "echo", "hz", "completion", "version", "name-server", "lossless"})
+        CHECK_THAT(script.out, Catch::Contains(word));
+    // A shell that is not installed checks nothing: bash always is.
+    auto found = run_program({"/bin/sh", "-c", "command -v " + shell});
+    if (found.exit_code != 0) {
+        REQUIRE(shell != "bash");
+        WARN(shell << " is not installed: its completion script was not parsed");
+        return;
+    }
+    start_options options;
+    options.input = script.out;
+    auto parsed = run_program({"/bin/sh", "-c", shell + " -n /dev/stdin"}, options);
+    CHECK(parsed.exit_code == 0);
+    CHECK(parsed.err.empty());
+}
+
+namespace {
+
+// What bash offers where the cursor is at the end of `line`.
+std::string offered(const std::string& line, const std::string& name_server = "local://@ise-test-nobody-listens-here") {
+    start_options options;
+    options.variables = {{"ISE_NAME_SERVER", name_server}};
+    auto script = R"(source <("$1" completion bash); COMP_LINE="$1 $2"; COMP_POINT=${#COMP_LINE}; _ise; echo "${COMPREPLY[*]}")";
+    return run_program({"/bin/bash", "-c", script, "bash", ISE_BINARY_DIR "/bin/ise", line}, options).out;
+}
+
+} // namespace
+
+TEST_CASE("bash completes commands, options and choices") {
+    CHECK(offered("de") == "describe\n");
+    CHECK(offered("--json ver") == "version\n");
+    CHECK(offered("completion ") == "bash zsh fish\n");
+    CHECK(offered("echo a b --los") == "--lossless --losses\n");
+    CHECK(offered("echo a b --count ") == "\n");
+    CHECK(offered("list --na") == "--names --name-server\n");
+    // Nobody is there to be asked: no name is offered, and no error is seen.
+    CHECK(offered("call ") == "\n");
+}

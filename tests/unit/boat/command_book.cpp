@@ -1,0 +1,169 @@
+#include <components/boat/command_book.hpp>
+#include <components/boat/duplicate_filter.hpp>
+
+#include <ise/packet/json.hpp>
+
+#include <support/catch.hpp>
+
+using namespace std::chrono_literals;
+using namespace atirma;
+
+namespace {
+
+struct desk {
+    command_book book;
+    ise::time_point now{1h};
+    utc_time wall{std::chrono::hours(400'000)};
+
+    explicit desk(book_options options = book_options()) : book(options) {}
+    void pass(ise::duration time) {
+        now += time;
+        wall += std::chrono::duration_cast<std::chrono::milliseconds>(time);
+    }
+    std::uint32_t ask(std::uint32_t id, command_kind kind = command_kind::ping, float valid_s = 300) {
+        telecommand_request request;
+        request.id = id;
+        request.command.kind = kind;
+        request.valid_s = valid_s;
+        return book.submit(now, wall, request, 77).value();
+    }
+    std::optional<command_book::due> due() { return book.next_due(now, wall); }
+    telecommand_stage stage(std::uint32_t id) { return book.find(id)->state; }
+    bool acknowledge(std::uint32_t id, command_kind kind = command_kind::ping) {
+        acknowledgement ack;
+        ack.id = id;
+        ack.kind = kind;
+        return book.on_acknowledgement(wall, ack);
+    }
+};
+
+} // namespace
+
+TEST_CASE("command book: a telecommand goes from queued over sent to acknowledged, and each change is told once") {
+    desk it;
+    it.ask(5, command_kind::tack_now);
+    auto first = it.due();
+    REQUIRE(first);
+    auto command = parse_telecommand(first->raw);
+    REQUIRE(command);
+    CHECK(command->id == 5);
+    CHECK(command->kind == command_kind::tack_now);
+    CHECK_FALSE(it.due());
+    it.book.on_outcome(it.now, it.wall, 5, true, false, "");
+    CHECK(it.stage(5) == telecommand_stage::sent);
+    CHECK(it.acknowledge(5, command_kind::tack_now));
+    CHECK_FALSE(it.acknowledge(5, command_kind::tack_now));
+    auto told = it.book.take_changes();
+    REQUIRE(told.size() == 3);
+    CHECK(told[0].state == telecommand_stage::queued);
+    CHECK(told[1].state == telecommand_stage::sent);
+    CHECK(told[2].state == telecommand_stage::acknowledged);
+    CHECK(it.book.take_changes().empty());
+    CHECK(it.book.next_event() == ise::time_point::max());
+}
+
+TEST_CASE("command book: without an answer it is sent again until its time is over, with pauses that grow") {
+    desk it;
+    it.ask(6, command_kind::ping, 100);
+    std::vector<ise::duration> at;
+    auto begun = it.now;
+    while (!is_final(it.stage(6))) {
+        if (it.due()) {
+            at.push_back(it.now - begun);
+            it.book.on_outcome(it.now, it.wall, 6, false, true, "no modem");
+        }
+        REQUIRE(it.book.next_event() > it.now);
+        it.pass(it.book.next_event() - it.now);
+        it.book.on_time(it.now, it.wall);
+    }
+    CHECK(it.stage(6) == telecommand_stage::expired);
+    CHECK(it.now - begun == 100s);
+    CHECK(at == std::vector<ise::duration>{0s, 2s, 6s, 14s, 30s, 62s});
+    CHECK(it.book.open_count() == 0);
+}
+
+TEST_CASE("command book: what may have left the shore never becomes queued again") {
+    desk it;
+    it.ask(8);
+    REQUIRE(it.due());
+    it.book.on_outcome(it.now, it.wall, 8, false, false, "no acknowledgement by the modem");
+    CHECK(it.stage(8) == telecommand_stage::sent);
+    it.pass(10s);
+    REQUIRE(it.due());
+    it.book.on_outcome(it.now, it.wall, 8, false, true, "duty cycle");
+    CHECK(it.stage(8) == telecommand_stage::sent);
+}
+
+TEST_CASE("command book: an answer that comes after the time is over corrects what was said") {
+    desk it;
+    it.ask(9, command_kind::ping, 1);
+    REQUIRE(it.due());
+    it.pass(2s);
+    it.book.on_time(it.now, it.wall);
+    CHECK(it.stage(9) == telecommand_stage::expired);
+    CHECK(it.acknowledge(9));
+    CHECK(it.stage(9) == telecommand_stage::acknowledged);
+    it.book.on_outcome(it.now, it.wall, 9, true, false, ""); // the link's word comes last
+    CHECK(it.stage(9) == telecommand_stage::acknowledged);
+    CHECK(it.book.open_count() == 0);
+}
+
+TEST_CASE("command book: it is bounded in what is open and in what is remembered") {
+    book_options few;
+    few.max_open = 3;
+    few.max_remembered = 2;
+    desk it(few);
+    for (std::uint32_t id = 1; id <= 3; ++id) it.ask(id);
+    telecommand_request more;
+    more.id = 4;
+    auto refused = it.book.submit(it.now, it.wall, more, 0);
+    REQUIRE_FALSE(refused);
+    CHECK(refused.error().code() == ise::errc::overloaded);
+    for (std::uint32_t id = 1; id <= 3; ++id) CHECK(it.acknowledge(id));
+    CHECK(it.book.find(1) == nullptr);
+    CHECK(it.book.find(3) != nullptr);
+    it.ask(4);
+    CHECK(it.book.open_count() == 1);
+}
+
+TEST_CASE("command book: acknowledgements of nobody, and of another kind, change nothing") {
+    desk it;
+    it.ask(5, command_kind::tack_now);
+    CHECK_FALSE(it.acknowledge(6));
+    CHECK_FALSE(it.acknowledge(5, command_kind::reboot));
+    CHECK(it.stage(5) == telecommand_stage::queued);
+}
+
+TEST_CASE("command book: a request without an id gets the one that was chosen for it") {
+    desk it;
+    CHECK(it.ask(0) == 77);
+}
+
+TEST_CASE("a telecommand reads naturally as JSON") {
+    auto request = ise::from_json<telecommand_request>(R"({"id":7,"command":{"kind":"set_mode","mode":"hold"}})");
+    CHECK(request.id == 7);
+    CHECK(request.command.kind == command_kind::set_mode);
+    CHECK(request.command.mode == sailing_mode::hold);
+    CHECK(request.valid_s == 300);
+    auto add = ise::from_json<telecommand_request>(R"({"command":{"kind":"waypoint_add","point":{"latitude_deg":28.15,"longitude_deg":-15.45}}})");
+    CHECK(add.command.point.latitude_deg == 28.15);
+    CHECK_THROWS_WITH(ise::from_json<telecommand_request>(R"({"command":{"kind":"set_mode","mode":"fly"}})"), Catch::Contains("command.mode"));
+}
+
+TEST_CASE("duplicates are told by boot and sequence, in any order, within a bounded window") {
+    duplicate_filter seen;
+    CHECK(seen.first_time(1, 10));
+    CHECK_FALSE(seen.first_time(1, 10));
+    CHECK(seen.first_time(1, 12));
+    CHECK(seen.first_time(1, 11)); // overtaken
+    CHECK_FALSE(seen.first_time(1, 11));
+    CHECK(seen.first_time(2, 10)); // another life of the boat
+    CHECK(seen.first_time(1, 12 + duplicate_filter::window));
+    CHECK_FALSE(seen.first_time(1, 12 + duplicate_filter::window));
+    CHECK(seen.first_time(1, 13)); // just inside the window, and new
+    CHECK_FALSE(seen.first_time(1, 13));
+    CHECK(seen.first_time(1, 0xFFFFFFFF));
+    CHECK_FALSE(seen.first_time(1, 0xFFFFFFFF));
+    for (std::uint16_t boot = 10; boot < 10 + duplicate_filter::max_boots; ++boot) CHECK(seen.first_time(boot, 1));
+    CHECK(seen.first_time(2, 10)); // long forgotten
+}

@@ -1,0 +1,187 @@
+#include "sea.hpp"
+
+#include <asio/this_coro.hpp>
+
+using namespace sea;
+using ise::component;
+using ise::component_state;
+
+namespace {
+
+ise::component_options with_policy(fleet& all, ise::on_failure policy) {
+    auto options = all.listening("boat");
+    options.policy = policy;
+    return options;
+}
+
+task<> sail_on(component& self) { co_await self.sleep(1h); }
+
+task<> run_aground(component& self) {
+    co_await self.sleep(1s);
+    throw std::runtime_error("aground");
+}
+
+} // namespace
+
+TEST_CASE("an exception that escapes is reported with the component's and the coroutine's name") {
+    fleet all;
+    std::string coroutine = "run";
+    SECTION("from run, before it suspends") {
+        all.start("boat", "atirma/boat", [](component&) -> task<> {
+            throw std::runtime_error("aground");
+            co_return;
+        });
+    }
+    SECTION("from run, later") { all.start("boat", "atirma/boat", run_aground); }
+    SECTION("from a spawned coroutine") {
+        coroutine = "the mate";
+        all.start("boat", "atirma/boat", [](component& self) -> task<> {
+            self.spawn("the mate", run_aground(self));
+            co_await self.sleep(1h);
+        });
+    }
+    SECTION("from the maker of a periodic packet") {
+        coroutine = "readings";
+        all.start("boat", "atirma/boat", [](component& self) -> task<> {
+            self.publish_every(readings, 1s, []() -> reading { throw std::runtime_error("aground"); });
+            co_return;
+        });
+    }
+    SECTION("from a listener's callback") {
+        coroutine = "readings";
+        all.node("buoy").start<beacon>("buoy", all.listening("buoy"));
+        all.start("boat", "atirma/boat", [](component& self) -> task<> {
+            self.listen(self.at(fleet::at("buoy")), readings, [](const reading&) { throw std::runtime_error("aground"); });
+            co_return;
+        });
+    }
+    all.start("boat", "other", sail_on, 7001);
+    REQUIRE(all.world.run_until([&] { return all.state("boat", "atirma/boat") == component_state::failed; }, 1min));
+    CHECK(all.report("boat", "atirma/boat").failure == coroutine + ": aground");
+    CHECK(all.log.has("error   atirma/boat: an exception escaped", "cause=aground"));
+    CHECK(all.state("boat", "other") == component_state::ready);
+}
+
+TEST_CASE("a listener that is refused fails its component with the reason") {
+    fleet all;
+    all.start("buoy", "buoy", sail_on);
+    all.start("boat", "boat", [](component& self) -> task<> {
+        self.listen(self.at(fleet::at("buoy")), readings, [](const reading&) {});
+        co_return;
+    });
+    REQUIRE(all.world.run_until([&] { return all.state("boat", "boat") == component_state::failed; }, 1min));
+    CHECK(all.report("boat", "boat").failure.find("readings") != std::string::npos);
+}
+
+TEST_CASE("what a handler throws is the caller's failure, not the component's") {
+    fleet all;
+    all.start("boat", "boat", [](component& self) -> task<> {
+        self.provide(echo, [](question) -> reply { throw std::runtime_error("no echo at sea"); });
+        self.provide(ask_back, [&self](question) -> task<reply> {
+            co_await self.sleep(1s);
+            throw std::runtime_error("nor here");
+        });
+        co_return;
+    });
+    all.run("shore", [](component& self) -> task<> {
+        auto boat = self.at(fleet::at("boat"));
+        question asked{"?"};
+        auto plain = co_await boat.try_call(echo, asked, 5s);
+        auto later = co_await boat.try_call(ask_back, asked, 5s);
+        REQUIRE(!plain);
+        REQUIRE(!later);
+        CHECK(plain.error().code() == ise::errc::handler_failed);
+        CHECK(later.error().code() == ise::errc::handler_failed);
+        CHECK(plain.error().message().find("no echo at sea") != std::string::npos);
+        CHECK(later.error().message().find("nor here") != std::string::npos);
+    });
+    CHECK(all.state("boat", "boat") == component_state::ready);
+}
+
+TEST_CASE("a failure stops the whole node where it was told so") {
+    fleet all;
+    all.start("boat", "other", sail_on, 7001);
+    all.node("boat").start("boat", run_aground, with_policy(all, ise::on_failure::stop_node));
+    REQUIRE(all.world.run_until([&] { return all.node("boat").all_stopped(); }, 1min));
+    CHECK(all.state("boat", "boat") == component_state::failed);
+    CHECK(all.state("boat", "other") == component_state::stopped);
+}
+
+TEST_CASE("a component that is restarted provides its services anew and its clients heal") {
+    fleet all;
+    int lives = 0;
+    std::vector<std::uint64_t> heard;
+    all.node("boat").start("boat",
+        [&](component& self) -> task<> {
+            ++lives;
+            self.provide(echo, [life = lives](question) { return reply{std::to_string(life)}; });
+            self.publish_every(readings, 100ms, [&] { return reading{static_cast<std::uint64_t>(lives)}; });
+            co_await self.sleep(5s);
+            if (lives < 3) throw std::runtime_error("aground");
+        },
+        with_policy(all, ise::on_failure::restart));
+    all.start("shore", "shore", [&](component& self) -> task<> {
+        self.listen(self.at(fleet::at("boat")), readings, [&](const reading& packet) { heard.push_back(packet.number); });
+        co_return;
+    });
+    all.run("shore", [](component& self) -> task<> {
+        auto boat = self.at(fleet::at("boat"));
+        std::string last;
+        while (last != "3") { // what was sent when it failed may fail; the next call waits for the next life
+            question asked{"?"};
+            auto answer = co_await boat.try_call(echo, asked, 30s);
+            if (answer) last = answer->text;
+            else CHECK(answer.error().code() == ise::errc::peer_lost);
+            co_await self.sleep(100ms);
+        }
+    });
+    REQUIRE(all.world.run_until([&] { return !heard.empty() && heard.back() == 3; }, 1min));
+    CHECK(std::set<std::uint64_t>(heard.begin(), heard.end()) == std::set<std::uint64_t>{1, 2, 3});
+    CHECK(all.state("boat", "boat") == component_state::ready);
+    CHECK(all.state("shore", "shore") == component_state::ready);
+    REQUIRE(all.stop("boat"));
+    auto report = all.report("boat", "boat");
+    CHECK(report.restarts == 2);
+    CHECK(report.failure.empty()); // it was mended
+    CHECK(all.state("boat", "boat") == component_state::stopped);
+}
+
+TEST_CASE("restarts come later and later, and end when the component is stopped") {
+    fleet all;
+    std::vector<ise::time_point> began;
+    all.node("boat").start("boat",
+        [&](component& self) -> task<> {
+            began.push_back(self.now());
+            throw std::runtime_error("aground");
+            co_return;
+        },
+        with_policy(all, ise::on_failure::restart));
+    all.world.run_for(5min);
+    REQUIRE(began.size() > 8);
+    CHECK(began[1] - began[0] <= 200ms);
+    CHECK(began.back() - began[began.size() - 2] >= 15s);
+    REQUIRE(all.stop("boat"));
+    auto count = began.size();
+    all.world.run_for(5min);
+    CHECK(began.size() == count);
+}
+
+TEST_CASE("a component whose last flow does not end cannot be restarted and says so") {
+    fleet all;
+    census frames;
+    all.node("boat").start("boat",
+        [&](component& self) -> task<> {
+            auto mule = [](component& whose, census& among) -> task<> {
+                census::citizen alive(among);
+                co_await asio::this_coro::reset_cancellation_state(asio::disable_cancellation());
+                co_await whose.sleep(24h);
+            };
+            self.spawn("the mule", mule(self, frames));
+            co_await self.sleep(1s);
+            throw std::runtime_error("aground");
+        },
+        with_policy(all, ise::on_failure::restart));
+    REQUIRE(all.world.run_until([&] { return all.state("boat", "boat") == component_state::failed; }, 1min));
+    CHECK(all.log.has("cannot be restarted", "the mule"));
+    CHECK(all.report("boat", "boat").still_running == std::vector<std::string>{"the mule"});
+}

@@ -1,0 +1,161 @@
+// Components that keep their threads busy.
+#include "sea.hpp"
+
+#include <ise/core/real/environment.hpp>
+
+#include <condition_variable>
+#include <future>
+
+using namespace sea;
+using ise::component;
+
+namespace {
+
+// Opened once; whoever passes waits for it.
+class gate {
+public:
+    void open() {
+        std::lock_guard lock(mutex_);
+        open_ = true;
+        changed_.notify_all();
+    }
+    void pass() {
+        std::unique_lock lock(mutex_);
+        changed_.wait(lock, [this] { return open_; });
+    }
+
+private:
+    std::mutex mutex_;
+    std::condition_variable changed_;
+    bool open_ = false;
+};
+
+// Opens a gate when a record holds a text.
+ise::log_sink when_told(std::string text, gate& opens, const log_book& log) {
+    return [text, &opens, keep = log.sink()](const ise::log_record& record) {
+        keep(record);
+        if (record.message.find(text) != std::string_view::npos) opens.open();
+    };
+}
+
+ise::node_options options_with(ise::log_sink sink) {
+    ise::node_options made;
+    made.use_names = false;
+    made.log = std::move(sink);
+    return made;
+}
+
+} // namespace
+
+TEST_CASE("a component whose thread is busy is shown as stalled, and its node goes on") {
+    log_book log;
+    gate stalled, recovered, release;
+    auto told_stalled = when_told("is stalled", stalled, log);
+    auto told_recovered = when_told("goes on", recovered, log);
+    ise::real_environment env;
+    ise::node node(env, options_with([=](const ise::log_record& record) {
+                       told_stalled(record);
+                       told_recovered(record);
+                   }));
+    node.start("busy", [&](component& self) -> task<> {
+        release.pass();
+        co_await self.sleep(1h);
+    });
+    stalled.pass();
+    auto of = [&](const std::string& path) {
+        for (const auto& each : node.components())
+            if (each.path == path) return each;
+        return ise::component_status{};
+    };
+    CHECK(of("busy").stalled);
+    auto& other = node.start<beacon>("other"); // the node goes on
+    CHECK_FALSE(of("other").stalled);
+    auto call = [](component& self, ise::endpoint where) -> task<std::string> {
+        auto provider = self.at(where);
+        question asked{"ahoy"};
+        auto answer = co_await provider.call(echo, asked, 30s);
+        co_return answer.text;
+    };
+    CHECK(other.wait(call(other, other.services().listening().front())) == "ahoy");
+    release.open();
+    recovered.pass();
+    CHECK_FALSE(of("busy").stalled);
+}
+
+TEST_CASE("a component that blocks its thread cannot hold its node: it is named and left behind") {
+    log_book log;
+    gate inside, release;
+    census frames;
+    {
+        ise::real_environment env; // its end waits for the thread
+        auto options = options_with(log.sink());
+        options.grace = 1ms;
+        auto node = std::make_unique<ise::node>(env, options);
+        node->start("busy", [&](component& self) -> task<> {
+            census::citizen alive(frames);
+            inside.open();
+            release.pass();
+            co_await self.sleep(1h);
+        });
+        ise::component_options together;
+        inside.pass();
+        node->stop();
+        node->wait();
+        auto reports = node->reports();
+        REQUIRE(reports.size() == 1);
+        CHECK(reports.front().still_running.size() == 1);
+        CHECK(reports.front().failure.find("could not be stopped") != std::string::npos);
+        node.reset();
+        CHECK(log.has("left behind", "busy"));
+        release.open();
+    }
+    CHECK(frames.alive == 0);
+}
+
+TEST_CASE("offloaded work outlives neither its coroutine nor its component, however late it ends") {
+    log_book log;
+    gate inside, release;
+    int result = 0;
+    {
+        ise::real_environment env;
+        auto options = options_with(log.sink());
+        options.grace = 1ms;
+        auto node = std::make_unique<ise::node>(env, options);
+        node->start("computes", [&](component& self) -> task<> {
+            int local = 41;
+            auto work = [&] {
+                inside.open();
+                release.pass();
+                return ++local; // the coroutine is there
+            };
+            result = co_await self.offload(work);
+        });
+        inside.pass();
+        node->stop();
+        node->wait();
+        CHECK(node->reports().front().still_running == std::vector<std::string>{"run"});
+        node.reset();
+        release.open();
+    }
+    CHECK((result == 42 || result == 0)); // it was given back, or its loop had ended
+}
+
+TEST_CASE("offloading keeps the component's thread free") {
+    log_book log;
+    gate release;
+    ise::real_environment env;
+    ise::node node(env, options_with(log.sink()));
+    std::promise<int> done;
+    auto& computes = node.start("computes", [&](component& self) -> task<> {
+        auto work = [&] {
+            release.pass();
+            return 7;
+        };
+        auto made = co_await self.offload(work);
+        done.set_value(made);
+    });
+    auto free = [](component& self) -> task<> { co_await self.sleep(1ms); };
+    computes.wait(free(computes));
+    release.open();
+    CHECK(done.get_future().get() == 7);
+}

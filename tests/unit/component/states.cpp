@@ -1,0 +1,100 @@
+#include "sea.hpp"
+
+#include <asio/co_spawn.hpp>
+#include <asio/detached.hpp>
+#include <asio/this_coro.hpp>
+
+using namespace sea;
+using ise::component;
+using ise::component_state;
+
+namespace {
+
+class slow_starter : public component {
+public:
+    explicit slow_starter(int& told) : told_(told) { announce_when_ready(); }
+
+private:
+    task<> run() override {
+        for (int n = 0; n < 3; ++n) spawn("waits", wait_ready());
+        provide(echo, [](question asked) { return reply{asked.text}; });
+        co_await sleep(10s);
+        co_await ready();
+        ++told_;
+    }
+    task<> wait_ready() {
+        co_await sleep(11s);
+        co_await ready();
+        ++told_;
+    }
+    int& told_;
+};
+
+} // namespace
+
+TEST_CASE("a component is ready at its first suspension, and stopped when it was stopped") {
+    fleet all;
+    auto& boat = all.start("boat", "boat", [](component& self) -> task<> { co_await self.sleep(1h); });
+    CHECK(boat.state() == component_state::starting);
+    all.world.run_for(1s);
+    CHECK(boat.state() == component_state::ready);
+    CHECK(boat.path() == "boat");
+    REQUIRE(all.stop("boat"));
+    CHECK(boat.state() == component_state::stopped); // the object stays as long as the node
+    CHECK(all.report("boat", "boat").failure.empty());
+}
+
+TEST_CASE("a component that announces itself is starting until it says that it is ready, to all who wait") {
+    fleet all;
+    int told = 0;
+    auto& boat = all.node("boat").start<slow_starter>("boat", all.listening("boat"), told);
+    all.world.run_for(9s);
+    CHECK(boat.state() == component_state::starting);
+    all.world.run_for(5s);
+    CHECK(boat.state() == component_state::ready);
+    CHECK(told == 4);
+}
+
+TEST_CASE("a component that takes its time is stopping meanwhile") {
+    fleet all;
+    bool cleaned = false;
+    auto& boat = all.start("boat", "boat", [&](component& self) -> task<> {
+        bool stopped = false;
+        try {
+            co_await self.sleep(1h);
+        } catch (const std::exception&) {
+            stopped = true;
+        }
+        if (!stopped) co_return;
+        co_await asio::this_coro::reset_cancellation_state();
+        co_await self.sleep(1s); // takes the sails in
+        cleaned = true;
+    });
+    all.world.run_for(1s);
+    all.node("boat").stop();
+    all.world.run_for(500ms);
+    CHECK(boat.state() == component_state::stopping);
+    REQUIRE(all.stop("boat"));
+    CHECK(cleaned);
+    CHECK(all.report("boat", "boat").still_running.empty());
+}
+
+TEST_CASE("whoever awaits the end of a node goes on when its last component has stopped") {
+    fleet all;
+    bool told = false;
+    all.start("boat", "one", [](component& self) -> task<> { co_await self.sleep(1h); }, 7001);
+    all.start("boat", "two", [](component& self) -> task<> { co_await self.sleep(1h); }, 7002);
+    auto wait = [](ise::node& whose, bool& done) -> task<> {
+        co_await whose.stopped();
+        done = true;
+    };
+    asio::co_spawn(all.world.context(), wait(all.node("boat"), told), asio::detached);
+    all.world.run_for(1s);
+    all.node("boat").stop("one");
+    all.world.run_for(10s);
+    CHECK(all.state("boat", "one") == component_state::stopped);
+    CHECK(all.state("boat", "two") == component_state::ready);
+    CHECK(!told);
+    all.node("boat").stop("two");
+    CHECK(all.world.run_until([&] { return told; }, 1min));
+}

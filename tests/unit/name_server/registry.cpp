@@ -1,0 +1,432 @@
+#include <ise/name_server/registry.hpp>
+#include <ise/packet/schema.hpp>
+
+#include <support/catch.hpp>
+
+#include <fmt/format.h>
+
+using namespace std::chrono_literals;
+using ise::naming::name_change;
+using ise::naming::verdict;
+
+namespace {
+
+constexpr ise::time_point start{1h};
+const ise::wall_time noon = std::chrono::sys_days(std::chrono::year(2026) / 6 / 1) + 12h;
+
+struct fix {
+    double latitude_deg = 0, longitude_deg = 0;
+};
+
+ise::registry_options options(ise::duration recovery = {}) {
+    ise::registry_options made;
+    made.recovery = recovery;
+    return made;
+}
+
+// A registry and its clock, which it hears ticking.
+struct world {
+    explicit world(ise::registry_options with = options(), ise::wall_time wall = noon) : names(with, 1, start, wall) {}
+
+    void pass(ise::duration time) {
+        for (auto end = now + time; now < end;) {
+            now = std::min(end, now + names.tick());
+            names.advance(now);
+        }
+    }
+    ise::naming::grant claim(std::uint64_t node, std::string path, std::uint64_t epoch = 0, std::uint64_t incarnation = 0) {
+        auto request = of(node);
+        ise::naming::component_claim wanted;
+        wanted.path = std::move(path);
+        wanted.epoch = epoch;
+        wanted.incarnation = incarnation ? incarnation : node * 10;
+        wanted.endpoints = {fmt::format("tcp://10.0.0.{}:4000", node)};
+        request.components.push_back(std::move(wanted));
+        return names.enroll(request, now).grants.at(0);
+    }
+    ise::naming::register_request of(std::uint64_t node) {
+        ise::naming::register_request request;
+        request.node.lease_key = node;
+        request.node.host_name = fmt::format("host{}", node);
+        request.node.process_id = 1000 + node;
+        request.lease = 2s;
+        return request;
+    }
+    ise::naming::renew_response renew(std::uint64_t node) {
+        ise::naming::renew_request request;
+        request.lease_key = node;
+        return names.renew(request, now);
+    }
+    void withdraw(std::uint64_t node, std::string path, std::uint64_t incarnation = 0) {
+        ise::naming::departure gone;
+        gone.path = std::move(path);
+        gone.incarnation = incarnation ? incarnation : node * 10;
+        ise::naming::withdraw_request request;
+        request.lease_key = node;
+        request.departures.push_back(gone);
+        names.withdraw(request, now);
+    }
+    bool holds(std::string_view path) { return names.resolve(path, now).has_value(); }
+
+    ise::time_point now = start;
+    ise::registry names;
+};
+
+std::vector<std::string> text_of(const std::vector<ise::naming::name_event>& events) {
+    std::vector<std::string> all;
+    for (const auto& event : events)
+        all.push_back(fmt::format("{}{}", event.what == name_change::added ? "+" : event.what == name_change::changed ? "~" : "-", event.name.path));
+    return all;
+}
+
+} // namespace
+
+TEST_CASE("registry: a granted name resolves to its holder and its epoch") {
+    world it;
+    auto granted = it.claim(1, "atirma/boat");
+    REQUIRE(granted.what == verdict::granted);
+    auto found = it.names.resolve("atirma/boat", it.now);
+    REQUIRE(found);
+    CHECK(found->epoch == granted.epoch);
+    CHECK(found->incarnation == 10);
+    CHECK(found->host_name == "host1");
+    CHECK(found->endpoints == std::vector<std::string>{"tcp://10.0.0.1:4000"});
+    auto absent = it.names.resolve("atirma/buoy", it.now);
+    REQUIRE_FALSE(absent);
+    CHECK(absent.error().code() == ise::errc::no_such_name);
+}
+
+TEST_CASE("registry: a lease ends when it is not renewed, and not before") {
+    world it;
+    it.claim(1, "a");
+    it.pass(1900ms);
+    CHECK(it.holds("a"));
+    it.pass(100ms);
+    CHECK_FALSE(it.holds("a"));
+    CHECK(it.names.nodes() == 0);
+}
+
+TEST_CASE("registry: renewals keep all names of a node") {
+    world it;
+    it.claim(1, "a");
+    it.claim(1, "b");
+    for (int i = 0; i < 20; ++i) {
+        it.pass(1500ms);
+        CHECK(it.renew(1).known);
+    }
+    CHECK(it.holds("a"));
+    CHECK(it.holds("b"));
+    it.pass(2s);
+    CHECK_FALSE(it.renew(1).known);
+}
+
+TEST_CASE("registry: a lease is at most the server's") {
+    world it;
+    auto request = it.of(1);
+    request.lease = 1h;
+    CHECK(it.names.enroll(request, it.now).lease == 2s);
+    request.lease = ise::duration(-5);
+    CHECK(it.names.enroll(request, it.now).lease > 0s);
+}
+
+TEST_CASE("registry: a server that was stopped for a while expires nobody for it") {
+    world it;
+    it.claim(1, "a");
+    it.now += 1h; // it did not run: no tick
+    CHECK(it.renew(1).known);
+    CHECK(it.holds("a"));
+}
+
+TEST_CASE("registry: a taken name says who holds it") {
+    world it;
+    auto first = it.claim(1, "atirma/boat");
+    it.pass(500ms);
+    auto denied = it.claim(2, "atirma/boat");
+    REQUIRE(denied.what == verdict::taken);
+    REQUIRE(denied.held_by.size() == 1);
+    CHECK(denied.held_by[0].epoch == first.epoch);
+    CHECK(denied.held_by[0].process_id == 1001);
+    CHECK(denied.held_by[0].lease_age == 500ms);
+    for (const char* word : {"atirma/boat", "host1", "1001", "tcp://10.0.0.1:4000", "500 ms"})
+        CHECK(denied.reason.find(word) != std::string::npos);
+}
+
+TEST_CASE("registry: a name that is taken anew gets a higher epoch") {
+    world it;
+    auto first = it.claim(1, "a");
+    it.withdraw(1, "a");
+    auto second = it.claim(2, "a");
+    REQUIRE(second.what == verdict::granted);
+    CHECK(second.epoch > first.epoch);
+    auto reborn = it.claim(2, "a", 0, 77); // the next life in the same node
+    REQUIRE(reborn.what == verdict::granted);
+    CHECK(reborn.epoch > second.epoch);
+}
+
+TEST_CASE("registry: a holder keeps its epoch when it tells what has changed") {
+    world it;
+    auto first = it.claim(1, "a");
+    CHECK(it.claim(1, "a", first.epoch).epoch == first.epoch);
+    CHECK(it.claim(1, "a").epoch == first.epoch);
+}
+
+TEST_CASE("registry: who returns after its lease was over keeps its epoch if nobody was there meanwhile") {
+    world it;
+    auto first = it.claim(1, "a");
+    it.pass(5s);
+    CHECK(it.claim(1, "a", first.epoch).epoch == first.epoch);
+    it.pass(5s);
+    auto other = it.claim(2, "a");
+    it.withdraw(2, "a");
+    auto again = it.claim(1, "a", first.epoch);
+    CHECK(again.what == verdict::granted);
+    CHECK(again.epoch > other.epoch);
+}
+
+TEST_CASE("registry: who returns to a name that another was granted is superseded") {
+    world it;
+    auto first = it.claim(1, "a");
+    it.pass(5s);
+    auto other = it.claim(2, "a");
+    auto back = it.claim(1, "a", first.epoch);
+    CHECK(back.what == verdict::superseded);
+    REQUIRE(back.held_by.size() == 1);
+    CHECK(back.held_by[0].epoch == other.epoch);
+    CHECK(back.held_by[0].epoch > first.epoch);
+}
+
+TEST_CASE("registry: a late withdrawal does not end the next life") {
+    world it;
+    it.claim(1, "a", 0, 10);
+    it.claim(1, "a", 0, 11);
+    it.withdraw(1, "a", 10);
+    CHECK(it.holds("a"));
+    it.withdraw(2, "a", 11); // not its own
+    CHECK(it.holds("a"));
+    it.withdraw(1, "a", 11);
+    CHECK_FALSE(it.holds("a"));
+}
+
+TEST_CASE("registry: after a restart only those who held names before get them at first") {
+    world before;
+    auto held = before.claim(1, "a");
+    world it(options(2s), noon + 10s);
+    auto fresh = it.claim(2, "a");
+    CHECK(fresh.what == verdict::wait);
+    CHECK(fresh.retry_after == 2s);
+    auto unsure = it.names.resolve("a", it.now);
+    REQUIRE_FALSE(unsure);
+    CHECK(unsure.error().code() == ise::errc::name_server_lost);
+
+    it.pass(1s);
+    auto back = it.claim(1, "a", held.epoch);
+    CHECK(back.what == verdict::granted);
+    CHECK(back.epoch == held.epoch);
+    it.pass(900ms);
+    CHECK(it.claim(2, "b").what == verdict::wait);
+    it.pass(100ms);
+    CHECK(it.claim(2, "b").what == verdict::granted);
+    CHECK(it.claim(2, "a").what == verdict::taken);
+}
+
+TEST_CASE("registry: epochs grow across restarts") {
+    world first;
+    auto old = first.claim(1, "a");
+    SECTION("by the wall clock") {
+        world second(options(), noon + 1ms);
+        CHECK(second.claim(2, "a").epoch > old.epoch);
+    }
+    SECTION("by what returning holders show, if the clock went back") {
+        world second(options(2s), noon - std::chrono::years(3));
+        CHECK(second.claim(1, "a", old.epoch).epoch == old.epoch);
+        second.pass(2s);
+        second.renew(1);
+        CHECK(second.claim(2, "b").epoch > old.epoch);
+        second.withdraw(1, "a");
+        CHECK(second.claim(2, "a").epoch > old.epoch);
+    }
+    SECTION("with a clock before 1970") {
+        world second(options(), ise::wall_time(-5h));
+        auto one = second.claim(2, "a");
+        second.withdraw(2, "a");
+        CHECK(second.claim(2, "a").epoch > one.epoch);
+    }
+}
+
+TEST_CASE("registry: of two holders that return after a restart the later one wins, and the other is told until it knows") {
+    world first;
+    auto earlier = first.claim(1, "a");
+    first.pass(5s);
+    auto later = first.claim(2, "a");
+    auto earlier_comes_first = GENERATE(true, false);
+    world it(options(2s), noon + 10s);
+    if (earlier_comes_first) {
+        CHECK(it.claim(1, "a", earlier.epoch).what == verdict::granted);
+        CHECK(it.claim(2, "a", later.epoch).what == verdict::granted);
+        for (int twice = 0; twice < 2; ++twice) {
+            auto told = it.renew(1).lost;
+            REQUIRE(told.size() == 1);
+            CHECK(told[0].what == verdict::superseded);
+            CHECK(told[0].path == "a");
+            CHECK(told[0].held_by.at(0).epoch == later.epoch);
+        }
+        it.withdraw(1, "a");
+        CHECK_FALSE(it.renew(1).known); // it holds nothing any more
+    } else {
+        CHECK(it.claim(2, "a", later.epoch).what == verdict::granted);
+        CHECK(it.claim(1, "a", earlier.epoch).what == verdict::superseded);
+    }
+    CHECK(it.names.resolve("a", it.now).value().epoch == later.epoch);
+}
+
+TEST_CASE("registry: a claim to an epoch that nobody was granted is refused") {
+    world it;
+    CHECK(it.claim(1, "a", ~std::uint64_t{0}).what == verdict::refused);
+    CHECK(it.claim(1, "a").what == verdict::granted);
+}
+
+TEST_CASE("registry: changes are told in order, what stays the same is none") {
+    world it;
+    it.claim(1, "a");
+    it.claim(2, "b");
+    it.claim(1, "a");
+    it.renew(1);
+    CHECK(text_of(it.names.take_changes()) == std::vector<std::string>{"+a", "+b"});
+    it.claim(1, "a", 0, 99);
+    it.withdraw(2, "b");
+    CHECK(text_of(it.names.take_changes()) == std::vector<std::string>{"~a", "-b"});
+    it.pass(3s);
+    CHECK(text_of(it.names.take_changes()) == std::vector<std::string>{"-a"});
+    CHECK(it.names.take_changes().empty());
+}
+
+TEST_CASE("registry: lists what lies below a prefix, page by page") {
+    world it;
+    for (const char* path : {"atirma", "atirma-old/x", "atirma/boat", "atirma/shore/web", "atirma/shore/xbee", "zebra"}) it.claim(1, path);
+    auto list = [&](std::string prefix, std::uint32_t limit = 0, std::string after = "") {
+        ise::naming::list_request request;
+        request.prefix = std::move(prefix);
+        request.limit = limit;
+        request.after = std::move(after);
+        std::string text;
+        auto response = it.names.list(request, it.now);
+        for (const auto& name : response.names) text += name.path + " ";
+        return text + (response.more ? "…" : "");
+    };
+    CHECK(list("") == "atirma atirma-old/x atirma/boat atirma/shore/web atirma/shore/xbee zebra ");
+    CHECK(list("atirma") == "atirma atirma/boat atirma/shore/web atirma/shore/xbee ");
+    CHECK(list("atirma/shore/") == "atirma/shore/web atirma/shore/xbee ");
+    CHECK(list("atirm") == "");
+    CHECK(list("atirma", 2) == "atirma atirma/boat …");
+    CHECK(list("atirma", 2, "atirma/boat") == "atirma/shore/web atirma/shore/xbee ");
+    CHECK(it.names.snapshot("atirma/shore").size() == 2);
+}
+
+TEST_CASE("registry: describes services with the schemas that they name, and forgets these with the last one") {
+    world it;
+    const auto& schema = ise::schema_of<fix>();
+    auto request = it.of(1);
+    for (const char* path : {"a", "b"}) {
+        ise::naming::component_claim claim;
+        claim.path = path;
+        ise::naming::service_entry service;
+        service.name = "position";
+        service.kind = 1;
+        service.fingerprints = {schema.fingerprint(), 5};
+        claim.services.push_back(service);
+        request.components.push_back(claim);
+    }
+    request.schemas.push_back({schema.fingerprint(), schema.text()});
+    request.schemas.push_back({12345, schema.text()}); // not its fingerprint
+    auto response = it.names.enroll(request, it.now);
+    CHECK(response.grants.at(0).what == verdict::granted);
+    CHECK(response.grants.at(0).reason.find("fingerprint") != std::string::npos);
+    auto described = it.names.describe("b", it.now);
+    REQUIRE(described);
+    CHECK(described->name.services_provided == 1);
+    REQUIRE(described->schemas.size() == 1);
+    CHECK(described->schemas[0].text == schema.text());
+    CHECK(it.names.services() == 2);
+    it.withdraw(1, "a", 0);
+    it.names.withdraw([&] {
+        ise::naming::withdraw_request gone;
+        gone.lease_key = 1;
+        gone.departures.push_back({"a", 0});
+        gone.departures.push_back({"b", 0});
+        return gone;
+    }(), it.now);
+    CHECK(it.names.schemas() == 0);
+    CHECK(it.names.services() == 0);
+}
+
+TEST_CASE("registry: what goes beyond a limit is refused by the limit's name") {
+    auto with = options();
+    with.limits.max_components = 2;
+    with.limits.max_nodes = 2;
+    with.limits.max_services = 3;
+    with.limits.max_services_per_component = 2;
+    with.limits.max_endpoints_per_component = 1;
+    with.limits.max_path_bytes = 10;
+    with.limits.max_text_bytes = 20;
+    world it(with);
+    auto request = it.of(1);
+    ise::naming::component_claim claim;
+    claim.path = "a";
+    auto refusal = [&] {
+        request.components = {claim};
+        auto answer = it.names.enroll(request, it.now).grants.at(0);
+        return answer.what == verdict::refused ? answer.reason : "granted";
+    };
+    SECTION("path") { claim.path = "much/too/long"; CHECK(refusal().find("max_path_bytes") != std::string::npos); }
+    SECTION("no path") {
+        auto path = GENERATE(as<std::string>(), "", "/a", "a/", "a//b", "ä", "a b", std::string("a\0b", 3));
+        claim.path = path;
+        CHECK(refusal().find("no path") != std::string::npos);
+    }
+    SECTION("endpoints") { claim.endpoints = {"a", "b"}; CHECK(refusal().find("max_endpoints_per_component") != std::string::npos); }
+    SECTION("texts") { claim.state = std::string(21, 'x'); CHECK(refusal().find("max_text_bytes") != std::string::npos); }
+    SECTION("texts of the node") { request.node.name = std::string(21, 'x'); CHECK(refusal().find("max_text_bytes") != std::string::npos); }
+    SECTION("services of one") { claim.services.resize(3); CHECK(refusal().find("max_services_per_component") != std::string::npos); }
+    SECTION("services of all") {
+        claim.services.resize(2);
+        CHECK(refusal() == "granted");
+        claim.path = "b";
+        CHECK(refusal().find("max_services") != std::string::npos);
+        claim.services.resize(1);
+        CHECK(refusal() == "granted");
+    }
+    SECTION("components") {
+        it.claim(1, "a");
+        it.claim(1, "b");
+        claim.path = "c";
+        CHECK(refusal().find("max_components") != std::string::npos);
+        it.withdraw(1, "b");
+        CHECK(refusal() == "granted");
+    }
+    SECTION("nodes") {
+        it.claim(2, "x");
+        it.claim(3, "y");
+        CHECK(refusal().find("max_nodes") != std::string::npos);
+    }
+}
+
+TEST_CASE("registry: ten thousand components with a hundred thousand services live and end") {
+    world it;
+    for (std::uint64_t node = 1; node <= 100; ++node) {
+        auto request = it.of(node);
+        for (int i = 0; i < 100; ++i) {
+            ise::naming::component_claim claim;
+            claim.path = fmt::format("fleet/n{}/c{}", node, i);
+            claim.services.resize(10);
+            request.components.push_back(std::move(claim));
+        }
+        for (const auto& grant : it.names.enroll(request, it.now).grants) REQUIRE(grant.what == verdict::granted);
+    }
+    CHECK(it.names.components() == 10'000);
+    CHECK(it.names.services() == 100'000);
+    for (std::uint64_t node = 1; node <= 100; ++node) CHECK(it.renew(node).known);
+    CHECK(it.names.snapshot("fleet/n7").size() == 100);
+    it.pass(3s);
+    CHECK(it.names.components() == 0);
+    CHECK(it.names.services() == 0);
+}

@@ -1,0 +1,114 @@
+#include <ise/component/node.hpp>
+#include <ise/core/real/environment.hpp>
+#include <ise/name_server/name_server.hpp>
+
+#include <support/catch.hpp>
+
+#include <future>
+
+namespace {
+
+using namespace std::chrono_literals;
+
+struct number {
+    std::int64_t value = 0;
+};
+
+inline constexpr ise::request_response<number, number> twice{"twice"};
+
+class doubler final : public ise::component {
+    ise::task<> run() override {
+        provide(twice, [](number rq) {
+            number answer{rq.value * 2};
+            return answer;
+        });
+        co_return;
+    }
+};
+
+ise::node_options quiet() {
+    ise::node_options options;
+    options.log = std::getenv("ISE_TEST_LOG") ? ise::log_to_stderr(ise::log_level::debug) : ise::log_sink([](const ise::log_record&) {});
+    return options;
+}
+
+std::unique_ptr<ise::node> start_server(ise::environment& env, ise::endpoint& at) {
+    auto options = quiet();
+    options.use_names = false;
+    auto made = std::make_unique<ise::node>(env, std::move(options));
+    ise::component_options where;
+    where.listen = {at};
+    where.registers = false;
+    ise::name_server_options terms;
+    terms.fresh = at.port == 0;
+    at = made->start<ise::name_server>(std::string(ise::naming::server_path), where, terms).services().listening().front();
+    return made;
+}
+
+// What a console of `node` gets from the component at `path`.
+std::int64_t ask(ise::node& node, const std::string& path, std::int64_t value) {
+    std::promise<std::int64_t> done;
+    auto answer = done.get_future();
+    node.start("", [&](ise::component& self) -> ise::task<> {
+        try {
+            auto provider = co_await self.find(path, 60s);
+            number request{value};
+            auto got = co_await provider.call(twice, request, 60s);
+            done.set_value(got.value);
+        } catch (...) {
+            done.set_exception(std::current_exception());
+        }
+    });
+    return answer.get();
+}
+
+} // namespace
+
+TEST_CASE("naming: over real sockets a component is found by its path, also after the server was restarted") {
+    ise::real_environment env;
+    auto at = ise::endpoint::parse("tcp://127.0.0.1:0").value();
+    auto server = start_server(env, at);
+    auto with_names = quiet();
+    with_names.name_server = at;
+    ise::node provider(env, with_names);
+    provider.start<doubler>("atirma/doubler");
+    ise::node asking(env, with_names);
+    CHECK(ask(asking, "atirma/doubler", 21) == 42);
+
+    server.reset();
+    server = start_server(env, at);
+    ise::node newcomer(env, with_names); // knows nobody from before
+    CHECK(ask(newcomer, "atirma/doubler", 4) == 8);
+}
+
+TEST_CASE("naming: a path that another node holds stops the second component with the holder's name") {
+    ise::real_environment env;
+    auto at = ise::endpoint::parse("tcp://127.0.0.1:0").value();
+    auto server = start_server(env, at);
+    auto with_names = quiet();
+    with_names.name_server = at;
+    ise::node first(env, with_names);
+    first.start<doubler>("atirma/doubler");
+    CHECK(ask(first, "atirma/doubler", 1) == 2);
+    ise::node second(env, with_names);
+    second.start<doubler>("atirma/doubler");
+    second.wait(); // it ends by itself
+    REQUIRE(second.reports().size() == 1);
+    CAPTURE(second.reports()[0].failure);
+    CHECK(second.reports()[0].failure.find("'atirma/doubler' is held by process " + std::to_string(env.identity().process_id)) != std::string::npos);
+}
+
+TEST_CASE("naming: a node that ends withdraws its names") {
+    ise::real_environment env;
+    auto at = ise::endpoint::parse("tcp://127.0.0.1:0").value();
+    auto server = start_server(env, at);
+    auto with_names = quiet();
+    with_names.name_server = at;
+    auto first = std::make_unique<ise::node>(env, with_names);
+    first->start<doubler>("atirma/doubler");
+    CHECK(ask(*first, "atirma/doubler", 1) == 2);
+    first.reset();
+    ise::node second(env, with_names);
+    second.start<doubler>("atirma/doubler");
+    CHECK(ask(second, "atirma/doubler", 2) == 4);
+}

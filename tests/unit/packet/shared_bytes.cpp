@@ -1,0 +1,52 @@
+#include <ise/packet/shared_bytes.hpp>
+
+#include <support/catch.hpp>
+
+#include <vector>
+
+namespace {
+
+ise::shared_bytes make(ise::shared_bytes_maker& maker, std::size_t size, unsigned char fill) {
+    auto& room = maker.room();
+    for (std::size_t i = 0; i < size; ++i) room.append(fill);
+    return maker.share();
+}
+
+bool holds(const ise::shared_bytes& content, std::size_t size, unsigned char fill) {
+    if (content.size() != size) return false;
+    for (auto one : content.view())
+        if (one != std::byte{fill}) return false;
+    return true;
+}
+
+} // namespace
+
+TEST_CASE("shared bytes keep their content, whatever is made after them") {
+    ise::shared_bytes_maker maker;
+    std::vector<ise::shared_bytes> kept;
+    const std::size_t sizes[] = {0, 1, 64, 1023, 1024, 1025, 4096, 100'000, 64, 64, 5};
+    for (int round = 0; round < 8; ++round)
+        for (std::size_t i = 0; i < std::size(sizes); ++i) kept.push_back(make(maker, sizes[i], static_cast<unsigned char>(kept.size())));
+    for (std::size_t i = 0; i < kept.size(); ++i) {
+        CAPTURE(i);
+        CHECK(holds(kept[i], sizes[i % std::size(sizes)], static_cast<unsigned char>(i)));
+    }
+}
+
+TEST_CASE("shared bytes outlive the one that made them") {
+    ise::shared_bytes small, big;
+    {
+        ise::shared_bytes_maker maker;
+        small = make(maker, 10, 1);
+        big = make(maker, 10'000, 2);
+    }
+    CHECK(holds(small, 10, 1));
+    CHECK(holds(big, 10'000, 2));
+}
+
+TEST_CASE("a room that was begun and left is empty the next time") {
+    ise::shared_bytes_maker maker;
+    maker.room().append(std::uint64_t{1}); // an encoder threw
+    auto& room = maker.room();
+    CHECK(room.empty());
+}
