@@ -108,14 +108,12 @@ private:
         queue_.emplace_back(std::move(decoded), lost_before);
     }
     std::size_t queued() const noexcept override { return queue_.size(); }
-    void drop_oldest() override {
-        auto lost = queue_.front().lost_before();
+    std::uint64_t drop_oldest() override {
+        auto gap = gap_of(queue_.front().lost_before(), 1);
         queue_.pop_front();
-        if (queue_.empty() || lost == 0) return;
-        // The gap is told with the next packet that is taken.
-        auto& next = queue_.front();
-        bool unknown = lost == unknown_gap || next.lost_before() == unknown_gap;
-        next = received<dynamic_packet>(next.share(), unknown ? unknown_gap : next.lost_before() + lost);
+        if (queue_.empty()) return gap;
+        queue_.front() = received<dynamic_packet>(queue_.front().share(), gap_of(gap, queue_.front().lost_before()));
+        return 0;
     }
     void take_response(bytes_view raw) override {
         if (!raw.empty()) response = read(types_->schemas[role::subscribe_response], raw, nullptr);

@@ -81,6 +81,7 @@ TEMPLATE_TEST_CASE("a call is answered, small or big, and concurrent calls overt
     int between = 0;
     while (!big->done) {
         auto got = at.run(try_helm(at.there, "quick", 30s));
+        INFO((got ? std::string() : got.error().message()));
         REQUIRE(got);
         ++between;
     }
