@@ -102,7 +102,7 @@ private:
     static ise::node_options quiet() {
         ise::node_options options;
         options.use_names = false;
-        options.log = {};
+        options.log = std::getenv("ISE_TEST_LOG") ? ise::log_to_stderr(ise::log_level::debug) : ise::log_sink();
         return options;
     }
     static ise::component_options listening() {

@@ -26,7 +26,9 @@ TEST_CASE("call sends JSON and prints the response as one line where it is piped
         options.input = R"({"waypoints":[)";
         for (int number = 0; number < 20'000; ++number) options.input += fmt::format(R"({}{{"name":"w{}","latitude_deg":28}})", number ? "," : "", number);
         options.input += "]}";
-        CHECK(run_program({"ise", "call", in.at, "plan", "-"}, options).out == R"({"count":20000})" "\n");
+        auto long_route = run_program({"ise", "call", in.at, "plan", "-"}, options);
+        CHECK(long_route.err == "");
+        CHECK(long_route.out == R"({"count":20000})" "\n");
     }
     SECTION("over several lines on demand") {
         CHECK(run_program({"ise", "--pretty", "call", in.at, "plan"}).out == "{\n  \"count\": 0\n}\n");
@@ -191,9 +193,7 @@ TEST_CASE("echo tells that the component has ended the subscription") {
     echo.read_line();
     in->node.stop("atirma/boat");
     in->node.wait();
-    SUCCEED();
-    echo.signal(SIGINT);
     auto ran = echo.wait();
-    CAPTURE(ran.err);
-    CHECK((ran.exit_code == 0 || ran.exit_code == 1 || ran.exit_code == 3));
+    CHECK(ran.exit_code == 1);
+    CHECK_THAT(ran.err, Contains("'position'"));
 }
