@@ -49,8 +49,6 @@ public:
     /// A subscription has moved to another session.
     void forget_provided(std::uint64_t subscription);
 
-    void forget_provided(std::uint64_t subscription);
-
     void subscribe(subscriber_core& subscriber);
     void unsubscribe(subscriber_core& subscriber);
     /// Our subscription of that number, if it is still there.
