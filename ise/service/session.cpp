@@ -278,8 +278,6 @@ void session::refuse_subscription(std::uint64_t subscription, const failure& why
 
 void session::forget_provided(std::uint64_t subscription) { provided_->forget(subscription); }
 
-void session::forget_provided(std::uint64_t subscription) { provided_->forget(subscription); }
-
 void session::end_provided(std::uint64_t subscription, const failure& why) {
     forget_provided(subscription);
     if (!connection_->open()) return;
