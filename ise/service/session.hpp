@@ -46,8 +46,6 @@ public:
     /// Tells a subscriber of ours that its subscription is over.
     void refuse_subscription(std::uint64_t subscription, const failure& why);
     void end_provided(std::uint64_t subscription, const failure& why);
-    /// A subscription has moved to another session.
-    void forget_provided(std::uint64_t subscription);
 
     void subscribe(subscriber_core& subscriber);
     void unsubscribe(subscriber_core& subscriber);
