@@ -243,15 +243,19 @@ TEST_CASE("names: of two holders that come back to a restarted server the one wi
         node.start<doubler>("atirma/doubler", everywhere());
     });
     REQUIRE(it.world.run_until([&] { return it.holds("atirma/doubler"); }, 5s));
+    it.world.run_for(1s); // the answer is there
     it.world.net().partition("boat", "ns");
     REQUIRE(it.world.run_until([&] { return !it.holds("atirma/doubler"); }, 5s));
     it.start_doubler("spare", "atirma/doubler");
     REQUIRE(it.world.run_until([&] { return it.holds("atirma/doubler"); }, 5s));
     auto higher = it.epoch_of("atirma/doubler");
 
+    it.world.run_for(1s);
     it.world.net().partition("spare", "ns");
-    it.restart_server();
+    it.server->crash();
     it.world.net().heal("boat", "ns");
+    it.world.run_for(5s);
+    it.restart_server();
     REQUIRE(it.world.run_until([&] { return it.holds("atirma/doubler"); }, 15s));
     CHECK(it.epoch_of("atirma/doubler") < higher); // it cannot be known yet
     it.world.net().heal("spare", "ns");
