@@ -14,6 +14,9 @@ struct node::state : std::enable_shared_from_this<node::state> {
     state(environment& of, node_options given);
     ~state();
 
+    /// How often it looks whether the loops of its components turn.
+    static constexpr duration watch_period = std::chrono::milliseconds(500);
+
     ise::loop& loop() noexcept { return host->loop(); }
     void start_names();
     task<result<std::uint64_t>> enroll(registration who, duration deadline);

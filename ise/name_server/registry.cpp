@@ -9,8 +9,6 @@ namespace {
 
 using naming::verdict;
 
-constexpr std::uint64_t highest_epoch = std::uint64_t{1} << 62; // beyond: nobody was ever granted it
-constexpr std::size_t max_fingerprints = 16;                    // of one service; the kinds have at most five
 constexpr duration shortest_lease = std::chrono::milliseconds(50);
 
 std::uint64_t microseconds_of(wall_time wall) {
@@ -79,7 +77,7 @@ naming::register_response registry::enroll(const naming::register_request& reque
         for (const auto& claim : request.components) response.grants.push_back(refused(claim.path, why));
         return response;
     };
-    if (auto why = objection(request.node)) return refuse_all(*why);
+    if (auto why = objection_to(request.node, options_.limits)) return refuse_all(*why);
     auto known = nodes_.find(request.node.lease_key);
     if (known == nodes_.end()) {
         if (nodes_.size() >= options_.limits.max_nodes) return refuse_all(fmt::format("{} nodes are registered, which is max_nodes", nodes_.size()));
@@ -105,7 +103,7 @@ naming::register_response registry::enroll(const naming::register_request& reque
 
 naming::grant registry::decide(node& from, naming::component_claim claim, time_point at) {
     auto path = claim.path;
-    if (auto why = objection(claim)) return refused(path, std::move(*why));
+    if (auto why = objection_to(claim, options_.limits)) return refused(path, std::move(*why));
     auto returning = claim.epoch;
     bool recovering = at < recovered_;
     auto fresh = [&] { return std::max(last_epoch_, returning) + 1; };
@@ -222,40 +220,6 @@ void registry::remember(const std::string& path, std::uint64_t epoch) {
     last_held_[path] = epoch;
 }
 
-// --- what is refused ----------------------------------------------------------------------------------------------
-
-std::optional<std::string> registry::objection(const naming::node_identity& who) const {
-    if (who.lease_key == 0) return "a node without a lease key";
-    auto longest = options_.limits.max_text_bytes;
-    for (const auto* text : {&who.name, &who.host_name, &who.host_key, &who.process_key})
-        if (text->size() > longest) return fmt::format("a text of the node has {} bytes, max_text_bytes is {}", text->size(), longest);
-    return std::nullopt;
-}
-
-std::optional<std::string> registry::objection(const naming::component_claim& claim) const {
-    const auto& limits = options_.limits;
-    bool letters = std::ranges::all_of(claim.path, [](unsigned char letter) {
-        return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') || (letter >= '0' && letter <= '9') || letter == '_' ||
-               letter == '-' || letter == '.' || letter == '/';
-    });
-    if (claim.path.size() > limits.max_path_bytes) return fmt::format("a path of {} bytes, max_path_bytes is {}", claim.path.size(), limits.max_path_bytes);
-    if (!letters || claim.path.empty() || claim.path.starts_with('/') || claim.path.ends_with('/') || claim.path.find("//") != std::string::npos)
-        return "no path of a component: write it like atirma/shore/xbee";
-    if (claim.epoch >= highest_epoch) return fmt::format("nobody was ever granted the epoch {}", claim.epoch);
-    if (claim.endpoints.size() > limits.max_endpoints_per_component)
-        return fmt::format("{} endpoints, max_endpoints_per_component is {}", claim.endpoints.size(), limits.max_endpoints_per_component);
-    if (claim.services.size() > limits.max_services_per_component)
-        return fmt::format("{} services, max_services_per_component is {}", claim.services.size(), limits.max_services_per_component);
-    auto too_long = [&](const std::string& text) { return text.size() > limits.max_text_bytes; };
-    if (too_long(claim.type) || too_long(claim.state) || std::ranges::any_of(claim.endpoints, too_long) ||
-        std::ranges::any_of(claim.services, too_long, &naming::service_entry::name))
-        return fmt::format("a type, state, endpoint or service name of more than max_text_bytes, which is {}", limits.max_text_bytes);
-    for (const auto& service : claim.services)
-        if (service.fingerprints.size() > max_fingerprints)
-            return fmt::format("the service '{}' names {} packets, at most {} are accepted", service.name, service.fingerprints.size(), max_fingerprints);
-    return std::nullopt;
-}
-
 naming::holder registry::holder_of(const component& held, time_point at) const {
     naming::holder who;
     who.epoch = held.claim.epoch;
@@ -278,90 +242,6 @@ naming::grant registry::denied(const std::string& path, verdict what, const comp
                               who.host_name, who.endpoint.empty() ? "" : " at " + who.endpoint, who.epoch,
                               std::chrono::duration_cast<std::chrono::milliseconds>(who.lease_age).count());
     return made;
-}
-
-// --- what others ask ----------------------------------------------------------------------------------------------
-
-result<naming::resolve_response> registry::resolve(std::string_view path, time_point now) {
-    auto at = running_time(now);
-    expire(at);
-    auto held = components_.find(path);
-    if (held == components_.end()) {
-        if (at < recovered_)
-            return failure(errc::name_server_lost, fmt::format("the name server has just started and may not yet know '{}'", path));
-        return failure(errc::no_such_name, fmt::format("nobody is registered as '{}'", path));
-    }
-    const auto& entry = held->second;
-    naming::resolve_response found;
-    found.path = held->first;
-    found.epoch = entry.claim.epoch;
-    found.incarnation = entry.claim.incarnation;
-    found.host_name = entry.owner->who.host_name;
-    found.host_key = entry.owner->who.host_key;
-    found.process_key = entry.owner->who.process_key;
-    found.endpoints = entry.claim.endpoints;
-    return found;
-}
-
-naming::list_response registry::list(const naming::list_request& request, time_point now) {
-    expire(running_time(now));
-    naming::list_response response;
-    auto most = request.limit == 0 ? options_.limits.max_listed : std::min<std::size_t>(request.limit, options_.limits.max_listed);
-    std::string_view prefix = request.prefix;
-    while (prefix.ends_with('/')) prefix.remove_suffix(1);
-    auto at = request.after.empty() || request.after < prefix ? components_.lower_bound(prefix) : components_.upper_bound(request.after);
-    for (; at != components_.end() && std::string_view(at->first).starts_with(prefix); ++at) {
-        if (!naming::lies_below(at->first, prefix)) continue; // "atirma2" beside "atirma"
-        if (response.names.size() == most) {
-            response.more = true;
-            break;
-        }
-        response.names.push_back(listed(at->second));
-        response.names.back().lease_age = running_time(now) - at->second.owner->renewed;
-    }
-    return response;
-}
-
-result<naming::describe_response> registry::describe(std::string_view path, time_point now) {
-    auto at = running_time(now);
-    expire(at);
-    auto held = components_.find(path);
-    if (held == components_.end()) return failure(errc::no_such_name, fmt::format("nobody is registered as '{}'", path));
-    const auto& entry = held->second;
-    naming::describe_response response;
-    response.name = listed(entry);
-    response.services = entry.claim.services;
-    schemas_.collect(entry.claim.services, response.schemas);
-    response.lease = entry.owner->lease;
-    response.lease_age = at - entry.owner->renewed;
-    return response;
-}
-
-naming::listed_name registry::listed(const component& held) const {
-    naming::listed_name made;
-    made.path = held.claim.path;
-    made.epoch = held.claim.epoch;
-    made.incarnation = held.claim.incarnation;
-    made.type = held.claim.type;
-    made.state = held.claim.state;
-    made.node = held.owner->who.name;
-    made.host_name = held.owner->who.host_name;
-    made.process_id = held.owner->who.process_id;
-    made.endpoints = held.claim.endpoints;
-    made.services_provided = static_cast<std::uint32_t>(std::ranges::count(held.claim.services, true, &naming::service_entry::provided));
-    return made;
-}
-
-std::vector<naming::name_event> registry::snapshot(std::string_view prefix) const {
-    std::vector<naming::name_event> all;
-    while (prefix.ends_with('/')) prefix.remove_suffix(1);
-    for (auto at = components_.lower_bound(prefix); at != components_.end() && std::string_view(at->first).starts_with(prefix); ++at) {
-        if (!naming::lies_below(at->first, prefix)) continue;
-        naming::name_event event;
-        event.name = listed(at->second);
-        all.push_back(std::move(event));
-    }
-    return all;
 }
 
 void registry::note(naming::name_change what, const component& held) {

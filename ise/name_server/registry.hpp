@@ -2,6 +2,7 @@
 #include <ise/core/result.hpp>
 #include <ise/core/time.hpp>
 #include <ise/naming/services.hpp>
+#include <ise/name_server/registry_limits.hpp>
 #include <ise/name_server/schema_store.hpp>
 
 #include <cstdint>
@@ -14,20 +15,6 @@
 #include <vector>
 
 namespace ise {
-
-/// What the name server holds at most. What goes beyond is refused by the limit's name.
-struct registry_limits {
-    std::size_t max_components = 100'000;
-    std::size_t max_services = 1'000'000;          ///< of all components together
-    std::size_t max_services_per_component = 1024;
-    std::size_t max_endpoints_per_component = 64;
-    std::size_t max_nodes = 50'000;
-    std::size_t max_path_bytes = 200;
-    std::size_t max_text_bytes = 512;              ///< of every other name, state and endpoint
-    std::size_t max_listed = 10'000;               ///< in one answer
-    std::size_t max_remembered = 100'000;          ///< paths whose last epoch is known though nobody holds them
-    schema_store_limits schemas;
-};
 
 struct registry_options {
     duration lease = std::chrono::seconds(2);   ///< the longest that is granted
@@ -96,8 +83,6 @@ private:
     void expire(time_point at);
     naming::grant decide(node& from, naming::component_claim claim, time_point at);
     naming::grant accept(node& from, naming::component_claim claim, std::uint64_t epoch);
-    std::optional<std::string> objection(const naming::component_claim& claim) const;
-    std::optional<std::string> objection(const naming::node_identity& who) const;
     void remove(const std::string& path);
     void remember(const std::string& path, std::uint64_t epoch);
     naming::holder holder_of(const component& held, time_point at) const;

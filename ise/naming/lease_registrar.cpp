@@ -17,42 +17,7 @@ constexpr std::size_t batch_size = 256; // names told in one request
 constexpr duration least_patience = std::chrono::milliseconds(200);
 constexpr duration longest_pause = std::chrono::milliseconds(500);
 
-naming::component_claim claim_of(const registration& who, std::uint64_t epoch) {
-    naming::component_claim made;
-    made.path = who.path;
-    made.incarnation = who.incarnation;
-    made.epoch = epoch;
-    made.type = who.type;
-    made.state = who.state;
-    for (const auto& at : who.endpoints) made.endpoints.push_back(at.text());
-    for (const auto& service : who.services) {
-        naming::service_entry entry;
-        entry.name = service.name;
-        entry.kind = static_cast<std::uint8_t>(service.kind);
-        entry.provided = service.provided;
-        if (service.types) entry.fingerprints = service.types->fingerprints;
-        made.services.push_back(std::move(entry));
-    }
-    return made;
-}
-
 } // namespace
-
-/// A name that this node has or wants.
-struct lease_registrar::holding {
-    holding(loop& on, registration of) : who(std::move(of)), answered(on, [this] { answered.resume(); }) {}
-
-    registration who;
-    std::uint64_t epoch = 0;                     // 0: never granted
-    std::uint64_t version = 1;                   // of what is to be told…
-    std::uint64_t told = 0;                      // …and of what the server knows
-    time_point not_before = time_point::min();   // when it is told again
-    std::optional<naming::holder> other;         // who was found to hold it first
-    std::string obstacle;                        // why it was not granted yet
-    bool enrolling = false;                      // somebody waits for the answer
-    std::optional<failure> refused;
-    waiter<> answered;
-};
 
 lease_registrar::lease_registrar(service_host& host, endpoint name_server, duration lease)
     : host_(host), server_(std::move(name_server)), lease_(std::max(lease, duration(std::chrono::milliseconds(50)))),
@@ -80,7 +45,7 @@ task<result<std::uint64_t>> lease_registrar::enroll(registration who, duration d
     auto until = saturating_add(on.now(), deadline);
     departures_.erase(path); // the same node's next life replaces the last one
     auto& entry = holdings_[path];
-    entry = std::make_unique<holding>(on, std::move(who));
+    entry = std::make_unique<held_name>(on, std::move(who));
     auto* mine = entry.get();
     mine->enrolling = true;
     wake();
@@ -178,18 +143,18 @@ void lease_registrar::wake() {
     news_.resume();
 }
 
-std::vector<lease_registrar::holding*> lease_registrar::next_batch() {
+std::vector<held_name*> lease_registrar::next_batch() {
     auto now = host_.on().now();
-    std::vector<holding*> batch;
+    std::vector<held_name*> batch;
     for (auto& [path, name] : holdings_) {
-        if (name->told == name->version || name->refused || name->not_before > now) continue;
+        if (!name->due(now)) continue;
         batch.push_back(name.get());
         if (batch.size() == batch_size) break;
     }
     return batch;
 }
 
-naming::register_request lease_registrar::request_of(const std::vector<holding*>& batch) const {
+naming::register_request lease_registrar::request_of(const std::vector<held_name*>& batch) const {
     const auto& here = host_.env().identity();
     naming::register_request request;
     request.node.lease_key = lease_key_;
@@ -201,7 +166,7 @@ naming::register_request lease_registrar::request_of(const std::vector<holding*>
     request.lease = lease_;
     std::unordered_set<std::uint64_t> told;
     for (const auto* name : batch) {
-        request.components.push_back(claim_of(name->who, name->epoch));
+        request.components.push_back(name->claim());
         for (const auto& service : name->who.services) {
             if (!service.types) continue;
             for (const auto& packet : service.types->schemas) {
@@ -244,51 +209,20 @@ task<bool> lease_registrar::tell() {
 }
 
 void lease_registrar::take(naming::grant answer) {
-    auto path = answer.path;
-    auto& name = *holdings_.at(path);
-    auto& log = host_.log();
-    switch (answer.what) {
-        case verdict::granted:
-            if (!answer.reason.empty()) log.warning("the name server keeps not all schemas", {{"component", path}, {"cause", answer.reason}});
-            granted(name, answer.epoch);
-            break;
-        case verdict::wait:
-            name.not_before = saturating_add(host_.on().now(), answer.retry_after);
-            name.obstacle = answer.reason;
-            break;
-        case verdict::taken: {
-            if (answer.held_by.empty()) answer.held_by.emplace_back();
-            const auto& holder = answer.held_by.front();
-            if (!name.other || name.other->epoch != holder.epoch) name.other = holder;
-            // One renewal may still have been on its way when its sender died; a second one was sent by the living.
-            if (holder.renewals >= name.other->renewals + 2) {
-                give_up(path, failure(errc::name_taken, answer.reason));
-            } else {
-                name.not_before = saturating_add(host_.on().now(), lease_ / 5);
-                name.obstacle = answer.reason;
-            }
-            break;
-        }
-        case verdict::superseded: give_up(path, failure(errc::superseded, fmt::format("another took this name over: {}", answer.reason))); break;
-        case verdict::refused:
-            give_up(path, failure(errc::refused, fmt::format("the name server refuses '{}': {}", path, answer.reason)));
-            break;
-        default:
-            give_up(path, failure(errc::protocol_error, fmt::format("the name server gives '{}' an answer of a later version", path)));
-            break;
+    auto& name = *holdings_.at(answer.path);
+    auto before = name.epoch;
+    auto taken = name.take(answer, host_.on().now(), lease_);
+    if (!taken) {
+        give_up(answer.path, taken.error());
+        return;
     }
-}
-
-void lease_registrar::granted(holding& name, std::uint64_t epoch) {
-    bool news = name.epoch != epoch;
-    name.epoch = epoch;
-    name.other.reset();
-    name.obstacle.clear();
-    if (!news) return;
+    if (answer.what == verdict::granted && !answer.reason.empty())
+        host_.log().warning("the name server keeps not all schemas", {{"component", answer.path}, {"cause", answer.reason}});
+    if (name.epoch == before) return;
     if (name.enrolling) {
         name.answered.resume();
     } else if (on_change) {
-        on_change(name.who.path, epoch);
+        on_change(name.who.path, name.epoch);
     }
 }
 

@@ -1,4 +1,5 @@
 #pragma once
+#include <ise/naming/held_name.hpp>
 #include <ise/naming/registrar.hpp>
 #include <ise/naming/services.hpp>
 #include <ise/service/remote.hpp>
@@ -40,16 +41,13 @@ public:
     std::uint64_t epoch_of(const std::string& path) const noexcept;
 
 private:
-    struct holding;
-
     static task<> keep(lease_registrar& self);
     task<bool> tell();
     task<bool> renew();
     task<bool> tell_departures();
-    std::vector<holding*> next_batch();
-    naming::register_request request_of(const std::vector<holding*>& batch) const;
+    std::vector<held_name*> next_batch();
+    naming::register_request request_of(const std::vector<held_name*>& batch) const;
     void take(naming::grant answer);
-    void granted(holding& name, std::uint64_t epoch);
     void give_up(const std::string& path, failure why);
     void lease_granted(time_point sent_at, duration length);
     void lease_lost();
@@ -63,7 +61,7 @@ private:
     duration lease_;        // wanted, then as granted
     remote names_;
     std::uint64_t lease_key_;
-    std::map<std::string, std::unique_ptr<holding>> holdings_;
+    std::map<std::string, std::unique_ptr<held_name>> holdings_;
     std::map<std::string, std::uint64_t> departures_; // incarnations that the server has not been told to forget
     time_point renew_at_ = time_point::max();
     time_point valid_until_ = time_point::min();

@@ -106,9 +106,20 @@ bool call_service::begin(incoming_call& call, bytes_view request) {
 void call_service::add_worker() {
     workers_.push_back(make_worker());
     auto& worker = *workers_.back();
-    auto body = []([[maybe_unused]] std::shared_ptr<call_service> keep, call_worker& who) -> task<> {
+    auto body = [](std::shared_ptr<call_service> keep, call_worker& who) -> task<> {
+        // Also where the loop ends under a handler: the session that called must not hold itself through its call.
+        struct leaving {
+            call_service& of;
+            call_worker& who;
+            ~leaving() {
+                who.cancel_ = nullptr;
+                if (!of.host_.on().abandoned()) return;
+                auto calls = std::exchange(of.waiting_, {});
+                auto call = std::exchange(who.call_, {});
+                auto caller = std::move(who.caller_);
+            }
+        } guard{*keep, who};
         co_await who.run();
-        who.cancel_ = nullptr;
     };
     auto executor = with_context(host_.on().get_executor(), &worker.context_);
     worker.cancel_ = host_.scope().spawn("handler of " + name_, body(shared_from_this(), worker), std::move(executor));

@@ -11,6 +11,11 @@ namespace ise {
 
 using wire::frame_type;
 
+provided_subscriptions::~provided_subscriptions() {
+    for (auto& [id, one] : by_id_)
+        if (one.who) one.who->let_go(session_);
+}
+
 result<void> provided_subscriptions::on_subscribe(const wire::frame& received) {
     auto terms = wire::read_body<wire::subscribe>(received.body);
     if (!terms) return terms.error();

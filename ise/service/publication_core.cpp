@@ -44,6 +44,12 @@ void provided_subscription::attach(session& over, std::uint64_t id) {
     wake();
 }
 
+void provided_subscription::let_go(const session& of) {
+    if (session_ != &of) return;
+    session_->wire().out().remove(*this);
+    session_ = nullptr;
+}
+
 void provided_subscription::detach() {
     if (!session_) return;
     session_->wire().out().remove(*this);
@@ -193,7 +199,10 @@ result<provided_subscription*> publication_core::subscribe(session& from, const 
         const auto& wanted = terms.resume.front();
         for (auto& who : all_) {
             if (who.ticket() != wanted.ticket) continue;
-            who.detach(); // its old session may not have noticed yet
+            if (auto* old = who.session_) { // which may not have noticed its end yet
+                who.detach();
+                old->forget_provided(who.id_);
+            }
             who.credit_ = terms.credit;
             // What was sent and did not arrive is a gap that the sequence tells.
             answer.ticket = who.ticket();

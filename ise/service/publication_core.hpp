@@ -41,6 +41,8 @@ public:
     void attach(session& over, std::uint64_t id);
     /// The session is gone; packets go on being kept by the policy until it comes back or the linger is over.
     void detach();
+    /// Its session is destroyed without having ended, as its loop has.
+    void let_go(const session& of);
     bool attached() const noexcept { return session_ != nullptr; }
 
     /// False: the queue is full, and the policy is to end it then.
@@ -151,6 +153,9 @@ private:
 class provided_subscriptions {
 public:
     explicit provided_subscriptions(session& owner) : session_(owner) {}
+    ~provided_subscriptions();
+    provided_subscriptions(const provided_subscriptions&) = delete;
+    provided_subscriptions& operator=(const provided_subscriptions&) = delete;
 
     result<void> on_subscribe(const wire::frame& received);
     result<void> on_unsubscribe(const wire::frame& received);

@@ -47,8 +47,6 @@ public:
     void refuse_subscription(std::uint64_t subscription, const failure& why);
     void end_provided(std::uint64_t subscription, const failure& why);
 
-    void forget_provided(std::uint64_t subscription);
-
     void subscribe(subscriber_core& subscriber);
     void unsubscribe(subscriber_core& subscriber);
     /// Our subscription of that number, if it is still there.

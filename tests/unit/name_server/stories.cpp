@@ -235,6 +235,35 @@ TEST_CASE("names: a holder that was cut off keeps serving; superseded meanwhile,
     }
 }
 
+TEST_CASE("names: of two holders that come back to a restarted server the one with the lower epoch withdraws") {
+    names_test::system it;
+    ise::node* old = nullptr;
+    it.start("boat", "boat", [&](ise::node& node) {
+        old = &node;
+        node.start<doubler>("atirma/doubler", everywhere());
+    });
+    REQUIRE(it.world.run_until([&] { return it.holds("atirma/doubler"); }, 5s));
+    it.world.run_for(1s); // the answer is there
+    it.world.net().partition("boat", "ns");
+    REQUIRE(it.world.run_until([&] { return !it.holds("atirma/doubler"); }, 5s));
+    it.start_doubler("spare", "atirma/doubler");
+    REQUIRE(it.world.run_until([&] { return it.holds("atirma/doubler"); }, 5s));
+    auto higher = it.epoch_of("atirma/doubler");
+
+    it.world.run_for(1s);
+    it.world.net().partition("spare", "ns");
+    it.server->crash();
+    it.world.net().heal("boat", "ns");
+    it.world.run_for(5s);
+    it.restart_server();
+    REQUIRE(it.world.run_until([&] { return it.holds("atirma/doubler"); }, 15s));
+    CHECK(it.epoch_of("atirma/doubler") < higher); // it cannot be known yet
+    it.world.net().heal("spare", "ns");
+    REQUIRE(it.world.run_until([&] { return old->all_stopped(); }, 15s));
+    CHECK(old->reports().at(0).failure.find("another took this name over") != std::string::npos);
+    CHECK(it.epoch_of("atirma/doubler") == higher);
+}
+
 TEST_CASE("names: a watch begins with a snapshot and tells every change below its prefix") {
     names_test::system it;
     it.start_doubler("boat", "atirma/doubler");

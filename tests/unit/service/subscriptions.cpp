@@ -27,7 +27,7 @@ struct reading {
 };
 using shared_reading = std::shared_ptr<reading>;
 
-ise::task<> follow(ise::remote from, shared_reading into, ise::subscribe_options options = {}) {
+ise::task<> follow(ise::remote from, shared_reading into, ise::subscribe_options options) {
     auto fixes = co_await from.subscribe(position, options);
     into->stream.emplace(std::move(fixes));
     for (;;) {
@@ -337,7 +337,7 @@ TEST_CASE("a restarted provider is a gap of unknown length") {
     auto fixes = first.publish(position);
     first.listen("tcp://0.0.0.0:7400");
     auto got = std::make_shared<reading>();
-    auto following = start(shore.on, follow(shore.at("tcp://boat:7400"), got));
+    auto following = start(shore.on, follow(shore.at("tcp://boat:7400"), got, ise::subscribe_options()));
     all.run_until([&] { return fixes.subscribers() == 1; });
     fixes(at_latitude(1));
     all.world.run_for(1s);
@@ -445,7 +445,7 @@ TEST_CASE("a subscription over the peer's own session ends with it") {
     all.run(shore, there.connect(5s)).value();
     auto back = ise::remote(std::make_shared<ise::link>(*boat.services, boat.services->sessions().begin()->second));
     auto got = std::make_shared<reading>();
-    auto following = start(boat.on, follow(back, got));
+    auto following = start(boat.on, follow(back, got, ise::subscribe_options()));
     all.run_until([&] { return fixes.subscribers() == 1; });
     fixes(at_latitude(1));
     all.world.run_for(1s);

@@ -1,0 +1,117 @@
+#include <ise/component/node_state.hpp>
+
+#include <ise/naming/lease_registrar.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace ise {
+
+node::state::state(environment& of, node_options given)
+    : env(of), options(std::move(given)), host(of.make_loop(options.name.empty() ? "ise-node" : options.name)),
+      log(of, options.name.empty() ? "node" : options.name, options.log) {}
+
+node::state::~state() = default;
+
+void node::state::start_names() {
+    scope = std::make_unique<task_scope>(loop(), [this](const std::string& name, std::exception_ptr thrown) {
+        log.error(describe(thrown), {{"coroutine", name}});
+    });
+    wire::identity self;
+    self.host_name = env.identity().host_name;
+    self.process_key = env.identity().process_key;
+    self.incarnation = env.random();
+    services = std::make_unique<service_host>(env, loop(), *scope, std::move(self), options.services, log);
+    names = std::make_unique<lease_registrar>(*services, *options.name_server, options.lease);
+    names->on_change = [this](const std::string& path, result<std::uint64_t> epoch) {
+        if (auto runner = find(path)) runner->on_name_change(std::move(epoch));
+    };
+}
+
+task<result<std::uint64_t>> node::state::enroll(registration who, duration deadline) { return names->enroll(std::move(who), deadline); }
+
+// A component whose loop does not turn is shown as stalled; its name and its lease do not suffer.
+void node::state::watch_loops() {
+    std::vector<std::shared_ptr<component_runner>> all;
+    {
+        std::lock_guard lock(mutex);
+        all = runners;
+    }
+    for (auto& runner : all) {
+        if (runner->give_up_if_late()) on_stopped();
+        bool turning = runner->poke();
+        if (runner->stalled.exchange(!turning) == !turning) continue;
+        if (turning) {
+            log.info("a component goes on", {{"component", runner->path()}});
+        } else {
+            log.warning("a component is stalled: its thread does not come back to its loop", {{"component", runner->path()}});
+        }
+        if (names && !runner->path().empty()) names->set_state(runner->path(), turning ? name_of(runner->state()) : "stalled");
+    }
+    watch->arm(saturating_add(loop().now(), watch_period));
+}
+
+std::shared_ptr<component_runner> node::state::find(const std::string& path) const {
+    std::lock_guard lock(mutex);
+    std::shared_ptr<component_runner> stopped;
+    for (const auto& runner : runners) {
+        if (runner->path() != path) continue;
+        if (!runner->over()) return runner;
+        stopped = runner;
+    }
+    return stopped;
+}
+
+void node::state::take_in(const std::shared_ptr<component_runner>& made) {
+    std::shared_ptr<component_runner> old; // destroyed outside of the lock
+    std::lock_guard lock(mutex);
+    for (auto& runner : runners) {
+        if (made->path().empty() || runner->path() != made->path()) continue;
+        if (!runner->over()) throw error(errc::name_taken, fmt::format("this node runs '{}' already", made->path()));
+        if (runner->ended() && !runner->share()->adopted && runner->share().use_count() == 1) old = runner;
+    }
+    if (old) std::erase(runners, old);
+    runners.push_back(made);
+}
+
+void node::state::let_go(const component_runner& which) {
+    std::lock_guard lock(mutex);
+    std::erase_if(runners, [&](const auto& runner) { return runner.get() == &which; });
+}
+
+std::shared_ptr<loop_share> node::state::loop_for(const std::string& path, const component_options& wanted) {
+    if (wanted.executor) return std::make_shared<loop_share>(env.adopt(*wanted.executor, wanted.one_thread), true);
+    if (wanted.together_with.empty())
+        return std::make_shared<loop_share>(env.make_loop(path.empty() ? "component" : path.substr(path.rfind('/') + 1)), false);
+    auto other = find(wanted.together_with);
+    if (!other || other->over())
+        throw error(errc::invalid_argument, fmt::format("'{}' shall share the loop of '{}', which this node does not run{}", path,
+                                                        wanted.together_with, other ? " any more" : ""));
+    return other->share();
+}
+
+void node::state::stop_all() {
+    std::vector<std::shared_ptr<component_runner>> all;
+    {
+        std::lock_guard lock(mutex);
+        all = runners;
+    }
+    for (auto& runner : all) runner->stop();
+}
+
+bool node::state::all_stopped() const {
+    return std::ranges::all_of(runners, [](const auto& runner) { return runner->over(); });
+}
+
+void node::state::on_stopped() {
+    std::vector<unique_function<void()>> waiting;
+    {
+        std::lock_guard lock(mutex);
+        if (all_stopped()) waiting = std::exchange(when_stopped, {});
+    }
+    changed.notify_all();
+    for (auto& resume : waiting) resume();
+}
+
+} // namespace ise

@@ -1,0 +1,45 @@
+#include <ise/name_server/registry_limits.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace ise {
+namespace {
+
+constexpr std::size_t max_fingerprints = 16; // of one service; the kinds have at most five
+
+} // namespace
+
+std::optional<std::string> objection_to(const naming::node_identity& who, const registry_limits& limits) {
+    if (who.lease_key == 0) return "a node without a lease key";
+    auto longest = limits.max_text_bytes;
+    for (const auto* text : {&who.name, &who.host_name, &who.host_key, &who.process_key})
+        if (text->size() > longest) return fmt::format("a text of the node has {} bytes, max_text_bytes is {}", text->size(), longest);
+    return std::nullopt;
+}
+
+std::optional<std::string> objection_to(const naming::component_claim& claim, const registry_limits& limits) {
+    bool letters = std::ranges::all_of(claim.path, [](unsigned char letter) {
+        return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') || (letter >= '0' && letter <= '9') || letter == '_' ||
+               letter == '-' || letter == '.' || letter == '/';
+    });
+    if (claim.path.size() > limits.max_path_bytes) return fmt::format("a path of {} bytes, max_path_bytes is {}", claim.path.size(), limits.max_path_bytes);
+    if (!letters || claim.path.empty() || claim.path.starts_with('/') || claim.path.ends_with('/') || claim.path.find("//") != std::string::npos)
+        return "no path of a component: write it like atirma/shore/xbee";
+    if (claim.epoch >= highest_epoch) return fmt::format("nobody was ever granted the epoch {}", claim.epoch);
+    if (claim.endpoints.size() > limits.max_endpoints_per_component)
+        return fmt::format("{} endpoints, max_endpoints_per_component is {}", claim.endpoints.size(), limits.max_endpoints_per_component);
+    if (claim.services.size() > limits.max_services_per_component)
+        return fmt::format("{} services, max_services_per_component is {}", claim.services.size(), limits.max_services_per_component);
+    auto too_long = [&](const std::string& text) { return text.size() > limits.max_text_bytes; };
+    if (too_long(claim.type) || too_long(claim.state) || std::ranges::any_of(claim.endpoints, too_long) ||
+        std::ranges::any_of(claim.services, too_long, &naming::service_entry::name))
+        return fmt::format("a type, state, endpoint or service name of more than max_text_bytes, which is {}", limits.max_text_bytes);
+    for (const auto& service : claim.services)
+        if (service.fingerprints.size() > max_fingerprints)
+            return fmt::format("the service '{}' names {} packets, at most {} are accepted", service.name, service.fingerprints.size(), max_fingerprints);
+    return std::nullopt;
+}
+
+} // namespace ise

@@ -1,0 +1,32 @@
+#pragma once
+#include <ise/name_server/schema_store.hpp>
+#include <ise/naming/services.hpp>
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+namespace ise {
+
+/// What the name server holds at most. What goes beyond is refused by the limit's name.
+struct registry_limits {
+    std::size_t max_components = 100'000;
+    std::size_t max_services = 1'000'000;          ///< of all components together
+    std::size_t max_services_per_component = 1024;
+    std::size_t max_endpoints_per_component = 64;
+    std::size_t max_nodes = 50'000;
+    std::size_t max_path_bytes = 200;
+    std::size_t max_text_bytes = 512;              ///< of every other name, state and endpoint
+    std::size_t max_listed = 10'000;               ///< in one answer
+    std::size_t max_remembered = 100'000;          ///< paths whose last epoch is known though nobody holds them
+    schema_store_limits schemas;
+};
+
+/// Nobody was ever granted such an epoch, or a higher one.
+inline constexpr std::uint64_t highest_epoch = std::uint64_t{1} << 62;
+
+/// Why a claim cannot be taken, whatever is registered; nothing if it can.
+std::optional<std::string> objection_to(const naming::node_identity& who, const registry_limits& limits);
+std::optional<std::string> objection_to(const naming::component_claim& claim, const registry_limits& limits);
+
+} // namespace ise

@@ -1,0 +1,92 @@
+#include <ise/name_server/registry.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+// What others ask the registry; nothing here changes it, but for leases that are over.
+namespace ise {
+
+result<naming::resolve_response> registry::resolve(std::string_view path, time_point now) {
+    auto at = running_time(now);
+    expire(at);
+    auto held = components_.find(path);
+    if (held == components_.end()) {
+        if (at < recovered_)
+            return failure(errc::name_server_lost, fmt::format("the name server has just started and may not yet know '{}'", path));
+        return failure(errc::no_such_name, fmt::format("nobody is registered as '{}'", path));
+    }
+    const auto& entry = held->second;
+    naming::resolve_response found;
+    found.path = held->first;
+    found.epoch = entry.claim.epoch;
+    found.incarnation = entry.claim.incarnation;
+    found.host_name = entry.owner->who.host_name;
+    found.host_key = entry.owner->who.host_key;
+    found.process_key = entry.owner->who.process_key;
+    found.endpoints = entry.claim.endpoints;
+    return found;
+}
+
+naming::list_response registry::list(const naming::list_request& request, time_point now) {
+    expire(running_time(now));
+    naming::list_response response;
+    auto most = request.limit == 0 ? options_.limits.max_listed : std::min<std::size_t>(request.limit, options_.limits.max_listed);
+    std::string_view prefix = request.prefix;
+    while (prefix.ends_with('/')) prefix.remove_suffix(1);
+    auto at = request.after.empty() || request.after < prefix ? components_.lower_bound(prefix) : components_.upper_bound(request.after);
+    for (; at != components_.end() && std::string_view(at->first).starts_with(prefix); ++at) {
+        if (!naming::lies_below(at->first, prefix)) continue; // "atirma2" beside "atirma"
+        if (response.names.size() == most) {
+            response.more = true;
+            break;
+        }
+        response.names.push_back(listed(at->second));
+        response.names.back().lease_age = running_time(now) - at->second.owner->renewed;
+    }
+    return response;
+}
+
+result<naming::describe_response> registry::describe(std::string_view path, time_point now) {
+    auto at = running_time(now);
+    expire(at);
+    auto held = components_.find(path);
+    if (held == components_.end()) return failure(errc::no_such_name, fmt::format("nobody is registered as '{}'", path));
+    const auto& entry = held->second;
+    naming::describe_response response;
+    response.name = listed(entry);
+    response.services = entry.claim.services;
+    schemas_.collect(entry.claim.services, response.schemas);
+    response.lease = entry.owner->lease;
+    response.lease_age = at - entry.owner->renewed;
+    return response;
+}
+
+naming::listed_name registry::listed(const component& held) const {
+    naming::listed_name made;
+    made.path = held.claim.path;
+    made.epoch = held.claim.epoch;
+    made.incarnation = held.claim.incarnation;
+    made.type = held.claim.type;
+    made.state = held.claim.state;
+    made.node = held.owner->who.name;
+    made.host_name = held.owner->who.host_name;
+    made.process_id = held.owner->who.process_id;
+    made.endpoints = held.claim.endpoints;
+    made.services_provided = static_cast<std::uint32_t>(std::ranges::count(held.claim.services, true, &naming::service_entry::provided));
+    return made;
+}
+
+std::vector<naming::name_event> registry::snapshot(std::string_view prefix) const {
+    std::vector<naming::name_event> all;
+    while (prefix.ends_with('/')) prefix.remove_suffix(1);
+    for (auto at = components_.lower_bound(prefix); at != components_.end() && std::string_view(at->first).starts_with(prefix); ++at) {
+        if (!naming::lies_below(at->first, prefix)) continue;
+        naming::name_event event;
+        event.name = listed(at->second);
+        all.push_back(std::move(event));
+    }
+    return all;
+}
+
+} // namespace ise

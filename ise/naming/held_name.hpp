@@ -1,0 +1,40 @@
+#pragma once
+#include <ise/core/result.hpp>
+#include <ise/core/waiter.hpp>
+#include <ise/naming/registrar.hpp>
+#include <ise/naming/services.hpp>
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+namespace ise {
+
+/// A name that a node has or wants, and what the name server's answers mean for it.
+struct held_name {
+    held_name(loop& on, registration of) : who(std::move(of)), answered(on, [this] { answered.resume(); }) {}
+
+    /// Whether the server is to be told now.
+    bool due(time_point now) const noexcept { return told != version && !refused && not_before <= now; }
+    naming::component_claim claim() const;
+
+    /// Takes the server's answer. A failure: the name is not ours, and will not be (name_taken, superseded, refused).
+    /// Else it is granted (`epoch`), or it is asked for again from `not_before` on.
+    ///
+    /// A name that another holds is given up only once that one has renewed its lease twice: one renewal may still have
+    /// been on its way when its sender died, and the lease of the dead ends soon.
+    result<void> take(const naming::grant& answer, time_point now, duration lease);
+
+    registration who;
+    std::uint64_t epoch = 0;                     ///< 0: never granted
+    std::uint64_t version = 1;                   ///< of what is to be told…
+    std::uint64_t told = 0;                      ///< …and of what the server knows
+    time_point not_before = time_point::min();
+    std::optional<naming::holder> other;         ///< who was found to hold it first
+    std::string obstacle;                        ///< why it was not granted yet
+    bool enrolling = false;                      ///< somebody waits for the answer
+    std::optional<failure> refused;              ///< the answer, until they have it
+    waiter<> answered;
+};
+
+} // namespace ise
