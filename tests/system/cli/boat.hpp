@@ -51,6 +51,8 @@ class boat : public ise::component {
 public:
     /// Of what left by an unsubscribe packet that said "done".
     std::atomic<int> left{0};
+    /// Who ever subscribed to `silent`.
+    std::atomic<int> watching{0};
     /// Requests of `never` that are being served.
     std::atomic<int> stuck{0};
 
@@ -72,7 +74,12 @@ private:
             co_return ise::nothing{};
         });
         require(beeper);
-        auto quiet = publish(silent);
+        ise::publication_callbacks<std::remove_const_t<decltype(silent)>> watched;
+        watched.on_subscribe = [this](const ise::nothing&, const ise::subscriber_info&) {
+            ++watching;
+            return ise::nothing{};
+        };
+        auto quiet = publish(silent, watched);
         ise::publication_callbacks<std::remove_const_t<decltype(counted)>> callbacks;
         callbacks.on_subscribe = [this](const from_number& rq, const ise::subscriber_info&) {
             number_ = rq.first;

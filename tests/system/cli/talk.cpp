@@ -190,7 +190,7 @@ TEST_CASE("hz measures windows as JSON for programs") {
 TEST_CASE("echo tells that the component has ended the subscription") {
     harbour in;
     program echo({"ise", "echo", in.at, "silent"});
-    while (in.silent_subscribers() == 0) std::this_thread::yield();
+    while (in.ship.watching == 0) std::this_thread::yield();
     CHECK(run_program({"ise", "call", in.at, "retire"}).out == "{}\n");
     auto ran = echo.wait();
     CHECK(ran.exit_code == 1);
