@@ -75,9 +75,8 @@ task<> component_runner::sessions_gone(duration within) {
 void component_runner::stop() {
     if (stop_asked_.exchange(true)) return;
     stop_limit_ = saturating_add(env_.now(), grace_ * 3 + std::chrono::milliseconds(100)).time_since_epoch().count();
-    asio::post(on().get_executor(), [self = shared_from_this()] {
-        asio::co_spawn(self->on().get_executor(), shut_down(self), asio::detached);
-    });
+    // Through the gate, as everything from other threads: a loop that has ended meanwhile keeps nothing.
+    on().gate()->post([self = shared_from_this()] { asio::co_spawn(self->on().get_executor(), shut_down(self), asio::detached); });
 }
 
 // Its own coroutines first, then its sessions say goodbye, then everything that carried them.
