@@ -7,7 +7,7 @@ namespace ise::cli {
 task<dynamic_stream> open_stream(context& in, subscribe_choice choice, subscribe_options terms) {
     auto who = co_await reach(in, choice.name);
     auto service = co_await find_service(in, who, choice.service, service_kind::subscription);
-    auto request = packet_from(service.packet(role::subscribe_request), choice.json, "subscribe request");
+    auto request = co_await packet_from(in, service.packet(role::subscribe_request), choice.json, "subscribe request");
     terms.policy = choice.latest ? overflow::keep_latest : choice.lossless ? overflow::lossless : overflow::keep_last;
     terms.depth = choice.depth;
     terms.deadline = in.left();

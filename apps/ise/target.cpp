@@ -140,12 +140,16 @@ task<dynamic_contract> find_service(context& in, remote who, std::string service
                   services_there(about) + (near.empty() ? "" : fmt::format("; did you mean '{}'?", near.front())));
 }
 
-dynamic_packet packet_from(const schema& of, const std::string& json, std::string_view what) {
-    try {
-        return dynamic_packet::from_json(of, json);
-    } catch (const error& unfit) {
-        throw problem(failure(unfit.code(), fmt::format("the {} is not as it must be: {}", what, unfit.what())), "it is " + of.pretty());
-    }
+task<dynamic_packet> packet_from(context& in, schema of, std::string json, std::string what) {
+    auto parse = [of, json = std::move(json), what = std::move(what)] {
+        try {
+            return dynamic_packet::from_json(of, json);
+        } catch (const error& unfit) {
+            throw problem(failure(unfit.code(), fmt::format("the {} is not as it must be: {}", what, unfit.what())), "it is " + of.pretty());
+        }
+    };
+    auto packet = co_await in.self.offload(std::move(parse));
+    co_return packet;
 }
 
 } // namespace ise::cli

@@ -26,8 +26,9 @@ task<component_text> ask_about(context& in, remote who);
 /// is of the other kind.
 task<dynamic_contract> find_service(context& in, remote who, std::string service, service_kind wanted);
 
-/// JSON as a packet: problem(mismatch) with the path of what is wrong, and the packet's schema.
-dynamic_packet packet_from(const schema& of, const std::string& json, std::string_view what);
+/// JSON as a packet: problem(mismatch) with the path of what is wrong, and the packet's schema. Read on another thread:
+/// a long text must not silence the heartbeats.
+task<dynamic_packet> packet_from(context& in, schema of, std::string json, std::string what);
 
 /// ISE's own services, which nobody called for.
 inline bool is_internal(std::string_view service) { return service.starts_with("ise."); }

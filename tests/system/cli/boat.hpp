@@ -43,6 +43,7 @@ inline constexpr ise::subscription<fix> silent{"silent"};
 inline constexpr ise::request_response<set_mode, mode_set> helm{"helm"};
 inline constexpr ise::request_response<route, route_set> plan{"plan"};
 inline constexpr ise::request_response<set_mode, mode_set> never{"never"};
+inline constexpr ise::request_response<ise::nothing, ise::nothing> retire{"retire"};
 inline constexpr ise::request_response<set_mode, mode_set> beeper{"beeper"};
 
 /// Sails, and answers.
@@ -65,6 +66,10 @@ private:
             ++stuck;
             co_await sleep(1h);
             co_return mode_set{};
+        });
+        provide(retire, [this](ise::nothing) -> ise::task<ise::nothing> {
+            withdraw(silent);
+            co_return ise::nothing{};
         });
         require(beeper);
         auto quiet = publish(silent);

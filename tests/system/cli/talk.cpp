@@ -26,7 +26,7 @@ TEST_CASE("call sends JSON and prints the response as one line where it is piped
         options.input = R"({"waypoints":[)";
         for (int number = 0; number < 20'000; ++number) options.input += fmt::format(R"({}{{"name":"w{}","latitude_deg":28}})", number ? "," : "", number);
         options.input += "]}";
-        auto long_route = run_program({"ise", "call", in.at, "plan", "-"}, options);
+        auto long_route = run_program({"ise", "--timeout", "60s", "call", in.at, "plan", "-"}, options);
         CHECK(long_route.err == "");
         CHECK(long_route.out == R"({"count":20000})" "\n");
     }
@@ -91,7 +91,7 @@ TEST_CASE("describe tells services, packets, counts and how to try them") {
     CHECK_THAT(page.out, Contains("latitude_deg: f64") && Contains("ise call " + in.at + R"( helm '{"mode":"hold"}')") && Contains("required of others\n  beeper"));
     CHECK_THAT(page.out, !Contains("ise.describe"));
     CHECK_THAT(run_program({"ise", "describe", "--all", in.at}).out, Contains("ise.describe"));
-    CHECK(run_program({"ise", "describe", "--names", in.at}).out == "helm\nnever\nplan\ncounted\nposition\nsilent\n");
+    CHECK(run_program({"ise", "describe", "--names", in.at}).out == "helm\nnever\nplan\nretire\ncounted\nposition\nsilent\n");
     auto json = run_program({"ise", "describe", "--json", in.at});
     CHECK(json.out.starts_with(R"({"path":"atirma/boat","state":"ready","host":")"));
     CHECK_THAT(json.out, Contains(R"({"name":"helm","kind":"request-response","provided":true,"packets":[{"role":"request","fingerprint":")"));
@@ -188,12 +188,11 @@ TEST_CASE("hz measures windows as JSON for programs") {
 }
 
 TEST_CASE("echo tells that the component has ended the subscription") {
-    auto in = std::make_unique<harbour>();
-    program echo({"ise", "echo", in->at, "position"});
-    echo.read_line();
-    in->node.stop("atirma/boat");
-    in->node.wait();
+    harbour in;
+    program echo({"ise", "echo", in.at, "silent"});
+    while (in.silent_subscribers() == 0) std::this_thread::yield();
+    CHECK(run_program({"ise", "call", in.at, "retire"}).out == "{}\n");
     auto ran = echo.wait();
     CHECK(ran.exit_code == 1);
-    CHECK_THAT(ran.err, Contains("'position'"));
+    CHECK_THAT(ran.err, Contains("'silent'"));
 }
