@@ -106,7 +106,7 @@ task<> component::run_elsewhere(unique_function<void()> job) {
 }
 
 void component::post_spawn(std::string name, task<> body) {
-    asio::post(get_executor(), [self = runner_->shared_from_this(), name = std::move(name), body = std::move(body)]() mutable {
+    on().gate()->post([self = runner_->shared_from_this(), name = std::move(name), body = std::move(body)]() mutable {
         auto taken = std::move(body);
         self->flow().spawn(std::move(name), std::move(taken));
     });

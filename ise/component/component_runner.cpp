@@ -171,7 +171,7 @@ void component_runner::services_changed() {
     if (!announcing_ || path_.empty() || !options_.registers) return;
     auto owner = node_.lock();
     if (!owner || !owner->names) return;
-    asio::post(owner->loop().get_executor(), [owner, told = describe_for_names()]() mutable { owner->names->update(std::move(told)); });
+    owner->loop().gate()->post([owner, told = describe_for_names()]() mutable { owner->names->update(std::move(told)); });
 }
 
 void component_runner::add(std::shared_ptr<call_service> service) {
@@ -234,7 +234,7 @@ component_text component_runner::describe_self() const {
 }
 
 void component_runner::on_name_change(result<std::uint64_t> epoch) {
-    asio::post(on().get_executor(), [self = shared_from_this(), epoch] {
+    on().gate()->post([self = shared_from_this(), epoch] {
         if (epoch) {
             self->services_->set_epoch(*epoch);
             return;
@@ -248,7 +248,7 @@ void component_runner::on_name_change(result<std::uint64_t> epoch) {
 bool component_runner::poke() {
     if (over()) return true;
     if (poked_.exchange(true)) return false;
-    asio::post(on().get_executor(), [self = shared_from_this()] { self->poked_ = false; });
+    on().gate()->post([self = shared_from_this()] { self->poked_ = false; });
     return true;
 }
 

@@ -73,6 +73,8 @@ private:
     component_text describe_self() const;
     void on_child_failure(const std::string& name, std::exception_ptr thrown);
     task<> restart();
+    /// Waits for the sessions that were told to end.
+    task<> sessions_gone(duration within);
     static task<> shut_down(std::shared_ptr<component_runner> self);
     void finish();
     void fail(std::string why);

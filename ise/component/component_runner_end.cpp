@@ -50,6 +50,7 @@ task<> component_runner::restart() {
         co_return;
     }
     services_->pause(failure(errc::peer_lost, fmt::format("'{}' restarts after a failure", path_)), grace_ / 2);
+    co_await sessions_gone(grace_ / 2); // subscribers shall not hear that the services have ended, which they have not
     for (const auto& name : std::vector(own_services_)) withdraw_service(name);
     if (on().now() - flow_began_ >= steady_flow) pause_.reset();
     auto pause = pause_.next();
@@ -66,12 +67,16 @@ task<> component_runner::restart() {
     begin_flow();
 }
 
+task<> component_runner::sessions_gone(duration within) {
+    auto limit = saturating_add(on().now(), within);
+    while (!services_->sessions().empty() && on().now() < limit) co_await sleep_for(on(), std::chrono::milliseconds(2));
+}
+
 void component_runner::stop() {
     if (stop_asked_.exchange(true)) return;
     stop_limit_ = saturating_add(env_.now(), grace_ * 3 + std::chrono::milliseconds(100)).time_since_epoch().count();
-    asio::post(on().get_executor(), [self = shared_from_this()] {
-        asio::co_spawn(self->on().get_executor(), shut_down(self), asio::detached);
-    });
+    // Through the gate, as everything from other threads: a loop that has ended meanwhile keeps nothing.
+    on().gate()->post([self = shared_from_this()] { asio::co_spawn(self->on().get_executor(), shut_down(self), asio::detached); });
 }
 
 // Its own coroutines first, then its sessions say goodbye, then everything that carried them.
@@ -93,8 +98,7 @@ task<> component_runner::shut_down(std::shared_ptr<component_runner> self) {
         if (!ended) note(*me.flow_);
     }
     me.services_->stop(me.grace_ / 2);
-    auto goodbye = saturating_add(me.on().now(), me.grace_ / 2);
-    while (!me.services_->sessions().empty() && me.on().now() < goodbye) co_await sleep_for(me.on(), std::chrono::milliseconds(2));
+    co_await me.sessions_gone(me.grace_ / 2);
     me.connections_->stop();
     bool closed = co_await me.connections_->join_until(saturating_add(me.on().now(), me.grace_));
     if (!closed) note(*me.connections_);
@@ -111,8 +115,8 @@ void component_runner::finish() {
     if (--share_->unfinished == 0 && share_->adopted) share_->host->end();
     bool failed = !report().failure.empty();
     auto owner = node_.lock();
+    ended_ = true; // whoever sees that it is over may destroy it as soon as its loop has let go
     state_ = failed ? component_state::failed : component_state::stopped;
-    ended_ = true;
     if (owner) owner->on_stopped();
 }
 

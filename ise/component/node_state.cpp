@@ -64,15 +64,19 @@ std::shared_ptr<component_runner> node::state::find(const std::string& path) con
 }
 
 void node::state::take_in(const std::shared_ptr<component_runner>& made) {
-    std::shared_ptr<component_runner> old; // destroyed outside of the lock
-    std::lock_guard lock(mutex);
+    std::shared_ptr<component_runner> old;
+    std::unique_lock lock(mutex);
     for (auto& runner : runners) {
         if (made->path().empty() || runner->path() != made->path()) continue;
         if (!runner->over()) throw error(errc::name_taken, fmt::format("this node runs '{}' already", made->path()));
-        if (runner->ended() && !runner->share()->adopted && runner->share().use_count() == 1) old = runner;
+        bool alone = !runner->share()->adopted && runner->share().use_count() == 1;
+        if (runner->ended() && alone && !runner->on().running_here()) old = runner;
     }
     if (old) std::erase(runners, old);
     runners.push_back(made);
+    lock.unlock();
+    // What it posted last may hold it still: it must not go on its own thread.
+    if (old) old->share()->host->end();
 }
 
 void node::state::let_go(const component_runner& which) {

@@ -46,6 +46,8 @@ public:
     /// Tells a subscriber of ours that its subscription is over.
     void refuse_subscription(std::uint64_t subscription, const failure& why);
     void end_provided(std::uint64_t subscription, const failure& why);
+    /// A subscription has moved to another session, or its publication has gone.
+    void forget_provided(std::uint64_t subscription);
 
     void subscribe(subscriber_core& subscriber);
     void unsubscribe(subscriber_core& subscriber);

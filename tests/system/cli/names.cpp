@@ -93,7 +93,7 @@ TEST_CASE("a name that nobody holds is answered with the nearest that there are"
     CHECK_THAT(in.ise({"describe", "something/else/entirely"}).err, Contains("2 names are registered"));
 }
 
-TEST_CASE("--wait waits for a component that starts later") {
+TEST_CASE("the option --wait waits for a component that starts later") {
     port in;
     ise_test::program call({"ise", "--name-server", in.at.text(), "--wait", "--timeout", "60s", "call", "atirma/late", "helm"});
     in.boats->start<cli_test::boat>("atirma/late");

@@ -189,7 +189,7 @@ TEST_CASE("names: while the server is away a client reconnects to where the comp
     CHECK(it.world.run_until([&] { return answers > before + 5; }, 30s));
 }
 
-TEST_CASE("names: a holder that was cut off keeps serving; superseded meanwhile, it withdraws") {
+TEST_CASE("names: a holder that was cut off keeps serving, and withdraws when it was superseded meanwhile") {
     names_test::system it;
     ise::node* old = nullptr;
     it.start("boat", "boat", [&](ise::node& node) {
