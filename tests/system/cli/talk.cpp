@@ -193,6 +193,6 @@ TEST_CASE("echo tells that the component has ended the subscription") {
     while (in.ship.watching == 0) std::this_thread::yield();
     CHECK(run_program({"ise", "call", in.at, "retire"}).out == "{}\n");
     auto ran = echo.wait();
-    CHECK(ran.exit_code == 1);
+    CHECK(ran.exit_code == 3); // it is not there any more
     CHECK_THAT(ran.err, Contains("'silent'"));
 }

@@ -128,3 +128,22 @@ TEST_CASE("hostile JSON is bounded") {
     REQUIRE(fat.has_value());
     CHECK(failure_of([&] { ise::from_json(*fat, "[{},{},{}]"); }).code() == ise::errc::too_large);
 }
+
+TEST_CASE("JSON is nested as deep as the limit allows, and brackets in texts do not count") {
+    auto nested = [](std::size_t levels) { return "{\"unknown\":" + std::string(levels - 1, '[') + std::string(levels - 1, ']') + "}"; };
+    CHECK_THAT(message(nested(64)), Contains("no such field"));
+    auto deep = failure_of([&] { ise::from_json<track>(nested(65)); });
+    CHECK(deep.code() == ise::errc::too_large);
+    CHECK_THAT(deep.message(), Contains("nested deeper than 64 levels"));
+    CHECK(failure_of([] { ise::from_json<track>(std::string(1 << 20, '[')); }).code() == ise::errc::too_large);
+    auto read = ise::from_json<track>(R"({"waypoints":[{"name":"\")" + std::string(500, '{') + R"("}]})");
+    CHECK(read.waypoints.at(0).name == "\"" + std::string(500, '{'));
+}
+
+TEST_CASE("a long list of packets costs no more than its length") {
+    // Half a million: with a look at each for each other one this would not end.
+    constexpr std::size_t count = 500'000;
+    std::string json = R"({"waypoints":[{})";
+    for (std::size_t n = 1; n < count; ++n) json += ",{}";
+    CHECK(ise::from_json<track>(json + "]}").waypoints.size() == count);
+}
