@@ -6,6 +6,8 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
+#include <iterator>
 #include <optional>
 
 namespace ise {
@@ -26,13 +28,13 @@ constexpr duration way_back = std::chrono::milliseconds(300);
 bool is_loopback(const endpoint& at) { return at.host == "localhost" || at.host == "::1" || at.host.starts_with("127."); }
 
 // Smaller is nearer; nothing: it does not lead there.
-std::optional<int> distance(const endpoint& at, bool same_host, bool same_process) {
+std::optional<std::size_t> distance(const endpoint& at, bool same_host, bool same_process) {
     switch (at.kind) {
-        case protocol::inproc: return same_process ? std::optional(0) : std::nullopt;
-        case protocol::local: return same_host ? std::optional(1) : std::nullopt;
+        case protocol::inproc: return same_process ? std::optional<std::size_t>(0) : std::nullopt;
+        case protocol::local: return same_host ? std::optional<std::size_t>(1) : std::nullopt;
         case protocol::tcp:
             if (!is_loopback(at)) return 3;
-            return same_host ? std::optional(2) : std::nullopt;
+            return same_host ? std::optional<std::size_t>(2) : std::nullopt;
         case protocol::udp: break; // carries no streams
     }
     return std::nullopt;
@@ -53,15 +55,14 @@ result<naming::resolve_response> known_answer(const std::string& path, result<na
 std::vector<endpoint> reachable_endpoints(const naming::resolve_response& from, const process_identity& here) {
     bool same_host = from.host_key == here.host_key;
     bool same_process = from.process_key == here.process_key;
-    std::vector<std::pair<int, endpoint>> found;
+    std::array<std::vector<endpoint>, 4> found; // by distance
     for (const auto& text : from.endpoints) {
         auto at = endpoint::parse(text);
         if (!at) continue;
-        if (auto far = distance(*at, same_host, same_process)) found.emplace_back(*far, std::move(*at));
+        if (auto far = distance(*at, same_host, same_process)) found[*far].push_back(std::move(*at));
     }
-    std::ranges::stable_sort(found, {}, &std::pair<int, endpoint>::first);
     std::vector<endpoint> nearest_first;
-    for (auto& [far, at] : found) nearest_first.push_back(std::move(at));
+    for (auto& group : found) std::ranges::move(group, std::back_inserter(nearest_first));
     return nearest_first;
 }
 
