@@ -167,8 +167,8 @@ TEST_CASE("restarts come later and later, and end when the component is stopped"
 }
 
 TEST_CASE("a component whose last flow does not end cannot be restarted and says so") {
-    fleet all;
     census frames;
+    fleet all;
     all.node("boat").start("boat",
         [&](component& self) -> task<> {
             auto mule = [](component& whose, census& among) -> task<> {

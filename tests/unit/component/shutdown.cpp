@@ -40,8 +40,8 @@ TEST_CASE("a coroutine that refuses to end is named, and stops neither its compo
 }
 
 TEST_CASE("peers of a component that stops learn why, and calls in progress end on both sides") {
-    fleet all;
     census handlers;
+    fleet all;
     bool listening = false;
     std::string said;
     ise::errc code{};
