@@ -78,7 +78,7 @@ class Environment(unittest.TestCase):
 
 class MachineNames(unittest.TestCase):
     def test_hosts_and_folders_are_found(self):
-        for line in ['"resolved": "https://regis' 'try.npmjs.org/x"', "see /home/jane/ise", '"/wo' 'rk/main/x"', "cd /root", "(/wo" "rk/x)"]:
+        for line in ['"resol' 'ved": "https://regis' 'try.npmjs.org/x"', "see /home/jane/ise", '"/wo' 'rk/main/x"', "cd /root", "(/wo" "rk/x)"]:
             self.assertTrue(list(machine_names.findings_in(line)), line)
 
     def test_ordinary_lines_pass(self):
