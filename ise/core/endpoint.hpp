@@ -8,21 +8,25 @@
 
 namespace ise {
 
+/// How an endpoint is reached: TCP, UDP, a Unix domain socket, or memory within one process.
 enum class protocol : std::uint8_t { tcp, udp, local, inproc };
 
+/// "tcp", "udp", "local", "inproc".
 std::string_view name_of(protocol kind) noexcept;
 
 /// Where a component listens or is reached, as users write it:
 /// `tcp://127.0.0.1:7400`, `tcp://[::1]:0`, `udp://…`, `local:///run/ise/boat.sock`, `local://@abstract`,
 /// `inproc://name`. Port 0 asks for any free port.
 struct endpoint {
-    protocol kind = protocol::tcp;
+    protocol kind = protocol::tcp; ///< which of the fields below count
     std::string host;       ///< tcp, udp: a name or an address, IPv6 without brackets
     std::uint16_t port = 0; ///< tcp, udp
     std::string path;       ///< local: file or `@name`; inproc: name
 
+    /// By kind, then by the fields; no names are resolved.
     auto operator<=>(const endpoint&) const = default;
 
+    /// As `parse` reads it.
     std::string text() const;
 
     /// errc::invalid_argument says what is wrong and shows a right one.

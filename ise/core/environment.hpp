@@ -18,19 +18,20 @@ struct process_identity {
     std::string host_name;  ///< for people
     std::string host_key;   ///< equal where local sockets and loopback reach: machine, boot, network namespace
     std::string process_key;///< equal only within one process and life
-    std::uint64_t process_id = 0;
+    std::uint64_t process_id = 0; ///< of the operating system
 };
 
+/// How a serial line is opened: 8 data bits, no parity, 1 stop bit.
 struct serial_options {
     std::string device; ///< "/dev/ttyUSB0", or a name that the virtual world knows
-    unsigned baud = 9600;
-    bool hardware_flow_control = false;
+    unsigned baud = 9600; ///< bits a second
+    bool hardware_flow_control = false; ///< RTS and CTS
 };
 
 /// A serial line made of nothing: programs open `device` like a port, and whatever is emulated behind it reads and
 /// writes `far_end`. When the program at the device closes it, `far_end` may fail; make another one then.
 struct pseudo_terminal {
-    std::unique_ptr<stream> far_end;
+    std::unique_ptr<stream> far_end; ///< what the emulated device reads and writes
     std::string device; ///< what `open_serial` opens: the link where one was asked for
 };
 
@@ -43,10 +44,13 @@ class environment {
 public:
     virtual ~environment() = default;
 
+    /// The monotonic clock.
     virtual time_point now() const = 0;
+    /// Civil time, UTC; it may be set back.
     virtual wall_time wall() const = 0;
     /// Unpredictable in the real world, seeded in the virtual one.
     virtual std::uint64_t random() = 0;
+    /// Of this process, the same as long as it lives.
     virtual const process_identity& identity() const = 0;
     /// An environment variable of the process, such as ISE_NAME_SERVER.
     virtual std::optional<std::string> variable(const std::string& name) const = 0;
@@ -67,6 +71,7 @@ public:
     virtual task<result<std::unique_ptr<stream>>> connect(loop& on, endpoint to) = 0;
     /// Errors: errc::address_in_use, errc::invalid_argument, errc::io_failed.
     virtual result<std::unique_ptr<listener>> listen(loop& on, const endpoint& at) = 0;
+    /// A socket bound to a udp endpoint (port 0: any). Errors as `listen`.
     virtual result<std::unique_ptr<datagram_socket>> open_datagram(loop& on, const endpoint& at) = 0;
     /// Errors: errc::io_failed (no such device, no permission, in use).
     virtual result<std::unique_ptr<stream>> open_serial(loop& on, const serial_options& options) = 0;

@@ -57,7 +57,10 @@ std::error_code make_error_code(errc code) noexcept { return {static_cast<int>(c
 failure io_failure(std::string_view what, const std::error_code& cause) {
     // By number: Asio's own category does not compare equal to std::errc.
     auto code = cause.value() == EADDRINUSE ? errc::address_in_use : errc::io_failed;
-    return failure(code, fmt::format("{}: {}", what, cause.message()));
+    auto advice = code == errc::address_in_use        ? " (`ss -lntuxp` shows by whom: end that program, or listen elsewhere)"
+                  : cause.value() == EADDRNOTAVAIL ? " (`ip address` shows those that this host has; 0.0.0.0 means all of them)"
+                                                   : "";
+    return failure(code, fmt::format("{}: {}{}", what, cause.message(), advice));
 }
 
 } // namespace ise

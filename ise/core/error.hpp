@@ -36,7 +36,9 @@ enum class errc : std::uint8_t {
     not_connected = 24,   ///< nothing to talk to right now
 };
 
+/// Of `std::error_code`s made of `errc`: "ise".
 const std::error_category& error_category() noexcept;
+/// So that an errc converts to a `std::error_code`.
 std::error_code make_error_code(errc code) noexcept;
 
 /// The name of a code as users write it: "timed_out".
@@ -48,16 +50,21 @@ enum class execution : std::uint8_t {
     unknown = 1,      ///< it may have run, or may still run
 };
 
+/// "not_executed", "unknown".
 std::string_view name_of(execution state) noexcept;
 
 /// An expected failure, as a value.
 class failure {
 public:
+    /// `message` says what happened to whom and what to do.
     failure(errc code, std::string message, execution state = execution::not_executed)
         : message_(std::move(message)), code_(code), execution_(state) {}
 
+    /// What to branch on.
     errc code() const noexcept { return code_; }
+    /// Of a call: whether it may have run.
     execution executed() const noexcept { return execution_; }
+    /// For people.
     const std::string& message() const noexcept { return message_; }
 
 private:
@@ -69,12 +76,17 @@ private:
 /// An expected failure, as an exception: what the plain (not `try_`) forms throw.
 class error : public std::runtime_error {
 public:
+    /// `what()` is the message of the failure.
     explicit error(failure why) : std::runtime_error(why.message()), failure_(std::move(why)) {}
+    /// Throwing this from a handler gives the caller just this code and text.
     error(errc code, std::string message, execution state = execution::not_executed)
         : error(failure(code, std::move(message), state)) {}
 
+    /// What to branch on.
     errc code() const noexcept { return failure_.code(); }
+    /// Of a call: whether it may have run.
     execution executed() const noexcept { return failure_.executed(); }
+    /// The same as a value.
     const failure& why() const noexcept { return failure_; }
 
 private:

@@ -1,8 +1,6 @@
 #pragma once
 #include <ise/core/time.hpp>
 
-#include <fmt/format.h>
-
 #include <cstdint>
 #include <functional>
 #include <initializer_list>
@@ -11,22 +9,25 @@
 
 namespace ise {
 
+/// How much a record matters.
 enum class log_level : std::uint8_t { debug, info, warning, error };
 
+/// "debug", "info", "warning", "error".
 std::string_view name_of(log_level level) noexcept;
 
 /// One thing that happened: a sentence, and what a program may want to filter by.
 struct log_field {
-    std::string_view name;
-    std::string value;
+    std::string_view name; ///< short, such as `device`
+    std::string value;     ///< as text
 };
 
+/// A record, as a sink gets it; what it refers to lives as long as the call.
 struct log_record {
-    wall_time at;
-    log_level level = log_level::info;
-    std::string_view component;
-    std::string_view message;
-    std::initializer_list<log_field> fields;
+    wall_time at;                            ///< when, on the clock of the environment
+    log_level level = log_level::info;       ///< how much it matters
+    std::string_view component;              ///< its path
+    std::string_view message;                ///< a sentence
+    std::initializer_list<log_field> fields; ///< what to filter by
 };
 
 /// Where records go. Called from any thread; must not block for long. What it throws is dropped with the record.
@@ -45,16 +46,24 @@ class environment;
 class logger {
 public:
     logger() = default;
+    /// `clock` outlives the logger; an empty sink drops everything.
     logger(const environment& clock, std::string component, log_sink sink)
         : clock_(&clock), component_(std::move(component)), sink_(std::move(sink)) {}
 
+    /// Writes a record at this level, now, by the sink, on the calling thread. What the sink throws is dropped.
     void debug(std::string_view message, std::initializer_list<log_field> fields = {}) const { write(log_level::debug, message, fields); }
+    /// At level info, as `debug`.
     void info(std::string_view message, std::initializer_list<log_field> fields = {}) const { write(log_level::info, message, fields); }
+    /// At level warning, as `debug`.
     void warning(std::string_view message, std::initializer_list<log_field> fields = {}) const { write(log_level::warning, message, fields); }
+    /// At level error, as `debug`.
     void error(std::string_view message, std::initializer_list<log_field> fields = {}) const { write(log_level::error, message, fields); }
+    /// At the level given, as `debug`.
     void write(log_level level, std::string_view message, std::initializer_list<log_field> fields) const;
 
+    /// The path that its records bear.
     const std::string& component() const noexcept { return component_; }
+    /// Where its records go.
     const log_sink& sink() const noexcept { return sink_; }
 
 private:

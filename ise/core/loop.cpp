@@ -139,9 +139,10 @@ void loop::sift_down(std::size_t slot) noexcept {
 }
 
 // The alarm is moved only when something earlier comes: a deadline that is met costs no system call, and an
-// alarm that finds nothing due arms itself for what is left.
+// alarm that finds nothing due arms itself for what is left. It is moved once a turn, behind what is written: others
+// wait for that.
 void loop::wake_for_first() {
-    if (heap_.empty() || heap_.front()->listed_at_ >= alarm_at_) return;
+    if (depth_ > 0 || heap_.empty() || heap_.front()->listed_at_ >= alarm_at_) return;
     alarm_at_ = heap_.front()->listed_at_;
     if (alarm_) alarm_->arm(alarm_at_);
 }
@@ -168,7 +169,6 @@ void loop::on_alarm() {
         due->fire_(); // may destroy *due
         if (abandoned_) return;
     }
-    wake_for_first();
 }
 
 void loop::later(ready_function ready) {
@@ -205,7 +205,7 @@ loop::turn::turn(loop& owner) : loop_(owner) {
 
 loop::turn::~turn() {
     if (loop_.depth_ == 1) loop_.end_turn();
-    --loop_.depth_;
+    if (--loop_.depth_ == 0) loop_.wake_for_first();
 }
 
 void loop::end_turn() {

@@ -57,6 +57,8 @@ private:
 class flushable {
 public:
     virtual void flush() = 0;
+    /// Whether it is going to be flushed anyway.
+    bool flush_due() const noexcept { return queued_; }
 
 protected:
     ~flushable() = default;

@@ -25,20 +25,24 @@ void batch::close_staged() {
     staged_ = staging_.size();
 }
 
-void batch::share(std::shared_ptr<const void> owner, bytes_view content) {
+void batch::share(shared_bytes owner, bytes_view content) {
+    owners_.push_back(std::move(owner));
+    refer_to(content);
+}
+
+void batch::refer_to(bytes_view content) {
     close_staged();
     segment made;
     made.size = content.size();
     made.data = content.data();
     segments_.push_back(made);
-    if (owner) owners_.push_back(std::move(owner));
     shared_bytes_ += content.size();
 }
 
 void batch::adopt(buffer& content) {
     std::swap(adopted_, content);
     content.clear();
-    share(nullptr, adopted_.view());
+    refer_to(adopted_.view());
 }
 
 std::span<const asio::const_buffer> batch::remaining() {

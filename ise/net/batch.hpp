@@ -1,12 +1,12 @@
 #pragma once
 #include <ise/core/bytes.hpp>
 #include <ise/packet/buffer.hpp>
+#include <ise/packet/shared_bytes.hpp>
 #include <ise/wire/frame.hpp>
 
 #include <asio/buffer.hpp>
 
 #include <functional>
-#include <memory>
 #include <span>
 #include <vector>
 
@@ -20,7 +20,7 @@ public:
     buffer& staging() noexcept { return staging_; }
 
     /// Content that stays where it is; `owner` is held until it was written.
-    void share(std::shared_ptr<const void> owner, bytes_view content);
+    void share(shared_bytes owner, bytes_view content);
     /// Takes over a whole buffer as content and gives back an empty one with room.
     void adopt(buffer& content);
 
@@ -44,11 +44,12 @@ private:
         const std::byte* data = nullptr;
     };
     void close_staged();
+    void refer_to(bytes_view content);
 
     buffer staging_;
     buffer adopted_;
     std::vector<segment> segments_;
-    std::vector<std::shared_ptr<const void>> owners_;
+    std::vector<shared_bytes> owners_;
     std::vector<asio::const_buffer> views_;
     std::size_t staged_ = 0; // bytes of the staging buffer that lie in segments
     std::size_t shared_bytes_ = 0;

@@ -1,6 +1,7 @@
 #include <ise/net/connect.hpp>
 
 #include <ise/core/task_scope.hpp>
+#include <ise/net/udp/transport.hpp>
 
 #include <asio/bind_cancellation_slot.hpp>
 #include <asio/cancellation_signal.hpp>
@@ -10,6 +11,10 @@
 #include <fmt/format.h>
 
 namespace ise::net {
+
+result<std::unique_ptr<listener>> listen(loop& on, const endpoint& at) {
+    return at.kind == protocol::udp ? udp::listen(on, at) : on.env().listen(on, at);
+}
 
 task<result<std::unique_ptr<stream>>> connect_until(loop& on, endpoint to, time_point deadline) {
     using outcome = result<std::unique_ptr<stream>>;
@@ -25,8 +30,13 @@ task<result<std::unique_ptr<stream>>> connect_until(loop& on, endpoint to, time_
     waiter<> done(on, [&done] { done.resume(); });
     auto* wake = &done;
     auto body = [](std::shared_ptr<attempt> of, loop& at, endpoint target) -> task<> {
-        auto got = co_await at.env().connect(at, std::move(target));
-        of->got.emplace(std::move(got));
+        if (target.kind == protocol::udp) {
+            auto got = co_await udp::connect(at, std::move(target));
+            of->got.emplace(std::move(got));
+        } else {
+            auto got = co_await at.env().connect(at, std::move(target));
+            of->got.emplace(std::move(got));
+        }
     };
     auto finished = [state, wake](std::exception_ptr thrown) {
         state->thrown = thrown;

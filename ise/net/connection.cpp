@@ -1,5 +1,6 @@
 #include <ise/net/connection.hpp>
 
+#include <ise/core/limits.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/wire/body.hpp>
 
@@ -16,35 +17,33 @@ using wire::frame_type;
 constexpr int missed_heartbeats = 3;
 // One flush writes at most this much before others get their turn.
 constexpr std::size_t flush_bytes = 4 * 1024 * 1024;
-// Control frames are answers to the peer's; one that does not read them is not waited for.
-constexpr std::size_t max_control_bytes = 4 * 1024 * 1024;
 
 } // namespace
 
 connection::connection(loop& on, std::unique_ptr<stream> transport, session_terms terms, wire::parser parser)
     : on_(on), transport_(std::move(transport)), terms_(std::move(terms)),
       peer_name_(terms_.peer.path.empty() ? transport_->peer() : fmt::format("{} ({})", terms_.peer.path, transport_->peer())), parser_(std::move(parser)),
-      reassembly_(terms_.we_accept.max_message_bytes), writer_wake_(on, [this] { writer_wake_.resume(); }),
-      heartbeat_(on, [this] { pulse(); }),
-      grace_(on, [this] { close(failure(errc::peer_lost, fmt::format("{} did not take what was left to send", peer_name()))); }) {
+      reassembly_(terms_.we_accept.max_message_bytes), heartbeat_(on, [this] { pulse(); }) {
     parser_.set_max_frame_bytes(terms_.we_accept.max_frame_bytes);
+    datagrams_ = dynamic_cast<datagram_stream*>(transport_.get());
+    if (datagrams_) outbox_.use(*datagrams_);
+    parser_.release(); // a greeting is larger than what follows on an idle connection
     last_heard_ = last_sent_ = on_.now();
+    signs_ = std::make_shared<vital_signs>(*transport_, duration(static_cast<std::int64_t>(terms_.peer_accepts.heartbeat_ns)), last_sent_);
 }
 
-connection::~connection() = default;
+connection::~connection() { signs_->end(); }
 
 void connection::start(task_scope& scope, std::weak_ptr<user> receiver) {
     user_ = std::move(receiver);
-    auto self = shared_from_this();
-    // The parameter keeps the connection for the coroutine's whole life.
-    auto reading = [](std::shared_ptr<connection> held) -> task<> { co_await held->read(); };
-    auto writing = [](std::shared_ptr<connection> held) -> task<> { co_await held->write(); };
-    scope.spawn("reader of " + peer_name(), reading(self));
-    scope.spawn("writer to " + peer_name(), writing(self));
+    scope_ = &scope;
+    if (datagrams_) datagrams_->use(std::shared_ptr<datagram_stream::user>(shared_from_this(), this));
+    scope.spawn("reader of " + peer_name(), read(shared_from_this()));
     pulse();
 }
 
-task<> connection::read() {
+// The parameter keeps the connection for the coroutine's whole life.
+task<> connection::read([[maybe_unused]] std::shared_ptr<connection> held) {
     result<void> state;
     {
         loop::turn in(on_);
@@ -72,35 +71,96 @@ task<> connection::read() {
         parser_.commit(got.bytes);
         state = take_frames();
     }
-    if (!state && open_) {
-        // The peer is told what it did wrong, if that goes at once.
-        farewell_ = state.error();
-        say_goodbye();
-        flush();
-        close(failure(state.error().code(), fmt::format("{}: {}", peer_name(), state.error().message())));
-    }
+    if (!state && open_) end_for(state.error());
     report_end();
 }
 
+// The peer is told what it did wrong, if that goes at once.
+void connection::end_for(const failure& wrong) {
+    farewell_ = wrong;
+    say_goodbye();
+    flush();
+    close(failure(wrong.code(), fmt::format("{}: {}", peer_name(), wrong.message())));
+}
+
+// Its loop does not turn, and its node sends in its place.
+void connection::on_sign() {
+    if (!open_) return;
+    on_heard();
+    wire::frame sign;
+    sign.header.type = frame_type::pong;
+    sign.header.flags = wire::flag::stalled;
+    ++counts_.frames_in;
+    auto receiver = user_.lock();
+    auto taken = take(sign, receiver.get());
+    if (!taken && open_) end_for(taken.error());
+}
+
+// A message beside the stream: a packet, and nothing that has to arrive, or arrive once.
+void connection::on_message(bytes_view message) {
+    if (!open_) return;
+    counts_.bytes_in += message.size();
+    ++counts_.frames_in;
+    wire::frame received;
+    received.header = wire::read_header(message.data());
+    received.body = message.subspan(wire::frame_header::size);
+    result<void> state;
+    if (received.header.type != frame_type::packet || received.header.length != received.body.size()) {
+        state = failure(errc::protocol_error, "a message came beside the stream that is no packet");
+    } else {
+        auto receiver = user_.lock();
+        state = take(received, receiver.get());
+    }
+    if (!state && open_) end_for(state.error());
+}
+
 result<void> connection::take_frames() {
+    auto receiver = user_.lock(); // once for all that came
     for (;;) {
         auto found = parser_.next();
         if (!found) return found.error();
         if (!*found) return {};
         ++counts_.frames_in;
-        auto taken = take(**found);
+        auto taken = take(**found, receiver.get());
         if (!taken) return taken;
         if (!open_) return {};
     }
 }
 
-result<void> connection::take(const wire::frame& received) {
+result<void> connection::take(const wire::frame& received, user* receiver) {
+    switch (received.header.type) {
+        case frame_type::ping:
+        case frame_type::pong:
+        case frame_type::goodbye:
+        case frame_type::piece: return take_own(received, receiver);
+        default: break;
+    }
+    if (!receiver) return failure(errc::cancelled, "nobody is here any more");
+    try {
+        auto taken = receiver->on_frame(received);
+        if (!taken) return taken;
+    } catch (const error& thrown) {
+        return thrown.why();
+    } catch (const std::exception& thrown) {
+        return failure(errc::handler_failed, thrown.what());
+    }
+    return answers_bounded();
+}
+
+result<void> connection::answers_bounded() {
+    if (outbox_.control().size() <= limit::control_bytes) return {};
+    return failure(errc::overloaded, fmt::format("does not read what it asks for: more than {} bytes of answers wait (control_bytes)", limit::control_bytes));
+}
+
+// What is said between connections, and not to the user.
+result<void> connection::take_own(const wire::frame& received, user* receiver) {
     switch (received.header.type) {
         case frame_type::ping:
             wire::put_frame(outbox_.control(), frame_type::pong, 0, received.header.id, [](buffer&) {});
             written();
-            break;
+            return answers_bounded();
         case frame_type::pong: {
+            if (received.header.flags & wire::flag::stalled) stalled_sign_ = counts_.frames_in;
             auto sent = time_point(duration(static_cast<std::int64_t>(received.header.id)));
             if (sent <= on_.now() && sent > time_point{}) round_trip_ = on_.now() - sent;
             return {};
@@ -120,27 +180,23 @@ result<void> connection::take(const wire::frame& received) {
             message.header = (*whole)->header;
             if (message.header.type == frame_type::piece) return failure(errc::protocol_error, "a message in pieces holds a piece");
             message.body = (*whole)->body;
-            return take(message);
+            return take(message, receiver);
         }
-        default: {
-            auto receiver = user_.lock();
-            if (!receiver) return failure(errc::cancelled, "nobody is here any more");
-            try {
-                auto taken = receiver->on_frame(received);
-                if (!taken) return taken;
-            } catch (const error& thrown) {
-                return thrown.why();
-            } catch (const std::exception& thrown) {
-                return failure(errc::handler_failed, thrown.what());
-            }
-        }
+        default: return {};
     }
-    if (outbox_.control().size() > max_control_bytes) return failure(errc::overloaded, "does not read what it asks for");
-    return {};
 }
 
 void connection::flush() {
-    if (!open_ || blocked_) return;
+    if (!open_) return;
+    if (datagrams_ && !finishing_) outbox_.feed_lane(); // packets beside the stream do not wait for it
+    if (blocked_) return;
+    signs_->claim();
+    if (signs_->broken()) return close(failure(errc::peer_lost, fmt::format("{} did not take a sign of life whole", peer_name())));
+    write_out();
+    if (open_ && batch_.empty()) signs_->release(last_sent_);
+}
+
+void connection::write_out() {
     std::size_t sent = 0;
     while (sent < flush_bytes) {
         if (farewell_ && outbox_.calls_drained()) say_goodbye();
@@ -151,7 +207,11 @@ void connection::flush() {
         auto wrote = transport_->try_write(batch_.remaining());
         if (wrote.problem == asio::error::would_block) {
             blocked_ = true;
-            writer_wake_.resume();
+            // Not from within this: where there is room again already it would go on writing.
+            if (!std::exchange(writing_, true))
+                on_.later([self = shared_from_this()] {
+                    if (self->open_ && self->scope_) self->scope_->spawn("writer to " + self->peer_name(), self->write(self));
+                });
             return;
         }
         if (wrote.problem) {
@@ -171,12 +231,9 @@ void connection::flush() {
     on_.later([self = shared_from_this()] { self->flush(); });
 }
 
-task<> connection::write() {
-    while (open_) {
-        if (!blocked_) {
-            co_await writer_wake_.wait();
-            continue;
-        }
+// Runs only while the socket is full.
+task<> connection::write([[maybe_unused]] std::shared_ptr<connection> held) {
+    while (open_ && blocked_) {
         std::error_code problem;
         try {
             problem = co_await transport_->wait_writable();
@@ -191,6 +248,7 @@ task<> connection::write() {
             flush();
         }
     }
+    writing_ = false;
 }
 
 // Sends a ping where nothing else was sent, and notices a peer that has fallen silent.
@@ -224,7 +282,8 @@ void connection::finish(failure why, duration grace) {
     if (!open_ || finishing_) return;
     finishing_ = true;
     farewell_ = std::move(why);
-    grace_.arm(saturating_add(on_.now(), grace));
+    grace_ = std::make_unique<timer>(on_, [this] { close(failure(errc::peer_lost, fmt::format("{} did not take what was left to send", peer_name()))); });
+    grace_->arm(saturating_add(on_.now(), grace));
     written();
 }
 
@@ -248,9 +307,9 @@ void connection::close(failure cause) {
     open_ = false;
     cause_ = std::move(cause);
     heartbeat_.disarm();
-    grace_.disarm();
+    if (grace_) grace_->disarm();
+    signs_->end();
     transport_->close(); // ends the read, and so the reader reports
-    writer_wake_.resume();
     on_.later([self = shared_from_this()] { self->report_end(); });
 }
 

@@ -3,8 +3,9 @@
 #include <ise/core/result.hpp>
 #include <ise/core/stream.hpp>
 #include <ise/core/task_scope.hpp>
-#include <ise/core/waiter.hpp>
+#include <ise/net/datagram_stream.hpp>
 #include <ise/net/outbox.hpp>
+#include <ise/net/vital_signs.hpp>
 #include <ise/wire/messages.hpp>
 #include <ise/wire/parser.hpp>
 #include <ise/wire/pieces.hpp>
@@ -26,7 +27,6 @@ struct connection_counts {
 struct session_terms {
     std::uint16_t version = 0;
     std::uint64_t features = 0;
-    wire::identity self;
     wire::identity peer;
     wire::limits we_accept;
     wire::limits peer_accepts;
@@ -35,10 +35,11 @@ struct session_terms {
 /// One session with a peer over a stream: frames in, an outbox out, heartbeats, an end with a cause.
 ///
 /// A reader coroutine hands every frame to the `user`, in one turn of the loop for all that one read brought; what
-/// is written in a turn leaves in one gathered write, and a writer coroutine waits only when the socket is full.
+/// is written in a turn leaves in one gathered write, and there is a writer coroutine only while the socket is full.
 /// Whatever breaks (a write as well as a read) ends it for both directions, once, with its cause. Lives on one
 /// loop; shared by its coroutines and its user.
-class connection final : public std::enable_shared_from_this<connection>, public flushable {
+/// Over datagrams, packets of subscriptions are messages of their own beside the stream (`lossy()`).
+class connection final : public std::enable_shared_from_this<connection>, public flushable, public datagram_stream::user {
 public:
     /// Who understands the frames. Called inside a turn of the loop; a frame's body is valid during the call only.
     class user {
@@ -61,8 +62,16 @@ public:
 
     /// Where frames are put; `written()` afterwards sees to it that they leave.
     outbox& out() noexcept { return outbox_; }
-    void written() { on_.flush_later(shared_from_this()); }
+    void written() {
+        if (!flush_due()) on_.flush_later(shared_from_this());
+    }
     void flush() override;
+
+    /// The system holds at most about this many bytes that were not sent yet, and one write begins with at most twice as many.
+    void limit_unsent(std::size_t most) {
+        transport_->limit_unsent(most);
+        outbox_.limit_batch(2 * most);
+    }
 
     /// Sends what waits for at most `grace`, tells the peer why, then closes.
     void finish(failure why, duration grace);
@@ -71,6 +80,8 @@ public:
     /// Ends it now. The first cause stays.
     void close(failure cause);
     bool open() const noexcept { return open_; }
+    /// Packets may be lost and come late; everything else arrives, whole and in order.
+    bool lossy() const noexcept { return datagrams_ != nullptr; }
     /// Only where `!open()`.
     const failure& cause() const noexcept { return *cause_; }
 
@@ -81,27 +92,41 @@ public:
     /// The last measured round trip of a heartbeat; zero before the first.
     duration round_trip() const noexcept { return round_trip_; }
     time_point last_heard() const noexcept { return last_heard_; }
+    /// The last thing heard was its node, which says that the peer is busy.
+    bool peer_stalled() const noexcept { return stalled_sign_ != 0 && stalled_sign_ == counts_.frames_in; }
+    /// For who answers in this side's place while its loop does not turn.
+    const std::shared_ptr<vital_signs>& signs() const noexcept { return signs_; }
 
 private:
-    task<> read();
-    task<> write();
+    task<> read(std::shared_ptr<connection> held);
+    task<> write(std::shared_ptr<connection> held);
     result<void> take_frames();
-    result<void> take(const wire::frame& received);
+    result<void> take(const wire::frame& received, user* receiver);
+    result<void> take_own(const wire::frame& received, user* receiver);
+    result<void> answers_bounded();
+    void on_heard() override { last_heard_ = on_.now(); }
+    void on_message(bytes_view message) override;
+    void on_room() override { written(); }
+    void on_sign() override;
+    void end_for(const failure& wrong);
     void pulse();
+    void write_out();
     void say_goodbye();
     void report_end();
 
     loop& on_;
     std::unique_ptr<stream> transport_;
+    datagram_stream* datagrams_ = nullptr; // the same, where it is one
     session_terms terms_;
+    std::shared_ptr<vital_signs> signs_;
     std::string peer_name_;
     wire::parser parser_;
     wire::reassembly reassembly_;
     outbox outbox_;
     batch batch_;
-    waiter<> writer_wake_;
     timer heartbeat_;
-    timer grace_;
+    std::unique_ptr<timer> grace_; // once it finishes
+    task_scope* scope_ = nullptr;
     std::weak_ptr<user> user_;
     std::optional<failure> cause_;
     connection_counts counts_;
@@ -109,8 +134,10 @@ private:
     time_point last_heard_{};
     time_point last_sent_{};
     time_point heartbeat_due_{};
+    std::uint64_t stalled_sign_ = 0; // which frame it was
     bool open_ = true;
     bool blocked_ = false;   // the socket is full; the writer coroutine waits for it
+    bool writing_ = false;   // there is a writer coroutine
     std::optional<failure> farewell_; // goodbye is to be said once everything else was sent
     bool finishing_ = false; // nothing new begins
     bool reported_ = false;

@@ -1,5 +1,6 @@
 #include <ise/net/handshake.hpp>
 
+#include <ise/core/limits.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/wire/body.hpp>
 
@@ -12,8 +13,6 @@ namespace {
 
 using wire::frame_type;
 
-// A greeting is small: nothing more is held for a stranger.
-constexpr std::uint32_t max_greeting_bytes = 16 * 1024;
 constexpr std::uint64_t shortest_heartbeat_ns = 20'000'000;
 constexpr std::uint64_t longest_heartbeat_ns = 3'600'000'000'000;
 constexpr std::uint64_t largest_message_bytes = 0xffff'0000; // a frame's header counts in 32 bits
@@ -29,7 +28,7 @@ wire::limits bounded(wire::limits offered) {
 class greeting {
 public:
     greeting(loop& on, std::unique_ptr<stream> transport, time_point deadline)
-        : transport_(std::move(transport)), parser_(max_greeting_bytes), alarm_(on, [this] {
+        : transport_(std::move(transport)), parser_(limit::greeting_bytes), alarm_(on, [this] {
               late_ = true;
               transport_->close();
           }) {
@@ -60,6 +59,13 @@ public:
             if (wrote.problem) co_return broken(wrote.problem);
         }
         co_return result<void>();
+    }
+
+    /// What the transport carries sets a limit of its own.
+    wire::limits fitting(wire::limits offered) const {
+        if (auto* datagrams = dynamic_cast<datagram_stream*>(transport_.get()))
+            offered.max_message_bytes = std::min(offered.max_message_bytes, datagrams->max_message_bytes());
+        return offered;
     }
 
     std::string peer() const { return transport_->peer(); }
@@ -95,6 +101,7 @@ failure farewell_of(const std::string& peer, const wire::frame& came) {
 
 task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<stream> transport, wire::hello mine, time_point deadline) {
     greeting with(on, std::move(transport), deadline);
+    mine.accepts = with.fitting(mine.accepts);
     auto sent = co_await with.send(frame_type::hello, mine);
     if (!sent) co_return sent.error();
     auto came = co_await with.receive();
@@ -109,10 +116,9 @@ task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<str
     session_terms terms;
     terms.version = theirs->version;
     terms.features = theirs->features & mine.features;
-    terms.self = mine.self;
     terms.peer = theirs->self;
     terms.we_accept = bounded(mine.accepts);
-    terms.peer_accepts = bounded(theirs->accepts);
+    terms.peer_accepts = with.fitting(bounded(theirs->accepts));
     co_return with.done(on, std::move(terms));
 }
 
@@ -143,15 +149,15 @@ task<result<std::shared_ptr<connection>>> respond(loop& on, std::unique_ptr<stre
     }
     answer->version = std::min(wire::newest_version, theirs->newest);
     answer->features &= theirs->features;
+    answer->accepts = with.fitting(answer->accepts);
     auto sent = co_await with.send(frame_type::welcome, *answer);
     if (!sent) co_return sent.error();
     session_terms terms;
     terms.version = answer->version;
     terms.features = answer->features;
-    terms.self = answer->self;
     terms.peer = theirs->self;
     terms.we_accept = bounded(answer->accepts);
-    terms.peer_accepts = bounded(theirs->accepts);
+    terms.peer_accepts = with.fitting(bounded(theirs->accepts));
     co_return with.done(on, std::move(terms));
 }
 

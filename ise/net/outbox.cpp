@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cstring>
+#include <utility>
 
 namespace ise::net {
 namespace {
@@ -50,16 +51,16 @@ void outbox::end_call() {
     if (is_request(message.header)) message.deadline = deadline_of(calls_.data() + call_start_ + frame_header::size);
     std::size_t body_at = call_start_ + frame_header::size;
     if (call_start_ == 0) { // nothing else in it: the buffer itself becomes the message's
-        auto owner = std::make_shared<buffer>(std::move(calls_));
-        calls_ = buffer();
+        message.owner = shared_bytes(std::exchange(calls_, buffer()));
         calls_taken_ = 0;
-        message.payload = owner->view().subspan(body_at);
-        message.owner = std::move(owner);
+        message.payload = message.owner.view().subspan(body_at);
     } else {
-        auto owner = std::make_shared<bytes>(calls_.data() + body_at, calls_.data() + calls_.size());
+        auto body = calls_.view().subspan(body_at);
+        buffer copy(body.size());
+        copy.append(body);
         calls_.truncate(call_start_);
-        message.payload = *owner;
-        message.owner = std::move(owner);
+        message.owner = shared_bytes(std::move(copy));
+        message.payload = message.owner.view();
     }
     message.id = next_piece_id_++;
     big_bytes_ += message.size();
@@ -74,8 +75,8 @@ void outbox::add(publication_source& source) {
 }
 
 void outbox::remove(publication_source& source) noexcept {
-    if (std::exchange(source.pending_, false)) std::erase(sources_, &source);
-    std::erase_if(big_packets_, [&](const big_message& message) {
+    if (std::exchange(source.pending_, false)) sources_.erase_if([&](publication_source* other) { return other == &source; });
+    big_packets_.erase_if([&](const big_message& message) {
         if (message.source != &source) return false;
         if (message.begun) put_abandoned(message);
         big_bytes_ -= message.size() - message.sent;
@@ -86,14 +87,18 @@ void outbox::remove(publication_source& source) noexcept {
 
 void outbox::put_packet(publication_source& from, frame_header header, bytes_view head,
                         const shared_bytes& payload) {
-    assert(filling_);
     std::size_t size = head.size() + payload.size();
     header.length = static_cast<std::uint32_t>(size);
+    if (lane_) {
+        lane_->put(header.id, header, head, payload);
+        return;
+    }
+    assert(filling_);
     if (size > whole_bytes) {
         big_message message;
         message.header = header;
         message.head.assign(head.begin(), head.end());
-        message.owner = payload.owner();
+        message.owner = payload;
         message.payload = payload.view();
         message.source = &from;
         message.id = next_piece_id_++;
@@ -102,13 +107,17 @@ void outbox::put_packet(publication_source& from, frame_header header, bytes_vie
         big_packets_.push_back(std::move(message));
         return;
     }
-    wire::put_header(filling_->staging(), header);
-    filling_->staging().append(head);
-    if (payload.size() <= copied_bytes) {
-        filling_->staging().append(payload.view());
-    } else {
-        filling_->share(payload.owner(), payload.view());
+    auto& staging = filling_->staging();
+    if (payload.size() > copied_bytes) {
+        wire::put_header(staging, header);
+        staging.append(head);
+        filling_->share(payload, payload.view());
+        return;
     }
+    std::byte* at = staging.grow(frame_header::size + size);
+    wire::store_header(at, header);
+    at = std::copy(head.begin(), head.end(), at + frame_header::size);
+    if (payload.size() > 0) std::memcpy(at, payload.view().data(), payload.size());
 }
 
 bool outbox::empty() const noexcept {
@@ -126,7 +135,7 @@ void outbox::put_abandoned(const big_message& message) {
 
 bool outbox::fill(batch& out, time_point now) {
     // Requests that have expired leave nothing to write, and others may wait behind them.
-    while (out.empty() && !empty()) {
+    while (out.empty() && !(lane_ ? calls_drained() : empty())) {
         if (!control_.empty()) {
             out.staging().append(control_.view());
             control_.clear();
@@ -134,7 +143,7 @@ bool outbox::fill(batch& out, time_point now) {
         if (calls_.size() > calls_taken_) fill_calls(out, now);
         if (!big_calls_.empty()) fill_pieces(big_calls_, out, now);
         if (!big_packets_.empty()) fill_pieces(big_packets_, out, now);
-        if (!sources_.empty()) fill_publications(out);
+        if (!sources_.empty() && !lane_) fill_publications(out);
     }
     return !out.empty();
 }
@@ -142,7 +151,7 @@ bool outbox::fill(batch& out, time_point now) {
 void outbox::fill_calls(batch& out, time_point now) {
     std::size_t at = calls_taken_;
     std::size_t expired = 0;
-    while (at < calls_.size() && at - calls_taken_ < batch_bytes) {
+    while (at < calls_.size() && at - calls_taken_ < batch_limit_) {
         auto header = wire::read_header(calls_.data() + at);
         std::size_t size = frame_header::size + header.length;
         if (is_request(header) && !stamp(calls_.data() + at + frame_header::size, now)) {
@@ -203,11 +212,10 @@ void outbox::put_piece(big_message& message, batch& out) {
     out.share(message.owner, message.payload.subspan(offset, count));
 }
 
-void outbox::fill_pieces(std::deque<big_message>& from, batch& out, time_point now) {
+void outbox::fill_pieces(ring<big_message>& from, batch& out, time_point now) {
     // One piece of each in turn.
-    for (std::size_t round = from.size(); round > 0 && out.bytes() < batch_bytes; --round) {
-        big_message message = std::move(from.front());
-        from.pop_front();
+    for (std::size_t round = from.size(); round > 0 && out.bytes() < batch_limit_; --round) {
+        big_message message = from.pop_front();
         if (!message.begun && message.deadline != time_point::max()) {
             // The buffer is this message's own: only the constness of shared owners is in the way.
             if (!stamp(const_cast<std::byte*>(message.payload.data()), now)) {
@@ -228,9 +236,8 @@ void outbox::fill_pieces(std::deque<big_message>& from, batch& out, time_point n
 
 void outbox::fill_publications(batch& out) {
     filling_ = &out;
-    while (!sources_.empty() && out.bytes() < batch_bytes) {
-        auto* source = sources_.front();
-        sources_.pop_front();
+    while (!sources_.empty() && out.bytes() < batch_limit_) {
+        auto* source = sources_.pop_front();
         source->pending_ = false;
         bool more = source->take(*this, quantum);
         if (!more) continue;
@@ -241,6 +248,17 @@ void outbox::fill_publications(batch& out) {
     filling_ = nullptr;
 }
 
+void outbox::feed_lane() {
+    while (!sources_.empty() && lane_->wanted()) {
+        auto* source = sources_.front();
+        sources_.pop_front();
+        source->pending_ = false;
+        if (!source->take(*this, 1)) continue; // one packet: the next is chosen when it is time for it
+        source->pending_ = true;
+        sources_.push_back(source);
+    }
+}
+
 void outbox::take_unwritten(const std::function<void(std::uint64_t, frame_header, bytes_view)>& visit) {
     // One that was withdrawn is not the caller's any more: it finds no call of that id.
     for (std::size_t at = calls_taken_; at < calls_.size();) {
@@ -249,22 +267,25 @@ void outbox::take_unwritten(const std::function<void(std::uint64_t, frame_header
         if (header.type == frame_type::request) visit(header.id, header, body);
         at += frame_header::size + header.length;
     }
-    for (const auto& message : big_calls_)
+    for (std::size_t i = 0; i < big_calls_.size(); ++i) {
+        const auto& message = big_calls_[i];
+        big_bytes_ -= message.size() - message.sent;
         if (message.header.type == frame_type::request && !message.begun) visit(message.header.id, message.header, message.payload);
+    }
     calls_.clear();
     calls_taken_ = 0;
-    for (const auto& message : big_calls_) big_bytes_ -= message.size() - message.sent;
     big_calls_.clear();
 }
 
 bool outbox::withdraw(std::uint64_t request_id) {
-    for (auto found = big_calls_.begin(); found != big_calls_.end(); ++found) {
-        if (found->header.id != request_id || found->header.type != frame_type::request) continue;
-        if (found->begun) put_abandoned(*found);
-        big_bytes_ -= found->size() - found->sent;
-        big_calls_.erase(found);
-        return true;
-    }
+    bool big = false;
+    big_calls_.erase_if([&](const big_message& message) {
+        if (message.header.id != request_id || message.header.type != frame_type::request) return false;
+        if (message.begun) put_abandoned(message);
+        big_bytes_ -= message.size() - message.sent;
+        return big = true;
+    });
+    if (big) return true;
     for (std::size_t at = calls_taken_; at < calls_.size();) {
         auto header = wire::read_header(calls_.data() + at);
         if (header.id == request_id && is_request(header)) {

@@ -1,12 +1,12 @@
 #pragma once
+#include <ise/core/ring.hpp>
 #include <ise/core/time.hpp>
 #include <ise/net/batch.hpp>
 #include <ise/packet/shared_bytes.hpp>
 #include <ise/wire/frame.hpp>
 
-#include <deque>
+#include <algorithm>
 #include <functional>
-#include <memory>
 #include <vector>
 
 namespace ise::net {
@@ -30,6 +30,18 @@ private:
     std::size_t in_pieces_ = 0;
 };
 
+/// Where a connection puts packets that need not arrive: beside its stream, as messages of their own.
+class packet_lane {
+public:
+    /// Whether one more packet should be put now. Where not, whoever asked is told when it is time again.
+    virtual bool wanted() noexcept = 0;
+    /// A whole packet frame: header, the part before the shared payload, payload. `key` is its subscription.
+    virtual void put(std::uint64_t key, const wire::frame_header& header, bytes_view head, const shared_bytes& payload) = 0;
+
+protected:
+    ~packet_lane() = default;
+};
+
 /// What waits to be written on one connection, in three classes: control goes first, then calls and replies, then
 /// publications, fairly by bytes; messages beyond a frame go in interleaved pieces. Bounded; without I/O.
 class outbox {
@@ -39,6 +51,8 @@ public:
     static constexpr std::size_t piece_bytes = 64 * 1024;
     /// One gathered write takes about this much.
     static constexpr std::size_t batch_bytes = 256 * 1024;
+    /// Or about this much, if it is less: what was moved to a write is out of the reach of priorities.
+    void limit_batch(std::size_t most) noexcept { batch_limit_ = std::clamp<std::size_t>(most, 1, batch_bytes); }
 
     /// Where a control frame is appended (`wire::put_frame`).
     buffer& control() noexcept { return control_; }
@@ -55,6 +69,10 @@ public:
     /// For sources: a packet frame. `head` is the part of the body before the shared payload.
     void put_packet(publication_source& from, wire::frame_header header, bytes_view head,
                     const shared_bytes& payload);
+
+    /// From now on packets go into `lane`, which lives as long as this, by `feed_lane` instead of `fill`.
+    void use(packet_lane& lane) noexcept { lane_ = &lane; }
+    void feed_lane();
 
     /// Moves what goes into one write to the batch; false if nothing waits.
     bool fill(batch& out, time_point now);
@@ -75,7 +93,7 @@ private:
     struct big_message {
         wire::frame_header header;
         bytes head;                              // before the payload
-        std::shared_ptr<const void> owner;
+        shared_bytes owner;
         bytes_view payload;
         publication_source* source = nullptr;    // publications
         std::uint64_t id = 0;                    // of its pieces
@@ -86,7 +104,7 @@ private:
     };
 
     void fill_calls(batch& out, time_point now);
-    void fill_pieces(std::deque<big_message>& from, batch& out, time_point now);
+    void fill_pieces(ring<big_message>& from, batch& out, time_point now);
     void fill_publications(batch& out);
     static void put_piece(big_message& message, batch& out);
     void put_abandoned(const big_message& message);
@@ -95,10 +113,12 @@ private:
     buffer calls_;
     std::size_t calls_taken_ = 0;
     std::size_t call_start_ = 0;
-    std::deque<big_message> big_calls_;
-    std::deque<big_message> big_packets_;
-    std::deque<publication_source*> sources_;
+    ring<big_message> big_calls_;
+    ring<big_message> big_packets_;
+    ring<publication_source*> sources_;
+    std::size_t batch_limit_ = batch_bytes;
     batch* filling_ = nullptr; // during fill_publications
+    packet_lane* lane_ = nullptr;
     std::size_t big_bytes_ = 0;
     std::uint64_t next_piece_id_ = 1;
 };

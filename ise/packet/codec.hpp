@@ -15,6 +15,7 @@ void encode(const T& value, buffer& out) {
     if constexpr (check_packet<T>()) detail::write(out, value);
 }
 
+/// A packet as its bytes (LAYOUT.md).
 template <class T>
 bytes encode(const T& value) {
     buffer out;
@@ -27,6 +28,17 @@ template <class T>
 bool read_whole(reader& in, T& value) {
     return read(in, value) && in.finish();
 }
+/// Where memory and wire are the same bytes there is nothing to go wrong but the length, which the reader tells of.
+template <class T>
+bool copy_whole(bytes_view input, T& value) {
+    if constexpr (codec<T>::raw) {
+        if (input.size() != sizeof(T)) return false;
+        std::memcpy(static_cast<void*>(&value), input.data(), sizeof(T));
+        return true;
+    } else {
+        return false;
+    }
+}
 } // namespace detail
 
 /// Decodes into a value that is there, reusing its memory. All of the input must be consumed.
@@ -34,6 +46,7 @@ bool read_whole(reader& in, T& value) {
 template <class T>
 void decode_into(T& value, bytes_view input, const decode_limits& limits = {}) {
     if constexpr (check_packet<T>()) {
+        if (detail::copy_whole(input, value)) return;
         detail::reader in(input, limits);
         if (!detail::read_whole(in, value)) [[unlikely]] throw error(in.take_failure(type_name<T>));
     }
@@ -52,6 +65,7 @@ template <class T>
 result<T> try_decode(bytes_view input, const decode_limits& limits = {}) {
     T value{};
     if constexpr (check_packet<T>()) {
+        if (detail::copy_whole(input, value)) return value;
         detail::reader in(input, limits);
         if (!detail::read_whole(in, value)) [[unlikely]] return in.take_failure(type_name<T>);
     }

@@ -12,7 +12,9 @@ namespace ise {
 /// One value inside a packet whose type is known at run time only. Borrows from its dynamic_packet.
 class field_view {
 public:
+    /// The type of this value.
     const type_description& type() const noexcept { return *type_; }
+    /// What kind of value it is.
     type_kind kind() const noexcept { return type_->kind; }
     /// The bytes of this value alone.
     bytes_view raw() const noexcept { return raw_; }
@@ -26,6 +28,7 @@ public:
     bool is_null() const;          ///< an optional without value
     std::size_t size() const;      ///< elements of a container, bytes of a string, fields of a struct
 
+    /// As bool, an integer, a floating point number or a std::string; throws `type_mismatch` where it does not fit.
     template <class T>
     T as() const {
         if constexpr (std::same_as<T, bool>) return as_bool();
@@ -37,6 +40,7 @@ public:
             else return static_cast<T>(ranged(as_uint(), std::numeric_limits<T>::max()));
         }
     }
+    /// The value as one line of JSON.
     std::string to_json() const;
 
 private:
@@ -60,7 +64,9 @@ public:
     /// Throws as `ise::from_json`.
     static dynamic_packet from_json(schema of, std::string_view json, const json_limits& limits = {});
 
+    /// What it looks like.
     const schema& type() const noexcept { return schema_; }
+    /// Its bytes, as they travel; borrowed.
     bytes_view encoded() const noexcept { return encoded_; }
 
     /// Reads by a path: `waypoints[3].latitude_deg`; tuple elements are fields `0`, `1`, …; a map is indexed by its
@@ -68,6 +74,7 @@ public:
     /// no such thing, naming how far the path led. The view lives as long as the packet.
     field_view field(std::string_view path) const;
 
+    /// The packet as JSON, as `ise::to_json`.
     std::string to_json(json_style style = json_style::compact) const { return ise::to_json(schema_, encoded_, style); }
 
     /// The typed packet, adapted to its own version of the type; throws `type_mismatch` with the diff.

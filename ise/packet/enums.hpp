@@ -18,13 +18,16 @@ namespace ise {
 /// Specialise it for an enum with values beyond; enumerators outside travel as numbers without a name.
 template <class E>
 struct enum_range {
-    static constexpr int min = -16;
-    static constexpr int max = 255;
+    static constexpr int min = -16; ///< the least value looked at
+    static constexpr int max = 255; ///< the greatest, but for single bits
 };
 
+/// A name and its value.
 struct enumerator {
+    /// As it is written in C++.
     std::string name;
     std::int64_t value; ///< of an enum over std::uint64_t: the same 64 bits
+    /// Same name, same value.
     bool operator==(const enumerator&) const = default;
 };
 

@@ -7,6 +7,7 @@
 
 namespace ise {
 
+/// How JSON is laid out.
 enum class json_style {
     compact, ///< one line
     pretty,  ///< indented by two
@@ -14,9 +15,9 @@ enum class json_style {
 
 /// What a JSON text may cost, whoever wrote it.
 struct json_limits {
-    std::size_t max_text_bytes = std::size_t{16} << 20;
-    std::size_t max_depth = 64;
-    std::size_t max_packet_bytes = std::size_t{256} << 20;
+    std::size_t max_text_bytes = std::size_t{16} << 20;    ///< of the JSON
+    std::size_t max_depth = 64;                            ///< of lists and objects
+    std::size_t max_packet_bytes = std::size_t{256} << 20; ///< of the packet made of it
 };
 
 /// A packet's bytes as JSON. LAYOUT.md tells how each type is shown: enumerators by name, time points in ISO 8601
@@ -29,12 +30,14 @@ std::string to_json(const schema& of, bytes_view packet, json_style style = json
 /// names the nearest known one. `too_large` beyond the limits.
 bytes from_json(const schema& of, std::string_view json, const json_limits& limits = {});
 
+/// A typed packet as JSON.
 template <class T>
     requires packet<T>
 std::string to_json(const T& value, json_style style = json_style::compact) {
     return to_json(schema_of<T>(), encode(value), style);
 }
 
+/// JSON as a typed packet; throws as above.
 template <class T>
 T from_json(std::string_view json) {
     return decode<T>(from_json(schema_of<T>(), json));

@@ -1,6 +1,7 @@
 #include <ise/packet/schema.hpp>
 
 #include <ise/packet/detail/schema_text.hpp>
+#include <ise/packet/detail/text_forms.hpp>
 #include <ise/packet/fingerprint.hpp>
 
 #include <fmt/format.h>
@@ -25,8 +26,9 @@ void make_names_plain(type_description& type) {
                                                         "only: change its ise::opaque_type", type.name));
     for (auto& member : type.members) {
         if (type.kind == type_kind::structure) {
+            bool letters = detail::is_utf8(member.name);
             for (char& c : member.name)
-                if (!detail::is_name_char(c)) c = '_';
+                if (!detail::is_name_char(c) || (!letters && static_cast<unsigned char>(c) >= 0x80)) c = '_';
             if (!is_name(member.name)) member.name = "_";
         }
         make_names_plain(member.type);

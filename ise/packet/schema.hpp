@@ -12,14 +12,14 @@ namespace ise {
 
 /// What a schema's text may cost, whoever wrote it.
 struct schema_limits {
-    std::size_t max_text_bytes = std::size_t{256} << 10;
-    std::size_t max_depth = 64;
+    std::size_t max_text_bytes = std::size_t{256} << 10;   ///< of the text
+    std::size_t max_depth = 64;                            ///< of types within types
     std::size_t max_types = 4096;                          ///< types of all fields together, at all depths
     std::size_t max_members = 1024;                        ///< fields of one struct, alternatives of one variant
     std::size_t max_enumerators = 4096;                    ///< of one enum
-    std::size_t max_name_bytes = 256;
+    std::size_t max_name_bytes = 256;                      ///< of one name
     std::uint64_t max_min_size = std::uint64_t{256} << 20; ///< the least that a value takes on the wire
-    std::uint64_t max_array_length = std::uint64_t{256} << 20;
+    std::uint64_t max_array_length = std::uint64_t{256} << 20; ///< of one array, in elements
 };
 
 /// What a packet looks like, at any depth. Immutable and shared: copies are cheap, and may be used from any thread.
@@ -43,6 +43,7 @@ public:
     std::string pretty() const;
     /// The name of the packet's type, for messages.
     const std::string& name() const noexcept { return data_->name; }
+    /// The tree that the text is made of.
     const type_description& type() const noexcept { return data_->type; }
 
     /// The same text: same fields, names and defaults.

@@ -10,30 +10,31 @@ constexpr std::size_t small_bytes = 1024;
 
 } // namespace
 
-buffer& shared_bytes_maker::room() {
-    room_.clear();
-    if (last_big_ > room_.capacity()) room_.reserve(last_big_); // the next is likely as big
-    return room_;
+void shared_bytes::destroy(block* unheld) noexcept { delete unheld; }
+
+void shared_bytes_maker::next_chunk() {
+    std::swap(chunk_, spare_);
+    if (chunk_.block_ && chunk_.block_->holders == 1) {
+        chunk_.block_->content.clear();
+    } else {
+        chunk_ = shared_bytes(buffer(chunk_bytes));
+    }
 }
 
 shared_bytes shared_bytes_maker::share() {
     const auto size = room_.size();
     if (size > small_bytes) {
         last_big_ = size;
-        auto owner = std::make_shared<buffer>(std::move(room_));
-        room_ = buffer();
-        const std::byte* data = owner->data();
-        return {std::shared_ptr<const std::byte>(std::move(owner), data), size};
+        return shared_bytes(std::exchange(room_, buffer()));
     }
     last_big_ = 0;
-    if (!chunk_ || chunk_bytes - used_ < size) {
-        chunk_ = std::make_shared_for_overwrite<std::byte[]>(chunk_bytes);
-        used_ = 0;
-    }
-    std::byte* at = chunk_.get() + used_;
+    if (!chunk_.block_ || chunk_bytes - chunk_.block_->content.size() < size) next_chunk();
+    shared_bytes made = chunk_;
+    std::byte* at = chunk_.block_->content.grow(size);
     if (size > 0) std::memcpy(at, room_.data(), size);
-    used_ += size;
-    return {std::shared_ptr<const std::byte>(chunk_, at), size};
+    made.data_ = at;
+    made.size_ = size;
+    return made;
 }
 
 } // namespace ise

@@ -3,44 +3,71 @@
 #include <ise/packet/buffer.hpp>
 
 #include <cstddef>
-#include <memory>
+#include <utility>
 
 namespace ise {
 
-/// Bytes that are written once and then shared by all who send them. A value; a copy costs a count.
+/// Bytes that are written once and then shared by all who send them. A value; a copy costs a count. All who share them
+/// are on one loop: the count is an ordinary number, as a locked one would cost more than copying a small packet.
 class shared_bytes {
 public:
     shared_bytes() = default;
-    shared_bytes(std::shared_ptr<const bytes> owned) : size_(owned->size()) {
-        auto* data = owned->data();
-        owner_ = std::shared_ptr<const std::byte>(std::move(owned), data);
+    /// Takes over a whole buffer.
+    explicit shared_bytes(buffer content) : data_(content.data()), size_(content.size()), block_(new block{std::move(content)}) {}
+    shared_bytes(const shared_bytes& other) noexcept : data_(other.data_), size_(other.size_), block_(other.block_) {
+        if (block_) ++block_->holders;
     }
-    /// `size` bytes at `owner`, which keeps them alive.
-    shared_bytes(std::shared_ptr<const std::byte> owner, std::size_t size) noexcept : owner_(std::move(owner)), size_(size) {}
+    shared_bytes(shared_bytes&& other) noexcept : data_(other.data_), size_(other.size_), block_(std::exchange(other.block_, nullptr)) {}
+    shared_bytes& operator=(const shared_bytes& other) noexcept { return *this = shared_bytes(other); }
+    shared_bytes& operator=(shared_bytes&& other) noexcept {
+        if (this == &other) return *this;
+        let_go();
+        data_ = other.data_;
+        size_ = other.size_;
+        block_ = std::exchange(other.block_, nullptr);
+        return *this;
+    }
+    ~shared_bytes() { let_go(); }
 
+    /// Of one that was moved from: unspecified.
     std::size_t size() const noexcept { return size_; }
-    bytes_view view() const noexcept { return {owner_.get(), size_}; }
-    const std::shared_ptr<const std::byte>& owner() const noexcept { return owner_; }
+    bytes_view view() const noexcept { return {data_, size_}; }
 
 private:
-    std::shared_ptr<const std::byte> owner_;
+    friend class shared_bytes_maker;
+    struct block {
+        buffer content;
+        std::size_t holders = 1;
+    };
+    void let_go() noexcept {
+        if (block_ && --block_->holders == 0) destroy(block_);
+    }
+    static void destroy(block* unheld) noexcept;
+
+    const std::byte* data_ = nullptr;
     std::size_t size_ = 0;
+    block* block_ = nullptr;
 };
 
 /// Makes shared bytes of what was encoded. Small contents lie side by side in common chunks, so that a burst of them
 /// does not cost an allocation each; a chunk lives as long as anything in it is shared, and is small for that reason.
-/// A big content keeps the buffer that it was encoded into.
+/// Two chunks that take turns serve as long as nothing waits. A big content keeps the buffer that it was encoded into.
 class shared_bytes_maker {
 public:
     /// An empty buffer to encode into; valid until `share()`.
-    buffer& room();
+    buffer& room() {
+        room_.clear();
+        if (last_big_ > room_.capacity()) room_.reserve(last_big_); // the next is likely as big
+        return room_;
+    }
     /// What is in the room, as shared bytes.
     shared_bytes share();
 
 private:
+    void next_chunk();
+
     buffer room_;
-    std::shared_ptr<std::byte[]> chunk_;
-    std::size_t used_ = 0;
+    shared_bytes chunk_, spare_; // hold the chunks themselves
     std::size_t last_big_ = 0;
 };
 

@@ -19,6 +19,7 @@ enum class type_kind : std::uint8_t {
 
 /// "u8", "vector", … as in a schema's text.
 std::string_view name_of(type_kind kind) noexcept;
+/// Whether it is a number, bool, char or byte.
 constexpr bool is_scalar(type_kind kind) noexcept { return kind <= type_kind::f64; }
 /// Encoded size of a scalar.
 std::size_t size_of(type_kind scalar) noexcept;
@@ -27,14 +28,14 @@ struct type_member;
 
 /// A description of one type at any depth: plain data, a tree. Shared and immutable inside a `schema`.
 struct type_description {
-    type_kind kind = type_kind::structure;
+    type_kind kind = type_kind::structure; ///< which of the fields below count
     type_kind number = type_kind::i64;     ///< of an enum, or of a duration (i64, or f64 where it counts fractions)
     std::string name;                      ///< of a struct or enum (for people), of an opaque type (identity)
     std::vector<type_member> members;      ///< fields, elements, alternatives; of a map: key, value
     std::vector<enumerator> enumerators;   ///< of an enum
     std::uint64_t length = 0;              ///< of an array
     std::int64_t period_num = 1;           ///< of a duration or time point, in seconds
-    std::int64_t period_den = 1;
+    std::int64_t period_den = 1;           ///< the denominator of that
     std::uint32_t version = 0;             ///< of an opaque type
 
     // Computed by complete():
@@ -45,9 +46,10 @@ struct type_description {
     void complete() noexcept;
 };
 
+/// A field, an element or an alternative.
 struct type_member {
     std::string name;                      ///< of a field
-    type_description type;
+    type_description type;                 ///< its type
     std::optional<bytes> preset;           ///< a field's encoded default where it is not the type's natural one
 };
 

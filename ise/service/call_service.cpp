@@ -6,12 +6,12 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 namespace ise {
 
 call_worker::call_worker(call_service& service, service_host& host)
-    : service_(service), host_(host), wake_(host.on(), [this] { wake_.resume(false); }), deadline_(host.on(), [this] { expire(); }) {
-    context_.service = service.name();
-}
+    : service_(service), host_(host), wake_(host.on(), [this] { wake_.resume(false); }), deadline_(host.on(), [this] { expire(); }) {}
 
 task<bool> call_worker::next() {
     return asio::async_initiate<const asio::use_awaitable_t<>, void(bool)>(
@@ -26,9 +26,7 @@ void call_worker::begin(incoming_call call) {
     call_ = std::move(call);
     busy_ = true;
     caller_ = call_.from;
-    context_.caller = caller_->peer_name();
-    context_.deadline = call_.deadline;
-    context_.trace = call_.trace;
+    context_ = service_.context_of_call(call_);
     deadline_.arm(call_.deadline);
     wake_.resume(true);
 }
@@ -73,7 +71,8 @@ void call_service::serve(incoming_call call, bytes_view request) {
         return;
     }
     try {
-        if (serve_now(call, request) || begin(call, request)) return;
+        if (serve_now(call, request)) return;
+        if (may_begin(*call.from) && begin(call, request)) return;
     } catch (const error& thrown) {
         refuse(call, thrown.why());
         return;
@@ -81,13 +80,19 @@ void call_service::serve(incoming_call call, bytes_view request) {
         refuse(call, failure(errc::handler_failed, thrown.what(), execution::unknown));
         return;
     }
-    if (waiting_.size() >= options_.waiting) {
-        refuse(call, failure(errc::overloaded, fmt::format("'{}' has {} requests waiting", name_, waiting_.size())));
-        return;
-    }
     // A new worker takes the request from the queue as soon as its coroutine has come up.
-    waiting_.push_back(waiting_call{std::move(call), bytes(request.begin(), request.end())});
-    if (workers_.size() < options_.concurrent) add_worker();
+    bool more_workers = workers_.size() < options_.concurrent && may_begin(*call.from);
+    waiting_.push(waiting_call{std::move(call), bytes(request.begin(), request.end())});
+    while (auto beyond = waiting_.overflow(options_.waiting, options_.waiting_bytes))
+        refuse(beyond->call, failure(errc::overloaded, fmt::format("'{}' has {} requests of {} bytes waiting", name_, waiting_.size(), waiting_.bytes_held())));
+    if (more_workers) add_worker();
+}
+
+bool call_service::may_begin(const session& from) const {
+    auto most = options_.concurrent < 4 ? options_.concurrent : options_.concurrent - options_.concurrent / 4;
+    if (running() < most) return true;
+    auto theirs = std::ranges::count_if(workers_, [&](const auto& worker) { return worker->caller_.get() == &from; });
+    return static_cast<std::size_t>(theirs) < most;
 }
 
 bool call_service::begin(incoming_call& call, bytes_view request) {
@@ -114,7 +119,7 @@ void call_service::add_worker() {
             ~leaving() {
                 who.cancel_ = nullptr;
                 if (!of.host_.on().abandoned()) return;
-                auto calls = std::exchange(of.waiting_, {});
+                auto calls = of.waiting_.take_all();
                 auto call = std::exchange(who.call_, {});
                 auto caller = std::move(who.caller_);
             }
@@ -125,7 +130,7 @@ void call_service::add_worker() {
     worker.cancel_ = host_.scope().spawn("handler of " + name_, body(shared_from_this(), worker), std::move(executor));
     if (worker.cancel_) return;
     workers_.pop_back();
-    for (auto& entry : std::exchange(waiting_, {})) refuse(entry.call, failure(errc::cancelled, "the component stops"));
+    for (auto& entry : waiting_.take_all()) refuse(entry.call, failure(errc::cancelled, "the component stops"));
 }
 
 void call_service::idle(call_worker& worker) {
@@ -135,9 +140,10 @@ void call_service::idle(call_worker& worker) {
         return;
     }
     idle_.push_back(&worker);
-    while (!waiting_.empty()) {
-        auto next = std::move(waiting_.front());
-        waiting_.pop_front();
+    for (;;) {
+        auto found = waiting_.pop([this](const session& from) { return may_begin(from); });
+        if (!found) return;
+        auto& next = *found;
         if (next.call.deadline <= host_.on().now()) {
             refuse(next.call, failure(errc::timed_out, fmt::format("'{}' was too busy to begin in time", name_)));
             continue;
@@ -153,7 +159,7 @@ void call_service::idle(call_worker& worker) {
 
 // The caller is gone: nobody is answered any more.
 void call_service::withdraw(const session& from, std::uint64_t id) {
-    std::erase_if(waiting_, [&](const waiting_call& entry) { return entry.call.from.get() == &from && entry.call.id == id; });
+    waiting_.withdraw(from, id);
     for (auto& worker : workers_) {
         if (worker->call_.from.get() != &from || worker->call_.id != id) continue;
         worker->call_ = {};
@@ -165,8 +171,7 @@ void call_service::withdraw(const session& from, std::uint64_t id) {
 
 void call_service::stop() {
     stopped_ = true;
-    for (auto& entry : std::exchange(waiting_, {}))
-        refuse(entry.call, failure(errc::cancelled, fmt::format("'{}' is not provided any more", name_)));
+    for (auto& entry : waiting_.take_all()) refuse(entry.call, failure(errc::cancelled, fmt::format("'{}' is not provided any more", name_)));
     for (auto* worker : std::exchange(idle_, {})) worker->wake_.resume(false);
     // Those who wait for a handler that runs are told now, before the sessions say goodbye.
     for (auto& worker : workers_) {
@@ -177,8 +182,9 @@ void call_service::stop() {
     }
 }
 
-call_context call_service::context_of_call(const incoming_call& call) {
+call_context call_service::context_of_call(const incoming_call& call) const {
     call_context made;
+    made.service = name_;
     made.caller = call.from->peer_name();
     made.deadline = call.deadline;
     made.trace = call.trace;

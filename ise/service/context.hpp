@@ -1,4 +1,5 @@
 #pragma once
+#include <ise/core/asio_compat.hpp>
 #include <ise/core/time.hpp>
 
 #include <asio/any_io_executor.hpp>
@@ -19,10 +20,10 @@ struct trace_id {
 /// What a handler may know of the call it answers. It reaches nested calls by itself: the executor of a handler's
 /// coroutine carries it, so a call made there has the smaller of the two deadlines and the same trace.
 struct call_context {
-    std::string_view service;
+    std::string_view service; ///< that was called
     std::string_view caller; ///< the caller's path, or its address if it has none
-    time_point deadline = time_point::max();
-    trace_id trace;
+    time_point deadline = time_point::max(); ///< when nobody waits any more, on the loop's clock
+    trace_id trace; ///< what it belongs to
 };
 
 /// An executor that is its loop's, and knows the call that its coroutine works for.
@@ -49,7 +50,7 @@ public:
     }
     template <class Function>
     void execute(Function&& function) const {
-        asio::execution::execute(inner_, std::forward<Function>(function));
+        compat::execute(inner_, std::forward<Function>(function));
     }
 
     friend bool operator==(const context_executor& a, const context_executor& b) noexcept {

@@ -1,4 +1,5 @@
 #pragma once
+#include <ise/core/time.hpp>
 #include <ise/packet/schema.hpp>
 
 #include <cstdint>
@@ -7,30 +8,33 @@
 
 namespace ise {
 
+/// The two kinds of services; the numbers travel.
 enum class service_kind : std::uint8_t { request_response = 0, subscription = 1 };
 
+/// "request_response", "subscription".
 std::string_view name_of(service_kind kind) noexcept;
 
 /// The packets of a service, in the order of its kind: request, response; or subscribe request and response,
 /// published packet, unsubscribe request and response. Made once a combination of types; compared by address on
 /// the hot path.
 struct packet_types {
+    /// Computes the fingerprints.
     packet_types(service_kind of_kind, std::vector<schema> of_packets);
 
-    service_kind kind;
-    std::vector<schema> schemas;
-    std::vector<std::uint64_t> fingerprints;
+    service_kind kind; ///< of the service
+    std::vector<schema> schemas; ///< of its packets
+    std::vector<std::uint64_t> fingerprints; ///< of these, in their order
 };
 
 /// Which packet of a service, by its place in `packet_types::schemas`.
 namespace role {
-inline constexpr std::size_t request = 0;
-inline constexpr std::size_t response = 1;
-inline constexpr std::size_t subscribe_request = 0;
-inline constexpr std::size_t subscribe_response = 1;
-inline constexpr std::size_t published = 2;
-inline constexpr std::size_t unsubscribe_request = 3;
-inline constexpr std::size_t unsubscribe_response = 4;
+inline constexpr std::size_t request = 0; ///< of a request-response service
+inline constexpr std::size_t response = 1; ///< of a request-response service
+inline constexpr std::size_t subscribe_request = 0; ///< of a subscription
+inline constexpr std::size_t subscribe_response = 1; ///< of a subscription
+inline constexpr std::size_t published = 2; ///< of a subscription
+inline constexpr std::size_t unsubscribe_request = 3; ///< of a subscription
+inline constexpr std::size_t unsubscribe_response = 4; ///< of a subscription
 
 /// "request", "published packet"…, for messages.
 std::string_view name(service_kind kind, std::size_t place) noexcept;
@@ -38,8 +42,9 @@ std::string_view name(service_kind kind, std::size_t place) noexcept;
 
 /// A service as the untyped layers know it.
 struct service_key {
+    /// Unique among the services of a component.
     std::string_view name;
-    const packet_types* types = nullptr;
+    const packet_types* types = nullptr; ///< live as long as the program, or as the contract
 };
 
 /// The control packets of a subscription that needs none of its own.
@@ -50,13 +55,19 @@ struct nothing {};
 template <class Request, class Response>
 class request_response {
 public:
+    /// What is asked.
     using request_type = Request;
+    /// What is answered.
     using response_type = Response;
 
+    /// `name` is a literal: it is kept as it is.
     constexpr explicit request_response(std::string_view name) : name_(name) {}
+    /// How the service is called, unique within its component.
     constexpr std::string_view name() const noexcept { return name_; }
 
+    /// The service without its types.
     service_key key() const { return {name_, &types()}; }
+    /// The schemas of its packets, made once.
     static const packet_types& types() {
         static const packet_types made(service_kind::request_response, {schema_of<Request>(), schema_of<Response>()});
         return made;
@@ -66,6 +77,11 @@ public:
     template <class Remote, class... Field>
     auto operator()(Remote& provider, Field&&... fields) const {
         return provider.call(*this, Request{std::forward<Field>(fields)...});
+    }
+    /// `co_await helm.within(2s, boat, "hold")`: the same with a deadline.
+    template <class Remote, class... Field>
+    auto within(duration deadline, Remote& provider, Field&&... fields) const {
+        return provider.call(*this, Request{std::forward<Field>(fields)...}, deadline);
     }
 
 private:
@@ -78,16 +94,25 @@ template <class Packet, class SubscribeRequest = nothing, class SubscribeRespons
           class UnsubscribeRequest = nothing, class UnsubscribeResponse = nothing>
 class subscription {
 public:
+    /// What is published.
     using packet_type = Packet;
+    /// What a subscriber says of itself.
     using subscribe_request = SubscribeRequest;
+    /// What it is answered.
     using subscribe_response = SubscribeResponse;
+    /// What it says when it leaves.
     using unsubscribe_request = UnsubscribeRequest;
+    /// What it is answered then.
     using unsubscribe_response = UnsubscribeResponse;
 
+    /// `name` is a literal: it is kept as it is.
     constexpr explicit subscription(std::string_view name) : name_(name) {}
+    /// How the service is called, unique within its component.
     constexpr std::string_view name() const noexcept { return name_; }
 
+    /// The service without its types.
     service_key key() const { return {name_, &types()}; }
+    /// The schemas of its packets, made once.
     static const packet_types& types() {
         static const packet_types made(service_kind::subscription,
                                        {schema_of<SubscribeRequest>(), schema_of<SubscribeResponse>(), schema_of<Packet>(),

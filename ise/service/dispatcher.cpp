@@ -1,5 +1,6 @@
 #include <ise/service/dispatcher.hpp>
 
+#include <ise/core/limits.hpp>
 #include <ise/service/publication_core.hpp>
 
 #include <fmt/format.h>
@@ -9,11 +10,11 @@
 namespace ise {
 
 result<void> dispatcher::check_name(const std::string& name) const {
-    bool good = !name.empty() && name.size() <= 200 && std::ranges::all_of(name, [](unsigned char letter) {
+    bool good = !name.empty() && name.size() <= limit::service_name_bytes && std::ranges::all_of(name, [](unsigned char letter) {
         return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') || (letter >= '0' && letter <= '9') ||
                letter == '_' || letter == '.' || letter == '-' || letter == '/';
     });
-    if (!good) return failure(errc::invalid_argument, fmt::format("'{}' is no name of a service: letters, digits, '_', '.', '-' and '/'", name));
+    if (!good) return failure(errc::invalid_argument, fmt::format("'{}' is no name of a service: up to {} letters, digits, '_', '.', '-' and '/'", name, limit::service_name_bytes));
     if (calls_.contains(name) || publications_.contains(name))
         return failure(errc::invalid_argument, fmt::format("the service '{}' is provided already", name));
     return {};

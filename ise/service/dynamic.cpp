@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <deque>
 
 namespace ise {
 namespace {
@@ -83,35 +82,37 @@ public:
           response(default_packet(types->schemas[role::subscribe_response])), types_(std::move(types)) {}
 
     static task<received<dynamic_packet>> next(std::shared_ptr<core> self) {
-        while (self->queue_.empty() && !self->ended()) co_await self->wait_for_packet();
-        co_return self->take();
+        for (;;) {
+            auto packet = self->take();
+            if (packet || self->ended()) co_return packet;
+            co_await self->wait_for_packet();
+        }
     }
 
     received<dynamic_packet> take() {
-        if (!queue_.empty()) taken();
-        return queue_.take();
+        while (auto* waiting = waiting_packet()) {
+            try {
+                auto packet = counted<dynamic_packet>::make(read(types_->schemas[role::published], *waiting));
+                return received<dynamic_packet>(std::move(packet), take_packet());
+            } catch (const error& unreadable) {
+                drop_undecodable(unreadable);
+            }
+        }
+        return {};
     }
 
     dynamic_packet response;
 
 private:
-    static dynamic_packet read(const schema& type, bytes_view raw, const adapter* adapt) {
-        if (adapt) return dynamic_packet(type, (*adapt)(raw));
+    static dynamic_packet read(const schema& type, bytes_view raw) {
         return dynamic_packet(type, bytes(raw.begin(), raw.end()));
     }
 
-    void push(bytes_view packet, const adapter* adapt, std::uint64_t lost_before) override {
-        auto decoded = std::make_shared<const dynamic_packet>(read(types_->schemas[role::published], packet, adapt));
-        queue_.push(std::move(decoded), lost_before);
-    }
-    std::size_t queued() const noexcept override { return queue_.size(); }
-    std::uint64_t drop_oldest() override { return queue_.drop_oldest(); }
     void take_response(bytes_view raw) override {
-        if (!raw.empty()) response = read(types_->schemas[role::subscribe_response], raw, nullptr);
+        if (!raw.empty()) response = read(types_->schemas[role::subscribe_response], raw);
     }
 
     std::shared_ptr<const packet_types> types_;
-    received_queue<dynamic_packet> queue_;
 };
 
 dynamic_stream::dynamic_stream(std::shared_ptr<core> made) noexcept : core_(std::move(made)) {}

@@ -15,10 +15,13 @@ public:
     /// errc::invalid_argument unless there are as many packets as the kind has (two, or five).
     static result<dynamic_contract> make(std::string name, service_kind kind, std::vector<schema> packets);
 
+    /// How the service is called.
     const std::string& name() const noexcept { return name_; }
+    /// Request-response or subscription.
     service_kind kind() const noexcept { return types_->kind; }
     /// By its `role`: `packet(role::request)`.
     const schema& packet(std::size_t place) const noexcept { return types_->schemas[place]; }
+    /// All of its schemas.
     const std::shared_ptr<const packet_types>& types() const noexcept { return types_; }
 
 private:
@@ -41,7 +44,9 @@ task<result<dynamic_packet>> call_dynamic(remote provider, dynamic_contract serv
 class dynamic_stream {
 public:
     dynamic_stream() = default;
+    /// Takes the subscription over.
     dynamic_stream(dynamic_stream&&) noexcept = default;
+    /// The same; one that was held before is left.
     dynamic_stream& operator=(dynamic_stream&& other) noexcept;
     ~dynamic_stream();
 
@@ -53,14 +58,19 @@ public:
 
     /// What the provider answered to the subscription.
     const dynamic_packet& response() const noexcept;
+    /// What became of the packets so far.
     const subscription_counts& counts() const noexcept;
+    /// Whether the provider is reached now; false while the link heals.
     bool connected() const noexcept;
+    /// Whether it is over: `next()` gives what is left, then empty ones.
     bool ended() const noexcept;
     /// Only where `ended()`.
     const failure& cause() const noexcept;
+    /// Ends it now; waiting coroutines get the end.
     void leave();
 
     class core;
+    /// Made by `subscribe_dynamic`.
     explicit dynamic_stream(std::shared_ptr<core> made) noexcept;
 
 private:

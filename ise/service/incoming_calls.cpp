@@ -1,5 +1,6 @@
 #include <ise/service/incoming_calls.hpp>
 
+#include <ise/core/limits.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/packet/compatibility.hpp>
 #include <ise/service/service_host.hpp>
@@ -11,18 +12,27 @@
 namespace ise {
 namespace {
 
-constexpr std::uint32_t max_services = 4096;
-constexpr std::size_t max_held = 256;
-
 std::uint32_t slot_of(std::uint64_t id) noexcept { return static_cast<std::uint32_t>(id); }
 
 } // namespace
+
+std::optional<failure> objection_to(const wire::introduction& told) {
+    if (told.service.size() > limit::service_name_bytes)
+        return failure(errc::too_large, fmt::format("the name of a service has {} bytes, {} are allowed (service_name_bytes)", told.service.size(),
+                                                    limit::service_name_bytes));
+    if (told.fingerprints.size() > limit::service_fingerprints)
+        return failure(errc::too_large, fmt::format("'{}' was introduced with {} packets, {} are allowed (service_fingerprints)", told.service,
+                                                    told.fingerprints.size(), limit::service_fingerprints));
+    return std::nullopt;
+}
 
 result<void> incoming_calls::on_introduce(const wire::frame& received) {
     auto introduced = wire::read_body<wire::introduction>(received.body);
     if (!introduced) return introduced.error();
     if (received.header.id != bindings_.size()) return failure(errc::protocol_error, "a service was introduced with a number out of turn");
-    if (bindings_.size() >= max_services) return failure(errc::overloaded, fmt::format("more than {} services were introduced", max_services));
+    if (bindings_.size() >= limit::introduced_services)
+        return failure(errc::overloaded, fmt::format("more than {} services were introduced (introduced_services)", limit::introduced_services));
+    if (auto wrong = objection_to(*introduced)) return *wrong;
     auto made = std::make_unique<binding>();
     made->name = std::move(introduced->service);
     bindings_.push_back(std::move(made));
@@ -47,32 +57,43 @@ result<void> incoming_calls::on_request(const wire::frame& received) {
         body = body.subspan(16);
     }
     auto id = received.header.id;
+    request_head head;
+    head.id = id;
+    head.trace = trace;
+    if (received.header.flags & wire::flag::numbered) {
+        if (body.size() < 8 || !session_.wire().lossy() || session_.peer().incarnation == 0) return malformed("with a number that makes no sense");
+        head.number = detail::load_little<std::uint64_t>(body.data());
+        head.again = received.header.flags & wire::flag::again;
+        body = body.subspan(8);
+    }
     auto& host = session_.host();
     if (slot_of(id) >= host.options().max_calls_per_session) {
-        refuse(id, failure(errc::overloaded, fmt::format("more than {} calls of one session at once", host.options().max_calls_per_session)));
+        refuse(id, failure(errc::overloaded, fmt::format("more than {} calls of one session at once (max_calls_per_session)", host.options().max_calls_per_session)));
         return {};
     }
     if (slot_of(id) < running_.size() && running_[slot_of(id)].of) return malformed("with the number of a call that runs");
     auto unsent = session_.wire().out().pending_call_bytes();
     if (unsent > 2 * host.options().max_unsent_bytes) return failure(errc::overloaded, "does not take its replies");
     if (unsent > host.options().max_unsent_bytes) {
-        refuse(id, failure(errc::overloaded, fmt::format("{} bytes of replies wait for being taken", unsent)));
+        refuse(id, failure(errc::overloaded, fmt::format("{} bytes of replies wait for being taken (max_unsent_bytes)", unsent)));
         return {};
     }
 
-    auto deadline = saturating_add(host.on().now(), duration(remaining));
+    head.deadline = saturating_add(host.on().now(), duration(remaining));
     auto& of = *bindings_[number];
     if (of.now == state::refused) {
         ++host.counts().calls_refused;
         refuse(id, of.why);
     } else if (of.now == state::comparing) {
-        if (of.held.size() >= max_held) {
-            refuse(id, failure(errc::overloaded, fmt::format("more than {} requests wait for the schemas of '{}'", max_held, of.name)));
+        if (of.held.size() >= limit::held_requests || held_bytes_ + body.size() > limit::held_bytes) {
+            refuse(id, failure(errc::overloaded, fmt::format("{} requests wait for the schemas of '{}' (held_requests, held_bytes)", of.held.size(), of.name)));
         } else {
-            of.held.push_back(held_request{id, deadline, trace, bytes(body.begin(), body.end())});
+            held_bytes_ += body.size();
+            ++held_;
+            of.held.push_back(held_request{head, bytes(body.begin(), body.end())});
         }
     } else {
-        serve(of, id, deadline, trace, body);
+        serve(of, head, body);
     }
     return {};
 }
@@ -112,14 +133,16 @@ void incoming_calls::compare(std::uint32_t number, std::vector<std::uint64_t> fi
         auto& of = *bindings_[number];
         of.now = problem ? state::refused : state::ready;
         if (problem) {
-            session_.host().log().warning(problem->message(), {{"service", of.name}, {"peer", session_.peer_name()}});
+            session_.host().tell(peer_trouble::mismatch, problem->message(), session_.peer_name());
             of.why = std::move(*problem);
         }
         for (auto& request : std::exchange(of.held, {})) {
+            held_bytes_ -= request.request.size();
+            --held_;
             if (of.now == state::ready) {
-                serve(of, request.id, request.deadline, request.trace, request.request);
+                serve(of, request.head, request.request);
             } else {
-                refuse(request.id, of.why);
+                refuse(request.head.id, of.why);
             }
         }
     };
@@ -140,37 +163,83 @@ void incoming_calls::compare(std::uint32_t number, std::vector<std::uint64_t> fi
     session_.schemas().need(std::move(fingerprints), told, [decide](const failure& why) { decide(why); });
 }
 
-void incoming_calls::serve(binding& of, std::uint64_t id, time_point deadline, trace_id trace, bytes_view request) {
+void incoming_calls::serve(binding& of, const request_head& head, bytes_view request) {
     auto& host = session_.host();
-    if (deadline <= host.on().now()) {
+    if (head.deadline <= host.on().now()) {
         ++host.counts().calls_refused; // expired on the way: nobody waits any more
         return;
     }
-    auto slot = slot_of(id);
-    if (slot >= running_.size()) running_.resize(slot + 1);
-    running_[slot].of = &of;
-    running_[slot].id = id;
-    ++running_count_;
+    if (head.number != 0 && seen_before(of, head)) return;
+    occupy(of, head, false);
     incoming_call call;
     call.from = session_.shared_from_this();
-    call.id = id;
-    call.deadline = deadline;
-    call.trace = trace;
+    call.id = head.id;
+    call.deadline = head.deadline;
+    call.trace = head.trace;
     call.adapt = of.request.get();
     ++host.counts().calls_served;
     of.service->serve(std::move(call), request);
+}
+
+void incoming_calls::occupy(binding& of, const request_head& head, bool elsewhere) {
+    auto slot = slot_of(head.id);
+    if (slot >= running_.size()) running_.resize(slot + 1);
+    running_[slot].of = &of;
+    running_[slot].id = head.id;
+    running_[slot].number = head.number;
+    running_[slot].elsewhere = elsewhere;
+    ++running_count_;
+}
+
+// A call that the client makes again after its session was lost: it runs once, and its answer goes to where it asked last.
+bool incoming_calls::seen_before(binding& of, const request_head& head) {
+    auto& window = session_.replies();
+    reply_window::place here;
+    here.over = session_.weak_from_this();
+    here.id = head.id;
+    switch (window.look(head.number, head.again)) {
+        case reply_window::state::fresh:
+            window.begin(head.number, std::move(here), head.deadline, session_.host().on().now());
+            return false;
+        case reply_window::state::running:
+            window.redirect(head.number, std::move(here));
+            occupy(of, head, true);
+            return true;
+        case reply_window::state::answered:
+            send_answer(head.id, *window.answer(head.number));
+            return true;
+        case reply_window::state::forgotten: break;
+    }
+    ++session_.host().counts().calls_refused;
+    refuse(head.id, failure(errc::peer_lost, fmt::format("'{}' may have been executed before the session was lost; its answer is not kept any more", of.name), execution::unknown));
+    return true;
 }
 
 // The caller has gone on: it gets no answer.
 void incoming_calls::on_cancel(std::uint64_t id) {
     auto slot = slot_of(id);
     if (slot < running_.size() && running_[slot].id == id && running_[slot].of) {
-        auto service = running_[slot].of->service;
+        auto running = running_[slot];
+        auto service = running.of->service;
         forget(id);
+        if (running.elsewhere) {
+            auto origin = session_.replies().origin(running.number);
+            auto over = origin ? origin->over.lock() : nullptr;
+            if (over) over->incoming().on_cancel(origin->id);
+            return;
+        }
+        if (running.number != 0) session_.replies().give_up(running.number);
         service->withdraw(session_, id);
         return;
     }
-    for (auto& of : bindings_) std::erase_if(of->held, [&](const held_request& entry) { return entry.id == id; });
+    if (held_ == 0) return;
+    for (auto& of : bindings_)
+        std::erase_if(of->held, [&](const held_request& entry) {
+            if (entry.head.id != id) return false;
+            held_bytes_ -= entry.request.size();
+            --held_;
+            return true;
+        });
 }
 
 void incoming_calls::forget(std::uint64_t id) noexcept {
@@ -182,18 +251,31 @@ void incoming_calls::forget(std::uint64_t id) noexcept {
 
 void incoming_calls::on_session_end() {
     auto held = session_.shared_from_this();
-    for (auto& entry : running_)
-        if (entry.of) on_cancel(entry.id);
+    for (auto& entry : running_) {
+        if (!entry.of) continue;
+        // Who numbers its calls may come back for the answer; its deadline ends what it does not come back for.
+        if (entry.number == 0) {
+            on_cancel(entry.id);
+        } else if (entry.elsewhere) {
+            forget(entry.id);
+        }
+    }
 }
 
 void incoming_calls::reply(std::uint64_t id, function_ref<void(buffer&)> write_response) {
     auto slot = slot_of(id);
     if (slot >= running_.size() || running_[slot].id != id || !running_[slot].of) return;
     auto& of = *running_[slot].of;
-    forget(id);
-    if (!session_.open()) return;
+    auto number = running_[slot].number;
+    if (number == 0) forget(id);
+    if (number == 0 && !session_.open()) return;
     auto& wire = session_.wire();
-    buffer& out = wire.out().begin_call();
+    if (auto unsent = wire.out().pending_call_bytes(); number == 0 && unsent > session_.host().options().max_unsent_bytes) {
+        refuse(id, failure(errc::overloaded, fmt::format("{} bytes of replies wait for being taken (max_unsent_bytes)", unsent), execution::unknown));
+        return;
+    }
+    buffer kept;
+    buffer& out = number == 0 ? wire.out().begin_call() : kept;
     std::size_t start = out.size();
     std::optional<failure> problem;
     try {
@@ -209,20 +291,50 @@ void incoming_calls::reply(std::uint64_t id, function_ref<void(buffer&)> write_r
         refuse(id, *problem);
         return;
     }
+    if (number != 0) {
+        forget(id);
+        answer_numbered(number, kept.view());
+        return;
+    }
+    wire.out().end_call();
+    wire.written();
+}
+
+void incoming_calls::answer_numbered(std::uint64_t number, bytes_view frame) {
+    auto to = session_.replies().finish(number, frame);
+    auto over = to ? to->over.lock() : nullptr;
+    if (over) over->incoming().send_answer(to->id, frame);
+}
+
+void incoming_calls::send_answer(std::uint64_t id, bytes_view frame) {
+    forget(id);
+    if (!session_.open()) return;
+    auto& wire = session_.wire();
+    buffer& out = wire.out().begin_call();
+    std::size_t start = out.size();
+    out.append(frame);
+    detail::store_little(out.data() + start + 8, id);
     wire.out().end_call();
     wire.written();
 }
 
 void incoming_calls::refuse(std::uint64_t id, const failure& why) {
+    auto slot = slot_of(id);
+    std::uint64_t number = slot < running_.size() && running_[slot].id == id && running_[slot].of ? running_[slot].number : 0;
     forget(id);
-    if (!session_.open()) return;
+    if (number == 0 && !session_.open()) return;
     wire::call_failure told;
     told.code = static_cast<std::uint8_t>(why.code());
     told.execution = static_cast<std::uint8_t>(why.executed());
     told.reason = why.message();
     auto& wire = session_.wire();
-    buffer& out = wire.out().begin_call();
+    buffer kept;
+    buffer& out = number == 0 ? wire.out().begin_call() : kept;
     wire::put_frame(out, wire::frame_type::error, 0, id, [&](buffer& body) { encode(told, body); });
+    if (number != 0) {
+        answer_numbered(number, kept.view());
+        return;
+    }
     wire.out().end_call();
     wire.written();
 }

@@ -5,6 +5,7 @@
 #include <ise/packet/adapt.hpp>
 #include <ise/service/context.hpp>
 #include <ise/service/contract.hpp>
+#include <ise/service/waiting_calls.hpp>
 #include <ise/wire/frame.hpp>
 #include <ise/wire/messages.hpp>
 
@@ -18,15 +19,6 @@ namespace ise {
 class session;
 class service_host;
 class call_service;
-
-/// A request on its way to a handler.
-struct incoming_call {
-    std::shared_ptr<session> from;
-    std::uint64_t id = 0;
-    time_point deadline;
-    trace_id trace;
-    const adapter* adapt = nullptr; ///< where the caller's request differs from ours
-};
 
 /// One coroutine that answers requests of one service, one after the other, and is kept for the next: starting a
 /// coroutine for each call costs more than the call.
@@ -70,8 +62,9 @@ private:
 
 /// How a service is served.
 struct serve_options {
-    std::size_t concurrent = 256; ///< handlers at once; more wait. 1: exclusive
-    std::size_t waiting = 1024;   ///< requests that may wait; more are refused as overloaded
+    std::size_t concurrent = 256; ///< handlers at once; more wait. 1: exclusive. From 4 on, one session has three quarters at most
+    std::size_t waiting = 1024;   ///< requests that may wait; beyond, the session that has most of them is refused as overloaded
+    std::size_t waiting_bytes = std::size_t{64} << 20; ///< of these requests together; the same
 };
 
 /// One provided request-response service; its typed part makes workers, or answers at once.
@@ -95,7 +88,7 @@ protected:
     /// Answers at once, without a coroutine: for handlers that are plain functions. False: a worker is needed.
     virtual bool serve_now(const incoming_call& call, bytes_view request) = 0;
     virtual std::unique_ptr<call_worker> make_worker() = 0;
-    static call_context context_of_call(const incoming_call& call);
+    call_context context_of_call(const incoming_call& call) const;
     service_host& host() noexcept { return host_; }
 
 private:
@@ -104,10 +97,8 @@ private:
     bool begin(incoming_call& call, bytes_view request); // false: no worker is idle
     void add_worker();
 
-    struct waiting_call {
-        incoming_call call;
-        bytes request;
-    };
+    // One session never has every handler, where there are several: the others' calls go on.
+    bool may_begin(const session& from) const;
 
     service_host& host_;
     std::string name_;
@@ -115,9 +106,12 @@ private:
     serve_options options_;
     std::vector<std::unique_ptr<call_worker>> workers_;
     std::vector<call_worker*> idle_;
-    std::deque<waiting_call> waiting_;
+    waiting_calls waiting_;
     bool stopped_ = false;
 };
+
+/// Why a peer's introduction of a service cannot be taken, by the limit's name; the session ends over it.
+std::optional<failure> objection_to(const wire::introduction& told);
 
 /// The requests that come over one session: which service they mean, and whether its packets fit.
 class incoming_calls {
@@ -132,15 +126,22 @@ public:
     /// Answers a request.
     void reply(std::uint64_t id, function_ref<void(buffer&)> write_response);
     void refuse(std::uint64_t id, const failure& why);
+    /// Sends an answer that was made before, or for another session: a whole frame, whose id is replaced.
+    void send_answer(std::uint64_t id, bytes_view frame);
 
     std::size_t running() const noexcept { return running_count_; }
 
 private:
     enum class state : std::uint8_t { ready, comparing, refused };
-    struct held_request {
-        std::uint64_t id;
-        time_point deadline;
+    struct request_head {
+        std::uint64_t id = 0;
+        time_point deadline{};
         trace_id trace;
+        std::uint64_t number = 0; // outlives the session; 0: none
+        bool again = false;       // may have been sent before
+    };
+    struct held_request {
+        request_head head;
         bytes request;
     };
     struct binding {
@@ -154,17 +155,24 @@ private:
     struct running_call {
         binding* of = nullptr;
         std::uint64_t id = 0;
+        std::uint64_t number = 0;
+        bool elsewhere = false; // it runs for an earlier session; its answer comes here
     };
 
     void bind(binding& made, const std::vector<std::uint64_t>& fingerprints);
     void compare(std::uint32_t number, std::vector<std::uint64_t> fingerprints);
     void forget(std::uint64_t id) noexcept;
-    void serve(binding& of, std::uint64_t id, time_point deadline, trace_id trace, bytes_view request);
+    void serve(binding& of, const request_head& head, bytes_view request);
+    bool seen_before(binding& of, const request_head& head);
+    void occupy(binding& of, const request_head& head, bool elsewhere);
+    void answer_numbered(std::uint64_t number, bytes_view frame);
 
     session& session_;
     std::vector<std::unique_ptr<binding>> bindings_; // by the caller's number
     std::vector<running_call> running_;              // by the call's slot
     std::size_t running_count_ = 0;
+    std::size_t held_ = 0; // requests, of all bindings
+    std::size_t held_bytes_ = 0;
 };
 
 } // namespace ise

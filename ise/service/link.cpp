@@ -1,8 +1,10 @@
 #include <ise/service/link.hpp>
 
+#include <ise/core/limits.hpp>
 #include <ise/core/sleep.hpp>
 #include <ise/net/connect.hpp>
 #include <ise/service/back_off.hpp>
+#include <ise/service/link_role.hpp>
 #include <ise/service/service_host.hpp>
 #include <ise/service/session.hpp>
 #include <ise/service/subscriber_core.hpp>
@@ -16,26 +18,37 @@ namespace {
 
 // A session that lived this long was a good one: the next try begins without delay.
 constexpr duration steady_session = std::chrono::seconds(5);
-constexpr std::size_t max_waiting_calls = 100'000;
+// One of several members is given this long before the next is tried.
+constexpr duration member_patience = std::chrono::seconds(1);
 
 } // namespace
 
-link::link(service_host& host, std::string path, std::optional<endpoint> fixed)
+link::link(service_host& host, std::string path, std::optional<endpoint> fixed, role_options how)
     : host_(host), path_(std::move(path)), fixed_(std::move(fixed)), name_(fixed_ ? fixed_->text() : path_),
-      pause_(host.env(), host.options().first_back_off, host.options().longest_back_off), connect_time_(host.options().connect_time) {}
+      next_call_number_(host.next_call_range()), how_(how), pause_(host.env(), host.options().first_back_off, host.options().longest_back_off),
+      connect_time_(host.options().connect_time), spread_(host.options().reconnect_spread) {}
 
 link::link(service_host& host, const std::shared_ptr<session>& peer)
-    : host_(host), name_(peer->peer_name()), session_(peer),
-      pause_(host.env(), host.options().first_back_off, host.options().longest_back_off), connect_time_(host.options().connect_time), peer_only_(true) {}
+    : host_(host), name_(peer->peer_name()), session_(peer), next_call_number_(host.next_call_range()),
+      pause_(host.env(), host.options().first_back_off, host.options().longest_back_off), connect_time_(host.options().connect_time),
+      spread_(host.options().reconnect_spread), peer_only_(true) {}
 
 link::~link() {
+    forget_role();
     // Nobody talks to the peer over it any more; a peer that made the session itself keeps it.
     if (session_ && session_->open() && !peer_only_ && !host_.on().abandoned()) session_->finish(failure(errc::cancelled, "nothing more to say"), std::chrono::seconds(1));
 }
 
 void link::hurry(duration longest_pause, duration connect_time) noexcept {
     pause_.limit(longest_pause);
+    spread_ = std::min(spread_, longest_pause);
     connect_time_ = std::min(connect_time_, connect_time);
+}
+
+std::string link::obstacle() const {
+    if (!obstacle_.empty() || fixed_ || peer_only_) return obstacle_;
+    auto* names = host_.resolver();
+    return names ? names->trouble() : std::string();
 }
 
 void link::submit(pending_call& call, function_ref<void(buffer&)> write_request) {
@@ -57,7 +70,7 @@ void link::submit(pending_call& call, function_ref<void(buffer&)> write_request)
             host_.calls().fail(call, why);
             return;
         }
-        if (waiting_.size() >= max_waiting_calls) {
+        if (waiting_.size() >= limit::waiting_calls) {
             host_.calls().fail(call, failure(errc::overloaded, fmt::format("{} calls wait for a session with {}", waiting_.size(), name_)));
             return;
         }
@@ -73,8 +86,15 @@ void link::submit(pending_call& call, function_ref<void(buffer&)> write_request)
 
 void link::requeue(pending_call& call, bytes_view request) {
     call.sent_on = nullptr;
-    call.waiting.clear();
-    call.waiting.append(request);
+    call.number = call.sent_to = 0;
+    buffer kept(request.size()); // it may lie in the record itself
+    kept.append(request);
+    call.waiting = std::move(kept);
+    waiting_.push_back(&call);
+}
+
+void link::repeat(pending_call& call) {
+    call.sent_on = nullptr;
     waiting_.push_back(&call);
 }
 
@@ -110,7 +130,7 @@ task<result<void>> link::connect(time_point deadline) {
     --connectors_;
     if (session_ && session_->open()) co_return result<void>();
     co_return failure(late ? errc::timed_out : errc::cancelled,
-                      fmt::format("no session with {}{}{}", name_, late ? " in time" : "", obstacle_.empty() ? "" : ": " + obstacle_));
+                      fmt::format("no session with {}{}{}", name_, late ? " in time" : "", obstacle().empty() ? "" : ": " + obstacle()));
 }
 
 void link::wake() {
@@ -125,25 +145,41 @@ task<> link::maintain(std::shared_ptr<link> self) {
         ~leaving() { of.maintaining_ = false; }
     } guard{*self};
     auto& host = self->host_;
-    bool pause = false;
-    if (self->since_ != time_point{}) { // again: what broke at once is not tried again at once
-        pause = true;
+    duration pause{};
+    if (self->since_ != time_point{}) { // again: many may have lost the same provider at this moment
         if (host.on().now() - self->since_ >= steady_session) self->pause_.reset();
+        pause = self->pause_.after_loss(self->spread_);
     }
     for (;;) {
-        if (pause) co_await sleep_for(host.on(), self->pause_.next());
+        if (pause > duration{}) co_await self->wait_before_next_try(pause);
         if (!self->wanted() || host.stopping()) co_return;
-        pause = true;
         auto made = co_await self->establish();
         if (made) {
             self->adopt(std::move(*made));
-            if (self->session_) co_return;
-            continue; // it broke at its first frames
+            if (self->session_) co_return; // else it broke at its first frames
+        } else {
+            bool news = self->obstacle_ != made.error().message();
+            self->obstacle_ = made.error().message();
+            if (news) host.log().debug(self->obstacle_, {{"link", self->name_}});
         }
-        bool news = self->obstacle_ != made.error().message();
-        self->obstacle_ = made.error().message();
-        if (news) host.log().debug(self->obstacle_, {{"link", self->name_}});
+        pause = self->pause_.next();
     }
+}
+
+task<> link::wait_before_next_try(duration pause) {
+    auto& on = host_.on();
+    auto until = saturating_add(on.now(), pause);
+    auto* names = fixed_ ? nullptr : host_.resolver();
+    // A short pause is over before it is worth a question.
+    if (names && pause > spread_) {
+        auto life = co_await names->next_life(path_, tried_life_, until);
+        if (life != 0) {
+            tried_life_ = life;
+            pause_.reset();
+            until = std::min(until, saturating_add(on.now(), pause_.after_loss(spread_))); // others have waited for it too
+        }
+    }
+    co_await sleep_until(on, until);
 }
 
 void link::adopt(std::shared_ptr<session> made) {
@@ -156,12 +192,23 @@ void link::adopt(std::shared_ptr<session> made) {
         return;
     }
     loop::turn in(host_.on());
+    if (since_ != time_point{} && !subscribers_.empty()) host_.log().info("is reached again", {{"provider", name_}});
     session_ = std::move(made);
     since_ = host_.on().now();
     obstacle_.clear();
     for (auto* arrival : arrivals_) arrival->resume();
     for (auto* subscriber : std::vector(subscribers_)) session_->subscribe(*subscriber);
+    send_waiting();
+    consider_moving();
+}
+
+void link::send_waiting() {
     for (auto* call : std::exchange(waiting_, {})) {
+        if (call->number != 0 && (!session_->wire().lossy() || call->sent_to != session_->peer().incarnation)) {
+            auto why = session_->wire().lossy() ? "it was restarted before it answered" : "the session ended before the answer, and the next one is none over which calls are repeated";
+            host_.calls().fail(*call, failure(errc::peer_lost, fmt::format("'{}' at {}: {}", call->service, name_, why), execution::unknown));
+            continue;
+        }
         buffer request = std::move(call->waiting);
         call->waiting = buffer();
         try {
@@ -176,24 +223,49 @@ void link::adopt(std::shared_ptr<session> made) {
 void link::stop() {
     failure why(errc::cancelled, "the component stops");
     for (auto* arrival : arrivals_) arrival->resume();
-    for (auto* call : std::exchange(waiting_, {})) host_.calls().fail(*call, why);
+    failure in_doubt(why.code(), why.message(), execution::unknown);
+    for (auto* call : std::exchange(waiting_, {})) host_.calls().fail(*call, call->number != 0 ? in_doubt : why);
 }
 
 task<result<std::shared_ptr<session>>> link::establish() {
-    location where;
+    resolution found;
     if (fixed_) {
-        where.endpoints.push_back(*fixed_);
+        found.members.emplace_back().endpoints.push_back(*fixed_);
     } else {
         auto* names = host_.resolver();
         if (!names) co_return failure(errc::invalid_argument, fmt::format("'{}' is a name, and this component was given no name server", path_));
-        auto found = co_await names->resolve(path_);
-        if (!found) co_return found.error();
-        where = std::move(*found);
+        auto answer = co_await names->resolve(path_);
+        if (!answer) {
+            if (answer.error().code() == errc::no_such_name) tried_life_ = 0;
+            co_return answer.error();
+        }
+        found = std::move(*answer);
+        tried_life_ = found.members.front().incarnation;
+        take_members(found);
+        if (role_) found.members = role_->choice.candidates();
     }
     std::string tried;
-    failure last(errc::unreachable, fmt::format("{} has no endpoint that can be reached from here", name_));
+    failure last(errc::unreachable, fmt::format("nobody is known to serve {}", name_));
+    for (std::size_t at = 0; at < found.members.size(); ++at) {
+        const auto& member = found.members[at];
+        // Who is not the last that can be tried gets less patience.
+        auto until = at + 1 < found.members.size() ? saturating_add(host_.on().now(), std::min(connect_time_, member_patience)) : time_point::max();
+        auto made = co_await reach(member, connect_time_, until);
+        if (made) {
+            if (role_) role_->choice.took(member);
+            co_return made;
+        }
+        last = made.error();
+        tried += fmt::format("{}{}", tried.empty() ? "" : "; ", last.message());
+    }
+    co_return failure(last.code(), tried.empty() ? last.message() : tried);
+}
+
+task<result<std::shared_ptr<session>>> link::reach(location where, duration patience, time_point until) {
+    std::string tried;
+    failure last(errc::unreachable, fmt::format("{} has no endpoint that can be reached from here", where.path.empty() ? name_ : where.path));
     for (const auto& at : where.endpoints) {
-        auto deadline = saturating_add(host_.on().now(), connect_time_);
+        auto deadline = std::min(saturating_add(host_.on().now(), patience), until);
         // The stream is connected under the same deadline as the greeting.
         auto transport = co_await net::connect_until(host_.on(), at, deadline);
         if (!transport) {
@@ -213,12 +285,21 @@ task<result<std::shared_ptr<session>>> link::establish() {
 }
 
 void link::on_session_end(session& ended, const failure& cause) {
-    if (session_.get() != &ended) return;
+    if (session_.get() != &ended) { // one that the link has moved away from, which gave back what it had not written
+        if (session_ && session_->open()) {
+            send_waiting();
+        } else if (wanted()) {
+            wake();
+        }
+        return;
+    }
     session_.reset();
     obstacle_ = cause.message();
+    if (role_) role_->on_loss(ended, cause);
     if (host_.stopping()) {
         stop();
     } else if (wanted()) {
+        if (!subscribers_.empty()) host_.log().info("was lost; its subscriptions go on when it is back", {{"provider", name_}, {"cause", cause.message()}});
         wake();
     }
 }

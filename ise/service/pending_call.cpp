@@ -8,6 +8,9 @@
 namespace ise {
 namespace {
 
+// A record that is used again keeps no more room for a request than this.
+constexpr std::size_t kept_capacity = 4096;
+
 struct cancel_operation {
     pending_call* call;
     void (*give_up)(pending_call&);
@@ -66,6 +69,8 @@ void call_desk::end(pending_call& call, const call_outcome& outcome) {
     auto owner = std::move(call.owner); // lives until the completion has run
     call.sent_on = nullptr;
     call.waiting.clear();
+    if (call.waiting.capacity() > kept_capacity) call.waiting = buffer();
+    call.number = call.sent_to = 0;
     free_.push_back(&call);
     done(outcome);
 }
@@ -86,12 +91,16 @@ void call_desk::expire(pending_call& call) {
     }
     auto obstacle = call.owner->obstacle();
     call.owner->forget(call);
+    if (call.number != 0) {
+        fail(call, failure(errc::timed_out, fmt::format("'{}' at {} did not answer in time; the session was lost meanwhile: {}", service, who, obstacle), execution::unknown));
+        return;
+    }
     fail(call, failure(errc::timed_out, fmt::format("'{}' at {} could not be called in time: {}", service, who,
                                                     obstacle.empty() ? "no session was made" : obstacle)));
 }
 
 void call_desk::give_up(pending_call& call) {
-    auto state = call.sent_on ? execution::unknown : execution::not_executed;
+    auto state = call.sent_on || call.number != 0 ? execution::unknown : execution::not_executed;
     auto text = fmt::format("the call of '{}' at {} was cancelled", call.service, call.owner->name());
     if (call.sent_on) {
         call.sent_on->abandon(call);

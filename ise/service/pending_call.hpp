@@ -43,7 +43,9 @@ struct pending_call final : suspended {
     std::shared_ptr<link> owner;         ///< where it goes on waiting
     session* sent_on = nullptr;          ///< the session it was written to
     std::uint64_t id = 0;                ///< on that session
-    buffer waiting;                      ///< the encoded request, while there is no session
+    buffer waiting;                      ///< the encoded request, while there is no session, or where it may be sent again
+    std::uint64_t number = 0;            ///< by which it is sent again, once it was sent where that is possible
+    std::uint64_t sent_to = 0;           ///< the provider's life that may have executed it
 
 private:
     void drop() noexcept override; // the loop ends: who waits is destroyed unresumed

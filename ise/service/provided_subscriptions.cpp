@@ -21,9 +21,14 @@ result<void> provided_subscriptions::on_subscribe(const wire::frame& received) {
     if (!terms) return terms.error();
     auto id = received.header.id;
     if (by_id_.contains(id)) return failure(errc::protocol_error, "a subscription came with a number that is in use");
+    if (auto wrong = objection_to(terms->service)) return *wrong;
     auto& host = session_.host();
     if (by_id_.size() >= host.options().max_subscriptions_per_session) {
-        refuse(id, failure(errc::overloaded, fmt::format("more than {} subscriptions of one session", host.options().max_subscriptions_per_session)));
+        refuse(id, failure(errc::overloaded, fmt::format("more than {} subscriptions of one session (max_subscriptions_per_session)", host.options().max_subscriptions_per_session)));
+        return {};
+    }
+    if (session_.wire().lossy() && terms->policy == wire::overflow::lossless) {
+        refuse(id, failure(errc::invalid_argument, fmt::format("'{}' cannot be subscribed to without loss over udp", terms->service.service)));
         return {};
     }
     auto publication = host.services().find_publication(terms->service.service);
@@ -54,7 +59,9 @@ result<void> provided_subscriptions::on_subscribe(const wire::frame& received) {
         [this, id, shared](const std::vector<schema>& theirs) {
             if (by_id_.contains(id)) admit(id, std::move(*shared), &theirs);
         },
-        [this, id](const failure& why) { refuse(id, why); });
+        [this, id](const failure& why) {
+            if (by_id_.contains(id)) refuse(id, why); // else it has left
+        });
     return {};
 }
 
@@ -74,7 +81,7 @@ void provided_subscriptions::admit(std::uint64_t id, wire::subscribe terms, cons
         }
         if (!diff.empty()) {
             failure why(errc::type_mismatch, fmt::format("the packets of '{}' differ incompatibly:\n{}", publication.name(), diff));
-            session_.host().log().warning(why.message(), {{"service", publication.name()}, {"peer", session_.peer_name()}});
+            session_.host().tell(peer_trouble::mismatch, why.message(), session_.peer_name());
             refuse(id, why);
             return;
         }
@@ -118,7 +125,7 @@ result<void> provided_subscriptions::on_unsubscribe(const wire::frame& received)
         try {
             if (left.who) response = left.publication->unsubscribe(*left.who, received.body, left.unsubscribe.get());
         } catch (const std::exception& thrown) { // the user's callback, or its packet: it has left all the same
-            session_.host().log().warning(thrown.what(), {{"service", left.publication->name()}, {"peer", session_.peer_name()}});
+            session_.host().tell(peer_trouble::callback, fmt::format("'{}': {}", left.publication->name(), thrown.what()), session_.peer_name());
         }
     } // else it ended meanwhile: the answer is the same
     wire::put_frame(wire.out().begin_call(), frame_type::unsubscribed, 0, received.header.id, [&](buffer& body) { body.append(bytes_view(response)); });

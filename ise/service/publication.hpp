@@ -9,42 +9,52 @@
 namespace ise {
 
 /// A subscription service that this component provides. Calling it publishes a packet to all subscribers, and never
-/// blocks: each gets what its policy says. A value, cheap to copy; used on its component's loop.
+/// blocks: each gets what its policy says. A value, cheap to copy; used on its component's loop. An empty one, such as a
+/// member that waits to be assigned, throws errc::invalid_argument.
 template <class Contract>
 class publication {
     using packet_type = typename Contract::packet_type;
 
 public:
     publication() = default;
+    /// Made by `component::publish`.
     explicit publication(std::shared_ptr<publication_core> core) : core_(std::move(core)) {}
 
-    void operator()(const packet_type& packet) const { core_->publish(shared(packet)); }
+    /// Publishes to all. The packet is encoded before this returns.
+    void operator()(const packet_type& packet) const { core().publish(shared(packet)); }
 
     /// Publishes to those subscribers for which `wants(const subscriber_info&)` holds: a watch that was narrowed down, a
     /// snapshot for who has just come. The others count it as skipped, not as lost.
     template <class Wants>
     void to_some(const packet_type& packet, Wants wants) const {
-        core_->publish_to(shared(packet), wants);
+        core().publish_to(shared(packet), wants);
     }
 
     /// Publishes when every lossless subscriber has room. Cancellation: terminal, the packet is not published.
     /// The packet is encoded before this returns.
-    task<> send(const packet_type& packet) const { return send_when_room(core_, shared(packet)); }
+    task<> send(const packet_type& packet) const { return send_when_room(held(), shared(packet)); }
 
     /// Publishes if every lossless subscriber has room; else it does nothing, returns false, and `send` is to be
     /// awaited. For publishing much in one go: nothing is suspended as long as there is room.
     bool try_send(const packet_type& packet) const {
-        if (!core_->has_room()) return false;
+        if (!core().has_room()) return false;
         (*this)(packet);
         return true;
     }
 
-    std::size_t subscribers() const noexcept { return core_->subscribers(); }
-    std::uint64_t published() const noexcept { return core_->published(); }
+    /// How many there are, those included that are out of reach and within their linger.
+    std::size_t subscribers() const { return core().subscribers(); }
+    /// Packets so far: the sequence number of the last one.
+    std::uint64_t published() const { return core().published(); }
 
 private:
+    const std::shared_ptr<publication_core>& held() const {
+        if (!core_) throw error(errc::invalid_argument, "an empty publication: assign what `publish(service)` gave first");
+        return core_;
+    }
+    publication_core& core() const { return *held(); }
     shared_bytes shared(const packet_type& packet) const {
-        return core_->share([&packet](buffer& out) { encode(packet, out); });
+        return core().share([&packet](buffer& out) { encode(packet, out); });
     }
     static task<> send_when_room(std::shared_ptr<publication_core> core, shared_bytes packet) {
         if (!core->has_room()) co_await core->wait_for_room();
@@ -52,6 +62,15 @@ private:
     }
 
     std::shared_ptr<publication_core> core_;
+};
+
+/// The same, so that `ise::publication<decltype(position)>` can be a member: the constant of a service is const.
+template <class Contract>
+class publication<const Contract> : public publication<Contract> {
+public:
+    publication() = default;
+    /// What `publish` gave.
+    publication(publication<Contract> made) : publication<Contract>(std::move(made)) {}
 };
 
 /// The provider's callbacks of a subscription; each may be empty.
@@ -63,6 +82,7 @@ struct publication_callbacks {
     std::function<typename Contract::unsubscribe_response(const typename Contract::unsubscribe_request&, const subscriber_info&)> on_unsubscribe;
 };
 
+/// What `component::publish` is made of.
 template <class Contract>
 std::shared_ptr<publication_core> make_publication(service_host& host, const Contract& contract, publication_callbacks<Contract> callbacks = {}) {
     auto made = std::make_shared<publication_core>(host, std::string(contract.name()), Contract::types());

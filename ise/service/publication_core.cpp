@@ -1,5 +1,6 @@
 #include <ise/service/publication_core.hpp>
 
+#include <ise/core/limits.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/service/service_host.hpp>
 #include <ise/service/session.hpp>
@@ -14,14 +15,13 @@ namespace {
 
 using wire::overflow;
 
-constexpr std::uint32_t deepest = 1u << 20;
-// All packets held for one subscriber together; beyond it the policy applies as if the queue were full.
-constexpr std::size_t max_queue_bytes = 256u << 20;
+// What holding a packet costs beside its bytes.
+constexpr std::size_t item_bytes = 64;
 
 } // namespace
 
 provided_subscription::provided_subscription(publication_core& of, const wire::subscribe& terms, subscriber_info info)
-    : publication_(of), policy_(terms.policy), depth_(std::clamp<std::uint32_t>(terms.depth, 1, deepest)), credit_(terms.credit),
+    : publication_(of), policy_(terms.policy), depth_(std::clamp<std::uint32_t>(terms.depth, 1, limit::subscription_depth)), credit_(terms.credit),
       min_interval_(static_cast<std::int64_t>(std::min<std::uint64_t>(terms.min_interval_ns, std::int64_t{1} << 62))),
       info_(std::move(info)) {
     if (policy_ == overflow::keep_latest) depth_ = 1;
@@ -31,13 +31,16 @@ provided_subscription::provided_subscription(publication_core& of, const wire::s
 }
 
 provided_subscription::~provided_subscription() {
+    stop_lingering();
+    if (session_) session_->subscriber_bytes() -= queue_bytes_;
     if (session_) session_->wire().out().remove(*this);
     if (policy_ == overflow::lossless) --publication_.lossless_;
 }
 
 void provided_subscription::attach(session& over, std::uint64_t id) {
-    linger_.reset();
+    stop_lingering();
     session_ = &over;
+    session_->subscriber_bytes() += queue_bytes_;
     id_ = id;
     sent_ = 0;
     info_.peer = over.peer_name();
@@ -53,10 +56,34 @@ void provided_subscription::let_go(const session& of) {
 void provided_subscription::detach() {
     if (!session_) return;
     session_->wire().out().remove(*this);
+    session_->subscriber_bytes() -= queue_bytes_;
     session_ = nullptr;
     auto& host = publication_.host();
     linger_ = std::make_unique<timer>(host.on(), [this] { publication_.vanish(*this); });
     linger_->arm(saturating_add(host.on().now(), host.options().linger));
+    publication_.began_to_linger(*this);
+}
+
+void provided_subscription::stop_lingering() {
+    if (linger_) std::erase(publication_.lingering_, this);
+    linger_.reset();
+}
+
+void provided_subscription::push(item next) {
+    auto cost = next.packet.size() + item_bytes;
+    queue_bytes_ += cost;
+    if (session_) session_->subscriber_bytes() += cost;
+    queue_.push_back(std::move(next));
+    if (queue_.size() >= depth_ && full_since_ == time_point::max()) full_since_ = publication_.host().on().now();
+}
+
+provided_subscription::item provided_subscription::pop() {
+    auto oldest = queue_.pop_front();
+    auto cost = oldest.packet.size() + item_bytes;
+    queue_bytes_ -= cost;
+    if (session_) session_->subscriber_bytes() -= cost;
+    full_since_ = time_point::max();
+    return oldest;
 }
 
 bool provided_subscription::may_send() const noexcept { return policy_ != overflow::lossless || sent_ < credit_; }
@@ -74,49 +101,50 @@ void provided_subscription::grant(std::uint64_t total) {
     wake();
 }
 
-bool provided_subscription::offer(std::uint64_t sequence, const shared_bytes& packet, time_point now) {
+bool provided_subscription::full(const shared_bytes& packet) const noexcept {
+    if (queue_.size() >= depth_) return true;
+    auto held = session_ ? session_->subscriber_bytes() : queue_bytes_;
+    return !queue_.empty() && held + packet.size() > publication_.host().options().max_subscriber_bytes;
+}
+
+bool provided_subscription::offer(std::uint64_t sequence, const shared_bytes& packet) {
     if (min_interval_ > duration{}) {
+        auto now = publication_.host().on().now();
         if (now < next_allowed_) {
             ++skipped_;
             return true;
         }
         next_allowed_ = saturating_add(now, min_interval_);
     }
-    while (queue_.size() >= depth_ || (queue_bytes_ + packet.size() > max_queue_bytes && !queue_.empty())) {
+    while (full(packet)) {
         if (policy_ == overflow::lossless || policy_ == overflow::disconnect) return false;
-        auto& oldest = queue_.front();
-        std::uint32_t inherited = oldest.skipped;
-        queue_bytes_ -= oldest.packet.size();
-        queue_.pop_front();
-        (queue_.empty() ? skipped_ : queue_.front().skipped) += inherited;
-        count_drop();
+        drop_oldest();
     }
-    queue_.push_back(item{sequence, std::exchange(skipped_, 0), packet});
-    queue_bytes_ += packet.size();
+    push(item{sequence, std::exchange(skipped_, 0), packet});
     wake();
     return true;
 }
 
-void provided_subscription::count_drop() {
+// What was skipped before it is told with the next one.
+void provided_subscription::drop_oldest() {
+    auto oldest = pop();
+    (queue_.empty() ? skipped_ : queue_.front().skipped) += oldest.skipped;
     ++dropped_;
     ++publication_.host().counts().packets_dropped;
 }
 
 bool provided_subscription::take(net::outbox& out, std::size_t quantum) {
+    const auto largest = session_->wire().terms().peer_accepts.max_message_bytes;
     std::size_t taken = 0;
     while (!queue_.empty() && may_send() && taken < quantum) {
-        auto& next = queue_.front();
-        std::size_t size = next.packet.size();
-        if (size + 12 > session_->wire().terms().peer_accepts.max_message_bytes) {
+        std::size_t size = queue_.front().packet.size();
+        if (size + 12 > largest) {
             publication_.host().log().warning("a packet is larger than its subscriber accepts",
                                               {{"service", publication_.name()}, {"peer", info_.peer}, {"bytes", std::to_string(size)}});
-            std::uint32_t inherited = next.skipped;
-            queue_bytes_ -= size;
-            queue_.pop_front();
-            (queue_.empty() ? skipped_ : queue_.front().skipped) += inherited;
-            count_drop();
+            drop_oldest();
             continue;
         }
+        auto next = pop();
         std::array<std::byte, 12> head;
         detail::store_little(head.data(), next.sequence);
         detail::store_little(head.data() + 8, next.skipped);
@@ -126,8 +154,6 @@ bool provided_subscription::take(net::outbox& out, std::size_t quantum) {
         header.id = id_;
         out.put_packet(*this, header, bytes_view(head).first(next.skipped ? 12 : 8), next.packet);
         taken += size + wire::frame_header::size;
-        queue_bytes_ -= size;
-        queue_.pop_front();
         ++sent_;
         if (size > net::outbox::whole_bytes) break; // goes in pieces: the rest waits for it
     }
@@ -145,24 +171,36 @@ shared_bytes publication_core::share(function_ref<void(buffer&)> write_packet) {
     return maker_.share();
 }
 
+void publication_core::begin_packet() {
+    ++sequence_;
+    ++host_.counts().packets_published;
+}
+
 void publication_core::publish(shared_bytes packet) {
-    last_ = packet;
-    publish_to(std::move(packet), [](const subscriber_info&) { return true; });
+    begin_packet();
+    std::vector<std::uint64_t> too_slow;
+    for (auto& who : all_)
+        if (!who.offer(sequence_, packet)) too_slow.push_back(who.info_.number);
+    last_ = std::move(packet);
+    if (!too_slow.empty()) end_too_slow(too_slow);
 }
 
 void publication_core::publish_to(shared_bytes packet, function_ref<bool(const subscriber_info&)> wants) {
-    ++sequence_;
-    ++host_.counts().packets_published;
-    auto now = host_.on().now();
-    std::vector<std::uint64_t> too_slow; // ended afterwards: that calls the user back, who may publish
+    begin_packet();
+    std::vector<std::uint64_t> too_slow;
     for (auto& who : all_) {
         if (!wants(who.info())) {
             who.pass();
-        } else if (!who.offer(sequence_, packet, now)) {
+        } else if (!who.offer(sequence_, packet)) {
             too_slow.push_back(who.info_.number);
         }
     }
-    for (auto number : too_slow) {
+    if (!too_slow.empty()) end_too_slow(too_slow);
+}
+
+// Once the packet has been offered to all: the user is called back, and may publish.
+void publication_core::end_too_slow(const std::vector<std::uint64_t>& numbers) {
+    for (auto number : numbers) {
         auto found = std::find_if(all_.begin(), all_.end(), [&](const auto& who) { return who.info_.number == number; });
         if (found == all_.end()) continue;
         end(*found, failure(errc::overloaded, fmt::format("the subscriber of '{}' did not take {} packets in time", name_, found->queue_.size())));
@@ -184,7 +222,38 @@ task<> publication_core::wait_for_room() {
         ~entry() { std::erase(all, mine); }
     } guard{waiting_, &room};
     waiting_.push_back(&room);
-    while (!has_room()) co_await room.wait();
+    // The publisher offered to wait, not to be held up for ever.
+    auto longest = host_.options().longest_stall;
+    auto began = host_.on().now();
+    timer patience(host_.on(), [this, &room, began, longest] {
+        if (host_.on().now() - began >= longest) end_stalled();
+        room.resume();
+    });
+    while (!has_room()) {
+        auto first = time_point::max();
+        for (const auto& who : all_)
+            if (!who.has_room()) first = std::min(first, who.full_since_);
+        patience.arm(saturating_add(first == time_point::max() ? began : std::max(first, began), longest));
+        co_await room.wait();
+    }
+}
+
+void publication_core::end_stalled() {
+    auto since = host_.on().now() - host_.options().longest_stall;
+    for (;;) {
+        auto found = std::ranges::find_if(all_, [&](const auto& who) { return !who.has_room() && who.full_since_ <= since; });
+        if (found == all_.end()) return;
+        host_.tell(peer_trouble::broken, fmt::format("a lossless subscriber of '{}' held up its publisher (longest_stall) and was ended", name_), found->info_.peer);
+        end(*found, failure(errc::overloaded, fmt::format("the subscriber of '{}' took nothing for as long as it may hold up the publisher (longest_stall)", name_)));
+    }
+}
+
+// Who vanishes again and again leaves no more than this behind; the oldest goes as if its time were over.
+void publication_core::began_to_linger(provided_subscription& who) {
+    lingering_.push_back(&who);
+    if (lingering_.size() <= host_.options().max_lingering) return;
+    lingering_.front()->linger_->arm(host_.on().now());
+    lingering_.pop_front();
 }
 
 void publication_core::room_made() {
@@ -194,6 +263,7 @@ void publication_core::room_made() {
 
 result<provided_subscription*> publication_core::subscribe(session& from, const wire::subscribe& terms, const adapter* adapt,
                                                            wire::subscribed& answer) {
+    if (stopped_) return *stopped_;
     answer.incarnation = host_.self().incarnation;
     if (!terms.resume.empty() && terms.resume.front().incarnation == host_.self().incarnation) {
         const auto& wanted = terms.resume.front();
@@ -208,6 +278,9 @@ result<provided_subscription*> publication_core::subscribe(session& from, const 
             answer.ticket = who.ticket();
             answer.first_sequence = wanted.next_sequence;
             answer.resumed = true;
+            // Over datagrams the latest packet is sent until it has arrived, on whatever session.
+            bool missed = wanted.next_sequence <= sequence_ && who.queue_.empty();
+            if (from.wire().lossy() && terms.last_value && last_ && missed) who.offer(sequence_, *last_);
             return &who;
         }
     }
@@ -226,7 +299,7 @@ result<provided_subscription*> publication_core::subscribe(session& from, const 
                            reinterpret_cast<const std::uint8_t*>(response.data()) + response.size());
     bool with_last = terms.last_value && last_;
     answer.first_sequence = with_last ? sequence_ : sequence_ + 1;
-    if (with_last) who.offer(sequence_, *last_, host_.on().now());
+    if (with_last) who.offer(sequence_, *last_);
     return &who;
 }
 
@@ -267,6 +340,7 @@ subscriber_info publication_core::take_out(provided_subscription& who) {
 }
 
 void publication_core::stop(const failure& why) {
+    stopped_ = why; // also for those whose packets are compared with ours just now
     while (!all_.empty()) end(all_.front(), why);
     for (auto* room : waiting_) room->resume();
 }

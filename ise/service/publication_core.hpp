@@ -2,6 +2,7 @@
 #include <ise/core/bytes.hpp>
 #include <ise/core/function_ref.hpp>
 #include <ise/core/result.hpp>
+#include <ise/core/ring.hpp>
 #include <ise/core/task.hpp>
 #include <ise/core/waiter.hpp>
 #include <ise/net/outbox.hpp>
@@ -10,7 +11,6 @@
 #include <ise/service/contract.hpp>
 #include <ise/wire/messages.hpp>
 
-#include <deque>
 #include <functional>
 #include <list>
 #include <map>
@@ -46,7 +46,7 @@ public:
     bool attached() const noexcept { return session_ != nullptr; }
 
     /// False: the queue is full, and the policy is to end it then.
-    bool offer(std::uint64_t sequence, const shared_bytes& packet, time_point now);
+    bool offer(std::uint64_t sequence, const shared_bytes& packet);
     /// A packet was published that is not meant for this one.
     void pass() noexcept { ++skipped_; }
     void grant(std::uint64_t total);
@@ -63,12 +63,16 @@ public:
 private:
     friend class publication_core;
     struct item {
-        std::uint64_t sequence;
-        std::uint32_t skipped;
+        std::uint64_t sequence = 0;
+        std::uint32_t skipped = 0;
         shared_bytes packet;
     };
     void wake();
-    void count_drop();
+    void push(item next);
+    item pop();
+    void drop_oldest();
+    bool full(const shared_bytes& packet) const noexcept;
+    void stop_lingering();
     bool may_send() const noexcept;
 
     publication_core& publication_;
@@ -79,12 +83,13 @@ private:
     std::size_t depth_;
     std::uint64_t credit_;     // lossless: total granted
     duration min_interval_;
-    std::deque<item> queue_;
+    ring<item> queue_;
     std::size_t queue_bytes_ = 0;
     std::uint64_t sent_ = 0;
     std::uint64_t dropped_ = 0;
     std::uint32_t skipped_ = 0; // since the last packet that was queued
     time_point next_allowed_{};
+    time_point full_since_ = time_point::max(); // lossless: nothing was taken since
     subscriber_info info_;
     std::unique_ptr<timer> linger_;
 };
@@ -136,10 +141,15 @@ private:
     void drop(provided_subscription& who);
     subscriber_info take_out(provided_subscription& who);
     void room_made();
+    void end_stalled();
+    void began_to_linger(provided_subscription& who);
+    void begin_packet();
+    void end_too_slow(const std::vector<std::uint64_t>& numbers);
 
     service_host& host_;
     std::string name_;
     const packet_types& types_;
+    std::list<provided_subscription*> lingering_; // oldest first; before them, who leave it when they go
     std::list<provided_subscription> all_;
     shared_bytes_maker maker_;
     std::optional<shared_bytes> last_;
@@ -147,6 +157,7 @@ private:
     std::uint64_t next_number_ = 1;
     std::vector<waiter<>*> waiting_; // for room
     std::size_t lossless_ = 0;
+    std::optional<failure> stopped_;
 };
 
 /// The subscriptions of one session's peer.
@@ -163,6 +174,8 @@ public:
     void on_session_end();
     void forget(std::uint64_t id) { by_id_.erase(id); }
     std::size_t size() const noexcept { return by_id_.size(); }
+    /// What is held for all of them together.
+    std::size_t& held_bytes() noexcept { return held_bytes_; }
 
 private:
     struct entry {
@@ -175,6 +188,7 @@ private:
 
     session& session_;
     std::map<std::uint64_t, entry> by_id_;
+    std::size_t held_bytes_ = 0;
 };
 
 } // namespace ise

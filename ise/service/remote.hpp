@@ -4,6 +4,7 @@
 #include <ise/service/service_host.hpp>
 #include <ise/service/stream_of.hpp>
 
+#include <asio/system_executor.hpp>
 #include <asio/use_awaitable.hpp>
 
 #include <exception>
@@ -42,16 +43,22 @@ result<Response> response_of(const call_outcome& outcome) {
 class remote {
 public:
     remote() = default;
+    /// Made by `component::find`, `at` and `caller`.
     explicit remote(std::shared_ptr<link> to) : link_(std::move(to)) {}
 
+    /// Whether it names anybody; a default-constructed one must not be used.
     explicit operator bool() const noexcept { return link_ != nullptr; }
     /// Its path, or its address.
     const std::string& name() const noexcept { return link_->name(); }
-    link& way() const noexcept { return *link_; }
+    /// The path of the component that it talks to now: of a role, the member. Empty while there is no session.
+    std::string holder() const { return link_->holder(); }
+    link& way() const noexcept { return *link_; } ///< for the layers below
 
     /// Calls and waits for the response, at most `deadline`. Throws ise::error: refused, no_such_service, type_mismatch,
     /// timed_out, peer_lost, cancelled, overloaded, handler_failed…; `executed()` says whether it may have run.
     /// Cancellation: terminal; the provider's handler is cancelled too.
+    /// With g++ 12 `request` is a named variable, never a temporary in braces (it would be freed twice inside `co_await`);
+    /// `service.within(deadline, remote, fields…)` builds it safely.
     template <class Contract>
     task<typename Contract::response_type> call(const Contract& service, typename Contract::request_type request, duration deadline = duration()) const {
         using response = typename Contract::response_type;
@@ -110,7 +117,7 @@ private:
         auto& on = to.host().on();
         if (auto misplaced = detail::check_place(to, key)) {
             // Not on the component's thread: nothing of it may be touched; the handler's own executor completes it.
-            auto executor = asio::get_associated_executor(handler);
+            auto executor = asio::get_associated_executor(handler, asio::system_executor());
             asio::post(executor, [handler = std::move(handler), deliver, why = std::move(*misplaced)]() mutable {
                 result<Response> got(std::move(why));
                 deliver(handler, got);

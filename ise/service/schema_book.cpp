@@ -1,5 +1,7 @@
 #include <ise/service/schema_book.hpp>
 
+#include <ise/core/limits.hpp>
+
 #include <fmt/format.h>
 
 namespace ise {
@@ -11,9 +13,13 @@ void schema_book::add_own(const packet_types& types) {
 void schema_book::learn(const schema& received) {
     if (own_.contains(received.fingerprint()) || !learnt_.emplace(received.fingerprint(), received).second) return;
     order_.push_back(received.fingerprint());
-    if (order_.size() <= max_learnt) return;
-    learnt_.erase(order_.front());
-    order_.pop_front();
+    learnt_bytes_ += received.text().size();
+    while (order_.size() > limit::learnt_schemas || learnt_bytes_ > limit::learnt_schema_bytes) {
+        auto oldest = learnt_.find(order_.front());
+        order_.pop_front();
+        learnt_bytes_ -= oldest->second.text().size();
+        learnt_.erase(oldest);
+    }
 }
 
 std::optional<schema> schema_book::find(std::uint64_t fingerprint) const {
@@ -28,8 +34,8 @@ result<std::shared_ptr<const packet_types>> schema_book::keep(const std::shared_
     for (auto [at, end] = kept_.equal_range(key); at != end; ++at)
         // Texts are compared too: defaults take no part in fingerprints.
         if (at->second == types || (at->second->kind == types->kind && at->second->schemas == types->schemas)) return at->second;
-    if (kept_.size() >= max_kept)
-        return failure(errc::overloaded, fmt::format("a component uses at most {} services that it learnt of at run time", max_kept));
+    if (kept_.size() >= limit::kept_services)
+        return failure(errc::overloaded, fmt::format("a component uses at most {} services that it learnt of at run time", limit::kept_services));
     kept_.emplace(key, types);
     return types;
 }

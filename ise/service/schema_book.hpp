@@ -22,12 +22,10 @@ public:
     result<std::shared_ptr<const packet_types>> keep(const std::shared_ptr<const packet_types>& types);
 
 private:
-    static constexpr std::size_t max_learnt = 4096;
-    static constexpr std::size_t max_kept = 4096;
-
     std::unordered_map<std::uint64_t, schema> own_;
     std::unordered_map<std::uint64_t, schema> learnt_;
     std::deque<std::uint64_t> order_; // oldest first
+    std::size_t learnt_bytes_ = 0;    // of the texts
     std::unordered_multimap<std::uint64_t, std::shared_ptr<const packet_types>> kept_; // by their fingerprints together
 };
 

@@ -1,9 +1,12 @@
 #include <ise/service/schema_exchange.hpp>
 
+#include <ise/core/limits.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/wire/body.hpp>
 
 #include <fmt/format.h>
+
+#include <algorithm>
 
 namespace ise {
 
@@ -21,8 +24,8 @@ std::optional<std::vector<schema>> schema_exchange::all_of(const std::vector<std
 
 void schema_exchange::need(const std::vector<std::uint64_t>& fingerprints, ready then, failed otherwise) {
     if (auto known = all_of(fingerprints)) return then(*known);
-    if (open_.size() >= max_questions)
-        return otherwise(failure(errc::overloaded, fmt::format("{} questions for schemas are open", max_questions)));
+    if (open_.size() >= limit::schema_questions)
+        return otherwise(failure(errc::overloaded, fmt::format("{} questions for schemas are open (schema_questions)", open_.size())));
     wire::schema_request asked;
     for (auto fingerprint : fingerprints)
         if (!book_.find(fingerprint)) asked.fingerprints.push_back(fingerprint);
@@ -31,11 +34,22 @@ void schema_exchange::need(const std::vector<std::uint64_t>& fingerprints, ready
     connection_.written();
 }
 
+bool schema_exchange::asked_for(std::uint64_t fingerprint) const {
+    auto waits = [&](const question& asked) { return std::ranges::find(asked.fingerprints, fingerprint) != asked.fingerprints.end(); };
+    return std::ranges::any_of(open_, waits);
+}
+
 result<void> schema_exchange::on_request(bytes_view body) {
     auto asked = wire::read_body<wire::schema_request>(body);
     if (!asked) return asked.error();
-    if (asked->fingerprints.size() > 64) return failure(errc::too_large, "more than 64 schemas were asked for at once");
+    if (asked->fingerprints.size() > limit::asked_schemas)
+        return failure(errc::too_large, fmt::format("more than {} schemas were asked for at once (asked_schemas)", limit::asked_schemas));
+    // Each once; and a text is much longer than the question for it.
+    std::ranges::sort(asked->fingerprints);
+    auto repeated = std::ranges::unique(asked->fingerprints);
+    asked->fingerprints.erase(repeated.begin(), repeated.end());
     for (auto fingerprint : asked->fingerprints) {
+        if (connection_.out().control().size() > limit::control_bytes) break; // the connection ends over that
         auto known = book_.find(fingerprint);
         wire::schema_answer answer;
         answer.fingerprint = fingerprint;
@@ -49,8 +63,10 @@ result<void> schema_exchange::on_request(bytes_view body) {
 result<void> schema_exchange::on_answer(bytes_view body) {
     auto answer = wire::read_body<wire::schema_answer>(body);
     if (!answer) return answer.error();
+    if (!asked_for(answer->fingerprint)) return {}; // nothing is learnt that nobody wanted to know
     std::optional<failure> problem;
-    if (answer->text.empty()) {
+    if (book_.find(answer->fingerprint)) { // another session was told meanwhile
+    } else if (answer->text.empty()) {
         problem.emplace(errc::type_mismatch, fmt::format("the peer does not know its own schema {:016x}", answer->fingerprint));
     } else {
         auto parsed = schema::parse(answer->text);

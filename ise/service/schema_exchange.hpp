@@ -26,9 +26,8 @@ private:
         ready then;
         failed otherwise;
     };
+    bool asked_for(std::uint64_t fingerprint) const;
     std::optional<std::vector<schema>> all_of(const std::vector<std::uint64_t>& fingerprints) const;
-
-    static constexpr std::size_t max_questions = 256;
 
     schema_book& book_;
     net::connection& connection_;

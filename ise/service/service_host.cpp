@@ -1,17 +1,33 @@
 #include <ise/service/service_host.hpp>
 
 #include <ise/core/sleep.hpp>
+#include <ise/net/connect.hpp>
 #include <ise/service/publication_core.hpp>
 #include <ise/service/session.hpp>
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cerrno>
+
 namespace ise {
+
+namespace {
+
+// Not by their addresses in memory: a run on the virtual world is the same every time.
+std::vector<std::shared_ptr<session>> in_order(const std::map<session*, std::shared_ptr<session>>& all) {
+    std::vector<std::shared_ptr<session>> made;
+    for (const auto& [raw, held] : all) made.push_back(held);
+    std::stable_sort(made.begin(), made.end(), [](const auto& a, const auto& b) { return a->peer_name() < b->peer_name(); });
+    return made;
+}
+
+} // namespace
 
 service_host::service_host(environment& env, loop& on, task_scope& scope, wire::identity self, service_options options, logger log)
     : env_(env), on_(on), scope_(scope), self_(std::move(self)), options_(options), log_(std::move(log)), calls_(on), dispatcher_(schemas_) {}
 
-service_host::~service_host() = default;
+service_host::~service_host() { resolver_.reset(); }
 
 wire::hello service_host::greeting() const {
     wire::hello made;
@@ -42,7 +58,7 @@ result<wire::welcome> service_host::admit(const wire::hello& caller) {
 }
 
 result<endpoint> service_host::listen(const endpoint& at) {
-    auto opened = env_.listen(on_, at);
+    auto opened = net::listen(on_, at);
     if (!opened) return opened.error();
     std::shared_ptr<listener> from = std::move(*opened);
     listeners_.push_back(from);
@@ -57,38 +73,70 @@ std::vector<endpoint> service_host::listening() const {
 }
 
 task<> service_host::accept(std::shared_ptr<listener> from) {
-    // Out of descriptors or memory: wait until something was freed, and say so once.
-    bool complained = false;
     while (!stopping_) {
         auto [problem, stranger] = co_await from->accept();
         if (stopping_ || problem == asio::error::operation_aborted) co_return;
         if (problem) {
-            if (!std::exchange(complained, true)) log_.error("cannot accept", {{"endpoint", from->where().text()}, {"cause", problem.message()}});
+            // Out of descriptors or memory: wait until something was freed.
+            bool descriptors = problem.value() == EMFILE || problem.value() == ENFILE; // by number, as in io_failure
+            auto what = fmt::format("cannot accept: {}{}", problem.message(),
+                                    descriptors ? "; sessions go on, new ones wait until some have ended or the limit is raised (ulimit -n)" : "");
+            tell(peer_trouble::accepting, what, from->where().text());
             co_await sleep_for(on_, std::chrono::milliseconds(100));
             continue;
         }
-        complained = false;
-        if (handshakes_ >= options_.max_handshakes) {
+        if (handshakes_.size() >= options_.max_handshakes) make_way();
+        if (handshakes_.size() >= 2 * options_.max_handshakes) { // these are on their way out yet
             ++counts_.sessions_rejected;
-            log_.warning("too many handshakes at once", {{"peer", stranger->peer()}, {"max_handshakes", std::to_string(options_.max_handshakes)}});
             continue; // closes it
         }
-        ++handshakes_;
         auto name = "handshake with " + stranger->peer();
-        if (!scope_.spawn(std::move(name), greet(std::move(stranger)))) co_return;
+        auto place = handshakes_.insert(handshakes_.end(), std::make_shared<handshake>());
+        auto held = *place; // it may be over at once
+        held->cancel = scope_.spawn(std::move(name), greet(std::move(stranger), place));
+        if (scope_.stopping()) co_return;
     }
 }
 
-task<> service_host::greet(std::unique_ptr<stream> stranger) {
+// Who greets at all does so at once: the oldest are those that hold places without saying anything.
+void service_host::make_way() {
+    tell(peer_trouble::crowded, fmt::format("{} handshakes at once (max_handshakes): the oldest make way", handshakes_.size()), {});
+    for (auto& oldest : handshakes_) {
+        if (oldest->made_way || !oldest->cancel) continue;
+        oldest->made_way = true;
+        oldest->cancel->emit(asio::cancellation_type::terminal);
+        return;
+    }
+}
+
+void service_host::tell(peer_trouble kind, std::string_view what, std::string_view peer) {
+    auto left_out = troubles_[static_cast<std::size_t>(kind)].admit(on_.now());
+    if (!left_out) return;
+    auto level = kind == peer_trouble::rejected ? log_level::info : log_level::warning;
+    log_.write(level, what, {{"peer", std::string(peer)}, {"left_out", std::to_string(*left_out)}});
+}
+
+task<> service_host::greet(std::unique_ptr<stream> stranger, handshake_list::iterator place) {
     struct leaving {
-        std::size_t& count;
-        ~leaving() { --count; }
-    } guard{handshakes_};
+        handshake_list& all;
+        handshake_list::iterator mine;
+        ~leaving() { all.erase(mine); }
+    } guard{handshakes_, place};
+    auto peer = stranger->peer();
     auto deadline = saturating_add(on_.now(), options_.handshake_time);
-    auto made = co_await net::respond(on_, std::move(stranger), *this, deadline);
+    result<std::shared_ptr<net::connection>> made = failure(errc::cancelled, "the handshake was cancelled");
+    try {
+        made = co_await net::respond(on_, std::move(stranger), *this, deadline);
+    } catch (const std::exception& thrown) {
+        if (!is_cancellation(std::current_exception())) made = failure(errc::io_failed, thrown.what());
+    }
     if (!made) {
         ++counts_.sessions_rejected;
-        log_.info("a session was not made", {{"cause", made.error().message()}});
+        if (scope_.stopping()) co_return;
+        auto code = made.error().code();
+        bool strange = (*place)->made_way || broke_rules(code) || code == errc::timed_out;
+        auto cause = (*place)->made_way ? fmt::format("{} had not greeted when its place was needed (max_handshakes)", peer) : made.error().message();
+        tell(strange ? peer_trouble::handshake : peer_trouble::rejected, fmt::format("a session was not made: {}", cause), peer);
         co_return;
     }
     ++counts_.sessions_accepted;
@@ -96,6 +144,8 @@ task<> service_host::greet(std::unique_ptr<stream> stranger) {
 }
 
 std::shared_ptr<session> service_host::run(std::shared_ptr<net::connection> connection, std::weak_ptr<link> owner) {
+    connection->limit_unsent(options_.unsent_bytes);
+    signs_->add(connection->signs());
     auto made = std::make_shared<session>(*this, std::move(connection), std::move(owner));
     sessions_.emplace(made.get(), made);
     made->start();
@@ -109,12 +159,28 @@ void service_host::forget(session& ended) {
     auto last = std::move(found->second);
     sessions_.erase(found);
     on_.later([last = std::move(last)] {});
+    if (sessions_.empty())
+        for (auto* told : awaiting_sessions_end_) told->resume();
 }
 
-std::shared_ptr<link> service_host::link_to(const std::string& path) {
-    auto& known = links_[path];
+task<> service_host::sessions_ended(time_point limit) {
+    waiter<> told(on_, [&told] { told.resume(); });
+    timer late(on_, [&told] { told.resume(); });
+    struct listed {
+        std::vector<waiter<>*>& all;
+        waiter<>* who;
+        ~listed() { std::erase(all, who); }
+    } among{awaiting_sessions_end_, &told};
+    awaiting_sessions_end_.push_back(&told);
+    late.arm(limit);
+    if (!sessions_.empty()) co_await told.wait();
+}
+
+std::shared_ptr<link> service_host::link_to(const std::string& path, role_options how) {
+    // No path has a blank.
+    auto& known = links_[how.come_back ? fmt::format("{} {}", path, how.steady.count()) : path + " stay"];
     auto held = known.lock();
-    if (!held) known = held = std::make_shared<link>(*this, path, std::nullopt);
+    if (!held) known = held = std::make_shared<link>(*this, path, std::nullopt, how);
     return held;
 }
 
@@ -129,16 +195,15 @@ void service_host::stop(duration grace) {
     if (std::exchange(stopping_, true)) return;
     for (auto& entry : listeners_) entry->close();
     dispatcher_.stop();
-    auto all = sessions_;
+    auto all = in_order(sessions_);
     for (auto& [name, known] : links_)
         if (auto held = known.lock()) held->stop();
-    for (auto& [raw, held] : all) held->finish(failure(errc::peer_lost, "the component stops"), grace);
+    for (auto& held : all) held->finish(failure(errc::peer_lost, "the component stops"), grace);
 }
 
 void service_host::pause(const failure& why, duration grace) {
     paused_ = why;
-    auto all = sessions_;
-    for (auto& [raw, held] : all) held->finish(why, grace);
+    for (auto& held : in_order(sessions_)) held->finish(why, grace);
 }
 
 } // namespace ise

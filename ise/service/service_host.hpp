@@ -1,12 +1,16 @@
 #pragma once
 #include <ise/core/environment.hpp>
 #include <ise/core/log.hpp>
+#include <ise/core/log_limiter.hpp>
 #include <ise/core/task_scope.hpp>
 #include <ise/net/handshake.hpp>
 #include <ise/service/dispatcher.hpp>
 #include <ise/service/link.hpp>
+#include <ise/service/reply_window.hpp>
 #include <ise/service/schema_book.hpp>
 
+#include <array>
+#include <list>
 #include <map>
 #include <memory>
 #include <optional>
@@ -24,20 +28,44 @@ struct service_counts {
     std::uint64_t sessions_rejected = 0;
 };
 
+/// Limits and times of a component's sessions, calls and subscriptions; of all components of a node.
 struct service_options {
-    wire::limits accepts;
-    duration handshake_time = std::chrono::seconds(5);
-    duration connect_time = std::chrono::seconds(5);
-    duration first_back_off = std::chrono::milliseconds(50);
-    duration longest_back_off = std::chrono::seconds(5);
+    wire::limits accepts; ///< what peers are told, such as the largest message and the time between heartbeats
+    duration handshake_time = std::chrono::seconds(5); ///< for both sides to greet
+    duration connect_time = std::chrono::seconds(5); ///< for one address
+    duration first_back_off = std::chrono::milliseconds(50); ///< the pause before the second try
+    duration longest_back_off = std::chrono::seconds(5); ///< the pauses double up to this
+    duration reconnect_spread = std::chrono::milliseconds(500); ///< the first try after a loss comes within it, at random
     duration default_deadline = std::chrono::seconds(5); ///< of calls that give none
     duration linger = std::chrono::seconds(30);          ///< a vanished subscriber is kept for this long
-    std::size_t max_sessions = 20'000;
-    std::size_t max_handshakes = 256;                    ///< strangers at once
+    std::size_t max_sessions = 20'000;                   ///< with peers that have greeted
+    std::size_t max_handshakes = 256;                    ///< strangers at once; beyond, the oldest makes way
     std::uint32_t max_calls_per_session = 4096;          ///< served at once for one peer
-    std::uint32_t max_subscriptions_per_session = 1024;
+    std::uint32_t max_subscriptions_per_session = 1024;  ///< of one peer
     std::size_t max_unsent_bytes = 64u << 20;            ///< of calls and replies on one session; more are overloaded
+    std::size_t max_subscriber_bytes = 256u << 20;       ///< packets held for one session; beyond, the policies apply as if the queues were full
+    std::size_t max_lingering = 4096;                    ///< vanished subscribers of one publication; beyond, the oldest is forgotten
+    duration longest_stall = std::chrono::seconds(30);   ///< a lossless subscriber that holds up its publisher is ended then
+    /// Bytes of one session that wait behind the reach of priorities and of "keep latest", in the system's send queue and
+    /// in a write that was begun: over a slow link a packet is no older than these take to drain. Fewer cost throughput.
+    std::size_t unsent_bytes = 128 * 1024;
 };
+
+/// What a peer can cause as often as it likes: each kind is logged at a bounded rate.
+enum class peer_trouble : std::uint8_t {
+    accepting, ///< no descriptors left, or the like
+    crowded,   ///< too many strangers at once
+    rejected,  ///< a peer in good order that is not wanted here, or went
+    handshake, ///< a stranger who does not greet as he should
+    broken,    ///< a session ended because the peer broke a rule, or a limit
+    mismatch,  ///< types that do not fit
+    callback,  ///< the user's own code threw
+};
+/// What a peer in good order does not cause.
+constexpr bool broke_rules(errc cause) noexcept {
+    return cause == errc::protocol_error || cause == errc::malformed || cause == errc::too_large || cause == errc::overloaded;
+}
+inline constexpr std::size_t peer_troubles = 7; ///< how many kinds there are
 
 /// The services of one component: what it provides, whom it talks to. Everything on the component's loop.
 /// Lifetime: `stop()` and join the scope before destroying it.
@@ -54,7 +82,11 @@ public:
     call_desk& calls() noexcept { return calls_; }
     const service_options& options() const noexcept { return options_; }
     const logger& log() const noexcept { return log_; }
+    /// Logs what a peer caused; lines left out are counted in the next of that kind.
+    void tell(peer_trouble kind, std::string_view what, std::string_view peer);
     service_counts& counts() noexcept { return counts_; }
+    /// Of all of its connections; for another thread, for as long as that likes.
+    const std::shared_ptr<net::vital_signs_list>& signs() const noexcept { return signs_; }
 
     const wire::identity& self() const noexcept { return self_; }
     void set_epoch(std::uint64_t epoch) noexcept { self_.epoch = epoch; }
@@ -64,11 +96,16 @@ public:
     /// Where it listens, with real ports.
     std::vector<endpoint> listening() const;
 
-    /// The link to a path or an endpoint; one for all who talk to it.
-    std::shared_ptr<link> link_to(const std::string& path);
+    /// The link to a path or an endpoint; one for all who talk to it, and to a role in the same way.
+    std::shared_ptr<link> link_to(const std::string& path, role_options how = role_options());
     std::shared_ptr<link> link_to(const endpoint& at);
     void use_resolver(std::shared_ptr<ise::resolver> names) { resolver_ = std::move(names); }
     ise::resolver* resolver() noexcept { return resolver_.get(); }
+
+    /// Where the numbers of a link's calls begin: no two links of this component share any.
+    std::uint64_t next_call_range() noexcept { return (++call_ranges_ << 40) + 1; }
+    /// What was answered to clients that may ask again.
+    ise::reply_windows& reply_windows() noexcept { return reply_windows_; }
 
     /// Runs a fresh connection as a session.
     std::shared_ptr<session> run(std::shared_ptr<net::connection> connection, std::weak_ptr<link> owner);
@@ -81,6 +118,9 @@ public:
     void stop(duration grace);
     bool stopping() const noexcept { return stopping_; }
 
+    /// Completes once no session is left, or at `limit`. Cancellation: nothing is lost.
+    task<> sessions_ended(time_point limit);
+
     /// Ends every session and makes none until `go_on()`: what is provided changes hands. Peers come back by themselves.
     void pause(const failure& why, duration grace);
     void go_on() noexcept { paused_.reset(); }
@@ -88,7 +128,14 @@ public:
 private:
     result<wire::welcome> admit(const wire::hello& caller) override;
     task<> accept(std::shared_ptr<listener> from);
-    task<> greet(std::unique_ptr<stream> stranger);
+    // A stranger who has not greeted yet.
+    struct handshake {
+        asio::cancellation_signal* cancel = nullptr;
+        bool made_way = false;
+    };
+    using handshake_list = std::list<std::shared_ptr<handshake>>;
+    void make_way();
+    task<> greet(std::unique_ptr<stream> stranger, handshake_list::iterator place);
 
     environment& env_;
     loop& on_;
@@ -97,14 +144,19 @@ private:
     service_options options_;
     logger log_;
     schema_book schemas_;
+    std::shared_ptr<ise::resolver> resolver_; // before the calls, whose links speak to it when they go
     call_desk calls_;
     dispatcher dispatcher_;
     service_counts counts_;
-    std::shared_ptr<ise::resolver> resolver_;
+    std::shared_ptr<net::vital_signs_list> signs_ = std::make_shared<net::vital_signs_list>();
     std::vector<std::shared_ptr<listener>> listeners_;
     std::map<std::string, std::weak_ptr<link>> links_;
     std::map<session*, std::shared_ptr<session>> sessions_;
-    std::size_t handshakes_ = 0;
+    std::vector<waiter<>*> awaiting_sessions_end_;
+    handshake_list handshakes_; // oldest first
+    std::array<log_limiter, peer_troubles> troubles_;
+    std::uint64_t call_ranges_ = 0;
+    ise::reply_windows reply_windows_;
     std::optional<failure> paused_;
     bool stopping_ = false;
 };

@@ -1,5 +1,6 @@
 #include <ise/service/session.hpp>
 
+#include <ise/core/limits.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/packet/compatibility.hpp>
 #include <ise/service/link.hpp>
@@ -37,10 +38,14 @@ result<void> session::on_frame(const wire::frame& received) {
         case frame_type::cancel: incoming_.on_cancel(received.header.id); return {};
         case frame_type::introduce: return incoming_.on_introduce(received);
         case frame_type::answers: return on_answers(received);
-        case frame_type::subscribe: return provided_->on_subscribe(received);
+        case frame_type::subscribe:
+            if (auto good = takes_answers(); !good) return good;
+            return provided_->on_subscribe(received);
         case frame_type::subscribed: return on_subscribed(received);
         case frame_type::packet: return on_packet(received);
-        case frame_type::unsubscribe: return provided_->on_unsubscribe(received);
+        case frame_type::unsubscribe:
+            if (auto good = takes_answers(); !good) return good;
+            return provided_->on_unsubscribe(received);
         case frame_type::unsubscribed: return {}; // its subscriber has left already
         case frame_type::ended: return on_ended(received);
         case frame_type::credit: return provided_->on_credit(received);
@@ -52,6 +57,13 @@ result<void> session::on_frame(const wire::frame& received) {
             return failure(errc::protocol_error, fmt::format("'{}' came in the middle of a session", wire::name_of(received.header.type)));
         default: return {}; // of a later version: passed over, as FORMAT.md says
     }
+}
+
+// Each of these frames is answered, whatever it says.
+result<void> session::takes_answers() const {
+    auto unsent = connection_->out().pending_call_bytes();
+    if (unsent <= 2 * host_.options().max_unsent_bytes) return {};
+    return failure(errc::overloaded, fmt::format("does not take its answers: {} bytes of them wait (max_unsent_bytes)", unsent));
 }
 
 // --- calls of this side ---------------------------------------------------------------------------------------
@@ -77,6 +89,11 @@ void session::introduce(std::uint32_t number) {
     wire::put_frame(connection_->out().control(), frame_type::introduce, 0, number, [&](buffer& body) { encode(told, body); });
 }
 
+reply_window& session::replies() {
+    if (!replies_) replies_ = host_.reply_windows().of(peer().incarnation, host_.on().now());
+    return *replies_;
+}
+
 bool session::send(pending_call& call, function_ref<void(buffer&)> write_request) {
     if (connection_->out().pending_call_bytes() > host_.options().max_unsent_bytes) return false;
     if (free_slots_.empty()) {
@@ -88,23 +105,35 @@ bool session::send(pending_call& call, function_ref<void(buffer&)> write_request
     std::uint32_t number = number_of(call);
     std::uint32_t at = free_slots_.back();
     call.id = call_id(at, slots_[at].generation);
+    std::uint8_t flags = call.trace.trace ? wire::flag::traced : std::uint8_t{0};
+    if (call.number != 0) flags |= wire::flag::again;
+    // Where sessions come and go more lightly, what was asked can be asked again.
+    bool numbered = connection_->lossy() && !call.owner->peer_only();
+    if (numbered) flags |= wire::flag::numbered;
+    if (numbered && call.number == 0) call.number = call.owner->next_call_number();
 
     auto& out = connection_->out().begin_call();
     std::size_t start = out.size();
     try {
-        wire::put_frame(out, frame_type::request, call.trace.trace ? wire::flag::traced : std::uint8_t{0}, call.id, [&](buffer& body) {
+        wire::put_frame(out, frame_type::request, flags, call.id, [&](buffer& body) {
             body.append(number);
             body.append(static_cast<std::int64_t>(call.deadline.time_since_epoch().count())); // becomes what remains (outbox)
             if (call.trace.trace) {
                 body.append(call.trace.trace);
                 body.append(call.trace.parent);
             }
+            if (numbered) body.append(call.number);
+            auto packet = body.size();
             write_request(body);
+            if (!numbered) return;
+            buffer copy(body.size() - packet);
+            copy.append(body.view().subspan(packet));
+            call.waiting = std::move(copy);
         });
         auto size = out.size() - start - wire::frame_header::size;
         auto most = connection_->terms().peer_accepts.max_message_bytes;
         if (size > most)
-            throw error(errc::too_large, fmt::format("the request of '{}' has {} bytes, {} accepts {}", call.service, size, peer_name(), most));
+            throw error(errc::too_large, fmt::format("the request of '{}' has {} bytes, {} accepts {}{}", call.service, size, peer_name(), most, connection_->lossy() ? " over udp: split it, or use tcp" : ""));
     } catch (...) {
         out.truncate(start);
         throw;
@@ -113,6 +142,7 @@ bool session::send(pending_call& call, function_ref<void(buffer&)> write_request
     slots_[at].call = &call;
     slots_[at].service = number;
     call.sent_on = this;
+    call.sent_to = peer().incarnation;
     connection_->out().end_call();
     connection_->written();
     return true;
@@ -143,7 +173,9 @@ result<void> session::on_reply(const wire::frame& received) {
     }
     auto& service = *introduced_[slots_[at].service];
     if (service.adapting) {
-        if (service.held.size() >= 1024) return failure(errc::overloaded, "too many replies wait for a schema");
+        held_reply_bytes_ += received.body.size();
+        if (service.held.size() >= limit::held_replies || held_reply_bytes_ > limit::held_bytes)
+            return failure(errc::overloaded, fmt::format("{} replies of '{}' wait for its schema (held_replies, held_bytes)", service.held.size(), service.name));
         service.held.emplace_back(received.header.id, bytes(received.body.begin(), received.body.end()));
         return {};
     }
@@ -166,6 +198,7 @@ result<void> session::on_answers(const wire::frame& received) {
         auto& waited = *introduced_[number];
         waited.adapting = false;
         for (auto& [id, response] : std::exchange(waited.held, {})) {
+            held_reply_bytes_ -= response.size();
             if (!problem) {
                 complete(id, waited, response);
             } else if (auto* call = take_slot(id)) {
@@ -216,8 +249,12 @@ result<void> session::on_error(const wire::frame& received) {
 // --- subscriptions of this side -------------------------------------------------------------------------------
 
 void session::subscribe(subscriber_core& subscriber) {
-    auto id = next_subscription_++;
     auto terms = subscriber.terms();
+    if (connection_->lossy() && terms.policy == wire::overflow::lossless) {
+        subscriber.on_refused(failure(errc::invalid_argument, fmt::format("'{}' cannot be subscribed to without loss: {} is reached over udp, which loses packets; ask for the last ones, or reach it over tcp or a local socket", subscriber.service(), peer_name())));
+        return;
+    }
+    auto id = next_subscription_++;
     host_.schemas().add_own(subscriber.types());
     subscribers_.emplace(id, &subscriber);
     subscriber.on_sent(*this, id);
@@ -276,6 +313,8 @@ result<void> session::on_ended(const wire::frame& received) {
 
 void session::refuse_subscription(std::uint64_t subscription, const failure& why) { end_provided(subscription, why); }
 
+std::size_t& session::subscriber_bytes() noexcept { return provided_->held_bytes(); }
+
 void session::forget_provided(std::uint64_t subscription) { provided_->forget(subscription); }
 
 void session::end_provided(std::uint64_t subscription, const failure& why) {
@@ -294,12 +333,17 @@ void session::end_provided(std::uint64_t subscription, const failure& why) {
 void session::on_closed(const failure& cause) {
     auto self = shared_from_this();
     auto owner = owner_.lock();
+    if (broke_rules(cause.code())) host_.tell(peer_trouble::broken, fmt::format("a session was ended: {}", cause.message()), peer_name());
     // Requests of which no byte was written go on waiting; the others may have run.
     connection_->take_unwritten([&](const wire::frame_header& header, bytes_view body) {
         auto* call = take_slot(header.id);
         if (!call) return; // given up
-        if (owner) {
-            owner->requeue(*call, body.subspan(header.flags & wire::flag::traced ? 28 : 12));
+        bool ours = owner && call->owner == owner; // one over another link to this session ends with it
+        if (ours && (header.flags & wire::flag::again)) {
+            owner->repeat(*call); // an earlier session may have carried it
+        } else if (ours) {
+            std::size_t head = 12 + (header.flags & wire::flag::traced ? 16 : 0) + (header.flags & wire::flag::numbered ? 8 : 0);
+            owner->requeue(*call, body.subspan(head));
         } else {
             host_.calls().fail(*call, failure(errc::peer_lost, fmt::format("'{}': the session ended before it was called: {}", call->service, cause.message())));
         }
@@ -308,6 +352,10 @@ void session::on_closed(const failure& cause) {
         auto* call = slots_[at].call;
         if (!call) continue;
         take_slot(call->id);
+        if (call->number != 0 && owner && call->owner == owner && !host_.stopping()) {
+            owner->repeat(*call);
+            continue;
+        }
         host_.calls().fail(*call, failure(errc::peer_lost, fmt::format("'{}': the session ended before the answer: {}", call->service, cause.message()), execution::unknown));
     }
     for (auto& [id, subscriber] : std::exchange(subscribers_, {})) subscriber->on_session_end(cause);

@@ -15,6 +15,7 @@ namespace ise {
 class service_host;
 class subscriber_core;
 class provided_subscriptions;
+class reply_window;
 
 /// What two components say to each other over one connection, in both directions: the calls and subscriptions that
 /// this side asked for, and those that it serves. Symmetric: who connected makes no difference.
@@ -36,12 +37,17 @@ public:
     /// Sends a request; false where too much is pending (the call is untouched). Throws what writing it throws, and
     /// errc::too_large where the peer would not take it.
     bool send(pending_call& call, function_ref<void(buffer&)> write_request);
+    /// Calls of this side that are not answered yet.
+    std::size_t pending_calls() const noexcept { return slots_.size() - free_slots_.size(); }
     /// Nobody waits for this call any more.
     void abandon(pending_call& call);
 
     /// Answers a call of the peer.
     void reply(std::uint64_t id, function_ref<void(buffer&)> write_response) { incoming_.reply(id, write_response); }
     void refuse(std::uint64_t id, const failure& why) { incoming_.refuse(id, why); }
+    incoming_calls& incoming() noexcept { return incoming_; }
+    /// What the peer was answered, over this session and those before.
+    reply_window& replies();
 
     /// Tells a subscriber of ours that its subscription is over.
     void refuse_subscription(std::uint64_t subscription, const failure& why);
@@ -51,6 +57,8 @@ public:
 
     void subscribe(subscriber_core& subscriber);
     void unsubscribe(subscriber_core& subscriber);
+    /// Bytes held for the peer's subscriptions.
+    std::size_t& subscriber_bytes() noexcept;
     /// Our subscription of that number, if it is still there.
     subscriber_core* find_subscriber(std::uint64_t id) const noexcept;
     /// Grants more packets to the provider.
@@ -61,6 +69,7 @@ public:
 
 private:
     result<void> on_frame(const wire::frame& received) override;
+    result<void> takes_answers() const;
     void on_closed(const failure& cause) override;
 
     // A service as this side introduced it to the peer.
@@ -94,10 +103,12 @@ private:
     schema_exchange schemas_;
     incoming_calls incoming_;
     std::unique_ptr<provided_subscriptions> provided_;
+    std::shared_ptr<reply_window> replies_;
 
     std::vector<std::unique_ptr<introduced>> introduced_;
     std::vector<slot> slots_;
     std::vector<std::uint32_t> free_slots_;
+    std::size_t held_reply_bytes_ = 0;
     std::map<std::uint64_t, subscriber_core*> subscribers_; // by subscription id
     std::uint64_t next_subscription_ = 1;
 };

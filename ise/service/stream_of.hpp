@@ -10,7 +10,8 @@ namespace ise {
 
 /// A live subscription: packets in the order in which they were published. It heals by itself when the session or
 /// the provider is lost; it ends when the provider ends it, or when this object goes. Used on its component's loop by
-/// one coroutine at a time. Move-only; dropping it unsubscribes.
+/// one coroutine at a time. Move-only; dropping it unsubscribes. An empty one, such as a member that waits to be assigned,
+/// throws errc::invalid_argument.
 template <class Contract>
 class stream_of {
     using packet_type = typename Contract::packet_type;
@@ -18,7 +19,11 @@ class stream_of {
 
 public:
     stream_of() = default;
+    /// Whether it is a subscription, live or over; false for a default-constructed or moved-from one.
+    explicit operator bool() const noexcept { return core_ != nullptr; }
+    /// Takes the subscription over.
     stream_of(stream_of&&) noexcept = default;
+    /// The same; one that was held before is left.
     stream_of& operator=(stream_of&& other) noexcept {
         if (core_ && core_ != other.core_) core_->leave();
         core_ = std::move(other.core_);
@@ -30,27 +35,44 @@ public:
 
     /// The next packet; empty when the subscription has ended (`cause()` says why).
     /// Cancellation: terminal, no packet is lost.
-    task<received<packet_type>> next() { return core::next(core_); }
+    task<received<packet_type>> next() { return core::next(held()); }
 
     /// A packet that is there already, or an empty one. Never suspends.
-    received<packet_type> try_next() { return core_->take(); }
+    received<packet_type> try_next() { return held()->take(); }
 
     /// What the provider answered to the subscription.
-    const response_type& response() const noexcept { return core_->response; }
-    const subscription_counts& counts() const noexcept { return core_->counts(); }
+    const response_type& response() const { return held()->response; }
+    /// What became of the packets so far.
+    const subscription_counts& counts() const { return held()->counts(); }
     /// Whether the provider is reached now; false while the link heals.
-    bool connected() const noexcept { return core_->connected(); }
-    bool ended() const noexcept { return core_->ended(); }
+    bool connected() const { return held()->connected(); }
+    /// Whether it is over: `next()` gives what is left, then empty ones.
+    bool ended() const { return held()->ended(); }
     /// Only where `ended()`.
-    const failure& cause() const noexcept { return core_->cause(); }
+    const failure& cause() const { return held()->cause(); }
     /// Ends it now; waiting coroutines get the end.
-    void leave() { core_->leave(); }
+    void leave() { held()->leave(); }
 
     class core;
+    /// Made by `remote::subscribe`.
     explicit stream_of(std::shared_ptr<core> made) : core_(std::move(made)) {}
 
 private:
+    const std::shared_ptr<core>& held() const {
+        if (!core_) throw error(errc::invalid_argument, "an empty subscription: assign what `subscribe(service)` gave first");
+        return core_;
+    }
+
     std::shared_ptr<core> core_;
+};
+
+/// The same, so that `ise::stream_of<decltype(position)>` can be a member: the constant of a service is const.
+template <class Contract>
+class stream_of<const Contract> : public stream_of<Contract> {
+public:
+    stream_of() = default;
+    /// What `subscribe` gave.
+    stream_of(stream_of<Contract>&& made) noexcept : stream_of<Contract>(std::move(made)) {}
 };
 
 template <class Contract>
@@ -59,34 +81,35 @@ public:
     using subscriber_core::subscriber_core;
 
     static task<received<packet_type>> next(std::shared_ptr<core> self) {
-        while (self->queue_.empty() && !self->ended()) co_await self->wait_for_packet();
-        co_return self->take();
+        for (;;) {
+            auto packet = self->take();
+            if (packet || self->ended()) co_return packet;
+            co_await self->wait_for_packet();
+        }
     }
 
     received<packet_type> take() {
-        if (!queue_.empty()) taken();
-        return queue_.take();
+        while (auto* waiting = waiting_packet()) {
+            auto& packet = cells_.unheld();
+            try {
+                decode_into(*packet, *waiting);
+            } catch (const error& unreadable) {
+                drop_undecodable(unreadable);
+                continue;
+            }
+            return received<packet_type>(packet, take_packet());
+        }
+        return {};
     }
 
     response_type response{};
 
 private:
-    void push(bytes_view packet, const adapter* adapt, std::uint64_t lost_before) override {
-        auto decoded = std::make_shared<packet_type>();
-        if (adapt) {
-            decode_into(*decoded, (*adapt)(packet));
-        } else {
-            decode_into(*decoded, packet);
-        }
-        queue_.push(std::move(decoded), lost_before);
-    }
-    std::size_t queued() const noexcept override { return queue_.size(); }
-    std::uint64_t drop_oldest() override { return queue_.drop_oldest(); }
     void take_response(bytes_view raw) override {
         if (!raw.empty()) decode_into(response, raw);
     }
 
-    received_queue<packet_type> queue_;
+    received_cells<packet_type> cells_;
 };
 
 } // namespace ise

@@ -48,7 +48,8 @@ task<result<void>> subscriber_core::begin() {
     deadline.arm(saturating_add(on_.now(), limit));
     link_->attach(*this);
     if (!established_ && !refused_) co_await answer_.wait();
-    if (established_) co_return result<void>();
+    // Committed is committed, also where the session has ended again before this runs: the link goes on by the ticket.
+    if (established_ || (resume_ && !refused_)) co_return result<void>();
     auto why = refused_ ? *refused_
                : late   ? failure(errc::timed_out, fmt::format("'{}' at {} was not subscribed to in time{}{}", service_, link_->name(),
                                                              link_->obstacle().empty() ? "" : ": ", link_->obstacle()))
@@ -77,7 +78,7 @@ wire::subscribe subscriber_core::terms() const {
     made.service.fingerprints = types_.fingerprints;
     made.policy = options_.policy;
     made.depth = static_cast<std::uint32_t>(capacity());
-    made.credit = capacity() - std::min(queued(), capacity());
+    made.credit = capacity() - std::min(queue_.size(), capacity());
     made.min_interval_ns = static_cast<std::uint64_t>(std::max<std::int64_t>(0, options_.min_interval.count()));
     made.last_value = options_.last_value;
     if (resume_) {
@@ -92,7 +93,7 @@ void subscriber_core::on_sent(session& over, std::uint64_t id) {
     session_ = &over;
     id_ = id;
     consumed_ = 0;
-    granted_ = granted_at_first_ = capacity() - std::min(queued(), capacity()); // as terms() said
+    granted_ = granted_at_first_ = capacity() - std::min(queue_.size(), capacity()); // as terms() said
     held_.clear();
     comparing_ = false;
 }
@@ -137,9 +138,11 @@ void subscriber_core::refuse_packets(const failure& why) {
 
 void subscriber_core::adapt_to(const schema& response, const schema& published, wire::subscribed& answer) {
     adapter adapt(response, types_.schemas[role::subscribe_response]);
-    auto adapted = adapt(std::as_bytes(std::span(answer.response)));
-    auto* raw = reinterpret_cast<const std::uint8_t*>(adapted.data());
-    answer.response.assign(raw, raw + adapted.size());
+    if (!answer.resumed) { // else there is no response: it came in the first session
+        auto adapted = adapt(std::as_bytes(std::span(answer.response)));
+        auto* raw = reinterpret_cast<const std::uint8_t*>(adapted.data());
+        answer.response.assign(raw, raw + adapted.size());
+    }
     adapter_ = std::make_unique<adapter>(published, types_.schemas[role::published]);
     if (adapter_->is_identity()) adapter_.reset();
 }
@@ -198,6 +201,10 @@ result<void> subscriber_core::on_packet(std::uint64_t sequence, std::uint32_t sk
         held_.emplace_back(sequence, skipped, bytes(packet.begin(), packet.end()));
         return {};
     }
+    if (sequence < next_sequence_ && session_ && session_->wire().lossy()) {
+        ++counts_.late;
+        return {};
+    }
     if (sequence < next_sequence_) return failure(errc::protocol_error, fmt::format("packet {} of '{}' came after packet {}", sequence, service_, next_sequence_ - 1));
     std::uint64_t missing = sequence - next_sequence_;
     std::uint64_t lost = missing > skipped ? missing - skipped : 0;
@@ -206,24 +213,27 @@ result<void> subscriber_core::on_packet(std::uint64_t sequence, std::uint32_t sk
     lost_before_ = gap_of(lost_before_, lost);
     next_sequence_ = sequence + 1;
 
-    if (queued() >= capacity()) {
+    if (queue_.size() >= capacity()) {
         if (options_.policy == overflow::disconnect || options_.policy == overflow::lossless) {
             // Lossless: the provider sent more than the credit it was given.
             if (session_) session_->unsubscribe(*this);
             session_ = nullptr;
-            on_refused(failure(errc::overloaded, fmt::format("{} packets of '{}' were not taken in time", queued(), service_)));
+            on_refused(failure(errc::overloaded, fmt::format("{} packets of '{}' were not taken in time", queue_.size(), service_)));
             return {};
         }
-        lost_before_ = gap_of(drop_oldest(), lost_before_);
+        drop_oldest();
         ++counts_.lost_here;
     }
-    try {
-        push(packet, adapter_.get(), lost_before_);
-    } catch (const error& unreadable) {
-        ++counts_.undecodable;
-        lost_before_ = gap_of(lost_before_, 1);
-        if (counts_.undecodable == 1) link_->host().log().warning(unreadable.what(), {{"service", service_}, {"peer", link_->name()}});
-        return {};
+    if (adapter_) { // now, as the next session may have another one
+        try {
+            queue_.push((*adapter_)(packet), lost_before_);
+        } catch (const error& unreadable) {
+            count_undecodable(unreadable);
+            lost_before_ = gap_of(lost_before_, 1);
+            return {};
+        }
+    } else {
+        queue_.push(packet, lost_before_);
     }
     lost_before_ = 0;
     ++counts_.received;
@@ -232,6 +242,36 @@ result<void> subscriber_core::on_packet(std::uint64_t sequence, std::uint32_t sk
 }
 
 task<> subscriber_core::wait_for_packet() { return packet_.wait(); }
+
+const bytes_view* subscriber_core::waiting_packet() noexcept {
+    if (queue_.empty()) return nullptr;
+    front_ = queue_.front();
+    return &front_;
+}
+
+void subscriber_core::drop_oldest() {
+    gap_ = gap_of(gap_of(gap_, queue_.lost_before_front()), 1);
+    queue_.pop();
+}
+
+std::uint64_t subscriber_core::take_packet() {
+    auto lost = gap_of(std::exchange(gap_, 0), queue_.lost_before_front());
+    queue_.pop();
+    taken();
+    return lost;
+}
+
+void subscriber_core::drop_undecodable(const error& why) {
+    --counts_.received;
+    count_undecodable(why);
+    drop_oldest();
+    taken();
+}
+
+void subscriber_core::count_undecodable(const error& why) {
+    ++counts_.undecodable;
+    if (counts_.undecodable == 1) link_->host().log().warning(why.what(), {{"service", service_}, {"peer", link_->name()}});
+}
 
 void subscriber_core::taken() {
     ++consumed_;

@@ -4,6 +4,7 @@
 #include <ise/packet/adapt.hpp>
 #include <ise/service/contract.hpp>
 #include <ise/service/link.hpp>
+#include <ise/service/packet_queue.hpp>
 #include <ise/wire/messages.hpp>
 
 #include <memory>
@@ -12,6 +13,7 @@
 
 namespace ise {
 
+/// What becomes of packets that a subscriber does not take in time: `keep_latest`, `keep_last`, `lossless`, `disconnect`.
 using overflow = wire::overflow;
 
 /// What a subscriber asks for.
@@ -20,14 +22,17 @@ struct subscribe_options {
     /// last `depth` are kept, none is lost (the provider holds back, and ends the subscription beyond `depth`), or the
     /// subscription ends at the first that would be lost.
     overflow policy = overflow::keep_last;
-    std::uint32_t depth = 64;
+    std::uint32_t depth = 64; ///< in packets
     duration min_interval{};  ///< rate limit; packets between are skipped, which is no loss
     bool last_value = true;   ///< the last packet published before comes first
     duration deadline{};      ///< for the first answer; zero: the component's default
 
     subscribe_options() = default;
+    /// Of a state: only the newest packet counts.
     static subscribe_options latest();
+    /// The newest `depth` packets.
     static subscribe_options last(std::uint32_t depth);
+    /// Every packet, or the end of the subscription.
     static subscribe_options lossless(std::uint32_t depth);
 };
 
@@ -41,8 +46,9 @@ constexpr std::uint64_t gap_of(std::uint64_t first, std::uint64_t then) noexcept
 
 /// What became of the packets of a subscription; every drop has its reason.
 struct subscription_counts {
-    std::uint64_t received = 0;
-    std::uint64_t lost_at_provider = 0; ///< dropped there by the policy, or while the link was down
+    std::uint64_t received = 0; ///< packets that came
+    std::uint64_t lost_at_provider = 0; ///< dropped there by the policy, on the way, or while the link was down
+    std::uint64_t late = 0;             ///< of these, arrived behind later ones after all, and were dropped (udp)
     std::uint64_t lost_here = 0;        ///< dropped from the queue on this side by the policy
     std::uint64_t skipped = 0;          ///< left out by the rate limit
     std::uint64_t undecodable = 0;      ///< bytes that were no such packet
@@ -84,15 +90,16 @@ public:
     std::uint64_t id() const noexcept { return id_; }
 
 protected:
-    /// Decodes and queues a packet, knowing how many were lost before it.
-    virtual void push(bytes_view packet, const adapter* adapt, std::uint64_t lost_before) = 0;
-    virtual std::size_t queued() const noexcept = 0;
-    /// Drops one. Whoever is next tells of it and of the gap before it; what nobody is there to tell is returned.
-    virtual std::uint64_t drop_oldest() = 0;
     virtual void take_response(bytes_view response) = 0;
 
+    /// The oldest packet that nobody has taken, as it is published here; null where there is none. Valid until it is
+    /// taken, or anything else arrives.
+    const bytes_view* waiting_packet() noexcept;
+    /// It was decoded: takes it, and says how many packets were lost before it.
+    std::uint64_t take_packet();
+    /// It is no such packet: it is lost, and the next one tells of that.
+    void drop_undecodable(const error& why);
     task<> wait_for_packet();
-    void taken();
 
     loop& on_;
     std::shared_ptr<link> link_;
@@ -101,6 +108,9 @@ protected:
 
 private:
     void finish(failure why);
+    void drop_oldest();
+    void count_undecodable(const error& why);
+    void taken();
     void refuse_packets(const failure& why);
     void adapt_to(const schema& response, const schema& published, wire::subscribed& answer);
     void establish(const wire::subscribed& answer);
@@ -119,7 +129,10 @@ private:
     std::uint64_t id_ = 0;
     std::optional<wire::resumption> resume_;
     std::uint64_t next_sequence_ = 0;
-    std::uint64_t lost_before_ = 0;
+    packet_queue queue_;
+    bytes_view front_;
+    std::uint64_t lost_before_ = 0; // the next packet that arrives
+    std::uint64_t gap_ = 0;         // before the next packet that is taken, besides what it says itself
     std::uint64_t consumed_ = 0;
     std::uint64_t granted_ = 0;
     std::uint64_t granted_at_first_ = 0;

@@ -16,8 +16,10 @@ public:
         at_ = operations_ + n;
         with_ = with;
     }
+    /// Withdraws it.
     void fail_never() noexcept { at_.reset(); }
 
+    /// So far.
     std::uint64_t operations() const noexcept { return operations_; }
     /// Whether the operation that was to fail was reached: a sweep is over when it was not.
     bool failed() const noexcept { return at_ && operations_ > *at_; }

@@ -25,12 +25,16 @@ public:
     /// process ends, after everything that was suspended on its loops.
     using program = std::function<std::shared_ptr<void>(process&)>;
 
+    /// Made by `world::host`.
     host(sim::world& world, std::string name, std::string address);
     ~host();
 
+    /// As in `world::host`, and in endpoints: tcp://boat:7000.
     const std::string& name() const noexcept { return name_; }
     const std::string& address() const noexcept { return address_; } ///< "10.0.0.1"
+    /// Not crashed.
     bool up() const noexcept { return up_; }
+    /// How often it was started, the first time included.
     unsigned boots() const noexcept { return boots_; }
 
     /// A new process, whose program runs at once. The reference stays good after the process has ended.
@@ -44,8 +48,10 @@ public:
     /// A file that the host's processes read.
     void write_file(const std::string& path, std::string content) { files_[path] = std::move(content); }
 
+    /// The world that it is in.
     sim::world& world() noexcept { return world_; }
 
+    /// @cond
     // For the world's parts.
     bool is_me(const std::string& name_or_address) const;
     result<void> claim(endpoint& at, const endpoint& wanted, const std::vector<endpoint>& taken);
@@ -57,6 +63,7 @@ public:
     std::map<std::string, serial_line*> serial_lines;
     std::uint16_t ephemeral_port();
     void end_processes(bool quietly);
+    /// @endcond
 
 private:
     friend class process;

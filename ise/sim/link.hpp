@@ -16,15 +16,17 @@ struct link {
     double loss = 0;        ///< of a packet, 0..1. A stream sends again: a loss is a delay there
     double duplicate = 0;   ///< of a datagram, 0..1
     double reorder = 0;     ///< of a datagram, 0..1: it is held back by up to `reorder_delay`
-    duration reorder_delay = std::chrono::milliseconds(20);
+    duration reorder_delay = std::chrono::milliseconds(20); ///< at most
     std::uint64_t bandwidth_bytes_per_second = 0;     ///< each way, shared by all that cross it; 0: unlimited
     std::size_t send_buffer_bytes = 64 * 1024;        ///< of a stream: sent and not arrived
     std::size_t receive_buffer_bytes = 64 * 1024;     ///< of a stream: arrived and not read; for new ones
     std::size_t datagram_limit_bytes = 65'507;        ///< a longer datagram is an error for its sender
     duration datagram_queue = std::chrono::milliseconds(500); ///< of waiting for bandwidth; beyond: dropped
 
+    /// By `network::partition`.
     bool partitioned() const noexcept { return partitioned_; }
 
+    /// @cond
     // For the world's parts: draws of this link's own.
     bool random_loss() noexcept { return random_.chance(loss); }
     bool random_duplicate() noexcept { return random_.chance(duplicate); }
@@ -32,6 +34,7 @@ struct link {
         if (!random_.chance(reorder)) return {};
         return duration(static_cast<duration::rep>(random_.below(static_cast<std::uint64_t>(reorder_delay.count())) + 1));
     }
+    /// @endcond
 
 private:
     friend class network;

@@ -21,6 +21,7 @@ enum class direction { to_server, to_client };
 /// What lies between the hosts of a world, and the faults there.
 class network {
 public:
+    /// Made by the world.
     explicit network(sim::world& world) : world_(world) {}
 
     /// The link between two hosts, or within one (`between("boat", "boat")`).
@@ -32,6 +33,7 @@ public:
     void heal(const std::string& a, const std::string& b);
     /// From all the others.
     void isolate(const std::string& host);
+    /// Every partition.
     void heal_all();
 
     /// The next connection from `client` to `server` is cut when this many bytes have gone `which` way: both
@@ -42,10 +44,11 @@ public:
     /// Bytes that have gone each way, of all streams so far: how far a sweep has to go.
     std::uint64_t delivered(direction which) const noexcept { return delivered_[which == direction::to_client]; }
 
-    duration connect_timeout = std::chrono::seconds(10);
+    duration connect_timeout = std::chrono::seconds(10);     ///< of a connect that nobody answers
     duration connect_retry = std::chrono::seconds(1);        ///< of what was lost
     duration retransmission = std::chrono::milliseconds(200);///< of a stream's lost packet, doubling
 
+    /// @cond
     // For the world's parts.
     struct cut_rule {
         std::string client, server;
@@ -67,6 +70,7 @@ public:
     void count_delivered(direction which, std::uint64_t bytes) noexcept {
         delivered_[which == direction::to_client] += bytes;
     }
+    /// @endcond
 
 private:
     struct held {

@@ -14,8 +14,11 @@ namespace ise::sim {
 /// long as the world; once it has ended it refuses everything.
 class process final : public environment {
 public:
+    /// As it was given when it was started.
     const std::string& name() const noexcept { return name_; }
+    /// Where it runs.
     sim::host& host() noexcept { return host_; }
+    /// False once it has ended.
     bool running() const noexcept { return running_; }
 
     /// Gone at once: its loops turn no more, what was suspended on them is destroyed, then what its program
@@ -25,12 +28,14 @@ public:
     void stop() { finish(ending::stop); }
     /// Frozen, as by SIGSTOP: its host still takes bytes for it.
     void pause();
+    /// Ends the pause; what is due runs now.
     void go_on();
     /// Its program again in a process of a new identity, with the same variables; ends this one if it runs.
     process& restart();
 
     /// Held until the process ends.
     void keep(std::shared_ptr<void> object) { kept_.push_back(std::move(object)); }
+    /// An environment variable, such as ISE_NAME_SERVER.
     void set_variable(const std::string& name, std::string value) { variables_[name] = std::move(value); }
     /// How much the wall clock of this process is ahead of the world's.
     void set_wall_offset(duration ahead) noexcept { wall_offset_ = ahead; }
@@ -59,6 +64,7 @@ public:
     result<std::string> read_file(const std::string& path, std::size_t max_bytes) override;
     std::vector<std::string> interface_addresses() const override { return {host_.address()}; }
 
+    /// @cond
     // For the world's parts.
     process(sim::host& on, std::string name, unsigned life, std::uint64_t id, host::program run,
             std::map<std::string, std::string> variables);
@@ -68,6 +74,7 @@ public:
     void attach(const std::shared_ptr<resource>& what);
     void finish(ending how);
     void start();
+    /// @endcond
 
 private:
     friend class sim_loop;

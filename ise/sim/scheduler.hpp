@@ -63,6 +63,8 @@ public:
     /// Moves the clock without running anything.
     void advance_to(time_point when) noexcept { now_ = std::max(now_, when); }
     bool idle() const noexcept { return ready_.empty() && timed_.empty(); }
+    /// What is ready, held for paused flows, or has a time: timers, waits with a deadline, what is under way.
+    std::size_t waiting() const noexcept { return ready_.size() + timed_.size() + held_.size(); }
 
     bounds limits;
 

@@ -20,9 +20,10 @@ class serial_end;
 /// other end is not open is lost, as on a wire; there is no end of stream. Made by `world::serial_line`.
 class serial_line {
 public:
-    static constexpr std::size_t send_buffer_bytes = 4096;
+    static constexpr std::size_t send_buffer_bytes = 4096; ///< beyond it a write would block
     static constexpr std::size_t receive_buffer_bytes = 16 * 1024; ///< beyond it bytes are lost (overrun, traced)
 
+    /// Made by `world::serial_line`.
     serial_line(sim::world& world, sim::host& into, std::string name);
     ~serial_line();
 
@@ -34,13 +35,16 @@ public:
     void vanish();
     /// Plugged in again: it can be opened anew. The far end was there all the time.
     void come_back() noexcept { present_ = true; }
+    /// Whether it is plugged in.
     bool present() const noexcept { return present_; }
 
     /// What the far end talks at; bytes are garbled while the device is opened at another rate. 0: at any.
     unsigned far_end_baud = 0;
 
+    /// @cond
     // For the world's parts.
     result<std::unique_ptr<stream>> open_device(process& owner, loop& on, const std::string& device, unsigned baud);
+    /// @endcond
 
 private:
     friend class serial_end;

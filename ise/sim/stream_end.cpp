@@ -109,6 +109,7 @@ public:
     }
 
     task<std::error_code> wait_writable() override { return wait(end_); }
+    void limit_unsent(std::size_t most) override { end_->limit_unsent(most); }
     void shutdown_write() override { end_->shutdown(); }
     void close() override { end_->close(); }
     std::string peer() const override { return end_->peer(); }

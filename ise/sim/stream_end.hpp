@@ -24,6 +24,7 @@ public:
     std::error_code writable() const;
     void shutdown();
     void close();
+    virtual void limit_unsent([[maybe_unused]] std::size_t most) {}
 
     // For whatever brings bytes.
     std::size_t receive_room() const noexcept { return received_.room(); }

@@ -4,6 +4,8 @@
 
 #include <asio/error.hpp>
 
+#include <ranges>
+
 namespace ise::sim {
 namespace {
 
@@ -12,6 +14,8 @@ public:
     tcp_end(std::shared_ptr<tcp_connection> connection, std::size_t side, process& owner, loop& on, std::size_t limit,
             std::string peer)
         : stream_end(owner, on, limit, std::move(peer)), connection_(std::move(connection)), side_(side) {}
+
+    void limit_unsent(std::size_t most) override { connection_->limit_unsent(side_, most); }
 
 private:
     std::size_t send_room() const override { return connection_->room(side_); }
@@ -67,8 +71,20 @@ std::unique_ptr<stream> tcp_connection::open_side(std::size_t side, process& own
 }
 
 std::size_t tcp_connection::room(std::size_t side) const {
-    const auto limit = over_.send_buffer_bytes;
-    return halves_[side].unarrived >= limit ? 0 : limit - halves_[side].unarrived;
+    const auto& from = halves_[side];
+    auto left = [](std::size_t limit, std::size_t used) { return used >= limit ? 0 : limit - used; };
+    return std::min(left(over_.send_buffer_bytes, from.unarrived), left(from.unsent_limit, unsent(side)));
+}
+
+std::size_t tcp_connection::unsent(std::size_t side) const {
+    const auto now = net_.world().now();
+    const auto& from = halves_[side];
+    std::size_t waiting = 0;
+    for (const auto& each : from.under_way | std::views::reverse) {
+        if (each.departs <= now && !from.window_shut) break; // what the receiver has no room for was not sent either
+        waiting += each.content.size() - each.taken;
+    }
+    return waiting;
 }
 
 void tcp_connection::send(std::size_t side, bytes_view content) {
@@ -214,7 +230,7 @@ bool tcp_connection::deliver_data(std::size_t side, segment& first) {
         return false;
     }
     from.under_way.pop_front();
-    if (source && from.unarrived <= over_.send_buffer_bytes / 2) source->wake_writer();
+    if (source && from.unarrived <= over_.send_buffer_bytes / 2 && unsent(side) < from.unsent_limit) source->wake_writer();
     return true;
 }
 

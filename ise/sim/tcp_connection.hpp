@@ -21,6 +21,8 @@ public:
     std::unique_ptr<stream> open_side(std::size_t side, process& owner, loop& on, std::string peer);
 
     std::size_t room(std::size_t side) const;
+    /// No room at that side while so many bytes wait there for the link's bandwidth.
+    void limit_unsent(std::size_t side, std::size_t most) { halves_[side].unsent_limit = most; }
     void send(std::size_t side, bytes_view content);
     void finish(std::size_t side);
     /// `side` knows nothing of it any more: what has not left is lost and the other side is told so.
@@ -50,6 +52,7 @@ private:
         std::string name;
         std::deque<segment> under_way;
         std::size_t unarrived = 0;
+        std::size_t unsent_limit = static_cast<std::size_t>(-1);
         std::uint64_t delivered = 0;
         std::optional<std::uint64_t> cut_at;
         time_point last_arrival{};
@@ -61,6 +64,7 @@ private:
 
     void put(std::size_t side, kind what, bytes content);
     void drop_from(std::size_t side, bool all);
+    std::size_t unsent(std::size_t side) const;
     void schedule(std::size_t side);
     void deliver(std::size_t side);
     bool deliver_data(std::size_t side, segment& first);

@@ -32,19 +32,23 @@ namespace ise::sim {
 /// Used from one thread. Nothing here waits in real time.
 class world {
 public:
+    /// The same seed gives the same run.
     explicit world(std::uint64_t seed = 1);
     ~world();
     world(const world&) = delete;
     world& operator=(const world&) = delete;
 
+    /// As it was made with.
     std::uint64_t seed() const noexcept { return seed_; }
 
     /// The host of that name, made when it is first asked for.
     sim::host& host(const std::string& name);
+    /// What lies between the hosts.
     network& net() noexcept { return network_; }
     /// A serial line into that host, made when it is first asked for: device "/dev/" + name, or name.
     sim::serial_line& serial_line(const std::string& name, sim::host& into);
 
+    /// Virtual time.
     time_point now() const noexcept { return scheduler_.now(); }
     /// Virtual time since the world began.
     duration elapsed() const noexcept { return now() - start; }
@@ -53,6 +57,7 @@ public:
 
     /// Runs `action` when this much time has passed since the world began.
     void at(duration since_start, std::function<void()> action);
+    /// The same, counted from now.
     void after(duration from_now, std::function<void()> action);
 
     /// Runs until `done()` holds, looked at after every event, or `within` has passed. Whether it holds.
@@ -63,16 +68,22 @@ public:
     /// Runs until nothing is left to do or `within` has passed. Whether nothing is left.
     bool run_until_idle(duration within = std::chrono::hours(24));
 
+    /// How many events a run may take; to be set before it runs.
     scheduler::bounds& bounds() noexcept { return scheduler_.limits; }
 
     /// The n-th I/O operation from now on fails, whichever it is: see fault_plan.
     void fail_at(std::uint64_t n, std::error_code with = asio::error::connection_reset) { faults_.fail_at(n, with); }
+    /// I/O operations so far.
     std::uint64_t operations() const noexcept { return faults_.operations(); }
+    /// Which operation fails, and whether it did.
     fault_plan& faults() noexcept { return faults_; }
 
+    /// What happened so far.
     sim::trace& trace() noexcept { return trace_; }
+    /// For programs that embed ISE on an executor of their own; run by the world only.
     asio::io_context& context() noexcept { return scheduler_.context(); }
 
+    /// @cond
     // For the world's parts.
     scheduler& engine() noexcept { return scheduler_; }
     sim::host* find_host(const std::string& name_or_address);
@@ -80,6 +91,7 @@ public:
     void note(std::string_view kind, std::string_view subject, std::uint64_t amount = 0) {
         trace_.note(now(), kind, subject, amount);
     }
+    /// @endcond
 
     /// Not zero, so that a time point that nobody has set is seen to be wrong.
     static constexpr time_point start{std::chrono::hours(1)};

@@ -43,6 +43,8 @@ std::string_view name_of(frame_type type) noexcept;
 /// Bits of `frame_header::flags`; what a bit means depends on the type.
 namespace flag {
 inline constexpr std::uint8_t traced = 1;     ///< request: the body carries a trace
+inline constexpr std::uint8_t numbered = 2;   ///< request: the body carries a number that outlives the session
+inline constexpr std::uint8_t again = 4;      ///< request: it may have been sent before, by that number
 inline constexpr std::uint8_t skipped = 1;    ///< packet: the body carries a count of packets skipped by rate limit
 inline constexpr std::uint8_t last = 1;       ///< piece: the message is complete
 inline constexpr std::uint8_t abandoned = 2;  ///< piece: the sender gave the message up
@@ -60,14 +62,15 @@ struct frame_header {
     static constexpr std::size_t size = 16;
 };
 
-inline void put_header(buffer& out, const frame_header& header) {
-    std::byte* at = out.grow(frame_header::size);
+inline void store_header(std::byte* at, const frame_header& header) noexcept {
     detail::store_little(at, header.length);
     detail::store_little(at + 4, static_cast<std::uint8_t>(header.type));
     detail::store_little(at + 5, header.flags);
     detail::store_little(at + 6, header.reserved);
     detail::store_little(at + 8, header.id);
 }
+
+inline void put_header(buffer& out, const frame_header& header) { store_header(out.grow(frame_header::size), header); }
 
 inline frame_header read_header(const std::byte* from) noexcept {
     frame_header header;

@@ -8,10 +8,11 @@
 namespace ise::wire {
 namespace {
 
-constexpr std::size_t first_room = 2 * 1024;
+// An idle connection reads heartbeats only.
+constexpr std::size_t first_room = 256;
 constexpr std::size_t largest_room = 256 * 1024;
-// Types below this are known or negotiated; what is above cannot be a frame of ISE.
-constexpr std::uint8_t last_type = 127;
+// About one heartbeat a second: an idle connection has let go of a burst's buffer within a minute.
+constexpr unsigned small_reads_before_shrinking = 16;
 
 } // namespace
 
@@ -45,10 +46,16 @@ std::string_view name_of(frame_type type) noexcept {
 
 std::span<std::byte> parser::prepare() {
     // What is left of the last read moves to the front; it is less than a frame.
+    const std::size_t used = end_;
     if (begin_ > 0) {
         std::memmove(storage_.data(), storage_.data() + begin_, end_ - begin_);
         end_ -= begin_;
         begin_ = 0;
+    }
+    small_reads_ = used < storage_.size() / 8 ? small_reads_ + 1 : 0;
+    if (end_ == 0 && storage_.size() > first_room && small_reads_ >= small_reads_before_shrinking) {
+        storage_ = std::vector<std::byte>(std::max(storage_.size() / 8, first_room));
+        small_reads_ = 0;
     }
     std::size_t wanted = storage_.empty() ? first_room : storage_.size();
     if (end_ >= frame_header::size) // a length beyond the limit is next()'s to refuse
@@ -59,23 +66,10 @@ std::span<std::byte> parser::prepare() {
     return std::span(storage_).subspan(end_);
 }
 
-result<std::optional<frame>> parser::next() {
-    filled_ = filled_ || end_ == storage_.size();
-    if (end_ - begin_ < frame_header::size) return std::optional<frame>{};
-    frame found;
-    found.header = read_header(storage_.data() + begin_);
-    if (found.header.length > max_frame_bytes_)
-        return failure(errc::too_large, fmt::format("a frame '{}' of {} bytes came, {} are allowed", name_of(found.header.type),
-                                                    found.header.length, max_frame_bytes_));
-    if (found.header.reserved != 0 || static_cast<std::uint8_t>(found.header.type) == 0 ||
-        static_cast<std::uint8_t>(found.header.type) > last_type)
-        return failure(errc::protocol_error, fmt::format("what came is no frame of ISE (type {}, reserved {:#x})",
-                                                         static_cast<int>(found.header.type), found.header.reserved));
-    std::size_t whole = frame_header::size + found.header.length;
-    if (end_ - begin_ < whole) return std::optional<frame>{};
-    found.body = bytes_view(storage_).subspan(begin_ + frame_header::size, found.header.length);
-    begin_ += whole;
-    return std::optional<frame>{found};
+failure parser::refuse(const frame_header& header) const {
+    if (header.length > max_frame_bytes_)
+        return failure(errc::too_large, fmt::format("a frame '{}' of {} bytes came, {} are allowed", name_of(header.type), header.length, max_frame_bytes_));
+    return failure(errc::protocol_error, fmt::format("what came is no frame of ISE (type {}, reserved {:#x})", static_cast<int>(header.type), header.reserved));
 }
 
 } // namespace ise::wire

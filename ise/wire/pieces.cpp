@@ -1,5 +1,7 @@
 #include <ise/wire/pieces.hpp>
 
+#include <ise/core/limits.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -8,7 +10,7 @@
 namespace ise::wire {
 namespace {
 
-constexpr std::size_t max_unfinished = 64;
+using limit::unfinished_messages;
 
 } // namespace
 
@@ -41,8 +43,8 @@ result<std::optional<assembled>> reassembly::take(const frame& piece) {
     }
     if (found == messages_.end()) {
         if (content.size() < piece_head::size) return failure(errc::protocol_error, "a first piece came without the head of its message");
-        if (messages_.size() >= max_unfinished)
-            return failure(errc::too_large, fmt::format("more than {} messages came in pieces at once", max_unfinished));
+        if (messages_.size() >= unfinished_messages)
+            return failure(errc::too_large, fmt::format("more than {} messages came in pieces at once", unfinished_messages));
         ise::wire::reassembly::message begun;
         begun.head = piece_head::read(content);
         content = content.subspan(piece_head::size);

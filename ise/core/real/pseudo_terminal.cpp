@@ -7,6 +7,7 @@
 
 #include <array>
 #include <cstdlib>
+#include <utility>
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -51,13 +52,19 @@ private:
 
 std::error_code last_error() { return {errno, std::system_category()}; }
 
+// A link that a dead program left: the terminal is gone, or is another one that was given the same number since.
+bool stale(const std::string& link) {
+    struct stat itself{}, behind{};
+    if (::lstat(link.c_str(), &itself) != 0 || !S_ISLNK(itself.st_mode)) return false;
+    if (::stat(link.c_str(), &behind) != 0) return true;
+    return S_ISCHR(behind.st_mode) && std::pair(itself.st_mtim.tv_sec, itself.st_mtim.tv_nsec) < std::pair(behind.st_ctim.tv_sec, behind.st_ctim.tv_nsec);
+}
+
 result<void> make_link(const std::string& device, const std::string& link) {
     if (::symlink(device.c_str(), link.c_str()) == 0) return {};
     auto problem = last_error();
     if (problem != std::errc::file_exists) return io_failure(fmt::format("cannot make the link {}", link), problem);
-    struct stat there{}, behind{};
-    bool dangling = ::lstat(link.c_str(), &there) == 0 && S_ISLNK(there.st_mode) && ::stat(link.c_str(), &behind) != 0;
-    if (!dangling)
+    if (!stale(link))
         return failure(errc::address_in_use, fmt::format("cannot make the link {}: something is there and in use; choose another name or remove it", link));
     ::unlink(link.c_str());
     if (::symlink(device.c_str(), link.c_str()) != 0) return io_failure(fmt::format("cannot make the link {}", link), last_error());

@@ -6,22 +6,15 @@
 
 #include <fmt/format.h>
 
-#include <netinet/tcp.h>
-
 namespace ise::real {
 namespace {
 
 using asio::ip::tcp;
 
-// Bytes that the kernel may hold unsent: more would only age there, behind the reach of priorities.
-constexpr int unsent_bytes_in_kernel = 128 * 1024;
-
 void tune(tcp::socket& socket) {
     std::error_code ignored; // a socket that died already says so at its first read
     socket.set_option(tcp::no_delay(true), ignored);
     socket.non_blocking(true, ignored);
-    ::setsockopt(socket.native_handle(), IPPROTO_TCP, TCP_NOTSENT_LOWAT, &unsent_bytes_in_kernel,
-                 sizeof unsent_bytes_in_kernel);
 }
 
 endpoint as_endpoint(const tcp::endpoint& at) { return {protocol::tcp, at.address().to_string(), at.port(), {}}; }
@@ -65,11 +58,13 @@ task<result<std::unique_ptr<stream>>> connect_tcp(loop& on, endpoint to) {
         co_return failure(errc::unreachable, fmt::format("{}: cannot resolve '{}': {}", to.text(), to.host, no_name.message()));
     }
     std::string tried;
+    bool itself = found.size() == 1 && as_endpoint(found.begin()->endpoint()).text() == to.text();
     for (const auto& candidate : found) {
         tcp::socket socket(on.get_executor());
         auto [problem] = co_await socket.async_connect(candidate.endpoint(), as_tuple);
         if (!problem) co_return as_stream(std::move(socket));
         if (problem == asio::error::operation_aborted) co_return failure(errc::cancelled, "connecting was cancelled");
+        if (itself) co_return failure(errc::unreachable, fmt::format("cannot connect to {}: {}", to.text(), problem.message()));
         tried += fmt::format("{}{}: {}", tried.empty() ? "" : ", ", as_endpoint(candidate.endpoint()).text(), problem.message());
     }
     co_return failure(errc::unreachable, fmt::format("cannot connect to {} ({})", to.text(), tried));

@@ -5,33 +5,38 @@
 
 #include <fmt/format.h>
 
+#include <memory>
+#include <optional>
+
 namespace ise::real {
 namespace {
 
 using asio::ip::udp;
 
 constexpr std::size_t largest_datagram = 65'535;
+// What arrives while the loop is busy; the kernel gives less where its administrator says so.
+constexpr int kernel_buffer_bytes = 1 << 20;
 
 endpoint as_endpoint(const udp::endpoint& at) { return {protocol::udp, at.address().to_string(), at.port(), {}}; }
 
 class udp_socket final : public datagram_socket {
 public:
-    udp_socket(udp::socket socket, endpoint where) : socket_(std::move(socket)), where_(std::move(where)) {}
+    udp_socket(loop& on, udp::socket socket, endpoint where) : on_(on), socket_(std::move(socket)), where_(std::move(where)) {}
 
     task<std::pair<std::error_code, datagram>> receive() override {
-        bytes room(largest_datagram);
+        if (room_.empty()) room_.resize(largest_datagram);
         udp::endpoint from;
-        auto [problem, count] = co_await socket_.async_receive_from(asio::buffer(room), from, as_tuple);
-        room.resize(problem ? 0 : count);
+        auto [problem, count] = co_await socket_.async_receive_from(asio::buffer(room_), from, as_tuple);
         datagram received;
         received.peer = as_endpoint(from);
-        received.content = std::move(room);
+        if (!problem) received.content.assign(room_.begin(), room_.begin() + static_cast<std::ptrdiff_t>(count));
         co_return std::pair(problem, std::move(received));
     }
 
     std::error_code try_send(const endpoint& to, bytes_view content) override {
         std::error_code problem;
         auto address = asio::ip::make_address(to.host, problem);
+        if (problem) address = named(to, problem);
         if (problem) return problem;
         socket_.send_to(asio::buffer(content.data(), content.size()), udp::endpoint(address, to.port), 0, problem);
         return problem;
@@ -44,8 +49,44 @@ public:
     endpoint where() const override { return where_; }
 
 private:
+    struct lookup {
+        explicit lookup(loop& on) : resolver(on.get_executor()) {}
+        udp::resolver resolver;
+        std::string name;
+        std::optional<asio::ip::address> found;
+        std::error_code problem;
+        bool pending = false;
+    };
+
+    // A name is looked up without waiting: would_block until it is known.
+    asio::ip::address named(const endpoint& to, std::error_code& problem) {
+        if (!lookup_) lookup_ = std::make_shared<lookup>(on_);
+        problem = asio::error::would_block;
+        if (lookup_->pending) return {};
+        if (lookup_->name == to.host) {
+            problem = lookup_->problem;
+            if (problem) lookup_->name.clear(); // looked up afresh next time
+            return lookup_->found.value_or(asio::ip::address());
+        }
+        lookup_->name = to.host;
+        lookup_->pending = true;
+        auto version = where_.host.find(':') == std::string::npos ? udp::v4() : udp::v6();
+        lookup_->resolver.async_resolve(version, to.host, "", [into = std::weak_ptr(lookup_)](std::error_code wrong, udp::resolver::results_type all) {
+            auto known = into.lock();
+            if (!known) return;
+            known->pending = false;
+            known->found.reset();
+            known->problem = wrong ? wrong : all.empty() ? std::error_code(asio::error::host_not_found) : std::error_code();
+            if (!known->problem) known->found = all.begin()->endpoint().address();
+        });
+        return {};
+    }
+
+    loop& on_;
     udp::socket socket_;
     endpoint where_;
+    bytes room_;
+    std::shared_ptr<lookup> lookup_;
 };
 
 } // namespace
@@ -61,8 +102,10 @@ result<std::unique_ptr<datagram_socket>> open_udp(loop& on, const endpoint& at) 
     socket.bind(udp::endpoint(address, at.port), problem);
     if (problem) return refuse();
     socket.non_blocking(true, problem);
+    std::error_code ignored; // what the kernel gives is used
+    socket.set_option(asio::socket_base::receive_buffer_size(kernel_buffer_bytes), ignored);
     auto where = as_endpoint(socket.local_endpoint(problem));
-    return std::unique_ptr<datagram_socket>(std::make_unique<udp_socket>(std::move(socket), std::move(where)));
+    return std::unique_ptr<datagram_socket>(std::make_unique<udp_socket>(on, std::move(socket), std::move(where)));
 }
 
 } // namespace ise::real

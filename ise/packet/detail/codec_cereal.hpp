@@ -73,6 +73,8 @@ template <class T>
 inline bool read_by_cereal(reader& in, T& value) {
     if (!in.enter()) return false;
     try {
+        // Its own functions may append to what is there: they get a fresh value.
+        if constexpr (std::is_move_assignable_v<T> && std::is_default_constructible_v<T>) value = T{};
         input_archive archive(in);
         archive.by_cereal(value);
     } catch (const input_archive::stopped&) {

@@ -35,8 +35,8 @@ bool reader::enter() {
 
 bool reader::fail(std::string text, errc code) {
     if (failed()) return false; // the first failure is the cause
-    text_ = std::move(text);
-    code_ = code;
+    what().text = std::move(text);
+    what().code = code;
     return false;
 }
 
@@ -53,28 +53,26 @@ bool reader::fail_alternative(std::size_t index, std::size_t count) {
     return fail(fmt::format("holds alternative {}, only 0 to {} are known", index, count - 1));
 }
 
-bool reader::in_field(std::string_view name) {
-    path_.insert(0, fmt::format(".{}", name));
+reader::trouble& reader::what() {
+    if (!trouble_) trouble_ = std::make_unique<trouble>();
+    return *trouble_;
+}
+
+bool reader::in(const std::string& part) {
+    what().path.insert(0, part);
     return false;
 }
 
-bool reader::in_element(std::size_t index) {
-    path_.insert(0, fmt::format("[{}]", index));
-    return false;
-}
+bool reader::in_field(std::string_view name) { return in(fmt::format(".{}", name)); }
+bool reader::in_element(std::size_t index) { return in(fmt::format("[{}]", index)); }
+bool reader::in_alternative(std::size_t index) { return in(fmt::format("<{}>", index)); }
 
-bool reader::in_alternative(std::size_t index) {
-    path_.insert(0, fmt::format("<{}>", index));
-    return false;
-}
-
-bool reader::finish() {
-    if (left_ == 0) return true;
+bool reader::fail_surplus() {
     return fail(fmt::format("{} byte{} too many behind its last field", left_, left_ == 1 ? "" : "s"));
 }
 
 failure reader::take_failure(std::string_view type) {
-    return failure(code_, fmt::format("{}{}: {}", type, path_, text_));
+    return failure(what().code, fmt::format("{}{}: {}", type, what().path, what().text));
 }
 
 } // namespace ise::detail

@@ -4,6 +4,7 @@
 #include <ise/packet/limits.hpp>
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <string_view>
 
@@ -53,21 +54,28 @@ public:
     bool in_element(std::size_t index);
     bool in_alternative(std::size_t index);
 
-    bool failed() const noexcept { return !text_.empty(); }
+    bool failed() const noexcept { return trouble_ && !trouble_->text.empty(); }
     failure take_failure(std::string_view type);
     /// After the last field.
-    bool finish();
+    bool finish() { return left_ == 0 || fail_surplus(); }
 
 private:
+    bool fail_surplus();
+    bool in(const std::string& part);
+    struct trouble {
+        errc code = errc::malformed;
+        std::string text;
+        std::string path;
+    };
+    trouble& what();
+
     const std::byte* at_;
     std::size_t left_;
     std::size_t budget_;
     std::size_t zero_size_budget_;
     std::size_t depth_left_;
     const decode_limits* limits_;
-    errc code_ = errc::malformed;
-    std::string text_;
-    std::string path_;
+    std::unique_ptr<trouble> trouble_; // made when something is wrong
 };
 
 } // namespace ise::detail

@@ -1,3 +1,4 @@
+#include <ise/packet/detail/text_forms.hpp>
 #include <ise/packet/detail/walk.hpp>
 #include <ise/packet/schema.hpp>
 
@@ -44,7 +45,9 @@ private:
         while (at_ < text_.size() && accepts(text_[at_])) ++at_;
         if (at_ == begin) wrong(what);
         if (at_ - begin > limits_.max_name_bytes) too_many("a name is too long: its bytes", limits_.max_name_bytes);
-        return text_.substr(begin, at_ - begin);
+        auto taken = text_.substr(begin, at_ - begin);
+        if (!detail::is_utf8(taken)) at_ = begin, wrong("a name in UTF-8"); // JSON could not name the field
+        return taken;
     }
     std::string_view word() { return take_while(detail::is_name_char, "a name"); }
     template <class T>

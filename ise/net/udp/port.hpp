@@ -1,0 +1,79 @@
+#pragma once
+#include <ise/net/udp/association.hpp>
+#include <ise/net/udp/cookie.hpp>
+
+#include <deque>
+#include <map>
+#include <memory>
+#include <mutex>
+
+namespace ise::net::udp {
+
+/// One socket and all that is said over it. A listener's serves everybody who comes, a requester's one peer. Whoever
+/// waits for datagrams (the listener's `accept`, the requester's `read_some`) hands them to `take`.
+class port final : public std::enable_shared_from_this<port> {
+public:
+    /// Channels that nobody has accepted yet; a stranger beyond asks again.
+    static constexpr std::size_t max_waiting = 64;
+
+    port(loop& on, std::unique_ptr<datagram_socket> socket, bool listens);
+    ~port();
+
+    auto receive() { return socket_->receive(); }
+    /// Takes a datagram; inside a turn.
+    void take(const datagram& came);
+    std::error_code send(const endpoint& to, bytes_view content) { return closed_ ? std::error_code() : socket_->try_send(to, content); }
+    /// Held where the socket is closed or a peer's address changes, and by whoever sends from another thread.
+    std::unique_lock<std::mutex> lock() { return std::unique_lock(mutex_); }
+    buffer& scratch() noexcept { return scratch_; }
+    endpoint where() const { return socket_->where(); }
+    loop& on() noexcept { return on_; }
+
+    /// The next channel that a stranger opened, or null.
+    std::shared_ptr<association> accepted();
+    /// Nobody new is let in; the socket goes with the last channel.
+    void stop_listening();
+    /// Ends everything now.
+    void close();
+    bool closed() const noexcept { return closed_; }
+    bool outlives_its_streams() const noexcept { return listens_ && !closed_; }
+    void forget(association& gone);
+
+    /// Opens a channel to `to`, asking again with growing pauses; `opened()` has it once the peer has answered.
+    std::error_code dial(const endpoint& to);
+    std::shared_ptr<association> opened() const noexcept { return dialled_; }
+    /// Why dialling was given up.
+    std::error_code dial_problem() const noexcept { return dial_problem_; }
+
+    std::size_t associations() const noexcept { return all_.size(); }
+
+private:
+    void on_open(const endpoint& from, const wire::datagram_view& received);
+    void on_answer(const endpoint& from, const wire::datagram_view& received);
+    void answer_opened(const association& to);
+    std::error_code ask();
+    std::uint64_t draw_id();
+
+    loop& on_;
+    std::unique_ptr<datagram_socket> socket_;
+    std::mutex mutex_;
+    buffer scratch_;
+    bool listens_;
+    bool accepting_;
+    bool closed_ = false;
+    std::map<std::uint64_t, std::shared_ptr<association>> all_; // by our id
+    std::map<std::pair<endpoint, std::uint64_t>, std::shared_ptr<association>> openings_; // by what opened them
+    std::deque<std::shared_ptr<association>> waiting_;
+    cookie_jar jar_;
+
+    // Dialling.
+    endpoint target_;
+    std::uint64_t dial_id_ = 0;
+    wire::cookie cookie_{};
+    timer again_;
+    duration pause_{};
+    std::error_code dial_problem_;
+    std::shared_ptr<association> dialled_;
+};
+
+} // namespace ise::net::udp

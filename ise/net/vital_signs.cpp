@@ -1,0 +1,66 @@
+#include <ise/net/vital_signs.hpp>
+
+#include <ise/net/datagram_stream.hpp>
+#include <ise/packet/buffer.hpp>
+#include <ise/wire/frame.hpp>
+
+#include <algorithm>
+#include <array>
+#include <thread>
+
+namespace ise::net {
+
+vital_signs::vital_signs(stream& transport, duration heartbeat, time_point now)
+    : transport_(transport), datagrams_(dynamic_cast<datagram_stream*>(&transport)), heartbeat_(heartbeat), sent_(now.time_since_epoch().count()) {}
+
+void vital_signs::claim() noexcept {
+    if (held_) return;
+    while (claimed_.exchange(true, std::memory_order_acquire)) std::this_thread::yield();
+    held_ = true;
+}
+
+void vital_signs::release(time_point sent) noexcept {
+    sent_.store(sent.time_since_epoch().count(), std::memory_order_relaxed);
+    held_ = false;
+    claimed_.store(false, std::memory_order_release);
+}
+
+void vital_signs::show(time_point now) {
+    // The connection itself sends at each heartbeat; it gets some time for that.
+    auto overdue = time_point(duration(sent_.load(std::memory_order_relaxed))) + heartbeat_ + heartbeat_ / 4;
+    if (now < overdue) return;
+    buffer sign;
+    wire::put_frame(sign, wire::frame_type::pong, wire::flag::stalled, 0, [](buffer&) {});
+    std::array<asio::const_buffer, 1> whole{asio::buffer(sign.data(), sign.size())};
+    if (claimed_.exchange(true, std::memory_order_acquire)) return;
+    transfer wrote;
+    if (datagrams_) {
+        if (datagrams_->show_sign()) wrote.bytes = sign.size();
+    } else if (!broken_) {
+        wrote = transport_.try_write(whole);
+    }
+    broken_ = broken_ || (wrote.bytes != 0 && wrote.bytes != sign.size());
+    if (wrote.bytes == sign.size()) sent_.store(now.time_since_epoch().count(), std::memory_order_relaxed);
+    claimed_.store(false, std::memory_order_release);
+}
+
+void vital_signs_list::add(const std::shared_ptr<vital_signs>& made) {
+    std::unique_lock lock(mutex_);
+    if (all_.size() >= pruned_at_) {
+        std::erase_if(all_, [](const auto& known) { return known.expired(); });
+        pruned_at_ = std::max<std::size_t>(64, all_.size() * 2);
+    }
+    all_.push_back(made);
+    if (made->heartbeat() >= shortest_heartbeat()) return;
+    shortest_.store(made->heartbeat().count(), std::memory_order_relaxed);
+    lock.unlock();
+    if (on_shorter_) on_shorter_();
+}
+
+void vital_signs_list::show(time_point now) {
+    std::lock_guard lock(mutex_);
+    for (const auto& known : all_)
+        if (auto held = known.lock()) held->show(now);
+}
+
+} // namespace ise::net
