@@ -46,9 +46,16 @@ void component::add(std::shared_ptr<publication_core> service) { started(runner_
 void component::withdraw_service(const std::string& name) { started(runner_).withdraw_service(name); }
 void component::declare_required(const std::string& name, const packet_types& types) { started(runner_).declare_required(name, types); }
 
-task<remote> component::find(std::string path, duration wait) {
+void component::serve_role(const std::string& role, std::int32_t priority) { started(runner_).serve_role(role, priority); }
+void component::leave_role(const std::string& role) { started(runner_).leave_role(role); }
+bool component::name_confirmed() const { return started(runner_).name_confirmed(); }
+void component::on_name_lost(const failure& why) { started(runner_).stop_as_failed(why.message()); }
+
+task<remote> component::find(std::string path, duration wait) { return find(std::move(path), role_options(), wait); }
+
+task<remote> component::find(std::string path, role_options how, duration wait) {
     auto& services = started(runner_).services();
-    auto found = services.link_to(path);
+    auto found = services.link_to(path, how);
     auto* names = services.resolver();
     if (!names)
         throw error(errc::invalid_argument, fmt::format("'{}' cannot be found: this component has no name server; use at(endpoint)", path));
@@ -58,7 +65,7 @@ task<remote> component::find(std::string path, duration wait) {
     co_return remote(std::move(found));
 }
 
-remote component::at(const std::string& path) { return remote(started(runner_).services().link_to(path)); }
+remote component::at(const std::string& path, role_options how) { return remote(started(runner_).services().link_to(path, how)); }
 remote component::at(const endpoint& where) { return remote(started(runner_).services().link_to(where)); }
 
 remote component::caller(const call_context& context) {

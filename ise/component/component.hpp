@@ -18,8 +18,10 @@ namespace ise {
 
 class component_runner;
 
+/// Where a component is in its life.
 enum class component_state : std::uint8_t { starting, ready, stopping, stopped, failed };
 
+/// "starting", "ready", "stopping", "stopped", "failed".
 std::string_view name_of(component_state state) noexcept;
 
 /// An active object: a flow of execution of its own (`run()`), the services it provides, and the services of others
@@ -38,11 +40,17 @@ public:
 
     /// Where it is found: "atirma/boat". Empty for an anonymous one.
     const std::string& path() const noexcept;
+    /// The world of its node.
     environment& env() const noexcept;
+    /// Where it runs. Only once it was started, as all that follows.
     loop& on() const noexcept;
+    /// Of its loop, for Asio's own operations.
     asio::any_io_executor get_executor() const;
+    /// Logs with its path, to the sink of its node.
     const logger& log() const noexcept;
+    /// Where it is in its life. On its loop; from elsewhere see `node::components()`.
     component_state state() const noexcept;
+    /// What serves it, for the layers below and for looking at counts.
     service_host& services() const noexcept;
 
     // --- what it provides ---------------------------------------------------------------------------------------
@@ -81,6 +89,13 @@ public:
     void withdraw(const Contract& service) {
         withdraw_service(std::string(service.name()));
     }
+    /// Serves a role beside its own name, or changes its priority there (the highest is preferred); `leave_role` ends it,
+    /// and handles go on with the next member. The name server is told at once.
+    void serve_role(const std::string& role, std::int32_t priority = 0);
+    void leave_role(const std::string& role); ///< see `serve_role`
+    /// Whether its name is granted and its lease holds, as far as this side knows. While the name server cannot be
+    /// reached the name is unconfirmed: sessions go on, but another may be granted it.
+    bool name_confirmed() const;
     /// Says which service of another component this one needs; visible to whoever describes it.
     template <class Contract>
     void require(const Contract& service) {
@@ -90,9 +105,13 @@ public:
     // --- whom it talks to ---------------------------------------------------------------------------------------
 
     /// The component at `path`, as soon as it is there; errc::no_such_name or errc::name_server_lost after `wait`.
+    /// A role is found like a name: the handle talks to the best member that lives, goes on with the next one when that
+    /// is lost, and comes back as `how` says. Subscriptions go on with the next member after a gap of unknown length;
+    /// a call goes to it unless a byte of it was written already (peer_lost, unknown).
     task<remote> find(std::string path, duration wait = std::chrono::seconds(10));
+    task<remote> find(std::string path, role_options how, duration wait = std::chrono::seconds(10)); ///< the same
     /// The component at `path`, whether it is there now or not: calls wait for it within their deadline.
-    remote at(const std::string& path);
+    remote at(const std::string& path, role_options how = role_options());
     /// Whoever listens at an endpoint.
     remote at(const endpoint& where);
     /// The one whose call is being answered, for calling back over the same session.
@@ -110,9 +129,13 @@ public:
 
     /// Starts a coroutine that the component owns: cancelled and waited for when it stops.
     void spawn(std::string name, task<> body);
+    /// Suspends for `length`, on the clock of the environment. Cancellation: terminal, throws `operation_aborted`.
     task<> sleep(duration length) { return sleep_for(on(), length); }
+    /// Suspends until `at`; a time that has passed lets others run once.
     task<> sleep_till(time_point at) { return sleep_until(on(), at); }
+    /// The monotonic clock; one time within a turn of the loop.
     time_point now() const { return on().now(); }
+    /// Civil time, UTC.
     wall_time wall() const { return env().wall(); }
     /// Runs `work` on another thread and waits: for what computes long. Its exception is thrown here. `work` may refer
     /// to the coroutine's variables: cancellation does not interrupt it, and takes effect at the next suspension.
@@ -151,6 +174,11 @@ protected:
     /// The component's own flow. Returning ends the flow, not the component: what it provides goes on until it is
     /// stopped.
     virtual task<> run() = 0;
+
+    /// Another component holds the name now, under a higher epoch (errc::superseded). Called on the loop, once; its
+    /// sessions are ending with that error and no new ones are made. The component stops as failed, unless this is
+    /// overridden: then it goes on without a name, serving nobody, until `stop()`.
+    virtual void on_name_lost(const failure& why);
 
 private:
     friend class component_runner;

@@ -1,5 +1,7 @@
 #include <ise/component/component_runner.hpp>
 
+#include <ise/component/health.hpp>
+#include <ise/component/live_parameters.hpp>
 #include <ise/component/node_state.hpp>
 #include <ise/naming/name_resolver.hpp>
 #include <ise/service/session.hpp>
@@ -9,6 +11,11 @@
 #include <asio/post.hpp>
 
 #include <fmt/format.h>
+
+#include <cxxabi.h>
+
+#include <cstdlib>
+#include <typeinfo>
 
 namespace ise {
 namespace {
@@ -38,6 +45,16 @@ std::vector<endpoint> reachable(environment& env, const endpoint& at) {
     return all;
 }
 
+// The class of a component for people; empty for one that is a bare coroutine.
+std::string class_of(const component& of) {
+    int status = 0;
+    std::unique_ptr<char, decltype(&std::free)> name(abi::__cxa_demangle(typeid(of).name(), nullptr, nullptr, &status), &std::free);
+    std::string_view text = name ? name.get() : "";
+    constexpr std::string_view anonymous = "(anonymous namespace)::";
+    if (auto at = text.find(anonymous); at != text.npos) text.remove_prefix(at + anonymous.size());
+    return text == "coroutine_component" ? std::string() : std::string(text);
+}
+
 } // namespace
 
 component_runner::component_runner(std::weak_ptr<node::state> of, environment& env, std::shared_ptr<loop_share> share, std::string path,
@@ -54,6 +71,10 @@ component_runner::component_runner(std::weak_ptr<node::state> of, environment& e
     auto failed = [this](const std::string& name, std::exception_ptr thrown) { log_.error(describe(thrown), {{"coroutine", name}}); };
     connections_ = std::make_unique<task_scope>(on(), failed);
     services_ = std::make_unique<service_host>(env, on(), *connections_, std::move(self), node.services, log_);
+    signs_ = services_->signs();
+    signs_->on_shorter([owner = node_] {
+        if (auto held = owner.lock()) held->watch_sooner();
+    });
     report_.path = path_;
     component_->runner_ = this;
     ++share_->unfinished;
@@ -75,6 +96,8 @@ void component_runner::start() {
 void component_runner::open() {
     if (names_ && name_server_) services_->use_resolver(std::make_shared<name_resolver>(*services_, *name_server_));
     services_->services().add(make_call_service(*services_, describe_service, [this](const describe_request&) { return describe_self(); })).value();
+    services_->services().add(make_call_service(*services_, health_service, [this](const health_request&) { return health_of(*services_); })).value();
+    if (options_.parameters) options_.parameters->offer(*services_, *component_);
     if (options_.listens) {
         auto wanted = options_.listen.empty() ? default_endpoints(env_, services_->self().incarnation) : options_.listen;
         for (const auto& at : wanted) services_->listen(at).value();
@@ -105,7 +128,7 @@ void component_runner::announce() {
     if (stop_asked_) return;
     auto expected = component_state::starting;
     bool news = state_.compare_exchange_strong(expected, component_state::ready);
-    services_->go_on();
+    if (!name_lost_) services_->go_on();
     if (std::exchange(announcing_, true)) {
         if (news) services_changed(); // it was restarted
         return;
@@ -129,9 +152,8 @@ task<> component_runner::enroll([[maybe_unused]] std::shared_ptr<component_runne
         services_->set_epoch(*granted);
         log_.info("registered", {{"epoch", std::to_string(*granted)}});
     } else if (granted.error().code() == errc::name_taken) {
-        fail(granted.error().message());
         log_.error(granted.error().message());
-        stop();
+        stop_as_failed(granted.error().message());
     } else {
         log_.warning(granted.error().message());
     }
@@ -158,12 +180,14 @@ task<> component_runner::ready() {
 registration component_runner::describe_for_names() const {
     registration made;
     made.path = path_;
+    made.type = class_of(*component_);
     made.incarnation = services_->self().incarnation;
     made.state = name_of(state());
     for (const auto& at : services_->listening())
         for (auto& one : reachable(env_, at)) made.endpoints.push_back(std::move(one));
     made.endpoints.insert(made.endpoints.end(), options_.advertise.begin(), options_.advertise.end());
     made.services = services_->services().describe();
+    made.roles = options_.roles;
     return made;
 }
 
@@ -201,6 +225,27 @@ void component_runner::declare_required(const std::string& name, const packet_ty
     services_changed();
 }
 
+void component_runner::serve_role(const std::string& role, std::int32_t priority) {
+    if (!naming::is_path(role)) throw error(errc::invalid_argument, fmt::format("'{}' is no role: write it like a component's path, atirma/gateway", role));
+    if (role == path_) throw error(errc::invalid_argument, fmt::format("'{}' is the component's own name: it is found without being a role", role));
+    options_.roles[role] = priority;
+    services_changed();
+}
+
+void component_runner::leave_role(const std::string& role) {
+    if (options_.roles.erase(role) != 0) services_changed();
+}
+
+bool component_runner::name_confirmed() const {
+    auto owner = node_.lock();
+    return owner && owner->names && !name_lost_ && services_->self().epoch != 0 && owner->names->confirmed();
+}
+
+void component_runner::stop_as_failed(std::string why) {
+    fail(std::move(why));
+    stop();
+}
+
 component_text component_runner::describe_self() const {
     component_text made;
     made.path = path_;
@@ -224,12 +269,15 @@ component_text component_runner::describe_self() const {
         text.bytes_in = held->wire().counts().bytes_in;
         text.bytes_out = held->wire().counts().bytes_out;
         text.round_trip_ns = held->wire().round_trip().count();
+        text.peer_stalled = held->wire().peer_stalled();
         made.sessions.push_back(std::move(text));
     }
     const auto& counts = services_->counts();
     made.calls_served = counts.calls_served;
     made.packets_published = counts.packets_published;
     made.packets_dropped = counts.packets_dropped;
+    made.confirmed = name_confirmed();
+    made.roles = options_.roles;
     return made;
 }
 
@@ -239,10 +287,17 @@ void component_runner::on_name_change(result<std::uint64_t> epoch) {
             self->services_->set_epoch(*epoch);
             return;
         }
-        self->log_.error(epoch.error().message());
-        self->fail(epoch.error().message());
-        self->stop();
+        self->lose_name(epoch.error());
     });
+}
+
+// Nobody is answered under the name from now on: peers hear why, and find the one who holds it.
+void component_runner::lose_name(const failure& why) {
+    if (stop_asked_ || std::exchange(name_lost_, true)) return;
+    log_.error(why.message());
+    services_->set_epoch(0);
+    services_->pause(why, grace_ / 2);
+    component_->on_name_lost(why);
 }
 
 bool component_runner::poke() {

@@ -47,11 +47,17 @@ public:
     void add(std::shared_ptr<publication_core> service);
     void withdraw_service(const std::string& name);
     void declare_required(const std::string& name, const packet_types& types);
+    void serve_role(const std::string& role, std::int32_t priority);
+    void leave_role(const std::string& role);
+    bool name_confirmed() const;
+    void stop_as_failed(std::string why);
 
     // For the node: from any thread.
     void on_name_change(result<std::uint64_t> epoch);
     /// Asks the loop to show that it turns; true if the question before was answered.
     bool poke();
+    /// Through which peers hear that it lives while its loop does not turn.
+    net::vital_signs_list& signs() noexcept { return *signs_; }
     std::atomic<bool> stalled{false};
     /// Counts it as stopped although its thread does not come back to its loop, or its executor is not run, for longer
     /// than stopping may take. True if it was given up now.
@@ -70,11 +76,10 @@ private:
     task<> enroll(std::shared_ptr<component_runner> self);
     registration describe_for_names() const;
     void services_changed();
+    void lose_name(const failure& why);
     component_text describe_self() const;
     void on_child_failure(const std::string& name, std::exception_ptr thrown);
     task<> restart();
-    /// Waits for the sessions that were told to end.
-    task<> sessions_gone(duration within);
     static task<> shut_down(std::shared_ptr<component_runner> self);
     void finish();
     void fail(std::string why);
@@ -93,6 +98,7 @@ private:
     std::atomic<bool> poked_{false};
     std::atomic<bool> ended_{false};
     std::atomic<duration::rep> stop_limit_{duration::max().count()}; // when it is given up
+    std::shared_ptr<net::vital_signs_list> signs_;
     std::shared_ptr<job_count> jobs_ = std::make_shared<job_count>();
 
     // On the loop. The component goes first, then its coroutines' owners, then its services.
@@ -106,6 +112,7 @@ private:
     time_point flow_began_{};
     bool announcing_ = false;
     bool announced_ = false;
+    bool name_lost_ = false;
     bool restarting_ = false;
 
     mutable std::mutex report_mutex_;

@@ -50,7 +50,7 @@ task<> component_runner::restart() {
         co_return;
     }
     services_->pause(failure(errc::peer_lost, fmt::format("'{}' restarts after a failure", path_)), grace_ / 2);
-    co_await sessions_gone(grace_ / 2); // subscribers shall not hear that the services have ended, which they have not
+    co_await services_->sessions_ended(saturating_add(on().now(), grace_ / 2)); // subscribers shall not hear that the services have ended, which they have not
     for (const auto& name : std::vector(own_services_)) withdraw_service(name);
     if (on().now() - flow_began_ >= steady_flow) pause_.reset();
     auto pause = pause_.next();
@@ -65,11 +65,6 @@ task<> component_runner::restart() {
         ++report_.restarts;
     }
     begin_flow();
-}
-
-task<> component_runner::sessions_gone(duration within) {
-    auto limit = saturating_add(on().now(), within);
-    while (!services_->sessions().empty() && on().now() < limit) co_await sleep_for(on(), std::chrono::milliseconds(2));
 }
 
 void component_runner::stop() {
@@ -98,7 +93,7 @@ task<> component_runner::shut_down(std::shared_ptr<component_runner> self) {
         if (!ended) note(*me.flow_);
     }
     me.services_->stop(me.grace_ / 2);
-    co_await me.sessions_gone(me.grace_ / 2);
+    co_await me.services_->sessions_ended(saturating_add(me.on().now(), me.grace_ / 2));
     me.connections_->stop();
     bool closed = co_await me.connections_->join_until(saturating_add(me.on().now(), me.grace_));
     if (!closed) note(*me.connections_);

@@ -10,25 +10,21 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <future>
 
 namespace ise {
 namespace {
-
-bool good_path(const std::string& path) {
-    bool letters = std::ranges::all_of(path, [](unsigned char letter) {
-        return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') || (letter >= '0' && letter <= '9') ||
-               letter == '_' || letter == '-' || letter == '.' || letter == '/';
-    });
-    return letters && path.size() <= 200 && !path.starts_with('/') && !path.ends_with('/') && path.find("//") == std::string::npos;
-}
 
 // For a message, which may end at a zero or run over lines.
 std::string printable(std::string text) {
     for (char& letter : text)
         if (static_cast<unsigned char>(letter) < 0x20 || letter == 0x7f) letter = '?';
     return text.size() <= 200 ? text : text.substr(0, 200) + "...";
+}
+
+void check_path(const std::string& path, std::string_view what) {
+    if (path.size() > naming::longest_path || !naming::is_path(path))
+        throw error(errc::invalid_argument, fmt::format("'{}' is no {}: write it like atirma/shore/xbee", printable(path), what));
 }
 
 class coroutine_component final : public component {
@@ -46,7 +42,9 @@ private:
 node::node(environment& env, node_options options) {
     if (options.use_names && !options.name_server) {
         auto told = env.variable("ISE_NAME_SERVER");
-        options.name_server = told ? endpoint::parse(*told).value() : default_name_server();
+        auto at = told ? endpoint::parse(*told) : default_name_server();
+        if (!at) throw error(at.error().code(), "ISE_NAME_SERVER: " + at.error().message());
+        options.name_server = std::move(*at);
     }
     state_ = std::make_shared<state>(env, std::move(options));
     auto setup = [held = state_] {
@@ -106,21 +104,19 @@ component& node::start(const std::string& path, std::function<task<>(component&)
 }
 
 component& node::launch(const std::string& path, std::unique_ptr<component> made, component_options options) {
-    if (!good_path(path))
-        throw error(errc::invalid_argument, fmt::format("'{}' is no path of a component: write it like atirma/shore/xbee", printable(path)));
+    if (!path.empty()) check_path(path, "path of a component");
+    for (const auto& [role, priority] : options.roles) check_path(role, "role of a component");
+    if (options.roles.contains(path)) throw error(errc::invalid_argument, fmt::format("'{}' is the component's own name and needs not be a role of it", path));
+    if (!options.roles.empty() && path.empty()) throw error(errc::invalid_argument, "an anonymous component serves no role: give it a path");
     auto share = state_->loop_for(path, options);
     auto& reference = *made;
     auto incarnation = state_->env.random() | 1; // never 0
     auto runner = std::make_shared<component_runner>(state_, state_->env, share, path, std::move(made), std::move(options), state_->options, incarnation);
     state_->take_in(runner); // first, so that whoever stops the node stops it too
     try {
-        // Nothing else runs on an adopted executor now, as the caller sees to.
-        if (share->adopted || state_->env.is_virtual() || runner->on().running_here()) {
-            runner->start();
-        } else {
-            asio::post(runner->on().get_executor(), std::packaged_task<void()>([runner] { runner->start(); })).get();
-        }
+        share->run_alone([&] { runner->start(); });
     } catch (...) {
+        runner->stop(); // it may not even have been let in; it counts among those of its loop until it has ended
         state_->let_go(*runner);
         bool alone = share.use_count() == 2; // here and in the runner
         if (alone && !share->adopted && !state_->env.is_virtual()) share->host->end();

@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -18,16 +19,20 @@ enum class on_failure : std::uint8_t {
     restart,        ///< it is started again, after a pause that grows
 };
 
+/// What holds for all components of a node.
 struct node_options {
     std::string name;                          ///< for people; the process' name or the like
     std::optional<endpoint> name_server;       ///< else ISE_NAME_SERVER, else tcp://127.0.0.1:7400
     bool use_names = true;                     ///< false: components are reached by endpoint only
     duration lease = std::chrono::seconds(2);  ///< of the names
     duration grace = std::chrono::seconds(2);  ///< for coroutines and sessions to end when stopped
-    service_options services;
-    log_sink log = log_to_stderr();
+    service_options services;                  ///< limits and times of sessions, calls and subscriptions
+    log_sink log = log_to_stderr();            ///< where everything of the node logs to
 };
 
+class live_parameters;
+
+/// How one component is started.
 struct component_options {
     /// Where it listens; empty: an in-process name, a local socket and a port of the loopback interface.
     std::vector<endpoint> listen;
@@ -35,29 +40,36 @@ struct component_options {
     std::vector<endpoint> advertise;
     bool listens = true;                       ///< false: it only asks others
     bool registers = true;                     ///< with the name server, if it has a path
-    on_failure policy = on_failure::stop_component;
-    /// An executor of the embedding program; `one_thread` promises that nothing on it runs concurrently. Start the
-    /// component before the program runs it, or on it; run it until the component has stopped (`node::stopped()`).
+    /// Roles that it serves beside its own name, with its priority there: the highest is preferred. Several components
+    /// serve one role; who looks for the role finds the best of them that lives.
+    std::map<std::string, std::int32_t> roles;
+    on_failure policy = on_failure::stop_component; ///< when an exception escapes from it
+    /// An executor of the embedding program, run by any number of threads, already or later, until the component has
+    /// stopped (`node::stopped()`). `one_thread` promises that nothing on it runs concurrently, and saves the strand.
     std::optional<asio::any_io_executor> executor;
-    bool one_thread = false;
+    bool one_thread = false; ///< see `executor`
     /// Shares the loop of another component of this node, by path.
     std::string together_with;
+    /// What it was started with, for others to read and, where it allows that, to change: component_type::live().
+    std::shared_ptr<live_parameters> parameters;
 
     component_options() = default;
 };
 
 /// What a stopped component left behind.
 struct stop_report {
+    /// Empty for an anonymous one.
     std::string path;
     std::vector<std::string> still_running; ///< coroutines that did not end within the grace, or its thread
     std::string failure;                    ///< why it failed, if it did and was not started again since
-    unsigned restarts = 0;
+    unsigned restarts = 0;                  ///< by `on_failure::restart`
 };
 
 /// How a component of a node is, now.
 struct component_status {
+    /// Empty for an anonymous one.
     std::string path;
-    component_state state{};
+    component_state state{}; ///< where it is in its life
     bool stalled = false; ///< its thread has not come back to its loop for a while
 };
 
@@ -67,6 +79,7 @@ struct component_status {
 /// where they say so; in the virtual world nothing blocks and `stopped()` is awaited instead.
 class node {
 public:
+    /// `env` outlives the node. Throws errc::invalid_argument where ISE_NAME_SERVER is no endpoint.
     explicit node(environment& env, node_options options = node_options());
     /// Stops what still runs, and waits for a bounded time: three times the grace and a little. A component whose thread
     /// does not come back to its loop in that time is named in the log and left behind: nothing more of it runs once
@@ -79,7 +92,8 @@ public:
 
     /// Starts a component under a path (empty: anonymous). Throws errc::invalid_argument for a path that is none or that is
     /// used in this node already, errc::address_in_use and the like when it cannot listen.
-    /// errc::cancelled when it is stopped meanwhile. A start that throws leaves nothing behind.
+    /// errc::cancelled when it is stopped meanwhile. errc::would_block_self on an io_context of the program when the
+    /// component shall share the loop of one that runs there. A start that throws leaves nothing behind.
     /// The reference is valid until the node is gone, or another component is started under the path of this one.
     template <class C, class... A>
         requires std::derived_from<C, component>
@@ -89,6 +103,7 @@ public:
         launch(path, std::move(made), std::move(options));
         return reference;
     }
+    /// With the usual options, made without arguments.
     template <class C>
         requires std::derived_from<C, component>
     C& start(const std::string& path) {
@@ -96,10 +111,12 @@ public:
     }
     /// A component made of a coroutine: `node.start("atirma/probe", [](ise::component& self) -> ise::task<> {…})`.
     component& start(const std::string& path, std::function<task<>(component&)> body, component_options options = component_options());
+    /// Starts a component that was made already; as `start`.
     component& launch(const std::string& path, std::unique_ptr<component> made, component_options options);
 
     /// Asks one component to stop, or all.
     void stop(const std::string& path);
+    /// All of them. Returns at once, as does the other; any number of times.
     void stop();
     /// Blocks until every component has stopped by itself or by `stop()`, which takes a bounded time (see the
     /// destructor); not in the virtual world, and not on an executor that a component runs on.
@@ -108,11 +125,14 @@ public:
     task<> stopped();
     /// Of the components that have stopped so far.
     std::vector<stop_report> reports() const;
+    /// Whether none runs (any more).
     bool all_stopped() const;
     /// Of all components, also those that have stopped.
     std::vector<component_status> components() const;
 
+    /// The world it was made with.
     environment& env() noexcept;
+    /// As it was made with.
     const node_options& options() const noexcept;
 
 private:

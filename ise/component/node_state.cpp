@@ -31,15 +31,22 @@ void node::state::start_names() {
 
 task<result<std::uint64_t>> node::state::enroll(registration who, duration deadline) { return names->enroll(std::move(who), deadline); }
 
-// A component whose loop does not turn is shown as stalled; its name and its lease do not suffer.
+// A component whose loop does not turn is shown as stalled; its name, its lease and its sessions do not suffer.
 void node::state::watch_loops() {
     std::vector<std::shared_ptr<component_runner>> all;
     {
         std::lock_guard lock(mutex);
         all = runners;
     }
+    auto now = loop().now();
+    auto period = watch_period;
     for (auto& runner : all) {
         if (runner->give_up_if_late()) on_stopped();
+        if (!runner->over()) {
+            runner->signs().show(now);
+            period = std::min(period, runner->signs().shortest_heartbeat() / 2);
+        }
+        if (now < poke_at) continue;
         bool turning = runner->poke();
         if (runner->stalled.exchange(!turning) == !turning) continue;
         if (turning) {
@@ -49,7 +56,15 @@ void node::state::watch_loops() {
         }
         if (names && !runner->path().empty()) names->set_state(runner->path(), turning ? name_of(runner->state()) : "stalled");
     }
-    watch->arm(saturating_add(loop().now(), watch_period));
+    if (now >= poke_at) poke_at = now + watch_period;
+    watch->arm(now + period);
+}
+
+void node::state::watch_sooner() {
+    loop().gate()->post([weak = weak_from_this()] {
+        auto held = weak.lock();
+        if (held && held->watch) held->watch_loops();
+    });
 }
 
 std::shared_ptr<component_runner> node::state::find(const std::string& path) const {

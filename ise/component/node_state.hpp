@@ -14,13 +14,15 @@ struct node::state : std::enable_shared_from_this<node::state> {
     state(environment& of, node_options given);
     ~state();
 
-    /// How often it looks whether the loops of its components turn.
+    /// How often it looks whether the loops of its components turn; more often where a peer wants to hear from one sooner.
     static constexpr duration watch_period = std::chrono::milliseconds(500);
 
     ise::loop& loop() noexcept { return host->loop(); }
     void start_names();
     task<result<std::uint64_t>> enroll(registration who, duration deadline);
     void watch_loops();
+    /// Looks at once, and as often as peers want from then on. From any thread.
+    void watch_sooner();
     void stop_all();
     void on_stopped();
     bool all_stopped() const;
@@ -42,6 +44,7 @@ struct node::state : std::enable_shared_from_this<node::state> {
     std::unique_ptr<service_host> services;
     std::unique_ptr<registrar> names;
     std::unique_ptr<timer> watch;
+    time_point poke_at{};
 
     mutable std::mutex mutex;
     std::condition_variable changed;

@@ -40,7 +40,7 @@ task<> name_server::run() {
     many.waiting = 1024;
     provide(naming::wait_for, [this](naming::await_request request, const call_context& call) {
         auto longest = std::clamp(request.wait, duration{}, naming::longest_wait);
-        return wait_for(std::move(request.path), std::min(call.deadline, saturating_add(now(), longest)));
+        return wait_for(std::move(request.path), request.other_than, std::min(call.deadline, saturating_add(now(), longest)));
     }, many);
 
     publication_callbacks<subscription<naming::name_events, naming::watch_request>> callbacks;
@@ -59,6 +59,7 @@ task<> name_server::run() {
         return nothing();
     };
     events_ = publish(naming::watch, std::move(callbacks));
+    provide_role_changes();
 
     tick_ = std::make_unique<timer>(on(), [this] { tick(); });
     tick();
@@ -68,17 +69,26 @@ task<> name_server::run() {
 void name_server::tick() {
     registry_->advance(now());
     changed();
+    if (recovering_ && !registry_->recovering(now())) { // from now on what is told is all there is
+        recovering_ = false;
+        std::set<std::string> roles;
+        for (const auto& [number, role] : role_watchers_) roles.insert(role);
+        for (const auto& role : roles)
+            tell_watchers(role);
+    }
     tick_->arm(saturating_add(now(), registry_->tick()));
 }
 
 void name_server::changed() {
+    auto roles = registry_->take_changed_roles();
+    for (const auto& role : roles) {
+        tell_watchers(role);
+        wake_waiting(role);
+    }
     auto events = registry_->take_changes();
     if (events.empty()) return;
-    for (const auto& event : events) {
-        if (event.what == naming::name_change::removed) continue;
-        auto [first, last] = waiting_.equal_range(event.name.path);
-        for (; first != last; ++first) first->second->resume();
-    }
+    for (const auto& event : events)
+        if (event.what != naming::name_change::removed) wake_waiting(event.name.path);
     // A packet for each prefix that somebody watches.
     std::set<std::string> prefixes;
     for (const auto& [number, entry] : watchers_)
@@ -95,6 +105,44 @@ void name_server::changed() {
     }
 }
 
+void name_server::wake_waiting(const std::string& path) {
+    auto [first, last] = waiting_.equal_range(path);
+    for (; first != last; ++first) first->second->resume();
+}
+
+void name_server::provide_role_changes() {
+    publication_callbacks<subscription<naming::role_members, naming::role_request>> callbacks;
+    callbacks.on_subscribe = [this](const naming::role_request& request, const subscriber_info& who) -> result<nothing> {
+        if (request.role.size() > options_.limits.max_path_bytes)
+            return failure(errc::too_large, fmt::format("a role of {} bytes, max_path_bytes is {}", request.role.size(), options_.limits.max_path_bytes));
+        role_watchers_[who.number] = request.role;
+        on().later([this, number = who.number] { // behind the answer
+            auto found = role_watchers_.find(number);
+            if (found != role_watchers_.end()) tell_members(found->second, [number](const subscriber_info& one) { return one.number == number; });
+        });
+        return nothing();
+    };
+    callbacks.on_unsubscribe = [this](const nothing&, const subscriber_info& who) {
+        role_watchers_.erase(who.number);
+        return nothing();
+    };
+    role_changes_ = publish(naming::role_changes, std::move(callbacks));
+}
+
+void name_server::tell_watchers(const std::string& role) {
+    bool watched = std::ranges::any_of(role_watchers_, [&](const auto& entry) { return entry.second == role; });
+    if (!watched) return;
+    tell_members(role, [&](const subscriber_info& who) {
+        auto found = role_watchers_.find(who.number);
+        return found != role_watchers_.end() && found->second == role;
+    });
+}
+
+void name_server::tell_members(const std::string& role, const std::function<bool(const subscriber_info&)>& whom) {
+    auto packet = registry_->members_of(role, now());
+    role_changes_.to_some(packet, whom);
+}
+
 void name_server::welcome(std::uint64_t number) {
     auto found = watchers_.find(number);
     if (found == watchers_.end()) return;
@@ -106,14 +154,14 @@ void name_server::welcome(std::uint64_t number) {
     events_.to_some(packet, [number](const subscriber_info& who) { return who.number == number; });
 }
 
-task<naming::await_response> name_server::wait_for(std::string path, time_point until) {
+task<naming::await_response> name_server::wait_for(std::string path, std::uint64_t other_than, time_point until) {
     waiter<> present(on(), [&present] { present.resume(); });
     timer over(on(), [&present] { present.resume(); });
     over.arm(until);
     for (;;) {
         naming::await_response response;
         auto found = registry_->resolve(path, now());
-        if (found) response.found = std::move(*found);
+        if (found && (other_than == 0 || found->incarnation != other_than)) response.found = std::move(*found);
         response.certain = !registry_->recovering(now());
         if (response.found || now() >= until) co_return response;
         struct listed { // whichever way this coroutine ends

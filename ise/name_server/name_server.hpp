@@ -2,6 +2,7 @@
 #include <ise/component/component.hpp>
 #include <ise/name_server/registry.hpp>
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <set>
@@ -9,13 +10,14 @@
 
 namespace ise {
 
+/// How the name server keeps names.
 struct name_server_options {
     /// The longest lease that is granted. For as long after its start it also leaves names to those who held them
     /// before: see `registry_options::recovery`.
     duration lease = std::chrono::seconds(2);
     /// There was no name server before: names are granted at once.
     bool fresh = false;
-    registry_limits limits;
+    registry_limits limits; ///< of what it holds
 };
 
 /// The name server: an ordinary component that keeps a `registry` and answers for it (ise/naming/services.hpp). It is
@@ -27,6 +29,7 @@ struct name_server_options {
 ///     node.start<name_server>(std::string(naming::server_path), options);
 class name_server final : public component {
 public:
+    /// To be started by `node::start`.
     explicit name_server(name_server_options options = name_server_options());
     ~name_server() override;
 
@@ -35,10 +38,14 @@ public:
 
 private:
     task<> run() override;
-    task<naming::await_response> wait_for(std::string path, time_point until);
+    task<naming::await_response> wait_for(std::string path, std::uint64_t other_than, time_point until);
     /// What every change ends with: watchers hear of it, and those who wait for a name.
     void changed();
     void welcome(std::uint64_t watcher);
+    void provide_role_changes();
+    void tell_members(const std::string& role, const std::function<bool(const subscriber_info&)>& whom);
+    void tell_watchers(const std::string& role);
+    void wake_waiting(const std::string& path);
     void tick();
 
     struct watcher {
@@ -50,6 +57,9 @@ private:
     std::unique_ptr<registry> registry_;
     publication<subscription<naming::name_events, naming::watch_request>> events_;
     std::map<std::uint64_t, watcher> watchers_;          // by the subscriber's number
+    publication<subscription<naming::role_members, naming::role_request>> role_changes_;
+    std::map<std::uint64_t, std::string> role_watchers_; // by the subscriber's number: the role
+    bool recovering_ = true;
     std::multimap<std::string, waiter<>*> waiting_;      // for names
     std::unique_ptr<timer> tick_;
 };

@@ -82,12 +82,14 @@ naming::register_response registry::enroll(const naming::register_request& reque
     if (known == nodes_.end()) {
         if (nodes_.size() >= options_.limits.max_nodes) return refuse_all(fmt::format("{} nodes are registered, which is max_nodes", nodes_.size()));
         known = nodes_.try_emplace(request.node.lease_key).first;
+        known->second.number = ++last_lease_;
     }
     auto& from = known->second;
     from.who = request.node;
     from.lease = std::clamp(request.lease, shortest_lease, options_.lease);
     renew_lease(from, at);
     response.lease = from.lease;
+    response.lease_number = from.number;
 
     std::string unusable; // a schema that is none concerns those who wrote it, not the names
     for (const auto& text : request.schemas)
@@ -144,6 +146,8 @@ naming::grant registry::accept(node& from, naming::component_claim claim, std::u
     if (services_ - services_before + claim.services.size() > limits.max_services)
         return refused(claim.path, fmt::format("{} services are registered, max_services is {}", services_, limits.max_services));
 
+    if (auto why = objection_to_roles(claim)) return refused(claim.path, std::move(*why));
+
     last_epoch_ = std::max(last_epoch_, epoch);
     claim.epoch = epoch;
     naming::grant granted;
@@ -157,6 +161,7 @@ naming::grant registry::accept(node& from, naming::component_claim claim, std::u
     } else {
         schemas_.release(held->second.claim.services);
         held->second.owner->paths.erase(path);
+        leave_roles(held->second);
     }
     auto& entry = held->second;
     auto before = is_new ? naming::listed_name() : listed(entry);
@@ -167,9 +172,10 @@ naming::grant registry::accept(node& from, naming::component_claim claim, std::u
     from.paths.insert(path);
     from.lost.erase(path);
     last_held_.erase(path);
+    serve_roles(entry);
     auto after = listed(entry);
     bool same = before.epoch == after.epoch && before.incarnation == after.incarnation && before.state == after.state && before.type == after.type &&
-                before.endpoints == after.endpoints && before.services_provided == after.services_provided;
+                before.endpoints == after.endpoints && before.services_provided == after.services_provided && before.roles == after.roles;
     if (is_new || !same) note(is_new ? naming::name_change::added : naming::name_change::changed, entry);
     return granted;
 }
@@ -184,6 +190,7 @@ naming::renew_response registry::renew(const naming::renew_request& request, tim
     auto& from = found->second;
     renew_lease(from, at);
     response.known = true;
+    response.lease_number = from.number;
     response.lease = from.lease;
     for (const auto& [path, grant] : from.lost) response.lost.push_back(grant);
     return response;
@@ -210,8 +217,34 @@ void registry::remove(const std::string& path) {
     note(naming::name_change::removed, held->second);
     schemas_.release(held->second.claim.services);
     services_ -= held->second.claim.services.size();
+    leave_roles(held->second);
     held->second.owner->paths.erase(held->first);
     components_.erase(held);
+}
+
+std::optional<std::string> registry::objection_to_roles(const naming::component_claim& claim) const {
+    for (const auto& [role, priority] : claim.roles) {
+        auto known = roles_.find(role);
+        if (known != roles_.end() && known->second.size() >= options_.limits.max_members_per_role && !known->second.contains(claim.path))
+            return fmt::format("{} components serve the role '{}', which is max_members_per_role", known->second.size(), role);
+    }
+    return std::nullopt;
+}
+
+void registry::serve_roles(const component& who) {
+    for (const auto& [role, priority] : who.claim.roles) {
+        roles_[role].insert(who.claim.path);
+        changed_roles_.insert(role);
+    }
+}
+
+void registry::leave_roles(const component& who) {
+    for (const auto& [role, priority] : who.claim.roles) {
+        auto known = roles_.find(role);
+        known->second.erase(who.claim.path);
+        if (known->second.empty()) roles_.erase(known);
+        changed_roles_.insert(role);
+    }
 }
 
 void registry::remember(const std::string& path, std::uint64_t epoch) {
@@ -238,7 +271,7 @@ naming::grant registry::denied(const std::string& path, verdict what, const comp
     made.what = what;
     made.held_by.push_back(holder_of(held, at));
     const auto& who = made.held_by.back();
-    made.reason = fmt::format("'{}' is held by process {} on {}{} under epoch {}, whose lease was renewed {} ms ago", path, who.process_id,
+    made.reason = fmt::format("'{}' is held by process {} on {}{} under epoch {}, whose lease was renewed {} ms ago: end it, or take another path", path, who.process_id,
                               who.host_name, who.endpoint.empty() ? "" : " at " + who.endpoint, who.epoch,
                               std::chrono::duration_cast<std::chrono::milliseconds>(who.lease_age).count());
     return made;
@@ -252,5 +285,6 @@ void registry::note(naming::name_change what, const component& held) {
 }
 
 std::vector<naming::name_event> registry::take_changes() { return std::exchange(changes_, {}); }
+std::set<std::string> registry::take_changed_roles() { return std::exchange(changed_roles_, {}); }
 
 } // namespace ise

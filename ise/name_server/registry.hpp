@@ -42,7 +42,10 @@ public:
     naming::renew_response renew(const naming::renew_request& request, time_point now);
     void withdraw(const naming::withdraw_request& request, time_point now);
 
+    /// A name, else a role of that path.
     result<naming::resolve_response> resolve(std::string_view path, time_point now);
+    /// Who serves a role, best first.
+    naming::role_members members_of(std::string_view role, time_point now);
     naming::list_response list(const naming::list_request& request, time_point now);
     result<naming::describe_response> describe(std::string_view path, time_point now);
     /// All names below a prefix, for a watcher.
@@ -55,6 +58,8 @@ public:
 
     /// What has changed since it was last asked, in order.
     std::vector<naming::name_event> take_changes();
+    /// The roles among whose members something has changed since it was last asked.
+    std::set<std::string> take_changed_roles();
 
     std::size_t components() const noexcept { return components_.size(); }
     std::size_t services() const noexcept { return services_; }
@@ -70,6 +75,7 @@ private:
         time_point renewed{};                    // in the server's own running time, as all below
         time_point expires{};
         std::uint64_t renewals = 0;
+        std::uint64_t number = 0;                // of the lease
         std::set<std::string> paths;
         std::map<std::string, naming::grant> lost; // names that went to others, until the node says that it knows
     };
@@ -83,6 +89,10 @@ private:
     void expire(time_point at);
     naming::grant decide(node& from, naming::component_claim claim, time_point at);
     naming::grant accept(node& from, naming::component_claim claim, std::uint64_t epoch);
+    std::optional<std::string> objection_to_roles(const naming::component_claim& claim) const;
+    void serve_roles(const component& who);
+    void leave_roles(const component& who);
+    naming::role_member member(const component& who, std::int32_t priority) const;
     void remove(const std::string& path);
     void remember(const std::string& path, std::uint64_t epoch);
     naming::holder holder_of(const component& held, time_point at) const;
@@ -102,7 +112,10 @@ private:
     std::unordered_map<std::uint64_t, node> nodes_;                // by lease key
     std::set<std::pair<time_point, std::uint64_t>> expiries_;      // of nodes
     std::map<std::string, std::uint64_t, std::less<>> last_held_;  // epochs of names that expired
+    std::map<std::string, std::set<std::string>, std::less<>> roles_; // who serves them, by path
+    std::set<std::string> changed_roles_;
     std::size_t services_ = 0;
+    std::uint64_t last_lease_ = 0;
     std::vector<naming::name_event> changes_;
 };
 

@@ -9,6 +9,12 @@ namespace {
 
 constexpr std::size_t max_fingerprints = 16; // of one service; the kinds have at most five
 
+std::optional<std::string> objection_to_path(const std::string& path, const registry_limits& limits) {
+    if (path.size() > limits.max_path_bytes) return fmt::format("a path of {} bytes, max_path_bytes is {}", path.size(), limits.max_path_bytes);
+    if (!naming::is_path(path)) return "no path of a component: write it like atirma/shore/xbee";
+    return std::nullopt;
+}
+
 } // namespace
 
 std::optional<std::string> objection_to(const naming::node_identity& who, const registry_limits& limits) {
@@ -20,18 +26,18 @@ std::optional<std::string> objection_to(const naming::node_identity& who, const 
 }
 
 std::optional<std::string> objection_to(const naming::component_claim& claim, const registry_limits& limits) {
-    bool letters = std::ranges::all_of(claim.path, [](unsigned char letter) {
-        return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') || (letter >= '0' && letter <= '9') || letter == '_' ||
-               letter == '-' || letter == '.' || letter == '/';
-    });
-    if (claim.path.size() > limits.max_path_bytes) return fmt::format("a path of {} bytes, max_path_bytes is {}", claim.path.size(), limits.max_path_bytes);
-    if (!letters || claim.path.empty() || claim.path.starts_with('/') || claim.path.ends_with('/') || claim.path.find("//") != std::string::npos)
-        return "no path of a component: write it like atirma/shore/xbee";
+    if (auto why = objection_to_path(claim.path, limits)) return why;
     if (claim.epoch >= highest_epoch) return fmt::format("nobody was ever granted the epoch {}", claim.epoch);
     if (claim.endpoints.size() > limits.max_endpoints_per_component)
         return fmt::format("{} endpoints, max_endpoints_per_component is {}", claim.endpoints.size(), limits.max_endpoints_per_component);
     if (claim.services.size() > limits.max_services_per_component)
         return fmt::format("{} services, max_services_per_component is {}", claim.services.size(), limits.max_services_per_component);
+    if (claim.roles.size() > limits.max_roles_per_component)
+        return fmt::format("{} roles, max_roles_per_component is {}", claim.roles.size(), limits.max_roles_per_component);
+    for (const auto& [role, priority] : claim.roles) {
+        if (auto why = objection_to_path(role, limits)) return fmt::format("the role '{}' is {}", role.substr(0, limits.max_path_bytes), *why);
+        if (role == claim.path) return std::string("a role of the component's own name: its name is found without it");
+    }
     auto too_long = [&](const std::string& text) { return text.size() > limits.max_text_bytes; };
     if (too_long(claim.type) || too_long(claim.state) || std::ranges::any_of(claim.endpoints, too_long) ||
         std::ranges::any_of(claim.services, too_long, &naming::service_entry::name))

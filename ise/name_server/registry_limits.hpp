@@ -10,16 +10,18 @@ namespace ise {
 
 /// What the name server holds at most. What goes beyond is refused by the limit's name.
 struct registry_limits {
-    std::size_t max_components = 100'000;
+    std::size_t max_components = 100'000;          ///< registered at once
     std::size_t max_services = 1'000'000;          ///< of all components together
-    std::size_t max_services_per_component = 1024;
-    std::size_t max_endpoints_per_component = 64;
-    std::size_t max_nodes = 50'000;
-    std::size_t max_path_bytes = 200;
+    std::size_t max_services_per_component = 1024; ///< provided and required
+    std::size_t max_endpoints_per_component = 64; ///< of one claim
+    std::size_t max_roles_per_component = 64; ///< that it serves
+    std::size_t max_members_per_role = 256; ///< that serve it
+    std::size_t max_nodes = 50'000;                ///< with a lease
+    std::size_t max_path_bytes = 200;              ///< of one path
     std::size_t max_text_bytes = 512;              ///< of every other name, state and endpoint
     std::size_t max_listed = 10'000;               ///< in one answer
     std::size_t max_remembered = 100'000;          ///< paths whose last epoch is known though nobody holds them
-    schema_store_limits schemas;
+    schema_store_limits schemas;                   ///< of texts
 };
 
 /// Nobody was ever granted such an epoch, or a higher one.
@@ -27,6 +29,7 @@ inline constexpr std::uint64_t highest_epoch = std::uint64_t{1} << 62;
 
 /// Why a claim cannot be taken, whatever is registered; nothing if it can.
 std::optional<std::string> objection_to(const naming::node_identity& who, const registry_limits& limits);
+/// The same for one component.
 std::optional<std::string> objection_to(const naming::component_claim& claim, const registry_limits& limits);
 
 } // namespace ise

@@ -11,6 +11,21 @@ result<naming::resolve_response> registry::resolve(std::string_view path, time_p
     auto at = running_time(now);
     expire(at);
     auto held = components_.find(path);
+    if (held == components_.end() && roles_.contains(path)) {
+        auto serving = members_of(path, now);
+        naming::resolve_response found;
+        const auto& best = serving.members.front();
+        found.path = serving.role;
+        found.epoch = best.epoch;
+        found.incarnation = best.incarnation;
+        found.host_name = best.host_name;
+        found.host_key = best.host_key;
+        found.process_key = best.process_key;
+        found.endpoints = best.endpoints;
+        found.members = std::move(serving.members);
+        found.certain = serving.certain;
+        return found;
+    }
     if (held == components_.end()) {
         if (at < recovered_)
             return failure(errc::name_server_lost, fmt::format("the name server has just started and may not yet know '{}'", path));
@@ -26,6 +41,36 @@ result<naming::resolve_response> registry::resolve(std::string_view path, time_p
     found.process_key = entry.owner->who.process_key;
     found.endpoints = entry.claim.endpoints;
     return found;
+}
+
+naming::role_members registry::members_of(std::string_view role, time_point now) {
+    auto at = running_time(now);
+    expire(at);
+    naming::role_members found;
+    found.role = role;
+    found.certain = at >= recovered_;
+    auto known = roles_.find(role);
+    if (known == roles_.end()) return found;
+    for (const auto& path : known->second) {
+        const auto& who = components_.find(path)->second;
+        found.members.push_back(member(who, who.claim.roles.at(found.role)));
+    }
+    std::ranges::sort(found.members, {}, [](const auto& one) { return naming::role_rank(one.state, one.priority, one.epoch); });
+    return found;
+}
+
+naming::role_member registry::member(const component& who, std::int32_t priority) const {
+    naming::role_member made;
+    made.path = who.claim.path;
+    made.priority = priority;
+    made.state = who.claim.state;
+    made.epoch = who.claim.epoch;
+    made.incarnation = who.claim.incarnation;
+    made.host_name = who.owner->who.host_name;
+    made.host_key = who.owner->who.host_key;
+    made.process_key = who.owner->who.process_key;
+    made.endpoints = who.claim.endpoints;
+    return made;
 }
 
 naming::list_response registry::list(const naming::list_request& request, time_point now) {
@@ -73,7 +118,9 @@ naming::listed_name registry::listed(const component& held) const {
     made.host_name = held.owner->who.host_name;
     made.process_id = held.owner->who.process_id;
     made.endpoints = held.claim.endpoints;
-    made.services_provided = static_cast<std::uint32_t>(std::ranges::count(held.claim.services, true, &naming::service_entry::provided));
+    made.roles = held.claim.roles;
+    auto own = [](const naming::service_entry& one) { return one.provided && !one.name.starts_with("ise."); }; // ISE's are everybody's
+    made.services_provided = static_cast<std::uint32_t>(std::ranges::count_if(held.claim.services, own));
     return made;
 }
 

@@ -13,6 +13,7 @@ naming::component_claim held_name::claim() const {
     made.epoch = epoch;
     made.type = who.type;
     made.state = who.state;
+    made.roles = who.roles;
     for (const auto& at : who.endpoints) made.endpoints.push_back(at.text());
     for (const auto& service : who.services) {
         naming::service_entry entry;

@@ -30,7 +30,7 @@ lease_registrar::lease_registrar(service_host& host, endpoint name_server, durat
 
 lease_registrar::~lease_registrar() = default;
 
-bool lease_registrar::confirmed() const noexcept { return host_.on().now() < valid_until_; }
+bool lease_registrar::confirmed() const noexcept { return host_.env().now() < valid_until_.load(); }
 
 std::uint64_t lease_registrar::epoch_of(const std::string& path) const noexcept {
     auto found = holdings_.find(path);
@@ -197,6 +197,7 @@ task<bool> lease_registrar::tell() {
         co_return false;
     }
     lease_granted(sent_at, answer->lease);
+    look_at_lease(answer->server_incarnation, answer->lease_number);
     for (auto& grant : answer->grants) {
         auto found = holdings_.find(grant.path);
         auto of = told.find(grant.path);
@@ -217,7 +218,7 @@ void lease_registrar::take(naming::grant answer) {
         return;
     }
     if (answer.what == verdict::granted && !answer.reason.empty())
-        host_.log().warning("the name server keeps not all schemas", {{"component", answer.path}, {"cause", answer.reason}});
+        host_.log().warning("the name server has an objection", {{"component", answer.path}, {"cause", answer.reason}});
     if (name.epoch == before) return;
     if (name.enrolling) {
         name.answered.resume();
@@ -256,6 +257,7 @@ task<bool> lease_registrar::renew() {
         co_return true;
     }
     lease_granted(sent_at, answer->lease);
+    look_at_lease(answer->server_incarnation, answer->lease_number);
     for (auto& grant : answer->lost)
         if (holdings_.contains(grant.path) && grant.what == verdict::superseded) take(std::move(grant));
     co_return true;
@@ -291,6 +293,14 @@ void lease_registrar::lease_granted(time_point sent_at, duration length) {
     if (std::exchange(complained_, false)) host_.log().info("the name server is back", {{"name_server", server_.text()}});
 }
 
+// Where the last lease was over when something was told, that made another one: the server has forgotten all else. Its
+// answer need not have arrived, so every answer says which lease it is about.
+void lease_registrar::look_at_lease(std::uint64_t server, std::uint64_t number) {
+    auto before = std::exchange(lease_known_, std::pair(server, number));
+    if (before == lease_known_) return;
+    for (auto& [path, name] : holdings_) name->told = 0;
+}
+
 // It was restarted, or we were away for too long: everything is told again, with the epochs that were granted.
 void lease_registrar::lease_lost() {
     host_.log().info("the name server does not know this node any more: registering again", {{"name_server", server_.text()}});
@@ -304,7 +314,8 @@ void lease_registrar::unreachable(const failure& why) {
     obstacle_ = fmt::format("the name server at {} does not answer: {}", server_.text(), why.message());
     if (confirmed() || host_.scope().stopping() || std::exchange(complained_, true)) return;
     bool holds = std::ranges::any_of(holdings_, [](const auto& entry) { return entry.second->epoch != 0; });
-    host_.log().warning(holds ? "names are unconfirmed: they could not be renewed in time, sessions go on" : "the name server does not answer, trying on",
+    host_.log().warning(holds ? "names are unconfirmed: they could not be renewed in time, sessions go on"
+                              : "the name server does not answer, trying on: is ise_name_server running there, and does ISE_NAME_SERVER say where?",
                         {{"name_server", server_.text()}, {"cause", why.message()}});
 }
 

@@ -5,11 +5,13 @@
 #include <ise/service/remote.hpp>
 #include <ise/service/service_host.hpp>
 
+#include <atomic>
 #include <cstdint>
 #include <map>
 #include <memory>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace ise {
@@ -35,8 +37,7 @@ public:
     /// Completes when the server knows, or does not answer; then it is told as soon as it does.
     task<> withdraw(std::string path) override;
 
-    /// Whether the lease holds now, as far as this side knows.
-    bool confirmed() const noexcept;
+    bool confirmed() const noexcept override;
     /// The epoch of a name, 0 if it was not granted.
     std::uint64_t epoch_of(const std::string& path) const noexcept;
 
@@ -50,6 +51,7 @@ private:
     void take(naming::grant answer);
     void give_up(const std::string& path, failure why);
     void lease_granted(time_point sent_at, duration length);
+    void look_at_lease(std::uint64_t server, std::uint64_t number);
     void lease_lost();
     void unreachable(const failure& why);
     time_point next_event() const;
@@ -64,7 +66,8 @@ private:
     std::map<std::string, std::unique_ptr<held_name>> holdings_;
     std::map<std::string, std::uint64_t> departures_; // incarnations that the server has not been told to forget
     time_point renew_at_ = time_point::max();
-    time_point valid_until_ = time_point::min();
+    std::atomic<time_point> valid_until_{time_point::min()};
+    std::pair<std::uint64_t, std::uint64_t> lease_known_{}; // the server's incarnation, and its number there
     std::string obstacle_;   // why the server was not reached last
     bool complained_ = false;
     waiter<> news_;

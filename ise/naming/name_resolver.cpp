@@ -33,15 +33,22 @@ std::optional<std::size_t> distance(const endpoint& at, bool same_host, bool sam
         case protocol::inproc: return same_process ? std::optional<std::size_t>(0) : std::nullopt;
         case protocol::local: return same_host ? std::optional<std::size_t>(1) : std::nullopt;
         case protocol::tcp:
+        case protocol::udp: // the order in which they were registered decides between the two
             if (!is_loopback(at)) return 3;
             return same_host ? std::optional<std::size_t>(2) : std::nullopt;
-        case protocol::udp: break; // carries no streams
     }
     return std::nullopt;
 }
 
 // Whether the failure means that nobody could say.
 bool server_missing(const failure& why) { return why.code() != errc::no_such_name && why.code() != errc::cancelled; }
+
+// What the server said, without that it was asked.
+failure in_own_words(const failure& why) {
+    auto text = why.message();
+    auto said = text.starts_with("'ise.names.") ? text.find(": ") : std::string::npos;
+    return said == std::string::npos ? why : failure(why.code(), text.substr(said + 2), why.executed());
+}
 
 result<naming::resolve_response> known_answer(const std::string& path, result<naming::await_response> answer) {
     if (!answer) return answer.error();
@@ -81,21 +88,30 @@ remote name_resolver::server() {
     return held_;
 }
 
-result<location> name_resolver::take(const std::string& path, result<naming::resolve_response> answer) {
+std::string name_resolver::trouble() const {
+    if (!held_ || held_.way().current()) return {};
+    auto why = held_.way().obstacle();
+    return fmt::format("the name server at {} does not answer{}{}", server_.text(), why.empty() ? "" : ": ", why);
+}
+
+result<resolution> name_resolver::take(const std::string& path, result<naming::resolve_response> answer) {
     if (!answer) {
         if (answer.error().code() == errc::no_such_name) known_.erase(path);
+        if (answer.error().code() == errc::no_such_name) return in_own_words(answer.error());
         if (!server_missing(answer.error())) return answer.error();
         if (answer.error().code() != errc::name_server_lost) lost_at_ = host_.on().now(); // not even a server that waits
         if (const auto* last = recall(path)) return *last;
         return failure(errc::name_server_lost, fmt::format("'{}' cannot be resolved: {}", path, answer.error().message()));
     }
     lost_at_ = time_point::min();
-    location found;
-    found.path = path;
-    found.epoch = answer->epoch;
-    found.incarnation = answer->incarnation;
-    found.endpoints = reachable_endpoints(*answer, host_.env().identity());
-    if (found.endpoints.empty())
+    if (!answer->members.empty()) return take_members(path, answer->members, answer->certain);
+    resolution found;
+    auto& holder = found.members.emplace_back();
+    holder.path = path;
+    holder.epoch = answer->epoch;
+    holder.incarnation = answer->incarnation;
+    holder.endpoints = reachable_endpoints(*answer, host_.env().identity());
+    if (holder.endpoints.empty())
         return failure(errc::unreachable,
                        fmt::format("'{}' on {} cannot be reached from {}: it listens on {} only; let it listen on tcp://0.0.0.0:0 too", path,
                                    answer->host_name, host_.env().identity().host_name,
@@ -104,26 +120,89 @@ result<location> name_resolver::take(const std::string& path, result<naming::res
     return found;
 }
 
-const location* name_resolver::recall(const std::string& path) {
+result<resolution> name_resolver::take_members(const std::string& role, const std::vector<naming::role_member>& members, bool certain) {
+    resolution found;
+    found.role = true;
+    for (const auto& told : members) {
+        naming::resolve_response one;
+        one.host_key = told.host_key;
+        one.process_key = told.process_key;
+        one.endpoints = told.endpoints;
+        location where;
+        where.path = told.path;
+        where.epoch = told.epoch;
+        where.incarnation = told.incarnation;
+        where.priority = told.priority;
+        where.ready = told.state == "ready";
+        where.endpoints = reachable_endpoints(one, host_.env().identity());
+        if (!where.endpoints.empty()) found.members.push_back(std::move(where));
+    }
+    // A server that has just restarted does not know all yet: those that are known from before stay, by their rank.
+    if (const auto* last = recall(role); last && last->role && !certain) {
+        for (const auto& before : last->members)
+            if (std::ranges::find(found.members, before.path, &location::path) == found.members.end()) found.members.push_back(before);
+        std::ranges::stable_sort(found.members, [](const auto& a, const auto& b) { return a.ready != b.ready ? a.ready : a.priority > b.priority; });
+    }
+    if (found.members.empty())
+        return failure(errc::unreachable, fmt::format("none of the {} that serve '{}' can be reached from {}; let them listen on tcp://0.0.0.0:0 too",
+                                                      members.size(), role, host_.env().identity().host_name));
+    remember(role, found);
+    return found;
+}
+
+const resolution* name_resolver::recall(const std::string& path) {
     auto found = known_.find(path);
     if (found == known_.end()) return nullptr;
     found->second.used = ++uses_;
-    return &found->second.where;
+    return &found->second.who;
 }
 
-void name_resolver::remember(const std::string& path, const location& where) {
+void name_resolver::remember(const std::string& path, const resolution& who) {
     if (known_.size() >= max_remembered && !known_.contains(path))
         known_.erase(std::ranges::min_element(known_, {}, [](const auto& entry) { return entry.second.used; }));
     auto& entry = known_[path];
-    entry.where = where;
+    entry.who = who;
     entry.used = ++uses_;
 }
 
-task<result<location>> name_resolver::resolve(std::string path) {
+// --- roles --------------------------------------------------------------------------------------------------------
+
+void name_resolver::follow(const std::string& role, link& who) {
+    auto& entry = followed_[role];
+    entry.by.push_back(&who);
+    if (!entry.watch) entry.watch = std::make_unique<role_watch>(host_, server(), role, [this](const naming::role_members& told) { on_news(told); });
+}
+
+void name_resolver::unfollow(const std::string& role, link& who) noexcept {
+    auto found = followed_.find(role);
+    if (found == followed_.end()) return;
+    std::erase(found->second.by, &who);
+    if (found->second.by.empty()) followed_.erase(found);
+}
+
+void name_resolver::on_news(const naming::role_members& told) {
+    if (told.members.empty() && !told.certain) return;
+    resolution now;
+    now.role = true;
+    if (told.members.empty()) {
+        known_.erase(told.role);
+    } else if (auto taken = take_members(told.role, told.members, told.certain)) {
+        now = std::move(*taken);
+    }
+    auto found = followed_.find(told.role);
+    if (found == followed_.end()) return;
+    for (auto* one : std::vector(found->second.by)) one->on_members(now);
+}
+
+task<result<resolution>> name_resolver::resolve(std::string path) {
     const auto* last = recall(path);
-    auto now = host_.on().now();
-    // Asked all the same: the next one finds out whether it is back.
-    auto limit = !last ? patience : lost_at_ > time_point::min() && now - lost_at_ < surely_lost ? longest_pause / 10 : patience_with_memory;
+    auto limit = last ? patience_with_memory : patience;
+    // Where the server was just missed it is asked all the same: the next one finds out whether it is back.
+    if (last && lost_at_ > time_point::min() && host_.on().now() - lost_at_ < surely_lost) limit = longest_pause / 10;
+    if (auto role = followed_.find(path); last && role != followed_.end()) {
+        if (role->second.watch->current()) co_return *last;
+        limit = longest_pause / 10; // its session is away, and so is the server
+    }
     naming::resolve_request question;
     question.path = path;
     auto names = server();
@@ -131,7 +210,7 @@ task<result<location>> name_resolver::resolve(std::string path) {
     co_return take(path, std::move(answer));
 }
 
-task<result<location>> name_resolver::resolve_when_present(std::string path, time_point deadline) {
+task<result<resolution>> name_resolver::resolve_when_present(std::string path, time_point deadline) {
     auto& on = host_.on();
     std::optional<failure> said; // by a server that knew
     for (;;) {
@@ -150,6 +229,19 @@ task<result<location>> name_resolver::resolve_when_present(std::string path, tim
         if (last) co_return said ? *said : found.error();
         co_await sleep_until(on, std::min(deadline, saturating_add(on.now(), std::chrono::milliseconds(20))));
     }
+}
+
+task<std::uint64_t> name_resolver::next_life(std::string path, std::uint64_t than, time_point deadline) {
+    auto left = deadline - host_.on().now();
+    if (left <= way_back) co_return 0;
+    naming::await_request question;
+    question.path = std::move(path);
+    question.wait = left - way_back;
+    question.other_than = than;
+    auto names = server();
+    auto answer = co_await names.try_call(naming::wait_for, std::move(question), left);
+    if (!answer || !answer->found || answer->found->incarnation == than) co_return 0;
+    co_return answer->found->incarnation;
 }
 
 } // namespace ise

@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -20,6 +21,7 @@ struct registration {
     std::string state;                          ///< "ready", "stalled"…
     std::vector<endpoint> endpoints;
     std::vector<service_description> services;  ///< provided and required
+    std::map<std::string, std::int32_t> roles;  ///< that it serves, with its priority
 };
 
 /// Keeps the names of a node's components: registers them, renews the node's lease, withdraws them. Lives on the node's
@@ -36,6 +38,8 @@ public:
     /// Its state for people: "ready", "stalled"…
     virtual void set_state(const std::string& path, std::string_view state) = 0;
     virtual task<> withdraw(std::string path) = 0;
+    /// Whether the lease of the granted names holds now, as far as this side knows; from any thread.
+    virtual bool confirmed() const noexcept = 0;
 
     /// Tells when a name was granted later than `enroll` waited, or again (epoch), or lost to another holder (failure).
     std::function<void(const std::string& path, result<std::uint64_t> epoch)> on_change;

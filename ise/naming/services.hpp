@@ -3,10 +3,13 @@
 #include <ise/core/time.hpp>
 #include <ise/service/contract.hpp>
 
+#include <algorithm>
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <tuple>
 #include <vector>
 
 namespace ise {
@@ -29,19 +32,23 @@ inline constexpr std::string_view server_path = "ise/name_server";
 struct node_identity {
     std::uint64_t lease_key = 0; ///< random; whoever knows it may renew and withdraw. Told to nobody else
     std::string name;            ///< for people
+    /// For people.
     std::string host_name;
     std::string host_key;        ///< equal where local sockets and loopback reach
     std::string process_key;     ///< equal within one process and life
+    /// On its host.
     std::uint64_t process_id = 0;
 };
 
 /// The canonical text of a packet's schema.
 struct schema_text {
-    std::uint64_t fingerprint = 0;
-    std::string text;
+    std::uint64_t fingerprint = 0; ///< of the schema
+    std::string text; ///< one line
 };
 
+/// A service that a component provides or needs.
 struct service_entry {
+    /// Unique within the component and its direction.
     std::string name;
     std::uint8_t kind = 0;                   ///< ise::service_kind
     bool provided = true;                    ///< else required of others
@@ -50,23 +57,27 @@ struct service_entry {
 
 /// A component that wants its name, or has it.
 struct component_claim {
+    /// Wanted or held.
     std::string path;
     std::uint64_t incarnation = 0;      ///< one life of the component
     std::uint64_t epoch = 0;            ///< as it was granted before; 0: never
     std::string type;                   ///< for people
     std::string state;                  ///< "ready", "stalled"…
     std::vector<std::string> endpoints; ///< as ise::endpoint::text() writes them
+    /// Provided and required.
     std::vector<service_entry> services;
+    std::map<std::string, std::int32_t> roles; ///< that it serves beside its own name: path and priority
 };
 
 /// Claims names, or tells what has changed of them; renews the node's lease too.
 struct register_request {
-    node_identity node;
+    node_identity node;                ///< who claims
     duration lease{};                  ///< wanted
-    std::vector<component_claim> components;
+    std::vector<component_claim> components; ///< new ones, and those of which something has changed
     std::vector<schema_text> schemas;  ///< of the packets that the services name
 };
 
+/// What becomes of a claim.
 enum class verdict : std::uint8_t {
     granted,    ///< the path is the claimant's, under the epoch that is told
     taken,      ///< another holds it
@@ -77,149 +88,241 @@ enum class verdict : std::uint8_t {
 
 /// Who has a path.
 struct holder {
+    /// Granted.
     std::uint64_t epoch = 0;
+    /// Of this life of it.
     std::uint64_t incarnation = 0;
+    /// For people.
     std::string host_name;
+    /// On that host.
     std::uint64_t process_id = 0;
     std::string endpoint;  ///< the first
     duration lease_age{};  ///< since it was last renewed
     std::uint64_t renewals = 0; ///< of its lease so far
 };
 
+/// The answer to one claim.
 struct grant {
+    /// Claimed.
     std::string path;
-    verdict what = verdict::granted;
+    verdict what = verdict::granted; ///< which of the fields below count
     std::uint64_t epoch = 0;      ///< granted
     std::string reason;           ///< where it was not granted
     std::vector<holder> held_by;  ///< taken, superseded: one
     duration retry_after{};       ///< wait
 };
 
+/// The answer to `register_request`.
 struct register_response {
+    /// Another one than before: the server was restarted.
     std::uint64_t server_incarnation = 0;
     duration lease{};           ///< granted; at most what was wanted
     std::vector<grant> grants;  ///< in the order of the claims
+    std::uint64_t lease_number = 0; ///< of the lease in this life of the server: another one knows nothing of what was told under the last
 };
 
+/// Renews a lease, and nothing else.
 struct renew_request {
+    /// As it was registered with.
     std::uint64_t lease_key = 0;
 };
 
+/// The answer to `renew_request`.
 struct renew_response {
     bool known = false;        ///< false: the server does not know the lease (any more): register again
+    /// Another one than before: the server was restarted.
     std::uint64_t server_incarnation = 0;
+    /// Granted, from now on.
     duration lease{};
     std::vector<grant> lost;   ///< names that went to others; told until they are withdrawn
+    std::uint64_t lease_number = 0; ///< as in register_response
 };
 
+/// A component that leaves.
 struct departure {
+    /// Held until now.
     std::string path;
     std::uint64_t incarnation = 0; ///< a later life of the component is not meant
 };
 
+/// Gives names back.
 struct withdraw_request {
+    /// As they were registered with.
     std::uint64_t lease_key = 0;
-    std::vector<departure> departures;
+    std::vector<departure> departures; ///< of that lease
 };
 
+/// Withdrawing always succeeds.
 struct withdraw_response {};
 
 // --- what others ask ----------------------------------------------------------------------------------------------
 
+/// Asks who holds a name.
 struct resolve_request {
+    /// Exactly.
     std::string path;
 };
 
+/// A component that serves a role.
+struct role_member {
+    std::string path; ///< held
+    std::int32_t priority = 0; ///< the highest is preferred
+    std::string state; ///< "ready", "stalled"…
+    std::uint64_t epoch = 0; ///< granted
+    std::uint64_t incarnation = 0; ///< of this life
+    std::string host_name; ///< for people
+    std::string host_key; ///< equal where local sockets and loopback reach
+    std::string process_key; ///< equal within one process and life
+    std::vector<std::string> endpoints; ///< as ise::endpoint::text() writes them
+};
+/// The answer to `resolve_request`.
 struct resolve_response {
-    std::string path;
-    std::uint64_t epoch = 0;
-    std::uint64_t incarnation = 0;
-    std::string host_name;
-    std::string host_key;
-    std::string process_key;
-    std::vector<std::string> endpoints;
+    std::string path; ///< held
+    std::uint64_t epoch = 0;       ///< this and what follows of the holder, or of the best member
+    std::uint64_t incarnation = 0; ///< of this life
+    std::string host_name; ///< for people
+    std::string host_key; ///< equal where local sockets and loopback reach
+    std::string process_key; ///< equal within one process and life
+    std::vector<std::string> endpoints; ///< as ise::endpoint::text() writes them
+    std::vector<role_member> members; ///< of a role: all, best first; of a name none
+    bool certain = true;              ///< false: the server has just restarted, and may not know every member yet
+};
+/// Asks for the members of a role.
+struct role_request {
+    std::string role; ///< its path
 };
 
+/// Who serves a role now: all of them, best first.
+struct role_members {
+    std::string role;                 ///< its path
+    std::vector<role_member> members; ///< best first
+    bool certain = true; ///< false: the server has just restarted, and there may be more
+};
+/// Asks who holds a name, and waits for somebody.
 struct await_request {
+    /// Exactly.
     std::string path;
     duration wait{}; ///< for somebody to hold it, at most `longest_wait`
+    std::uint64_t other_than = 0; ///< an incarnation that does not count: who asks knows that it is gone
 };
 
+/// The answer to `await_request`.
 struct await_response {
-    std::optional<resolve_response> found;
+    std::optional<resolve_response> found; ///< nothing: nobody held it within the wait
     bool certain = true; ///< false: the server has just restarted, and may not know yet who holds the name
 };
 
 /// A name as lists and watchers see it.
 struct listed_name {
-    std::string path;
-    std::uint64_t epoch = 0;
-    std::uint64_t incarnation = 0;
-    std::string type;
-    std::string state;
-    std::string node;
-    std::string host_name;
-    std::uint64_t process_id = 0;
-    std::vector<std::string> endpoints;
-    std::uint32_t services_provided = 0;
+    std::string path; ///< held
+    std::uint64_t epoch = 0; ///< granted
+    std::uint64_t incarnation = 0; ///< of this life
+    std::string type; ///< for people
+    std::string state; ///< "ready", "stalled"…
+    std::string node; ///< its name, for people
+    std::string host_name; ///< for people
+    std::uint64_t process_id = 0; ///< on that host
+    std::vector<std::string> endpoints; ///< as ise::endpoint::text() writes them
+    std::uint32_t services_provided = 0; ///< how many
     duration lease_age{};  ///< in lists: since it was last renewed
+    std::map<std::string, std::int32_t> roles; ///< that it serves, with its priority
 };
 
+/// Asks for names in order.
 struct list_request {
     std::string prefix;       ///< "atirma/shore" is that path and all below it; empty: every name
     std::string after;        ///< goes on behind this path
     std::uint32_t limit = 0;  ///< at most so many; 0: as many as the server gives at once
 };
 
+/// The answer to `list_request`.
 struct list_response {
     std::vector<listed_name> names; ///< by path
     bool more = false;              ///< ask again, after the last path here
 };
 
+/// Asks for all of a component.
 struct describe_request {
+    /// Exactly.
     std::string path;
 };
 
+/// The answer to `describe_request`.
 struct describe_response {
+    /// As in lists.
     listed_name name;
+    /// Provided and required.
     std::vector<service_entry> services;
     std::vector<schema_text> schemas; ///< those that `services` name, as far as they were told
+    /// Of its node.
     duration lease{};
     duration lease_age{};             ///< since it was last renewed
 };
 
+/// Asks to be told of changes.
 struct watch_request {
     std::string prefix; ///< as in list_request
 };
 
+/// What has become of a name.
 enum class name_change : std::uint8_t { added, changed, removed };
 
+/// A name that has changed.
 struct name_event {
-    name_change what = name_change::added;
+    name_change what = name_change::added; ///< has happened
+    /// As it is now, or was.
     listed_name name;
 };
 
 /// What has changed under a watched prefix. The first packet is a snapshot, and so is the first after the server was
 /// restarted: whatever was known before is replaced by it. Who loses a packet (`lost_before()`) subscribes anew.
 struct name_events {
-    bool snapshot = false;
-    std::vector<name_event> events;
+    bool snapshot = false; ///< the events are all names that there are
+    std::vector<name_event> events; ///< in order
 };
 
 // --- the services of the name server ------------------------------------------------------------------------------
 
+/// Claims names; renews the lease.
 inline constexpr request_response<register_request, register_response> enroll{"ise.names.register"};
+/// Renews a lease.
 inline constexpr request_response<renew_request, renew_response> renew{"ise.names.renew"};
+/// Gives names back at once.
 inline constexpr request_response<withdraw_request, withdraw_response> withdraw{"ise.names.withdraw"};
-/// errc::no_such_name: nobody holds it; errc::name_server_lost: the server has just restarted and cannot say.
+/// The holder of a name, or where there is none the members of a role. errc::no_such_name: nobody is there;
+/// errc::name_server_lost: the server has just restarted and cannot say.
 inline constexpr request_response<resolve_request, resolve_response> resolve{"ise.names.resolve"};
 /// Answers when somebody holds it, or without a holder after the wait.
 inline constexpr request_response<await_request, await_response> wait_for{"ise.names.await"};
+/// Lists names, in pages.
 inline constexpr request_response<list_request, list_response> list{"ise.names.list"};
+/// All that is known of a name.
 inline constexpr request_response<describe_request, describe_response> describe{"ise.names.describe"};
+/// Tells of changes.
 inline constexpr subscription<name_events, watch_request> watch{"ise.names.watch"};
 
-inline constexpr duration longest_wait = std::chrono::seconds(10);
+/// The first packet tells who is there, the next ones come with every change; each replaces the one before.
+inline constexpr subscription<role_members, role_request> role_changes{"ise.names.role"};
+
+inline constexpr duration longest_wait = std::chrono::seconds(10); ///< of `wait_for`
+
+/// The order in which the members of a role are preferred, smaller first: those that are ready, by priority, then who was
+/// granted its name earlier.
+inline std::tuple<bool, std::int64_t, std::uint64_t> role_rank(std::string_view state, std::int32_t priority, std::uint64_t epoch) noexcept {
+    return {state != "ready", -std::int64_t{priority}, epoch};
+}
+
+/// Of a component, in bytes.
+inline constexpr std::size_t longest_path = 200;
+
+/// Whether it is written like the path of a component or a role, `atirma/shore/xbee`; of any length.
+inline bool is_path(std::string_view path) noexcept {
+    auto fits = [](unsigned char letter) {
+        return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') || (letter >= '0' && letter <= '9') || letter == '_' ||
+               letter == '-' || letter == '.' || letter == '/';
+    };
+    return !path.empty() && std::ranges::all_of(path, fits) && !path.starts_with('/') && !path.ends_with('/') && path.find("//") == path.npos;
+}
 
 /// Whether `path` is `prefix` or lies below it; every path lies below an empty one.
 inline bool lies_below(std::string_view path, std::string_view prefix) noexcept {

@@ -1,0 +1,77 @@
+#pragma once
+#include <ise/component/component.hpp>
+#include <ise/component/live_parameters.hpp>
+#include <ise/component/parameter.hpp>
+#include <ise/component/type_text.hpp>
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace ise {
+
+/// A type of component that a program can run: its parameters, and how one is made once they are set.
+struct component_type {
+    type_text about;
+    /// Bound to what `make` uses, which it keeps alive by that.
+    parameter_set parameters;
+    std::function<std::unique_ptr<component>()> make;
+    /// Tells a running component that parameters were changed; throws what it has against it.
+    std::function<void(component&)> changed;
+
+    component_type(std::string name, std::string description, std::string path = {}) {
+        about.name = std::move(name);
+        about.description = std::move(description);
+        about.path = std::move(path);
+    }
+
+    template <class Contract>
+    component_type& provides(const Contract& service) {
+        return has(service, true);
+    }
+    template <class Contract>
+    component_type& requires_(const Contract& service) {
+        return has(service, false);
+    }
+    /// Makes components `C(*options)`. A parameter that is declared changeable takes a member
+    /// `void C::change(const Options& now)`: called on its loop with the new values in `now`, perhaps before `run()`. What
+    /// it throws refuses the change, which then has not happened.
+    template <class C, class Options>
+    component_type& makes(std::shared_ptr<Options> options) {
+        make = [options] { return std::make_unique<C>(*options); };
+        if constexpr (requires(C& one, const Options& now) { one.change(now); })
+            changed = [options](component& one) { static_cast<C&>(one).change(*options); };
+        return *this;
+    }
+    /// For component_options, once the parameters are set. Throws errc::invalid_argument where a parameter is changeable and
+    /// nobody would hear of it.
+    std::shared_ptr<live_parameters> live() const;
+    component_type& reads(std::string variable) { return about.variables.push_back(std::move(variable)), *this; }
+
+private:
+    template <class Contract>
+    component_type& has(const Contract& service, bool provided) {
+        about.services.push_back({std::string(service.name()), std::string(ise::name_of(Contract::types().kind)), provided});
+        return *this;
+    }
+};
+
+/// What a program answers to `--describe`: one line of JSON.
+std::string describe_types(const std::string& program, const std::string& version, const std::vector<component_type>& types);
+
+/// "atirma/gateway=5": a role that is served, and its priority there. errc::invalid_argument.
+result<std::pair<std::string, std::int32_t>> parse_role(std::string_view text);
+
+/// A program that runs one component of the types that it has:
+///
+///     PROGRAM --describe                     what there is, as JSON, for instantiation servers
+///     PROGRAM run TYPE [--path=PATH] [--listen=ENDPOINT]... [--advertise=ENDPOINT]... [--name-server=ENDPOINT]
+///                      [--role=ROLE=PRIORITY]... [--log-level=LEVEL] [--PARAMETER=VALUE]...
+///
+/// until SIGINT or SIGTERM. A parameter that is not given is taken from the environment: ISE_PARAMETER_WIND_SPEED for
+/// --wind-speed. Gives the exit code: 0 ended as asked, 1 it failed, 2 wrong arguments; says why on standard error. For `main`: `return ise::main(count, words, types, "1.0");`
+int main(int count, const char* const* words, std::vector<component_type> types, const std::string& version = {});
+
+} // namespace ise

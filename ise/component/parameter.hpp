@@ -1,0 +1,142 @@
+#pragma once
+#include <ise/core/result.hpp>
+
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <type_traits>
+#include <vector>
+
+namespace ise {
+
+/// What the values of a parameter are. Kinds are only ever appended: descriptions travel.
+enum class parameter_kind : std::uint8_t {
+    text,
+    integer,
+    number,
+    boolean,     ///< true or false
+    path,        ///< of a file or device: who starts programs for others allows only some
+    hexadecimal, ///< up to 16 digits
+};
+
+std::string_view name_of(parameter_kind kind) noexcept;
+
+/// A parameter of a component type, as it is declared, shown and checked. It is a packet too.
+struct parameter {
+    std::string name; ///< "wind-speed": lower-case letters, digits and dashes
+    parameter_kind kind = parameter_kind::text;
+    std::string description;
+    std::string unit;
+    std::string preset; ///< what it is unless it is given
+    std::optional<double> minimum, maximum;
+    std::vector<std::string> choices; ///< if there are any, no other text is allowed
+    bool many = false;                ///< may be given several times
+    bool changeable = false;          ///< also while the component runs
+};
+
+inline constexpr std::size_t longest_parameter_value = 4096;
+
+/// "a number from 0 to 40 (m/s)"
+std::string allowed_values(const parameter& of);
+
+/// Whether `value` is allowed: errc::invalid_argument says of which parameter it is none, and what is allowed.
+result<void> check(const parameter& of, std::string_view value);
+
+namespace detail {
+/// The value of a text that `check` let pass; one that the type cannot hold is a failure.
+result<void> read_value(const parameter& of, const std::string& text, double& into);
+result<void> read_value(const parameter& of, const std::string& text, std::int64_t& into);
+result<void> read_value(const parameter& of, const std::string& text, std::uint64_t& into);
+std::string show_value(double value);
+} // namespace detail
+
+/// The parameters of one component, bound to the variables that hold their values. The variables outlive it.
+class parameter_set {
+public:
+    /// Refines what was declared last: `set.add("wind-speed", speed, "of the wind").range(0, 40).unit("m/s")`.
+    class declared {
+    public:
+        explicit declared(parameter& what) : what_(&what) {}
+        declared& range(double minimum, double maximum) { return what_->minimum = minimum, what_->maximum = maximum, *this; }
+        declared& unit(std::string name) { return what_->unit = std::move(name), *this; }
+        declared& one_of(std::vector<std::string> choices) { return what_->choices = std::move(choices), *this; }
+        /// Of a text or an integer.
+        declared& kind(parameter_kind kind) {
+            what_->kind = kind;
+            if (kind == parameter_kind::hexadecimal) what_->minimum = what_->maximum = std::nullopt;
+            return *this;
+        }
+        declared& preset(std::string text) { return what_->preset = std::move(text), *this; }
+        /// Also while the component runs, which hears of it: component_type::makes. Throws errc::invalid_argument for a
+        /// parameter that may be given several times.
+        declared& changeable();
+
+    private:
+        parameter* what_; // until the next is added
+    };
+
+    /// The variable's value now is the preset.
+    declared add(std::string name, std::string& into, std::string description);
+    declared add(std::string name, std::vector<std::string>& into, std::string description);
+    declared add(std::string name, bool& into, std::string description);
+    template <class T>
+        requires std::is_arithmetic_v<T>
+    declared add(std::string name, T& into, std::string description) {
+        parameter made;
+        made.name = std::move(name);
+        made.description = std::move(description);
+        if constexpr (std::is_floating_point_v<T>) {
+            made.kind = parameter_kind::number;
+            made.preset = detail::show_value(static_cast<double>(into));
+            return add(std::move(made), [&into](const parameter& of, const std::string& text) { return read<double>(of, text, into); });
+        } else {
+            made.kind = parameter_kind::integer;
+            made.preset = std::to_string(into);
+            if constexpr (std::is_unsigned_v<T> || sizeof(T) < 8) made.minimum = static_cast<double>(std::numeric_limits<T>::min());
+            if constexpr (sizeof(T) < 8) made.maximum = static_cast<double>(std::numeric_limits<T>::max()); // exact as a double
+            using wide = std::conditional_t<std::is_signed_v<T>, std::int64_t, std::uint64_t>;
+            return add(std::move(made), [&into](const parameter& of, const std::string& text) { return read<wide>(of, text, into); });
+        }
+    }
+
+    /// Checks and stores; a parameter that may be given many times takes one more value. errc::invalid_argument names
+    /// the parameter and what is allowed, or for an unknown one those that there are.
+    result<void> set(std::string_view name, const std::string& value);
+    /// Sets what has not been given yet from the environment: "wind-speed" by ISE_PARAMETER_WIND_SPEED. Errors as `set`, with
+    /// the variable's name.
+    result<void> set_from(const std::function<std::optional<std::string>(const std::string&)>& variable);
+    /// Whether `change` would do it: errc::invalid_argument also where the parameter is not changeable.
+    result<void> may_change(std::string_view name, const std::string& value) const;
+    /// Sets it again, while the component runs. Tells nobody.
+    result<void> change(std::string_view name, const std::string& value);
+    /// Gives the variable of a parameter that is none of many the value again that `values` tells.
+    void assign_again(std::string_view name);
+    const parameter* find(std::string_view name) const noexcept;
+    /// The same; errc::invalid_argument with the nearest name, or those that there are.
+    result<const parameter*> known(std::string_view name) const;
+    /// What it is now: one text, or of a parameter that may be given several times any number. `of` is one of all().
+    std::vector<std::string> values(const parameter& of) const;
+    const std::vector<parameter>& all() const noexcept { return declared_; }
+
+private:
+    using store = std::function<result<void>(const parameter& of, const std::string& text)>;
+    declared add(parameter made, store assign);
+    std::size_t place_of(const parameter& which) const noexcept { return static_cast<std::size_t>(&which - declared_.data()); }
+
+    template <class Wide, class T>
+    static result<void> read(const parameter& of, const std::string& text, T& into) {
+        Wide value{};
+        auto got = detail::read_value(of, text, value);
+        if (got) into = static_cast<T>(value);
+        return got;
+    }
+
+    std::vector<parameter> declared_;
+    std::vector<store> stores_;
+    std::vector<std::vector<std::string>> given_; // of each
+};
+
+} // namespace ise

@@ -1,0 +1,20 @@
+#pragma once
+#include <ise/deployment/deployment.hpp>
+
+#include <cstddef>
+#include <vector>
+
+namespace ise::deployment {
+
+/// The components of a deployment, by number, in the order in which they are started.
+struct ordering {
+    std::vector<std::size_t> order; ///< all of them, or those before a circle
+    std::vector<problem> problems;  ///< circles
+};
+
+/// `types` are those of the components; null where the type is not known. A component comes after those that it names; one
+/// that names nobody comes after those that provide what it requires, unless they come after it. Else the order is the
+/// file's.
+ordering order_of(const deployment& of, const std::vector<const type_text*>& types);
+
+} // namespace ise::deployment

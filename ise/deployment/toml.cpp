@@ -1,0 +1,65 @@
+#include <ise/deployment/toml.hpp>
+
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace ise::deployment {
+namespace {
+
+class converter {
+public:
+    converter(const std::string& file, std::vector<problem>& problems) : file_(file), problems_(problems) {}
+
+    value convert(const toml::node& from) {
+        value made;
+        made.at = place_of(from.source());
+        if (const auto* table = from.as_table()) {
+            fill(made, *table);
+        } else if (const auto* array = from.as_array()) {
+            made.is = value::kind::array;
+            for (const auto& one : *array) made.items.push_back(convert(one));
+        } else if (const auto* text = from.as_string()) {
+            made.is = value::kind::text;
+            made.text = text->get();
+        } else if (const auto* integer = from.as_integer()) {
+            made.is = value::kind::integer;
+            made.integer = integer->get();
+        } else if (const auto* number = from.as_floating_point()) {
+            made.is = value::kind::number;
+            made.number = number->get();
+            if (!std::isfinite(made.number)) problems_.push_back({made.at, "numbers are finite here"});
+        } else if (const auto* boolean = from.as_boolean()) {
+            made.is = value::kind::boolean;
+            made.boolean = boolean->get();
+        } else {
+            problems_.push_back({made.at, "dates and times are no values here: write a text"});
+        }
+        return made;
+    }
+
+    place place_of(const toml::source_region& where) const { return {file_, where.begin.line, where.begin.column}; }
+
+private:
+    void fill(value& into, const toml::table& from) {
+        for (const auto& [key, node] : from) into.entries.push_back({std::string(key.str()), place_of(key.source()), convert(node)});
+        // The library keeps them by name.
+        std::ranges::stable_sort(into.entries, {}, [](const entry& one) { return std::pair(one.at.line, one.at.column); });
+    }
+
+    const std::string& file_;
+    std::vector<problem>& problems_;
+};
+
+} // namespace
+
+value parse_toml(const std::string& text, const std::string& file, std::vector<problem>& problems) {
+    converter made(file, problems);
+    auto parsed = toml::parse(std::string_view(text), std::string_view(file));
+    if (parsed) return made.convert(parsed.table());
+    problems.push_back({made.place_of(parsed.error().source()), std::string(parsed.error().description())});
+    return {};
+}
+
+} // namespace ise::deployment

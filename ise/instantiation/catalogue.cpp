@@ -1,0 +1,226 @@
+#include <ise/instantiation/catalogue.hpp>
+
+#include <ise/naming/services.hpp>
+#include <ise/packet/json.hpp>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <set>
+
+namespace ise::instantiation {
+namespace {
+
+bool good_path(std::string_view path) { return path.size() <= naming::longest_path && naming::is_path(path); }
+
+failure wrong(std::string why) { return {errc::invalid_argument, std::move(why)}; }
+
+// As much of what others wrote as belongs into a message.
+std::string shown(std::string_view text) {
+    std::string made;
+    for (char letter : text.substr(0, 80)) made += static_cast<unsigned char>(letter) < 0x20 || letter == 0x7F ? '?' : letter;
+    return made;
+}
+
+// "wind-speed": what follows two dashes can be nothing else.
+bool is_word(std::string_view text) {
+    auto good = [](unsigned char letter) { return (letter >= 'a' && letter <= 'z') || (letter >= '0' && letter <= '9') || letter == '-' || letter == '_'; };
+    return !text.empty() && text.size() <= 64 && text.front() != '-' && std::ranges::all_of(text, good);
+}
+
+// Not what the loader, the shell or ISE itself looks at.
+bool is_variable(std::string_view text) {
+    auto good = [](unsigned char letter) { return (letter >= 'A' && letter <= 'Z') || (letter >= '0' && letter <= '9') || letter == '_'; };
+    bool letters = !text.empty() && text.size() <= 64 && !(text.front() >= '0' && text.front() <= '9') && std::ranges::all_of(text, good);
+    return letters && !text.starts_with("LD_") && !text.starts_with("ISE_") && !text.starts_with("GCONV") && text != "PATH" && text != "IFS" && text != "BASH_ENV" && text != "ENV";
+}
+
+// Options that every program has.
+bool is_common(std::string_view name) {
+    static constexpr std::string_view common[] = {"path", "listen", "advertise", "role", "name-server", "log-level", "help", "describe", "version"};
+    return std::ranges::find(common, name) != std::end(common);
+}
+
+std::string objection_to(const type_text& type) {
+    if (!is_word(type.name)) return fmt::format("a type cannot be called '{}'", shown(type.name));
+    if (!type.path.empty() && !good_path(type.path)) return fmt::format("type '{}': '{}' is no path of a component", type.name, shown(type.path));
+    std::set<std::string> names;
+    for (const auto& one : type.parameters) {
+        if (!is_word(one.name) || is_common(one.name) || !names.insert(one.name).second)
+            return fmt::format("type '{}': a parameter cannot be called '{}'", type.name, shown(one.name));
+        if (one.kind > parameter_kind::hexadecimal) return fmt::format("type '{}': parameter '{}' is of a kind that is not known here", type.name, one.name);
+    }
+    for (const auto& name : type.variables)
+        if (!is_variable(name)) return fmt::format("type '{}': the variable '{}' cannot be set by others", type.name, shown(name));
+    return {};
+}
+
+// Lexically: what lies in an allowed folder is its owner's affair.
+bool lies_in(std::string_view path, std::string_view folder) {
+    while (folder.size() > 1 && folder.ends_with('/')) folder.remove_suffix(1);
+    if (path.find("/../") != std::string_view::npos || path.ends_with("/..") || !path.starts_with('/')) return false;
+    return path == folder || folder == "/" || (path.starts_with(folder) && path.size() > folder.size() && path[folder.size()] == '/');
+}
+
+result<void> check_path_value(const parameter& of, const std::string& value, const launch_rules& rules) {
+    if (value.empty()) return {};
+    for (const auto& folder : rules.path_folders)
+        if (lies_in(value, folder)) return {};
+    return wrong(fmt::format("parameter '{}' cannot be '{}': it is a path below {}", of.name, shown(value),
+                             rules.path_folders.empty() ? "a folder that this instantiation server allows, and it allows none (--allow-path)"
+                                                        : fmt::format("{}", fmt::join(rules.path_folders, " or "))));
+}
+
+result<void> add_arguments(launch_plan& to, const type_text& type, const start_request& request, const launch_rules& rules) {
+    if (request.arguments.size() > rules.max_arguments) return wrong(fmt::format("{} arguments are given, {} are allowed", request.arguments.size(), rules.max_arguments));
+    std::set<std::string> given;
+    for (const auto& one : request.arguments) {
+        auto found = std::ranges::find(type.parameters, one.name, &parameter::name);
+        if (found == type.parameters.end()) {
+            std::vector<std::string> names;
+            for (const auto& known : type.parameters) names.push_back(known.name);
+            return wrong(fmt::format("type '{}' has no parameter '{}'; it has {}", type.name, shown(one.name), names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
+        }
+        auto allowed = check(*found, one.value);
+        if (!allowed) return wrong(fmt::format("type '{}': {}", type.name, allowed.error().message()));
+        if (found->kind == parameter_kind::path) {
+            auto inside = check_path_value(*found, one.value, rules);
+            if (!inside) return inside;
+        }
+        if (!given.insert(one.name).second && !found->many) return wrong(fmt::format("type '{}': parameter '{}' is given twice", type.name, one.name));
+        to.words.push_back(fmt::format("--{}={}", one.name, one.value));
+    }
+    return {};
+}
+
+result<void> add_variables(launch_plan& to, const type_text& type, const start_request& request) {
+    if (request.variables.size() > type.variables.size())
+        if (type.variables.empty()) return wrong(fmt::format("type '{}' lets others set no environment variable", type.name));
+    for (const auto& one : request.variables) {
+        if (std::ranges::find(type.variables, one.name) == type.variables.end())
+            return wrong(fmt::format("type '{}' does not let others set the environment variable '{}', only {}", type.name, shown(one.name), fmt::join(type.variables, ", ")));
+        if (one.value.size() > longest_parameter_value || one.value.find('\0') != std::string::npos)
+            return wrong(fmt::format("the value of the environment variable '{}' is too long or holds a NUL", one.name));
+        for (const auto& [name, value] : to.variables)
+            if (name == one.name) return wrong(fmt::format("the environment variable '{}' is given twice", one.name));
+        to.variables.emplace_back(one.name, one.value);
+    }
+    return {};
+}
+
+result<endpoint> allowed_endpoint(const std::string& text, const launch_rules& rules) {
+    auto at = endpoint::parse(text);
+    if (!at) return at;
+    if (at->kind == protocol::inproc) return wrong(fmt::format("'{}' is reached only within its own process", shown(text)));
+    if (at->kind == protocol::local) {
+        // A file anywhere on this host is not for others to make.
+        bool plain = at->path.starts_with('@') && is_word(std::string_view(at->path).substr(1));
+        return plain ? at : wrong(fmt::format("'{}' cannot be listened on: local endpoints are local://@name here, with letters, digits, - and _", shown(text)));
+    }
+    if (std::ranges::find(rules.listen_addresses, at->host) == rules.listen_addresses.end())
+        return wrong(fmt::format("'{}' cannot be listened on: the addresses that this instantiation server allows are {} (--allow-address)", shown(text),
+                                 fmt::join(rules.listen_addresses, ", ")));
+    return at;
+}
+
+result<void> add_endpoints(launch_plan& to, const start_request& request, const launch_rules& rules, std::uint64_t unique) {
+    constexpr std::size_t most = 8;
+    auto wanted = request.listen;
+    if (!request.protocol.empty() && !wanted.empty()) return wrong("either a protocol or endpoints can be chosen, not both");
+    if (request.protocol == "local") wanted.push_back(fmt::format("local://@ise-{:016x}", unique));
+    else if (request.protocol == "tcp" || request.protocol == "udp") wanted.push_back(fmt::format("{}://{}:0", request.protocol, "127.0.0.1"));
+    else if (!request.protocol.empty()) return wrong(fmt::format("the protocol is tcp, udp or local, not '{}'", shown(request.protocol)));
+    if (wanted.size() > most) return wrong(fmt::format("{} endpoints are given, {} are allowed", wanted.size(), most));
+    for (const auto& text : wanted) {
+        auto at = allowed_endpoint(text, rules);
+        if (!at) return at.error();
+        to.words.push_back("--listen=" + at->text());
+        to.listen.push_back(std::move(*at));
+    }
+    return {};
+}
+
+result<void> add_roles(launch_plan& to, const start_request& request) {
+    constexpr std::size_t most = 16;
+    if (request.roles.size() > most) return wrong(fmt::format("{} roles are given, {} are allowed", request.roles.size(), most));
+    for (const auto& [role, priority] : request.roles) {
+        if (!good_path(role)) return wrong(fmt::format("'{}' is no role: write it like a component's path, atirma/gateway", shown(role)));
+        if (role == to.path) return wrong(fmt::format("'{}' is the component's own name: it is found without being a role", role));
+        if (role == "ise" || role.starts_with("ise/")) return wrong(fmt::format("'{}' is kept for ISE itself", role));
+        to.words.push_back(fmt::format("--role={}={}", role, priority));
+    }
+    return {};
+}
+
+result<std::string> full_path(const type_text& type, const start_request& request) {
+    auto path = request.path.empty() ? type.path : request.path;
+    if (path.empty()) return wrong(fmt::format("type '{}' has no path of its own: give one", type.name));
+    if (!request.name_space.empty()) path = request.name_space + "/" + path;
+    if (!good_path(path)) return wrong(fmt::format("'{}' is no path of a component: write it like atirma/shore/xbee", shown(path)));
+    if (path == "ise" || path.starts_with("ise/")) return wrong(fmt::format("'{}' is kept for ISE itself", path));
+    return path;
+}
+
+} // namespace
+
+void catalogue::add(const std::string& program, const std::string& description) {
+    program_text told;
+    try {
+        told = from_json<program_text>(description);
+    } catch (const error& unfit) {
+        return add_problem(fmt::format("{}: what it answers to --describe is no description: {}", program, shown(unfit.what())));
+    }
+    for (auto& type : told.types) {
+        auto why = objection_to(type);
+        if (why.empty() && types_.size() >= max_types) why = fmt::format("type '{}' is one too many: {} are kept", type.name, max_types);
+        if (auto other = types_.find(type.name); why.empty() && other != types_.end())
+            why = fmt::format("type '{}' is the one of {}", type.name, other->second.program);
+        if (!why.empty()) {
+            add_problem(fmt::format("{}: {}", program, why));
+            continue;
+        }
+        auto name = type.name;
+        types_.emplace(std::move(name), catalogue_type{program, std::move(type)});
+    }
+}
+
+const type_text* catalogue::find(const std::string& type) const {
+    auto found = types_.find(type);
+    return found == types_.end() ? nullptr : &found->second.about;
+}
+
+types_response catalogue::tell() const {
+    types_response made;
+    for (const auto& [name, type] : types_) made.types.push_back(type);
+    made.problems = problems_;
+    return made;
+}
+
+result<launch_plan> catalogue::plan(const start_request& request, const launch_rules& rules, std::uint64_t unique) const {
+    auto found = types_.find(request.type);
+    if (found == types_.end()) {
+        std::vector<std::string> names;
+        for (const auto& [name, type] : types_) names.push_back(name);
+        return failure(errc::no_such_name, fmt::format("there is no component type '{}' here; there {}", shown(request.type),
+                                                       names.empty() ? "are none" : fmt::format("are {}", fmt::join(names, ", "))));
+    }
+    const auto& type = found->second.about;
+    launch_plan made;
+    made.program = found->second.program;
+    auto path = full_path(type, request);
+    if (!path) return path.error();
+    made.path = std::move(*path);
+    made.words = {"run", type.name, "--path=" + made.path};
+    auto endpoints = add_endpoints(made, request, rules, unique);
+    if (!endpoints) return endpoints.error();
+    auto arguments = add_arguments(made, type, request, rules);
+    if (!arguments) return arguments.error();
+    auto roles = add_roles(made, request);
+    if (!roles) return roles.error();
+    auto variables = add_variables(made, type, request);
+    if (!variables) return variables.error();
+    return made;
+}
+
+} // namespace ise::instantiation

@@ -1,0 +1,52 @@
+#include <ise/instantiation/instance.hpp>
+
+#include <ise/instantiation/differences.hpp>
+
+namespace ise::instantiation {
+
+instance_text instance::text() const {
+    instance_text made;
+    made.path = plan.path;
+    made.type = asked.type;
+    made.program = plan.program;
+    made.state = watch.state();
+    made.reason = watch.reason();
+    made.process_id = running ? running->stamp().pid : 0;
+    made.since = since;
+    made.restarts = watch.restarts();
+    made.adopted = adopted;
+    made.terms = asked.terms;
+    made.arguments = asked.arguments;
+    made.listen = asked.listen;
+    made.protocol = asked.protocol;
+    for (const auto& one : asked.variables) made.variables.push_back({one.name, mark_of(one)});
+    made.roles = asked.roles;
+    made.deployment = asked.deployment;
+    return made;
+}
+
+saved_instance instance::saved() const {
+    saved_instance made;
+    made.asked = asked;
+    made.path = plan.path;
+    made.mark = mark;
+    if (running) made.process = running->stamp();
+    made.state = watch.state();
+    made.reason = watch.reason();
+    made.since = since;
+    made.restarts = watch.restarts();
+    return made;
+}
+
+task<> next_change(loop& on, std::shared_ptr<instance> of) {
+    waiter<> told(on, [&told] { told.resume(); });
+    struct listed { // whichever way this coroutine ends
+        std::vector<waiter<>*>& all;
+        waiter<>* who;
+        ~listed() { std::erase(all, who); }
+    } among{of->awaiting, &told};
+    of->awaiting.push_back(&told);
+    co_await told.wait();
+}
+
+} // namespace ise::instantiation

@@ -1,0 +1,41 @@
+#pragma once
+#include <ise/core/waiter.hpp>
+#include <ise/instantiation/catalogue.hpp>
+#include <ise/instantiation/machine.hpp>
+#include <ise/instantiation/output_file.hpp>
+#include <ise/instantiation/saved_state.hpp>
+#include <ise/instantiation/supervision.hpp>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace ise::instantiation {
+
+/// One component that was started here, as long as it is remembered. On the server's loop.
+struct instance {
+    instance(environment& env, start_request request, launch_plan what, output_file printed)
+        : asked(std::move(request)), plan(std::move(what)), watch(env, asked.terms), output(std::move(printed)) {}
+
+    start_request asked;
+    launch_plan plan;
+    supervision watch;
+    output_file output;
+    std::string mark;                 ///< of the present process
+    std::unique_ptr<process> running; ///< null: none does
+    std::unique_ptr<timer> due;       ///< wakes `watch`
+    std::uint64_t life = 0;           ///< counts processes
+    std::uint64_t launched_life = 0;  ///< the last of which a process came
+    wall_time since{};
+    bool adopted = false;
+    std::string obstacle;             ///< why it is not ready yet
+    std::vector<waiter<>*> awaiting;  ///< a change of it
+
+    instance_text text() const;
+    saved_instance saved() const;
+};
+
+/// Suspends until something of the instance has changed. Cancellation: terminal.
+task<> next_change(loop& on, std::shared_ptr<instance> of);
+
+} // namespace ise::instantiation

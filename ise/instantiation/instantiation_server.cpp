@@ -1,0 +1,241 @@
+#include <ise/instantiation/instantiation_server.hpp>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+namespace ise::instantiation {
+
+std::string path_of_host(std::string_view host_name) {
+    std::string name;
+    for (unsigned char letter : host_name.substr(0, 100)) {
+        char one = static_cast<char>(letter);
+        name += one != '/' && naming::is_path(std::string_view(&one, 1)) ? one : '-';
+    }
+    return fmt::format("{}/{}", hosts_path, name.empty() ? "unnamed" : name);
+}
+
+result<void> may_listen(const endpoint& at) {
+    bool near = at.kind == protocol::inproc || at.kind == protocol::local || at.host == "localhost" || at.host == "::1" || at.host.starts_with("127.");
+    if (near) return {};
+    return failure(errc::unauthorized, fmt::format("an instantiation server does not listen on {}: whoever reaches it there could start programs, and it cannot ask for credentials "
+                                                   "yet; let it listen on 127.0.0.1 or a local socket, and reach it from other hosts through a tunnel (ssh -L)", at.text()));
+}
+
+instantiation_server::instantiation_server(machine& host, server_options options) : host_(host), options_(std::move(options)) { announce_when_ready(); }
+instantiation_server::~instantiation_server() = default;
+
+task<> instantiation_server::run() {
+    for (const auto& at : this->services().listening()) may_listen(at).value();
+    names_ = at(options_.name_server);
+    offer_services();
+    offer_watching();
+    co_await read_catalogue();
+    for (const auto& problem : catalogue_->problems()) log().warning(problem);
+    std::string problem;
+    auto before = load_state(host_, state_file(), problem);
+    if (!problem.empty()) log().error(problem);
+    restore(before);
+    look_ = std::make_unique<timer>(on(), [this] { look_at_output(); });
+    look_at_output();
+    struct ending { // nothing is decided any more, whatever ends from now on
+        instantiation_server& self;
+        ~ending() {
+            self.stopping_ = true;
+            self.look_->disarm();
+            for (const auto& [path, one] : self.instances_) {
+                one->due->disarm();
+                one->running.reset();
+            }
+        }
+    } guard{*this};
+    co_await ready();
+    co_await sleep_till(time_point::max());
+}
+
+void instantiation_server::offer_services() {
+    provide(services::types, [this](types_request) { return tell_types(); });
+    provide(services::start, [this](start_request request) { return start_one(std::move(request)); });
+    provide(services::restart, [this](restart_request request) { return restart_one(std::move(request.path)); });
+    provide(services::stop, [this](stop_request request) { return end_one(std::move(request), false); });
+    provide(services::kill, [this](kill_request request) {
+        stop_request at_once;
+        at_once.path = std::move(request.path);
+        return end_one(std::move(at_once), true);
+    });
+    provide(services::set, [this](set_request request) { return set(std::move(request)); });
+    provide(services::change, [this](change_request request) { return change_one(std::move(request.to)); });
+    provide(services::instances, [this](instances_request request) {
+        instances_response made;
+        for (const auto& [path, one] : instances_)
+            if (naming::lies_below(path, request.prefix)) made.instances.push_back(one->text());
+        return made;
+    });
+    provide(services::last_output, [this](output_request request) {
+        auto one = find(request.path);
+        constexpr std::uint32_t most = 1 << 20;
+        auto piece = one->output.last(std::min(request.max_bytes, most));
+        piece.path = request.path;
+        return piece;
+    });
+}
+
+void instantiation_server::offer_watching() {
+    publication_callbacks<std::remove_const_t<decltype(services::output)>> callbacks;
+    callbacks.on_subscribe = [this](const follow_request& request, const subscriber_info& who) -> result<nothing> {
+        if (!instances_.contains(request.path)) return failure(errc::refused, fmt::format("no instance '{}' was started here", request.path.substr(0, 200)));
+        followers_[who.number] = request.path;
+        return nothing();
+    };
+    callbacks.on_unsubscribe = [this](const nothing&, const subscriber_info& who) {
+        followers_.erase(who.number);
+        return nothing();
+    };
+    output_ = publish(services::output, std::move(callbacks));
+    events_ = publish(services::events);
+}
+
+instantiation_server::instance_ptr instantiation_server::find(const std::string& path) const {
+    auto found = instances_.find(path);
+    if (found != instances_.end()) return found->second;
+    std::vector<std::string> known;
+    for (const auto& [name, one] : instances_) known.push_back(name);
+    throw error(errc::refused, fmt::format("no instance '{}' was started here; there {}", path.substr(0, 200),
+                                                known.empty() ? "are none" : fmt::format("are {}", fmt::join(known, ", "))));
+}
+
+output_file instantiation_server::output_of(const std::string& path) const {
+    std::string name;
+    for (char letter : path) name += letter == '/' ? '+' : letter; // no path has a plus
+    return output_file(host_, options_.state_folder + "/" + name + ".log", options_.max_output_bytes);
+}
+
+instantiation_server::instance_ptr instantiation_server::remember(start_request request, launch_plan plan) {
+    auto path = plan.path;
+    auto made = std::make_shared<instance>(env(), std::move(request), std::move(plan), output_of(path));
+    made->since = wall();
+    made->due = std::make_unique<timer>(on(), [this, weak = std::weak_ptr<instance>(made)] {
+        if (auto one = weak.lock()) carry_out(one, one->watch.tick(now()));
+    });
+    instances_[path] = made;
+    return made;
+}
+
+void instantiation_server::carry_out(const instance_ptr& one, supervision::act what) {
+    switch (what) {
+        case supervision::act::nothing: break;
+        case supervision::act::launch:
+            ++one->life;
+            spawn("launch " + one->plan.path, launch(one, one->life));
+            break;
+        case supervision::act::terminate:
+            if (one->running) one->running->terminate();
+            break;
+        case supervision::act::kill:
+            if (one->running) one->running->kill();
+            break;
+    }
+    changed(one);
+}
+
+void instantiation_server::changed(const instance_ptr& one) {
+    auto next = one->watch.next();
+    if (next == time_point::max()) one->due->disarm();
+    else one->due->arm(next);
+    for (auto* waiting : one->awaiting) waiting->resume();
+    auto& last = told_[one->plan.path];
+    if (last == std::pair(one->watch.state(), one->watch.reason())) return;
+    if (last.first != one->watch.state()) one->since = wall();
+    last = {one->watch.state(), one->watch.reason()};
+    save();
+    host_event event;
+    event.at = wall();
+    event.instance = one->text();
+    events_(event);
+    auto level = one->watch.state() == instance_state::failed || one->watch.state() == instance_state::waiting ? log_level::warning : log_level::info;
+    static constexpr std::string_view names[] = {"starting", "ready", "stopping", "waiting to be started again", "stopped", "failed"};
+    const auto& reason = one->watch.reason();
+    log().write(level, fmt::format("{} is {}{}{}", one->plan.path, names[static_cast<std::size_t>(one->watch.state())], reason.empty() ? "" : ": ", reason), {});
+}
+
+machine::end_handler instantiation_server::end_handler_of(const instance_ptr& one, std::uint64_t life) {
+    return [this, weak = std::weak_ptr<instance>(one), life](process_end how) {
+        if (auto held = weak.lock()) on_end(held, life, how);
+    };
+}
+
+void instantiation_server::on_end(const instance_ptr& one, std::uint64_t life, process_end how) {
+    if (life != one->life) return;
+    one->running.reset();
+    one->mark.clear();
+    carry_out(one, one->watch.ended(now(), how.well(), how.text()));
+}
+
+task<ended_response> instantiation_server::end_one(stop_request how, bool at_once) {
+    auto one = find(how.path);
+    auto patience = std::clamp(how.grace.value_or(one->asked.terms.grace), duration{}, duration(std::chrono::hours(1)));
+    carry_out(one, at_once ? one->watch.kill(now()) : one->watch.stop(now(), patience));
+    while (one->watch.state() == instance_state::stopping) co_await next_change(on(), one);
+    ended_response made;
+    made.ended = one->text();
+    auto here = instances_.find(how.path);
+    if (how.forget && one->watch.over() && here != instances_.end() && here->second == one) forget(how.path);
+    co_return made;
+}
+
+void instantiation_server::save() {
+    saved_state state;
+    state.boot = host_.boot();
+    for (const auto& [path, one] : instances_) state.instances.push_back(one->saved());
+    auto kept = save_state(host_, state_file(), state);
+    if (!kept) log().error(fmt::format("the state is not on disk: {}", kept.error().message()));
+}
+
+void instantiation_server::look_at_output() {
+    for (const auto& [path, one] : instances_) {
+        bool wanted = false;
+        for (const auto& [number, followed] : followers_) wanted = wanted || followed == path;
+        auto piece = one->output.look(wanted);
+        if (!wanted || piece.text.empty()) continue;
+        piece.path = path;
+        output_.to_some(piece, [&, &path = path](const subscriber_info& who) {
+            auto found = followers_.find(who.number);
+            return found != followers_.end() && found->second == path;
+        });
+    }
+    look_->arm(saturating_add(now(), options_.look_every));
+}
+
+void instantiation_server::restore(const saved_state& before) {
+    bool same_boot = before.boot == host_.boot();
+    for (const auto& one : before.instances) restore(one, same_boot);
+    if (!before.instances.empty()) log().info(fmt::format("goes on with {} instances of an instantiation server that ran before", before.instances.size()));
+}
+
+void instantiation_server::restore(const saved_instance& before, bool same_boot) {
+    auto planned = catalogue_->plan(before.asked, options_.rules, env().random());
+    launch_plan what;
+    if (planned) what = std::move(*planned);
+    what.path = before.path;
+    auto one = remember(before.asked, std::move(what));
+    one->since = before.since;
+    told_[before.path] = {before.state, before.reason};
+    bool over = before.state == instance_state::stopped || before.state == instance_state::failed;
+    if (over) return one->watch.adopt_over(before.state, before.reason, before.restarts);
+    one->mark = before.mark;
+    ++one->life;
+    auto got = same_boot && !before.mark.empty() ? host_.adopt(on(), before.process, before.mark, end_handler_of(one, one->life))
+                                                 : result<std::unique_ptr<process>>(failure(errc::no_such_name, "it is gone"));
+    if (!got) {
+        one->mark.clear();
+        if (before.state != instance_state::stopping) return carry_out(one, one->watch.adopt_ended(now(), before.restarts));
+        one->watch.adopt_over(instance_state::stopped, "ended while no instantiation server ran", before.restarts);
+        return changed(one);
+    }
+    one->running = std::move(*got);
+    one->adopted = true;
+    one->watch.adopt(now(), before.state == instance_state::ready, before.restarts);
+    carry_out(one, before.state == instance_state::stopping ? one->watch.stop(now(), one->asked.terms.grace) : supervision::act::nothing);
+    if (one->watch.state() == instance_state::starting) spawn("readiness of " + before.path, follow_readiness(one, one->life));
+}
+
+} // namespace ise::instantiation

@@ -1,0 +1,114 @@
+#pragma once
+#include <ise/component/component.hpp>
+#include <ise/instantiation/instance.hpp>
+#include <ise/naming/services.hpp>
+
+#include <deque>
+#include <map>
+#include <memory>
+#include <set>
+#include <string>
+
+namespace ise::instantiation {
+
+struct server_options {
+    std::string programs_folder;                   ///< what can be started lies here
+    std::string state_folder;                      ///< of this server alone; it exists
+    endpoint name_server = default_name_server();  ///< told to what it starts
+    std::vector<std::pair<std::string, std::string>> variables; ///< of what it starts: PATH, HOME and the like
+    launch_rules rules;
+    std::size_t max_instances = 64;                ///< those that have ended count until their place is needed
+    std::size_t max_starts = 30;                   ///< within `starts_window`, of all kinds
+    duration starts_window = std::chrono::seconds(10);
+    std::uint64_t max_output_bytes = 256 << 10;    ///< of each of the two files of an instance
+    duration describe_within = std::chrono::seconds(5);
+    duration look_every = std::chrono::milliseconds(200); ///< at the output
+};
+
+/// The path of a host's instantiation server: "ise/host/shore"; what cannot be in a path becomes a dash.
+std::string path_of_host(std::string_view host_name);
+
+/// Whether an instantiation server may listen there: whoever reaches it starts programs, and nobody is asked for
+/// credentials yet. errc::unauthorized for anything but loopback, local and in-process.
+result<void> may_listen(const endpoint& at);
+
+/// The instantiation server of a host (ise/instantiation/services.hpp): starts components of the types that the
+/// programs of a folder have, watches over them, and goes on with them when it was killed and is started again.
+///
+/// `host` outlives it. Stopping it leaves alone what it started: the program around it ends that, or leaves it for
+/// the next instantiation server.
+class instantiation_server final : public component {
+public:
+    instantiation_server(machine& host, server_options options);
+    ~instantiation_server() override;
+
+private:
+    using instance_ptr = std::shared_ptr<instance>;
+
+    task<> run() override;
+    void offer_services();
+    void offer_watching();
+
+    // instantiation_server_catalogue.cpp
+    task<> read_catalogue();
+    task<types_response> tell_types();
+    task<launch_plan> plan(start_request request);
+
+    // instantiation_server_change.cpp
+    task<change_response> change_one(start_request to);
+    task<change_response> change_to(start_request to, bool only_in_place);
+    task<set_response> set(set_request what);
+    task<result<void>> set_parameters(instance_ptr one, std::vector<argument> settings);
+    void become(const instance_ptr& one, start_request asked, launch_plan plan);
+    void forget(const std::string& path);
+
+    // instantiation_server_start.cpp
+    task<start_response> start_one(start_request request);
+    task<start_response> begin(start_request request);
+    task<start_response> begin_again(instance_ptr one);
+    task<start_response> restart_one(std::string path);
+    task<start_response> until_ready(instance_ptr one);
+    task<> launch(instance_ptr one, std::uint64_t life);
+    task<> free_name(instance_ptr one, std::uint64_t life);
+    task<> follow_readiness(instance_ptr one, std::uint64_t life);
+    task<std::string> obstacle_of(instance_ptr one);
+    task<> check_name(std::string path);
+    void check_endpoints(const std::vector<endpoint>& wanted);
+    void check_room(const std::string& path);
+    void check_rate();
+
+    task<ended_response> end_one(stop_request how, bool at_once);
+    void restore(const saved_state& before);
+    void restore(const saved_instance& before, bool same_boot);
+
+    instance_ptr find(const std::string& path) const;
+    instance_ptr remember(start_request request, launch_plan plan);
+    output_file output_of(const std::string& path) const;
+    /// Does what was decided, and tells whoever wants to know.
+    void carry_out(const instance_ptr& one, supervision::act what);
+    void on_end(const instance_ptr& one, std::uint64_t life, process_end how);
+    machine::end_handler end_handler_of(const instance_ptr& one, std::uint64_t life);
+    void changed(const instance_ptr& one);
+    void save();
+    void look_at_output();
+    std::string state_file() const { return options_.state_folder + "/state.json"; }
+
+    machine& host_;
+    server_options options_;
+    remote names_;
+    std::unique_ptr<catalogue> catalogue_;
+    time_point catalogue_read_ = time_point::min();
+    std::vector<program_file> programs_; // that the catalogue was read from
+    bool reading_catalogue_ = false;
+    bool stopping_ = false; // what is started goes on
+    std::map<std::string, instance_ptr> instances_; // by path
+    std::map<std::string, std::pair<instance_state, std::string>> told_; // what of each was told last
+    std::deque<time_point> starts_;
+    std::set<std::string> changing_; // paths
+    std::map<std::uint64_t, std::string> followers_; // of output, by number: their path
+    publication<std::remove_const_t<decltype(services::output)>> output_;
+    publication<std::remove_const_t<decltype(services::events)>> events_;
+    std::unique_ptr<timer> look_;
+};
+
+} // namespace ise::instantiation

@@ -1,0 +1,136 @@
+#include <ise/instantiation/instantiation_server.hpp>
+
+#include <ise/component/parameter_services.hpp>
+#include <ise/instantiation/differences.hpp>
+#include <ise/instantiation/refusal.hpp>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
+namespace ise::instantiation {
+namespace {
+
+constexpr duration parameter_wait = std::chrono::seconds(5);
+
+bool runs(const supervision& watch) { return watch.state() == instance_state::ready; }
+
+[[noreturn]] void refuse_restart(const instance& which, const std::vector<difference>& wanted, const type_text& type) {
+    for (const auto& one : wanted) {
+        if (one.in_place) continue;
+        std::vector<std::string> others;
+        for (const auto& each : type.parameters)
+            if (each.changeable) others.push_back(each.name);
+        throw error(errc::invalid_argument, fmt::format("parameter '{}' of '{}' cannot be changed while it runs, {}", one.what, which.plan.path,
+                                                        others.empty() ? "and no other of it can" : fmt::format("only {}", fmt::join(others, ", "))));
+    }
+    throw error(errc::refused, fmt::format("'{}' does not run: {}", which.plan.path, which.watch.reason()));
+}
+
+} // namespace
+
+task<change_response> instantiation_server::change_one(start_request to) {
+    change_response refused;
+    try {
+        auto response = co_await change_to(std::move(to), false);
+        co_return response;
+    } catch (const error& why) {
+        if (why.code() == errc::refused) throw; // there is no such instance, or it has something against it
+        refused.outcome = refusal(why);
+    }
+    co_return refused;
+}
+
+task<change_response> instantiation_server::change_to(start_request to, bool only_in_place) {
+    to.terms = checked(to.terms);
+    auto wanted = to;
+    auto planned = co_await plan(std::move(wanted));
+    auto one = find(planned.path);
+    if (!changing_.insert(planned.path).second) throw error(errc::refused, fmt::format("'{}' is being changed already: try again", planned.path));
+    struct changing { // whichever way this coroutine ends
+        std::set<std::string>& all;
+        std::string path;
+        ~changing() { all.erase(path); }
+    } guard{changing_, planned.path};
+    change_response made;
+    made.former = one->asked;
+    auto others = differences(one->text(), to, *catalogue_->find(to.type));
+    bool in_place = std::ranges::all_of(others, &difference::in_place);
+    if (in_place && runs(one->watch)) {
+        std::vector<argument> settings;
+        for (auto& other : others)
+            if (other.setting) settings.push_back(*other.setting);
+        if (!settings.empty()) {
+            auto taken = co_await set_parameters(one, std::move(settings));
+            if (!taken) throw error(taken.error());
+        }
+        if (!others.empty()) made.way = change_way::in_place;
+        if (!others.empty() || one->asked.deployment != to.deployment) become(one, std::move(to), std::move(planned));
+        made.outcome.started = one->text();
+        co_return made;
+    }
+    if (only_in_place) refuse_restart(*one, others, *catalogue_->find(to.type));
+    check_rate();
+    made.way = change_way::restarted;
+    auto former = one->plan;
+    bool was_up = runs(one->watch);
+    become(one, std::move(to), std::move(planned));
+    carry_out(one, one->watch.restart(now()));
+    made.outcome = co_await until_ready(one);
+    if (made.outcome.outcome == start_outcome::ready) co_return made;
+    become(one, made.former, std::move(former));
+    if (was_up) { // what ran well goes on as it was
+        carry_out(one, one->watch.restart(now()));
+        auto back = co_await until_ready(one);
+        made.outcome.why += back.outcome == start_outcome::ready ? "; it runs again as before" : fmt::format("; nor does it start again as before: {}", back.why);
+    }
+    made.outcome.started = one->text();
+    co_return made;
+}
+
+task<set_response> instantiation_server::set(set_request what) {
+    auto one = find(what.path);
+    auto to = one->asked;
+    to.arguments = with_settings(std::move(to.arguments), what.settings);
+    set_response made;
+    try {
+        auto changed = co_await change_to(std::move(to), true);
+        made.instance = changed.outcome.started;
+    } catch (const error& why) {
+        if (why.code() != errc::invalid_argument) throw;
+        throw error(errc::refused, why.what()); // of what was asked for: as such it reaches the caller
+    }
+    co_return made;
+}
+
+task<result<void>> instantiation_server::set_parameters(instance_ptr one, std::vector<argument> settings) {
+    change_parameters_request request;
+    for (auto& [name, value] : settings) request.settings.push_back({std::move(name), std::move(value)});
+    auto who = at(one->plan.path);
+    auto told = co_await who.try_call(change_parameters_service, std::move(request), parameter_wait);
+    if (told) co_return result<void>();
+    bool its_own = told.error().code() == errc::handler_failed; // it threw: that is a refusal, too
+    co_return its_own ? failure(errc::refused, told.error().message()) : told.error();
+}
+
+void instantiation_server::become(const instance_ptr& one, start_request asked, launch_plan plan) {
+    one->asked = std::move(asked);
+    one->plan = std::move(plan);
+    one->watch.use(one->asked.terms);
+    save();
+    host_event event;
+    event.at = wall();
+    event.instance = one->text();
+    events_(event);
+}
+
+void instantiation_server::forget(const std::string& path) {
+    auto found = instances_.find(path);
+    found->second->output.remove();
+    told_.erase(path);
+    instances_.erase(found);
+    save();
+}
+
+} // namespace ise::instantiation

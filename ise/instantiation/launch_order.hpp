@@ -1,0 +1,17 @@
+#pragma once
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace ise::instantiation {
+
+/// What is started: the file and its words, nothing of a shell.
+struct launch_order {
+    std::string program;
+    std::vector<std::string> words;                             ///< without the program's name
+    std::vector<std::pair<std::string, std::string>> variables; ///< the whole environment
+    std::string output_file;                                    ///< both streams are appended to it
+    std::string mark;                                           ///< in its environment, and so in that of all it starts
+};
+
+} // namespace ise::instantiation

@@ -1,0 +1,133 @@
+// environment-boundary: what an instantiation server does to its host is done here
+#include <ise/instantiation/process_table.hpp>
+#include <ise/instantiation/real_machine.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cerrno>
+
+#include <dirent.h>
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+namespace ise::instantiation {
+namespace {
+
+failure refused(std::string_view what, const std::string& path) {
+    return io_failure(fmt::format("cannot {} {}", what, path), std::error_code(errno, std::system_category()));
+}
+
+bool write_all(int to, std::string_view text) {
+    while (!text.empty()) {
+        auto moved = ::write(to, text.data(), text.size());
+        if (moved < 0 && errno == EINTR) continue;
+        if (moved <= 0) return false;
+        text.remove_prefix(static_cast<std::size_t>(moved));
+    }
+    return true;
+}
+
+std::string read_some(int from, std::uint64_t offset, std::size_t most) {
+    std::string text(most, '\0');
+    std::size_t have = 0;
+    while (have < most) {
+        auto got = ::pread(from, text.data() + have, most - have, static_cast<off_t>(offset + have));
+        if (got < 0 && errno == EINTR) continue;
+        if (got <= 0) break;
+        have += static_cast<std::size_t>(got);
+    }
+    text.resize(have);
+    return text;
+}
+
+std::string folder_of(const std::string& path) {
+    auto slash = path.rfind('/');
+    return slash == std::string::npos ? "." : slash == 0 ? "/" : path.substr(0, slash);
+}
+
+bool is_program_name(std::string_view name) {
+    return !name.empty() && name.front() != '.' && name.front() != '-' && std::ranges::all_of(name, [](unsigned char letter) {
+        return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') || (letter >= '0' && letter <= '9') || letter == '_' || letter == '-' || letter == '.';
+    });
+}
+
+} // namespace
+
+std::string real_machine::boot() const {
+    auto id = read_file("/proc/sys/kernel/random/boot_id", 64);
+    struct stat numbers {};
+    ::stat("/proc/self/ns/pid", &numbers); // numbers of processes mean something only within it
+    return fmt::format("{}.{}", id ? id->substr(0, id->find('\n')) : "unknown", numbers.st_ino);
+}
+
+result<std::vector<program_file>> real_machine::programs(const std::string& folder) const {
+    auto* open = ::opendir(folder.c_str());
+    if (!open) return refused("read the folder", folder);
+    std::vector<program_file> found;
+    while (const auto* entry = ::readdir(open)) {
+        auto path = folder + "/" + entry->d_name;
+        struct stat about {};
+        if (!is_program_name(entry->d_name) || ::stat(path.c_str(), &about) != 0 || !S_ISREG(about.st_mode) || ::access(path.c_str(), X_OK) != 0) continue;
+        found.push_back({entry->d_name, fmt::format("{}.{}.{}.{}", about.st_ino, about.st_size, about.st_mtim.tv_sec, about.st_mtim.tv_nsec)});
+    }
+    ::closedir(open);
+    std::ranges::sort(found, {}, &program_file::name);
+    return found;
+}
+
+result<std::string> real_machine::read_file(const std::string& path, std::size_t max_bytes) const {
+    file_handle file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+    if (!file && errno == ENOENT) return failure(errc::no_such_name, fmt::format("there is no file {}", path));
+    if (!file) return refused("read", path);
+    std::string text;
+    for (;;) {
+        auto piece = read_some(file.get(), text.size(), 65536);
+        text += piece;
+        if (text.size() > max_bytes) return failure(errc::too_large, fmt::format("{} has more than {} bytes", path, max_bytes));
+        if (piece.empty()) return text;
+    }
+}
+
+result<void> real_machine::replace_file(const std::string& path, const std::string& content) {
+    auto fresh = path + ".new";
+    {
+        file_handle file(::open(fresh.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
+        if (!file || !write_all(file.get(), content) || ::fsync(file.get()) != 0) return refused("write", fresh);
+    }
+    if (::rename(fresh.c_str(), path.c_str()) != 0) return refused("replace", path);
+    file_handle folder(::open(folder_of(path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    if (folder) ::fsync(folder.get());
+    return {};
+}
+
+std::uint64_t real_machine::size_of(const std::string& path) const {
+    struct stat about {};
+    return ::stat(path.c_str(), &about) == 0 ? static_cast<std::uint64_t>(about.st_size) : 0;
+}
+
+std::string real_machine::read_part(const std::string& path, std::uint64_t offset, std::size_t max_bytes) const {
+    file_handle file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+    return file ? read_some(file.get(), offset, max_bytes) : std::string();
+}
+
+result<void> real_machine::rotate(const std::string& path, const std::string& older) {
+    file_handle from(::open(path.c_str(), O_RDWR | O_CLOEXEC));
+    file_handle to(::open(older.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
+    if (!from) return refused("rotate", path);
+    if (!to) return refused("write", older);
+    for (std::uint64_t at = 0;;) {
+        auto piece = read_some(from.get(), at, 65536);
+        if (piece.empty()) break;
+        if (!write_all(to.get(), piece)) return refused("write", older);
+        at += piece.size();
+    }
+    // Whoever writes appends: it goes on at the beginning.
+    if (::ftruncate(from.get(), 0) != 0) return refused("rotate", path);
+    return {};
+}
+
+void real_machine::remove(const std::string& path) { ::unlink(path.c_str()); }
+
+} // namespace ise::instantiation

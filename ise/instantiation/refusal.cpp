@@ -1,0 +1,36 @@
+#include <ise/instantiation/refusal.hpp>
+
+#include <fmt/format.h>
+
+namespace ise::instantiation {
+
+using namespace std::chrono_literals;
+
+restart_terms checked(restart_terms terms) {
+    auto refuse = [](std::string_view what) { throw error(errc::invalid_argument, fmt::format("{}", what)); };
+    auto within = [](duration value, duration least, duration most) { return value >= least && value <= most; };
+    if (terms.policy > restart_policy::always) refuse("the restart policy is never, on_failure or always");
+    if (!within(terms.first_pause, 10ms, 1h) || !within(terms.longest_pause, terms.first_pause, 1h)) refuse("pauses before a restart are from 10 ms to 1 h, the longest not below the first");
+    if (terms.limit > 1000) refuse("at most 1000 restarts within a window are allowed");
+    if (!within(terms.window, 1s, 24h)) refuse("the window of restarts is from 1 s to 24 h");
+    if (!within(terms.grace, 0s, 1h)) refuse("the grace of a stop is at most 1 h");
+    if (!within(terms.ready_within, 100ms, 1h)) refuse("the time to become ready is from 100 ms to 1 h");
+    return terms;
+}
+
+start_response refusal(const error& why) {
+    start_response made;
+    made.why = why.what();
+    switch (why.code()) {
+        case errc::invalid_argument: made.outcome = start_outcome::bad_argument; break;
+        case errc::no_such_name: made.outcome = start_outcome::no_such_type; break;
+        case errc::name_taken: made.outcome = start_outcome::name_taken; break;
+        case errc::address_in_use: made.outcome = start_outcome::address_in_use; break;
+        case errc::overloaded: made.outcome = start_outcome::too_many; break;
+        case errc::name_server_lost: made.outcome = start_outcome::name_server_lost; break;
+        default: made.outcome = start_outcome::not_launched; break;
+    }
+    return made;
+}
+
+} // namespace ise::instantiation

@@ -1,0 +1,34 @@
+#pragma once
+#include <ise/core/environment.hpp>
+#include <ise/instantiation/machine.hpp>
+#include <ise/instantiation/services.hpp>
+
+#include <string>
+#include <vector>
+
+namespace ise::instantiation {
+
+/// What an instantiation server must know of an instance to go on with it after it was killed. Packets, kept as JSON:
+/// fields are only ever appended.
+struct saved_instance {
+    start_request asked;
+    std::string path;
+    std::string mark;       ///< of its present process
+    process_stamp process;  ///< 0 with a mark: it was being started
+    instance_state state = instance_state::stopped;
+    std::string reason;
+    wall_time since{};
+    std::uint32_t restarts = 0;
+};
+
+struct saved_state {
+    std::uint32_t version = 1;
+    std::string boot; ///< processes of another boot are gone
+    std::vector<saved_instance> instances;
+};
+
+/// The state of a file; an empty one if there is none yet. A file that is none is moved aside, and told: `problem`.
+saved_state load_state(machine& host, const std::string& file, std::string& problem);
+result<void> save_state(machine& host, const std::string& file, const saved_state& state);
+
+} // namespace ise::instantiation
