@@ -1,0 +1,42 @@
+#include <components/http/line_with_deadline.hpp>
+
+#include <asio/error.hpp>
+
+namespace atirma {
+
+line_with_deadline::line_with_deadline(ise::loop& on, std::unique_ptr<ise::stream> line)
+    : line_(std::move(line)), alarm_(on, [this] {
+          late_ = true;
+          line_->close();
+      }) {}
+
+void line_with_deadline::until(ise::time_point deadline) {
+    if (deadline == ise::time_point::max()) alarm_.disarm();
+    else alarm_.arm(deadline);
+}
+
+ise::task<ise::transfer> line_with_deadline::read_some(asio::mutable_buffer into) {
+    ise::transfer got;
+    if (!late_) got = co_await line_->read_some(into);
+    if (late_) got.problem = asio::error::timed_out;
+    co_return got;
+}
+
+ise::task<std::error_code> line_with_deadline::write_all(std::string_view content) {
+    while (!content.empty()) {
+        if (late_) co_return asio::error::timed_out;
+        asio::const_buffer piece(content.data(), content.size());
+        auto moved = line_->try_write(std::span(&piece, 1));
+        content.remove_prefix(moved.bytes);
+        if (moved.problem == asio::error::would_block) {
+            auto problem = co_await line_->wait_writable();
+            if (late_) co_return asio::error::timed_out;
+            if (problem) co_return problem;
+        } else if (moved.problem) {
+            co_return moved.problem;
+        }
+    }
+    co_return std::error_code();
+}
+
+} // namespace atirma

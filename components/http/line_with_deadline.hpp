@@ -1,0 +1,33 @@
+#pragma once
+#include <ise/core/loop.hpp>
+#include <ise/core/stream.hpp>
+
+#include <memory>
+#include <string_view>
+
+namespace atirma {
+
+/// A stream that gives up at a time: then what waits and what follows fails with `asio::error::timed_out`, and the
+/// stream is closed. Used on one loop; one operation at a time.
+class line_with_deadline {
+public:
+    line_with_deadline(ise::loop& on, std::unique_ptr<ise::stream> line);
+
+    /// From now on, until it is set anew; time_point::max() is never.
+    void until(ise::time_point deadline);
+
+    /// As ise::stream. Cancellation: terminal.
+    ise::task<ise::transfer> read_some(asio::mutable_buffer into);
+    /// Writes all of it; `content` stays valid as long. Cancellation: terminal, part of it may have gone.
+    ise::task<std::error_code> write_all(std::string_view content);
+
+    bool late() const noexcept { return late_; }
+    ise::stream& line() noexcept { return *line_; }
+
+private:
+    std::unique_ptr<ise::stream> line_;
+    bool late_ = false;
+    ise::timer alarm_;
+};
+
+} // namespace atirma

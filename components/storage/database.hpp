@@ -1,0 +1,76 @@
+#pragma once
+#include <ise/core/result.hpp>
+
+#include <cstddef>
+#include <cstdint>
+#include <initializer_list>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+namespace atirma {
+
+/// What a database cell holds, and what is bound to a `?` of a statement.
+using database_value = std::variant<std::monostate, std::int64_t, double, std::string, std::vector<std::byte>>;
+
+/// One row that a query gave; columns count from 0. A column of another type gives an empty value.
+class database_row {
+public:
+    explicit database_row(std::vector<database_value> cells) : cells_(std::move(cells)) {}
+
+    std::size_t size() const noexcept { return cells_.size(); }
+    bool is_null(std::size_t column) const { return cells_.at(column).index() == 0; }
+    std::int64_t integer(std::size_t column) const; ///< a real is cut off
+    double real(std::size_t column) const;
+    std::string text(std::size_t column) const;
+    std::vector<std::byte> bytes(std::size_t column) const;
+
+private:
+    std::vector<database_value> cells_;
+};
+
+/// What must not be lost when a component or its host dies: SQLite, one file.
+///
+/// What `execute` of a write or `commit` of a transaction returned success for is on the disk, also after a loss of power.
+/// The name "memory:NAME" makes a database in memory that all openings of that name in this process share, and that goes
+/// with the last of them: the disk of a virtual world (its script holds it open over crashes of components).
+///
+/// Not thread-safe: used by one component, on its loop. Each call blocks for as long as the disk takes.
+/// Errors: io_failed, with the file, what was tried, and SQLite's words ("database or disk is full").
+class database {
+public:
+    using values = std::initializer_list<database_value>;
+
+    /// Opens or makes the file; its folder exists. Another process that writes to it is waited for, two seconds at most.
+    /// `schema`: scripts that bring version n of the file to n+1; those that the file has not seen run, each whole or not
+    /// at all. A file of a newer program (more scripts) is refused with invalid_argument.
+    static ise::result<database> open(const std::string& file, std::span<const std::string_view> schema);
+
+    database(database&&) noexcept;
+    database& operator=(database&&) noexcept;
+    ~database(); ///< rolls back a transaction that is not committed
+
+    /// Runs one statement that gives no rows; `bound` stand for its `?`. The number of rows that it changed.
+    ise::result<std::int64_t> execute(std::string_view sql, values bound = {});
+    /// Runs one statement and gives its rows, all at once: bound it with LIMIT.
+    ise::result<std::vector<database_row>> query(std::string_view sql, values bound = {});
+
+    /// What is executed until `commit` happens together or, after `rollback` or a failure of `commit`, not at all.
+    ise::result<void> begin();
+    ise::result<void> commit();
+    void rollback() noexcept;
+
+    std::int64_t last_insert_id() const noexcept;
+    const std::string& file() const noexcept;
+
+private:
+    class state;
+    explicit database(std::unique_ptr<state> opened);
+    std::unique_ptr<state> state_;
+};
+
+} // namespace atirma
