@@ -9,17 +9,14 @@ namespace atirma {
 ise::result<std::uint32_t> command_book::submit(ise::time_point now, utc_time wall, const telecommand_request& request, std::uint32_t chosen) {
     auto id = request.id != 0 ? request.id : chosen;
     if (auto known = entries_.find(id); known != entries_.end()) {
-        if (known->second.command == request.command) return id;
+        if (known->second.command == request.command) {
+            known->second.authority = std::max(known->second.authority, request.authority); // taken anew meanwhile
+            return id;
+        }
         return ise::failure(ise::errc::invalid_argument,
                             fmt::format("telecommand {} is {} already; choose another id", id, name_of(known->second.command.kind)));
     }
-    if (!(request.valid_s >= 1 && request.valid_s <= 86400)) // not a number, too
-        return ise::failure(ise::errc::invalid_argument, fmt::format("valid_s is 1 to 86400 s, not {:g}", request.valid_s));
-    if (!is_known(request.command.kind))
-        return ise::failure(ise::errc::invalid_argument, fmt::format("no telecommand has number {}", static_cast<int>(request.command.kind)));
-    const auto& point = request.command.point;
-    if (!(point.latitude_deg >= -90 && point.latitude_deg <= 90 && point.longitude_deg >= -180 && point.longitude_deg <= 180))
-        return ise::failure(ise::errc::invalid_argument, fmt::format("{:g}, {:g} is no place on the globe", point.latitude_deg, point.longitude_deg));
+    if (auto good = check_request(request); !good) return good.error();
     if (open_ >= options_.max_open)
         return ise::failure(ise::errc::overloaded, fmt::format("{} telecommands wait for the boat already", open_));
     entry made;
@@ -27,6 +24,7 @@ ise::result<std::uint32_t> command_book::submit(ise::time_point now, utc_time wa
     made.status.link = options_.link;
     made.status.kind = request.command.kind;
     made.command = request.command;
+    made.authority = request.authority;
     made.expires = ise::saturating_add(now, std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(request.valid_s)));
     made.next_try = now;
     made.pause = options_.shortest_pause;
@@ -46,7 +44,7 @@ std::optional<command_book::due> command_book::next_due(ise::time_point now, utc
         ++e.status.attempts;
         due made;
         made.id = id;
-        made.raw = encode_telecommand(to_telecommand(id, wall, e.command));
+        made.raw = encode_telecommand(to_telecommand(id, wall, e.command, e.authority));
         made.remaining = e.expires - now;
         return made;
     }
@@ -62,7 +60,7 @@ void command_book::on_outcome(ise::time_point now, utc_time wall, std::uint32_t 
     if (delivered) {
         e.pause = options_.shortest_pause;
         e.next_try = ise::saturating_add(now, options_.answer_time);
-        change(e, wall, telecommand_stage::sent, "arrived at the boat's modem");
+        change(e, wall, telecommand_stage::sent, reason.empty() ? "arrived at the boat's modem" : reason);
         return;
     }
     e.next_try = ise::saturating_add(now, e.pause);
@@ -81,9 +79,17 @@ bool command_book::on_acknowledgement(utc_time wall, const acknowledgement& ack)
     bool tells = e.command.kind == command_kind::get_parameter || e.command.kind == command_kind::set_parameter ||
                  (e.command.kind >= command_kind::waypoint_add && e.command.kind <= command_kind::waypoint_select) ||
                  e.command.kind == command_kind::set_telemetry_period;
-    if (tells) e.status.value = ack.value;
+    if (tells || ack.code == ack_code::no_authority) e.status.value = ack.value;
     change(e, wall, telecommand_stage::acknowledged, ack.text);
     return true;
+}
+
+void command_book::on_link_up(ise::time_point now) {
+    for (auto id : order_) {
+        auto& e = entries_.at(id);
+        e.pause = options_.shortest_pause;
+        if (!e.at_link) e.next_try = now;
+    }
 }
 
 void command_book::on_time(ise::time_point now, utc_time wall) {
@@ -103,6 +109,12 @@ ise::time_point command_book::next_event() const {
         next = std::min(next, e.expires);
         if (!e.at_link) next = std::min(next, e.next_try);
     }
+    return next;
+}
+
+ise::time_point command_book::next_expiry() const {
+    auto next = ise::time_point::max();
+    for (auto id : order_) next = std::min(next, entries_.at(id).expires);
     return next;
 }
 

@@ -41,13 +41,17 @@ public:
     };
     /// One that is to be given to the link now; it counts as given, and an outcome must follow.
     std::optional<due> next_due(ise::time_point now, utc_time wall);
-    /// The link's word: it arrived at the boat's modem, or not (`reason`; `certain`: it never left the shore).
+    /// The link's word: it arrived at the boat's modem (or what `reason` says instead), or not (`certain`: it never left the shore).
     void on_outcome(ise::time_point now, utc_time wall, std::uint32_t id, bool delivered, bool certain, const std::string& reason);
     /// False if nobody waits for it.
     bool on_acknowledgement(utc_time wall, const acknowledgement& ack);
+    /// The way to the boat is open (again): what waits for an answer is due now.
+    void on_link_up(ise::time_point now);
     void on_time(ise::time_point now, utc_time wall);
     /// When `on_time` and `next_due` have something to do; time_point::max() if never.
     ise::time_point next_event() const;
+    /// When the validity of the next one ends; time_point::max() if there is none.
+    ise::time_point next_expiry() const;
 
     /// Nothing where the id is not known (any more).
     const telecommand_status* find(std::uint32_t id) const;
@@ -59,6 +63,7 @@ private:
     struct entry {
         telecommand_status status;
         boat_command command;
+        std::uint32_t authority = 0;
         ise::time_point expires{};
         ise::time_point next_try{};
         ise::duration pause{};

@@ -10,7 +10,7 @@ namespace atirma {
 class duplicate_filter {
 public:
     static constexpr std::size_t max_boots = 8;
-    static constexpr std::uint32_t window = 4096;
+    static constexpr std::uint32_t window = 65536; // seven hours of all links together at two packets and a half a second
 
     /// Whether it comes for the first time; remembers it.
     bool first_time(std::uint16_t boot, std::uint32_t sequence);

@@ -103,11 +103,12 @@ std::span<const enum_name<command_kind>> names_of() noexcept {
 template <>
 std::span<const enum_name<ack_code>> names_of() noexcept {
     using enum ack_code;
-    static constexpr std::array<enum_name<ack_code>, 4> names{{
+    static constexpr std::array<enum_name<ack_code>, 5> names{{
         {"done", done},
         {"refused", refused},
         {"bad_argument", bad_argument},
         {"unknown_command", unknown_command},
+        {"no_authority", no_authority},
     }};
     return names;
 }

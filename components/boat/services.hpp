@@ -20,6 +20,10 @@ struct telemetry_packet {
     utc_time received_at{};         ///< by the clock of the proxy's host
     bool history = false;           ///< sent again after a gap: never the current position
     std::vector<std::byte> raw;     ///< for parse_telemetry(); its checksum was right
+    std::uint64_t store = 0;        ///< of a communication node: whose numbering `position` belongs to; 0 from a proxy
+    std::uint64_t position = 0;     ///< in that store: 1, 2, 3… without a gap
+    std::uint64_t peer_store = 0;   ///< of the other communication node; 0 where that is not known to have it
+    std::uint64_t peer_position = 0;
 };
 
 /// A telecommand without its id and time. The fields beside `kind` count only for the kinds that name them.
@@ -36,7 +40,7 @@ struct boat_command {
     bool operator==(const boat_command&) const = default;
 };
 
-telecommand to_telecommand(std::uint32_t id, utc_time sent_at, const boat_command& what);
+telecommand to_telecommand(std::uint32_t id, utc_time sent_at, const boat_command& what, std::uint32_t authority = 0);
 
 /// `{"id":7,"command":{"kind":"set_mode","mode":"hold"}}`. The same id with the same command again is the same telecommand:
 /// it is not executed twice, and the reply tells what became of it.
@@ -44,7 +48,13 @@ struct telecommand_request {
     std::uint32_t id = 0;   ///< chosen by the requester; 0: the proxy chooses one and tells it
     boat_command command;
     float valid_s = 300;    ///< how long the proxy goes on trying, also after its reply, 1 … 86400
+    std::optional<link_id> via; ///< to a communication node: over this link only; missing: the best one that is alive
+    bool confirmed = false; ///< to a communication node: the operator has confirmed what is dangerous
+    std::uint32_t authority = 0; ///< to a proxy: the epoch that travels to the boat; a node puts its own here
 };
+
+/// invalid_argument where no boat could execute it, or `valid_s` is out of range.
+ise::result<void> check_request(const telecommand_request& request);
 
 enum class telecommand_stage : std::uint8_t {
     pending = 0,      ///< only in a reply: not decided yet, follow telecommand_state
@@ -75,6 +85,10 @@ struct telecommand_status {
     std::string text;
     utc_time at{};                  ///< of the change
     std::uint32_t attempts = 0;     ///< times that it was given to the link
+    std::string asked_by;           ///< from a communication node: the operator
+    utc_time asked_at{};            ///< from a communication node
+    std::optional<boat_command> command; ///< from a communication node: what was asked for
+    std::uint32_t authority = 0;    ///< from a communication node: the epoch that it was sent under
 };
 
 /// Which telecommand to follow; 0: all.
@@ -86,9 +100,25 @@ struct followed_telecommands {
     std::vector<telecommand_status> now;
 };
 
+/// Packets that a proxy has in hand and has not acknowledged to the boat.
+struct keep_request {
+    static constexpr std::size_t max_packets = 256;
+    std::vector<telemetry_packet> packets; ///< at most max_packets, each with at most 1024 raw bytes
+};
+struct keep_reply {
+    std::uint32_t fresh = 0;  ///< so many of them were not known before
+    std::uint32_t copies = 1; ///< disks that have all of them: 2 as long as a secondary lives
+};
+
 namespace services {
 
 inline constexpr ise::subscription<telemetry_packet> telemetry{"telemetry"};
+
+/// Provided by communication nodes (role `atirma/communication`). The reply says that every packet of the request is on
+/// disk, at the secondary too while one lives: now the boat may be acknowledged. A packet that is known already counts as
+/// kept, so that asking again is always safe. A failed call keeps nothing for certain: do not acknowledge, ask again
+/// later. Errors: refused (the disk is full, too many packets, no raw bytes).
+inline constexpr ise::request_response<keep_request, keep_reply> telemetry_store{"telemetry_store"};
 
 /// Waits for the boat's acknowledgement as far as the call's deadline allows, else replies `pending`. Error: refused
 /// (bad validity or place, an id that stands for another command, too many that are open); it then had no effect.

@@ -13,7 +13,8 @@ ise::bytes encode_telecommand(const telecommand& command) {
     packet_header header;
     header.sequence = command.id; // a command's id stands where a packet's sequence does
     header.measured_at = command.sent_at;
-    writer out(layout::telecommand_type, header);
+    writer out(command.authority == 0 ? layout::telecommand_type : layout::authorised_type, header);
+    if (command.authority != 0) out.integer(command.authority);
     out.enumerator(command.kind);
     switch (command.kind) {
         case command_kind::set_mode: out.enumerator(command.mode); break;
@@ -47,10 +48,11 @@ ise::bytes encode_telecommand(const telecommand& command) {
 
 ise::result<telecommand> parse_telecommand(ise::bytes_view raw) {
     reader in(raw);
-    if (in.ok() && in.type != layout::telecommand_type) in.fail(fmt::format("a packet of type {:02X} is no telecommand", in.type));
+    if (in.ok() && in.type != layout::telecommand_type && in.type != layout::authorised_type) in.fail(fmt::format("a packet of type {:02X} is no telecommand", in.type));
     telecommand command;
     command.id = in.header.sequence;
     command.sent_at = in.header.measured_at;
+    if (in.type == layout::authorised_type) command.authority = in.integer<std::uint32_t>();
     command.kind = in.any_enumerator<command_kind>();
     if (in.ok() && !is_known(command.kind)) return command; // a newer shore: its arguments are not ours to read
     switch (command.kind) {
@@ -112,7 +114,7 @@ packet_class classify(ise::bytes_view raw) noexcept {
     if (raw.size() < 2) return packet_class::unknown;
     auto type = std::to_integer<std::uint8_t>(raw[1]);
     if (type >= layout::first_telemetry && type <= layout::last_telemetry) return packet_class::telemetry;
-    if (type == layout::telecommand_type) return packet_class::telecommand;
+    if (type == layout::telecommand_type || type == layout::authorised_type) return packet_class::telecommand;
     if (type == layout::acknowledgement_type) return packet_class::acknowledgement;
     return packet_class::unknown;
 }

@@ -17,6 +17,7 @@ struct telecommand {
     link_id link = link_id::xbee;                                   ///< set_telemetry_period
     float period_s = 0;                                             ///< set_telemetry_period; 0 is off
     bool on = true;                                                 ///< emergency_beacon
+    std::uint32_t authority = 0; ///< epoch of the operator's authority over the boat; 0: sent without one
     bool operator==(const telecommand&) const = default;
 };
 
@@ -31,6 +32,19 @@ struct acknowledgement {
     std::string text;     ///< for people; cut to max_text bytes when encoded
     bool operator==(const acknowledgement&) const = default;
 };
+
+/// Whether the boat obeys it only under the highest epoch of authority that it has heard. Others ask, and change nothing.
+constexpr bool needs_authority(command_kind kind) noexcept {
+    using enum command_kind;
+    return kind != ping && kind != get_parameter && kind != waypoint_read_back && kind != request_status;
+}
+
+/// What must be confirmed by the operator, as it can lose the boat or its mission: reboot, emergency_beacon,
+/// waypoint_clear, and set_mode manual.
+constexpr bool is_dangerous(command_kind kind, sailing_mode mode) noexcept {
+    using enum command_kind;
+    return kind == reboot || kind == emergency_beacon || kind == waypoint_clear || (kind == set_mode && mode == sailing_mode::manual);
+}
 
 ise::bytes encode_telecommand(const telecommand& command);
 

@@ -29,6 +29,17 @@ acknowledgement simulated_boat::execute(const telecommand& command, link_id from
         again.header = next_header(); // another packet that says the same
         return again;
     }
+    if (needs_authority(command.kind) && command.authority < authority_) {
+        acknowledgement no; // not remembered: nothing was done, and the id may come again under the epoch that holds
+        no.header = next_header();
+        no.id = command.id;
+        no.kind = command.kind;
+        no.code = ack_code::no_authority;
+        no.value = static_cast<float>(authority_);
+        no.text = fmt::format("authority {} holds, this was sent under {}", authority_, command.authority);
+        return no;
+    }
+    authority_ = std::max(authority_, command.authority);
     auto ack = decide(command, from);
     acknowledged_.push_back(ack);
     if (acknowledged_.size() > remembered_commands) acknowledged_.pop_front();

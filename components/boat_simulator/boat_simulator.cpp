@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 namespace atirma {
 namespace {
@@ -31,6 +32,23 @@ std::shared_ptr<const simulator::wind_source> boat_simulator::make_wind() {
     return simulator::constant_wind(mean);
 }
 
+void boat_simulator::change(const boat_simulator_options& now) {
+    if (now.wind_speed_mps == options_.wind_speed_mps && now.wind_from_deg == options_.wind_from_deg) return;
+    if (!options_.wind_file.empty())
+        throw ise::error(ise::errc::refused, fmt::format("the wind is the recorded one of {}: it cannot be changed", options_.wind_file));
+    auto before = std::pair(options_.wind_speed_mps, options_.wind_from_deg);
+    options_.wind_speed_mps = now.wind_speed_mps;
+    options_.wind_from_deg = now.wind_from_deg;
+    if (!boat_) return;
+    try {
+        boat_->advance(model_now());
+        wind_->replace_original(std::chrono::duration<double>(model_now()).count(), make_wind());
+    } catch (...) {
+        std::tie(options_.wind_speed_mps, options_.wind_from_deg) = before;
+        throw;
+    }
+}
+
 void boat_simulator::make_boat() {
     in_range("the speedup", options_.speedup, 0.1, 1000);
     simulator::boat_options made;
@@ -43,6 +61,11 @@ void boat_simulator::make_boat() {
     made.epoch = utc;
     made.clock_rate = 1 / options_.speedup;
     made.seed = options_.seed;
+    if (!options_.gprs.empty()) {
+        double period_s = options_.gprs_period_s;
+        if (period_s != 0) in_range("the period of telemetry over GPRS in seconds", period_s, 0.5, 86400);
+        made.telemetry_period_s[static_cast<std::size_t>(link_id::gprs)] = period_s;
+    }
     // A boat counts its starts; this one has nowhere to keep the number, so it takes the second, never 0.
     auto second = std::chrono::duration_cast<std::chrono::seconds>(utc.time_since_epoch()).count();
     made.boot = options_.boot != 0 ? options_.boot : static_cast<std::uint16_t>(second % 65535 + 1);
@@ -60,6 +83,18 @@ ise::task<> boat_simulator::run() {
         port_->on_event = [this](const xbee::client_event& event) { on_radio_event(event); };
         spawn("modem", port_->run());
     }
+    if (!options_.iridium.port.device.empty()) {
+        iridium_ = std::make_unique<iridium_uplink>(on(), log(), options_.iridium, [this] { boat_->advance(model_now()); });
+        spawn("Iridium", iridium_->run(*boat_));
+    }
+    if (!options_.gprs.empty()) {
+        gprs::port_options call;
+        call.shore = ise::endpoint::parse(options_.gprs).value();
+        call.link = options_.uplink;
+        uplink_ = std::make_unique<gprs::uplink_port>(on(), log(), std::move(call), boat_->boot());
+        uplink_->on_order = [this](const gprs::order& told) { heard(link_id::gprs, told.raw); };
+        spawn("uplink", uplink_->run());
+    }
     provide(services::scene_control, [this](const scene_request& request) { return set_scene(request); });
     publish_every(services::truth, options_.truth_period, [this] {
         sail();
@@ -76,8 +111,26 @@ ise::task<> boat_simulator::run() {
 
 void boat_simulator::sail() {
     boat_->set_link_status(radio_status());
+    if (uplink_) boat_->set_link_status(uplink_status());
+    if (iridium_) boat_->set_link_status(iridium_->status());
     boat_->advance(model_now());
     send();
+    send_uplink();
+    if (iridium_) iridium_->carry();
+}
+
+void boat_simulator::send_uplink() {
+    if (!uplink_) {
+        boat_->take_packets(link_id::gprs); // a period was set for a link that it does not have
+        return;
+    }
+    // The model's time may be faster than the link's.
+    uplink_->set_period(std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(boat_->telemetry_period_s(link_id::gprs) / options_.speedup)));
+    for (;;) {
+        auto raw = boat_->take_packet(link_id::gprs);
+        if (raw.empty()) return;
+        uplink_->put(std::move(raw));
+    }
 }
 
 void boat_simulator::send() {
@@ -103,16 +156,21 @@ void boat_simulator::on_radio_event(const xbee::client_event& event) {
     } else if (const auto* packet = std::get_if<xbee::packet_received>(&event)) {
         if (!radio_on_ || packet->source != options_.shore_address) return;
         heard_at_ = now();
-        boat_->advance(model_now());
-        auto done = boat_->on_packet(link_id::xbee, packet->payload);
-        if (done) {
-            ++heard_;
-            log().info("telecommand", {{"id", std::to_string(done->id)}, {"kind", std::string(name_of(done->kind))}, {"result", std::string(name_of(done->code))}});
-        } else {
-            log().warning("a packet was refused", {{"cause", done.error().message()}});
-        }
+        heard(link_id::xbee, packet->payload);
     }
     // The next packets go with the boat's next step: sending from within an event could go on for ever.
+}
+
+void boat_simulator::heard(link_id link, ise::bytes_view raw) {
+    boat_->advance(model_now());
+    auto done = boat_->on_packet(link, raw);
+    if (done) {
+        ++heard_;
+        log().info("telecommand", {{"id", std::to_string(done->id)}, {"kind", std::string(name_of(done->kind))}, {"result", std::string(name_of(done->code))},
+                                   {"link", std::string(name_of(link))}});
+    } else {
+        log().warning("a packet was refused", {{"cause", done.error().message()}, {"link", std::string(name_of(link))}});
+    }
 }
 
 scene boat_simulator::set_scene(const scene_request& request) {
@@ -144,6 +202,19 @@ link_status boat_simulator::radio_status() const {
     return told;
 }
 
+link_status boat_simulator::uplink_status() const {
+    const auto& link = uplink_->link();
+    const auto& counted = link.counters();
+    link_status told;
+    told.link = link_id::gprs;
+    told.up = uplink_->connected();
+    told.queued = static_cast<std::uint16_t>(std::min<std::size_t>(link.waiting(), 65535));
+    told.sent = static_cast<std::uint32_t>(counted.sent);
+    told.failed = static_cast<std::uint32_t>(counted.resent);
+    told.last_heard_age_s = std::chrono::duration<float>(now() - std::max(link.heard_at(), started_)).count();
+    return told;
+}
+
 ground_truth boat_simulator::truth() const {
     auto where = boat_->location_now();
     auto how = boat_->navigation_now();
@@ -170,8 +241,16 @@ ground_truth boat_simulator::truth() const {
     told.packets_sent = sent_;
     told.packets_failed = failed_;
     told.packets_queued = boat_->queued(link_id::xbee);
-    told.telecommands_heard = heard_;
+    told.telecommands_heard = heard_ + (iridium_ ? iridium_->telecommands_heard() : 0);
     told.packets_refused = boat_->refused_packets();
+    if (uplink_) {
+        const auto& counted = uplink_->link().counters();
+        told.gprs_connected = uplink_->connected();
+        told.gprs_waiting = uplink_->link().waiting();
+        told.gprs_acknowledged = counted.acknowledged;
+        told.gprs_resent = counted.resent;
+        told.gprs_dropped = counted.dropped;
+    }
     return told;
 }
 

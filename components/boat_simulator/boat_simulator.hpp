@@ -1,7 +1,9 @@
 #pragma once
+#include <components/boat_simulator/iridium_uplink.hpp>
 #include <components/boat_simulator/scene_wind.hpp>
 #include <components/boat_simulator/services.hpp>
 #include <components/boat_simulator/simulated_boat.hpp>
+#include <components/gprs/uplink_port.hpp>
 #include <components/xbee/modem_port.hpp>
 
 #include <ise/component/component.hpp>
@@ -22,15 +24,23 @@ struct boat_simulator_options {
     std::uint16_t boot = 0;                  ///< 0: from the clock, so that it differs each time it starts
     xbee::port_options port;                 ///< the boat's own modem; an empty device: it has no radio
     std::uint64_t shore_address = 0x0013A20040000001; ///< of the shore's modem
+    iridium_uplink_options iridium;          ///< the boat's 9602; an empty device: it has none
+    std::string gprs;                        ///< whom it calls over GPRS, tcp or udp endpoint; empty: it does not
+    gprs::uplink_options uplink;             ///< of that link
+    double gprs_period_s = 5;                ///< of telemetry there, at the start; 0 is off
     ise::duration truth_period = std::chrono::milliseconds(500);
 };
 
-/// A boat that sails in real time (times `speedup`), with its own modem on a serial port: telemetry goes out, telecommands
-/// come in. Services: `ground_truth`, `scene` (services.hpp). A wind file that cannot be read, an unknown course and
+/// A boat that sails in real time (times `speedup`), with its own modem on a serial port and its own call over GPRS: telemetry
+/// goes out, telecommands come in, whichever way each is done once. Services: `ground_truth`, `scene` (services.hpp). A wind file that cannot be read, an unknown course and
 /// numbers out of range end `run()` with an error that says so.
 class boat_simulator final : public ise::component {
 public:
     explicit boat_simulator(boat_simulator_options options = boat_simulator_options()) : options_(std::move(options)) {}
+
+    /// Takes over the wind's mean speed and direction of `now` while it sails; a scene (services.hpp) stands above it. Throws
+    /// errc::refused while a recorded wind blows.
+    void change(const boat_simulator_options& now);
 
     /// Where the boat is now; nothing before it was started. On the component's loop.
     const simulator::simulated_boat* boat() const noexcept { return boat_.get(); }
@@ -41,16 +51,21 @@ private:
     void make_boat();
     void sail();
     void send();
+    void send_uplink();
+    void heard(link_id link, ise::bytes_view raw);
     void on_radio_event(const xbee::client_event& event);
     scene set_scene(const scene_request& request);
     ground_truth truth() const;
     link_status radio_status() const;
+    link_status uplink_status() const;
     simulator::model_time model_now() const;
 
     boat_simulator_options options_;
     std::shared_ptr<simulator::scene_wind> wind_;
     std::unique_ptr<simulator::simulated_boat> boat_;
     std::unique_ptr<xbee::modem_port> port_;
+    std::unique_ptr<iridium_uplink> iridium_;
+    std::unique_ptr<gprs::uplink_port> uplink_;
     ise::time_point started_{};
     ise::time_point heard_at_{};
     bool radio_on_ = true;

@@ -19,16 +19,28 @@ public:
         if (changes_.size() >= max_changes) changes_.erase(changes_.begin());
         changes_.emplace_back(time_s, to);
     }
+    /// From `time_s` on another one is the original.
+    void replace_original(double time_s, std::shared_ptr<const wind_source> by) {
+        if (originals_.size() >= max_changes) originals_.erase(originals_.begin());
+        originals_.emplace_back(time_s, std::move(by));
+    }
     bool original() const { return changes_.empty() || !changes_.back().second; }
 
     wind_sample at(double time_s) const override {
         for (auto change = changes_.rbegin(); change != changes_.rend(); ++change)
-            if (change->first <= time_s) return change->second ? *change->second : original_->at(time_s);
-        return original_->at(time_s);
+            if (change->first <= time_s) return change->second ? *change->second : original_at(time_s);
+        return original_at(time_s);
     }
 
 private:
+    wind_sample original_at(double time_s) const {
+        for (auto change = originals_.rbegin(); change != originals_.rend(); ++change)
+            if (change->first <= time_s) return change->second->at(time_s);
+        return original_->at(time_s);
+    }
+
     std::shared_ptr<const wind_source> original_;
+    std::vector<std::pair<double, std::shared_ptr<const wind_source>>> originals_; // since when
     std::vector<std::pair<double, std::optional<wind_sample>>> changes_;
 };
 

@@ -33,6 +33,11 @@ struct ground_truth {
     std::uint64_t packets_queued = 0;
     std::uint64_t telecommands_heard = 0;
     std::uint64_t packets_refused = 0;   ///< heard, and no telecommand
+    bool gprs_connected = false;         ///< the shore has acknowledged something by this connection
+    std::uint64_t gprs_waiting = 0;      ///< packets without the shore's acknowledgement
+    std::uint64_t gprs_acknowledged = 0;
+    std::uint64_t gprs_resent = 0;
+    std::uint64_t gprs_dropped = 0;      ///< given up: the memory was full
 };
 
 /// Changes the scene while the boat sails; what is missing stays. An empty one only asks.

@@ -31,7 +31,10 @@ simulated_boat::simulated_boat(boat_options options, std::shared_ptr<const wind_
     state_.heading_rad = options_.heading_deg ? from_compass_rad(*options_.heading_deg) : wrap_rad(air.towards_rad + pi / 2);
     for (auto& mark : options_.course)
         if (auto put = pilot_.insert(pilot_.list().size(), mark, state_); !put) throw ise::error(put.error());
-    for (std::size_t i = 0; i < link_count; ++i) links_[i].link = static_cast<link_id>(i);
+    for (std::size_t i = 0; i < link_count; ++i) {
+        links_[i].link = static_cast<link_id>(i);
+        schedule_.set_period(links_[i].link, options_.telemetry_period_s[i], 0);
+    }
     pilot_.set_mode(sailing_mode::automatic, state_, air);
 }
 
@@ -87,7 +90,7 @@ void simulated_boat::emit(link_id link, packet_type type) {
         case packet_type::configuration: return emit(link, configuration_now());
         case packet_type::link_status:
             for (auto status : links_) {
-                status.queued = static_cast<std::uint16_t>(queued(status.link));
+                status.queued = std::max(status.queued, static_cast<std::uint16_t>(queued(status.link)));
                 if (status.up || status.link == link) emit(link, status);
             }
             return;

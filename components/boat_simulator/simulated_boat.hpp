@@ -21,6 +21,7 @@ struct boat_options {
     utc_time epoch{};                         ///< the UTC of model time 0
     double clock_rate = 1;                    ///< UTC that passes per model time; 1/speedup keeps the boat's clock right
     std::uint16_t boot = 1;
+    std::array<double, link_count> telemetry_period_s{2, 0, 0}; ///< at the start, by link_id; 0 is off
     std::uint64_t seed = 1;                   ///< of the noise of the instruments
     boat_parameters model = small_boat_parameters();
 };
@@ -50,6 +51,7 @@ public:
     std::vector<ise::bytes> take_packets(link_id link);
     /// The same one by one, for a sender that goes at its own pace. Empty bytes if there is none.
     ise::bytes take_packet(link_id link);
+    double telemetry_period_s(link_id link) const { return schedule_.period_s(link); } ///< 0 is off
     std::size_t queued(link_id link) const { return queues_[static_cast<std::size_t>(link)].size(); }
 
     /// A packet that arrived over a link: a telecommand is executed and its acknowledgement queued on the same link.
@@ -74,6 +76,7 @@ public:
     wind_sample true_wind() const { return wind_->at(now_s_); }
     std::uint16_t boot() const { return boot_; }
     std::uint64_t refused_packets() const { return refused_; }
+    std::uint32_t authority() const { return authority_; } ///< the epoch that it obeys; 0: anybody
 
 private:
     void sail(double dt_s);
@@ -101,7 +104,7 @@ private:
     double leeway_rad_ = 0;
     std::int64_t steps_ = 0;
     std::uint64_t refused_ = 0;
-    std::uint32_t sequence_ = 0;
+    std::uint32_t sequence_ = 0, authority_ = 0;
     std::uint16_t boot_;
     reset_cause last_reset_ = reset_cause::power_on;
     bool beacon_ = false, was_in_irons_ = false;

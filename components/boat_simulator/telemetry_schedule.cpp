@@ -11,12 +11,6 @@ constexpr std::array<std::uint64_t, packet_type_count> radio_turns{1, 1, 2, 10, 
 constexpr std::array<std::uint64_t, packet_type_count> satellite_turns{1, 1, 0, 0, 0, 0, 0};
 } // namespace
 
-telemetry_schedule::telemetry_schedule() {
-    links_[index(link_id::xbee)].period_s = 2;
-    links_[index(link_id::gprs)].period_s = 0;
-    links_[index(link_id::iridium)].period_s = 0;
-}
-
 void telemetry_schedule::set_period(link_id link, double period_s, double now_s) {
     auto& e = links_[index(link)];
     e.period_s = period_s;

@@ -14,9 +14,7 @@ inline constexpr std::size_t packet_type_count = 7;
 /// so many; what has changed goes at once.
 class telemetry_schedule {
 public:
-    telemetry_schedule();
-
-    void set_period(link_id link, double period_s, double now_s); ///< 0 switches the link's telemetry off
+    void set_period(link_id link, double period_s, double now_s); ///< 0 switches the link's telemetry off, as it is at first
     double period_s(link_id link) const { return links_[index(link)].period_s; }
 
     /// Due at the next look, on every link that is not off.

@@ -26,8 +26,15 @@ struct xbee_link_emulator::side {
     std::array<std::byte, 1024> buffer{};
 };
 
-xbee_link_emulator::xbee_link_emulator(xbee_link_options options) : options_(std::move(options)) {}
+xbee_link_emulator::xbee_link_emulator(xbee_link_options options) : options_(std::move(options)), loss_given_(options_.extra_loss) {}
 xbee_link_emulator::~xbee_link_emulator() = default;
+
+void xbee_link_emulator::change(const xbee_link_options& now) {
+    if (now.extra_loss == loss_given_) return;
+    loss_given_ = now.extra_loss;
+    options_.extra_loss = now.extra_loss;
+    if (air_) air_->set_extra_loss(options_.up ? options_.extra_loss : 1);
+}
 
 ise::task<> xbee_link_emulator::run() {
     if (!(options_.speedup >= 0.1 && options_.speedup <= 1000))

@@ -39,6 +39,9 @@ public:
     explicit xbee_link_emulator(xbee_link_options options = xbee_link_options());
     ~xbee_link_emulator() override;
 
+    /// Takes over the loss of `now` while it runs.
+    void change(const xbee_link_options& now);
+
 private:
     struct side;
 
@@ -54,6 +57,7 @@ private:
     xbee::instant model_now() const;
 
     xbee_link_options options_;
+    double loss_given_; // as a parameter; air_control may have chosen another since
     std::unique_ptr<xbee::ether> air_;
     std::array<std::unique_ptr<side>, 2> sides_;
     std::unique_ptr<ise::timer> due_;

@@ -1,13 +1,11 @@
 #pragma once
 #include <components/boat/command_book.hpp>
-#include <components/boat/duplicate_filter.hpp>
 #include <components/xbee/modem_port.hpp>
 #include <components/xbee_proxy/local_modem.hpp>
 #include <components/xbee_proxy/services.hpp>
 
 #include <ise/component/component.hpp>
 
-#include <map>
 #include <memory>
 
 namespace atirma {
@@ -29,8 +27,7 @@ public:
     ~xbee_proxy() override;
 
 private:
-    struct radio;       // what lives from one run() to the next
-    struct waiting_call;
+    struct radio; // what lives from one run() to the next
 
     ise::task<> run() override;
     void provide_all();
@@ -38,9 +35,8 @@ private:
     void on_packet(const xbee::packet_received& packet);
     void on_sent(const xbee::send_outcome& outcome);
     void publish_local();
-    /// Gives what is due to the radio, tells what changed, and looks when to come again.
-    void work();
-    ise::task<telecommand_reply> command(telecommand_request request, ise::time_point deadline);
+    /// Gives the telecommands that are due to the radio.
+    void give();
     utc_time clock() const;
 
     xbee_proxy_options options_;

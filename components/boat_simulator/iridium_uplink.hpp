@@ -1,0 +1,52 @@
+#pragma once
+#include <components/boat/telemetry.hpp>
+#include <components/boat_simulator/simulated_boat.hpp>
+#include <components/iridium/sbd_port.hpp>
+
+#include <ise/core/log.hpp>
+
+#include <deque>
+#include <functional>
+
+namespace atirma {
+
+struct iridium_uplink_options {
+    iridium::sbd_port_options port;      ///< of the boat's 9602; an empty device: it has none
+    double period_s = 600;               ///< of its telemetry, until a telecommand changes it
+    ise::duration check_period = std::chrono::minutes(30); ///< it looks for mail when nothing was sent for so long
+};
+
+/// The boat's side of Iridium: sends what the boat has for it, the newest first and as much as one message holds, and
+/// hands it the telecommands that come. Acknowledgements go before telemetry and are kept until they are through;
+/// telemetry that is older than what was sent is not worth a session any more. Used on the boat's loop; outlives
+/// `run()`.
+class iridium_uplink {
+public:
+    /// `sail` lets the boat's time pass before it hears a packet.
+    iridium_uplink(ise::loop& on, ise::logger log, iridium_uplink_options options, std::function<void()> sail);
+
+    ise::task<> run(simulator::simulated_boat& boat);
+    /// Takes what the boat has for this link; after each step of the boat.
+    void carry();
+    link_status status() const;
+    std::uint64_t telecommands_heard() const noexcept { return heard_; }
+
+private:
+    void on_event(const iridium::sbd_event& event);
+    void send();
+
+    static constexpr std::size_t max_acknowledgements = 32, max_telemetry = 32;
+
+    ise::loop& loop_;
+    ise::logger log_;
+    iridium_uplink_options options_;
+    std::function<void()> sail_;
+    iridium::sbd_port port_;
+    simulator::simulated_boat* boat_ = nullptr;
+    std::deque<ise::bytes> acknowledgements_, telemetry_; // oldest first
+    std::size_t acknowledgements_in_hand_ = 0;            // the first of them are in the message under way
+    ise::time_point last_session_{};
+    std::uint64_t sent_ = 0, failed_ = 0, heard_ = 0;
+};
+
+} // namespace atirma

@@ -1,0 +1,262 @@
+#include <components/gprs/shore.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace atirma::gprs {
+
+void shore::connected(ise::time_point now, way by) {
+    ++counters_.connections;
+    if (strangers_.size() >= options_.max_strangers)
+        cut_stranger(strangers_.begin(),
+                     fmt::format("{} others wait to log in: the oldest makes room", strangers_.size()));
+    auto& made = strangers_.emplace_back();
+    made.by = std::move(by);
+    made.until = ise::saturating_add(now, options_.login_time);
+}
+
+void shore::disconnected(ise::time_point, std::uint64_t door, const std::string& reason) {
+    if (boat_ && !boat_->datagrams && boat_->door == door) return lose_boat(reason);
+    std::erase_if(strangers_, [&](const stranger& s) { return s.by.door == door; });
+}
+
+void shore::on_bytes(ise::time_point now, std::uint64_t door, ise::bytes_view bytes) {
+    auto who = std::find_if(strangers_.begin(), strangers_.end(), [&](const stranger& s) { return s.by.door == door; });
+    if (who != strangers_.end()) {
+        who->bytes += bytes.size();
+        who->reader.push(bytes);
+        auto got = who->reader.next();
+        if (!got) {
+            if (who->bytes > options_.max_login_bytes) cut_stranger(who, "it talks and does not log in");
+            return;
+        }
+        if (!*got) return cut_stranger(who, got->error().message());
+        const auto* told = std::get_if<login>(&**got);
+        if (!told) return cut_stranger(who, "its first line is no login");
+        if (told->id != options_.boat_id)
+            return cut_stranger(who, fmt::format("it calls itself '{}', which is not the boat", told->id));
+        auto by = who->by;
+        auto reader = std::move(who->reader);
+        strangers_.erase(who);
+        admit(now, by, *told, std::move(reader));
+    } else if (boat_ && !boat_->datagrams && boat_->door == door) {
+        reader_.push(bytes);
+    } else {
+        return; // it was cut off; this was under way
+    }
+    while (boat_ && !boat_->datagrams && boat_->door == door) {
+        auto got = reader_.next();
+        if (!got) break;
+        take(now, *got);
+    }
+    acknowledge();
+}
+
+void shore::on_datagram(ise::time_point now, const way& by, ise::bytes_view content) {
+    line_reader reader;
+    reader.push(content);
+    reader.push(ise::as_bytes("\n")); // the datagram's end is one, too
+    auto refuse = [&](std::string reason) {
+        ++counters_.stranger_datagrams;
+        tell(stranger_datagram{by.peer, std::move(reason)});
+    };
+    bool of_boat = boat_ == by;
+    if (!of_boat) {
+        auto got = reader.next();
+        if (!got) return refuse("it is empty");
+        if (!*got) return refuse(got->error().message());
+        const auto* told = std::get_if<login>(&**got);
+        if (!told) return refuse("it brings no login");
+        if (told->id != options_.boat_id)
+            return refuse(fmt::format("it calls itself '{}', which is not the boat", told->id));
+        admit(now, by, *told, line_reader());
+    }
+    while (boat_ == by) {
+        auto got = reader.next();
+        if (!got) break;
+        take(now, *got);
+    }
+    acknowledge();
+}
+
+void shore::admit(ise::time_point now, const way& by, const login& told, line_reader reader) {
+    bool moved = boat_.has_value();
+    if (moved) {
+        ++counters_.moves;
+        if (!boat_->datagrams) tell(cut_off{*boat_, fmt::format("the boat is back from {}", by.peer.text()), false});
+    }
+    boat_ = by;
+    reader_ = std::move(reader);
+    bad_lines_ = 0;
+    came_at_ = heard_at_ = now;
+    take_login(told);
+    tell(boat_came{by, moved});
+}
+
+void shore::take(ise::time_point now, const ise::result<line>& got) {
+    if (!got) {
+        ++counters_.malformed;
+        if (++bad_lines_ < options_.max_bad_lines || boat_->datagrams) return;
+        tell(cut_off{
+            *boat_,
+            fmt::format("{} lines one after the other make no sense; the last: {}", bad_lines_, got.error().message()),
+            false});
+        return lose_boat("its connection brings nonsense");
+    }
+    bad_lines_ = 0;
+    heard_at_ = now;
+    if (const auto* told = std::get_if<login>(&*got)) {
+        if (told->id == options_.boat_id) return take_login(*told);
+        ++counters_.malformed;
+    } else if (const auto* data = std::get_if<record>(&*got)) {
+        take_record(record(*data));
+    } else if (const auto* done = std::get_if<outcome>(&*got)) {
+        tell(outcome_came{*done});
+    } else {
+        ++counters_.malformed; // what only the shore says
+    }
+}
+
+void shore::take_login(const login& told) {
+    ++counters_.logins;
+    boot_ = told.boot;
+    auto& of = life_of(told.boot);
+    if (told.last < of.safe.complete()) {
+        // It has given fewer numbers than it was acknowledged: it has started again, or this is a datagram of long ago.
+        // Until that is known nothing is taken or acknowledged; the boat says it again.
+        if (!of.doubted_at) of.doubted_at = heard_at_;
+        if (boat_->datagrams && heard_at_ - *of.doubted_at < options_.doubt_time) return;
+        tell(remark{fmt::format(
+            "boot {} counts from {} again, and had come to {}: give each start of the boat another boot number",
+            told.boot, told.first_unacked, of.safe.complete())});
+        start_afresh(of);
+    }
+    of.doubted_at.reset();
+    of.announced = std::max(of.announced, told.last);
+    auto gone = of.received.skip_to(told.first_unacked - 1);
+    of.safe.skip_to(told.first_unacked - 1);
+    // Of a life that is new here the shore does not know what was acknowledged before: by another proxy, or its last
+    // start.
+    if (gone > 0 && of.heard) {
+        counters_.given_up += gone;
+        tell(remark{fmt::format("the boat gave up {} packets that had not arrived: its memory was full", gone)});
+    }
+    of.heard = true;
+    owed_.insert(told.boot);
+}
+
+void shore::take_record(record&& told) {
+    auto& of = life_of(told.boot);
+    if (!of.doubted_at) of.announced = std::max(of.announced, told.number);
+    if (!of.doubted_at && of.received.contains(told.number)) {
+        ++counters_.resends;
+        owed_.insert(told.boot); // the acknowledgement did not arrive
+        return;
+    }
+    if (of.doubted_at || unsafe_ >= options_.max_unsafe || !of.received.add(told.number)) {
+        ++counters_.postponed;
+        return;
+    }
+    ++unsafe_;
+    ++counters_.records;
+    if (told.history) ++counters_.history;
+    tell(record_came{of.id, told.number, told.history, std::move(told.raw)});
+}
+
+void shore::safe(std::uint64_t life_id, const std::vector<std::uint32_t>& numbers) {
+    unsafe_ -= std::min(unsafe_, numbers.size());
+    auto of = std::find_if(lives_.begin(), lives_.end(), [&](const life& l) { return l.id == life_id; });
+    if (of == lives_.end()) return; // that is over
+    for (auto number : numbers) of->safe.add(number);
+    owed_.insert(of->boot);
+    acknowledge();
+}
+
+void shore::acknowledge() {
+    auto owed = std::exchange(owed_, {});
+    if (!boat_) return; // its next login asks for it
+    std::string text;
+    for (auto boot : owed)
+        if (const auto* of = known(boot); of && !of->doubted_at) text += encode(receipt{boot, of->safe.complete()});
+    if (!text.empty()) tell(send_text{*boat_, std::move(text)});
+}
+
+bool shore::send(const order& what) {
+    if (!boat_) return false;
+    tell(send_text{*boat_, encode(what)});
+    return true;
+}
+
+void shore::on_time(ise::time_point now) {
+    while (!strangers_.empty() && strangers_.front().until <= now)
+        cut_stranger(strangers_.begin(), "it did not log in in time");
+    if (!boat_ || now < ise::saturating_add(heard_at_, options_.silence)) return;
+    ++counters_.half_open;
+    if (!boat_->datagrams) tell(cut_off{*boat_, "the boat is silent: the connection is half open", false});
+    lose_boat(fmt::format("nothing was heard for {} s",
+                          std::chrono::duration_cast<std::chrono::seconds>(options_.silence).count()));
+}
+
+ise::time_point shore::next_event() const {
+    auto next = strangers_.empty() ? ise::time_point::max() : strangers_.front().until;
+    if (boat_) next = std::min(next, ise::saturating_add(heard_at_, options_.silence));
+    return next;
+}
+
+std::optional<shore_event> shore::take_event() {
+    if (events_.empty()) return std::nullopt;
+    std::optional<shore_event> first(std::move(events_.front()));
+    events_.pop_front();
+    return first;
+}
+
+std::uint32_t shore::acknowledged() const {
+    const auto* of = known(boot_);
+    return of ? of->safe.complete() : 0;
+}
+
+std::uint32_t shore::announced() const {
+    const auto* of = known(boot_);
+    return of ? of->announced : 0;
+}
+
+void shore::lose_boat(const std::string& reason) {
+    boat_.reset();
+    reader_ = line_reader();
+    tell(boat_went{reason});
+}
+
+void shore::cut_stranger(std::list<stranger>::iterator who, std::string reason) {
+    ++counters_.strangers_cut_off;
+    tell(cut_off{who->by, std::move(reason), true});
+    strangers_.erase(who);
+}
+
+const shore::life* shore::known(std::uint16_t boot) const {
+    auto found = std::find_if(lives_.begin(), lives_.end(), [&](const life& l) { return l.boot == boot; });
+    return found == lives_.end() ? nullptr : &*found;
+}
+
+shore::life& shore::life_of(std::uint16_t boot) {
+    auto found = std::find_if(lives_.begin(), lives_.end(), [&](const life& l) { return l.boot == boot; });
+    if (found != lives_.end()) {
+        lives_.splice(lives_.begin(), lives_, found);
+        return lives_.front();
+    }
+    if (lives_.size() >= options_.max_boots) lives_.pop_back();
+    auto& made = lives_.emplace_front();
+    made.boot = boot;
+    start_afresh(made);
+    return made;
+}
+
+void shore::start_afresh(life& of) {
+    of.id = ++last_life_;
+    of.received = of.safe = number_set();
+    of.announced = 0;
+    of.heard = false;
+    of.doubted_at.reset();
+}
+
+} // namespace atirma::gprs

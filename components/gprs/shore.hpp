@@ -1,0 +1,162 @@
+#pragma once
+#include <components/gprs/line_reader.hpp>
+#include <components/gprs/number_set.hpp>
+
+#include <ise/core/endpoint.hpp>
+#include <ise/core/time.hpp>
+
+#include <deque>
+#include <list>
+#include <set>
+#include <vector>
+
+namespace atirma::gprs {
+
+struct shore_options {
+    std::string boat_id = "atirma";                      ///< whose login is taken
+    ise::duration login_time = std::chrono::seconds(10); ///< a connection that has not logged in by then is cut off
+    ise::duration silence = std::chrono::minutes(3);     ///< of the boat; then its way is half open, and given up
+    std::size_t max_strangers = 16;                      ///< connections without a login; the oldest makes room
+    std::size_t max_login_bytes = 1024;                  ///< that a stranger may send before he has logged in
+    std::size_t max_bad_lines = 8;                       ///< one after the other, of the boat's own connection
+    std::size_t max_unsafe = 4096; ///< records that wait until they are safe; further ones come again
+    ise::duration doubt_time =
+        std::chrono::minutes(1); ///< that datagrams say lower numbers; then the boat has started again
+    std::size_t max_boots = 8;                           ///< lives of the boat whose numbers are remembered
+};
+
+/// A way to the boat: a connection, or a socket for datagrams and who is at the other end.
+struct way {
+    std::uint64_t door = 0; ///< names the connection or the socket; given by the shell, never reused for a connection
+    ise::endpoint peer;
+    bool datagrams = false;
+    bool operator==(const way&) const = default;
+};
+
+/// This text goes that way.
+struct send_text {
+    way to;
+    std::string text;
+};
+/// The connection is to be closed.
+struct cut_off {
+    way whom;
+    std::string reason;
+    bool stranger = false;
+};
+/// A datagram that no boat sent: dropped.
+struct stranger_datagram {
+    ise::endpoint from;
+    std::string reason;
+};
+struct boat_came {
+    way by;
+    bool moved = false; ///< it was there by another way or address a moment ago
+};
+struct boat_went {
+    std::string reason;
+};
+/// A record that came for the first time. It is acknowledged once `safe` was told of it.
+struct record_came {
+    std::uint64_t life = 0; ///< of the boat's numbering, for `safe`
+    std::uint32_t number = 0;
+    bool history = false;
+    ise::bytes raw;
+};
+struct outcome_came {
+    outcome what;
+};
+/// Something that a person should know of.
+struct remark {
+    std::string text;
+};
+using shore_event =
+    std::variant<send_text, cut_off, stranger_datagram, boat_came, boat_went, record_came, outcome_came, remark>;
+
+struct shore_counters {
+    std::uint64_t connections = 0, logins = 0, moves = 0;
+    std::uint64_t records = 0, resends = 0, history = 0; ///< first time; again; first time and late
+    std::uint64_t postponed = 0;                         ///< not taken for lack of room: they come again
+    std::uint64_t given_up = 0;                          ///< numbers that the boat will not send any more
+    std::uint64_t malformed = 0, strangers_cut_off = 0, stranger_datagrams = 0, half_open = 0;
+};
+
+/// The shore's end of the uplink, without I/O: who is the boat and who a stranger, what came, what is acknowledged,
+/// where telecommands go. It owns neither socket nor clock; what it decides is taken by `take_event()` after every
+/// call, and all times come from one clock.
+///
+/// The boat's last login says by which way it is there: an earlier connection is cut off, datagrams of another address
+/// are a stranger's until they bring a login. Acknowledgements are cumulative over the numbers of one boot. Not thread
+/// safe.
+class shore {
+public:
+    explicit shore(shore_options options = shore_options()) : options_(std::move(options)) {}
+
+    /// A connection was accepted, and ended by itself.
+    void connected(ise::time_point now, way by);
+    void disconnected(ise::time_point now, std::uint64_t door, const std::string& reason);
+    void on_bytes(ise::time_point now, std::uint64_t door, ise::bytes_view bytes);
+    void on_datagram(ise::time_point now, const way& by, ise::bytes_view content);
+    /// These numbers of a life may be acknowledged.
+    void safe(std::uint64_t life, const std::vector<std::uint32_t>& numbers);
+    /// False, and nothing was sent, where the boat is not there.
+    bool send(const order& what);
+    void on_time(ise::time_point now);
+    /// When `on_time` has something to do; time_point::max() if never.
+    ise::time_point next_event() const;
+    std::optional<shore_event> take_event();
+
+    const std::optional<way>& boat() const noexcept { return boat_; }
+    ise::time_point came_at() const noexcept { return came_at_; }   ///< the last login by this way
+    ise::time_point heard_at() const noexcept { return heard_at_; } ///< the boat's last line
+    std::uint16_t boot() const noexcept { return boot_; }           ///< of the last login
+    std::uint32_t acknowledged() const;                             ///< of that boot
+    std::uint32_t announced() const;                                ///< the highest number that the boat told of
+    std::size_t unsafe() const noexcept { return unsafe_; }
+    std::size_t strangers() const noexcept { return strangers_.size(); }
+    const shore_counters& counters() const noexcept { return counters_; }
+
+private:
+    struct life { // of the boat's numbering
+        std::uint16_t boot = 0;
+        std::uint64_t id = 0;
+        number_set received, safe;
+        std::uint32_t announced = 0;
+        bool heard = false; // of what it holds
+        std::optional<ise::time_point> doubted_at; // its login is of long ago, or of another life under the same boot
+    };
+    struct stranger {
+        way by;
+        ise::time_point until{};
+        std::size_t bytes = 0;
+        line_reader reader;
+    };
+
+    life& life_of(std::uint16_t boot);
+    const life* known(std::uint16_t boot) const;
+    void take(ise::time_point now, const ise::result<line>& got);
+    void take_login(const login& told);
+    void take_record(record&& told);
+    void admit(ise::time_point now, const way& by, const login& told, line_reader reader);
+    void lose_boat(const std::string& reason);
+    void cut_stranger(std::list<stranger>::iterator who, std::string reason);
+    void acknowledge();
+    void start_afresh(life& of);
+    template <class E>
+    void tell(E event) { events_.push_back(shore_event(std::move(event))); }
+
+    shore_options options_;
+    std::optional<way> boat_;
+    line_reader reader_; // of the boat's connection
+    std::list<stranger> strangers_; // as they came
+    std::list<life> lives_; // the one that was heard last is first
+    std::set<std::uint16_t> owed_; // boots whose acknowledgement is to be sent
+    std::deque<shore_event> events_;
+    shore_counters counters_;
+    ise::time_point came_at_{}, heard_at_{};
+    std::size_t unsafe_ = 0, bad_lines_ = 0;
+    std::uint64_t last_life_ = 0;
+    std::uint16_t boot_ = 0;
+};
+
+} // namespace atirma::gprs

@@ -1,0 +1,237 @@
+#include <components/gprs/uplink.hpp>
+
+#include <components/boat/telecommand.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace atirma::gprs {
+namespace {
+using namespace std::chrono_literals;
+constexpr std::size_t max_outcomes = 64, max_orders = 32, max_bad_lines = 8;
+constexpr std::size_t again_at_once = 8; // the oldest of what is late: only these hold up the others' acknowledgement
+constexpr ise::duration shortest_period = 5s; // less would take a slow carrier for a dead one
+constexpr ise::duration longest_period = 60s;
+constexpr ise::duration longest_patience = 5min;
+constexpr int largest_factor = 8;
+} // namespace
+
+uplink::uplink(std::uint16_t boot, uplink_options options) : options_(std::move(options)), boot_(boot) {
+    if (!is_good_id(options_.id))
+        throw ise::error(
+            ise::errc::invalid_argument,
+            fmt::format("'{}' is no name for a boat: up to {} letters, digits, '-', '_', '.'", options_.id, max_id));
+    if (options_.capacity == 0 || options_.window == 0)
+        throw ise::error(ise::errc::invalid_argument, "an uplink that keeps nothing");
+    set_period(options_.period);
+}
+
+void uplink::set_period(ise::duration period) { options_.period = std::clamp(period, shortest_period, longest_period); }
+
+void uplink::put(ise::bytes raw) {
+    if (classify(raw) == packet_class::acknowledgement) {
+        auto ack = parse_acknowledgement(raw);
+        if (!ack) return;
+        if (outcomes_.size() >= max_outcomes) outcomes_.pop_front(); // the shore asks again
+        outcomes_.push_back(outcome{ack->id, static_cast<std::uint8_t>(ack->code), std::move(raw)});
+        return;
+    }
+    auto message = parse_telemetry(raw);
+    if (!message) return; // the boat makes no such packet
+    if (ring_.size() >= options_.capacity) {
+        forget_first();
+        ++counters_.dropped;
+        gap_untold_ = true;
+    }
+    auto& made = ring_.emplace_back();
+    made.raw = std::move(raw);
+    made.unix_s =
+        std::chrono::duration_cast<std::chrono::seconds>(message->header.measured_at.time_since_epoch()).count();
+    if (std::holds_alternative<location>(message->body)) fix_ = last_number();
+}
+
+void uplink::opened(ise::time_point now) {
+    ++session_;
+    ++counters_.sessions;
+    open_ = login_due_ = true;
+    answered_ = false;
+    reader_ = line_reader();
+    bad_lines_ = 0;
+    old_ = last_number();
+    next_old_ = first_;
+    next_new_ = old_ + 1;
+    old_under_way_ = 0;
+    again_.clear();
+    asked_at_.reset();
+    asked_again_ = false;
+    said_at_ = login_at_ = now;
+}
+
+void uplink::closed() {
+    if (open_ && !answered_) factor_ = std::min(2 * factor_, largest_factor);
+    open_ = false;
+}
+
+void uplink::on_bytes(ise::time_point now, ise::bytes_view bytes) {
+    reader_.push(bytes);
+    if (options_.datagrams) reader_.push(ise::as_bytes("\n"));
+    for (;;) {
+        auto got = reader_.next();
+        if (!got) return;
+        const auto* told = *got ? &**got : nullptr;
+        if (told && std::holds_alternative<receipt>(*told)) {
+            on_receipt(now, std::get<receipt>(*told));
+        } else if (told && std::holds_alternative<order>(*told)) {
+            heard_at_ = now;
+            bad_lines_ = 0;
+            if (orders_.size() < max_orders) orders_.push_back(std::get<order>(*told)); // else it comes again
+        } else {
+            ++counters_.malformed;
+            ++bad_lines_;
+        }
+    }
+}
+
+void uplink::on_receipt(ise::time_point now, const receipt& told) {
+    if (told.boot != boot_ || told.number > last_number()) {
+        ++counters_.malformed;
+        ++bad_lines_;
+        return;
+    }
+    bad_lines_ = 0;
+    bool first = !std::exchange(answered_, true);
+    factor_ = 1;
+    heard_at_ = now;
+    while (!ring_.empty() && first_ <= told.number) {
+        forget_first();
+        ++counters_.acknowledged;
+    }
+    // What was sent again says nothing about the delay, except that there is one.
+    if (asked_at_ && (first || !asked_again_))
+        slowest_ = std::max<ise::duration>(now - *asked_at_, slowest_ - slowest_ / 8);
+    asked_at_.reset();
+    asked_again_ = false;
+    if (!ring_.empty() && under_way(ring_.front())) asked_at_ = now;
+}
+
+void uplink::forget_first() {
+    if (open_ && under_way(ring_.front()) && first_ <= old_) --old_under_way_;
+    ring_.pop_front();
+    ++first_;
+}
+
+void uplink::on_time(ise::time_point now) {
+    if (!open_) return;
+    if (now >= ise::saturating_add(said_at_, options_.keepalive)) login_due_ = true;
+    if (!again_.empty()) return;
+    auto late = [&](const kept& packet) {
+        return under_way(packet) && now >= ise::saturating_add(packet.sent_at, resend_after());
+    };
+    auto most = std::min(again_at_once, ring_.size());
+    for (std::size_t i = 0; i < most; ++i)
+        if (late(ring_[i])) again_.push_back(first_ + static_cast<std::uint32_t>(i));
+    if (!again_.empty() && holds(fix_) && late(at(fix_)) && fix_ > again_.back())
+        again_.push_front(fix_); // where the boat is comes first
+    if (!again_.empty()) login_due_ = true; // the address may be another one by now
+}
+
+ise::time_point uplink::next_event() const {
+    if (!open_) return ise::time_point::max();
+    auto next = ise::saturating_add(said_at_, options_.keepalive);
+    if (asked_at_) next = std::min(next, ise::saturating_add(*asked_at_, patience()));
+    auto most = std::min(again_at_once, ring_.size());
+    for (std::size_t i = 0; i < most && again_.empty(); ++i)
+        if (under_way(ring_[i])) next = std::min(next, ise::saturating_add(ring_[i].sent_at, resend_after()));
+    return next;
+}
+
+std::string uplink::take_text(ise::time_point now) {
+    std::string text;
+    if (!open_) return text;
+    if (gap_untold_ && now >= ise::saturating_add(login_at_, options_.period)) login_due_ = true;
+    if (login_due_) {
+        text = login_text(now);
+        if (!options_.datagrams) return text;
+    }
+    bool answer = !outcomes_.empty();
+    auto number = answer ? std::nullopt : choose();
+    // A datagram that overtakes the login would be a stranger's.
+    if (options_.datagrams && !answered_ && text.empty() && (answer || number)) text = login_text(now);
+    if (answer) {
+        text += encode(outcomes_.front());
+        outcomes_.pop_front();
+        said_at_ = now;
+    } else if (number) {
+        text += record_text(now, *number);
+    }
+    return text;
+}
+
+std::string uplink::login_text(ise::time_point now) {
+    login_due_ = gap_untold_ = false;
+    login_at_ = said_at_ = now;
+    if (!asked_at_) asked_at_ = now;
+    return encode(login{options_.id, boot_, first_, last_number()});
+}
+
+/// The number that goes next.
+std::optional<std::uint32_t> uplink::choose() {
+    while (!again_.empty()) {
+        auto number = again_.front();
+        again_.pop_front();
+        if (holds(number)) return number;
+    }
+    if (holds(fix_) && fix_ <= old_ && !under_way(at(fix_))) return fix_;
+    next_new_ = std::max(next_new_, first_);
+    if (holds(next_new_)) return next_new_++;
+    next_old_ = std::max(next_old_, first_);
+    while (next_old_ <= old_ && holds(next_old_) && under_way(at(next_old_))) ++next_old_;
+    if (next_old_ <= old_ && holds(next_old_) && old_under_way_ < options_.window) return next_old_++;
+    return std::nullopt;
+}
+
+std::string uplink::record_text(ise::time_point now, std::uint32_t number) {
+    auto& packet = at(number);
+    bool again = under_way(packet);
+    record told;
+    told.boot = boot_;
+    told.number = number;
+    told.unix_s = packet.unix_s;
+    told.history = number != fix_ && (again || number <= old_);
+    told.raw = packet.raw;
+    if (!again && number <= old_) ++old_under_way_;
+    asked_again_ = asked_again_ || again;
+    ++(packet.sent_in != 0 ? counters_.resent : counters_.sent);
+    packet.sent_in = session_;
+    packet.sent_at = said_at_ = now;
+    if (!asked_at_) asked_at_ = now;
+    return encode(told);
+}
+
+std::optional<order> uplink::take_order() {
+    if (orders_.empty()) return std::nullopt;
+    auto first = std::move(orders_.front());
+    orders_.pop_front();
+    return first;
+}
+
+std::optional<std::string> uplink::trouble(ise::time_point now) {
+    if (!open_) return std::nullopt;
+    if (bad_lines_ >= max_bad_lines) return "what comes from the shore makes no sense";
+    if (!asked_at_ || now < ise::saturating_add(*asked_at_, patience())) return std::nullopt;
+    ++counters_.half_open;
+    return fmt::format("nothing was acknowledged for {} s: the link is half open",
+                       std::chrono::duration_cast<std::chrono::seconds>(now - *asked_at_).count());
+}
+
+ise::duration uplink::patience() const {
+    return std::min<ise::duration>(factor_ * std::max<ise::duration>(3 * options_.period, 3 * slowest_),
+                                   longest_patience);
+}
+
+ise::duration uplink::resend_after() const {
+    return options_.datagrams ? std::max<ise::duration>(options_.period, 2 * slowest_) : patience();
+}
+
+} // namespace atirma::gprs

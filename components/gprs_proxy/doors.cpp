@@ -1,0 +1,135 @@
+#include <components/gprs_proxy/doors.hpp>
+
+#include <ise/core/sleep.hpp>
+
+#include <asio/error.hpp>
+#include <fmt/format.h>
+
+namespace atirma {
+namespace {
+using namespace std::chrono_literals;
+constexpr ise::duration write_pause = 50ms;
+constexpr ise::duration accept_pause = 250ms; // out of descriptors: somebody else may free one
+} // namespace
+
+ise::result<ise::endpoint> doors::open(const ise::endpoint& at) {
+    if (at.kind == ise::protocol::tcp) {
+        auto made = loop_.env().listen(loop_, at);
+        if (!made) return made.error();
+        std::shared_ptr<ise::listener> listener = std::move(*made);
+        auto where = listener->where();
+        spawn_("boats at " + where.text(), accept(std::move(listener)));
+        return where;
+    }
+    if (at.kind == ise::protocol::udp) {
+        auto made = loop_.env().open_datagram(loop_, at);
+        if (!made) return made.error();
+        std::shared_ptr<ise::datagram_socket> socket = std::move(*made);
+        auto where = socket->where();
+        auto door = ++last_door_;
+        sockets_[door] = socket;
+        spawn_("boats at " + where.text(), receive(door, std::move(socket)));
+        return where;
+    }
+    return ise::failure(ise::errc::invalid_argument,
+                        fmt::format("a boat calls over tcp or udp, not {}: such as tcp://0.0.0.0:7420", at.text()));
+}
+
+ise::task<> doors::accept(std::shared_ptr<ise::listener> at) {
+    for (;;) {
+        auto [problem, stream] = co_await at->accept();
+        if (problem == asio::error::operation_aborted) co_return;
+        if (problem) {
+            log_.warning("a connection could not be accepted",
+                         {{"cause", problem.message()}, {"at", at->where().text()}});
+            co_await ise::sleep_for(loop_, accept_pause);
+            continue;
+        }
+        auto made = std::make_shared<line>();
+        made->stream = std::move(stream);
+        gprs::way by;
+        by.door = ++last_door_;
+        auto peer = ise::endpoint::parse(made->stream->peer());
+        if (peer) by.peer = *peer;
+        lines_[by.door] = made;
+        on_connected(by);
+        spawn_("boat's connection", read(by.door, std::move(made)));
+    }
+}
+
+ise::task<> doors::read(std::uint64_t door, std::shared_ptr<line> from) {
+    struct forget {
+        doors* self;
+        std::uint64_t door;
+        ~forget() { self->lines_.erase(door); }
+    } guard{this, door};
+    std::array<std::byte, 1024> buffer;
+    for (;;) {
+        if (from->cut) co_return;
+        auto got = co_await from->stream->read_some(asio::buffer(buffer));
+        if (from->cut) co_return;
+        if (got.bytes > 0) on_bytes(door, ise::bytes_view(buffer).first(got.bytes));
+        if (!got.problem) continue;
+        if (got.problem == asio::error::operation_aborted) co_return;
+        if (!from->cut)
+            on_disconnected(door, got.problem == asio::error::eof ? "the boat closed the connection"
+                                                                  : "the connection broke: " + got.problem.message());
+        co_return;
+    }
+}
+
+ise::task<> doors::receive(std::uint64_t door, std::shared_ptr<ise::datagram_socket> at) {
+    for (;;) {
+        auto [problem, got] = co_await at->receive();
+        if (problem == asio::error::operation_aborted) co_return;
+        if (problem) {
+            log_.warning("the socket for datagrams failed", {{"cause", problem.message()}, {"at", at->where().text()}});
+            co_await ise::sleep_for(loop_, accept_pause);
+            continue;
+        }
+        gprs::way by;
+        by.door = door;
+        by.peer = got.peer;
+        by.datagrams = true;
+        if (got.content.size() > largest_datagram) got.content.clear(); // told as one that makes no sense
+        on_datagram(by, got.content);
+    }
+}
+
+void doors::send(const gprs::way& to, std::string_view text) {
+    if (to.datagrams) {
+        auto found = sockets_.find(to.door);
+        if (found == sockets_.end()) return;
+        auto problem = found->second->try_send(to.peer, ise::as_bytes(text)); // what is lost is asked for again
+        if (problem && problem != asio::error::would_block)
+            log_.debug("a datagram was not sent", {{"to", to.peer.text()}, {"cause", problem.message()}});
+        return;
+    }
+    auto found = lines_.find(to.door);
+    if (found == lines_.end() || found->second->cut) return;
+    auto& over = *found->second;
+    if (over.unwritten.size() + text.size() > most_unwritten)
+        return; // acknowledgements are cumulative, telecommands come again
+    over.unwritten.add(text);
+    if (over.unwritten.write(*over.stream)) over.unwritten.clear(); // the reader learns it, too
+    if (over.unwritten.size() > 0 && !again_.armed()) again_.arm(ise::saturating_add(loop_.now(), write_pause));
+}
+
+void doors::write_again() {
+    bool more = false;
+    for (auto& [door, one] : lines_) {
+        if (one->cut) continue;
+        if (one->unwritten.write(*one->stream)) one->unwritten.clear();
+        more = more || one->unwritten.size() > 0;
+    }
+    if (more) again_.arm(ise::saturating_add(loop_.now(), write_pause));
+}
+
+void doors::cut(std::uint64_t door) {
+    auto found = lines_.find(door);
+    if (found == lines_.end()) return;
+    found->second->cut = true;
+    found->second->stream->close(); // its reader ends
+}
+
+} // namespace atirma

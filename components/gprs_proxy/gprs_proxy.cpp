@@ -1,0 +1,294 @@
+#include <components/gprs_proxy/gprs_proxy.hpp>
+
+#include <components/boat/duplicate_filter.hpp>
+#include <components/boat/find_component.hpp>
+#include <components/boat/remote_telemetry_store.hpp>
+#include <components/boat/telecommand_desk.hpp>
+#include <components/gprs/freshness.hpp>
+#include <components/gprs_proxy/doors.hpp>
+
+#include <ise/core/log_limiter.hpp>
+#include <ise/core/task_scope.hpp>
+
+#include <asio/error.hpp>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+
+namespace atirma {
+namespace {
+using namespace std::chrono_literals;
+constexpr ise::duration shortest_keep_pause = 250ms, longest_keep_pause = 10s;
+} // namespace
+
+struct gprs_proxy::link {
+    link(gprs_proxy& self, const gprs_proxy_options& options)
+        : shore(options.shore),
+          sockets(self.on(), self.log(),
+                  [&self](std::string name, ise::task<> body) { self.spawn(std::move(name), std::move(body)); }),
+          desk(self, options.book), due(self.on(),
+                                        [this, &self] {
+                                            shore.on_time(self.now());
+                                            self.act();
+                                        }),
+          more(self.on(), [this] { more.resume(asio::error::operation_aborted); }) {}
+
+    gprs::shore shore;
+    doors sockets;
+    telecommand_desk desk;
+    duplicate_filter seen;
+    gprs::freshness fresh;
+    ise::timer due;
+    // What waits for the store, by the life of the boat's numbering.
+    std::map<std::uint64_t, std::vector<std::uint32_t>> numbers;
+    std::vector<telemetry_packet> packets;
+    ise::waiter<std::error_code> more;
+    ise::log_limiter strangers;
+    std::vector<ise::endpoint> listening;
+    std::string from, gone = "the boat has not called yet", store_trouble;
+    gprs_state counts;
+    ise::publication<ise::subscription<telemetry_packet>> telemetry;
+    ise::publication<ise::subscription<gprs_state>> states;
+    bool acting = false;
+};
+
+gprs_proxy::gprs_proxy(gprs_proxy_options options) : options_(std::move(options)) {
+    options_.book.link = link_id::gprs;
+}
+gprs_proxy::~gprs_proxy() = default;
+
+utc_time gprs_proxy::clock() const { return std::chrono::floor<std::chrono::milliseconds>(wall()); }
+utc_time gprs_proxy::civil(ise::time_point at) const {
+    return std::chrono::floor<std::chrono::milliseconds>(wall() - (now() - at));
+}
+
+ise::task<> gprs_proxy::run() {
+    if (!gprs::is_good_id(options_.shore.boat_id))
+        throw ise::error(ise::errc::invalid_argument,
+                         fmt::format("'{}' is no name for a boat: up to {} letters, digits, '-', '_', '.'",
+                                     options_.shore.boat_id, gprs::max_id));
+    if (!options_.store_at.empty())
+        options_.store = std::make_shared<remote_telemetry_store>(find_component(*this, options_.store_at));
+    link_ = std::make_unique<link>(*this, options_);
+    open_doors();
+    provide_all();
+    spawn("store", keep());
+    if (options_.on_listening) options_.on_listening(link_->listening);
+    for (;;) {
+        co_await sleep(options_.state_period);
+        publish_state();
+    }
+}
+
+void gprs_proxy::open_doors() {
+    auto& l = *link_;
+    l.sockets.on_connected = [this](const gprs::way& by) {
+        link_->shore.connected(now(), by);
+        act();
+    };
+    l.sockets.on_bytes = [this](std::uint64_t door, ise::bytes_view bytes) {
+        link_->shore.on_bytes(now(), door, bytes);
+        act();
+    };
+    l.sockets.on_disconnected = [this](std::uint64_t door, const std::string& reason) {
+        link_->shore.disconnected(now(), door, reason);
+        act();
+    };
+    l.sockets.on_datagram = [this](const gprs::way& by, ise::bytes_view content) {
+        link_->shore.on_datagram(now(), by, content);
+        act();
+    };
+    if (options_.listen.empty())
+        throw ise::error(ise::errc::invalid_argument,
+                         "the boat has nowhere to call: name an endpoint such as tcp://0.0.0.0:7420");
+    for (const auto& text : options_.listen) {
+        auto at = ise::endpoint::parse(text).value();
+        l.listening.push_back(l.sockets.open(at).value());
+        log().info("the boat can call", {{"at", l.listening.back().text()}});
+    }
+}
+
+void gprs_proxy::provide_all() {
+    auto& l = *link_;
+    l.telemetry = publish(services::telemetry);
+    l.states = publish(services::gprs);
+    l.desk.give = [this] { return give(); };
+    l.desk.provide();
+    publish_state();
+}
+
+void gprs_proxy::act() {
+    auto& l = *link_;
+    if (l.acting) return;
+    l.acting = true;
+    while (auto event = l.shore.take_event()) handle(*event);
+    l.acting = false;
+    l.desk.work();
+    auto next = l.shore.next_event();
+    if (next == ise::time_point::max()) l.due.disarm();
+    else l.due.arm(next);
+}
+
+void gprs_proxy::handle(const gprs::shore_event& event) {
+    auto& l = *link_;
+    if (const auto* send = std::get_if<gprs::send_text>(&event)) {
+        l.sockets.send(send->to, send->text);
+    } else if (const auto* cut = std::get_if<gprs::cut_off>(&event)) {
+        l.sockets.cut(cut->whom.door);
+        auto left_out = cut->stranger ? l.strangers.admit(now()) : std::optional<std::uint64_t>(0);
+        if (left_out)
+            log().warning(cut->stranger ? "a stranger was cut off" : "a connection of the boat was cut off",
+                          {{"from", cut->whom.peer.text()},
+                           {"cause", cut->reason},
+                           {"not_told_before", std::to_string(*left_out)}});
+    } else if (const auto* stranger = std::get_if<gprs::stranger_datagram>(&event)) {
+        if (auto left_out = l.strangers.admit(now()))
+            log().warning("a stranger's datagram was dropped", {{"from", stranger->from.text()},
+                                                                {"cause", stranger->reason},
+                                                                {"not_told_before", std::to_string(*left_out)}});
+    } else if (const auto* came = std::get_if<gprs::boat_came>(&event)) {
+        l.from = came->by.peer.text();
+        l.gone.clear();
+        log().info(came->moved ? "the boat moved" : "the boat is there",
+                   {{"from", l.from}, {"boot", std::to_string(l.shore.boot())}});
+        l.desk.book().on_link_up(now());
+        publish_state();
+    } else if (const auto* went = std::get_if<gprs::boat_went>(&event)) {
+        l.gone = went->reason;
+        log().info("the boat is gone", {{"cause", went->reason}, {"from", l.from}});
+        publish_state();
+    } else if (const auto* record = std::get_if<gprs::record_came>(&event)) {
+        on_record(*record);
+    } else if (const auto* told = std::get_if<gprs::outcome_came>(&event)) {
+        on_outcome(told->what);
+    } else if (const auto* said = std::get_if<gprs::remark>(&event)) {
+        log().warning(said->text, {{"from", l.from}});
+    }
+}
+
+void gprs_proxy::on_record(const gprs::record_came& came) {
+    auto& l = *link_;
+    // Whatever it is, the boat need not send it again.
+    l.numbers[came.life].push_back(came.number);
+    l.more.resume({});
+    auto message = parse_telemetry(came.raw);
+    if (!message) {
+        ++l.counts.malformed;
+        log().warning("a packet was dropped", {{"cause", message.error().message()}});
+        return;
+    }
+    const auto& header = message->header;
+    if (!l.seen.first_time(header.boot, header.sequence)) {
+        ++l.counts.duplicates;
+        return;
+    }
+    telemetry_packet out;
+    out.link = link_id::gprs;
+    out.boot = header.boot;
+    out.sequence = header.sequence;
+    out.measured_at = header.measured_at;
+    out.received_at = clock();
+    out.history =
+        l.fresh.is_history(came.history, header.boot, std::to_integer<std::uint8_t>(came.raw[1]), header.sequence);
+    out.raw = came.raw;
+    l.telemetry(out);
+    ++l.counts.telemetry_published;
+    if (out.history) ++l.counts.history;
+    l.packets.push_back(std::move(out));
+}
+
+void gprs_proxy::on_outcome(const gprs::outcome& told) {
+    auto& l = *link_;
+    acknowledgement ack;
+    if (!told.raw.empty()) {
+        auto whole = parse_acknowledgement(told.raw);
+        if (!whole || whole->id != told.id) {
+            ++l.counts.malformed;
+            return;
+        }
+        ack = std::move(*whole);
+    } else if (const auto* status = l.desk.book().find(told.id)) { // a boat of few words
+        ack.id = told.id;
+        ack.kind = status->kind;
+        ack.code = static_cast<ack_code>(told.code);
+    }
+    if (l.desk.book().on_acknowledgement(clock(), ack)) ++l.counts.telecommands_acknowledged;
+}
+
+/// Has what came kept, and then acknowledged.
+ise::task<> gprs_proxy::keep() {
+    auto& l = *link_;
+    for (;;) {
+        if (l.numbers.empty()) co_await l.more.wait(); // throws what it was resumed with
+        auto numbers = std::exchange(l.numbers, {});
+        auto packets = std::exchange(l.packets, {});
+        auto pause = shortest_keep_pause;
+        while (options_.store && !packets.empty()) {
+            std::string trouble;
+            try {
+                auto keeping = options_.store->keep(packets);
+                co_await std::move(keeping);
+            } catch (...) {
+                auto thrown = std::current_exception();
+                if (ise::is_cancellation(thrown)) throw;
+                trouble = "telemetry cannot be kept, the boat is not acknowledged: " + ise::describe(thrown);
+            }
+            if (trouble != l.store_trouble && !trouble.empty()) log().error(trouble); // once, not with every attempt
+            l.store_trouble = trouble;
+            if (trouble.empty()) break;
+            co_await sleep(pause);
+            pause = std::min(2 * pause, longest_keep_pause);
+        }
+        for (const auto& [life, which] : numbers) l.shore.safe(life, which);
+        act();
+    }
+}
+
+bool gprs_proxy::give() {
+    auto& l = *link_;
+    auto& book = l.desk.book();
+    if (!l.shore.boat()) return false;
+    while (auto due = book.next_due(now(), clock())) {
+        gprs::order told;
+        told.id = due->id;
+        told.raw = std::move(due->raw);
+        bool sent = l.shore.send(told);
+        if (sent) ++l.counts.telecommands_sent;
+        book.on_outcome(now(), clock(), told.id, sent, !sent,
+                        sent ? "left the shore; the boat's answer is awaited" : "the boat is not there");
+    }
+    while (auto event = l.shore.take_event()) handle(*event);
+    return true;
+}
+
+void gprs_proxy::publish_state() {
+    auto& l = *link_;
+    auto told = l.counts;
+    for (const auto& at : l.listening) told.listening.push_back(at.text());
+    told.connected = l.shore.boat().has_value();
+    told.from = l.from;
+    told.trouble = !l.store_trouble.empty() ? l.store_trouble : l.gone;
+    const auto& counted = l.shore.counters();
+    if (told.connected) told.connected_since = civil(l.shore.came_at());
+    if (counted.logins > 0) told.last_heard = civil(l.shore.heard_at());
+    told.boot = l.shore.boot();
+    told.acknowledged = l.shore.acknowledged();
+    told.announced = l.shore.announced();
+    told.not_safe_yet = l.shore.unsafe();
+    told.logins = counted.logins;
+    told.moves = counted.moves;
+    told.half_open = counted.half_open;
+    told.packets_received = counted.records;
+    told.resends = counted.resends;
+    told.postponed = counted.postponed;
+    told.given_up = counted.given_up;
+    told.malformed += counted.malformed;
+    told.strangers = l.shore.strangers();
+    told.strangers_cut_off = counted.strangers_cut_off;
+    told.stranger_datagrams = counted.stranger_datagrams;
+    told.telecommands_open = l.desk.book().open_count();
+    l.states(told);
+}
+
+} // namespace atirma

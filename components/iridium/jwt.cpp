@@ -1,0 +1,136 @@
+#include <components/iridium/jwt.hpp>
+
+#include <components/iridium/text.hpp>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+#include <openssl/bio.h>
+#include <openssl/evp.h>
+#include <openssl/pem.h>
+#include <openssl/x509.h>
+
+#include <algorithm>
+
+namespace atirma::iridium {
+namespace {
+
+template <auto Free>
+struct releases {
+    template <class T>
+    void operator()(T* what) const noexcept { Free(what); }
+};
+using bio = std::unique_ptr<BIO, releases<BIO_free_all>>;
+using evp_key = std::unique_ptr<EVP_PKEY, releases<EVP_PKEY_free>>;
+using certificate = std::unique_ptr<X509, releases<X509_free>>;
+using digest_context = std::unique_ptr<EVP_MD_CTX, releases<EVP_MD_CTX_free>>;
+
+constexpr std::size_t longest_token = 16 * 1024;
+
+bio memory(std::string_view text) {
+    return bio(BIO_new_mem_buf(text.data(), static_cast<int>(std::min<std::size_t>(text.size(), 1 << 20))));
+}
+
+ise::failure unauthorized(std::string why) {
+    return ise::failure(ise::errc::unauthorized, "the JWT is not accepted: " + std::move(why));
+}
+
+/// Whether a claim, if it is there, says the same. Numbers may come as texts.
+bool agrees(const nlohmann::json& claims, const char* name, std::string_view told) {
+    auto found = claims.find(name);
+    if (found == claims.end()) return true;
+    auto text = found->is_string() ? found->get<std::string>() : found->dump();
+    return text.size() == told.size() && std::equal(text.begin(), text.end(), told.begin(), [](char a, char b) {
+        auto lower = [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; };
+        return lower(a) == lower(b);
+    });
+}
+
+} // namespace
+
+struct jwt_key::key {
+    evp_key handle;
+};
+
+jwt_key::jwt_key(std::unique_ptr<key> made) : key_(std::move(made)) {}
+jwt_key::jwt_key(jwt_key&&) noexcept = default;
+jwt_key& jwt_key::operator=(jwt_key&&) noexcept = default;
+jwt_key::~jwt_key() = default;
+
+ise::result<jwt_key> jwt_key::parse(std::string_view pem) {
+    auto text = memory(pem);
+    evp_key read(PEM_read_bio_PUBKEY(text.get(), nullptr, nullptr, nullptr));
+    if (!read) {
+        auto again = memory(pem);
+        certificate issued(PEM_read_bio_X509(again.get(), nullptr, nullptr, nullptr));
+        if (issued) read.reset(X509_get_pubkey(issued.get()));
+    }
+    if (!read || EVP_PKEY_base_id(read.get()) != EVP_PKEY_RSA)
+        return ise::failure(ise::errc::invalid_argument,
+                            "no RSA public key or certificate in PEM (-----BEGIN PUBLIC KEY-----)");
+    auto made = std::make_unique<key>();
+    made->handle = std::move(read);
+    return jwt_key(std::move(made));
+}
+
+ise::result<std::string> jwt_key::verify(std::string_view token) const {
+    if (token.size() > longest_token) return unauthorized("it is too long");
+    auto first = token.find('.'), second = first == std::string_view::npos ? first : token.find('.', first + 1);
+    if (second == std::string_view::npos || token.find('.', second + 1) != std::string_view::npos)
+        return unauthorized("it has not three parts");
+    auto header = from_base64url(token.substr(0, first));
+    auto claims = from_base64url(token.substr(first + 1, second - first - 1));
+    auto signature = from_base64url(token.substr(second + 1));
+    if (!header || !claims || !signature) return unauthorized("it is no base64url");
+    auto read = nlohmann::json::parse(*header, nullptr, false);
+    if (!read.is_object()) return unauthorized("its header is no JSON");
+    auto algorithm = read.find("alg");
+    if (algorithm == read.end() || !algorithm->is_string() || algorithm->get<std::string>() != "RS256")
+        return unauthorized("its algorithm is not RS256");
+    digest_context context(EVP_MD_CTX_new());
+    auto body = token.substr(0, second);
+    bool good =
+        context && EVP_DigestVerifyInit(context.get(), nullptr, EVP_sha256(), nullptr, key_->handle.get()) == 1 &&
+        EVP_DigestVerify(context.get(), reinterpret_cast<const unsigned char*>(signature->data()), signature->size(),
+                         reinterpret_cast<const unsigned char*>(body.data()), body.size()) == 1;
+    if (!good) return unauthorized("its signature is not of the configured key");
+    return std::move(*claims);
+}
+
+ise::result<void> jwt_key::verify(const mo_delivery& delivery) const {
+    if (delivery.jwt.empty()) return unauthorized("there is none, and a key is configured");
+    auto told = verify(delivery.jwt);
+    if (!told) return told.error();
+    auto claims = nlohmann::json::parse(*told, nullptr, false);
+    if (!claims.is_object()) return unauthorized("its claims are no JSON object");
+    const auto& m = delivery.message;
+    if (!agrees(claims, "imei", m.imei)) return unauthorized("it signs another imei");
+    if (!agrees(claims, "momsn", std::to_string(m.momsn))) return unauthorized("it signs another momsn");
+    if (!agrees(claims, "data", to_hex(m.data))) return unauthorized("it signs other data");
+    if (!agrees(claims, "transmit_time", delivery.transmit_time)) {
+        // The same instant in the other notation.
+        auto at = parse_transmit_time(claims["transmit_time"].is_string() ? claims["transmit_time"].get<std::string>()
+                                                                          : std::string());
+        if (!at || *at != m.session_time) return unauthorized("it signs another transmit_time");
+    }
+    return {};
+}
+
+ise::result<std::string> sign_jwt(std::string_view private_pem, std::string_view claims) {
+    auto text = memory(private_pem);
+    evp_key key(PEM_read_bio_PrivateKey(text.get(), nullptr, nullptr, nullptr));
+    if (!key) return ise::failure(ise::errc::invalid_argument, "no private key in PEM");
+    auto body = to_base64url(R"({"alg":"RS256","typ":"JWT"})") + "." + to_base64url(claims);
+    digest_context context(EVP_MD_CTX_new());
+    std::size_t size = 0;
+    auto data = reinterpret_cast<const unsigned char*>(body.data());
+    bool ready = context && EVP_DigestSignInit(context.get(), nullptr, EVP_sha256(), nullptr, key.get()) == 1 &&
+                 EVP_DigestSign(context.get(), nullptr, &size, data, body.size()) == 1;
+    std::string signature(size, '\0');
+    if (!ready || EVP_DigestSign(context.get(), reinterpret_cast<unsigned char*>(signature.data()), &size, data,
+                                 body.size()) != 1)
+        return ise::failure(ise::errc::invalid_argument, "the private key cannot sign with RS256");
+    signature.resize(size);
+    return body + "." + to_base64url(signature);
+}
+
+} // namespace atirma::iridium

@@ -1,0 +1,244 @@
+#include <components/iridium_proxy/proxy_state.hpp>
+
+#include <components/iridium/bundle.hpp>
+#include <components/iridium/directip.hpp>
+#include <components/iridium_mail/mail_format.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace atirma {
+namespace {
+using namespace std::chrono_literals;
+constexpr std::size_t mails_at_once = 16;
+constexpr std::size_t handed_on_at_once = 64;
+
+webhook_answer answer(int status, std::string body) {
+    webhook_answer made;
+    made.status = status;
+    made.body = std::move(body) + "\n";
+    return made;
+}
+
+iridium::mo_message message_of(const iridium_mail::mo_session& session) {
+    iridium::mo_message made;
+    made.imei = session.imei;
+    made.momsn = session.momsn;
+    made.mtmsn = session.mtmsn;
+    made.session_time = session.session_at;
+    made.session_status = static_cast<std::uint8_t>(session.status);
+    if (session.latitude_deg && session.longitude_deg)
+        made.where = iridium::estimate{*session.latitude_deg, *session.longitude_deg, session.cep_km.value_or(0)};
+    made.data = session.payload;
+    return made;
+}
+} // namespace
+
+void iridium_proxy::refuse(std::string_view what, const std::string& peer, const std::string& why) {
+    ++state_->counts.refused;
+    if (auto left_out = state_->quiet.admit(now()))
+        log().warning(what, {{"peer", peer}, {"cause", why}, {"left_out", std::to_string(*left_out)}});
+}
+
+ise::task<webhook_answer> iridium_proxy::on_post(webhook_request request) { co_return judge_post(request); }
+
+webhook_answer iridium_proxy::judge_post(const webhook_request& request) {
+    auto refused = [&](int status, const std::string& why) {
+        refuse(fmt::format("a post is refused ({})", status), request.peer, why);
+        return answer(status, why);
+    };
+    const auto& target = request.message.target;
+    if (target.substr(0, target.find('?')) != options_.webhook_path)
+        return refused(404, "the web hook is " + options_.webhook_path);
+    if (request.message.method != "POST") return refused(405, "the web hook takes POST, not " + request.message.method);
+    auto delivery = iridium::parse_mo_delivery(request.message.body);
+    if (!delivery)
+        return refused(delivery.error().code() == ise::errc::too_large ? 413 : 400, delivery.error().message());
+    if (state_->key) {
+        auto good = state_->key->verify(*delivery);
+        if (!good) return refused(401, good.error().message());
+    }
+    if (delivery->message.imei != options_.imei)
+        return refused(403, fmt::format("IMEI {} is not the boat's", delivery->message.imei));
+    auto kept = accept(delivery->message, "http");
+    if (!kept) return answer(500, "the message could not be kept, send it again: " + kept.error().message());
+    return answer(200, "OK");
+}
+
+ise::bytes iridium_proxy::on_directip(ise::bytes_view whole, const std::string& peer) {
+    auto message = iridium::parse_directip_mo(whole);
+    if (!message || message->imei != options_.imei) {
+        refuse("a DirectIP message is refused", peer,
+               message ? fmt::format("IMEI {} is not the boat's", message->imei) : message.error().message());
+        return iridium::encode_mo_confirmation(false);
+    }
+    auto kept = accept(*message, "directip");
+    return iridium::encode_mo_confirmation(kept.has_value());
+}
+
+/// A mail is done only once what it brought is on disk.
+ise::task<> iridium_proxy::read_mails() {
+    auto& s = *state_;
+    for (;;) {
+        auto mails = co_await s.mails->fetch(mails_at_once);
+        std::optional<ise::failure> problem;
+        if (!mails) problem = mails.error();
+        for (std::size_t i = 0; mails && !problem && i < mails->size(); ++i) {
+            const auto& mail = (*mails)[i];
+            auto kept = on_mail(mail.message);
+            if (!kept) {
+                problem = kept.error();
+                break;
+            }
+            auto done = co_await s.mails->done(mail.uid);
+            if (!done) problem = done.error();
+        }
+        if (!problem && mails->size() == mails_at_once) continue;
+        std::string trouble = problem ? "the mailbox: " + problem->message() : std::string();
+        if (!trouble.empty() && trouble != s.mail_trouble) log().warning(trouble);
+        s.mail_trouble = trouble;
+        if (problem) {
+            co_await sleep(options_.mail_period);
+            continue;
+        }
+        auto waited = co_await s.mails->wait(options_.mail_period);
+        if (!waited) co_await sleep(options_.mail_period);
+    }
+}
+
+/// Success also for a mail that is of no use: it has been looked at.
+ise::result<void> iridium_proxy::on_mail(const mail_message& mail) {
+    auto read = iridium_mail::read_gateway_mail(mail, options_.gateway_mail);
+    if (!read) {
+        refuse("a mail is passed over", mail.from, read.error().message());
+        return {};
+    }
+    if (const auto* session = std::get_if<iridium_mail::mo_session>(&*read)) {
+        if (session->imei != options_.imei) {
+            refuse("a mail is passed over", mail.from, fmt::format("IMEI {} is not the boat's", session->imei));
+            return {};
+        }
+        return accept(message_of(*session), "mail");
+    }
+    const auto& word = std::get<iridium_mail::disposition>(*read);
+    auto id = telecommand_of_attachment(word.attachment);
+    if (!id) {
+        refuse("a mail is passed over", mail.from,
+               fmt::format("'{}' is no telecommand of this proxy", word.attachment));
+        return {};
+    }
+    auto text = word.queued
+                    ? fmt::format("queued at the gateway{}", word.mtmsn ? fmt::format(" as {}", *word.mtmsn) : "")
+                    : "the gateway did not queue it: " + word.reason;
+    state_->queue.on_gateway_word(clock(), *id, word.queued, text);
+    work();
+    return {};
+}
+
+/// On disk first; then its sender may be told, and the others.
+ise::result<void> iridium_proxy::accept(const iridium::mo_message& message, std::string_view path) {
+    auto& s = *state_;
+    auto added = s.store.add(message, path, clock(), credits_of(message.data.size(), options_.queue.bytes_per_credit));
+    if (!added) {
+        disk_trouble(added.error());
+        return added.error();
+    }
+    s.disk_trouble.clear();
+    if (!*added) {
+        ++s.counts.duplicate_messages;
+        return {};
+    }
+    ++s.counts.messages;
+    s.counts.last_session_at = std::chrono::time_point_cast<std::chrono::milliseconds>(message.session_time);
+    if (message.where) {
+        s.counts.estimate = waypoint{message.where->latitude_deg, message.where->longitude_deg};
+        s.counts.estimate_cep_km = message.where->cep_km;
+    }
+    if (message.session_status > 2)
+        log().warning("a session of the boat did not end well",
+                      {{"momsn", std::to_string(message.momsn)},
+                       {"status", std::string(iridium::explain_session_status(message.session_status))}});
+    if (message.mtmsn != 0) s.queue.on_delivered(clock());
+    take_acknowledgements(message);
+    work();
+    s.hand_on_soon.arm(now());
+    return {};
+}
+
+/// Not before a subscriber comes, as telemetry: a telecommand is decided by it.
+void iridium_proxy::take_acknowledgements(const iridium::mo_message& message) {
+    auto packets = iridium::unbundle(message.data);
+    if (!packets) return; // hand_on() says so
+    for (const auto& raw : *packets) {
+        if (classify(raw) != packet_class::acknowledgement) continue;
+        auto ack = parse_acknowledgement(raw);
+        if (ack) state_->queue.on_acknowledgement(clock(), *ack);
+        else ++state_->counts.malformed;
+    }
+}
+
+/// The proxy may have ended between keeping a message and using it.
+void iridium_proxy::take_kept_acknowledgements() {
+    for (std::int64_t row = 0;;) {
+        auto page = state_->store.unpublished(handed_on_at_once, row).value();
+        for (const auto& one : page) take_acknowledgements(one.message);
+        if (page.size() < handed_on_at_once) return;
+        row = page.back().row;
+    }
+}
+
+/// Publishes what is on disk and was not published. Telemetry stays there until somebody subscribes.
+void iridium_proxy::hand_on() {
+    auto& s = *state_;
+    if (s.telemetry.subscribers() > 0) {
+        auto waiting = s.store.unpublished(handed_on_at_once);
+        if (!waiting) return disk_trouble(waiting.error());
+        for (const auto& one : *waiting) {
+            hand_on(one.message, one.received_at);
+            auto marked = s.store.published(one.row);
+            if (!marked) return disk_trouble(marked.error()); // with the next message, then
+        }
+        if (waiting->size() == handed_on_at_once) s.hand_on_soon.arm(now());
+    }
+    s.account(account());
+}
+
+void iridium_proxy::hand_on(const iridium::mo_message& message, utc_time received_at) {
+    auto& s = *state_;
+    if (message.data.empty()) return; // the boat looked for messages
+    auto dropped = [&](const std::string& why) {
+        ++s.counts.malformed;
+        log().warning("a packet of the boat makes no sense; its message stays on disk",
+                      {{"momsn", std::to_string(message.momsn)}, {"cause", why}});
+    };
+    auto packets = iridium::unbundle(message.data);
+    if (!packets) return dropped(packets.error().message());
+    for (auto& raw : *packets) {
+        if (classify(raw) == packet_class::acknowledgement) continue; // was taken when it came
+        auto parsed = parse_telemetry(raw);
+        if (!parsed) {
+            dropped(parsed.error().message());
+            continue;
+        }
+        if (!s.seen.first_time(parsed->header.boot, parsed->header.sequence)) {
+            ++s.counts.duplicate_packets;
+            continue;
+        }
+        telemetry_packet out;
+        out.link = link_id::iridium;
+        out.boot = parsed->header.boot;
+        out.sequence = parsed->header.sequence;
+        out.measured_at = parsed->header.measured_at;
+        out.received_at = received_at;
+        // Messages overtake each other, and those from before the first subscriber come at once.
+        auto& newest = s.newest[parsed->body.index()];
+        out.history = out.measured_at < newest;
+        newest = std::max(newest, out.measured_at);
+        out.raw = std::move(raw);
+        s.telemetry(out);
+        ++s.counts.telemetry_published;
+    }
+}
+
+} // namespace atirma

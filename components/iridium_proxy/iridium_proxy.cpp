@@ -1,0 +1,189 @@
+#include <components/iridium_proxy/proxy_state.hpp>
+
+#include <components/http/stream_http_client.hpp>
+
+#include <asio/error.hpp>
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace atirma {
+namespace {
+using namespace std::chrono_literals;
+constexpr std::size_t max_key_bytes = 64 * 1024;
+constexpr ise::duration forget_period = std::chrono::hours(1);
+
+ise::error wrong(std::string what) { return ise::error(ise::errc::invalid_argument, std::move(what)); }
+} // namespace
+
+iridium_proxy::iridium_proxy(iridium_proxy_options options) : options_(std::move(options)) {}
+iridium_proxy::~iridium_proxy() = default;
+
+utc_time iridium_proxy::clock() const { return std::chrono::floor<std::chrono::milliseconds>(wall()); }
+
+std::optional<ise::endpoint> iridium_proxy::webhook_at() const {
+    if (!state_ || !state_->webhook) return std::nullopt;
+    return state_->webhook->where();
+}
+std::optional<ise::endpoint> iridium_proxy::directip_at() const {
+    if (!state_ || !state_->directip) return std::nullopt;
+    return state_->directip->where();
+}
+
+void iridium_proxy::check_options() const {
+    if (auto good = iridium::check_imei(options_.imei); !good) throw wrong("--imei: " + good.error().message());
+    if (options_.webhook.empty() && options_.directip.empty() && !options_.open_mailbox)
+        throw wrong("nothing can come from the boat: give --webhook, --directip or a mailbox");
+    if (options_.webhook_path.empty() || options_.webhook_path[0] != '/')
+        throw wrong("--webhook-path begins with a slash");
+    if (options_.send_by == "mail" && (!options_.make_mail_sender || options_.mail_from.empty()))
+        throw wrong("to send by mail, a mail server and --mail-from are needed");
+    if (options_.send_by == "directip" && options_.send_directip.empty())
+        throw wrong("to send by DirectIP, --send-directip is needed");
+}
+
+std::unique_ptr<mt_path> iridium_proxy::make_path() {
+    if (options_.send_by == "none") return nullptr;
+    if (options_.send_by == "directip")
+        return make_directip_path(on(), ise::endpoint::parse(options_.send_directip).value());
+    if (options_.send_by == "mail") {
+        std::shared_ptr<mail_sender> sender = options_.make_mail_sender(on());
+        return make_mail_path(std::move(sender), options_.mail_from, options_.mail_to);
+    }
+    if (options_.send_by != "http")
+        throw wrong(fmt::format("--send-by is http, directip, mail or none, not '{}'", options_.send_by));
+    auto account = options_.rockblock;
+    if (account.password.empty()) account.password = env().variable("ATIRMA_ROCKBLOCK_PASSWORD").value_or("");
+    std::shared_ptr<http_client> client;
+    if (options_.make_http_client) client = options_.make_http_client(on());
+    else client = std::make_shared<stream_http_client>(on());
+    return make_rockblock_path(std::move(client), std::move(account));
+}
+
+ise::task<> iridium_proxy::run() {
+    check_options();
+    state_.reset();
+    state_ = std::make_unique<state>(*this, sbd_store::open(options_.database).value());
+    auto& s = *state_;
+    s.queue.restore(clock(), s.store.load().value());
+    s.path = make_path();
+    if (!options_.jwt_key_file.empty()) {
+        auto pem = env().read_file(options_.jwt_key_file, max_key_bytes).value();
+        auto key = iridium::jwt_key::parse(pem);
+        if (!key) throw wrong(fmt::format("--jwt-key {}: {}", options_.jwt_key_file, key.error().message()));
+        s.key.emplace(std::move(*key));
+    }
+    take_kept_acknowledgements();
+    provide_all();
+    open_doors();
+    spawn("to the gateway", send_all());
+    work();
+    auto forget_at = now();
+    for (;;) {
+        if (now() >= forget_at) {
+            forget_at = ise::saturating_add(now(), forget_period);
+            auto forgotten = s.store.forget_before(clock() - options_.keep);
+            if (!forgotten) disk_trouble(forgotten.error());
+        }
+        s.account(account());
+        co_await sleep(options_.account_period);
+    }
+}
+
+/// Everything through which something of the boat comes.
+void iridium_proxy::open_doors() {
+    auto& s = *state_;
+    auto spawner = [this](std::string name, ise::task<> body) { spawn(std::move(name), std::move(body)); };
+    if (!options_.webhook.empty()) {
+        auto answer = [this](webhook_request request) { return on_post(std::move(request)); };
+        s.webhook = std::make_unique<webhook_server>(on(), log(), options_.http, answer, spawner);
+        s.webhook->listen(ise::endpoint::parse(options_.webhook).value()).value();
+        log().info("the gateway may post here",
+                   {{"url", fmt::format("{}{}", s.webhook->where().text(), options_.webhook_path)}});
+        spawn("web hook", s.webhook->run());
+    }
+    if (!options_.directip.empty()) {
+        auto answer = [this](ise::bytes_view message, const std::string& peer) { return on_directip(message, peer); };
+        s.directip = std::make_unique<iridium::directip_server>(on(), log(), options_.directip_bounds, answer, spawner);
+        s.directip->listen(ise::endpoint::parse(options_.directip).value()).value();
+        log().info("the gateway may connect here", {{"directip", s.directip->where().text()}});
+        spawn("DirectIP", s.directip->run());
+    }
+    if (options_.open_mailbox) {
+        s.mails = options_.open_mailbox(on());
+        spawn("mails", read_mails());
+    }
+}
+
+void iridium_proxy::provide_all() {
+    auto& s = *state_;
+    ise::publication_callbacks<ise::subscription<telemetry_packet>> arrivals;
+    arrivals.on_subscribe = [this](const auto&, const ise::subscriber_info&) {
+        state_->hand_on_soon.arm(now()); // what waited for somebody, once the subscription stands
+        return ise::nothing{};
+    };
+    s.telemetry = publish(services::telemetry, std::move(arrivals));
+    s.account = publish(services::iridium_account);
+    ise::publication_callbacks<std::decay_t<decltype(services::telecommand_state)>> follow;
+    follow.on_subscribe = [this](const follow_telecommand& which,
+                                 const ise::subscriber_info& who) -> ise::result<followed_telecommands> {
+        state_->followers[who.number] = which.id;
+        followed_telecommands answer;
+        if (which.id == 0) {
+            for (const auto* entry : state_->queue.open()) answer.now.push_back(status_of(*entry));
+        } else if (const auto* known = state_->queue.find(which.id)) {
+            answer.now.push_back(status_of(*known));
+        }
+        return answer;
+    };
+    follow.on_unsubscribe = [this](const auto&, const ise::subscriber_info& who) {
+        state_->followers.erase(who.number);
+        return ise::nothing{};
+    };
+    s.states = publish(services::telecommand_state, std::move(follow));
+    provide(services::telecommand, [this](telecommand_request request, const ise::call_context& context) {
+        return command(std::move(request), context.deadline);
+    });
+}
+
+iridium_account iridium_proxy::account() {
+    auto& s = *state_;
+    auto told = s.counts;
+    auto at = clock();
+    told.day = day_text(at);
+    auto fill = [&](ise::result<iridium_spending> spent, iridium_spending& into) {
+        if (spent) into = *spent;
+        else disk_trouble(spent.error());
+    };
+    fill(s.store.spent_on(at), told.today);
+    fill(s.store.spent_in_month_of(at), told.this_month);
+    fill(s.store.spent_ever(), told.ever);
+    if (options_.daily_budget > 0) {
+        told.daily_budget = options_.daily_budget;
+        told.budget_left = options_.daily_budget - std::min(options_.daily_budget, told.today.mt_credits);
+    }
+    for (const auto* entry : s.queue.open()) {
+        iridium_queued one;
+        one.id = entry->id;
+        one.kind = entry->command.kind;
+        one.stage = entry->stage;
+        one.priority = priority_of(entry->command.kind);
+        one.attempts = entry->attempts;
+        one.reference = entry->reference;
+        one.text = entry->text;
+        one.expires_at = entry->expires_at;
+        told.queue.push_back(std::move(one));
+    }
+    if (auto waiting = s.store.count_unpublished()) told.waiting_for_subscriber = *waiting;
+    for (const auto* trouble : {&s.disk_trouble, &s.send_trouble, &s.mail_trouble})
+        if (!trouble->empty()) told.trouble += (told.trouble.empty() ? "" : "; ") + *trouble;
+    return told;
+}
+
+void iridium_proxy::disk_trouble(const ise::failure& why) {
+    auto& s = *state_;
+    if (s.disk_trouble != why.message()) log().error("the database fails", {{"cause", why.message()}});
+    s.disk_trouble = why.message();
+}
+
+} // namespace atirma

@@ -1,0 +1,100 @@
+#pragma once
+#include <components/http/http_client.hpp>
+#include <components/http/webhook_server.hpp>
+#include <components/iridium/directip_exchange.hpp>
+#include <components/iridium/message.hpp>
+#include <components/iridium_proxy/mt_path.hpp>
+#include <components/iridium_proxy/services.hpp>
+#include <components/mail/mail.hpp>
+
+#include <ise/component/component.hpp>
+
+#include <functional>
+#include <memory>
+#include <string>
+
+namespace atirma {
+
+struct iridium_proxy_options {
+    std::string imei;                            ///< of the boat's modem, 15 digits: others are refused
+    std::string database = "iridium.db";         ///< what must survive; "memory:NAME" in tests
+
+    // From the boat. What is empty or missing is not used; several may be.
+    std::string webhook = "tcp://127.0.0.1:7480";///< where the gateway posts
+    std::string webhook_path = "/rockblock/mo";
+    std::string jwt_key_file; ///< public key or certificate (PEM): each post must carry a token of it
+    webhook_limits http;
+    std::string directip;                        ///< where the gateway's DirectIP connects: "tcp://0.0.0.0:10800"
+    iridium::directip_limits directip_bounds;
+    std::function<std::unique_ptr<mailbox>(ise::loop&)> open_mailbox; ///< where the gateway's mails arrive
+    std::string gateway_mail = "sbdservice@sbd.iridium.com"; ///< who writes them
+    ise::duration mail_period = std::chrono::seconds(60);    ///< between looks, where the mailbox does not tell
+
+    // To the boat, by one way: "http", "directip", "mail", "none".
+    std::string send_by = "http";
+    rockblock_account rockblock;                 ///< an empty password: $ATIRMA_ROCKBLOCK_PASSWORD
+    /// Empty: stream_http_client, without TLS.
+    std::function<std::unique_ptr<http_client>(ise::loop&)> make_http_client;
+    std::string send_directip;                   ///< "tcp://host:port" of the gateway
+    std::function<std::unique_ptr<mail_sender>(ise::loop&)> make_mail_sender;
+    std::string mail_from;
+    std::string mail_to = "data@sbd.iridium.com";
+
+    std::uint64_t daily_budget = 100;            ///< credits a day (UTC) for telecommands; 0: unlimited
+    mt_queue_options queue;
+    ise::duration account_period = std::chrono::seconds(5);
+    std::chrono::days keep{30};                  ///< messages and decided telecommands
+};
+
+/// The boat over Iridium SBD: what the gateway brings by web hook, DirectIP or mail is kept on disk, then published;
+/// telecommands are queued on disk and given to the gateway by priority within a daily budget. Services: `telemetry`,
+/// `telecommand`, `telecommand_state` (components/boat/services.hpp), `iridium_account` (services.hpp).
+///
+/// `run()` ends with an error where an option makes no sense, the database cannot be opened, or a port is taken.
+class iridium_proxy final : public ise::component {
+public:
+    explicit iridium_proxy(iridium_proxy_options options = iridium_proxy_options());
+    ~iridium_proxy() override;
+
+    /// Where the gateway may post, once it listens: with the port that was given for port 0. On the component's loop.
+    std::optional<ise::endpoint> webhook_at() const;
+    std::optional<ise::endpoint> directip_at() const;
+
+private:
+    struct state;        // what lives from one run() to the next
+    struct waiting_call;
+
+    ise::task<> run() override;
+    void check_options() const;
+    std::unique_ptr<mt_path> make_path();
+    void open_doors();
+    void provide_all();
+
+    // From the boat.
+    ise::task<webhook_answer> on_post(webhook_request request);
+    webhook_answer judge_post(const webhook_request& request);
+    ise::bytes on_directip(ise::bytes_view message, const std::string& peer);
+    ise::task<> read_mails();
+    ise::result<void> on_mail(const mail_message& mail);
+    ise::result<void> accept(const iridium::mo_message& message, std::string_view path);
+    void take_acknowledgements(const iridium::mo_message& message);
+    void take_kept_acknowledgements();
+    void hand_on();
+    void hand_on(const iridium::mo_message& message, utc_time received_at);
+    void refuse(std::string_view what, const std::string& peer, const std::string& why);
+
+    // To the boat.
+    ise::task<> send_all();
+    ise::task<telecommand_reply> command(telecommand_request request, ise::time_point deadline);
+    std::optional<std::uint64_t> budget_left();
+    void work();
+
+    iridium_account account();
+    void disk_trouble(const ise::failure& why);
+    utc_time clock() const;
+
+    iridium_proxy_options options_;
+    std::unique_ptr<state> state_;
+};
+
+} // namespace atirma

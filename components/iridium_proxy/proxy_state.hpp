@@ -1,0 +1,54 @@
+#pragma once
+#include <components/boat/duplicate_filter.hpp>
+#include <components/iridium/jwt.hpp>
+#include <components/iridium_proxy/iridium_proxy.hpp>
+#include <components/iridium_proxy/sbd_store.hpp>
+
+#include <ise/core/log_limiter.hpp>
+#include <ise/core/waiter.hpp>
+
+#include <list>
+#include <map>
+
+// Private to this folder.
+namespace atirma {
+
+struct iridium_proxy::waiting_call {
+    waiting_call(ise::loop& on, std::uint32_t of)
+        : id(of), wake(on, [this] { wake.resume(asio::error::operation_aborted); }),
+          late(on, [this] { wake.resume({}); }) {}
+    std::uint32_t id;
+    ise::waiter<std::error_code> wake;
+    ise::timer late;
+};
+
+struct iridium_proxy::state {
+    state(iridium_proxy& self, sbd_store opened)
+        : store(std::move(opened)), queue(self.options_.queue),
+          wake_sender(self.on(), [this] { wake_sender.resume(asio::error::operation_aborted); }),
+          due(self.on(), [&self] { self.work(); }), hand_on_soon(self.on(), [&self] { self.hand_on(); }) {}
+
+    sbd_store store;
+    mt_queue queue;
+    duplicate_filter seen;
+    std::optional<iridium::jwt_key> key;
+    std::unique_ptr<mt_path> path;
+    std::unique_ptr<webhook_server> webhook;
+    std::unique_ptr<iridium::directip_server> directip;
+    std::unique_ptr<mailbox> mails;
+    ise::waiter<std::error_code> wake_sender;
+    ise::timer due;
+    ise::timer hand_on_soon;
+    ise::log_limiter quiet;
+    std::list<waiting_call*> calls;
+    std::map<std::uint64_t, std::uint32_t> followers; // subscriber's number → id, 0 for all
+    std::map<std::size_t, utc_time> newest;           // measured, of each type of packet that was published
+    std::string disk_trouble, mail_trouble, send_trouble;
+    struct iridium_account counts;
+    ise::publication<ise::subscription<telemetry_packet>> telemetry;
+    ise::publication<std::decay_t<decltype(services::telecommand_state)>> states;
+    ise::publication<ise::subscription<struct iridium_account>> account;
+    bool working = false;
+};
+
+} // namespace atirma

@@ -1,0 +1,218 @@
+#include <components/iridium_proxy/sbd_store.hpp>
+
+#include <ise/packet/json.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+
+namespace atirma {
+namespace {
+
+constexpr std::array<std::string_view, 1> schema{
+    "CREATE TABLE mo(imei TEXT NOT NULL, momsn INTEGER NOT NULL, session_time INTEGER NOT NULL, path TEXT NOT NULL, "
+    "status INTEGER NOT NULL,"
+    " mtmsn INTEGER NOT NULL, latitude REAL, longitude REAL, cep_km REAL, data BLOB NOT NULL, received_at INTEGER NOT "
+    "NULL,"
+    " published INTEGER NOT NULL DEFAULT 0, UNIQUE(imei, momsn, session_time));\n"
+    "CREATE INDEX mo_unpublished ON mo(published) WHERE published = 0;\n"
+    "CREATE TABLE mt(id INTEGER PRIMARY KEY, command TEXT NOT NULL, ordinal INTEGER NOT NULL, stage INTEGER NOT NULL, "
+    "may_have_left INTEGER NOT NULL,"
+    " text TEXT NOT NULL, result INTEGER, value REAL, reference TEXT NOT NULL, attempts INTEGER NOT NULL, asked_at "
+    "INTEGER NOT NULL,"
+    " expires_at INTEGER NOT NULL, changed_at INTEGER NOT NULL, next_try INTEGER NOT NULL);\n"
+    "CREATE TABLE spending(day TEXT NOT NULL, to_boat INTEGER NOT NULL, messages INTEGER NOT NULL, bytes INTEGER NOT "
+    "NULL, credits INTEGER NOT NULL,"
+    " PRIMARY KEY(day, to_boat))"};
+
+std::int64_t number(utc_time at) { return at.time_since_epoch().count(); }
+utc_time time_of(std::int64_t ms) { return utc_time(std::chrono::milliseconds(ms)); }
+
+database_value optional_real(const std::optional<double>& value) {
+    return value ? database_value(*value) : database_value();
+}
+
+} // namespace
+
+std::string day_text(utc_time at) {
+    std::chrono::year_month_day date(std::chrono::floor<std::chrono::days>(at));
+    return fmt::format("{:04}-{:02}-{:02}", static_cast<int>(date.year()), static_cast<unsigned>(date.month()),
+                       static_cast<unsigned>(date.day()));
+}
+
+ise::result<sbd_store> sbd_store::open(const std::string& file) {
+    auto opened = database::open(file, schema);
+    if (!opened) return opened.error();
+    return sbd_store(std::move(*opened));
+}
+
+ise::result<bool> sbd_store::add(const iridium::mo_message& message, std::string_view path, utc_time now,
+                                 std::uint64_t credits) {
+    if (auto begun = db_.begin(); !begun) return begun.error();
+    std::optional<double> latitude, longitude, cep;
+    if (message.where)
+        latitude = message.where->latitude_deg, longitude = message.where->longitude_deg, cep = message.where->cep_km;
+    auto added = db_.execute(
+        "INSERT OR IGNORE INTO mo(imei, momsn, session_time, path, status, mtmsn, latitude, longitude, cep_km, data, "
+        "received_at)"
+        " VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        {message.imei, std::int64_t{message.momsn}, std::int64_t{message.session_time.time_since_epoch().count()},
+         std::string(path), std::int64_t{message.session_status}, std::int64_t{message.mtmsn}, optional_real(latitude),
+         optional_real(longitude), optional_real(cep), message.data, number(now)});
+    if (added && *added == 1) {
+        if (auto charged = charge(now, false, 1, static_cast<std::int64_t>(message.data.size()),
+                                  static_cast<std::int64_t>(credits));
+            !charged)
+            added = charged.error();
+    }
+    if (!added) {
+        db_.rollback();
+        return added.error();
+    }
+    if (auto done = db_.commit(); !done) return done.error();
+    return *added == 1;
+}
+
+ise::result<std::vector<sbd_store::kept_message>> sbd_store::unpublished(std::size_t most, std::int64_t after) {
+    auto rows = db_.query(
+        "SELECT rowid, imei, momsn, session_time, status, mtmsn, latitude, longitude, cep_km, data, received_at FROM mo"
+        " WHERE published = 0 AND rowid > ? ORDER BY rowid LIMIT ?",
+        {after, static_cast<std::int64_t>(most)});
+    if (!rows) return rows.error();
+    std::vector<kept_message> out;
+    for (const auto& row : *rows) {
+        kept_message one;
+        one.row = row.integer(0);
+        auto& m = one.message;
+        m.imei = row.text(1);
+        m.momsn = static_cast<std::uint16_t>(row.integer(2));
+        m.session_time = std::chrono::sys_seconds(std::chrono::seconds(row.integer(3)));
+        m.session_status = static_cast<std::uint8_t>(row.integer(4));
+        m.mtmsn = static_cast<std::uint16_t>(row.integer(5));
+        if (!row.is_null(6)) m.where = iridium::estimate{row.real(6), row.real(7), row.real(8)};
+        m.data = row.bytes(9);
+        one.received_at = time_of(row.integer(10));
+        out.push_back(std::move(one));
+    }
+    return out;
+}
+
+ise::result<std::uint64_t> sbd_store::count_unpublished() {
+    auto rows = db_.query("SELECT count(*) FROM mo WHERE published = 0");
+    if (!rows) return rows.error();
+    return static_cast<std::uint64_t>(rows->at(0).integer(0));
+}
+
+ise::result<void> sbd_store::published(std::int64_t row) {
+    auto done = db_.execute("UPDATE mo SET published = 1 WHERE rowid = ?", {row});
+    if (!done) return done.error();
+    return {};
+}
+
+ise::result<std::vector<mt_entry>> sbd_store::load() {
+    auto rows = db_.query("SELECT id, command, ordinal, stage, may_have_left, text, result, value, reference, "
+                          "attempts, asked_at, expires_at,"
+                          " changed_at, next_try FROM mt ORDER BY changed_at DESC LIMIT 1000");
+    if (!rows) return rows.error();
+    std::vector<mt_entry> out;
+    for (const auto& row : *rows) {
+        mt_entry e;
+        e.id = static_cast<std::uint32_t>(row.integer(0));
+        try {
+            e.command = ise::from_json<boat_command>(row.text(1));
+        } catch (const ise::error& why) {
+            return ise::failure(ise::errc::io_failed,
+                                fmt::format("{}: telecommand {} cannot be read: {}", db_.file(), e.id, why.what()));
+        }
+        e.order = static_cast<std::uint64_t>(row.integer(2));
+        e.stage = static_cast<iridium_stage>(row.integer(3));
+        e.may_have_left = row.integer(4) != 0;
+        e.text = row.text(5);
+        if (!row.is_null(6)) e.result = static_cast<ack_code>(row.integer(6));
+        if (!row.is_null(7)) e.value = static_cast<float>(row.real(7));
+        e.reference = row.text(8);
+        e.attempts = static_cast<std::uint32_t>(row.integer(9));
+        e.asked_at = time_of(row.integer(10));
+        e.expires_at = time_of(row.integer(11));
+        e.changed_at = time_of(row.integer(12));
+        e.next_try = time_of(row.integer(13));
+        out.push_back(std::move(e));
+    }
+    return out;
+}
+
+ise::result<void> sbd_store::save(const mt_entry& e) {
+    database_value result, value;
+    if (e.result) result = static_cast<std::int64_t>(*e.result);
+    if (e.value) value = static_cast<double>(*e.value);
+    auto done = db_.execute("INSERT OR REPLACE INTO mt(id, command, ordinal, stage, may_have_left, text, result, "
+                            "value, reference, attempts, asked_at,"
+                            " expires_at, changed_at, next_try) VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                            {std::int64_t{e.id}, ise::to_json(e.command), static_cast<std::int64_t>(e.order),
+                             static_cast<std::int64_t>(e.stage), std::int64_t{e.may_have_left}, e.text, result, value,
+                             e.reference, std::int64_t{e.attempts}, number(e.asked_at), number(e.expires_at),
+                             number(e.changed_at), number(e.next_try)});
+    if (!done) return done.error();
+    return {};
+}
+
+ise::result<void> sbd_store::begin_attempt(const mt_entry& entry, utc_time now, std::size_t bytes,
+                                           std::uint64_t credits) {
+    if (auto begun = db_.begin(); !begun) return begun;
+    auto saved = save(entry);
+    if (saved) saved = charge(now, true, 1, static_cast<std::int64_t>(bytes), static_cast<std::int64_t>(credits));
+    if (!saved) {
+        db_.rollback();
+        return saved;
+    }
+    return db_.commit();
+}
+
+ise::result<void> sbd_store::refund(utc_time charged_at, std::size_t bytes, std::uint64_t credits) {
+    return charge(charged_at, true, -1, -static_cast<std::int64_t>(bytes), -static_cast<std::int64_t>(credits));
+}
+
+ise::result<void> sbd_store::charge(utc_time at, bool to_boat, std::int64_t messages, std::int64_t bytes,
+                                    std::int64_t credits) {
+    auto done = db_.execute("INSERT INTO spending(day, to_boat, messages, bytes, credits) VALUES(?, ?, ?, ?, ?) ON "
+                            "CONFLICT(day, to_boat) DO UPDATE"
+                            " SET messages = messages + excluded.messages, bytes = bytes + excluded.bytes, credits = "
+                            "credits + excluded.credits",
+                            {day_text(at), std::int64_t{to_boat}, messages, bytes, credits});
+    if (!done) return done.error();
+    return {};
+}
+
+ise::result<iridium_spending> sbd_store::spent(std::string_view like) {
+    auto rows = db_.query(
+        "SELECT to_boat, sum(messages), sum(bytes), sum(credits) FROM spending WHERE day LIKE ? GROUP BY to_boat",
+        {std::string(like)});
+    if (!rows) return rows.error();
+    iridium_spending out;
+    for (const auto& row : *rows) {
+        auto at = [&](std::size_t column) {
+            return static_cast<std::uint64_t>(std::max<std::int64_t>(0, row.integer(column)));
+        };
+        if (row.integer(0) != 0) out.mt_messages = at(1), out.mt_bytes = at(2), out.mt_credits = at(3);
+        else out.mo_messages = at(1), out.mo_bytes = at(2), out.mo_credits = at(3);
+    }
+    return out;
+}
+
+ise::result<iridium_spending> sbd_store::spent_on(utc_time day) { return spent(day_text(day)); }
+ise::result<iridium_spending> sbd_store::spent_in_month_of(utc_time day) {
+    return spent(day_text(day).substr(0, 8) + "%");
+}
+ise::result<iridium_spending> sbd_store::spent_ever() { return spent("%"); }
+
+ise::result<void> sbd_store::forget_before(utc_time then) {
+    auto messages = db_.execute("DELETE FROM mo WHERE published = 1 AND received_at < ?", {number(then)});
+    if (!messages) return messages.error();
+    auto commands = db_.execute("DELETE FROM mt WHERE stage >= ? AND changed_at < ?",
+                                {static_cast<std::int64_t>(iridium_stage::acknowledged), number(then)});
+    if (!commands) return commands.error();
+    return {};
+}
+
+} // namespace atirma
