@@ -369,9 +369,8 @@ void http_server::listen() {
         self.bound_port = 0;
         // Asio 1.22's own category does not compare with std::errc; the system's does, and the numbers are the same.
         std::error_code code(why.code().value(), std::system_category());
-        auto hint = code == std::errc::address_in_use ? " (another program listens there; choose another port)" : "";
         auto cause = ise::io_failure(fmt::format("web server: cannot listen on {} port {}", self.options.address, self.options.port), code);
-        throw ise::error(cause.code(), cause.message() + hint);
+        throw ise::error(cause);
     }
     self.server = std::move(server);
     self.stopped = false;

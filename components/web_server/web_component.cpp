@@ -77,27 +77,26 @@ ise::task<> web_server::follow(std::string path) {
     auto proxy = find_component(*this, path);
     auto pause = 500ms;
     show_link(path, false, "waits for it");
+    // Of a communication node also what it kept before the page started.
+    telemetry_follower follower(*this, proxy, [this, &pause](const telemetry_packet& packet) {
+        pause = 500ms;
+        watch_links();
+        for (const auto& event : feed_->take(packet, clock())) publish(event);
+    });
+    follower.from = clock() - options_.track.max_age;
+    struct registered {
+        web_server& self;
+        const std::string& path;
+        ~registered() { self.followers_.erase(path); }
+    } guard{*this, path};
+    followers_[path] = &follower;
     for (;;) {
         std::string why;
         try {
-            auto packets = co_await proxy.subscribe(services::telemetry);
-            pause = 500ms;
-            struct registered {
-                web_server& self;
-                const std::string& path;
-                ~registered() { self.streams_.erase(path); }
-            } guard{*this, path};
-            streams_[path] = &packets;
-            watch_links();
-            for (;;) {
-                auto packet = co_await packets.next();
-                if (!packet) break;
-                for (const auto& event : feed_->take(*packet, clock())) publish(event);
-            }
-            why = packets.cause().message();
+            co_await follower.run();
+            why = "its provider has ended the subscription";
         } catch (const ise::error& problem) {
-            if (problem.code() == ise::errc::cancelled) throw;
-            why = problem.what();
+            why = problem.what(); // also of a provider that stops meanwhile; our own end throws at the next suspension
         }
         show_link(path, false, why);
         co_await sleep(pause);
@@ -112,7 +111,8 @@ void web_server::publish(const page_event& event) {
 
 /// A subscription heals by itself: that it is cut off now shows only here.
 void web_server::watch_links() {
-    for (const auto& [path, stream] : streams_) show_link(path, stream->connected(), stream->connected() ? "" : "its proxy is not reached");
+    for (const auto& [path, follower] : followers_)
+        if (follower->connected() || links_[path]) show_link(path, follower->connected(), follower->connected() ? "" : "it is not reached");
 }
 
 void web_server::show_link(const std::string& path, bool connected, std::string detail) {

@@ -1,4 +1,5 @@
 #pragma once
+#include <components/boat/telemetry_follower.hpp>
 #include <components/web_server/http_server.hpp>
 #include <components/web_server/telemetry_feed.hpp>
 
@@ -13,7 +14,7 @@ namespace atirma {
 
 struct web_server_options {
     http_options http;
-    std::vector<std::string> telemetry;        ///< paths of the proxies whose `telemetry` is shown
+    std::vector<std::string> telemetry;        ///< paths of the proxies whose `telemetry` is shown, or the role of the communication nodes
     track_options track;                       ///< its `epoch` is chosen anew at each start
     bool headless = false;                     ///< keeps the state and opens no port: for the virtual world
     std::function<void(const std::string& url)> on_listening; ///< on the component's loop
@@ -49,7 +50,7 @@ private:
     std::unique_ptr<http_server> server_;
     sse_channel* events_out_ = nullptr;
     std::map<std::string, bool> links_; ///< by path: whether telemetry can come now
-    std::map<std::string, const ise::stream_of<ise::subscription<telemetry_packet>>*> streams_; ///< those that were made
+    std::map<std::string, const telemetry_follower*> followers_;
     std::uint64_t events_ = 0;
 };
 

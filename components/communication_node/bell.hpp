@@ -1,0 +1,47 @@
+#pragma once
+#include <ise/core/task.hpp>
+#include <ise/core/waiter.hpp>
+
+#include <asio/error.hpp>
+
+#include <list>
+#include <system_error>
+
+namespace atirma {
+
+/// Coroutines of one loop wait here until something has changed; then each looks for itself whether it was that.
+class bell {
+public:
+    explicit bell(ise::loop& on) : loop_(on) {}
+
+    /// Completes when the bell is rung, or at `until`. Cancellation: terminal, throws operation_aborted.
+    ise::task<> wait(ise::time_point until) {
+        waiting here(loop_);
+        struct listed {
+            std::list<waiting*>& in;
+            std::list<waiting*>::iterator at;
+            ~listed() { in.erase(at); }
+        } guard{waiting_, waiting_.insert(waiting_.end(), &here)};
+        if (until != ise::time_point::max()) here.late.arm(until);
+        co_await here.wake.wait();
+    }
+
+    void ring() {
+        for (auto* one : waiting_) one->wake.resume({});
+    }
+    std::size_t waiting_count() const noexcept { return waiting_.size(); }
+
+private:
+    struct waiting {
+        explicit waiting(ise::loop& on)
+            : wake(on, [this] { wake.resume(asio::error::operation_aborted); }), late(on, [this] { wake.resume({}); }) {
+        }
+        ise::waiter<std::error_code> wake;
+        ise::timer late;
+    };
+
+    ise::loop& loop_;
+    std::list<waiting*> waiting_;
+};
+
+} // namespace atirma

@@ -1,0 +1,240 @@
+#include <components/communication_node/command_desk.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <tuple>
+
+namespace atirma {
+namespace {
+
+constexpr ise::duration look_again = std::chrono::seconds(1); // while no link is reached
+
+int rank(telecommand_stage stage) {
+    switch (stage) {
+        case telecommand_stage::acknowledged: return 4;
+        case telecommand_stage::expired: return 3;
+        case telecommand_stage::failed: return 3;
+        case telecommand_stage::sent: return 2;
+        default: return 1;
+    }
+}
+
+ise::duration until(utc_time later, utc_time wall) { return std::chrono::duration_cast<ise::duration>(later - wall); }
+
+} // namespace
+
+bool knows_more(const command_record& a, const command_record& b) noexcept {
+    auto key = [](const command_record& of) {
+        return std::tuple(rank(of.status.state), of.status.at, std::string_view(of.node));
+    };
+    return key(a) > key(b);
+}
+
+ise::result<command_record> command_desk::prepare(utc_time wall, const telecommand_request& request,
+                                                  std::uint32_t chosen, const std::string& asked_by,
+                                                  std::uint32_t authority, const std::string& node) const {
+    if (auto good = check_request(request); !good) return good.error();
+    if (open_.size() >= options_.max_open)
+        return ise::failure(ise::errc::overloaded,
+                            fmt::format("{} telecommands wait for the boat already", open_.size()));
+    command_record made;
+    made.status.id = request.id != 0 ? request.id : chosen;
+    made.status.kind = request.command.kind;
+    made.status.command = request.command;
+    made.status.asked_by = asked_by;
+    made.status.asked_at = wall;
+    made.status.at = wall;
+    made.status.authority = authority;
+    made.status.text = "waits for a link";
+    if (request.via) made.status.link = *request.via;
+    made.valid_until =
+        wall + std::chrono::milliseconds(static_cast<std::int64_t>(static_cast<double>(request.valid_s) * 1000));
+    made.via = request.via;
+    made.node = node;
+    return made;
+}
+
+bool command_desk::know(ise::time_point now, utc_time wall, const command_record& record, const std::string& me) {
+    auto id = record.status.id;
+    auto found = entries_.find(id);
+    if (found == entries_.end()) {
+        entry made;
+        made.record = record;
+        made.expires = ise::saturating_add(now, until(record.valid_until, wall));
+        made.mine = record.node == me;
+        entries_.emplace(id, std::move(made));
+        if (is_final(record.status.state)) decided_.push_back(id);
+        else open_.push_back(id);
+        decided(0);
+        return true;
+    }
+    auto& e = found->second;
+    if (!knows_more(record, e.record)) return false;
+    bool was_open = !is_final(e.record.status.state);
+    e.record = record;
+    e.mine = record.node == me;
+    if (was_open && is_final(record.status.state)) decided(id);
+    return true;
+}
+
+void command_desk::take_over(ise::time_point now, utc_time wall, const std::string& me) {
+    for (auto id : std::vector(open_)) {
+        auto& e = entries_.at(id);
+        if (e.mine || e.expires <= now) continue;
+        e.mine = true;
+        e.record.node = me;
+        change(e, wall, e.record.status.state, "is taken over, as the node that had it is silent");
+    }
+}
+
+/// When another link may be tried; nothing where none may.
+std::optional<ise::time_point> command_desk::next_link_at(const entry& e, const link_table& links) const {
+    auto at = ise::time_point::min();
+    for (const auto& [link, given] : e.links) {
+        if (!given.given) continue;
+        if (e.record.via) return std::nullopt;
+        if (!given.refused) at = std::max(at, ise::saturating_add(given.since, links.patience(link)));
+    }
+    return at;
+}
+
+std::optional<command_desk::give> command_desk::next_give(ise::time_point now, utc_time wall, const link_table& links) {
+    on_time(now, wall);
+    for (auto id : open_) {
+        auto& e = entries_.at(id);
+        if (!e.mine || e.expires - now < std::chrono::seconds(1)) continue;
+        auto at = next_link_at(e, links);
+        if (!at || *at > now) continue;
+        std::set<link_id> tried;
+        bool waits = false; // a link that has it already, and did not refuse it
+        for (const auto& [link, given] : e.links) {
+            if (!given.given) continue;
+            tried.insert(link);
+            waits = waits || !given.refused;
+        }
+        auto link = e.record.via ? e.record.via : links.best(now, tried);
+        // A second link only where the boat is heard: it is no use to wait for two that are dead.
+        if (!link || (waits && !links.alive(*link, now))) continue;
+        e.links[*link].given = true;
+        e.links[*link].since = now;
+        give made;
+        made.id = id;
+        made.link = *link;
+        made.request.id = id;
+        made.request.command = e.record.status.command.value_or(boat_command());
+        made.request.valid_s = std::clamp(std::chrono::duration<float>(e.expires - now).count(), 1.0f, 86400.0f);
+        made.request.authority = e.record.status.authority;
+        bool first = tried.empty();
+        e.record.status.link = *link;
+        change(e, wall, e.record.status.state,
+               first ? fmt::format("is given to {}", name_of(*link))
+                     : fmt::format("is given to {} too", name_of(*link)));
+        return made;
+    }
+    return std::nullopt;
+}
+
+void command_desk::on_status(utc_time wall, link_id link, const telecommand_status& status) {
+    auto found = entries_.find(status.id);
+    if (found == entries_.end() || found->second.record.status.kind != status.kind) return;
+    auto& e = found->second;
+    auto& mine = e.record.status;
+    if (mine.state == telecommand_stage::acknowledged) return;
+    auto& there = e.links[link];
+    there.attempts = std::max(there.attempts, status.attempts);
+    mine.attempts = 0;
+    for (const auto& [name, given] : e.links) mine.attempts += given.attempts;
+    if (status.state == telecommand_stage::acknowledged) {
+        mine.link = link;
+        mine.result = status.result;
+        mine.value = status.value;
+        if (status.result == ack_code::no_authority)
+            boat_epoch_ = std::max(boat_epoch_, static_cast<std::uint32_t>(std::max(0.0f, status.value.value_or(0))));
+        change(e, wall, telecommand_stage::acknowledged, status.text);
+        return;
+    }
+    if (is_final(mine.state)) return;
+    if (status.state == telecommand_stage::failed) {
+        there.refused = true;
+        change(e, wall, mine.state, fmt::format("{}: {}", name_of(link), status.text));
+    } else if (status.state == telecommand_stage::sent &&
+               (there.stage != telecommand_stage::sent || mine.state != telecommand_stage::sent)) {
+        there.stage = telecommand_stage::sent;
+        mine.link = link;
+        change(e, wall, telecommand_stage::sent, status.text);
+    } else if (status.state == telecommand_stage::queued && !status.text.empty() && status.text != mine.text &&
+               mine.link == link) {
+        change(e, wall, mine.state, status.text);
+    }
+}
+
+void command_desk::on_refused(ise::time_point, utc_time wall, std::uint32_t id, link_id link, const std::string& why) {
+    auto found = entries_.find(id);
+    if (found == entries_.end() || is_final(found->second.record.status.state)) return;
+    auto& e = found->second;
+    e.links[link].refused = true;
+    auto text = fmt::format("{} refuses it: {}", name_of(link), why);
+    change(e, wall, e.record.via ? telecommand_stage::failed : e.record.status.state, text);
+}
+
+void command_desk::on_time(ise::time_point now, utc_time wall) {
+    for (auto id : std::vector(open_)) {
+        auto& e = entries_.at(id);
+        // Another node's is left to it for a while longer: it may have heard the boat.
+        if (ise::saturating_add(e.expires, e.mine ? ise::duration() : ise::duration(std::chrono::seconds(30))) > now)
+            continue;
+        auto why = e.record.status.state == telecommand_stage::sent
+                       ? "its time was over without the boat's answer: it may have been executed"
+                       : "its time was over before it could be sent: " + e.record.status.text;
+        change(e, wall, telecommand_stage::expired, why);
+    }
+}
+
+ise::time_point command_desk::next_event(ise::time_point now, const link_table& links) const {
+    auto next = ise::time_point::max();
+    for (auto id : open_) {
+        const auto& e = entries_.at(id);
+        next = std::min(
+            next, ise::saturating_add(e.expires, e.mine ? ise::duration() : ise::duration(std::chrono::seconds(30))));
+        if (!e.mine) continue;
+        if (auto at = next_link_at(e, links))
+            next = std::min(next, std::max(*at, ise::saturating_add(now, look_again)));
+    }
+    return next;
+}
+
+const command_record* command_desk::find(std::uint32_t id) const {
+    auto found = entries_.find(id);
+    return found == entries_.end() ? nullptr : &found->second.record;
+}
+
+std::vector<telecommand_status> command_desk::open() const {
+    std::vector<telecommand_status> all;
+    for (auto id : open_) all.push_back(entries_.at(id).record.status);
+    return all;
+}
+
+void command_desk::change(entry& e, utc_time wall, telecommand_stage stage, std::string text) {
+    bool was_final = is_final(e.record.status.state);
+    e.record.status.state = stage;
+    e.record.status.text = std::move(text);
+    e.record.status.at =
+        std::max(wall, e.record.status.at + std::chrono::milliseconds(1)); // each change is later than the last
+    changes_.push_back(e.record);
+    if (!was_final && is_final(stage)) decided(e.record.status.id);
+}
+
+void command_desk::decided(std::uint32_t id) {
+    if (id != 0) {
+        std::erase(open_, id);
+        decided_.push_back(id);
+    }
+    while (decided_.size() > options_.max_remembered) {
+        auto oldest = decided_.front();
+        decided_.pop_front();
+        if (oldest != id) entries_.erase(oldest);
+    }
+}
+
+} // namespace atirma

@@ -1,0 +1,89 @@
+#pragma once
+#include <components/communication_node/link_table.hpp>
+#include <components/communication_node/services.hpp>
+
+#include <deque>
+
+namespace atirma {
+
+struct desk_options {
+    std::size_t max_open = 64;        ///< telecommands that are not decided; above: overloaded
+    std::size_t max_remembered = 512; ///< decided ones in memory; older ones are on disk
+};
+
+/// The telecommands of the whole boat, without I/O: which one is given to which link when, to another link when the
+/// first does not deliver, and what the links' answers mean for it. The boat executes an id once, so that the same one
+/// may take several links. A link that has one goes on trying until its validity is over. Bounded.
+///
+///     auto id = desk.submit(now, wall, request, chosen, "ana", epoch, "atirma/shore/node-1");
+///     for (auto& changed : desk.take_changes()) put it to disk, tell everybody
+///     while (auto give = desk.next_give(now, wall, links)) give->request to the proxy of give->link
+///     desk.on_status(wall, link, what the proxy says)
+class command_desk {
+public:
+    explicit command_desk(desk_options options = desk_options()) : options_(options) {}
+
+    /// Takes a telecommand; of an id that is known already, which must mean the same, nothing new. The record, to be
+    /// put to disk. Errors: invalid_argument, overloaded.
+    ise::result<command_record> prepare(utc_time wall, const telecommand_request& request, std::uint32_t chosen,
+                                        const std::string& asked_by, std::uint32_t authority,
+                                        const std::string& node) const;
+    /// One that is on disk: prepared here, read at the start, or told by the other node. It is driven where
+    /// `record.node` is `me`. True if it changed what was known.
+    bool know(ise::time_point now, utc_time wall, const command_record& record, const std::string& me);
+    /// The open ones of another node become ours; those that changed are told by `take_changes`.
+    void take_over(ise::time_point now, utc_time wall, const std::string& me);
+
+    struct give {
+        std::uint32_t id = 0;
+        link_id link = link_id::xbee;
+        telecommand_request request; ///< with what is left of its validity
+    };
+    /// One that is to be given to a link now; it counts as given until it is decided.
+    std::optional<give> next_give(ise::time_point now, utc_time wall, const link_table& links);
+    /// What the proxy of a link says of it.
+    void on_status(utc_time wall, link_id link, const telecommand_status& status);
+    /// The proxy will not have it; another link may.
+    void on_refused(ise::time_point now, utc_time wall, std::uint32_t id, link_id link, const std::string& why);
+    void on_time(ise::time_point now, utc_time wall);
+    /// When `on_time` and `next_give` may have something to do.
+    ise::time_point next_event(ise::time_point now, const link_table& links) const;
+
+    const command_record* find(std::uint32_t id) const;
+    std::vector<telecommand_status> open() const;
+    std::size_t open_count() const noexcept { return open_.size(); }
+    /// The epochs of the boat's refusals for want of authority since the last call, 0 for none.
+    std::uint32_t take_boat_epoch() noexcept { return std::exchange(boat_epoch_, 0); }
+    std::vector<command_record> take_changes() { return std::exchange(changes_, {}); }
+
+private:
+    struct at_link {
+        bool given = false;       // by this node; else another one did, and a status came
+        ise::time_point since{};
+        bool refused = false;
+        std::uint32_t attempts = 0;
+        telecommand_stage stage = telecommand_stage::queued;
+    };
+    struct entry {
+        command_record record;
+        ise::time_point expires{};
+        bool mine = false;
+        std::map<link_id, at_link> links;
+    };
+    void change(entry& e, utc_time wall, telecommand_stage stage, std::string text);
+    void decided(std::uint32_t id);
+    std::optional<ise::time_point> next_link_at(const entry& e, const link_table& links) const;
+
+    desk_options options_;
+    std::map<std::uint32_t, entry> entries_;
+    std::vector<std::uint32_t> open_; // as they were asked for
+    std::deque<std::uint32_t> decided_;
+    std::vector<command_record> changes_;
+    std::uint32_t boat_epoch_ = 0;
+};
+
+/// Of two records of one telecommand the one that knows more: an answer of the boat before any other end, an end before
+/// none, then the later. Both nodes come to the same.
+bool knows_more(const command_record& a, const command_record& b) noexcept;
+
+} // namespace atirma

@@ -1,0 +1,190 @@
+#include <components/communication_node/node_core.hpp>
+
+#include <fmt/format.h>
+
+namespace atirma {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::int32_t primary_priority = 100, secondary_priority = 50;
+constexpr ise::duration housekeeping = 1s;
+
+// Operators are known by their path; who has none, by where he is.
+std::string operator_of(std::string_view caller) {
+    auto text = std::string(caller.substr(0, caller.find(" ("))); // "path (address)"
+    if (text.find("://") == std::string::npos) return text;
+    auto where = ise::endpoint::parse(text);
+    return "anonymous@" + (where && !where->host.empty() ? where->host : std::string("here"));
+}
+
+} // namespace
+
+communication_node::communication_node(communication_node_options options) : options_(std::move(options)) {
+    announce_when_ready();
+}
+communication_node::~communication_node() = default;
+
+utc_time communication_node::clock() const { return std::chrono::floor<std::chrono::milliseconds>(wall()); }
+
+ise::task<> communication_node::run() {
+    auto refuse = [](const std::string& why) { throw ise::error(ise::errc::invalid_argument, why); };
+    if (options_.silence < 1s)
+        refuse("a communication node gives the other one up after 1 s of silence at the earliest");
+    if (!options_.peer.empty() && options_.peer == path())
+        refuse(fmt::format("'{}' cannot back itself: name the other node as its peer", path()));
+    for (const auto& proxy : options_.proxies)
+        if (std::ranges::count_if(options_.proxies, [&](auto& other) { return other.link == proxy.link; }) > 1)
+            refuse(fmt::format("two proxies for {}: each link has one", name_of(proxy.link)));
+    auto opened = node_store::open(options_.file, env().random());
+    for (std::string said; !opened; opened = node_store::open(options_.file, env().random())) {
+        // A disk that is full, or not mounted yet, may be there later; a file that is none of ours never is.
+        if (opened.error().code() != ise::errc::io_failed) throw ise::error(opened.error());
+        if (opened.error().message() != said)
+            log().error("its store cannot be opened; it is tried again every second",
+                        {{"cause", opened.error().message()}});
+        said = opened.error().message();
+        co_await sleep(housekeeping);
+    }
+    core_ = std::make_unique<core>(*this, std::move(*opened), options_);
+    auto& c = *core_;
+    c.shown = c.store.head(); // whoever was told of less catches up by `track`
+    auto newest = c.store.newest();
+    for (auto& [kind, at] : newest.value()) c.newest.know(kind, at);
+    auto last_location = c.store.last_of(1); // the type of a location on air
+    if (auto& last = last_location.value()) note_fix(*last);
+    auto authority = c.store.authority();
+    c.authority.apply(authority.value().first, authority.value().second);
+    auto open = c.store.open_commands();
+    for (const auto& record : open.value()) c.desk.know(now(), clock(), record, path());
+    log().info("its store is open", {{"file", options_.file},
+                                     {"packets", std::to_string(c.store.head())},
+                                     {"telecommands open", std::to_string(c.desk.open_count())}});
+    provide_all();
+    co_await ready();
+    for (std::size_t i = 0; i < options_.proxies.size(); ++i) {
+        const auto& one = options_.proxies[i];
+        c.proxies[i].proxy = find_component(*this, one.path);
+        c.proxies[i].health.link = one.link;
+        c.proxies[i].health.proxy = one.path;
+        spawn(fmt::format("telemetry over {}", name_of(one.link)), follow_telemetry(i));
+        spawn(fmt::format("telecommands over {}", name_of(one.link)), follow_states(i));
+    }
+    if (!options_.peer.empty()) spawn("the other node", follow_peer());
+    for (;;) {
+        tick();
+        co_await sleep(housekeeping);
+    }
+}
+
+void communication_node::provide_all() {
+    auto& c = *core_;
+    c.telemetry = publish(services::telemetry);
+    c.authorities = publish(services::authority_changes);
+    c.state = publish(services::communication);
+    ise::publication_callbacks<core::states_contract> follow;
+    follow.on_subscribe = [this](const follow_telecommand& which,
+                                 const ise::subscriber_info& who) -> ise::result<followed_telecommands> {
+        core_->followers[who.number] = which.id;
+        followed_telecommands answer;
+        if (which.id == 0) answer.now = core_->desk.open();
+        else if (const auto* known = core_->desk.find(which.id)) answer.now.push_back(known->status);
+        return answer;
+    };
+    follow.on_unsubscribe = [this](const auto&, const ise::subscriber_info& who) {
+        core_->followers.erase(who.number);
+        return ise::nothing{};
+    };
+    c.states = publish(services::telecommand_state, std::move(follow));
+    c.authorities(c.authority.now());
+    provide(services::telemetry_store, [this](keep_request request) { return keep(std::move(request)); });
+    provide(services::track, [this](track_request request) { return track(request); });
+    provide(services::telecommand, [this](telecommand_request request, const ise::call_context& context) {
+        return command(std::move(request), operator_of(context.caller), context.deadline);
+    });
+    provide(services::authority, [this](authority_request request, const ise::call_context& context) {
+        return change_authority(std::move(request), operator_of(context.caller));
+    });
+    provide(services::telecommand_record, [this](record_request request) { return record(request); });
+    provide(services::replication, [this](replication_request request) { return tell_peer(std::move(request)); });
+}
+
+void communication_node::tick() {
+    auto& c = *core_;
+    for (auto& one : c.proxies) {
+        one.health.reached = one.stream && one.stream->connected();
+        c.links.reached(one.health.link, one.health.reached);
+    }
+    if (c.peer.silent(now())) c.desk.take_over(now(), clock(), path());
+    else c.silence.arm(c.peer.silent_at());
+    if (!c.held.empty() || !c.trouble.empty()) take_held();
+    if (now() >= c.next_prune && c.trouble.empty()) {
+        auto removed = c.store.prune(options_.max_packets, options_.max_commands);
+        if (!removed) disk(&removed.error());
+        c.next_prune = now() + (removed && *removed > 0 ? ise::duration(10s) : ise::duration(1h));
+    }
+    show();
+    work();
+    consider_serving();
+    if (now() < c.next_state) return;
+    c.next_state = now() + options_.state_period;
+    c.state(how());
+}
+
+/// Under the role stands who can keep what he is given and knows what the other one knows; or who is the only one.
+void communication_node::consider_serving() {
+    auto& c = *core_;
+    bool alone = c.peer.silent(now());
+    bool serve = alone || (c.trouble.empty() ? c.caught_up && c.held.empty() : !c.peer.lives(now()));
+    if (serve == c.serving || options_.role.empty()) return;
+    c.serving = serve;
+    if (serve) serve_role(options_.role, options_.secondary ? secondary_priority : primary_priority);
+    else leave_role(options_.role);
+    log().info(serve ? "serves the role" : "leaves the role to the other node",
+               {{"role", options_.role}, {"trouble", c.trouble}});
+}
+
+/// How the disk fared; null: it took what it was given.
+void communication_node::disk(const ise::failure* why) {
+    auto& c = *core_;
+    if (!why) {
+        if (c.trouble.empty()) return;
+        log().info("the store takes packets again", {{"held", std::to_string(c.held.size())}});
+        c.trouble.clear();
+        c.caught_up = options_.peer.empty(); // the other one may have gone on alone
+        return;
+    }
+    if (c.trouble.empty()) log().error("nothing can be kept", {{"cause", why->message()}});
+    c.trouble = why->message();
+    consider_serving();
+}
+
+communication_state communication_node::how() const {
+    communication_state made;
+    made.node = path();
+    made.secondary = options_.secondary;
+    made.peer = options_.peer;
+    if (!core_) return made;
+    const auto& c = *core_;
+    made.serving = c.serving;
+    made.trouble = !c.trouble.empty() ? c.trouble : c.peer_trouble;
+    made.store = c.store.number();
+    made.packets = c.store.head();
+    made.shown = c.shown;
+    made.duplicates = c.duplicates;
+    made.refused = c.refused;
+    made.held = c.held.size();
+    made.dropped = c.dropped;
+    made.peer_lives = c.peer.lives(now());
+    made.peer_misses = options_.peer.empty() ? 0 : c.store.head() - std::min(c.store.head(), c.peer.packets());
+    for (const auto& one : c.proxies) {
+        made.links.push_back(one.health);
+        made.links.back().alive = c.links.alive(one.health.link, now());
+    }
+    made.fix = c.fix;
+    made.telecommands_open = c.desk.open_count();
+    made.authority = c.authority.now();
+    return made;
+}
+
+} // namespace atirma

@@ -1,0 +1,88 @@
+#pragma once
+#include <components/communication_node/command_desk.hpp>
+
+#include <ise/component/component.hpp>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace atirma {
+
+struct proxy_of_link {
+    link_id link = link_id::xbee;
+    std::string path;                     ///< or an endpoint
+};
+
+struct communication_node_options {
+    std::string file = "communication.db";///< of its store; "memory:NAME" on the virtual world
+    bool secondary = false;               ///< backs the primary: the lower priority under the role
+    std::string peer;                     ///< path of the other node; empty: it stands alone
+    std::vector<proxy_of_link> proxies;
+    std::string role = std::string(communication_role); ///< empty: it serves none
+    ise::duration silence = std::chrono::seconds(3);    ///< the other node is given up for so long; at least 1 s
+    std::size_t max_held = 20'000;        ///< packets in memory while the disk takes none
+    ise::duration state_period = std::chrono::seconds(2);
+    std::uint64_t max_packets = 5'000'000; ///< on disk; then the oldest go. A gigabyte, and weeks at sea
+    std::uint64_t max_commands = 100'000;  ///< on record, the same
+    std::vector<link_terms> links = usual_links();
+    desk_options desk;
+};
+
+/// The boat over all links together: keeps every packet of all proxies once, tells them on, takes the telecommands of
+/// all operators, and knows who has the authority. Two of them back each other. Services: those of a proxy
+/// (components/boat/services.hpp), `telemetry_store`, and components/boat/communication.hpp.
+///
+/// A store that cannot be opened is tried again, and the log says why; that of a newer program ends `run()` with an
+/// error. While the disk takes nothing packets wait in memory, nothing is acknowledged, and the other node serves the
+/// role.
+class communication_node final : public ise::component {
+public:
+    explicit communication_node(communication_node_options options = communication_node_options());
+    ~communication_node() override;
+
+    /// On the component's loop; nothing before its store is open.
+    communication_state how() const;
+
+private:
+    struct core; // node_core.hpp
+
+    ise::task<> run() override;
+    void provide_all();
+    void tick();
+    void consider_serving();
+    utc_time clock() const;
+    void disk(const ise::failure* why);
+
+    // node_telemetry.cpp
+    ise::task<> follow_telemetry(std::size_t proxy);
+    ise::result<std::uint64_t> take(std::vector<telemetry_packet> packets);
+    void take_or_hold(std::vector<telemetry_packet> packets);
+    void take_held();
+    void show();
+    void note_fix(const telemetry_packet& packet);
+    ise::task<keep_reply> keep(keep_request request);
+    track_page track(const track_request& request);
+
+    // node_peer.cpp
+    ise::task<> follow_peer();
+    ise::result<void> take_page(replication_page page);
+    ise::task<replication_page> tell_peer(replication_request request);
+
+    // node_commands.cpp
+    void work();
+    void put_changes();
+    void tell(const telecommand_status& status);
+    ise::task<> drive(command_desk::give what);
+    ise::task<> follow_states(std::size_t proxy);
+    ise::result<void> begin_command(const command_record& record);
+    ise::task<telecommand_reply> command(telecommand_request request, std::string who, ise::time_point deadline);
+    ise::task<authority_state> change_authority(authority_request request, std::string who);
+    void announce_authority();
+    record_page record(const record_request& request);
+
+    communication_node_options options_;
+    std::unique_ptr<core> core_;
+};
+
+} // namespace atirma

@@ -1,0 +1,248 @@
+// What goes to the boat, and who may send it.
+#include <components/communication_node/node_core.hpp>
+
+#include <fmt/format.h>
+
+namespace atirma {
+namespace {
+
+using namespace std::chrono_literals;
+
+// Before the caller's deadline, so that "pending" still reaches it.
+ise::duration reply_margin(ise::duration left) { return std::clamp<ise::duration>(left / 5, 20ms, 800ms); }
+
+ise::error refused(std::string why) { return ise::error(ise::errc::refused, std::move(why)); }
+
+telecommand_reply reply_of(const telecommand_status& status) {
+    telecommand_reply made;
+    made.id = status.id;
+    made.state = is_final(status.state) ? status.state : telecommand_stage::pending;
+    made.result = status.result;
+    made.value = status.value;
+    made.text = status.text;
+    return made;
+}
+
+} // namespace
+
+/// Gives what is due to the links, puts to disk and tells what changed, and looks when to come again.
+void communication_node::work() {
+    auto& c = *core_;
+    if (c.working) return;
+    c.working = true;
+    c.desk.on_time(now(), clock());
+    while (auto give = c.desk.next_give(now(), clock(), c.links)) {
+        put_changes();
+        auto name = fmt::format("telecommand {} over {}", give->id, name_of(give->link));
+        spawn(std::move(name), drive(std::move(*give)));
+    }
+    put_changes();
+    auto next = c.desk.next_event(now(), c.links);
+    if (next == ise::time_point::max()) c.due.disarm();
+    else c.due.arm(next);
+    c.working = false;
+}
+
+void communication_node::put_changes() {
+    auto& c = *core_;
+    auto changes = c.desk.take_changes();
+    for (const auto& record : changes) c.unsaved[record.status.id] = record; // the last state of each
+    if (!c.unsaved.empty()) {
+        std::vector<command_record> records;
+        for (const auto& [id, record] : c.unsaved) records.push_back(record);
+        auto put = c.store.put(records);
+        disk(put ? nullptr : &put.error());
+        if (put) c.unsaved.clear();
+        c.news.ring();
+    }
+    for (const auto& record : changes) tell(record.status);
+    c.authority.boat_obeys(c.desk.take_boat_epoch());
+}
+
+void communication_node::tell(const telecommand_status& status) {
+    auto& c = *core_;
+    c.states.to_some(status, [&](const ise::subscriber_info& subscriber) {
+        auto who = c.followers.find(subscriber.number);
+        return who == c.followers.end() || who->second == 0 || who->second == status.id;
+    });
+    if (is_final(status.state)) c.progress.ring();
+}
+
+/// One telecommand at one link, until it is decided. The proxy goes on by itself; asking again with the same id is
+/// safe, and needed after a proxy has forgotten it.
+ise::task<> communication_node::drive(command_desk::give what) {
+    auto& c = *core_;
+    auto position = c.store.commands_head();
+    while (c.peer.lives(now()) && !c.peer.has_commands(position)) co_await c.progress.wait(c.peer.silent_at());
+    auto proxy = std::ranges::find_if(c.proxies, [&](const auto& one) { return one.health.link == what.link; });
+    auto expires =
+        now() + std::chrono::duration_cast<ise::duration>(std::chrono::duration<float>(what.request.valid_s));
+    ise::duration pause = 500ms;
+    for (;;) {
+        const auto* record = c.desk.find(what.id);
+        auto left = expires - now();
+        if (!record || is_final(record->status.state) || record->node != path() || left < 1s) co_return;
+        what.request.valid_s = std::max(1.0f, std::chrono::duration<float>(left).count());
+        auto got =
+            co_await proxy->proxy.try_call(services::telecommand, what.request, std::min<ise::duration>(left, 60s));
+        if (got && got->state != telecommand_stage::pending) {
+            telecommand_status told;
+            told.id = what.id;
+            told.kind = what.request.command.kind;
+            told.state = got->state;
+            told.result = got->result;
+            told.value = got->value;
+            told.text = got->text;
+            c.desk.on_status(clock(), what.link, told);
+            if (got->state == telecommand_stage::acknowledged) c.links.heard(what.link, now());
+            work();
+            co_return;
+        }
+        if (!got && got.error().code() == ise::errc::refused) {
+            c.desk.on_refused(now(), clock(), what.id, what.link, got.error().message());
+            work();
+            co_return;
+        }
+        co_await sleep(pause);
+        pause = std::min<ise::duration>(pause * 2, 5s);
+    }
+}
+
+ise::task<> communication_node::follow_states(std::size_t which) {
+    auto& c = *core_;
+    auto& here = c.proxies[which];
+    for (;;) {
+        try {
+            follow_telecommand all;
+            auto states =
+                co_await here.proxy.subscribe(services::telecommand_state, all, ise::subscribe_options::last(1024));
+            for (const auto& status : states.response().now) c.desk.on_status(clock(), here.health.link, status);
+            work();
+            for (;;) {
+                auto status = co_await states.next();
+                if (!status) break;
+                if (status->state == telecommand_stage::acknowledged) c.links.heard(here.health.link, now());
+                c.desk.on_status(clock(), here.health.link, *status);
+                work();
+            }
+        } catch (const ise::error& problem) { // our own end throws at the next suspension
+            log().debug("a proxy is not subscribed to", {{"proxy", here.health.proxy}, {"cause", problem.what()}});
+        }
+        co_await sleep(500ms);
+    }
+}
+
+/// From here on it is on record, and under way.
+ise::result<void> communication_node::begin_command(const command_record& record) {
+    auto& c = *core_;
+    auto put = c.store.put(std::span(&record, 1));
+    disk(put ? nullptr : &put.error());
+    if (!put) return put.error();
+    c.desk.know(now(), clock(), record, path());
+    tell(record.status);
+    c.news.ring();
+    work();
+    return {};
+}
+
+ise::task<telecommand_reply> communication_node::command(telecommand_request request, std::string who,
+                                                         ise::time_point deadline) {
+    auto& c = *core_;
+    auto arrived = now();
+    std::optional<command_record> known;
+    if (request.id != 0) {
+        if (const auto* here = c.desk.find(request.id)) known = *here;
+        else {
+            auto found = c.store.command(request.id);
+            if (!found) throw refused(found.error().message());
+            known = std::move(*found);
+        }
+    }
+    if (known && known->status.command != request.command)
+        throw refused(fmt::format("telecommand {} is {} already, asked for by {}; choose another id", request.id,
+                                  name_of(known->status.kind), known->status.asked_by));
+    auto id = request.id;
+    if (!known) {
+        if (auto good = check_request(request); !good) throw refused(good.error().message());
+        if (is_dangerous(request.command.kind, request.command.mode) && !request.confirmed)
+            throw refused(fmt::format(
+                "{} can lose the boat or its mission: send it again with confirmed true if it is meant",
+                request.command.kind == command_kind::set_mode ? "set_mode manual" : name_of(request.command.kind)));
+        if (needs_authority(request.command.kind))
+            if (auto why = c.authority.refusal(who)) throw refused(*why);
+        if (request.via &&
+            std::ranges::none_of(c.proxies, [&](const auto& one) { return one.health.link == *request.via; })) {
+            std::string there;
+            for (const auto& one : c.proxies)
+                there += fmt::format("{}{}", there.empty() ? "" : ", ", name_of(one.health.link));
+            throw refused(fmt::format("this node has no proxy for {}; it has {}", name_of(*request.via),
+                                      there.empty() ? "none" : there));
+        }
+        auto chosen = static_cast<std::uint32_t>(env().random()) | 1u; // never 0
+        auto record = c.desk.prepare(clock(), request, chosen, who, c.authority.now().epoch, path());
+        if (!record) throw refused(record.error().message());
+        id = record->status.id;
+        auto begun = begin_command(*record);
+        if (!begun)
+            throw refused(
+                fmt::format("the telecommand cannot be recorded, and so it is not sent: {}", begun.error().message()));
+    }
+    auto until = deadline == ise::time_point::max() ? ise::saturating_add(now(), 30s)
+                                                    : deadline - reply_margin(deadline - arrived);
+    telecommand_reply last;
+    if (known) last = reply_of(known->status);
+    for (;;) {
+        const auto* record = c.desk.find(id);
+        if (record) last = reply_of(record->status);
+        if (!record || is_final(record->status.state) || now() >= until) break;
+        co_await c.progress.wait(until);
+    }
+    co_return last;
+}
+
+ise::task<authority_state> communication_node::change_authority(authority_request request, std::string who) {
+    auto& c = *core_;
+    auto made = c.authority.decide(request, who, clock());
+    if (!made) throw ise::error(made.error());
+    bool hands = made->epoch != c.authority.now().epoch;
+    if (hands || made->asked_by != c.authority.now().asked_by) {
+        auto change = hands ? std::uint64_t{0} : c.authority.change() + 1;
+        auto put = c.store.put(*made, change);
+        disk(put ? nullptr : &put.error());
+        if (!put)
+            throw refused(fmt::format("the authority stays as it is, as the change cannot be put to disk: {}",
+                                      put.error().message()));
+        c.authority.apply(*made, change);
+        c.authorities(*made);
+        c.news.ring();
+        log().info("authority over the boat",
+                   {{"how", hands ? made->how : who + " asks for it"}, {"epoch", std::to_string(made->epoch)}});
+        if (hands) announce_authority();
+    }
+    auto change = c.authority.change();
+    while (c.peer.lives(now()) && !c.peer.has_authority(made->epoch, change))
+        co_await c.progress.wait(c.peer.silent_at());
+    co_return c.authority.now();
+}
+
+/// A ping under the new epoch: from then on the boat refuses what is under way under the old one.
+void communication_node::announce_authority() {
+    auto& c = *core_;
+    telecommand_request ping;
+    ping.valid_s = 3600;
+    auto record = c.desk.prepare(clock(), ping, static_cast<std::uint32_t>(env().random()) | 1u, path(),
+                                 c.authority.now().epoch, path());
+    if (!record) return; // too many are open: the next one carries the epoch
+    auto begun = begin_command(*record);
+    if (!begun) log().warning("the boat is not told of the new epoch now", {{"cause", begun.error().message()}});
+}
+
+record_page communication_node::record(const record_request& request) {
+    if (request.max_entries < 1 || request.max_entries > 500)
+        throw refused(fmt::format("max_entries is 1 to 500, not {}", request.max_entries));
+    auto page = core_->store.list(request);
+    if (!page) throw refused(page.error().message());
+    return std::move(*page);
+}
+
+} // namespace atirma

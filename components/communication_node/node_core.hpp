@@ -1,0 +1,55 @@
+#pragma once
+// Private to this folder: what a node has while it runs.
+#include <components/boat/find_component.hpp>
+#include <components/communication_node/authority_book.hpp>
+#include <components/communication_node/bell.hpp>
+#include <components/communication_node/communication_node.hpp>
+#include <components/communication_node/newest_by_kind.hpp>
+#include <components/communication_node/node_store.hpp>
+#include <components/communication_node/peer_watch.hpp>
+
+namespace atirma {
+
+struct communication_node::core {
+    using states_contract = std::decay_t<decltype(services::telecommand_state)>;
+
+    core(communication_node& self, node_store opened, const communication_node_options& options)
+        : store(std::move(opened)), links(options.links), desk(options.desk), authority(options.secondary),
+          peer(!options.peer.empty(), options.silence, self.now()), news(self.on()), progress(self.on()),
+          due(self.on(), [&self] { self.work(); }), silence(self.on(), [&self] { self.tick(); }),
+          proxies(options.proxies.size()) {}
+
+    struct proxy_state {
+        ise::remote proxy;
+        const ise::stream_of<ise::subscription<telemetry_packet>>* stream = nullptr;
+        link_health health;
+    };
+
+    node_store store;
+    link_table links;
+    command_desk desk;
+    authority_book authority;
+    peer_watch peer;
+    newest_by_kind newest;
+    bell news;     // something that the other node does not have
+    bell progress; // it has more, or is given up, or a telecommand was decided
+    ise::timer due, silence;
+    std::vector<proxy_state> proxies;
+
+    std::deque<telemetry_packet> held;
+    std::map<std::uint32_t, command_record> unsaved; // changes that the disk did not take
+    std::map<std::uint64_t, std::uint32_t> followers; // subscriber's number → id, 0 for all
+    std::uint64_t shown = 0;
+    std::string trouble, peer_trouble;
+    bool serving = false, caught_up = false, working = false;
+    std::uint64_t duplicates = 0, refused = 0, dropped = 0;
+    std::optional<current_fix> fix;
+    ise::time_point next_state{}, next_prune{};
+
+    ise::publication<ise::subscription<telemetry_packet>> telemetry;
+    ise::publication<states_contract> states;
+    ise::publication<ise::subscription<authority_state>> authorities;
+    ise::publication<ise::subscription<communication_state>> state;
+};
+
+} // namespace atirma

@@ -1,0 +1,55 @@
+#pragma once
+#include <components/boat/communication.hpp>
+
+// What two communication nodes tell each other. Everybody else uses components/boat/communication.hpp.
+namespace atirma {
+
+/// A telecommand with what a node needs to go on with it.
+struct command_record {
+    telecommand_status status;
+    utc_time valid_until{};
+    std::optional<link_id> via;
+    std::string node;               ///< which one gives it to the links
+};
+
+/// A packet of the provider's store.
+struct replicated_packet {
+    std::uint64_t position = 0;
+    std::uint64_t yours = 0; ///< its position in the asker's store, where it came from there: then there is no packet
+    std::optional<telemetry_packet> packet;
+};
+
+/// "Tell me what you have and I do not." Waits a while where there is nothing. What it says of the asker's disk is the
+/// acknowledgement of what the pages before it told.
+struct replication_request {
+    std::string node;
+    bool secondary = false;
+    std::uint64_t store = 0;        ///< the asker's
+    bool keeps = true;              ///< the asker's disk takes what it is told
+    std::uint64_t your_store = 0;   ///< as the asker knows it; another one there: the positions below mean nothing
+    std::uint64_t packets = 0;      ///< of your store, on my disk up to here
+    std::uint64_t commands = 0;     ///< changes of telecommands, the same
+    std::uint32_t authority_epoch = 0; ///< on my disk
+    std::uint64_t authority_change = 0;
+    float wait_s = 1;
+};
+struct replication_page {
+    std::string node;
+    bool secondary = false;
+    std::uint64_t store = 0;
+    std::vector<replicated_packet> packets;  ///< in order, without a gap
+    std::vector<command_record> commands;    ///< the last state of those that changed
+    std::uint64_t commands_up_to = 0;        ///< the position of the last of these
+    authority_state authority;
+    std::uint64_t authority_change = 0;      ///< counts within an epoch: who asks for it
+    bool more = false;
+};
+
+namespace services {
+
+/// Errors: refused (both are primary, or secondary; or it is the node itself).
+inline constexpr ise::request_response<replication_request, replication_page> replication{"replication"};
+
+} // namespace services
+
+} // namespace atirma

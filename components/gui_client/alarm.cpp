@@ -1,0 +1,80 @@
+#include <components/gui_client/alarm.hpp>
+
+#include <algorithm>
+
+namespace atirma::console {
+
+void alarm_book::raise(const std::string& key, severity how, std::string text, utc_time now) {
+    auto found = alarms_.find(key);
+    if (found == alarms_.end()) {
+        if (alarms_.size() >= max_alarms) { // the least of what is over gives way
+            auto least = alarms_.end();
+            for (auto it = alarms_.begin(); it != alarms_.end(); ++it)
+                if (it->second.over_at && it->second.how <= how &&
+                    (least == alarms_.end() || it->second.raised_at < least->second.raised_at))
+                    least = it;
+            ++dropped_;
+            if (least == alarms_.end()) return;
+            alarms_.erase(least);
+        }
+        found = alarms_.emplace(key, alarm_entry{key, how, {}, now, std::nullopt, false}).first;
+    }
+    auto& a = found->second;
+    if (a.over_at) {
+        a.over_at.reset();
+        a.raised_at = now;
+        a.acknowledged = false;
+    }
+    if (how > a.how) a.acknowledged = false;
+    a.how = how;
+    a.text = std::move(text);
+}
+
+void alarm_book::clear(const std::string& key, utc_time now) {
+    auto found = alarms_.find(key);
+    if (found == alarms_.end()) return;
+    if (found->second.acknowledged) alarms_.erase(found);
+    else if (!found->second.over_at) found->second.over_at = now;
+}
+
+void alarm_book::set(const std::string& key, bool there, severity how, const std::string& text, utc_time now) {
+    if (there) raise(key, how, text, now);
+    else clear(key, now);
+}
+
+void alarm_book::tell(const std::string& key, severity how, std::string text, utc_time now) {
+    raise(key, how, std::move(text), now);
+    clear(key, now);
+}
+
+bool alarm_book::acknowledge(const std::string& key) {
+    bool any = false;
+    for (auto it = alarms_.begin(); it != alarms_.end();) {
+        if (!key.empty() && it->first != key) {
+            ++it;
+            continue;
+        }
+        any = true;
+        it->second.acknowledged = true;
+        it = it->second.over_at ? alarms_.erase(it) : std::next(it);
+    }
+    return any;
+}
+
+const alarm_entry* alarm_book::find(const std::string& key) const {
+    auto found = alarms_.find(key);
+    return found == alarms_.end() ? nullptr : &found->second;
+}
+
+std::vector<alarm_entry> alarm_book::list() const {
+    std::vector<alarm_entry> all;
+    for (const auto& [key, one] : alarms_) all.push_back(one);
+    std::stable_sort(all.begin(), all.end(), [](const alarm_entry& a, const alarm_entry& b) {
+        if (a.acknowledged != b.acknowledged) return b.acknowledged;
+        if (a.how != b.how) return a.how > b.how;
+        return a.raised_at > b.raised_at;
+    });
+    return all;
+}
+
+} // namespace atirma::console

@@ -1,0 +1,102 @@
+#include <components/gui_client/command_log.hpp>
+
+#include <components/gui_client/words.hpp>
+
+#include <algorithm>
+
+namespace atirma::console {
+namespace {
+// An answer of the boat is the last word; what is over otherwise may still be corrected by it.
+bool may_follow(command_phase now, command_phase next) {
+    if (now == command_phase::done || now == command_phase::refused)
+        return next == command_phase::done || next == command_phase::refused;
+    if (is_over(now)) return is_over(next);
+    return next >= now || (now == command_phase::sent && next == command_phase::queued) ||
+           next != command_phase::asking;
+}
+} // namespace
+
+command_phase command_log::phase_of(telecommand_stage stage, const std::optional<ack_code>& result) noexcept {
+    switch (stage) {
+        case telecommand_stage::pending:
+        case telecommand_stage::queued: return command_phase::queued;
+        case telecommand_stage::sent: return command_phase::sent;
+        case telecommand_stage::acknowledged:
+            return result.value_or(ack_code::done) == ack_code::done ? command_phase::done : command_phase::refused;
+        case telecommand_stage::failed: return command_phase::failed;
+        case telecommand_stage::expired: return command_phase::expired;
+    }
+    return command_phase::queued;
+}
+
+void command_log::asked(command_entry entry) {
+    shared_.reset();
+    if (auto* known = seek(entry.id)) { // the proxy was quicker
+        known->own = true;
+        known->what = std::move(entry.what);
+        return;
+    }
+    add(std::move(entry));
+}
+
+const command_entry& command_log::on_status(const std::string& path, const telecommand_status& status, utc_time now) {
+    shared_.reset();
+    auto* known = seek(status.id);
+    if (!known) {
+        command_entry entry;
+        entry.id = status.id;
+        entry.path = path;
+        entry.what = describe(status.kind);
+        entry.asked_at = now;
+        known = &add(std::move(entry));
+    }
+    auto phase = phase_of(status.state, status.result);
+    if (!may_follow(known->phase, phase)) return *known;
+    known->path = path;
+    known->link = status.link;
+    known->phase = phase;
+    known->value = status.value;
+    known->text = status.text;
+    known->attempts = std::max(known->attempts, status.attempts);
+    known->changed_at = now;
+    return *known;
+}
+
+void command_log::on_outcome(std::uint32_t id, command_phase phase, std::optional<float> value, std::string text,
+                             utc_time now) {
+    auto* known = seek(id);
+    if (!known || !may_follow(known->phase, phase)) return;
+    shared_.reset();
+    known->phase = phase;
+    if (value) known->value = value;
+    known->text = std::move(text);
+    known->changed_at = now;
+}
+
+const command_entry* command_log::find(std::uint32_t id) const { return const_cast<command_log*>(this)->seek(id); }
+
+std::size_t command_log::open(const std::string& path) const {
+    return static_cast<std::size_t>(std::count_if(entries_.begin(), entries_.end(),
+                                                  [&](const auto& e) { return e.path == path && !is_over(e.phase); }));
+}
+
+std::shared_ptr<const std::vector<command_entry>> command_log::entries() {
+    if (!shared_) shared_ = std::make_shared<const std::vector<command_entry>>(entries_.begin(), entries_.end());
+    return shared_;
+}
+
+command_entry* command_log::seek(std::uint32_t id) {
+    auto found = std::find_if(entries_.rbegin(), entries_.rend(), [id](const auto& e) { return e.id == id; });
+    return found == entries_.rend() ? nullptr : &*found;
+}
+
+command_entry& command_log::add(command_entry entry) {
+    if (entries_.size() >= most_) {
+        auto over = std::find_if(entries_.begin(), entries_.end(), [](const auto& e) { return is_over(e.phase); });
+        entries_.erase(over == entries_.end() ? entries_.begin() : over);
+    }
+    entry.changed_at = entry.asked_at;
+    return entries_.emplace_back(std::move(entry));
+}
+
+} // namespace atirma::console

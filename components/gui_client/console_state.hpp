@@ -1,0 +1,103 @@
+#pragma once
+#include <components/boat/duplicate_filter.hpp>
+#include <components/gui_client/alarm.hpp>
+#include <components/gui_client/command_log.hpp>
+#include <components/gui_client/mission.hpp>
+#include <components/gui_client/track_store.hpp>
+#include <components/gui_client/view.hpp>
+
+#include <deque>
+#include <map>
+#include <memory>
+
+namespace atirma::console {
+
+/// When the operator is called.
+struct alarm_limits {
+    double no_data_s = 60;          ///< nothing heard over any link; five periods where the boat tells more rarely
+    double link_silent_s = 120;     ///< nothing over a link that was heard before; five periods if that is longer
+    double proxy_lost_s = 5;
+    unsigned battery_low_percent = 20;
+    unsigned battery_critical_percent = 10;
+    double off_track_m = 60;
+    int modem_hot_c = 60;           ///< the modem then holds its duty cycle over a second
+    unsigned duty_percent = 90;     ///< of what is allowed
+};
+
+struct state_options {
+    alarm_limits limits;
+    std::size_t max_track = 20000;
+    std::size_t max_packets = 500;
+    std::size_t max_notices = 50;
+    std::size_t max_commands = 300;
+    std::size_t max_links = 32;     ///< proxies that are followed
+};
+
+/// All that the console knows, without I/O: what came is told to it with the console's time, and it makes snapshots.
+/// Bounded in everything. Not thread safe.
+class console_state {
+public:
+    explicit console_state(state_options options = state_options());
+
+    // What came.
+    void on_telemetry(const std::string& path, const telemetry_packet& packet, utc_time now);
+    void on_status(const std::string& path, const telecommand_status& status, utc_time now);
+    void on_xbee(const std::string& path, const xbee_local& local, utc_time now);
+    void on_xbee_answer(const std::string& path, std::string text);
+    void on_lost(const std::string& path, std::uint64_t packets);
+    /// A proxy is reached, or not and why.
+    void on_link(const std::string& path, bool connected, std::string trouble, utc_time now);
+    void takes_commands(const std::string& path);
+    void on_finding(finding_view finding) { finding_ = std::move(finding); }
+    void on_present(std::vector<present_component> all);
+
+    // What the operator does.
+    void asked(std::uint32_t id, const std::string& path, const boat_command& command, utc_time now);
+    void on_outcome(std::uint32_t id, command_phase phase, std::optional<float> value, std::string text, utc_time now);
+    void on_upload(upload_view upload) { upload_ = std::move(upload); }
+    void acknowledge(const std::string& key) { alarms_.acknowledge(key); }
+    void clear_track() { track_.clear(); }
+
+    /// Looks at what time alone changes: the alarms.
+    void on_time(utc_time now);
+    std::shared_ptr<const snapshot> view(utc_time now);
+
+    const boat_view& boat() const noexcept { return boat_; }
+    const mission_parts& mission() const noexcept { return mission_; }
+    const command_log& commands() const noexcept { return commands_; }
+    const std::map<std::string, link_view>& links() const noexcept { return links_; }
+    const upload_view& upload() const noexcept { return upload_; }
+
+private:
+    link_view* link_at(const std::string& path);
+    void take(const telemetry_message& message, const telemetry_packet& packet, utc_time now);
+    void take_location(const location& told, const telemetry_packet& packet, utc_time now);
+    void take_settings(const configuration& told, utc_time now);
+    void rebooted(const telemetry_packet& packet, utc_time now);
+    void settle_parameter(std::uint32_t id, command_phase phase, std::optional<float> value, const std::string& text,
+                          utc_time now);
+    void watch_boat(utc_time now);
+    void watch_links(utc_time now);
+
+    state_options options_;
+    finding_view finding_;
+    boat_view boat_;
+    mission_parts mission_;
+    upload_view upload_;
+    std::vector<parameter_view> parameters_;
+    std::map<std::uint32_t, parameter_id> parameter_commands_; ///< own ones that are not over
+    std::map<std::string, link_view> links_;
+    std::map<std::string, duplicate_filter> heard_over_;       ///< what came over one link is counted once there
+    duplicate_filter seen_;
+    alarm_book alarms_;
+    track_store track_;
+    command_log commands_;
+    std::deque<std::shared_ptr<const raw_packet>> packets_;
+    std::shared_ptr<const std::vector<std::shared_ptr<const raw_packet>>> shared_packets_;
+    std::shared_ptr<const std::vector<present_component>> present_;
+    std::optional<std::uint16_t> boot_;
+    utc_time boot_measured_{};
+    std::uint64_t packet_count_ = 0, snapshot_count_ = 0;
+};
+
+} // namespace atirma::console
