@@ -1,4 +1,5 @@
 #pragma once
+#include <ise/component/component_type.hpp>
 #include <ise/component/node.hpp>
 
 #include <functional>
@@ -17,11 +18,19 @@ struct hosted {
     std::string path;
     std::vector<std::string> listen;    ///< endpoints; empty: ISE's default
     std::vector<std::string> advertise;
+    std::vector<std::string> roles;     ///< "atirma/gateway=5"
     std::function<std::unique_ptr<ise::component>()> make;
+    std::shared_ptr<ise::live_parameters> parameters;
 };
 
-/// Adds the components of A-Tirma as subcommands of `run`, each with its options. After parsing, those that were named stand
-/// in `into`, which outlives the parser. Lines such as "ready: http://…" go to `announce`, from any thread.
-void add_components(CLI::App& run, std::vector<hosted>& into, std::function<void(const std::string&)> announce);
+/// The types of components of A-Tirma. Lines such as "ready: http://…" go to `announce`, from any thread.
+std::vector<ise::component_type> component_types(std::function<void(const std::string&)> announce);
+
+/// Those of the link over GPRS; component_types() has them, too.
+std::vector<ise::component_type> gprs_types(const std::function<void(const std::string&)>& announce);
+
+/// Adds types as subcommands of `run`, each with its parameters as options. After parsing, those that were named stand in
+/// `into`, which outlives the parser.
+void add_components(CLI::App& run, std::vector<hosted>& into, std::vector<ise::component_type> types);
 
 } // namespace atirma

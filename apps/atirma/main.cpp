@@ -10,6 +10,7 @@
 #include <cstdio>
 #include <map>
 #include <mutex>
+#include <string_view>
 
 namespace {
 
@@ -39,6 +40,12 @@ std::vector<ise::endpoint> endpoints_of(const std::vector<std::string>& texts) {
     return all;
 }
 
+std::map<std::string, std::int32_t> roles_of(const std::vector<std::string>& texts) {
+    std::map<std::string, std::int32_t> all;
+    for (const auto& text : texts) all.insert(ise::parse_role(text).value());
+    return all;
+}
+
 void say(const std::string& line) {
     static std::mutex one_at_a_time;
     std::lock_guard lock(one_at_a_time);
@@ -55,6 +62,8 @@ int run(const common_options& common, const std::vector<atirma::hosted>& wanted)
         ise::component_options options;
         options.listen = endpoints_of(one.listen);
         options.advertise = endpoints_of(one.advertise);
+        options.roles = roles_of(one.roles);
+        options.parameters = one.parameters;
         options.policy = ise::on_failure::stop_node;
         node.launch(one.path, one.make(), std::move(options));
     }
@@ -89,10 +98,18 @@ int observe(const common_options& common, const atirma::observer_options& option
 } // namespace
 
 int main(int count, char** words) {
+    auto types = atirma::component_types(say);
+    if (count == 2 && std::string_view(words[1]) == "--describe") { // for instantiation servers
+        say(ise::describe_types("atirma", ATIRMA_VERSION, types));
+        return 0;
+    }
     CLI::App app{"The shore side of A-Tirma, and a boat to try it with"};
     app.set_version_flag("--version", "atirma " ATIRMA_VERSION);
     app.require_subcommand(1);
-    app.footer("Exit codes: 0 ended as asked, 1 something failed, 2 wrong arguments.\n"
+    bool describe = false; // read above: it stands alone
+    app.add_flag("--describe", describe, "tells the types of components and their parameters as JSON, for instantiation servers");
+    app.footer("A parameter that is not given is taken from the environment: ISE_PARAMETER_WIND_SPEED for --wind-speed.\n"
+               "Exit codes: 0 ended as asked, 1 something failed, 2 wrong arguments.\n"
                "Example: atirma run boat-simulator --serial /tmp/xbee-boat xbee-link xbee-proxy --serial /tmp/xbee-shore web-server");
 
     common_options common;
@@ -100,7 +117,7 @@ int main(int count, char** words) {
     auto* runs = app.add_subcommand("run", "run one component or several, until SIGINT or SIGTERM");
     add_common(*runs, common);
     runs->require_subcommand(1, 0);
-    atirma::add_components(*runs, wanted, say);
+    atirma::add_components(*runs, wanted, std::move(types));
 
     atirma::observer_options observer;
     double length_s = 30;
@@ -108,6 +125,7 @@ int main(int count, char** words) {
     auto* observes = app.add_subcommand("observe", "look at telemetry, telecommands and page for a while, then sum up");
     add_common(*observes, common);
     observes->add_option("--proxy", observer.proxy, "whose services are used")->capture_default_str();
+    observes->add_option("--telemetry", observer.telemetry, "paths of the proxies whose telemetry is counted (default: that proxy)")->allow_extra_args(false);
     observes->add_option("--page", page, "host:port of the web server whose event stream is read");
     observes->add_option("--for", length_s, "seconds")->check(CLI::Range(1.0, 86400.0))->capture_default_str();
 
@@ -122,6 +140,7 @@ int main(int count, char** words) {
         for (const auto& one : wanted) {
             endpoints_of(one.listen);
             endpoints_of(one.advertise);
+            roles_of(one.roles);
         }
     } catch (const ise::error& why) {
         complain(why.what());

@@ -19,6 +19,9 @@ std::string observation::text() const {
         types += fmt::format("{}{} {}", types.empty() ? "" : ", ", type, count);
     }
     auto out = fmt::format("telemetry     {} packets{}{}\n", packets, types.empty() ? "" : ": ", types);
+    std::string by_link;
+    for (const auto& [link, count] : links) by_link += fmt::format("{}{} {}", by_link.empty() ? "" : ", ", link, count);
+    out += fmt::format("links         {}; {} of it history, {} came twice\n", by_link.empty() ? "none" : by_link, history, twice);
     out += fmt::format("telecommands  {} sent, {} acknowledged by the boat, {} pending, {} failed\n", telecommands, acknowledged, pending, failed);
     out += fmt::format("dropped       {} between proxy and here", lost);
     if (local)
@@ -27,13 +30,20 @@ std::string observation::text() const {
     if (local)
         out += fmt::format("modem         {}, last packet at {}, duty cycle {}\n", local->modem_ready ? "answers" : local->trouble,
                            local->rssi_dbm ? fmt::format("{} dBm", *local->rssi_dbm) : "?", local->duty_cycle_percent ? fmt::format("{} %", *local->duty_cycle_percent) : "?");
+    if (gprs)
+        out += fmt::format("gprs          {}, acknowledged up to {}, {} resent, {} given up\n",
+                           gprs->connected ? "the boat is there by " + gprs->from : gprs->trouble, gprs->acknowledged, gprs->resends, gprs->given_up);
     out += fmt::format("page          {} events with telemetry{}{}\n", page_updates, page_trouble.empty() ? "" : "; ", page_trouble);
     return out;
 }
 
 ise::task<> observer::run() {
     auto until = now() + options_.length;
-    spawn("telemetry", follow_telemetry());
+    auto proxies = options_.telemetry;
+    if (proxies.empty()) proxies.push_back(options_.proxy);
+    for (const auto& from : proxies) spawn("telemetry of " + from, follow_telemetry(from));
+    for (const auto& from : proxies)
+        if (from.ends_with("gprs")) spawn("link", follow_gprs(from));
     spawn("modem", follow_modem());
     spawn("ping", ping());
     if (options_.page) spawn("page", read_page());
@@ -41,8 +51,8 @@ ise::task<> observer::run() {
     stop();
 }
 
-ise::task<> observer::follow_telemetry() {
-    auto proxy = find_component(*this, options_.proxy);
+ise::task<> observer::follow_telemetry(std::string from) {
+    auto proxy = find_component(*this, from);
     for (;;) {
         try {
             auto packets = co_await proxy.subscribe(services::telemetry, ise::subscribe_options::last(1024));
@@ -50,7 +60,13 @@ ise::task<> observer::follow_telemetry() {
                 auto packet = co_await packets.next();
                 if (!packet) break;
                 if (packet.lost_before() != ise::unknown_gap) seen_->lost += packet.lost_before();
+                if (!seen_->known.first_time(packet->boot, packet->sequence)) {
+                    ++seen_->twice;
+                    continue;
+                }
                 auto message = parse_telemetry(packet->raw);
+                ++seen_->links[std::string(name_of(packet->link))];
+                if (packet->history) ++seen_->history;
                 ++seen_->telemetry[message ? std::string(name_of(message->body)) : "unreadable"];
             }
         } catch (const ise::error& why) {
@@ -70,6 +86,23 @@ ise::task<> observer::follow_modem() {
                 auto state = co_await states.next();
                 if (!state) break;
                 seen_->local = *state;
+            }
+        } catch (const ise::error& why) {
+            if (why.code() == ise::errc::cancelled) throw;
+        }
+        co_await sleep(200ms);
+    }
+}
+
+ise::task<> observer::follow_gprs(std::string from) {
+    auto proxy = find_component(*this, from);
+    for (;;) {
+        try {
+            auto states = co_await proxy.subscribe(services::gprs, ise::subscribe_options::latest());
+            for (;;) {
+                auto state = co_await states.next();
+                if (!state) break;
+                seen_->gprs = *state;
             }
         } catch (const ise::error& why) {
             if (why.code() == ise::errc::cancelled) throw;

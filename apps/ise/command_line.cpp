@@ -2,6 +2,9 @@
 
 #include "commands.hpp"
 #include "completion.hpp"
+#include "deployment_commands.hpp"
+#include "instance_commands.hpp"
+#include "look_commands.hpp"
 #include "text.hpp"
 
 #include <ise/packet/json.hpp>
@@ -10,6 +13,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <iostream>
 #include <iterator>
 #include <memory>
@@ -18,9 +22,9 @@ namespace ise::cli {
 namespace {
 
 constexpr const char* exit_codes = R"(Exit codes:
-  0    the answer is complete; also when its reader (head) has gone, and when Ctrl-C ended echo or hz
-  1    the component was reached and refused, or failed
-  2    the command line makes no sense: an option, an endpoint, call on a subscription
+  0    the answer is complete; also when its reader (head) has gone, and when Ctrl-C ended echo, hz, bw, delay or top
+  1    the component was reached and refused, or failed; doctor found something
+  2    the command line makes no sense: an option, an endpoint, a name; a call without its request
   3    not reached: no name server, no such name or service, no answer in time
   4    JSON or packets do not fit; the message has the path
   5    the answer could not be written to standard output
@@ -37,17 +41,13 @@ struct places {
     call_options call;
     echo_options echo;
     hz_options hz;
+    instance_places instances;
+    deployment_places deployments;
+    look_places look;
     std::string every, length, window;
     std::uint64_t echo_count = 0, hz_count = 0;
     std::string shell;
 };
-
-duration positive(const std::string& text, std::string_view option) {
-    auto parsed = parse_duration(text);
-    if (!parsed) throw problem(exit_code::usage, "usage", fmt::format("{}: {}", option, parsed.error().message()));
-    if (*parsed <= duration{}) throw problem(exit_code::usage, "usage", fmt::format("{}: must be longer than nothing", option));
-    return *parsed;
-}
 
 // At most what a JSON text may have anyway.
 std::string read_input() {
@@ -59,11 +59,6 @@ std::string read_input() {
         if (text.size() > most) throw problem(exit_code::mismatch, "too_large", fmt::format("standard input has more than {} bytes", most));
     }
     return text;
-}
-
-std::string json_given(const std::string& text) {
-    if (text.empty()) return "{}";
-    return text == "-" ? read_input() : text;
 }
 
 command_info describe_command(const CLI::App& app) {
@@ -88,15 +83,6 @@ command_info describe_command(const CLI::App& app) {
     }
     for (const auto* below : app.get_subcommands([](const CLI::App*) { return true; })) made.commands.push_back(describe_command(*below));
     return made;
-}
-
-void add_subscription(CLI::App& command, subscribe_choice& what, std::string& json) {
-    command.add_option("NAME", what.name, "path of a component, or endpoint such as tcp://127.0.0.1:7411")->required();
-    command.add_option("SERVICE", what.service, "name of a subscription service")->required();
-    command.add_option("JSON", json, "subscribe request; - reads standard input (default: {})");
-    auto* latest = command.add_flag("--latest", what.latest, "of packets that come too fast only the latest is kept");
-    command.add_flag("--lossless", what.lossless, "the provider holds packets back; a subscription that falls too far behind ends")->excludes(latest);
-    command.add_option("--depth", what.depth, "packets kept for us at either end (default: 1024)")->check(CLI::Range(1u, 65536u))->type_name("N");
 }
 
 void build(CLI::App& app, places& to) {
@@ -126,9 +112,9 @@ void build(CLI::App& app, places& to) {
     auto* call_command = app.add_subcommand("call", "calls a service and prints the response as JSON");
     call_command->add_option("NAME", to.call.name, "path of a component, or endpoint such as tcp://127.0.0.1:7411")->required();
     call_command->add_option("SERVICE", to.call.service, "name of a request-response service")->required();
-    call_command->add_option("JSON", to.json, "request; - reads standard input (default: {}, every field at its default)");
+    call_command->add_option("JSON", to.json, "request; - reads standard input; {} takes the defaults (needed where it has fields)");
     call_command->callback([&to] {
-        to.call.json = json_given(to.json);
+        if (!to.json.empty()) to.call.json = json_given(to.json);
         to.made.talk.body = [options = to.call](context& in) { return call(in, options); };
     });
 
@@ -142,8 +128,8 @@ void build(CLI::App& app, places& to) {
     echo_command->callback([&to, count] {
         to.echo.what.json = json_given(to.json);
         if (count->count() > 0) to.echo.count = to.echo_count;
-        if (!to.length.empty()) to.echo.length = positive(to.length, "--for");
-        if (!to.every.empty()) to.echo.every = positive(to.every, "--every");
+        if (!to.length.empty()) to.echo.length = positive_time(to.length, "--for");
+        if (!to.every.empty()) to.echo.every = positive_time(to.every, "--every");
         to.made.talk.endless = !to.echo.count;
         to.made.talk.body = [options = to.echo](context& in) { return echo(in, options); };
     });
@@ -155,10 +141,14 @@ void build(CLI::App& app, places& to) {
     hz_command->callback([&to, lines] {
         to.hz.what.json = json_given(to.json);
         if (lines->count() > 0) to.hz.count = to.hz_count;
-        if (!to.window.empty()) to.hz.window = positive(to.window, "--window");
+        if (!to.window.empty()) to.hz.window = positive_time(to.window, "--window");
         to.made.talk.endless = !to.hz.count;
         to.made.talk.body = [options = to.hz](context& in) { return hz(in, options); };
     });
+
+    add_instance_commands(app, to.instances, to.made);
+    add_deployment_commands(app, to.deployments, to.made);
+    add_look_commands(app, to.look, to.made);
 
     auto* completion_command = app.add_subcommand("completion", "prints a completion script: eval \"$(ise completion bash)\"");
     completion_command->add_option("SHELL", to.shell, "bash, zsh or fish")->required()->check(CLI::IsMember({"bash", "zsh", "fish"}));
@@ -170,10 +160,32 @@ void build(CLI::App& app, places& to) {
 
 } // namespace
 
+std::string json_given(const std::string& text) {
+    if (text.empty()) return "{}";
+    return text == "-" ? read_input() : text;
+}
+
+void add_subscription(CLI::App& command, subscribe_choice& what, std::string& json) {
+    command.add_option("NAME", what.name, "path of a component, or endpoint such as tcp://127.0.0.1:7411")->required();
+    command.add_option("SERVICE", what.service, "name of a subscription service")->required();
+    command.add_option("JSON", json, "subscribe request; - reads standard input (default: {})");
+    auto* latest = command.add_flag("--latest", what.latest, "of packets that come too fast only the latest is kept");
+    command.add_flag("--lossless", what.lossless, "the provider holds packets back; a subscription that falls too far behind ends")->excludes(latest);
+    command.add_option("--depth", what.depth, "packets kept for us at either end (default: 1024)")->check(CLI::Range(1u, 65536u))->type_name("N");
+}
+
+duration positive_time(const std::string& text, std::string_view option) {
+    auto parsed = parse_duration(text);
+    if (!parsed) throw problem(exit_code::usage, "usage", fmt::format("{}: {}", option, parsed.error().message()));
+    if (*parsed <= duration{}) throw problem(exit_code::usage, "usage", fmt::format("{}: must be longer than nothing", option));
+    return *parsed;
+}
+
 wish read_command_line(int count, const char* const* arguments) {
     places to;
-    CLI::App app("Lists, describes, calls and listens to running components.", "ise");
+    CLI::App app("Lists, describes, calls, listens to, looks after and starts components.", "ise");
     build(app, to);
+    refuse_unknown_command(app, count, arguments);
     try {
         app.parse(count, arguments);
     } catch (const CLI::CallForHelp&) {
@@ -188,7 +200,9 @@ wish read_command_line(int count, const char* const* arguments) {
         auto selected = app.get_subcommands();
         throw problem(exit_code::usage, "usage", wrong.what(), fmt::format("ise {}--help says how", selected.empty() ? "" : selected.back()->get_name() + " "));
     }
-    to.made.set.timeout = positive(to.timeout, "--timeout");
+    to.made.set.timeout = positive_time(to.timeout, "--timeout");
+    auto patience = std::max(to.instances.patience, to.deployments.patience);
+    if (patience > duration{} && app.get_option("--timeout")->count() == 0) to.made.set.timeout = patience;
     return to.made;
 }
 

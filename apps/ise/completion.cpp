@@ -43,14 +43,18 @@ std::string joined(const std::set<std::string>& names, std::string_view between)
 
 // What completes a place: its name, which the scripts know, or its choices.
 std::string place_word(const option_info& place) {
-    if (place.choices.empty()) return place.names.front();
+    constexpr std::string_view another = "OTHER_"; // of the same sort as the first
+    if (place.choices.empty()) return place.names.front().substr(place.names.front().starts_with(another) ? another.size() : 0);
     std::string words;
     for (const auto& one : place.choices) words += (words.empty() ? "" : " ") + one;
     return words;
 }
 
-// Words for a JSON text are the user's own.
-bool completes(const option_info& place) { return place.names.front() != "JSON"; }
+// Words for a JSON text, a value or a new path, are the user's own.
+bool completes(const option_info& place) {
+    const auto& name = place.names.front();
+    return name != "JSON" && name != "PATH" && name != "VALUE";
+}
 
 std::vector<option_info> all_options(const command_info& program, const command_info& command) {
     auto all = command.options;
@@ -102,7 +106,11 @@ std::string fish_lines(const command_info& program) {
         for (std::size_t at = 0; at < command.places.size(); ++at) {
             const auto& place = command.places[at];
             if (!completes(place)) continue;
-            auto words = place.choices.empty() ? fmt::format("(__ise_names {})", place.names.front()) : place_word(place);
+            if (place.names.front() == "FILE") {
+                lines += fmt::format("complete -c ise -n '__ise_at {} {}' -F\n", command.name, at);
+                continue;
+            }
+            auto words = place.choices.empty() ? fmt::format("(__ise_names {})", place_word(place)) : place_word(place);
             lines += fmt::format("complete -c ise -n '__ise_at {} {}' -a '{}'\n", command.name, at, words);
         }
     }

@@ -35,7 +35,7 @@ _ise() {
                     command=$word
                 else
                     place+=1
-                    ((place == 1)) && name=$word
+                    name=$word
                 fi
                 ;;
         esac
@@ -52,6 +52,10 @@ _ise() {
     case ${places[place]-} in
         NAME | PREFIX) _ise_names "${words[0]}" "${server[@]}" --timeout 1s list --names ;;
         SERVICE) _ise_names "${words[0]}" "${server[@]}" --timeout 1s describe --names "$name" ;;
+        TYPE) _ise_names "${words[0]}" "${server[@]}" --timeout 1s start --types --names ;;
+        INSTANCE) _ise_names "${words[0]}" "${server[@]}" --timeout 1s ps --names ;;
+        PARAMETER) _ise_names "${words[0]}" "${server[@]}" --timeout 1s param list --names "$name" ;;
+        FILE) mapfile -t COMPREPLY < <(compgen -f -- "$current") ;;
         *) mapfile -t COMPREPLY < <(compgen -W "${places[place]-}" -- "$current") ;;
     esac
 }
@@ -79,7 +83,7 @@ _ise() {
                     command=$word
                 else
                     place+=1
-                    ((place == 2)) && name=$word
+                    name=$word
                 fi
                 ;;
         esac
@@ -95,6 +99,10 @@ _ise() {
     case ${places[place]-} in
         NAME|PREFIX) found=("${(@f)$($words[1] $server --timeout 1s list --names 2>/dev/null)}") ;;
         SERVICE) found=("${(@f)$($words[1] $server --timeout 1s describe --names $name 2>/dev/null)}") ;;
+        TYPE) found=("${(@f)$($words[1] $server --timeout 1s start --types --names 2>/dev/null)}") ;;
+        INSTANCE) found=("${(@f)$($words[1] $server --timeout 1s ps --names 2>/dev/null)}") ;;
+        PARAMETER) found=("${(@f)$($words[1] $server --timeout 1s param list --names $name 2>/dev/null)}") ;;
+        FILE) _files; return ;;
         COMMAND) _describe command commands; return ;;
         *) found=(${=places[place]-}) ;;
     esac
@@ -132,7 +140,7 @@ function __ise_state --description 'command, place, name and name server before 
                     set command $word
                 else
                     set place (math $place + 1)
-                    test $place -eq 1; and set name $word
+                    set name $word
                 end
         end
     end
@@ -147,11 +155,18 @@ function __ise_names
     set -l program (commandline -opc)[1]
     set -l server
     test -n "$state[4]"; and set server --name-server $state[4]
-    if test "$argv[1]" = SERVICE
-        $program $server --timeout 1s describe --names "$state[3]" 2>/dev/null | string match -r '^[A-Za-z0-9_./-]+$'
-    else
-        $program $server --timeout 1s list --names 2>/dev/null | string match -r '^[A-Za-z0-9_./-]+$'
+    set -l ask list --names
+    switch "$argv[1]"
+        case SERVICE
+            set ask describe --names "$state[3]"
+        case TYPE
+            set ask start --types --names
+        case INSTANCE
+            set ask ps --names
+        case PARAMETER
+            set ask param list --names "$state[3]"
     end
+    $program $server --timeout 1s $ask 2>/dev/null | string match -r '^[A-Za-z0-9_./-]+$'
 end
 complete -c ise -f
 @LINES@)script";

@@ -1,5 +1,6 @@
 #include "conversation.hpp"
 
+#include "surveyed.hpp"
 #include "text.hpp"
 
 #include <ise/component/node.hpp>
@@ -71,8 +72,9 @@ exit_code run(const settings& set, const conversation& what) {
         options.log = set.verbose ? log_to_stderr(log_level::debug) : log_sink();
         component_options mine;
         mine.listens = false;
+        mine.registers = false;
         node running(env, options);
-        running.start("", [&](component& self) { return converse(self, set, what, end); }, mine);
+        running.start(what.looks ? fmt::format("{}{}", looker_prefix, env.identity().process_id) : "", [&](component& self) { return converse(self, set, what, end); }, mine);
         run_until_signal(running);
     } catch (const problem& why) {
         end.why = why;
@@ -100,7 +102,7 @@ void report(const problem& why, bool json) {
     auto text = fmt::format("ise: {}\n", printable(why.what(), true));
     if (why.executed() == "unknown") text += "     it may have run there all the same\n";
     if (why.executed() == "not_executed") text += "     it did not run there\n";
-    if (!why.advice().empty()) text += fmt::format("     {}\n", printable(why.advice(), true));
+    if (!why.advice().empty()) text += indented(printable(why.advice(), true), "     ");
     complain(text);
 }
 

@@ -33,6 +33,7 @@ struct context {
 struct conversation {
     std::function<task<>(context&)> body;
     bool endless = false;
+    bool looks = false; ///< under a name of its own, so that it is known where sessions are shown
 };
 
 /// Runs a command to its end, a failure or Ctrl-C; says on standard error why it failed.

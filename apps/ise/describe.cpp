@@ -17,7 +17,13 @@ task<> describe(context& in, describe_options options) {
             if (one.provided && (options.all || !is_internal(one.name))) text += printable(one.name) + "\n";
     } else {
         if (!options.all) std::erase_if(about.services, [](const auto& one) { return is_internal(one.name); });
-        text = in.set.json ? as_json(about) : as_page(about, options.name, in.out.width());
+        auto members = co_await members_of(in, options.name);
+        if (in.set.json) {
+            text = as_json(about, options.name, members);
+        } else {
+            if (members.role) text = role_page(options.name, members, in.out.width());
+            text += as_page(about, options.name, in.out.width());
+        }
     }
     co_await in.out.write(in.self, std::move(text));
 }

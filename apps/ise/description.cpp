@@ -35,31 +35,11 @@ ordered_json service_json(const service_text& one) {
     return told;
 }
 
-std::string indented(const std::string& text, const std::string& by) {
-    std::string out = by;
-    for (char letter : text) {
-        out += letter;
-        if (letter == '\n') out += by;
-    }
-    return out + '\n';
-}
-
 // Fit for a shell, between single quotes.
 std::string shell_quoted(const std::string& text) {
     std::string out = "'";
     for (char letter : text) out += letter == '\'' ? std::string("'\\''") : std::string(1, letter);
     return out + "'";
-}
-
-std::string example(const std::string& name, const dynamic_contract& service) {
-    bool calls = service.kind() == service_kind::request_response;
-    const auto& asked = service.packet(role::request);
-    std::string json;
-    constexpr std::size_t longest = 160;
-    bool small = asked.type().min_size <= longest;
-    if (small && !asked.type().members.empty()) json = " " + shell_quoted(printable(default_packet(asked).to_json()));
-    if (!small || json.size() > longest) json = calls ? " -" : "";
-    return fmt::format("    ise {} {} {}{}\n", calls ? "call" : "echo", name, printable(service.name()), json);
 }
 
 std::string service_page(const service_text& one, const std::string& name) {
@@ -79,14 +59,47 @@ std::string service_page(const service_text& one, const std::string& name) {
 
 } // namespace
 
-std::string as_json(const component_text& about) {
+std::string example(const std::string& name, const dynamic_contract& service) {
+    bool calls = service.kind() == service_kind::request_response;
+    const auto& asked = service.packet(role::request);
+    std::string json;
+    constexpr std::size_t longest = 160;
+    bool small = asked.type().min_size <= longest;
+    if (small && !asked.type().members.empty()) json = " " + shell_quoted(printable(default_packet(asked).to_json()));
+    if (!small || json.size() > longest) json = calls ? " -" : "";
+    return fmt::format("    ise {} {} {}{}\n", calls ? "call" : "echo", name, printable(service.name()), json);
+}
+
+std::string role_page(const std::string& role, const resolution& who, std::size_t width) {
+    table rows({"MEMBER", "PRIORITY", "STATE", "TAKEN"});
+    for (std::size_t at = 0; at < who.members.size(); ++at)
+        rows.add({who.members[at].path, std::to_string(who.members[at].priority), who.members[at].ready ? "ready" : "not ready", at == 0 ? "*" : ""});
+    return fmt::format("{}  (role)\n", printable(role)) + rows.text(width, "  ") + "\n";
+}
+
+std::string as_json(const component_text& about, const std::string& name, const resolution& who) {
     ordered_json told;
+    if (who.role) {
+        told["role"] = name;
+        auto members = ordered_json::array();
+        for (const auto& one : who.members) {
+            ordered_json member;
+            member["path"] = one.path;
+            member["priority"] = one.priority;
+            member["ready"] = one.ready;
+            member["taken"] = &one == &who.members.front();
+            members.push_back(std::move(member));
+        }
+        told["members"] = std::move(members);
+    }
     told["path"] = about.path;
     told["state"] = about.state;
     told["host"] = about.host_name;
     told["process_id"] = about.process_id;
     told["incarnation"] = hex(about.incarnation);
     told["epoch"] = std::to_string(about.epoch); // beyond 2^53 a JSON number is not exact
+    told["confirmed"] = about.confirmed;
+    told["roles"] = about.roles;
     told["endpoints"] = about.endpoints;
     auto services = ordered_json::array();
     for (const auto& one : about.services) services.push_back(service_json(one));
@@ -98,6 +111,7 @@ std::string as_json(const component_text& about) {
         session["bytes_in"] = one.bytes_in;
         session["bytes_out"] = one.bytes_out;
         session["round_trip_s"] = static_cast<double>(one.round_trip_ns) * 1e-9;
+        session["peer_stalled"] = one.peer_stalled;
         sessions.push_back(std::move(session));
     }
     told["sessions"] = std::move(sessions);
@@ -110,7 +124,9 @@ std::string as_json(const component_text& about) {
 std::string as_page(const component_text& about, const std::string& name, std::size_t width) {
     auto page = fmt::format("{}  {}\n", about.path.empty() ? "(anonymous)" : printable(about.path), printable(about.state));
     page += fmt::format("  host       {}, process {}\n", printable(about.host_name), about.process_id);
-    page += fmt::format("  life       incarnation {}{}\n", hex(about.incarnation), about.epoch == 0 ? "" : fmt::format(", epoch {}", about.epoch));
+    std::string_view unsure = about.epoch != 0 && !about.confirmed ? ", unconfirmed: its lease could not be renewed" : "";
+    page += fmt::format("  life       incarnation {}{}{}\n", hex(about.incarnation), about.epoch == 0 ? "" : fmt::format(", epoch {}", about.epoch), unsure);
+    for (const auto& [role, priority] : about.roles) page += fmt::format("  serves     {}, priority {}\n", printable(role), priority);
     for (std::size_t at = 0; at < about.endpoints.size(); ++at)
         page += fmt::format("  {}  {}\n", at == 0 ? "endpoints" : "         ", printable(about.endpoints[at]));
     page += fmt::format("  counts     {} calls served, {} packets published, {} dropped\n", about.calls_served, about.packets_published, about.packets_dropped);
@@ -125,7 +141,7 @@ std::string as_page(const component_text& about, const std::string& name, std::s
     if (!about.sessions.empty()) {
         table rows({"SESSION WITH", "IN", "OUT", "ROUND TRIP"});
         for (const auto& one : about.sessions)
-            rows.add({one.peer, show_bytes(one.bytes_in), show_bytes(one.bytes_out),
+            rows.add({one.peer_stalled ? one.peer + " (stalled)" : one.peer, show_bytes(one.bytes_in), show_bytes(one.bytes_out),
                       one.round_trip_ns > 0 ? show_duration(duration(one.round_trip_ns)) : std::string("-")});
         page += "\n" + rows.text(width);
     }

@@ -4,8 +4,12 @@
 
 #include <fmt/format.h>
 
+#include <utility>
+
 namespace ise::cli {
 namespace {
+
+constexpr duration look_period = std::chrono::milliseconds(250);
 
 void append_line(std::string& text, const received<dynamic_packet>& packet, json_style style, bool envelope) {
     auto json = packet->to_json(style);
@@ -32,6 +36,14 @@ task<> echo(context& in, echo_options options) {
         stream.leave();
     });
     if (options.length) end.arm(saturating_add(in.self.now(), *options.length));
+    bool reached = true;
+    timer look(in.self.on(), [&] { // silence alone does not tell whether there is nobody or nothing new
+        if (stream.ended()) return;
+        if (bool now = stream.connected(); now != std::exchange(reached, now))
+            note(in.set, fmt::format("'{}' {}", options.what.name, now ? "is reached again" : "is not reached any more: waiting until it is"));
+        look.arm(saturating_add(in.self.now(), look_period));
+    });
+    look.arm(saturating_add(in.self.now(), look_period));
     auto style = in.set.pretty ? json_style::pretty : json_style::compact;
     std::uint64_t shown = 0;
     auto wanted = [&] { return !options.count || shown < *options.count; };

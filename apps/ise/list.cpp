@@ -9,12 +9,25 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
+#include <map>
+
 namespace ise::cli {
 namespace {
 
 using nlohmann::ordered_json;
+using role_lists = std::map<std::string, std::vector<naming::listed_name>>; // who serves each role, best first
 
-std::string as_json(const std::vector<naming::listed_name>& names) {
+role_lists roles_of(const std::vector<naming::listed_name>& names) {
+    role_lists all;
+    for (const auto& one : names)
+        for (const auto& [role, priority] : one.roles) all[role].push_back(one);
+    for (auto& [role, members] : all)
+        std::ranges::sort(members, {}, [&](const auto& one) { return naming::role_rank(one.state, one.roles.at(role), one.epoch); });
+    return all;
+}
+
+std::string as_json(const std::vector<naming::listed_name>& names, const role_lists& roles) {
     auto all = ordered_json::array();
     for (const auto& one : names) {
         ordered_json told;
@@ -29,6 +42,15 @@ std::string as_json(const std::vector<naming::listed_name>& names) {
         told["lease_age_s"] = std::chrono::duration<double>(one.lease_age).count();
         told["endpoints"] = one.endpoints;
         told["services_provided"] = one.services_provided;
+        auto served = ordered_json::array();
+        for (const auto& [role, priority] : one.roles) {
+            ordered_json membership;
+            membership["role"] = role;
+            membership["priority"] = priority;
+            membership["taken"] = roles.at(role).front().path == one.path;
+            served.push_back(std::move(membership));
+        }
+        told["roles"] = std::move(served);
         all.push_back(std::move(told));
     }
     return all.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
@@ -42,21 +64,47 @@ std::string as_table(const std::vector<naming::listed_name>& names, std::size_t 
     return rows.text(width);
 }
 
+// Who is found under a role is marked: the handles of others may be with another member.
+std::string as_table(const role_lists& roles, const std::string& prefix, std::size_t width) {
+    table rows({"ROLE", "TAKEN", "PRIORITY", "STATE", "HOST", "MEMBER"});
+    std::size_t shown = 0;
+    for (const auto& [role, members] : roles) {
+        if (!naming::lies_below(role, prefix)) continue;
+        for (const auto& one : members) {
+            rows.add({role, &one == &members.front() ? "*" : "", std::to_string(one.roles.at(role)), one.state, one.host_name, one.path});
+            ++shown;
+        }
+    }
+    return shown == 0 ? std::string() : rows.text(width);
+}
+
 } // namespace
 
 task<> list(context& in, list_options options) {
-    auto names = co_await listed_names(in, options.prefix);
-    std::string text;
+    check_prefix(options.prefix);
+    // A role may be served by components of any path.
+    auto all = co_await listed_names(in, "");
+    auto roles = roles_of(all);
+    auto names = all;
+    std::erase_if(names, [&](const auto& one) { return !naming::lies_below(one.path, options.prefix); });
+    std::string text, served;
     if (options.names) {
         for (const auto& one : names) text += printable(one.path) + "\n";
+        for (const auto& [role, members] : roles)
+            if (naming::lies_below(role, options.prefix)) text += printable(role) + "\n";
     } else if (in.set.json) {
-        text = as_json(names);
+        text = as_json(names, roles);
     } else {
-        text = as_table(names, in.out.width());
+        served = as_table(roles, options.prefix, in.out.width());
+        if (!names.empty() || served.empty()) text = as_table(names, in.out.width());
+        if (!served.empty()) text += (text.empty() ? "" : "\n") + served;
     }
     co_await in.out.write(in.self, std::move(text));
-    if (names.empty() && !options.names)
-        note(in.set, options.prefix.empty() ? std::string("no component is registered") : fmt::format("no component is registered under '{}'", options.prefix));
+    if (!names.empty() || !served.empty() || options.names) co_return;
+    std::vector<std::string> known;
+    for (const auto& one : all) known.push_back(one.path);
+    for (const auto& [role, members] : roles) known.push_back(role);
+    note_nothing(in, options.prefix, known);
 }
 
 } // namespace ise::cli

@@ -1,5 +1,6 @@
 #include "target.hpp"
 
+#include "names.hpp"
 #include "text.hpp"
 
 #include <fmt/format.h>
@@ -39,7 +40,7 @@ task<std::string> advice_for_name(context& in, std::string name) {
     auto near = nearest(name, known);
     for (auto& one : near) one = quoted(one);
     if (!near.empty()) co_return fmt::format("did you mean {}?", enumerate(near));
-    co_return fmt::format("{} names are registered: ise list", known.size());
+    co_return fmt::format("{} registered: ise list", names_are(known.size()));
 }
 
 std::string services_there(const component_text& about) {
@@ -88,10 +89,11 @@ task<remote> reach(context& in, std::string name) {
                                 "is the component running there? --wait waits for it until the timeout");
         co_return who;
     }
+    check_name(name);
     [[maybe_unused]] auto server = co_await reach_name_server(in);
     auto* names = in.self.services().resolver();
     if (!names) throw problem(exit_code::failed, "unexpected", "this program was built without names: name the component by its endpoint");
-    result<location> found;
+    result<resolution> found;
     if (in.set.wait) {
         found = co_await names->resolve_when_present(name, in.until);
     } else {
@@ -109,6 +111,15 @@ task<remote> reach(context& in, std::string name) {
     auto got = co_await connect(in, who);
     if (!got) throw problem(failure(got.error().code(), fmt::format("'{}' is registered, but not reached: {}", name, got.error().message())),
                             "it may just have ended: its name goes when its lease ends, a few seconds later");
+    co_return who;
+}
+
+task<resolution> members_of(context& in, std::string name) {
+    resolution who;
+    auto* names = in.self.services().resolver();
+    if (!names || name.find("://") != std::string::npos) co_return who;
+    auto found = co_await names->resolve(name);
+    if (found) who = std::move(*found);
     co_return who;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 #include "conversation.hpp"
+#include "names.hpp"
 
 #include <ise/component/learn.hpp>
 #include <ise/naming/services.hpp>
@@ -18,6 +19,9 @@ task<std::vector<naming::listed_name>> listed_names(context& in, std::string pre
 /// The component of that path or endpoint, with a session to it. Unless `--wait` was given the first failure to reach
 /// it is the last: problem(not_reached) with the nearest names that there are.
 task<remote> reach(context& in, std::string name);
+
+/// Who is found under a path that was reached; nobody under an endpoint.
+task<resolution> members_of(context& in, std::string name);
 
 /// What it tells about itself.
 task<component_text> ask_about(context& in, remote who);

@@ -3,10 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
-#include <numeric>
-#include <utility>
 
 namespace ise::cli {
 namespace {
@@ -25,32 +22,7 @@ std::size_t character_length(std::string_view text) {
     return length;
 }
 
-std::size_t edit_distance(std::string_view a, std::string_view b) {
-    std::vector<std::size_t> row(b.size() + 1);
-    std::iota(row.begin(), row.end(), std::size_t{0});
-    for (std::size_t i = 1; i <= a.size(); ++i) {
-        std::size_t diagonal = std::exchange(row[0], i);
-        for (std::size_t j = 1; j <= b.size(); ++j) {
-            std::size_t changed = diagonal + (a[i - 1] != b[j - 1] ? 1 : 0);
-            diagonal = row[j];
-            row[j] = std::min({row[j] + 1, row[j - 1] + 1, changed});
-        }
-    }
-    return row.back();
-}
-
 } // namespace
-
-result<duration> parse_duration(std::string_view text) {
-    double number = 0;
-    auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), number);
-    auto unit = text.substr(static_cast<std::size_t>(end - text.data()));
-    double seconds = unit.empty() || unit == "s" ? 1 : unit == "ms" ? 1e-3 : unit == "us" ? 1e-6 : unit == "m" || unit == "min" ? 60 : unit == "h" ? 3600 : 0;
-    constexpr double most_seconds = 1e9; // 30 years
-    if (problem != std::errc() || seconds == 0 || !(number >= 0) || number * seconds > most_seconds)
-        return failure(errc::invalid_argument, fmt::format("'{}' is no duration: write 5s, 250ms, 1.5m or 2h", printable(text)));
-    return std::chrono::duration_cast<duration>(std::chrono::duration<double>(number * seconds));
-}
 
 std::string show_duration(duration length) {
     double seconds = std::chrono::duration<double>(length).count();
@@ -101,21 +73,13 @@ std::string cut(std::string_view text, std::size_t width) {
     return std::string(text.substr(0, end)) + "…";
 }
 
-std::vector<std::string> nearest(std::string_view wanted, const std::vector<std::string>& known) {
-    constexpr std::size_t longest = 256, most = 3;
-    auto asked = wanted.substr(0, longest);
-    std::vector<std::pair<std::size_t, std::string>> found;
-    for (const auto& name : known) {
-        auto distance = edit_distance(asked, std::string_view(name).substr(0, longest));
-        // A part of the path, "boat" for "atirma/boat", is as good as a slip of the pen.
-        if (name.find(wanted) != std::string::npos) distance = std::min<std::size_t>(distance, 1);
-        if (distance <= std::max<std::size_t>(2, asked.size() / 3)) found.emplace_back(distance, name);
+std::string indented(std::string_view text, std::string_view by) {
+    std::string out(by);
+    for (char letter : text) {
+        out += letter;
+        if (letter == '\n') out += by;
     }
-    std::ranges::sort(found);
-    std::vector<std::string> names;
-    for (auto& [distance, name] : found)
-        if (names.size() < most) names.push_back(std::move(name));
-    return names;
+    return out + '\n';
 }
 
 std::string enumerate(const std::vector<std::string>& names) {

@@ -1,6 +1,8 @@
 #pragma once
+#include <ise/component/nearest.hpp>
 #include <ise/core/result.hpp>
 #include <ise/core/time.hpp>
+#include <ise/deployment/times.hpp>
 
 #include <string>
 #include <string_view>
@@ -8,8 +10,7 @@
 
 namespace ise::cli {
 
-/// "5s", "250ms", "1.5m", "2h"; a bare number means seconds. errc::invalid_argument shows right ones.
-result<duration> parse_duration(std::string_view text);
+using deployment::parse_duration;
 /// "1.25 ms", "3.4 s", "2 h 05 m": three significant digits, for people.
 std::string show_duration(duration length);
 /// "1.4 MB"
@@ -22,8 +23,10 @@ std::size_t columns(std::string_view text);
 /// Cut to `width` columns, with "…" where something is missing.
 std::string cut(std::string_view text, std::size_t width);
 
-/// Those of `known` that `wanted` may have meant, nearest first, at most three.
-std::vector<std::string> nearest(std::string_view wanted, const std::vector<std::string>& known);
+/// Every line, and an end of line behind the last.
+std::string indented(std::string_view text, std::string_view by);
+
+using ise::nearest;
 /// "a, b and c"
 std::string enumerate(const std::vector<std::string>& names);
 

@@ -1,0 +1,63 @@
+#include "hosting.hpp"
+
+#include <components/gprs_link/gprs_link_emulator.hpp>
+#include <components/gprs_proxy/gprs_proxy.hpp>
+
+namespace atirma {
+namespace {
+
+using ise::component_type;
+
+// "ready: tcp://127.0.0.1:40112 udp://127.0.0.1:40112"
+std::string ready(const std::vector<ise::endpoint>& listening) {
+    std::string line = "ready:";
+    for (const auto& at : listening) line += " " + at.text();
+    return line;
+}
+
+component_type gprs_proxy_type(const std::function<void(const std::string&)>& announce) {
+    component_type type("gprs-proxy", "the boat over GPRS", "atirma/shore/gprs");
+    auto options = std::make_shared<gprs_proxy_options>();
+    options->on_listening = [announce](const std::vector<ise::endpoint>& listening) { announce(ready(listening)); };
+    auto& set = type.parameters;
+    set.add("boat-listen", options->listen, "where the boat calls, tcp:// and udp://; port 0: any free one");
+    set.add("boat-id", options->shore.boat_id, "how the boat calls itself; all others are strangers");
+    set.add("store", options->store_at, "who keeps telemetry before the boat is acknowledged: atirma/communication");
+    set.add("max-strangers", options->shore.max_strangers, "connections that have not logged in yet").range(1, 1024);
+    type.provides(services::telemetry)
+        .provides(services::telecommand)
+        .provides(services::telecommand_state)
+        .provides(services::gprs);
+    type.make = [options] { return std::make_unique<gprs_proxy>(*options); };
+    return type;
+}
+
+component_type gprs_link_type(const std::function<void(const std::string&)>& announce) {
+    component_type type("gprs-link", "a carrier between boat and proxy that can be made to misbehave",
+                        "atirma/carrier");
+    auto options = std::make_shared<gprs_link_options>();
+    options->on_listening = [announce](const std::vector<ise::endpoint>& listening) { announce(ready(listening)); };
+    auto& set = type.parameters;
+    set.add("boat-listen", options->listen, "where the boat calls, tcp:// and udp://; port 0: any free one");
+    set.add("proxy-tcp", options->proxy_tcp, "where connections go on to");
+    set.add("proxy-udp", options->proxy_udp, "where datagrams go on to");
+    set.add("delay", options->delay_s, "each way").range(0, 600).unit("s");
+    set.add("jitter", options->jitter_s, "added to it at most").range(0, 600).unit("s");
+    set.add("loss", options->loss, "part of the datagrams that is lost").range(0, 1);
+    set.add("outage", options->outages, "START+LENGTH: down from then on for so many seconds");
+    set.add("seed", options->seed, "of delay and loss");
+    type.provides(services::carrier_control).provides(services::carrier);
+    type.make = [options] { return std::make_unique<gprs_link_emulator>(*options); };
+    return type;
+}
+
+} // namespace
+
+std::vector<component_type> gprs_types(const std::function<void(const std::string&)>& announce) {
+    std::vector<component_type> all;
+    all.push_back(gprs_proxy_type(announce));
+    all.push_back(gprs_link_type(announce));
+    return all;
+}
+
+} // namespace atirma

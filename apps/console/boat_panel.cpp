@@ -1,0 +1,236 @@
+#include "boat_panel.hpp"
+
+#include "choice_box.hpp"
+#include "theme.hpp"
+
+#include <components/boat/parameters.hpp>
+#include <components/gui_client/freshness.hpp>
+#include <components/gui_client/track_store.hpp>
+#include <components/gui_client/words.hpp>
+
+#include <QComboBox>
+#include <QDoubleSpinBox>
+#include <QFrame>
+#include <QGridLayout>
+#include <QLabel>
+#include <QPushButton>
+#include <QScrollArea>
+
+namespace atirma::console {
+namespace {
+
+QFrame* card(QWidget* parent) {
+    auto* made = new QFrame(parent);
+    made->setObjectName("card");
+    return made;
+}
+
+QLabel* head(const QString& words, QWidget* parent) {
+    auto* made = new QLabel(words, parent);
+    made->setProperty("role", "head");
+    return made;
+}
+
+QString in_units(float value, std::string_view unit) {
+    auto shown = QString::number(static_cast<double>(value), 'g', 5);
+    if (unit == "1") return shown;
+    return shown + (unit == "deg" ? QStringLiteral("°") : " " + text(std::string(unit)));
+}
+
+} // namespace
+
+boat_panel::boat_panel(operator_actions& actions, QWidget* parent) : QWidget(parent), actions_(actions) {
+    auto* outer = new QVBoxLayout(this);
+    outer->setContentsMargins(0, 2, 0, 0);
+    auto* area = new QScrollArea(this);
+    area->setWidgetResizable(true);
+    area->setFrameShape(QFrame::NoFrame);
+    area->setHorizontalScrollBarPolicy(Qt::ScrollBarAlwaysOff);
+    auto* inside = new QWidget;
+    auto* column = new QVBoxLayout(inside);
+    column->setContentsMargins(0, 0, 2, 0);
+    column->setSpacing(6);
+    column->addWidget(make_parameters());
+    column->addWidget(make_periods());
+    column->addWidget(make_rare());
+    column->addStretch(1);
+    area->setWidget(inside);
+    outer->addWidget(area);
+}
+
+QWidget* boat_panel::make_parameters() {
+    auto* box = card(this);
+    auto* grid = new QGridLayout(box);
+    grid->setContentsMargins(11, 8, 11, 10);
+    grid->setVerticalSpacing(4);
+    grid->addWidget(head(tr("Parameter"), box), 0, 0);
+    grid->addWidget(head(tr("On the boat"), box), 0, 1);
+    grid->addWidget(head(tr("New"), box), 0, 2);
+    int line = 1;
+    for (const auto& info : parameters()) {
+        row made;
+        made.id = info.id;
+        auto* name = new QLabel(text(label(info.id)), box);
+        name->setToolTip(text(std::string(info.meaning)));
+        made.confirmed = new QLabel("–", box);
+        made.confirmed->setObjectName("confirmed_" + text(std::string(name_of(info.id))));
+        made.wanted = new QDoubleSpinBox(box);
+        made.wanted->setObjectName("wanted_" + text(std::string(name_of(info.id))));
+        made.wanted->setRange(static_cast<double>(info.minimum), static_cast<double>(info.maximum));
+        made.wanted->setDecimals(info.maximum <= 1 ? 2 : 1);
+        made.wanted->setSingleStep(info.maximum <= 1 ? 0.05 : 1);
+        made.wanted->setButtonSymbols(QAbstractSpinBox::NoButtons);
+        made.wanted->setToolTip(
+            tr("%1 to %2").arg(in_units(info.minimum, info.unit), in_units(info.maximum, info.unit)));
+        auto* set = new QPushButton(tr("Set"), box);
+        set->setObjectName("set_" + text(std::string(name_of(info.id))));
+        made.state = new QLabel(box);
+        made.state->setObjectName("state_" + text(std::string(name_of(info.id))));
+        made.state->setWordWrap(true);
+        auto index = rows_.size();
+        connect(made.wanted, &QDoubleSpinBox::valueChanged, this, [this, index] { rows_[index].touched = true; });
+        connect(set, &QPushButton::clicked, this, [this, index] {
+            boat_command command;
+            command.kind = command_kind::set_parameter;
+            command.parameter = rows_[index].id;
+            command.value = static_cast<float>(rows_[index].wanted->value());
+            if (actions_.give(command)) rows_[index].touched = false;
+        });
+        grid->addWidget(name, line, 0);
+        grid->addWidget(made.confirmed, line, 1);
+        grid->addWidget(made.wanted, line, 2);
+        grid->addWidget(set, line, 3);
+        grid->addWidget(made.state, line + 1, 0, 1, 4);
+        made.state->hide();
+        rows_.push_back(made);
+        line += 2;
+    }
+    grid->setColumnStretch(0, 1);
+    return box;
+}
+
+QWidget* boat_panel::make_periods() {
+    auto* box = card(this);
+    auto* grid = new QGridLayout(box);
+    grid->setContentsMargins(11, 8, 11, 10);
+    grid->setVerticalSpacing(4);
+    grid->addWidget(head(tr("Telemetry every"), box), 0, 0, 1, 3);
+    for (std::size_t i = 0; i < link_count; ++i) {
+        auto link = static_cast<link_id>(i);
+        int line = static_cast<int>(i) + 1;
+        periods_[i] = new QLabel("–", box);
+        auto* choice = new choice_box(box);
+        choice->setObjectName("period_" + text(std::string(name_of(link))));
+        choice->addItem(tr("change…"), -1.0);
+        for (double seconds : {0.0, 1.0, 2.0, 5.0, 10.0, 30.0, 60.0, 300.0, 600.0, 1800.0, 3600.0})
+            choice->addItem(seconds == 0   ? tr("off")
+                            : seconds < 60 ? tr("%1 s").arg(seconds)
+                                           : tr("%1 min").arg(seconds / 60),
+                            seconds);
+        connect(choice, &QComboBox::activated, this, [this, choice, link](int index) {
+            double seconds = choice->itemData(index).toDouble();
+            choice->setCurrentIndex(0);
+            if (seconds < 0) return;
+            boat_command command;
+            command.kind = command_kind::set_telemetry_period;
+            command.link = link;
+            command.period_s = static_cast<float>(seconds);
+            actions_.give(command);
+        });
+        grid->addWidget(new QLabel(text(label(link)), box), line, 0);
+        grid->addWidget(periods_[i], line, 1);
+        grid->addWidget(choice, line, 2);
+    }
+    grid->setColumnStretch(1, 1);
+    return box;
+}
+
+QWidget* boat_panel::make_rare() {
+    auto* box = card(this);
+    auto* column = new QVBoxLayout(box);
+    column->setContentsMargins(11, 8, 11, 10);
+    health_ = new QLabel(box);
+    health_->setWordWrap(true);
+    column->addWidget(health_);
+    auto* line = new QHBoxLayout;
+    auto* status = new QPushButton(tr("Request status"), box);
+    status->setToolTip(tr("One packet of each kind, at once"));
+    connect(status, &QPushButton::clicked, this, [this] { actions_.simple(command_kind::request_status); });
+    beacon_ = new QPushButton(tr("Beacon on…"), box);
+    beacon_->setObjectName("beacon");
+    beacon_->setProperty("role", "danger");
+    connect(beacon_, &QPushButton::clicked, this, [this] {
+        boat_command command;
+        command.kind = command_kind::emergency_beacon;
+        command.on = !beacon_on_;
+        actions_.give(command);
+    });
+    auto* reboot = new QPushButton(tr("Reboot…"), box);
+    reboot->setObjectName("reboot");
+    reboot->setProperty("role", "danger");
+    connect(reboot, &QPushButton::clicked, this, [this] { actions_.simple(command_kind::reboot); });
+    line->addWidget(status, 1);
+    line->addWidget(beacon_);
+    line->addWidget(reboot);
+    column->addLayout(line);
+    notices_ = new QLabel(box);
+    notices_->setWordWrap(true);
+    notices_->setProperty("role", "small");
+    column->addWidget(notices_);
+    return box;
+}
+
+void boat_panel::show_snapshot(const snapshot& seen, utc_time now) {
+    const auto& t = colours();
+    for (auto& each : rows_) {
+        const auto& is = seen.parameters.size() > static_cast<std::size_t>(each.id)
+                             ? seen.parameters[static_cast<std::size_t>(each.id)]
+                             : parameter_view();
+        const auto* info = find_parameter(each.id);
+        each.confirmed->setText(is.confirmed ? QStringLiteral("<b>%1</b> <span style='color:%2'>%3</span>")
+                                                   .arg(in_units(*is.confirmed, info->unit), t.ink3.name(),
+                                                        text(age_text(age_s(now, *is.confirmed_at))))
+                                             : QStringLiteral("–"));
+        if (auto value = is.pending ? is.pending : is.confirmed; value && !each.touched && !each.wanted->hasFocus()) {
+            QSignalBlocker quiet(each.wanted);
+            each.wanted->setValue(static_cast<double>(*value));
+        }
+        QString words;
+        if (is.pending)
+            words = QStringLiteral("<span style='color:%1'>● %2</span>")
+                        .arg(t.warn.name(), tr("%1 is under way").arg(in_units(*is.pending, info->unit)));
+        else if (!is.problem.empty())
+            words = QStringLiteral("<span style='color:%1'>● %2</span>")
+                        .arg(t.bad.name(), text(is.problem).toHtmlEscaped());
+        each.state->setVisible(!words.isEmpty());
+        each.state->setText(words);
+    }
+    for (std::size_t i = 0; i < link_count; ++i) {
+        if (!seen.boat.settings) continue;
+        auto period = seen.boat.settings->value.telemetry_period_s[i];
+        periods_[i]->setText(period > 0
+                                 ? QStringLiteral("<b>%1 s</b>").arg(static_cast<double>(period))
+                                 : QStringLiteral("<span style='color:%1'>%2</span>").arg(t.ink3.name(), tr("off")));
+    }
+    if (seen.boat.supply) {
+        const auto& p = seen.boat.supply->value;
+        auto up = text(age_text(p.uptime_s));
+        health_->setText(tr("Up %1 · last reset: %2 · hull %3 °C · %4")
+                             .arg(up, text(std::string(name_of(p.last_reset))).replace('_', ' '))
+                             .arg(static_cast<double>(p.temperature_c), 0, 'f', 1)
+                             .arg(p.faults == 0 ? tr("no faults")
+                                                : tr("<span style='color:%1'>faults %2</span>")
+                                                      .arg(t.bad.name(), QString::number(p.faults, 16).toUpper())));
+    } else {
+        health_->setText(tr("Nothing is known of battery and faults yet"));
+    }
+    beacon_on_ = seen.boat.sailing && seen.boat.sailing->value.beacon;
+    beacon_->setText(beacon_on_ ? tr("Beacon off…") : tr("Beacon on…"));
+    QStringList said;
+    for (auto it = seen.boat.notices.rbegin(); it != seen.boat.notices.rend() && said.size() < 4; ++it)
+        said << text(iso_time(it->measured_at).substr(11, 8)) + "  " + text(it->value.text);
+    notices_->setVisible(!said.isEmpty());
+    notices_->setText(said.join('\n'));
+}
+
+} // namespace atirma::console

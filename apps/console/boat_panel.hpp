@@ -1,0 +1,45 @@
+#pragma once
+#include "actions.hpp"
+
+#include <components/gui_client/view.hpp>
+
+#include <QWidget>
+
+#include <array>
+#include <vector>
+
+class QComboBox;
+class QDoubleSpinBox;
+class QLabel;
+class QPushButton;
+
+namespace atirma::console {
+
+/// The boat's parameters, what is confirmed and what is under way; telemetry periods; what is done rarely: status,
+/// beacon, reboot; what the boat says in words.
+class boat_panel : public QWidget {
+    Q_OBJECT
+public:
+    explicit boat_panel(operator_actions& actions, QWidget* parent = nullptr);
+    void show_snapshot(const snapshot& seen, utc_time now);
+
+private:
+    struct row {
+        parameter_id id{};
+        QLabel *confirmed = nullptr, *state = nullptr;
+        QDoubleSpinBox* wanted = nullptr;
+        bool touched = false;
+    };
+    QWidget* make_parameters();
+    QWidget* make_periods();
+    QWidget* make_rare();
+
+    operator_actions& actions_;
+    std::vector<row> rows_;
+    std::array<QLabel*, link_count> periods_{};
+    QLabel *health_, *notices_;
+    QPushButton* beacon_;
+    bool beacon_on_ = false;
+};
+
+} // namespace atirma::console

@@ -1,0 +1,188 @@
+#include "chart_view.hpp"
+#include "theme.hpp"
+
+#include <components/gui_client/freshness.hpp>
+
+#include <QPainter>
+#include <QPainterPath>
+
+// What lies on the chart: track, waypoints, boat.
+namespace atirma::console {
+namespace {
+
+QPainterPath hull(double length) {
+    QPainterPath path;
+    path.moveTo(0, -length * 0.55);
+    path.cubicTo(length * 0.24, -length * 0.2, length * 0.25, length * 0.15, length * 0.17, length * 0.45);
+    path.lineTo(-length * 0.17, length * 0.45);
+    path.cubicTo(-length * 0.25, length * 0.15, -length * 0.24, -length * 0.2, 0, -length * 0.55);
+    path.closeSubpath();
+    return path;
+}
+
+void mark(QPainter& to, QPointF at, const QString& text, const QColor& fill, const QColor& ink, double radius) {
+    to.setPen(QPen(colours().card, 2));
+    to.setBrush(fill);
+    to.drawEllipse(at, radius, radius);
+    to.setFont(font_of(11, QFont::Bold));
+    to.setPen(ink);
+    to.drawText(QRectF(at.x() - 14, at.y() - 9, 28, 18), Qt::AlignCenter, text);
+}
+
+} // namespace
+
+void chart_view::paint_track(QPainter& to) const {
+    if (!seen_ || seen_->track->empty()) return;
+    const auto& track = *seen_->track;
+    const auto& t = colours();
+    to.setBrush(Qt::NoBrush);
+    QPolygonF run;
+    std::size_t begin = 0;
+    if (tail_s_ > 0)
+        while (begin < track.size() && age_s(now_, track[begin].at) > tail_s_) ++begin;
+    // Older parts are paler: in three steps, so that a run stays one line.
+    auto shade_of = [&](const track_point& p) {
+        double age = age_s(now_, p.at);
+        return age < 300 ? 255 : age < 1800 ? 170 : 110;
+    };
+    auto flush = [&](const track_point& as, int shade) {
+        if (run.size() > 1) {
+            QColor colour = t.of(as.link);
+            colour.setAlpha(shade);
+            to.setPen(QPen(colour, shade == 255 ? 2.4 : 1.9, as.history ? Qt::DotLine : Qt::SolidLine, Qt::RoundCap,
+                           Qt::RoundJoin));
+            to.drawPolyline(run);
+        }
+        auto last = run.isEmpty() ? QPointF() : run.back();
+        run.clear();
+        return last;
+    };
+    for (std::size_t i = begin; i < track.size(); ++i) {
+        auto pixel = projection_.to_pixels({track[i].latitude_deg, track[i].longitude_deg});
+        if (i > begin) {
+            const auto& before = track[i - 1];
+            bool gap = track[i].at - before.at > std::chrono::minutes(10);
+            if (gap || before.link != track[i].link || before.history != track[i].history ||
+                shade_of(before) != shade_of(track[i])) {
+                auto last = flush(before, shade_of(before));
+                if (!gap) run << last;
+            }
+        }
+        if (run.isEmpty() || (run.back() - pixel).manhattanLength() > 1.2 || i + 1 == track.size()) run << pixel;
+    }
+    flush(track.back(), shade_of(track.back()));
+}
+
+void chart_view::paint_mission(QPainter& to) const {
+    if (!seen_ || seen_->mission.points.empty()) return;
+    const auto& t = colours();
+    const auto& points = seen_->mission.points;
+    QPolygonF line;
+    for (const auto& p : points) line << projection_.to_pixels(p);
+    bool closed = points.size() > 2;
+    to.setPen(QPen(t.route, 1.4, Qt::DashLine));
+    to.setBrush(Qt::NoBrush);
+    if (closed) to.drawPolygon(line);
+    else to.drawPolyline(line);
+    std::size_t active = seen_->boat.sailing ? seen_->boat.sailing->value.waypoint_index : seen_->mission.active;
+    bool sails = seen_->boat.sailing && (seen_->boat.sailing->value.mode == sailing_mode::automatic);
+    if (active < points.size() && sails) {
+        auto at = boat_place();
+        if (points.size() > 1) {
+            auto from = active > 0 ? active - 1 : points.size() - 1;
+            to.setPen(QPen(t.leg, 2));
+            to.drawLine(line[static_cast<int>(from)], line[static_cast<int>(active)]);
+        }
+        if (at) {
+            QColor thin = t.leg;
+            thin.setAlpha(140);
+            to.setPen(QPen(thin, 1.2, Qt::DotLine));
+            to.drawLine(projection_.to_pixels(*at), line[static_cast<int>(active)]);
+        }
+    }
+    for (std::size_t i = 0; i < points.size(); ++i) {
+        bool goal = sails && i == active;
+        mark(to, line[static_cast<int>(i)], QString::number(i + 1), goal ? t.leg : t.route, t.card, goal ? 10.5 : 9.5);
+    }
+}
+
+void chart_view::paint_draft(QPainter& to) const {
+    const auto& t = colours();
+    const auto& points = draft_.points();
+    QPolygonF line;
+    for (const auto& p : points) line << projection_.to_pixels(p);
+    to.setPen(QPen(t.draft, 1.8, Qt::DashLine));
+    to.setBrush(Qt::NoBrush);
+    if (points.size() > 2) to.drawPolygon(line);
+    else to.drawPolyline(line);
+    for (std::size_t i = 0; i < points.size(); ++i) {
+        auto at = line[static_cast<int>(i)];
+        bool chosen = static_cast<int>(i) == draft_.selected();
+        if (chosen) {
+            QColor ring = t.draft;
+            ring.setAlpha(70);
+            to.setPen(Qt::NoPen);
+            to.setBrush(ring);
+            to.drawEllipse(at, 17, 17);
+        }
+        to.setPen(QPen(t.draft, 2));
+        to.setBrush(chosen ? t.draft : t.card);
+        to.drawEllipse(at, 10, 10);
+        to.setFont(font_of(11, QFont::Bold));
+        to.setPen(chosen ? t.card : t.draft);
+        to.drawText(QRectF(at.x() - 14, at.y() - 9, 28, 18), Qt::AlignCenter, QString::number(i + 1));
+    }
+}
+
+void chart_view::paint_boat(QPainter& to) const {
+    auto at = boat_place();
+    if (!at) return;
+    const auto& t = colours();
+    const auto& fix = *seen_->boat.position;
+    auto how = freshness_of(seen_->boat.position, value_kind::position, seen_->boat, now_);
+    auto pixel = projection_.to_pixels(*at);
+    double heading = static_cast<double>(seen_->boat.sailing ? seen_->boat.sailing->value.heading_deg
+                                                             : fix.value.course_over_ground_deg);
+    // Where it goes in the next two minutes.
+    double ahead = static_cast<double>(fix.value.speed_over_ground_mps) * 120 / projection_.metres_per_pixel;
+    if (how != freshness::stale && ahead > 6) {
+        double course = static_cast<double>(fix.value.course_over_ground_deg) * std::numbers::pi / 180;
+        QPointF tip = pixel + QPointF(std::sin(course), -std::cos(course)) * ahead;
+        to.setPen(QPen(t.hull, 1.6, Qt::DashLine));
+        to.drawLine(pixel, tip);
+        to.setBrush(t.hull);
+        to.setPen(Qt::NoPen);
+        to.drawEllipse(tip, 2.5, 2.5);
+    }
+    if (how != freshness::fresh) { // it is no longer there: the ring grows with what it may have sailed
+        double grown = std::clamp(age_s(now_, fix.measured_at) *
+                                      std::max(0.5, static_cast<double>(fix.value.speed_over_ground_mps)) /
+                                      projection_.metres_per_pixel,
+                                  20.0, 4000.0);
+        QColor ring = t.of(how);
+        ring.setAlpha(170);
+        to.setPen(QPen(ring, 1.4, Qt::DotLine));
+        ring.setAlpha(18);
+        to.setBrush(ring);
+        to.drawEllipse(pixel, grown, grown);
+    }
+    to.save();
+    to.translate(pixel);
+    to.rotate(heading);
+    QColor body = how == freshness::stale ? t.ink3 : t.hull;
+    to.setPen(QPen(t.card, 2.2, Qt::SolidLine, Qt::RoundCap, Qt::RoundJoin));
+    to.setBrush(body);
+    to.drawPath(hull(34));
+    to.setPen(Qt::NoPen);
+    to.setBrush(t.deck);
+    to.drawPath(hull(17));
+    if (seen_->boat.sailing) { // the boom
+        to.setPen(QPen(t.ink, 2, Qt::SolidLine, Qt::RoundCap));
+        to.translate(0, -5);
+        to.rotate(-static_cast<double>(seen_->boat.sailing->value.sail_measured_deg));
+        to.drawLine(QPointF(0, 0), QPointF(0, 18));
+    }
+    to.restore();
+}
+
+} // namespace atirma::console

@@ -1,0 +1,132 @@
+#include "console_window.hpp"
+
+#include "chart_view.hpp"
+#include "mission_panel.hpp"
+#include "theme.hpp"
+
+#include <components/gui_client/words.hpp>
+
+#include <QAction>
+#include <QActionGroup>
+#include <QMenuBar>
+#include <QMessageBox>
+#include <QTabWidget>
+
+namespace atirma::console {
+
+QAction* console_window::add(QMenu* to, const QString& words, const QKeySequence& key, std::function<void()> act) {
+    auto* made = to->addAction(words);
+    made->setShortcut(key);
+    made->setShortcutContext(Qt::WindowShortcut);
+    connect(made, &QAction::triggered, this, [act = std::move(act)] { act(); });
+    return made;
+}
+
+void console_window::make_menus() {
+    auto toggle = [this](QMenu* to, const QString& words, const QKeySequence& key, bool on, auto act) {
+        auto* made = to->addAction(words);
+        made->setShortcut(key);
+        made->setCheckable(true);
+        made->setChecked(on);
+        made->setToolTip(
+            QStringLiteral("%1 (%2)").arg(QString(words).remove('&'), key.toString(QKeySequence::NativeText)));
+        connect(made, &QAction::toggled, this, act);
+        return made;
+    };
+    auto* file = menuBar()->addMenu(tr("&File"));
+    add(file, tr("Export track as &GPX…"), QKeySequence("Ctrl+Shift+G"), [this] { export_track(true); });
+    add(file, tr("Export track as &CSV…"), QKeySequence("Ctrl+Shift+C"), [this] { export_track(false); });
+    record_ =
+        toggle(file, tr("&Record packets…"), QKeySequence("Ctrl+R"), false, [this](bool on) { toggle_recording(on); });
+    add(file, tr("Forget the track drawn here"), {}, [this] { actions_.act(forget_track()); });
+    file->addSeparator();
+    add(file, tr("&Quit"), QKeySequence::Quit, [this] { close(); });
+
+    auto* view = menuBar()->addMenu(tr("&View"));
+    night_ =
+        toggle(view, tr("&Night colours"), QKeySequence("Ctrl+N"), options_.night, [this](bool on) { set_night(on); });
+    follow_ =
+        toggle(view, tr("&Follow the boat"), QKeySequence("F"), true, [this](bool on) { chart_->set_follow(on); });
+    measure_ = toggle(view, tr("&Measure"), QKeySequence("M"), false, [this](bool on) {
+        if (on) edit_->setChecked(false);
+        chart_->set_measure(on);
+    });
+    add(view, tr("&Boat and waypoints"), QKeySequence("Home"), [this] { chart_->fit(); });
+    add(view, tr("Nearer"), QKeySequence("+"), [this] { chart_->zoom(1.5); });
+    add(view, tr("Farther"), QKeySequence("-"), [this] { chart_->zoom(1 / 1.5); });
+    auto* tail = view->addMenu(tr("&Track shown"));
+    auto* lengths = new QActionGroup(this);
+    for (auto [words, seconds] : {std::pair{tr("All"), 0.0},
+                                  {tr("12 hours"), 43200.0},
+                                  {tr("2 hours"), 7200.0},
+                                  {tr("30 minutes"), 1800.0},
+                                  {tr("10 minutes"), 600.0}}) {
+        auto* one = tail->addAction(words);
+        one->setCheckable(true);
+        one->setChecked(seconds == 0);
+        lengths->addAction(one);
+        connect(one, &QAction::triggered, this, [this, s = seconds] { chart_->set_tail(s); });
+    }
+    view->addSeparator();
+    for (int i = 0; i < tabs_->count(); ++i)
+        add(view, tabs_->tabText(i), QKeySequence(Qt::Key_F1 + i), [this, i] { tabs_->setCurrentIndex(i); });
+    add(view, tr("Full screen"), QKeySequence("F11"), [this] { isFullScreen() ? showNormal() : showFullScreen(); });
+
+    auto* boat = menuBar()->addMenu(tr("&Boat"));
+    int number = 1;
+    for (auto mode : {sailing_mode::automatic, sailing_mode::hold, sailing_mode::station_keep,
+                      sailing_mode::return_home, sailing_mode::manual})
+        add(boat, text(label(mode)), QKeySequence(QStringLiteral("Ctrl+%1").arg(number++)),
+            [this, mode] { actions_.set_mode(mode); });
+    boat->addSeparator();
+    add(boat, tr("&Tack now"), QKeySequence("Ctrl+T"), [this] { actions_.simple(command_kind::tack_now); });
+    add(boat, tr("&Gybe now"), QKeySequence("Ctrl+G"), [this] { actions_.simple(command_kind::gybe_now); });
+    add(boat, tr("&Ping"), QKeySequence("Ctrl+P"), [this] { actions_.simple(command_kind::ping); });
+    add(boat, tr("Request &status"), QKeySequence("Ctrl+I"), [this] { actions_.simple(command_kind::request_status); });
+    boat->addSeparator();
+    add(boat, tr("Emergency &beacon on…"), {}, [this] {
+        boat_command command;
+        command.kind = command_kind::emergency_beacon;
+        actions_.give(command);
+    });
+    add(boat, tr("Emergency beacon o&ff…"), {}, [this] {
+        boat_command command;
+        command.kind = command_kind::emergency_beacon;
+        command.on = false;
+        actions_.give(command);
+    });
+    add(boat, tr("&Reboot…"), {}, [this] { actions_.simple(command_kind::reboot); });
+
+    auto* mission = menuBar()->addMenu(tr("&Mission"));
+    edit_ = toggle(mission, tr("&Edit on the chart"), QKeySequence("Ctrl+E"), false, [this](bool on) {
+        if (on) measure_->setChecked(false);
+        chart_->set_edit(on);
+        mission_->set_editing(on);
+        if (on) show_tab("mission");
+    });
+    add(mission, tr("&Undo"), QKeySequence::Undo, [this] { draft_.undo(); });
+    add(mission, tr("&Upload…"), QKeySequence("Ctrl+U"),
+        [this] { actions_.upload(draft_.points(), seen_->mission.points); });
+    add(mission, tr("Read &back"), QKeySequence("Ctrl+B"),
+        [this] { actions_.simple(command_kind::waypoint_read_back); });
+    add(mission, tr("As on the b&oat"), {}, [this] { draft_.take_over(seen_->mission.points); });
+
+    auto* help = menuBar()->addMenu(tr("&Help"));
+    add(help, tr("Acknowledge &all alarms"), QKeySequence("Ctrl+K"), [this] { actions_.act(acknowledge_alarm()); });
+    add(help, tr("&Keys and mouse"), QKeySequence("Shift+F1"), [this] {
+        QMessageBox::information(
+            this, tr("Keys and mouse"),
+            tr("<table cellspacing=4><tr><td>drag, arrows</td><td>move the chart</td></tr>"
+               "<tr><td>wheel, + −</td><td>nearer, farther</td></tr>"
+               "<tr><td>F · M · Home</td><td>follow the boat · measure · all in sight</td></tr>"
+               "<tr><td>Ctrl+E</td><td>edit waypoints: click adds, drag moves, Del removes</td></tr>"
+               "<tr><td>Ctrl+U · Ctrl+B</td><td>upload · read back</td></tr>"
+               "<tr><td>Ctrl+1 … 5</td><td>Auto, Hold, Station, Return, Manual</td></tr>"
+               "<tr><td>Ctrl+T · Ctrl+G · Ctrl+P</td><td>tack · gybe · ping</td></tr>"
+               "<tr><td>Ctrl+K</td><td>acknowledge all alarms</td></tr>"
+               "<tr><td>F1 … F7</td><td>the lists at the right</td></tr>"
+               "<tr><td>Ctrl+N · F11</td><td>night colours · full screen</td></tr></table>"));
+    });
+}
+
+} // namespace atirma::console

@@ -1,0 +1,98 @@
+#pragma once
+#include "actions.hpp"
+#include "mission_draft.hpp"
+#include "recorder.hpp"
+
+#include <components/gui_client/operator_port.hpp>
+
+#include <QMainWindow>
+
+#include <atomic>
+#include <functional>
+#include <memory>
+
+class QAction;
+class QFrame;
+class QLabel;
+class QPushButton;
+class QTabWidget;
+
+namespace atirma::console {
+
+class alarm_list;
+class boat_panel;
+class chart_view;
+class command_list;
+class helm_bar;
+class instrument_panel;
+class links_panel;
+class mission_panel;
+class packet_list;
+class present_list;
+
+struct window_options {
+    bool night = false;
+    QString boat_name = "A-Tirma";
+    std::function<utc_time()> clock; ///< civil time; empty: this machine's
+};
+
+/// The operator's console: everything that is known, how old it is, and what can be done. Never waits for anybody.
+class console_window : public QMainWindow {
+    Q_OBJECT
+public:
+    console_window(operator_actions::sink act, window_options options);
+    ~console_window() override;
+
+    /// Shows the port's snapshots as they come, until the window goes.
+    void attach(std::shared_ptr<operator_port> port);
+    void show_snapshot(std::shared_ptr<const snapshot> seen);
+    void set_night(bool on);
+    /// "mission", "links"…
+    bool show_tab(const QString& name);
+    /// A line at the bottom, for a while.
+    void say(const QString& words);
+
+    chart_view& chart() noexcept { return *chart_; }
+    mission_draft& draft() noexcept { return draft_; }
+
+protected:
+    void resizeEvent(QResizeEvent*) override;
+
+private:
+    QWidget* make_head();
+    QWidget* make_alarm_strip();
+    QWidget* make_side();
+    void make_chart_tools();
+    void make_menus();
+    QAction* add(QMenu* to, const QString& words, const QKeySequence& key, std::function<void()> act);
+    void refresh();
+    void show_head(utc_time now);
+    void show_alarm_strip();
+    void export_track(bool gpx);
+    void toggle_recording(bool on);
+    utc_time now() const;
+
+    window_options options_;
+    operator_actions actions_;
+    mission_draft draft_;
+    recorder recorder_;
+    std::shared_ptr<operator_port> port_;
+    std::atomic<bool> news_posted_{false};
+    std::shared_ptr<const snapshot> seen_;
+    chart_view* chart_;
+    instrument_panel* instruments_;
+    helm_bar* helm_;
+    mission_panel* mission_;
+    links_panel* links_;
+    boat_panel* boat_;
+    command_list* log_;
+    alarm_list* alarms_;
+    packet_list* packets_;
+    present_list* present_;
+    QTabWidget* tabs_;
+    QFrame* strip_;
+    QLabel *strip_text_, *status_, *mode_, *record_mark_, *clock_;
+    QAction *night_, *follow_, *measure_, *edit_, *record_;
+};
+
+} // namespace atirma::console

@@ -1,0 +1,88 @@
+#include "helm_bar.hpp"
+
+#include "choice_box.hpp"
+#include "theme.hpp"
+
+#include <components/gui_client/freshness.hpp>
+#include <components/gui_client/words.hpp>
+
+#include <QComboBox>
+#include <QHBoxLayout>
+#include <QLabel>
+#include <QPushButton>
+
+namespace atirma::console {
+
+helm_bar::helm_bar(operator_actions& actions, QWidget* parent) : QWidget(parent), actions_(actions) {
+    auto* row = new QHBoxLayout(this);
+    row->setContentsMargins(0, 0, 0, 0);
+    row->setSpacing(4);
+    const std::pair<sailing_mode, QString> modes[] = {
+        {sailing_mode::automatic, tr("Sails the waypoints (Ctrl+1)")},
+        {sailing_mode::hold, tr("Keeps the heading that it has (Ctrl+2)")},
+        {sailing_mode::station_keep, tr("Stays where it is (Ctrl+3)")},
+        {sailing_mode::return_home, tr("Sails home and stays there (Ctrl+4)")},
+        {sailing_mode::manual, tr("The remote control steers (Ctrl+5); asks first")},
+    };
+    for (const auto& [mode, tip] : modes) {
+        auto* button = new QPushButton(text(label(mode)), this);
+        button->setCheckable(true);
+        button->setToolTip(tip);
+        button->setObjectName(QStringLiteral("mode_%1").arg(static_cast<int>(mode)));
+        connect(button, &QPushButton::clicked, this, [this, button, which = mode] {
+            button->setChecked(!button->isChecked()); // only the boat's word switches it
+            actions_.set_mode(which);
+        });
+        row->addWidget(button);
+        modes_.emplace_back(mode, button);
+    }
+    row->addSpacing(6);
+    auto add = [&](const QString& name, const QString& tip, command_kind kind) {
+        auto* button = new QPushButton(name, this);
+        button->setToolTip(tip);
+        button->setObjectName("do_" + name.toLower());
+        connect(button, &QPushButton::clicked, this, [this, kind] { actions_.simple(kind); });
+        row->addWidget(button);
+    };
+    add(tr("Tack"), tr("Through the wind now (Ctrl+T)"), command_kind::tack_now);
+    add(tr("Gybe"), tr("Round before the wind now (Ctrl+G)"), command_kind::gybe_now);
+    add(tr("Ping"), tr("Asks the boat for an answer (Ctrl+P)"), command_kind::ping);
+    last_ = new QLabel(this);
+    last_->setObjectName("last_command");
+    last_->setMinimumWidth(60);
+    last_->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);
+    row->addSpacing(6);
+    row->addWidget(last_, 1);
+    link_ = new choice_box(this);
+    link_->setObjectName("link_choice");
+    link_->setToolTip(tr("The link that carries commands"));
+    link_->addItem(tr("Best link"), QString());
+    link_->setMinimumWidth(96);
+    connect(link_, &QComboBox::activated, this,
+            [this](int index) { actions_.choose_link(link_->itemData(index).toString().toStdString()); });
+    row->addWidget(link_);
+}
+
+void helm_bar::show_snapshot(const snapshot& seen, utc_time now) {
+    const auto& sailing = seen.boat.sailing;
+    bool known = freshness_of(sailing, value_kind::sailing, seen.boat, now) != freshness::none;
+    for (auto& [mode, button] : modes_) button->setChecked(known && sailing->value.mode == mode);
+    for (const auto& link : seen.links) {
+        if (!link.takes_commands) continue;
+        auto name = text(label(link));
+        if (int at = link_->findData(text(link.path)); at < 0) link_->addItem(name, text(link.path));
+        else link_->setItemText(at, name);
+    }
+    const command_entry* last = nullptr;
+    for (const auto& one : *seen.commands)
+        if (one.own) last = &one;
+    if (!last) return last_->setText(QString());
+    const auto& t = colours();
+    auto colour = last->phase == command_phase::done ? t.good : is_over(last->phase) ? t.bad : t.warn;
+    auto words = text(last->what) + ": " + text(std::string(name_of(last->phase)));
+    auto shown = QFontMetrics(last_->font()).elidedText(words, Qt::ElideRight, std::max(40, last_->width() - 16));
+    last_->setText(QStringLiteral("<span style='color:%1'>●</span> %2").arg(colour.name(), shown.toHtmlEscaped()));
+    last_->setToolTip(words + (last->text.empty() ? QString() : "\n" + text(last->text)));
+}
+
+} // namespace atirma::console

@@ -1,0 +1,56 @@
+#pragma once
+#include "actions.hpp"
+
+#include <components/gui_client/view.hpp>
+
+#include <QFrame>
+#include <QWidget>
+
+#include <map>
+#include <string>
+
+class QComboBox;
+class QGridLayout;
+class QLabel;
+class QProgressBar;
+class QVBoxLayout;
+
+namespace atirma::console {
+
+/// One way to the boat: when it was heard, how well, what it costs; of an XBee the modem and its power.
+class link_card : public QFrame {
+    Q_OBJECT
+public:
+    link_card(std::string path, operator_actions& actions, QWidget* parent = nullptr);
+    void show_link(const link_view& link, const boat_view& boat, utc_time now);
+
+private:
+    QLabel* field(const QString& name, const QString& tip);
+    void show_modem(const link_view& link, utc_time now);
+
+    std::string path_;
+    operator_actions& actions_;
+    QGridLayout* grid_;
+    int fields_ = 0;
+    QLabel *head_, *state_;
+    QLabel *heard_, *rssi_, *packets_, *lost_, *queue_, *traffic_, *boat_side_, *commands_;
+    QWidget* modem_ = nullptr;
+    QLabel *temperature_, *failed_, *retries_, *answer_;
+    QProgressBar* duty_;
+    QComboBox* power_;
+};
+
+class links_panel : public QWidget {
+    Q_OBJECT
+public:
+    explicit links_panel(operator_actions& actions, QWidget* parent = nullptr);
+    void show_snapshot(const snapshot& seen, utc_time now);
+
+private:
+    operator_actions& actions_;
+    QVBoxLayout* column_;
+    QLabel* empty_;
+    std::map<std::string, link_card*> cards_;
+};
+
+} // namespace atirma::console

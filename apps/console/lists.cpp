@@ -1,0 +1,266 @@
+#include "lists.hpp"
+
+#include "theme.hpp"
+
+#include <components/gui_client/freshness.hpp>
+#include <components/gui_client/track_store.hpp>
+#include <components/gui_client/words.hpp>
+
+#include <QHeaderView>
+#include <QLabel>
+#include <QPlainTextEdit>
+#include <QPushButton>
+#include <QScrollBar>
+#include <QSplitter>
+#include <QTableWidget>
+#include <QVBoxLayout>
+
+namespace atirma::console {
+namespace {
+
+QTableWidget* make_table(const QStringList& heads, const QString& name, QWidget* parent) {
+    auto* made = new QTableWidget(0, static_cast<int>(heads.size()), parent);
+    made->setObjectName(name);
+    made->setHorizontalHeaderLabels(heads);
+    made->horizontalHeader()->setStretchLastSection(true);
+    made->horizontalHeader()->setDefaultAlignment(Qt::AlignLeft | Qt::AlignVCenter);
+    made->verticalHeader()->hide();
+    made->verticalHeader()->setDefaultSectionSize(24);
+    made->setShowGrid(false);
+    made->setAlternatingRowColors(true);
+    made->setEditTriggers(QAbstractItemView::NoEditTriggers);
+    made->setSelectionBehavior(QAbstractItemView::SelectRows);
+    made->setSelectionMode(QAbstractItemView::SingleSelection);
+    made->setWordWrap(false);
+    made->setHorizontalScrollBarPolicy(Qt::ScrollBarAlwaysOff); // what is cut off is told by the tip
+    return made;
+}
+
+void set_cell(QTableWidget* table, int row, int column, const QString& words, const QColor& ink,
+              const QString& tip = QString()) {
+    auto* item = table->item(row, column);
+    if (!item) table->setItem(row, column, item = new QTableWidgetItem);
+    item->setText(words);
+    item->setForeground(ink);
+    item->setToolTip(tip.isEmpty() ? words : tip);
+}
+
+QString clock_of(utc_time at) { return text(iso_time(at).substr(11, 8)); }
+
+QVBoxLayout* column_of(QWidget* of) {
+    auto* made = new QVBoxLayout(of);
+    made->setContentsMargins(0, 2, 0, 0);
+    made->setSpacing(5);
+    return made;
+}
+
+QColor colour_of(command_phase phase) {
+    const auto& t = colours();
+    if (phase == command_phase::done) return t.good;
+    return is_over(phase) ? t.bad : t.warn;
+}
+
+} // namespace
+
+command_list::command_list(QWidget* parent) : QWidget(parent) {
+    table_ =
+        make_table({tr("UTC"), tr("Command"), tr("State"), tr("By"), tr("Link"), tr("Word")}, "command_table", this);
+    table_->setColumnWidth(0, 70);
+    table_->setColumnWidth(1, 128);
+    table_->setColumnWidth(2, 76);
+    table_->setColumnWidth(3, 44);
+    table_->setColumnWidth(4, 52);
+    column_of(this)->addWidget(table_);
+}
+
+void command_list::show_snapshot(const snapshot& seen, utc_time) {
+    if (shown_ == seen.commands) return;
+    shown_ = seen.commands;
+    const auto& t = colours();
+    table_->setRowCount(static_cast<int>(shown_->size()));
+    int row = 0;
+    for (auto it = shown_->rbegin(); it != shown_->rend(); ++it, ++row) {
+        auto tip = tr("%1\nid %2, %n attempt(s), last change %3", nullptr, static_cast<int>(it->attempts))
+                       .replace("(s)", it->attempts == 1 ? "" : "s")
+                       .arg(text(it->path))
+                       .arg(it->id)
+                       .arg(clock_of(it->changed_at));
+        set_cell(table_, row, 0, clock_of(it->asked_at), t.ink3, tip);
+        set_cell(table_, row, 1, text(it->what), t.ink);
+        set_cell(table_, row, 2, "● " + text(std::string(name_of(it->phase))), colour_of(it->phase), tip);
+        set_cell(table_, row, 3, it->own ? tr("here") : tr("other"), it->own ? t.ink2 : t.accent,
+                 it->own ? tr("given at this console") : tr("given elsewhere"));
+        set_cell(table_, row, 4, it->link ? text(label(*it->link)) : QStringLiteral("–"),
+                 it->link ? t.of(*it->link) : t.ink3, text(it->path));
+        set_cell(table_, row, 5, text(it->text), t.ink2);
+    }
+}
+
+packet_list::packet_list(QWidget* parent) : QWidget(parent) {
+    table_ = make_table({tr("UTC"), tr("Kind"), tr("Link"), tr("Boot:seq"), tr("Bytes")}, "packet_table", this);
+    table_->setColumnWidth(0, 70);
+    table_->setColumnWidth(1, 110);
+    table_->setColumnWidth(2, 56);
+    table_->setColumnWidth(3, 96);
+    details_ = new QPlainTextEdit(this);
+    details_->setObjectName("packet_details");
+    details_->setReadOnly(true);
+    details_->setLineWrapMode(QPlainTextEdit::NoWrap);
+    details_->setPlaceholderText(tr("Choose a packet to see its fields and bytes"));
+    QFont fixed("DejaVu Sans Mono");
+    fixed.setPixelSize(10);
+    fixed.setStyleHint(QFont::Monospace);
+    details_->setFont(fixed);
+    details_->setStyleSheet("font-family: 'DejaVu Sans Mono', monospace; font-size: 10px;");
+    auto* split = new QSplitter(Qt::Vertical, this);
+    split->addWidget(table_);
+    split->addWidget(details_);
+    split->setStretchFactor(0, 3);
+    split->setStretchFactor(1, 4);
+    column_of(this)->addWidget(split);
+    connect(table_, &QTableWidget::itemSelectionChanged, this, &packet_list::inspect);
+}
+
+void packet_list::show_snapshot(const snapshot& seen) {
+    if (shown_ == seen.packets || !isVisible()) return;
+    shown_ = seen.packets;
+    const auto& t = colours();
+    QSignalBlocker quiet(table_);
+    table_->setRowCount(static_cast<int>(shown_->size()));
+    int row = 0, chosen_row = -1;
+    for (auto it = shown_->rbegin(); it != shown_->rend(); ++it, ++row) {
+        const auto& one = **it;
+        auto message = parse_telemetry(one.packet.raw);
+        auto kind = message ? text(std::string(name_of(message->body))).replace('_', ' ') : tr("malformed");
+        if (one.packet.history) kind += tr(" (history)");
+        if (one.duplicate) kind += tr(" (again)");
+        set_cell(table_, row, 0, clock_of(one.arrived_at), t.ink3);
+        set_cell(table_, row, 1, kind, !message ? t.bad : one.duplicate ? t.ink3 : t.ink);
+        set_cell(table_, row, 2, text(label(one.packet.link)), t.of(one.packet.link), text(one.path));
+        set_cell(table_, row, 3, QStringLiteral("%1:%2").arg(one.packet.boot).arg(one.packet.sequence), t.ink2);
+        set_cell(table_, row, 4, QString::number(one.packet.raw.size()), t.ink2);
+        if (one.number == chosen_) chosen_row = row;
+    }
+    if (chosen_row >= 0) table_->selectRow(chosen_row);
+    else table_->clearSelection();
+}
+
+void packet_list::inspect() {
+    auto rows = table_->selectionModel()->selectedRows();
+    if (rows.isEmpty() || !shown_) return;
+    auto place = static_cast<std::size_t>(rows.front().row());
+    if (place >= shown_->size()) return;
+    const auto& one = *(*shown_)[shown_->size() - 1 - place];
+    chosen_ = one.number;
+    auto told = describe(one.packet);
+    QString all = text(told.kind) + tr("   by %1\n\n").arg(text(one.path));
+    for (const auto& field : told.fields) all += text(field.name).leftJustified(24) + text(field.value) + '\n';
+    details_->setPlainText(all + '\n' + text(hex_dump(one.packet.raw)));
+}
+
+present_list::present_list(QWidget* parent) : QWidget(parent) {
+    auto* column = column_of(this);
+    head_ = new QLabel(this);
+    head_->setObjectName("present_head");
+    head_->setWordWrap(true);
+    column->addWidget(head_);
+    table_ =
+        make_table({tr("Component"), tr("State"), tr("Host"), tr("Process"), tr("Seen for")}, "present_table", this);
+    table_->setColumnWidth(0, 164);
+    table_->setColumnWidth(1, 74);
+    table_->setColumnWidth(2, 78);
+    table_->setColumnWidth(3, 64);
+    column->addWidget(table_, 1);
+}
+
+void present_list::show_snapshot(const snapshot& seen, utc_time now) {
+    const auto& t = colours();
+    QStringList others;
+    for (const auto& one : *seen.present)
+        if (one.console && !one.self) others << text(one.path.substr(one.path.rfind('/') + 1));
+    auto names = seen.finding.uses_names
+                     ? seen.finding.reached ? tr("Name server: %1").arg(text(seen.finding.where))
+                                            : tr("<span style='color:%1'>● The name server at %2 is not reached</span>")
+                                                  .arg(t.bad.name(), text(seen.finding.where))
+                     : tr("Without a name server: %1").arg(text(seen.finding.where));
+    head_->setText((others.isEmpty() ? tr("Nobody else sits at a console")
+                                     : tr("Also at a console: <b>%1</b>").arg(others.join(", ").toHtmlEscaped())) +
+                   "<br>" + names);
+    table_->setRowCount(static_cast<int>(seen.present->size()));
+    int row = 0;
+    for (const auto& one : *seen.present) {
+        auto name = text(one.path) + (one.self ? tr("  (this one)") : QString());
+        set_cell(table_, row, 0, name, one.console ? t.accent : t.ink,
+                 text(one.path + (one.type.empty() ? "" : "\n" + one.type)));
+        set_cell(table_, row, 1, "● " + text(one.state), one.state == "ready" ? t.good : t.warn);
+        set_cell(table_, row, 2, text(one.host), t.ink2);
+        set_cell(table_, row, 3, QString::number(one.process_id), t.ink2);
+        set_cell(table_, row, 4, text(age_text(age_s(now, one.since))), t.ink3);
+        ++row;
+    }
+}
+
+alarm_list::alarm_list(std::function<void(const std::string&)> acknowledge, QWidget* parent)
+    : QWidget(parent),
+      acknowledge_(std::move(acknowledge)) {
+    auto* column = column_of(this);
+    empty_ = new QLabel(tr("No alarms"), this);
+    empty_->setAlignment(Qt::AlignCenter);
+    empty_->setProperty("role", "small");
+    table_ = make_table({tr("Since"), tr("Alarm"), tr("State")}, "alarm_table", this);
+    table_->setColumnWidth(0, 70);
+    table_->horizontalHeader()->setStretchLastSection(false);
+    table_->horizontalHeader()->setSectionResizeMode(1, QHeaderView::Stretch);
+    table_->setColumnWidth(2, 96);
+    table_->setWordWrap(true);
+    column->addWidget(table_, 1);
+    column->addWidget(empty_);
+    auto* line = new QHBoxLayout;
+    auto* one = new QPushButton(tr("Acknowledge"), this);
+    one->setObjectName("acknowledge_one");
+    auto* all = new QPushButton(tr("Acknowledge all"), this);
+    all->setObjectName("acknowledge_all");
+    all->setToolTip(tr("Ctrl+K"));
+    line->addStretch(1);
+    line->addWidget(one);
+    line->addWidget(all);
+    column->addLayout(line);
+    connect(one, &QPushButton::clicked, this, [this] {
+        auto row = table_->currentRow();
+        if (row >= 0 && static_cast<std::size_t>(row) < keys_.size())
+            acknowledge_(keys_[static_cast<std::size_t>(row)]);
+    });
+    connect(all, &QPushButton::clicked, this, [this] { acknowledge_({}); });
+}
+
+void alarm_list::show_snapshot(const snapshot& seen, utc_time) {
+    const auto& t = colours();
+    bool any = !seen.alarms.empty();
+    table_->setVisible(any);
+    empty_->setVisible(!any);
+    std::string chosen;
+    if (auto row = table_->currentRow(); row >= 0 && static_cast<std::size_t>(row) < keys_.size())
+        chosen = keys_[static_cast<std::size_t>(row)];
+    keys_.clear();
+    table_->setRowCount(static_cast<int>(seen.alarms.size()));
+    int row = 0;
+    for (const auto& one : seen.alarms) {
+        auto ink = one.acknowledged || one.over_at ? t.ink2
+                   : one.how == severity::critical ? t.bad
+                   : one.how == severity::warning  ? t.warn
+                                                   : t.accent;
+        set_cell(table_, row, 0, clock_of(one.raised_at), t.ink3);
+        set_cell(table_, row, 1, text(one.text), ink);
+        set_cell(table_, row, 2,
+                 one.over_at        ? tr("over %1").arg(clock_of(*one.over_at).left(5))
+                 : one.acknowledged ? tr("acknowledged")
+                                    : tr("● now"),
+                 one.over_at ? t.good : ink);
+        if (one.key == chosen) table_->setCurrentCell(row, 1);
+        keys_.push_back(one.key);
+        ++row;
+    }
+    table_->resizeRowsToContents(); // an alarm is read in full
+}
+
+} // namespace atirma::console

@@ -1,0 +1,71 @@
+#pragma once
+#include <components/gui_client/view.hpp>
+
+#include <QWidget>
+
+#include <functional>
+#include <memory>
+
+class QPlainTextEdit;
+class QTableWidget;
+class QLabel;
+
+namespace atirma::console {
+
+/// Everybody's telecommands, the newest first.
+class command_list : public QWidget {
+    Q_OBJECT
+public:
+    explicit command_list(QWidget* parent = nullptr);
+    void show_snapshot(const snapshot& seen, utc_time now);
+    void forget() { shown_.reset(); } ///< the colours have changed
+
+private:
+    QTableWidget* table_;
+    std::shared_ptr<const std::vector<command_entry>> shown_;
+};
+
+/// The packets as they came, decoded field by field and byte by byte.
+class packet_list : public QWidget {
+    Q_OBJECT
+public:
+    explicit packet_list(QWidget* parent = nullptr);
+    void show_snapshot(const snapshot& seen);
+    void forget() { shown_.reset(); } ///< the colours have changed
+
+private:
+    void inspect();
+
+    QTableWidget* table_;
+    QPlainTextEdit* details_;
+    std::shared_ptr<const std::vector<std::shared_ptr<const raw_packet>>> shown_;
+    std::uint64_t chosen_ = 0;
+};
+
+/// The components of the system, and who else sits at a console.
+class present_list : public QWidget {
+    Q_OBJECT
+public:
+    explicit present_list(QWidget* parent = nullptr);
+    void show_snapshot(const snapshot& seen, utc_time now);
+
+private:
+    QTableWidget* table_;
+    QLabel* head_;
+};
+
+/// What calls the operator, the gravest first; each can be acknowledged.
+class alarm_list : public QWidget {
+    Q_OBJECT
+public:
+    explicit alarm_list(std::function<void(const std::string& key)> acknowledge, QWidget* parent = nullptr);
+    void show_snapshot(const snapshot& seen, utc_time now);
+
+private:
+    QTableWidget* table_;
+    QLabel* empty_;
+    std::function<void(const std::string&)> acknowledge_;
+    std::vector<std::string> keys_;
+};
+
+} // namespace atirma::console

@@ -1,0 +1,179 @@
+// The operator's console of A-Tirma. The node runs on threads of its own; the windows never wait for it.
+#include "console_window.hpp"
+
+#include <components/gui_client/gui_client.hpp>
+
+#include <ise/component/node.hpp>
+#include <ise/core/real/environment.hpp>
+
+#include <CLI/CLI.hpp>
+#include <QApplication>
+#include <QTimer>
+#include <fmt/format.h>
+
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+
+namespace {
+
+struct arguments {
+    std::string name_server, space = "atirma", operator_name, boat = "A-Tirma", screenshot, size = "1280x800",
+                             tab = "mission";
+    std::vector<std::string> proxies;
+    bool night = false;
+    double after_s = 10;
+};
+
+volatile std::sig_atomic_t asked_to_end = 0;
+
+void complain(const std::string& what) { std::fputs(("atirma_console: " + what + "\n").c_str(), stderr); }
+
+std::string variable(const char* name) {
+    const char* value = std::getenv(name);
+    return value ? value : "";
+}
+
+/// A name for paths: letters, digits, '-', '_' and '.'.
+std::string path_part(std::string from) {
+    for (auto& c : from)
+        if (!std::isalnum(static_cast<unsigned char>(c)) && c != '-' && c != '_' && c != '.') c = '-';
+    return from.substr(0, 60);
+}
+
+std::optional<QSize> size_of(const std::string& words) {
+    unsigned wide = 0, tall = 0;
+    char rest = 0;
+    if (std::sscanf(words.c_str(), "%5ux%5u%c", &wide, &tall, &rest) != 2 || wide < 640 || tall < 400 || wide > 8000 ||
+        tall > 8000)
+        return std::nullopt;
+    return QSize(static_cast<int>(wide), static_cast<int>(tall));
+}
+
+int run(const arguments& given, int count, char** words) {
+    auto size = size_of(given.size);
+    bool pictures = !given.screenshot.empty();
+    if (pictures && variable("QT_QPA_PLATFORM").empty()) qputenv("QT_QPA_PLATFORM", "offscreen");
+    if (variable("QT_QPA_PLATFORM").empty() && variable("DISPLAY").empty() && variable("WAYLAND_DISPLAY").empty()) {
+        complain(
+            "there is no display here: log in to a desktop, set DISPLAY, or serve it over the network with "
+            "QT_QPA_PLATFORM=vnc");
+        return 1;
+    }
+    QApplication app(count, words);
+    QApplication::setApplicationName("atirma_console");
+
+    ise::real_environment world;
+    ise::node_options terms;
+    terms.name = "console";
+    terms.log = ise::log_to_stderr(ise::log_level::warning);
+    terms.use_names = given.name_server != "none";
+    atirma::console::gui_client_options options;
+    options.space = given.space;
+    options.proxies = given.proxies;
+    if (terms.use_names) {
+        auto at = ise::default_name_server();
+        auto said = given.name_server.empty() ? variable("ISE_NAME_SERVER") : given.name_server;
+        if (!said.empty()) at = ise::endpoint::parse(said).value();
+        terms.name_server = options.name_server = at;
+    }
+    auto port = options.port;
+    ise::node node(world, std::move(terms));
+    auto who = given.operator_name.empty()
+                   ? fmt::format("{}-{}", variable("USER").empty() ? "operator" : variable("USER"),
+                                 world.identity().process_id)
+                   : given.operator_name;
+    ise::component_options here;
+    node.start<atirma::console::gui_client>(given.space + "/console/" + path_part(who), here, options);
+
+    atirma::console::window_options look;
+    look.night = given.night;
+    look.boat_name = QString::fromStdString(given.boat);
+    int code = 0;
+    {
+        atirma::console::console_window window(
+            [port](atirma::console::action what) { return port->act(std::move(what)); }, look);
+        window.resize(*size);
+        window.show_tab(QString::fromStdString(given.tab));
+        window.attach(port);
+        window.show();
+        for (int sign : {SIGINT, SIGTERM}) std::signal(sign, [](int) { asked_to_end = 1; });
+        QTimer watching;
+        bool told = false;
+        QObject::connect(&watching, &QTimer::timeout, &window, [&] {
+            if (asked_to_end) QApplication::quit();
+            if (told || !node.all_stopped()) return;
+            told = true;
+            for (const auto& report : node.reports())
+                window.say("The connection has ended: " + QString::fromStdString(report.failure));
+        });
+        watching.start(200);
+        if (pictures)
+            QTimer::singleShot(static_cast<int>(given.after_s * 1000), &window, [&] {
+                if (!window.grab().save(QString::fromStdString(given.screenshot))) {
+                    complain("the picture cannot be written: " + given.screenshot);
+                    code = 1;
+                }
+                QApplication::quit();
+            });
+        auto ended = QApplication::exec();
+        if (code == 0) code = ended;
+    }
+    node.stop();
+    node.wait();
+    return code;
+}
+
+} // namespace
+
+int main(int count, char** words) {
+    arguments given;
+    CLI::App app{"The operator's console of A-Tirma: where the boat is, how it fares, and what it is told"};
+    app.set_version_flag("--version", "atirma_console " ATIRMA_VERSION);
+    app.add_option("--name-server", given.name_server,
+                   "its endpoint, or none (default: ISE_NAME_SERVER, else that of this machine)");
+    app.add_option("--namespace", given.space, "whose components are looked at")->capture_default_str();
+    app.add_option("--proxies", given.proxies, "followed besides what is found: paths or endpoints")->delimiter(',');
+    app.add_option("--name", given.operator_name, "yours, for the other operators (default: the user's)");
+    app.add_option("--boat-name", given.boat, "on the window")->capture_default_str();
+    app.add_flag("--night", given.night, "begin with the colours for the night");
+    app.add_option("--size", given.size, "of the window")->capture_default_str();
+    app.add_option("--tab", given.tab, "shown first: mission, links, boat, log, alarms, packets, who")
+        ->check(CLI::IsMember({"mission", "links", "boat", "log", "alarms", "packets", "who"}))->capture_default_str();
+    app.add_option("--screenshot", given.screenshot,
+                   "write a picture of the window to this file (PNG), then end; needs no display");
+    app.add_option("--after", given.after_s, "seconds until the picture")
+        ->check(CLI::Range(0.1, 86400.0))
+        ->capture_default_str();
+    app.footer("Exit codes: 0 ended as asked, 1 something failed, 2 wrong arguments.\n"
+               "Example: atirma_console --name-server tcp://shore:7400 --night");
+    try {
+        app.parse(count, words);
+    } catch (const CLI::ParseError& why) {
+        return app.exit(why) == 0 ? 0 : 2; // prints help, or what is wrong
+    }
+    try {
+        for (const auto& at : {given.name_server, variable("ISE_NAME_SERVER")})
+            if (!at.empty() && at != "none") ise::endpoint::parse(at).value();
+        for (const auto& proxy : given.proxies)
+            if (proxy.find("://") != std::string::npos) ise::endpoint::parse(proxy).value();
+            else if (!ise::naming::is_path(proxy))
+                throw ise::error(ise::errc::invalid_argument,
+                                 fmt::format("'{}' is neither a path nor an endpoint", proxy));
+        if (!ise::naming::is_path(given.space))
+            throw ise::error(ise::errc::invalid_argument, fmt::format("'{}' is no namespace", given.space));
+    } catch (const ise::error& why) {
+        complain(why.what());
+        return 2;
+    }
+    if (!size_of(given.size)) {
+        complain("--size is like 1280x800, at least 640x400");
+        return 2;
+    }
+    try {
+        return run(given, count, words);
+    } catch (const std::exception& why) {
+        complain(why.what());
+        return 1;
+    }
+}

@@ -1,0 +1,40 @@
+#pragma once
+#include <components/gui_client/freshness.hpp>
+
+#include <QColor>
+#include <QFont>
+#include <QString>
+
+class QWidget;
+
+namespace atirma::console {
+
+/// The colours of everything; one for daylight, one for the night.
+struct theme {
+    bool dark = false;
+    QColor page, card, field, ink, ink2, ink3, line;
+    QColor accent, good, warn, warn_back, bad, bad_back, notice_back;
+    QColor sea, shore1, shore2, shore3, land, coast, place, sea_text, graticule;
+    QColor route, leg, draft, no_go, true_wind, apparent_wind, hull, deck;
+    QColor links[link_count];
+    QColor link_other;
+
+    const QColor& of(link_id link) const {
+        return static_cast<std::size_t>(link) < link_count ? links[static_cast<std::size_t>(link)] : link_other;
+    }
+    /// Of a mark that says how old a value is.
+    const QColor& of(freshness how) const;
+    /// Of the value itself.
+    const QColor& ink_of(freshness how) const;
+};
+
+/// The one that is used now. Windows only, on their thread.
+const theme& colours();
+/// Changes it, and the look of all widgets.
+void use_theme(bool dark);
+
+/// The font of a size in pixels; figures have one width.
+QFont font_of(int pixels, QFont::Weight weight = QFont::Normal);
+QString text(const std::string& utf8);
+
+} // namespace atirma::console

@@ -1,0 +1,150 @@
+// The instantiation server of a host as a program: starts components, and watches over them.
+// Exit codes: 0 ended by SIGINT or SIGTERM, 1 it cannot run or failed (the reason is on stderr), 2 wrong usage.
+#include <ise/component/node.hpp>
+#include <ise/core/real/environment.hpp>
+#include <ise/instantiation/instantiation_server.hpp>
+#include <ise/instantiation/real_machine.hpp>
+
+#include <CLI/CLI.hpp>
+
+#include <fmt/format.h>
+
+#include <climits>
+#include <cstdio>
+#include <cstdlib>
+#include <unistd.h>
+
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr int cannot_run = 1;
+constexpr int wrong_usage = 2;
+
+struct settings {
+    std::string programs;
+    std::string state;
+    std::string name;
+    std::string name_server;
+    std::vector<std::string> listen, addresses, paths;
+    std::string log_level = "info";
+    std::size_t instances = 64;
+    double grace_s = 5;
+    bool leave_running = false;
+};
+
+ise::log_level level_of(const std::string& text) {
+    for (auto level : {ise::log_level::debug, ise::log_level::info, ise::log_level::warning, ise::log_level::error})
+        if (text == ise::name_of(level)) return level;
+    return ise::log_level::info; // CLI has checked it
+}
+
+std::string absolute(const std::string& path) {
+    if (path.starts_with('/')) return path;
+    char here[PATH_MAX] = {};
+    if (!::getcwd(here, sizeof here)) throw std::runtime_error("the present folder has no name");
+    return fmt::format("{}/{}", here, path);
+}
+
+std::string default_state_folder(const std::string& name) {
+    if (const char* home = std::getenv("XDG_STATE_HOME")) return fmt::format("{}/ise/{}", home, name);
+    if (const char* home = std::getenv("HOME")) return fmt::format("{}/.local/state/ise/{}", home, name);
+    return "/var/lib/ise/" + name;
+}
+
+ise::endpoint endpoint_of(const std::string& option, const std::string& text) {
+    auto at = ise::endpoint::parse(text);
+    if (!at) throw CLI::ValidationError(option, at.error().message());
+    return *at;
+}
+
+// What a component needs of this program's environment; nothing else is passed on.
+std::vector<std::pair<std::string, std::string>> variables_for_components() {
+    std::vector<std::pair<std::string, std::string>> kept;
+    for (const char* name : {"PATH", "HOME", "USER", "LANG", "LC_ALL", "TZ", "TMPDIR", "XDG_RUNTIME_DIR"})
+        if (const char* value = std::getenv(name)) kept.emplace_back(name, value);
+    return kept;
+}
+
+int run(const settings& wanted) {
+    ise::real_environment env;
+    auto name = wanted.name.empty() ? env.identity().host_name : wanted.name;
+    auto path = ise::instantiation::path_of_host(name);
+
+    ise::component_options where;
+    for (const auto& text : wanted.listen) {
+        auto at = endpoint_of("--listen", text);
+        ise::instantiation::may_listen(at).value();
+        where.listen.push_back(std::move(at));
+    }
+    where.policy = ise::on_failure::stop_node;
+
+    ise::instantiation::server_options options;
+    options.programs_folder = absolute(wanted.programs);
+    auto leaf = path.substr(path.rfind('/') + 1);
+    options.state_folder = absolute(wanted.state.empty() ? default_state_folder(leaf) : wanted.state);
+    options.name_server = ise::default_name_server();
+    if (!wanted.name_server.empty()) options.name_server = endpoint_of("--name-server", wanted.name_server);
+    else if (auto told = env.variable("ISE_NAME_SERVER")) options.name_server = endpoint_of("ISE_NAME_SERVER", *told);
+    options.variables = variables_for_components();
+    options.max_instances = wanted.instances;
+    options.rules.listen_addresses.insert(options.rules.listen_addresses.end(), wanted.addresses.begin(), wanted.addresses.end());
+    options.rules.path_folders = wanted.paths;
+
+    ise::instantiation::real_machine host;
+    auto folder = options.state_folder;
+    auto programs = options.programs_folder;
+    host.programs(programs).value();
+    host.take_folder(folder).value();
+
+    ise::node_options node_options;
+    node_options.name = "instantiation_server";
+    node_options.name_server = options.name_server;
+    node_options.log = ise::log_to_stderr(level_of(wanted.log_level));
+    ise::node node(env, std::move(node_options));
+    node.start<ise::instantiation::instantiation_server>(path, std::move(where), host, std::move(options));
+    int code = ise::run_until_signal(node, [&] {
+        fmt::print("instantiation server {} starts what lies in {}\n", path, programs);
+        std::fflush(stdout);
+    });
+    for (const auto& report : node.reports())
+        if (!report.failure.empty()) fmt::print(stderr, "ise_instantiation_server: {}\n", report.failure);
+    // What runs is ended with it, or found by the next one. After a failure (the name is another's) it is left alone.
+    if (code == 0 && !wanted.leave_running) {
+        host.end_all(std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(wanted.grace_s)));
+        host.remove(folder + "/state.json");
+    }
+    return code;
+}
+
+} // namespace
+
+int main(int argc, char** argv) {
+    CLI::App app("Starts components on this host and watches over them, for whoever asks (`ise start`).", "ise_instantiation_server");
+    settings wanted;
+    app.add_option("--programs", wanted.programs, "folder of the programs whose components can be started: those that answer --describe")->required()->type_name("FOLDER");
+    app.add_option("--state", wanted.state, "folder for its state and the output of what it starts (default: below $XDG_STATE_HOME or ~/.local/state)")->type_name("FOLDER");
+    app.add_option("--name", wanted.name, "of this host, under ise/host/ (default: the host's name)")->type_name("NAME");
+    app.add_option("--name-server", wanted.name_server, "its endpoint (default: $ISE_NAME_SERVER, else " + ise::default_name_server().text() + ")")->type_name("ENDPOINT");
+    app.add_option("--listen", wanted.listen, "where to listen: loopback or local only, since it cannot ask for credentials yet (default: both)")->type_name("ENDPOINT");
+    app.add_option("--allow-address", wanted.addresses, "a further address of this host that components may listen on, such as 0.0.0.0; several are allowed (default: loopback)")->type_name("ADDRESS");
+    app.add_option("--allow-path", wanted.paths, "a folder or device that parameters may name, such as /dev/ttyUSB0; several are allowed (default: none)")->type_name("PATH");
+    app.add_option("--max-instances", wanted.instances, "at most so many, those that have ended included")->check(CLI::Range(1, 4096))->capture_default_str();
+    app.add_option("--grace", wanted.grace_s, "seconds that what it started has to end when it ends itself")->check(CLI::Range(0.0, 3600.0))->capture_default_str();
+    app.add_flag("--leave-running", wanted.leave_running, "what it started goes on when it ends; the next one here goes on with it");
+    app.add_option("--log-level", wanted.log_level, "the least that is logged to stderr: debug, info, warning or error")
+        ->check(CLI::IsMember({"debug", "info", "warning", "error"}))
+        ->capture_default_str();
+    app.set_version_flag("--version", "ise_instantiation_server " ISE_VERSION);
+    app.footer("When it is killed, what it started goes on, and the next one with the same --state takes it over.\n"
+               "Exit codes: 0 ended by a signal, 1 it cannot run or failed, 2 wrong usage.");
+    try {
+        app.parse(argc, argv);
+        return run(wanted);
+    } catch (const CLI::ParseError& wrong) {
+        return app.exit(wrong) == 0 ? 0 : wrong_usage;
+    } catch (const std::exception& thrown) {
+        fmt::print(stderr, "ise_instantiation_server: {}\n", thrown.what());
+        return cannot_run;
+    }
+}

@@ -1,0 +1,36 @@
+#pragma once
+#include "surveyed.hpp"
+
+#include <string>
+#include <vector>
+
+namespace ise::cli {
+
+/// A service that one end of a connection needs and the other provides.
+struct service_use {
+    std::string service;
+    bool a_provides = false; ///< else b
+};
+
+/// All sessions between two components, or of one with a peer that has no name.
+struct connection_line {
+    std::string a;
+    std::string b;       ///< empty: anonymous
+    std::string address; ///< of b, as a sees it
+    std::string over;    ///< "tcp"
+    std::size_t sessions = 0;
+    std::uint64_t bytes_to_a = 0, bytes_to_b = 0; ///< since the sessions began
+    duration round_trip{};                        ///< the longest; zero: not measured yet
+    bool stalled = false;                         ///< one sees the other stalled
+    std::vector<service_use> services;            ///< as they are declared
+};
+
+/// Who is connected to whom, seen from both ends. Sessions of commands that only look are left out.
+std::vector<connection_line> connections_of(const std::vector<surveyed>& all);
+
+/// Each component with the sessions that it has, for people.
+std::string connections_as_tree(const std::vector<surveyed>& all, const std::vector<connection_line>& lines);
+/// For Graphviz: an arrow goes from who needs a service to who provides it.
+std::string connections_as_dot(const std::vector<surveyed>& all, const std::vector<connection_line>& lines);
+
+} // namespace ise::cli

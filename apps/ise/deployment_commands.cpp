@@ -1,0 +1,49 @@
+#include "deployment_commands.hpp"
+
+#include <CLI/CLI.hpp>
+
+namespace ise::cli {
+namespace {
+
+using namespace std::chrono_literals;
+
+// Each step has a limit of its own.
+constexpr duration whole_deployment = 1h;
+
+using command = task<> (*)(context&, deployment_options);
+
+CLI::App* add_for_file(CLI::App& app, deployment_places& to, wish& made, const std::string& name, const std::string& what, command act, duration patience) {
+    auto* added = app.add_subcommand(name, what);
+    added->add_option("FILE", to.file.file, "a deployment file (docs/deployment.md)")->required();
+    added->add_option("--set,-s", to.file.set, "a variable of the file; several are allowed")->type_name("NAME=VALUE")->allow_extra_args(false);
+    added->callback([&to, &made, act, patience] {
+        to.patience = patience;
+        made.talk.body = [options = to.file, act](context& in) { return act(in, options); };
+    });
+    return added;
+}
+
+} // namespace
+
+void add_deployment_commands(CLI::App& app, deployment_places& to, wish& made) {
+    auto* up_command = add_for_file(app, to, made, "up", "brings the system to what a deployment file describes", up, whole_deployment);
+    up_command->add_flag("--keep", to.file.keep, "when it fails, what it did is not undone");
+    add_for_file(app, to, made, "down", "stops all that belongs to a deployment, in the opposite order", down, whole_deployment);
+    add_for_file(app, to, made, "diff", "what `ise up` would do", diff, duration{});
+    auto* validate_command = add_for_file(app, to, made, "validate", "whether a deployment file can be used", validate, duration{});
+    validate_command->add_flag("--offline", to.file.offline, "nobody is asked for types and parameters");
+
+    auto* param_command = app.add_subcommand("param", "lists, reads or sets the parameters of a running component");
+    param_command->add_option("ACTION", to.param.act, "list, get or set")->required()->check(CLI::IsMember({"get", "list", "set"}));
+    param_command->add_option("NAME", to.param.name, "path of a component, or endpoint such as tcp://127.0.0.1:7411")->required();
+    param_command->add_option("PARAMETER", to.param.parameter, "of get and set: its name");
+    auto* value = param_command->add_option("VALUE", to.value, "of set: what it is to be from now on");
+    param_command->add_flag("--names", to.param.names, "of list: nothing but their names");
+    param_command->callback([&to, &made, value] {
+        if (value->count() > 0) to.param.value = to.value;
+        to.patience = 15s;
+        made.talk.body = [options = to.param](context& in) { return param(in, options); };
+    });
+}
+
+} // namespace ise::cli

@@ -1,0 +1,118 @@
+#include "deployments.hpp"
+
+#include "text.hpp"
+
+#include <ise/deployment/reading.hpp>
+
+#include <nlohmann/json.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+
+namespace ise::cli {
+namespace {
+
+using namespace std::chrono_literals;
+using instantiation::instance_state;
+
+constexpr std::size_t most_file_bytes = 1 << 20;
+constexpr duration one_answer = 10s;
+constexpr duration longest_settling = 60s;
+
+std::set<std::string> servers_used(const deployment::deployment& of) {
+    std::set<std::string> used;
+    for (const auto& one : of.components)
+        if (const auto* host = of.host(one.host.text)) used.insert(host->server);
+    return used;
+}
+
+bool unsettled(const deployment::deployment& of, const std::vector<deployment::host_state>& hosts) {
+    for (const auto& host : hosts)
+        for (const auto& one : host.instances)
+            if (one.deployment == of.name.text && (one.state == instance_state::starting || one.state == instance_state::stopping)) return true;
+    return false;
+}
+
+task<result<deployment::host_state>> ask(context& in, host_server host) {
+    deployment::host_state made;
+    made.server = host.name;
+    instantiation::types_request what;
+    auto types = co_await host.server.try_call(instantiation::services::types, what, std::min(in.left(), one_answer));
+    if (!types) co_return types.error();
+    made.types = std::move(types->types);
+    instantiation::instances_request all;
+    auto instances = co_await host.server.try_call(instantiation::services::instances, std::move(all), std::min(in.left(), one_answer));
+    if (!instances) co_return instances.error();
+    made.instances = std::move(instances->instances);
+    co_return made;
+}
+
+} // namespace
+
+deployment::deployment read_file(context& in, const deployment_options& options) {
+    deployment::settings given;
+    for (const auto& text : options.set) {
+        auto equals = text.find('=');
+        if (equals == 0 || equals == std::string::npos) throw problem(exit_code::usage, "usage", fmt::format("--set takes NAME=VALUE, not '{}'", text));
+        given.emplace_back(text.substr(0, equals), text.substr(equals + 1));
+    }
+    auto read = [&](const std::string& path) { return in.self.env().read_file(path, most_file_bytes); };
+    auto told = deployment::read_deployment(options.file, read, given);
+    refuse(options.file, told.problems);
+    return std::move(told.made);
+}
+
+void refuse(const std::string& file, const std::vector<deployment::problem>& problems) {
+    if (problems.empty()) return;
+    constexpr std::size_t most = 20;
+    auto text = fmt::format("{} cannot be used as it is:", file);
+    for (std::size_t at = 0; at < std::min(problems.size(), most); ++at) text += "\n" + problems[at].text();
+    if (problems.size() > most) text += fmt::format("\n… and {} more", problems.size() - most);
+    throw problem(exit_code::usage, "bad_deployment", text);
+}
+
+task<fleet> ask_hosts(context& in, const deployment::deployment& of, bool settled) {
+    auto used = servers_used(of);
+    auto until = saturating_add(in.self.now(), longest_settling);
+    for (;;) {
+        fleet made;
+        auto there = co_await hosts_there(in, "");
+        for (auto& host : there) {
+            auto told = co_await ask(in, host);
+            if (told) {
+                made.hosts.push_back(std::move(*told));
+                made.servers.emplace(host.name, host.server);
+            } else if (used.contains(host.name)) {
+                throw problem(failure(told.error().code(), fmt::format("the instantiation server {} does not answer: {}", host.name, told.error().message())));
+            } else {
+                note(in.set, fmt::format("{} does not answer, and what runs there is not known: {}", host.name, told.error().message()));
+            }
+        }
+        bool wait = settled && unsettled(of, made.hosts) && in.self.now() < until;
+        if (!wait) co_return made;
+        co_await in.self.sleep(200ms);
+    }
+}
+
+std::string as_json(const deployment::step& of) {
+    nlohmann::ordered_json told;
+    told["action"] = deployment::name_of(of.what);
+    told["path"] = of.path;
+    told["host"] = of.server;
+    told["reason"] = of.reason;
+    auto all = nlohmann::ordered_json::array();
+    for (const auto& one : of.differences) {
+        nlohmann::ordered_json each;
+        each["what"] = one.what;
+        each["is"] = one.is;
+        each["wanted"] = one.wanted;
+        each["in_place"] = one.in_place;
+        all.push_back(std::move(each));
+    }
+    told["differences"] = std::move(all);
+    return told.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+} // namespace ise::cli

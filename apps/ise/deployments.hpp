@@ -1,0 +1,32 @@
+#pragma once
+#include "commands.hpp"
+#include "hosts.hpp"
+
+#include <ise/deployment/planning.hpp>
+
+#include <map>
+#include <string>
+#include <vector>
+
+namespace ise::cli {
+
+/// The instantiation servers that are there, with what they tell.
+struct fleet {
+    std::map<std::string, remote> servers; ///< by name
+    std::vector<deployment::host_state> hosts;
+};
+
+/// The file; problem(usage) with all that is wrong with it, each on a line with its place.
+deployment::deployment read_file(context& in, const deployment_options& options);
+
+/// Asks all instantiation servers. One that a component of the file is to run on must answer: problem(not_reached); others
+/// are told in a note. With `settled`, instances of the deployment that are just starting or stopping are waited for.
+task<fleet> ask_hosts(context& in, const deployment::deployment& of, bool settled);
+
+/// problem(usage) if there are any.
+void refuse(const std::string& file, const std::vector<deployment::problem>& problems);
+
+/// One line of JSON, without its end.
+std::string as_json(const deployment::step& of);
+
+} // namespace ise::cli

@@ -1,0 +1,35 @@
+#pragma once
+#include "surveyed.hpp"
+
+#include <string>
+#include <vector>
+
+namespace ise::cli {
+
+enum class severity : std::uint8_t {
+    error,   ///< something does not work
+    warning, ///< something works badly, or soon will not
+    note     ///< worth knowing; the system is healthy all the same
+};
+std::string_view name_of(severity of) noexcept;
+
+/// Something that is not as it should be, and what to do about it.
+struct finding {
+    severity weight = severity::error;
+    std::string kind;      ///< for programs: "unreachable", "clock_skew"…
+    std::string component; ///< its path; empty: no component's
+    std::string message;
+    std::string advice;
+};
+
+/// What two surveys, one `apart` from the other, tell of a system: worst first, then by component.
+/// `here`: the name of the host that this runs on.
+std::vector<finding> examine(const std::vector<surveyed>& before, const std::vector<surveyed>& now, duration apart, const std::string& here);
+
+/// Services that components require and those that provide them do not fit, or nobody provides.
+std::vector<finding> examine_services(const std::vector<surveyed>& now);
+
+/// Why the packets of a service do not fit between a requirer and a provider, a line a difference; empty if they do.
+std::string misfit(const service_text& required, const service_text& provided);
+
+} // namespace ise::cli

@@ -1,0 +1,148 @@
+#include "hosts.hpp"
+
+#include "text.hpp"
+
+#include <nlohmann/json.hpp>
+
+#include <fmt/format.h>
+
+namespace ise::cli {
+namespace {
+
+using instantiation::hosts_path;
+
+std::string host_name_of(const std::string& path) { return path.size() > hosts_path.size() ? path.substr(hosts_path.size() + 1) : path; }
+
+std::vector<std::string> names_of(const std::vector<naming::listed_name>& listed) {
+    std::vector<std::string> names;
+    for (const auto& one : listed) names.push_back(host_name_of(one.path));
+    return names;
+}
+
+} // namespace
+
+task<std::vector<host_server>> hosts_there(context& in, std::string name) {
+    auto listed = co_await listed_names(in, std::string(hosts_path));
+    if (listed.empty())
+        throw problem(exit_code::not_reached, "no_such_name", "no instantiation server is registered", "start one on each host: ise_instantiation_server --programs FOLDER");
+    std::vector<host_server> found;
+    for (const auto& one : listed)
+        if (name.empty() || host_name_of(one.path) == name) found.push_back({host_name_of(one.path), in.self.at(one.path)});
+    if (found.empty())
+        throw problem(exit_code::not_reached, "no_such_name", fmt::format("there is no instantiation server '{}'", name), fmt::format("there are {}", enumerate(names_of(listed))));
+    co_return found;
+}
+
+task<host_server> host_to_use(context& in, std::string name) {
+    auto listed = co_await listed_names(in, std::string(hosts_path));
+    auto there = co_await hosts_there(in, name);
+    if (there.size() == 1) co_return there.front();
+    std::vector<std::string> mine;
+    for (const auto& one : listed)
+        if (one.host_name == in.self.env().identity().host_name) mine.push_back(one.path);
+    if (mine.size() != 1)
+        throw problem(exit_code::usage, "usage", "there is more than one instantiation server", fmt::format("choose one with --host: {}", enumerate(names_of(listed))));
+    host_server made{host_name_of(mine.front()), in.self.at(mine.front())};
+    co_return made;
+}
+
+task<std::vector<found_instance>> instances_there(context& in, std::string host, std::string prefix) {
+    auto hosts = co_await hosts_there(in, host);
+    std::vector<found_instance> all;
+    for (auto& one : hosts) {
+        instantiation::instances_request question{prefix};
+        auto told = co_await one.server.try_call(instantiation::services::instances, std::move(question), std::min(in.left(), duration(std::chrono::seconds(3))));
+        if (!told) {
+            if (hosts.size() == 1) throw problem(told.error());
+            note(in.set, fmt::format("{} does not answer: {}", one.name, told.error().message()));
+            continue;
+        }
+        for (auto& instance : told->instances) all.push_back({one, std::move(instance)});
+    }
+    co_return all;
+}
+
+task<found_instance> find_instance(context& in, std::string host, std::string path) {
+    auto all = co_await instances_there(in, host, "");
+    std::vector<found_instance> found;
+    std::vector<std::string> known;
+    for (auto& one : all) {
+        known.push_back(one.instance.path);
+        if (one.instance.path == path) found.push_back(std::move(one));
+    }
+    if (found.size() == 1) co_return std::move(found.front());
+    if (found.size() > 1) {
+        // What still runs there is meant, rather than what is over elsewhere.
+        std::erase_if(found, [](const auto& one) { return one.instance.process_id == 0; });
+        if (found.size() == 1) co_return std::move(found.front());
+        throw problem(exit_code::usage, "usage", fmt::format("several hosts have started '{}'", path), "choose one with --host");
+    }
+    auto near = nearest(path, known);
+    auto advice = near.empty() ? fmt::format("{} instances are known: ise ps", known.size()) : fmt::format("did you mean '{}'?", near.front());
+    throw problem(exit_code::not_reached, "no_such_name", fmt::format("no instantiation server has started '{}'", path), advice);
+}
+
+instantiation::instance_text started(const instantiation::start_response& told) {
+    using enum instantiation::start_outcome;
+    auto fail = [&](exit_code code, const char* name, const std::string& advice = {}) {
+        auto why = told.why;
+        if (told.outcome == exited || told.outcome == deadline) why += told.output.empty() ? "; it printed nothing" : fmt::format("; the last that it printed:\n{}", told.output);
+        throw problem(code, name, why, advice);
+    };
+    switch (told.outcome) {
+        case ready: return told.started;
+        case no_such_type: fail(exit_code::usage, "no_such_type"); break;
+        case bad_argument: fail(exit_code::usage, "bad_argument", "ise start --types TYPE tells what is allowed"); break;
+        case name_taken: fail(exit_code::failed, "name_taken", "ise list tells who has it"); break;
+        case address_in_use: fail(exit_code::failed, "address_in_use"); break;
+        case too_many: fail(exit_code::failed, "too_many"); break;
+        case name_server_lost: fail(exit_code::not_reached, "name_server_lost"); break;
+        case not_launched: fail(exit_code::failed, "not_launched"); break;
+        case exited: fail(exit_code::failed, "exited"); break;
+        case deadline: fail(exit_code::not_reached, "deadline"); break;
+    }
+    fail(exit_code::failed, "unknown_outcome"); // of a newer server
+    return {};
+}
+
+std::string_view name_of(instantiation::instance_state state) {
+    using enum instantiation::instance_state;
+    switch (state) {
+        case starting: return "starting";
+        case ready: return "ready";
+        case stopping: return "stopping";
+        case waiting: return "waiting";
+        case stopped: return "stopped";
+        case failed: return "failed";
+    }
+    return "?";
+}
+
+std::string as_json(const std::string& host, const instantiation::instance_text& what) {
+    nlohmann::ordered_json told;
+    told["host"] = host;
+    told["path"] = what.path;
+    told["type"] = what.type;
+    told["program"] = what.program;
+    told["state"] = name_of(what.state);
+    told["reason"] = what.reason;
+    told["process_id"] = what.process_id;
+    told["since_s"] = std::chrono::duration<double>(what.since.time_since_epoch()).count();
+    told["restarts"] = what.restarts;
+    told["adopted"] = what.adopted;
+    auto given = nlohmann::ordered_json::array();
+    for (const auto& one : what.arguments) given.push_back({{"name", one.name}, {"value", one.value}});
+    told["arguments"] = given;
+    told["roles"] = what.roles;
+    told["deployment"] = what.deployment;
+    return told.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+std::string as_sentence(const std::string& host, const instantiation::instance_text& what) {
+    auto text = fmt::format("{} is {} on {}", what.path, name_of(what.state), host);
+    if (what.process_id != 0) text += fmt::format(", as process {}", what.process_id);
+    if (!what.reason.empty()) text += fmt::format(": {}", what.reason);
+    return printable(text);
+}
+
+} // namespace ise::cli

@@ -1,0 +1,29 @@
+#pragma once
+#include "command_line.hpp"
+#include "commands.hpp"
+
+#include <string>
+
+namespace CLI {
+class App;
+}
+
+namespace ise::cli {
+
+/// What the commands about instances are told; outlives the parse.
+struct instance_places {
+    start_options start;
+    ps_options ps;
+    instance_options which;
+    logs_options logs;
+    std::string policy = "never", ready_within, grace;
+    std::size_t lines = 0;
+    duration patience{}; ///< instead of the usual timeout: starting and stopping take their time
+};
+
+void add_instance_commands(CLI::App& app, instance_places& to, wish& made);
+
+/// A time that was given to an option; problem(usage) if it is none.
+duration positive_time(const std::string& text, std::string_view option);
+
+} // namespace ise::cli

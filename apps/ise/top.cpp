@@ -1,0 +1,108 @@
+#include "look.hpp"
+
+#include "rates.hpp"
+#include "screen.hpp"
+#include "survey.hpp"
+#include "table.hpp"
+#include "text.hpp"
+
+#include <nlohmann/json.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace ise::cli {
+namespace {
+
+using nlohmann::ordered_json;
+
+std::string show_rate(const std::optional<double>& hz) { return hz ? fmt::format("{:.1f}", *hz) : "-"; }
+std::string show_bytes_rate(const std::optional<double>& bps) { return bps ? show_bytes(static_cast<std::uint64_t>(*bps)) : "-"; }
+// "12 +3": ever, and of these meanwhile.
+std::string show_count(std::uint64_t ever, const std::optional<std::uint64_t>& meanwhile) {
+    return meanwhile.value_or(0) == 0 ? std::to_string(ever) : fmt::format("{} +{}", ever, *meanwhile);
+}
+
+std::string as_table(const std::vector<activity>& all, std::size_t width) {
+    table rows({"STATE", "SESSIONS", "CALLS/S", "PACKETS/S", "IN/S", "OUT/S", "RUNNING", "UNSENT", "TOO SLOW", "REFUSED", "ROUND TRIP", "PATH"});
+    for (const auto& one : all) {
+        if (!one.answered) {
+            rows.add({one.state == "stalled" ? "stalled" : "no answer", "-", "-", "-", "-", "-", "-", "-", "-", "-", "-", one.path});
+            continue;
+        }
+        rows.add({one.state, std::to_string(one.sessions), show_rate(one.calls_hz), show_rate(one.packets_hz), show_bytes_rate(one.in_bps), show_bytes_rate(one.out_bps),
+                  one.has_health ? std::to_string(one.running) : "-", one.has_health ? show_bytes(one.unsent_bytes) : "-", show_count(one.dropped_ever, one.dropped),
+                  one.has_health ? show_count(one.refused_ever, one.refused) : "-", one.round_trip > duration{} ? show_duration(one.round_trip) : "-", one.path});
+    }
+    return rows.text(width);
+}
+
+std::string as_json(const std::vector<activity>& all, wall_time at) {
+    auto number = [](const auto& value) { return value ? ordered_json(*value) : ordered_json(); };
+    ordered_json told;
+    told["asked_at"] = show_wall(at);
+    auto components = ordered_json::array();
+    for (const auto& one : all) {
+        ordered_json row;
+        row["path"] = one.path;
+        row["state"] = one.state;
+        row["host"] = one.host;
+        row["answered"] = one.answered;
+        row["sessions"] = one.sessions;
+        row["calls_hz"] = number(one.calls_hz);
+        row["packets_hz"] = number(one.packets_hz);
+        row["in_bytes_per_s"] = number(one.in_bps);
+        row["out_bytes_per_s"] = number(one.out_bps);
+        row["running"] = one.has_health ? ordered_json(one.running) : ordered_json();
+        row["unsent_bytes"] = one.has_health ? ordered_json(one.unsent_bytes) : ordered_json();
+        row["dropped_too_slow"] = one.dropped_ever;
+        row["dropped_too_slow_now"] = number(one.dropped);
+        row["calls_refused"] = one.has_health ? ordered_json(one.refused_ever) : ordered_json();
+        row["calls_refused_now"] = number(one.refused);
+        row["round_trip_s"] = one.round_trip > duration{} ? ordered_json(std::chrono::duration<double>(one.round_trip).count()) : ordered_json();
+        components.push_back(std::move(row));
+    }
+    told["components"] = std::move(components);
+    return told.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
+}
+
+// Until then, or a key; false: it is to end.
+task<bool> wait_for(context& in, const screen& on, time_point at) {
+    constexpr duration look = std::chrono::milliseconds(50);
+    while (in.self.now() < at) {
+        if (on.quit()) co_return false;
+        auto next = on.live() ? std::min(at, in.self.now() + look) : at;
+        co_await in.self.sleep_till(next);
+    }
+    co_return !on.quit();
+}
+
+} // namespace
+
+task<> top(context& in, top_options options) {
+    survey_options what;
+    what.prefix = options.prefix;
+    auto before = co_await survey(in, what);
+    screen on;
+    auto at = in.self.now();
+    for (std::uint64_t tables = 0; !options.count || tables < *options.count; ++tables) {
+        at = std::max(saturating_add(at, options.every), in.self.now());
+        bool goes_on = co_await wait_for(in, on, at);
+        if (!goes_on) break;
+        in.until = saturating_add(in.self.now(), in.set.timeout);
+        auto now = co_await survey(in, what);
+        auto seen = activities(before, now);
+        std::string text;
+        if (in.set.json) {
+            text = as_json(seen, in.self.wall());
+        } else {
+            auto ending = on.live() ? "TOO SLOW: packets that slow subscribers did not take, ever and now; q ends\n" : tables + 1 == options.count ? "" : "\n";
+            text = on.page(as_table(seen, in.out.width()) + show_age(in, now) + ending);
+        }
+        co_await in.out.write(in.self, std::move(text));
+        before = std::move(now);
+    }
+}
+
+} // namespace ise::cli

@@ -1,0 +1,74 @@
+#include "ledger.hpp"
+
+namespace atirma::stress {
+
+ledger::entry& ledger::at(link_id over, packet_key which) {
+    auto& e = entries_[which];
+    e.link = over;
+    return e;
+}
+
+void ledger::sent(link_id over, packet_key which, ise::duration when) {
+    auto& e = at(over, which);
+    if (e.sent.count() < 0) e.sent = when;
+}
+
+void ledger::acknowledged(link_id over, packet_key which, ise::duration when) {
+    auto& e = at(over, which);
+    if (e.acknowledged.count() < 0) e.acknowledged = when;
+}
+
+void ledger::arrived(packet_key which, ise::duration when) {
+    auto& e = at(link_id::xbee, which);
+    if (e.arrived.count() < 0) e.arrived = when;
+}
+
+void ledger::shown(const std::string& who, packet_key which) {
+    auto& s = subscribers_[who];
+    if (!s.known.insert(which).second) ++s.twice;
+}
+
+std::size_t ledger::blocks() const noexcept {
+    auto all = entries_.size();
+    for (const auto& [who, s] : subscribers_) all += s.known.size();
+    return all;
+}
+
+ledger::verdict ledger::judge(std::span<const std::set<packet_key>> disks, ise::duration until,
+                              const excuses& excuse) const {
+    verdict made;
+    std::set<packet_key> all;
+    for (const auto& disk : disks) all.insert(disk.begin(), disk.end());
+    for (auto which : all)
+        for (const auto& disk : disks)
+            if (!disk.contains(which)) {
+                ++made.only_on_one;
+                break;
+            }
+    bool nothing_lost = true;
+    for (const auto& [which, e] : entries_) {
+        auto& counts = made.links[static_cast<std::size_t>(e.link)];
+        ++counts.sent;
+        counts.acknowledged += e.acknowledged.count() >= 0;
+        counts.kept += all.contains(which);
+        if (!e.owed() || e.owed_since() > until) continue;
+        ++counts.owed;
+        if (all.contains(which)) continue;
+        auto& lost = made.missing.emplace_back(missing_packet{which, e, excuse ? excuse(e) : std::string()});
+        if (lost.excuse.empty()) nothing_lost = false;
+        else ++made.excused;
+    }
+    bool shown_well = true;
+    for (const auto& [who, s] : subscribers_) {
+        auto& told = made.subscribers[who];
+        told.shown = s.known.size();
+        told.twice = s.twice;
+        for (auto which : all) told.missed += !s.known.contains(which);
+        for (auto which : s.known) told.unknown += !all.contains(which);
+        if (told.twice + told.missed + told.unknown > 0) shown_well = false;
+    }
+    made.holds = nothing_lost && shown_well && made.only_on_one == 0 && !entries_.empty();
+    return made;
+}
+
+} // namespace atirma::stress

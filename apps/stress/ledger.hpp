@@ -1,0 +1,79 @@
+#pragma once
+#include "packet_key.hpp"
+
+#include <components/boat/enums.hpp>
+
+#include <ise/core/time.hpp>
+
+#include <array>
+#include <functional>
+#include <map>
+#include <set>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace atirma::stress {
+
+/// What was seen on the boat's own wires, and what subscribers were shown. Kept apart from the components that it
+/// judges: it knows only bytes that crossed a line, rows of the nodes' disks, and packets that reached somebody.
+/// Without I/O.
+class ledger {
+public:
+    struct entry {
+        link_id link = link_id::xbee;
+        ise::duration sent{-1};         ///< first given to the link
+        ise::duration acknowledged{-1}; ///< the link's word at the boat: MAC, receipt, or the gateway's
+        ise::duration arrived{-1};      ///< XBee only: read by the proxy
+        /// Whether the shore has taken it over: from then on it may not be lost.
+        bool owed() const noexcept { return link == link_id::xbee ? arrived.count() >= 0 : acknowledged.count() >= 0; }
+        ise::duration owed_since() const noexcept { return link == link_id::xbee ? arrived : acknowledged; }
+    };
+
+    void sent(link_id over, packet_key which, ise::duration at);
+    void acknowledged(link_id over, packet_key which, ise::duration at);
+    void arrived(packet_key which, ise::duration at); ///< over XBee
+
+    /// One subscriber of the role: call it for every packet that it is shown.
+    void shown(const std::string& who, packet_key which);
+
+    struct missing_packet {
+        packet_key which = 0;
+        entry what;
+        std::string excuse; ///< empty: none
+    };
+    struct audience {
+        std::uint64_t shown = 0, twice = 0, missed = 0, unknown = 0; ///< missed, unknown: against the disk
+    };
+    struct per_link {
+        std::uint64_t sent = 0, acknowledged = 0, owed = 0, kept = 0;
+    };
+    struct verdict {
+        std::array<per_link, link_count> links;
+        std::vector<missing_packet> missing;
+        std::uint64_t excused = 0;     ///< of these
+        std::uint64_t only_on_one = 0; ///< on one disk and not on the other
+        std::map<std::string, audience> subscribers;
+        bool holds = false;
+    };
+    /// What may be forgiven: the text why, or empty.
+    using excuses = std::function<std::string(const entry&)>;
+    /// `disks`: what each communication node's store holds. Packets that were owed after `until` are not judged.
+    verdict judge(std::span<const std::set<packet_key>> disks, ise::duration until, const excuses& excuse = {}) const;
+
+    const std::map<packet_key, entry>& entries() const noexcept { return entries_; }
+    /// On the heap: a ledger forgets nothing, and is no part of what it looks at.
+    std::size_t blocks() const noexcept;
+
+private:
+    entry& at(link_id over, packet_key which);
+
+    std::map<packet_key, entry> entries_;
+    struct subscriber {
+        std::set<packet_key> known;
+        std::uint64_t twice = 0;
+    };
+    std::map<std::string, subscriber> subscribers_;
+};
+
+} // namespace atirma::stress

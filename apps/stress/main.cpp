@@ -1,0 +1,109 @@
+// Ten hours at sea on the virtual clock, and the report about them.
+#include "heap_counter.hpp"
+#include "report.hpp"
+
+#include <CLI/CLI.hpp>
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cstdio>
+#include <ctime>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <unistd.h>
+
+namespace {
+
+namespace stress = atirma::stress;
+
+void complain(const std::string& what) { std::fputs(("atirma_stress: " + what + "\n").c_str(), stderr); }
+
+void write(const std::filesystem::path& file, const std::string& content) {
+    std::ofstream out(file, std::ios::binary | std::ios::trunc);
+    out << content;
+    out.close();
+    if (!out)
+        throw std::runtime_error(
+            fmt::format("{} cannot be written: is the disk full, or the folder read-only?", file.string()));
+}
+
+std::string read(const std::string& file) {
+    std::ifstream in(file, std::ios::binary);
+    if (!in) throw std::runtime_error(fmt::format("the wind file {} cannot be read", file));
+    return {std::istreambuf_iterator<char>(in), {}};
+}
+
+double processor_s() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
+
+long resident_kib() {
+    long whole = 0, resident = 0;
+    if (auto* status = std::fopen("/proc/self/statm", "r")) {
+        if (std::fscanf(status, "%ld %ld", &whole, &resident) != 2) resident = 0;
+        std::fclose(status);
+    }
+    return resident * (sysconf(_SC_PAGESIZE) / 1024);
+}
+
+long open_descriptors() {
+    std::error_code none;
+    auto begin = std::filesystem::directory_iterator("/proc/self/fd", none);
+    return none ? 0 : static_cast<long>(std::distance(begin, std::filesystem::directory_iterator()));
+}
+
+} // namespace
+
+int main(int argc, char** argv) {
+    CLI::App app("The whole of A-Tirma at sea for some hours on the virtual clock, with faults by the seed, and a "
+                 "report that proves that nothing was lost.");
+    std::uint64_t seed = 1;
+    double hours = 10;
+    std::string out, wind;
+    app.add_option("--seed", seed, "the same seed gives the same report")->capture_default_str();
+    app.add_option("--hours", hours, "virtual ones")->check(CLI::Range(0.25, 100.0))->capture_default_str();
+    app.add_option(
+           "--out", out,
+           "folder for report.md, track.svg, track.gpx, events.log; machine.md has what only this machine knows")
+        ->required();
+    app.add_option("--wind", wind, "a recorded series as CSV (t_s, tws_kn or tws_mps, twd_deg); else by the seed")
+        ->check(CLI::ExistingFile);
+    CLI11_PARSE(app, argc, argv);
+    try {
+        std::filesystem::create_directories(out);
+        const std::filesystem::path folder(out);
+        const double began_s = processor_s();
+        std::string machine =
+            "# What this run cost here\nNot part of the report: it differs from machine to machine.\n\n"
+            "| virtual | processor s | heap blocks, without the ledger's | heap KiB, with them | resident KiB | "
+            "descriptors |\n|---|---:|---:|---:|---:|---:|\n";
+        stress::voyage_options options;
+        options.seed = seed;
+        options.length = std::chrono::minutes(static_cast<long>(hours * 60 + 0.5));
+        if (!wind.empty()) options.wind_csv = read(wind);
+        options.on_sample = [&](ise::duration at, std::size_t own) {
+            auto heap = stress::heap_now();
+            machine += fmt::format("| {} | {:.2f} | {} | {} | {} | {} |\n", stress::clock_text(at),
+                                   processor_s() - began_s, heap.blocks - static_cast<std::int64_t>(own),
+                                   heap.bytes / 1024, resident_kib(), open_descriptors());
+        };
+        stress::voyage sea(std::move(options));
+        sea.sail();
+        machine += fmt::format("\nThe sailing took {:.1f} s of one processor, {} allocations.\n",
+                               processor_s() - began_s, stress::heap_now().allocations);
+        auto proof = sea.judge();
+        stress::findings found(sea);
+        write(folder / "report.md", stress::make_report(sea, found, proof));
+        write(folder / "track.svg", stress::make_picture(sea, found));
+        write(folder / "track.gpx", stress::make_gpx(found));
+        write(folder / "events.log", sea.log());
+        write(folder / "machine.md", machine);
+        bool good = stress::holds(sea, proof);
+        fmt::print("{}: {} ({:.1f} s of processor time); {}\n", stress::length_text(sea.script().length),
+                   good ? "the proof holds" : "THE PROOF DOES NOT HOLD", processor_s() - began_s,
+                   (folder / "report.md").string());
+        return good ? 0 : 1;
+    } catch (const std::exception& why) {
+        complain(why.what());
+        return 2;
+    }
+}

@@ -1,0 +1,119 @@
+#include "operator_seat.hpp"
+
+#include <fmt/format.h>
+
+namespace atirma::stress {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr ise::duration grace = 2min; // after a telecommand's validity, until nobody is asked any more
+
+void rethrow_if_cancelled(const ise::failure& why) {
+    if (why.code() == ise::errc::cancelled) throw ise::error(why);
+}
+
+} // namespace
+
+operator_seat::~operator_seat() {
+    if (follower_) self_.seen = follower_->seen;
+}
+
+ise::task<> operator_seat::run() {
+    nodes_ = at(std::string(communication_role));
+    follower_ = std::make_unique<telemetry_follower>(*this, nodes_, [this](const telemetry_packet& packet) {
+        book_.shown(self_.name, key_of(packet.boot, packet.sequence));
+    });
+    follower_->seen = self_.seen;
+    spawn("telemetry", follow());
+    listen(nodes_, services::authority_changes, [this](const authority_state&) { ++self_.authority_changes; });
+    for (std::size_t i = 0; i < self_.commands.size(); ++i)
+        if (self_.commands[i].decided.count() < 0) spawn("asks again", give(i));
+    for (; self_.next_order < self_.orders.size(); ++self_.next_order) {
+        auto what = self_.orders[self_.next_order];
+        if (what.at > time_()) co_await sleep(what.at - time_());
+        spawn("order", carry_out(std::move(what)));
+    }
+    for (;;) co_await sleep(1h);
+}
+
+ise::task<> operator_seat::follow() {
+    for (;;) {
+        try {
+            auto following = follower_->run();
+            co_await std::move(following);
+        } catch (const ise::error& problem) {
+            if (problem.code() == ise::errc::cancelled) throw;
+            log().debug("the nodes are not subscribed to", {{"cause", problem.what()}});
+        }
+        co_await sleep(1s);
+    }
+}
+
+ise::task<> operator_seat::carry_out(order what) {
+    for (const auto& step : what.steps) {
+        auto which = self_.commands.size();
+        auto& one = self_.commands.emplace_back();
+        one.asked = time_();
+        one.request.id = static_cast<std::uint32_t>((self_.index + 1) * 100'000 + which + 1);
+        one.request.command = step;
+        one.request.valid_s = what.valid_s;
+        one.request.via = what.via;
+        one.request.confirmed = is_dangerous(step.kind, step.mode);
+        auto giving = give(which);
+        co_await std::move(giving);
+        if (self_.commands[which].state != telecommand_stage::acknowledged) co_return;
+    }
+}
+
+ise::task<> operator_seat::take_authority() {
+    authority_request request;
+    auto now_held = co_await nodes_.try_call(services::authority, request, 10s);
+    if (!now_held) {
+        rethrow_if_cancelled(now_held.error());
+        co_return;
+    }
+    if (now_held->holder == path()) co_return;
+    request.action = authority_action::take;
+    request.confirmed = true;
+    auto taken = co_await nodes_.try_call(services::authority, request, 10s);
+    if (!taken) rethrow_if_cancelled(taken.error());
+}
+
+/// Asks the role, whichever node serves it, until the telecommand is decided.
+ise::task<> operator_seat::give(std::size_t which) {
+    auto request = self_.commands[which].request;
+    auto until = self_.commands[which].asked +
+                 std::chrono::duration_cast<ise::duration>(std::chrono::duration<float>(request.valid_s)) + grace;
+    bool steers = needs_authority(request.command.kind);
+    unsigned refusals = 0;
+    for (;;) {
+        if (steers) {
+            auto taking = take_authority();
+            co_await std::move(taking);
+        }
+        ++self_.commands[which].asks;
+        auto reply = co_await nodes_.try_call(services::telecommand, request, 60s);
+        auto& one = self_.commands[which];
+        if (reply && is_final(reply->state)) {
+            one.decided = time_();
+            one.state = reply->state;
+            one.result = reply->result;
+            one.text = reply->text;
+            co_return;
+        }
+        if (!reply) {
+            rethrow_if_cancelled(reply.error());
+            if (reply.error().code() == ise::errc::refused && ++refusals >= 3) {
+                one.decided = time_();
+                one.state = telecommand_stage::failed;
+                one.text = reply.error().message();
+                co_return;
+            }
+            co_await sleep(1s);
+        }
+        if (time_() > until) co_return; // it stays undecided, and the report says so
+    }
+}
+
+} // namespace atirma::stress

@@ -1,0 +1,57 @@
+#pragma once
+#include "ledger.hpp"
+#include "plan.hpp"
+#include "taps.hpp"
+
+#include <components/boat/telemetry_follower.hpp>
+
+#include <ise/component/component.hpp>
+
+#include <memory>
+
+namespace atirma::stress {
+
+/// A telecommand as its operator saw it.
+struct given_command {
+    telecommand_request request;
+    ise::duration asked{}, decided{-1};  ///< since the beginning
+    telecommand_stage state = telecommand_stage::pending;
+    std::optional<ack_code> result;
+    std::string text;
+    std::uint32_t asks = 0;              ///< how often the role was asked, with the same id
+};
+
+/// What an operator knows, and takes along when leaving.
+struct operator_record {
+    std::string name;
+    std::size_t index = 0;
+    std::vector<order> orders;           ///< in the order of time
+    std::size_t next_order = 0;
+    std::vector<given_command> commands;
+    track_cursor seen;
+    std::uint64_t authority_changes = 0; ///< that it was told
+};
+
+/// An operator without a face: follows the telemetry of the communication nodes' role, and gives telecommands to it by
+/// a list. What was not decided when it left is asked for again, under the same id, when it is back.
+class operator_seat final : public ise::component {
+public:
+    operator_seat(operator_record& self, ledger& book, stopwatch time)
+        : self_(self), book_(book), time_(std::move(time)) {}
+    ~operator_seat() override;
+
+private:
+    ise::task<> run() override;
+    ise::task<> follow();
+    ise::task<> carry_out(order what);
+    ise::task<> give(std::size_t which);
+    ise::task<> take_authority();
+
+    operator_record& self_;
+    ledger& book_;
+    stopwatch time_;
+    ise::remote nodes_;
+    std::unique_ptr<telemetry_follower> follower_;
+};
+
+} // namespace atirma::stress

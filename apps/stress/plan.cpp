@@ -1,0 +1,205 @@
+#include "plan.hpp"
+
+#include <components/boat_simulator/course.hpp>
+
+#include <ise/sim/random.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace atirma::stress {
+namespace {
+
+using namespace std::chrono_literals;
+using ise::sim::generator;
+
+ise::duration part_of(ise::duration whole, double part) {
+    return std::chrono::floor<std::chrono::milliseconds>(
+        ise::duration(static_cast<ise::duration::rep>(static_cast<double>(whole.count()) * part)));
+}
+double between(generator& dice, double low, double high) {
+    return low + (high - low) * static_cast<double>(dice.below(1'000'000)) * 1e-6;
+}
+
+template <class T>
+void shuffle(generator& dice, std::vector<T>& what) {
+    for (std::size_t left = what.size(); left > 1; --left) std::swap(what[left - 1], what[dice.below(left)]);
+}
+
+/// One of `kinds` in each slot, all of them in turn, in an order of the dice; each is over well before the slot is.
+void fill(voyage_plan& made, generator& dice, std::vector<trouble> kinds, std::size_t slots, ise::duration longest) {
+    const auto first = part_of(made.length, 0.05), all = part_of(made.length, 0.90);
+    const auto slot = all / static_cast<ise::duration::rep>(slots);
+    std::vector<trouble> turn;
+    for (std::size_t i = 0; i < slots; ++i) {
+        if (turn.empty()) {
+            turn = kinds;
+            shuffle(dice, turn);
+        }
+        fault one;
+        one.what = turn.back();
+        turn.pop_back();
+        one.at = first + slot * static_cast<ise::duration::rep>(i) + part_of(slot, between(dice, 0, 0.3));
+        one.length = std::min(part_of(slot, between(dice, 0.12, 0.4)), longest);
+        using enum trouble;
+        if (one.what == carrier_drops || one.what == carrier_half_open || one.what == carrier_moves) one.length = {};
+        made.faults.push_back(one);
+    }
+}
+
+boat_command simple(command_kind kind) {
+    boat_command made;
+    made.kind = kind;
+    return made;
+}
+boat_command mode(sailing_mode to) {
+    auto made = simple(command_kind::set_mode);
+    made.mode = to;
+    return made;
+}
+
+/// What everybody may ask.
+std::vector<boat_command> question(generator& dice) {
+    switch (dice.below(4)) {
+        case 0: return {simple(command_kind::ping)};
+        case 1: return {simple(command_kind::waypoint_read_back)};
+        case 2: return {simple(command_kind::request_status)};
+        default: {
+            auto ask = simple(command_kind::get_parameter);
+            ask.parameter = static_cast<parameter_id>(dice.below(parameter_count));
+            return {ask};
+        }
+    }
+}
+
+/// What only the holder of the authority may tell the boat.
+std::vector<boat_command> steering(generator& dice) {
+    switch (dice.below(4)) {
+        case 0: return {mode(sailing_mode::hold), mode(sailing_mode::automatic)};
+        case 1: return {mode(sailing_mode::station_keep), mode(sailing_mode::automatic)};
+        case 2: {
+            auto set = simple(command_kind::set_parameter);
+            set.parameter = parameter_id::leeway_compensation;
+            set.value = static_cast<float>(dice.below(5)) * 0.25f;
+            return {set};
+        }
+        default: {
+            auto set = simple(command_kind::set_parameter);
+            set.parameter = parameter_id::time_to_next_tack;
+            set.value = static_cast<float>(60 + 30 * dice.below(8));
+            return {set};
+        }
+    }
+}
+
+void give_orders(voyage_plan& made, generator& dice) {
+    const auto away = std::find_if(made.faults.begin(), made.faults.end(),
+                                   [](const fault& one) { return one.what == trouble::operator_away; });
+    const auto change = part_of(made.length, 0.47);
+    for (std::size_t by = 0; by < operators; ++by) {
+        const auto pause = std::max<ise::duration>(part_of(made.length, by == 0 ? 0.012 : 0.02), 20s);
+        for (auto at = part_of(made.length, 0.01) + pause; at < part_of(made.length, 0.94);
+             at += part_of(pause, between(dice, 0.6, 1.4))) {
+            order one;
+            one.at = at;
+            one.by = by;
+            bool only_one = away != made.faults.end() && at > away->at + 10s && at < away->at + away->length;
+            if (only_one && by == 0) continue;
+            bool steers = by == 0 || only_one;
+            one.steps = steers && dice.chance(0.5) ? steering(dice) : question(dice);
+            if (std::abs((at - change).count()) < part_of(made.length, 0.03).count() && steers)
+                one.steps = question(dice); // not while the course is changed
+            auto way = dice.below(100);
+            if (way < 15) one.via = link_id::gprs;
+            else if (way < 25) one.via = link_id::xbee;
+            else if (way < 30) one.via = link_id::iridium;
+            one.valid_s = one.via == link_id::iridium ? 7200.0f : 900.0f;
+            made.orders.push_back(std::move(one));
+        }
+    }
+    order other_course;
+    other_course.at = change;
+    other_course.valid_s = 7200;
+    other_course.steps.push_back(simple(command_kind::waypoint_clear));
+    const auto course = simulator::find_course("T2");
+    for (const auto& mark : course->marks) {
+        auto add = simple(command_kind::waypoint_add);
+        add.point = mark;
+        other_course.steps.push_back(add);
+    }
+    other_course.steps.push_back(mode(sailing_mode::automatic));
+    made.orders.push_back(std::move(other_course));
+    std::stable_sort(made.orders.begin(), made.orders.end(),
+                     [](const order& a, const order& b) { return a.at < b.at; });
+}
+
+} // namespace
+
+std::string_view describe(trouble what) noexcept {
+    switch (what) {
+        case trouble::carrier_down: return "the carrier is down";
+        case trouble::carrier_drops: return "the carrier drops its connections";
+        case trouble::carrier_half_open: return "the carrier leaves its connections half open";
+        case trouble::carrier_moves: return "the boat gets another address";
+        case trouble::carrier_slow: return "the carrier takes seconds";
+        case trouble::air_noise: return "noise on the XBee's band";
+        case trouble::sky_closed: return "no satellite in sight";
+        case trouble::sky_fails: return "most Iridium sessions break off";
+        case trouble::gateway_down: return "Iridium's gateway is down";
+        case trouble::primary_killed: return "the primary communication node is killed";
+        case trouble::secondary_killed: return "the secondary communication node is killed";
+        case trouble::names_restarted: return "the name server is killed";
+        case trouble::xbee_proxy_crashed: return "the XBee proxy crashes";
+        case trouble::gprs_proxy_crashed: return "the GPRS proxy crashes";
+        case trouble::iridium_proxy_crashed: return "the Iridium proxy crashes";
+        case trouble::operator_away: return "an operator leaves";
+    }
+    return "unknown";
+}
+
+std::optional<link_id> felt_over(trouble what) noexcept {
+    using enum trouble;
+    switch (what) {
+        case carrier_down:
+        case carrier_drops:
+        case carrier_half_open:
+        case carrier_moves:
+        case carrier_slow:
+        case gprs_proxy_crashed: return link_id::gprs;
+        case air_noise: case xbee_proxy_crashed: return link_id::xbee;
+        case sky_closed: case sky_fails: case gateway_down: case iridium_proxy_crashed: return link_id::iridium;
+        default: return std::nullopt;
+    }
+}
+
+voyage_plan make_plan(std::uint64_t seed, ise::duration length) {
+    generator dice(seed, "plan");
+    voyage_plan made;
+    made.length = length;
+    made.wind_speed_mps = std::round(between(dice, 5, 8) * 10) / 10;
+    made.wind_from_deg = std::round(between(dice, 20, 70));
+    made.iridium_period_s = std::clamp(std::round(std::chrono::duration<double>(length).count() / 60), 60.0, 600.0);
+    const auto hours = static_cast<std::size_t>(std::chrono::duration_cast<std::chrono::hours>(length).count());
+    using enum trouble;
+    fault away;
+    away.what = operator_away;
+    away.at = part_of(length, between(dice, 0.60, 0.66));
+    away.length = part_of(length, between(dice, 0.06, 0.10));
+    made.faults.push_back(away);
+    // Nodes more often than the others.
+    fill(made, dice,
+         {primary_killed, secondary_killed, names_restarted, xbee_proxy_crashed, gprs_proxy_crashed,
+          iridium_proxy_crashed, primary_killed, secondary_killed},
+         std::max<std::size_t>(8, hours + 2), 8min);
+    fill(made, dice, {carrier_down, carrier_drops, carrier_half_open, carrier_moves, carrier_slow},
+         std::max<std::size_t>(5, hours * 3 / 2), 15min);
+    fill(made, dice, {sky_closed, sky_fails, gateway_down}, std::max<std::size_t>(3, hours / 2), 25min);
+    fill(made, dice, {air_noise}, std::max<std::size_t>(1, hours / 2), 12min);
+    std::stable_sort(made.faults.begin(), made.faults.end(),
+                     [](const fault& a, const fault& b) { return a.at < b.at; });
+    give_orders(made, dice);
+    return made;
+}
+
+} // namespace atirma::stress

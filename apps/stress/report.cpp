@@ -1,0 +1,231 @@
+#include "report.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <iterator>
+
+namespace atirma::stress {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::array<std::string_view, link_count> link_names{"XBee", "GPRS", "Iridium"};
+
+class text {
+public:
+    template <class... A>
+    void line(fmt::format_string<A...> how, A&&... what) {
+        fmt::format_to(std::back_inserter(all), how, std::forward<A>(what)...);
+        all += '\n';
+    }
+    std::string all;
+};
+
+void say_proof(text& out, voyage& of, const ledger::verdict& proof) {
+    out.line("\n## The proof");
+    out.line("Read off the boat's own wires, not told by the components: GPRS by the shore's receipts, XBee by what "
+             "the proxy read from its modem");
+    out.line("(the boat's modem had its MAC acknowledgement), Iridium by the sessions that the gateway accepted. "
+             "*Owed* is what the shore had taken");
+    out.line("over by then; all of it must be on the disks of both communication nodes.\n");
+    out.line("| link | sent by the boat | acknowledged to the boat | owed | on disk | lost | excused |");
+    out.line("|---|---:|---:|---:|---:|---:|---:|");
+    for (std::size_t i = 0; i < link_count; ++i) {
+        const auto& one = proof.links[i];
+        std::uint64_t lost = 0, excused = 0;
+        for (const auto& missing : proof.missing) {
+            if (missing.what.link != static_cast<link_id>(i)) continue;
+            ++(missing.excuse.empty() ? lost : excused);
+        }
+        out.line("| {} | {} | {} | {} | {} | {} | {} |", link_names[i], one.sent, one.acknowledged, one.owed, one.kept,
+                 lost, excused);
+    }
+    out.line("\nOn one disk only: {}. After the end it took {} of calm until nothing was owed any more.",
+             proof.only_on_one, length_text(of.calm()));
+    std::size_t told = 0;
+    for (const auto& missing : proof.missing) {
+        if (++told > 50) {
+            out.line("- … and {} more", proof.missing.size() - 50);
+            break;
+        }
+        const auto& e = missing.what;
+        out.line("- {}: boot {} packet {}, sent {}, owed since {}: {}", link_names[static_cast<std::size_t>(e.link)],
+                 missing.which >> 32, missing.which & 0xFFFFFFFF, clock_text(e.sent), clock_text(e.owed_since()),
+                 missing.excuse.empty() ? "**lost**" : missing.excuse);
+    }
+    out.line("\n| subscriber of the role | shown | twice | never | not on disk |");
+    out.line("|---|---:|---:|---:|---:|");
+    for (const auto& [who, one] : proof.subscribers)
+        out.line("| {} | {} | {} | {} | {} |", who, one.shown, one.twice, one.missed, one.unknown);
+    auto page = of.page();
+    out.line("| page | {} | {} | | |", page.received, page.duplicates);
+}
+
+void say_packets(text& out, const findings& found) {
+    out.line("\n## Packets by type and link");
+    out.line("| type | XBee | GPRS | Iridium |");
+    out.line("|---|---:|---:|---:|");
+    std::map<std::string, std::array<std::uint64_t, link_count>> rows;
+    for (std::size_t i = 0; i < link_count; ++i)
+        for (const auto& [type, count] : found.by_type[i]) rows[type][i] = count;
+    std::array<std::uint64_t, link_count> sum{};
+    for (const auto& [type, counts] : rows) {
+        out.line("| {} | {} | {} | {} |", type, counts[0], counts[1], counts[2]);
+        for (std::size_t i = 0; i < link_count; ++i) sum[i] += counts[i];
+    }
+    out.line("| **all** | {} | {} | {} |", sum[0], sum[1], sum[2]);
+    out.line("| of these history | {} | {} | {} |", found.history[0], found.history[1], found.history[2]);
+}
+
+void say_gaps(text& out, const voyage& of, const findings& found) {
+    out.line("\n## Gaps and their causes");
+    for (std::size_t i = 0; i < link_count; ++i) {
+        const auto& all = found.gaps[i];
+        ise::duration sum{};
+        for (const auto& one : all) sum += one.until - one.from;
+        out.line("\n{}: {} silences of more than {}, {} together.\n", link_names[i], all.size(),
+                 length_text(findings::silence_of(static_cast<link_id>(i), of.script())), length_text(sum));
+        if (all.empty()) continue;
+        out.line("| from | until | length | cause |");
+        out.line("|---|---|---:|---|");
+        for (const auto& one : all)
+            out.line("| {} | {} | {} | {} |", clock_text(one.from), clock_text(one.until),
+                     length_text(one.until - one.from), one.cause.empty() ? "**not known**" : one.cause);
+    }
+    out.line("\nThe track, when everything had come: {} gaps of more than 20 s.", found.track_gaps.size());
+    for (const auto& one : found.track_gaps)
+        out.line("- {} to {}, {}: {}", clock_text(one.from), clock_text(one.until), length_text(one.until - one.from),
+                 one.cause.empty() ? "**not known**" : one.cause);
+}
+
+std::string part(std::vector<ise::duration>& times, std::size_t percent) {
+    if (times.empty()) return "–";
+    return length_text(times[(times.size() - 1) * percent / 100]);
+}
+
+std::string outcome_of(const given_command& one) {
+    if (one.decided.count() < 0) return "**not decided**";
+    if (one.state == telecommand_stage::acknowledged)
+        return one.result ? std::string(name_of(*one.result)) : "acknowledged";
+    return one.state == telecommand_stage::expired ? "expired" : "refused";
+}
+
+void say_commands(text& out, const voyage& of) {
+    out.line("\n## Telecommands");
+    out.line("| asked for over | given | acknowledged | done | median | 90 % | longest | otherwise |");
+    out.line("|---|---:|---:|---:|---:|---:|---:|---|");
+    for (int way = -1; way < static_cast<int>(link_count); ++way) {
+        std::vector<ise::duration> times;
+        std::size_t given = 0, done = 0;
+        std::map<std::string, int> others;
+        for (const auto& who : of.operator_records())
+            for (const auto& one : who.commands) {
+                if ((one.request.via ? static_cast<int>(*one.request.via) : -1) != way) continue;
+                ++given;
+                if (one.state == telecommand_stage::acknowledged) times.push_back(one.decided - one.asked);
+                if (one.result == ack_code::done) ++done;
+                else ++others[outcome_of(one)];
+            }
+        std::ranges::sort(times);
+        std::string otherwise;
+        for (const auto& [what, count] : others)
+            otherwise += fmt::format("{}{} {}", otherwise.empty() ? "" : ", ", count, what);
+        out.line("| {} | {} | {} | {} | {} | {} | {} | {} |",
+                 way < 0 ? "the best link" : link_names[static_cast<std::size_t>(way)], given, times.size(), done,
+                 part(times, 50), part(times, 90), part(times, 100), otherwise);
+    }
+    out.line("\n| asked | by | id | what | over | until | outcome | words |");
+    out.line("|---|---|---:|---|---|---:|---|---|");
+    std::vector<std::pair<const given_command*, std::string>> all;
+    for (const auto& who : of.operator_records())
+        for (const auto& one : who.commands) all.emplace_back(&one, who.name);
+    std::ranges::stable_sort(all, {}, [](const auto& one) { return one.first->asked; });
+    for (const auto& [one, who] : all) {
+        auto words = one->text;
+        std::ranges::replace(words, '|', '/');
+        out.line("| {} | {} | {} | {} | {} | {} | {} | {} |", clock_text(one->asked), who, one->request.id,
+                 name_of(one->request.command.kind),
+                 one->request.via ? link_names[static_cast<std::size_t>(*one->request.via)] : "best",
+                 one->decided.count() < 0 ? "–" : length_text(one->decided - one->asked), outcome_of(*one), words);
+    }
+}
+
+void say_troubles(text& out, const voyage& of) {
+    out.line("\n## What was done to it");
+    out.line("| at | for | what |");
+    out.line("|---|---:|---|");
+    for (const auto& one : of.episodes())
+        out.line("| {} | {} | {} |", clock_text(one.from),
+                 one.until < one.from    ? "the rest"
+                 : one.until == one.from ? ""
+                                         : length_text(one.until - one.from),
+                 one.what);
+}
+
+/// Over the last half never more than a little above the first half, which had all kinds of trouble as well.
+std::string flat(const std::vector<voyage::sample>& all, std::size_t voyage::sample::*what) {
+    std::size_t early = 0, late = 0;
+    for (std::size_t i = 0; i < all.size(); ++i)
+        (i < all.size() / 2 ? early : late) = std::max(i < all.size() / 2 ? early : late, all[i].*what);
+    return fmt::format("{} at most in the first half, {} in the second: {}", early, late,
+                       late <= early + early / 4 + 8 ? "flat" : "**it grows**");
+}
+
+void say_samples(text& out, const voyage& of) {
+    out.line("\n## Over time");
+    out.line("Waiting: coroutines and timers in the world that wait for a time or have something under way. Sessions: "
+             "of all components.");
+    out.line("Unacknowledged, queued: at the boat. The nodes: packets on disk; what is not shown yet; telecommands "
+             "that are open.\n");
+    const auto& all = of.samples();
+    out.line("- waiting: {}", flat(all, &voyage::sample::waiting));
+    out.line("- sessions: {}", flat(all, &voyage::sample::sessions));
+    out.line("\n| at | waiting | sessions | GPRS unacknowledged | XBee queued | node 1: packets | not shown | open | "
+             "node 2: packets | not shown | open |");
+    out.line("|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|");
+    for (const auto& s : all)
+        out.line("| {}{} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |", clock_text(s.at),
+                 s.whole ? "" : " (something is down)", s.waiting, s.sessions, s.gprs_waiting, s.xbee_queued,
+                 s.packets[0], s.unseen[0], s.open[0], s.packets[1], s.unseen[1], s.open[1]);
+}
+
+void say_complaints(text& out, const voyage& of) {
+    out.line("\n## What the components complained of");
+    std::vector<std::pair<std::string, std::uint64_t>> all(of.complaints().begin(), of.complaints().end());
+    std::ranges::stable_sort(all, std::greater<>(), &std::pair<std::string, std::uint64_t>::second);
+    for (std::size_t i = 0; i < all.size() && i < 40; ++i) out.line("- {} × {}", all[i].second, all[i].first);
+}
+
+} // namespace
+
+bool holds(const voyage& of, const ledger::verdict& proof) {
+    auto page = of.page();
+    return proof.holds && page.duplicates == 0 && page.malformed == 0 && page.received > 0;
+}
+
+std::string make_report(voyage& of, const findings& found, const ledger::verdict& proof) {
+    text out;
+    const auto& script = of.script();
+    out.line("# {} at sea, seed {}", length_text(script.length), of.options().seed);
+    out.line("\nFrom the bay of El Confital on the virtual clock: the boat sailed T1 and then T2, {:.1f} km.",
+             found.sailed_m / 1000);
+    if (of.options().wind_csv.empty())
+        out.line("The wind: {:.1f} m/s from {:.0f}° with gusts, by the seed.", script.wind_speed_mps,
+                 script.wind_from_deg);
+    else out.line("The wind: a recorded series.");
+    out.line("\n**{}**",
+             holds(of, proof)
+                 ? "The proof holds: nothing that the shore had taken over is missing, and nothing was shown twice."
+                 : "THE PROOF DOES NOT HOLD; see below.");
+    say_proof(out, of, proof);
+    say_packets(out, found);
+    say_gaps(out, of, found);
+    say_commands(out, of);
+    say_troubles(out, of);
+    say_samples(out, of);
+    say_complaints(out, of);
+    return std::move(out.all);
+}
+
+} // namespace atirma::stress
