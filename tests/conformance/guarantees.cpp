@@ -1,4 +1,5 @@
 // The table "What is guaranteed over which transport" of ise/wire/FORMAT.md, row by row.
+#include <ise/net/connect.hpp>
 #include <support/boat_services.hpp>
 #include <support/catch.hpp>
 
@@ -46,20 +47,22 @@ ise::task<> read(ise::remote boat, ise::subscribe_options options, std::uint64_t
 // Says that every path is held by whoever listens at `where`.
 struct stale final : ise::resolver {
     ise::endpoint where;
-    ise::task<ise::result<ise::location>> resolve(std::string path) override {
-        ise::location found;
-        found.path = path;
-        found.endpoints = {where};
+    ise::task<ise::result<ise::resolution>> resolve(std::string path) override {
+        ise::resolution found;
+        auto& holder = found.members.emplace_back();
+        holder.path = path;
+        holder.endpoints = {where};
         co_return found;
     }
-    ise::task<ise::result<ise::location>> resolve_when_present(std::string path, ise::time_point) override { return resolve(std::move(path)); }
+    ise::task<ise::result<ise::resolution>> resolve_when_present(std::string path, ise::time_point) override { return resolve(std::move(path)); }
+    ise::task<std::uint64_t> next_life(std::string, std::uint64_t, ise::time_point) override { co_return 0; }
 };
 
 fix at_latitude(double latitude) { return fix{latitude, 0, 0}; }
 
 } // namespace
 
-#define OVER_EVERY_TRANSPORT tcp, tcp6, local, in_process, virtual_tcp
+#define OVER_EVERY_TRANSPORT tcp, tcp6, udp, udp6, local, in_process, virtual_tcp, virtual_udp
 
 TEMPLATE_TEST_CASE("a call is answered, small or big, and concurrent calls overtake each other", "", OVER_EVERY_TRANSPORT) {
     pair<TestType> at;
@@ -77,7 +80,7 @@ TEMPLATE_TEST_CASE("a call is answered, small or big, and concurrent calls overt
     at.run_until([&] { return slow->done; });
     CHECK((quick->get()->reason == "quick" && slow->get()->reason == "slow"));
 
-    auto big = start(at.shore.on, try_echo(at.there, 8 << 20));
+    auto big = start(at.shore.on, try_echo(at.there, TestType::big_message));
     int between = 0;
     while (!big->done) {
         auto got = at.run(try_helm(at.there, "quick", 30s));
@@ -86,7 +89,7 @@ TEMPLATE_TEST_CASE("a call is answered, small or big, and concurrent calls overt
         ++between;
     }
     REQUIRE(big->get());
-    CHECK(big->get()->content.size() == 8 << 20);
+    CHECK(big->get()->content.size() == TestType::big_message);
     CHECK(big->get()->content[100'001] == static_cast<std::uint8_t>(100'001 * 7));
     CHECK(between > 1); // it held up none
 }
@@ -109,6 +112,7 @@ TEMPLATE_TEST_CASE("a request runs at most once, whatever becomes of the session
             auto ran = runs[fmt::format("{}.{}", round, i)];
             CHECK(ran <= 1);
             if (got) CHECK(ran == 1);
+            if (TestType::calls_are_repeated) CHECK(got);
             if (!got && got.error().executed() == execution::not_executed) CHECK(ran == 0);
         }
     }
@@ -135,12 +139,24 @@ TEMPLATE_TEST_CASE("the answer precedes the first packet, order holds, and nothi
     CHECK(got->packets.size() + got->lost == 501);
 }
 
-TEMPLATE_TEST_CASE("lossless with credits loses nothing, however slow the reader", "", OVER_EVERY_TRANSPORT) {
+TEMPLATE_TEST_CASE("lossless with credits loses nothing, however slow the reader, or is refused", "", OVER_EVERY_TRANSPORT) {
     pair<TestType> at;
     auto out = at.boat.publish(position);
     at.open();
     auto got = std::make_shared<reading>();
     auto reader = start(at.shore.on, read(at.there, ise::subscribe_options::lossless(5), 300, got));
+    if (!TestType::lossless) {
+        at.run_until([&] { return reader->done; });
+        try {
+            reader->get();
+            FAIL("it was not refused");
+        } catch (const ise::error& refused) {
+            CHECK(refused.code() == errc::invalid_argument);
+            CHECK_THAT(refused.what(), Catch::Matchers::Contains("udp"));
+        }
+        CHECK(out.subscribers() == 0);
+        return;
+    }
     at.run_until([&] { return got->subscribed; });
     auto send = [](ise::publication<ise::subscription<fix>> to) -> ise::task<> {
         for (int i = 1; i <= 300; ++i) {
@@ -153,6 +169,22 @@ TEMPLATE_TEST_CASE("lossless with credits loses nothing, however slow the reader
     CHECK(got->packets.size() == 300);
     CHECK(got->lost == 0);
     CHECK(std::is_sorted(got->packets.begin(), got->packets.end()));
+}
+
+TEMPLATE_TEST_CASE("a message beyond the limit is refused with its size and the limit", "", OVER_EVERY_TRANSPORT) {
+    pair<TestType> at;
+    at.boat.provide(echo, [](blob given) { return given; });
+    at.boat.provide(helm, [](set_mode) { return mode_set{true, "still here"}; });
+    at.open();
+    REQUIRE(at.run(try_helm(at.there, "x", 10s)));
+    auto most = at.there.way().current()->wire().terms().peer_accepts.max_message_bytes;
+    CHECK(most == TestType::message_limit);
+    auto refused = at.run(try_echo(at.there, static_cast<std::size_t>(most)));
+    REQUIRE_FALSE(refused);
+    CHECK(refused.error().code() == errc::too_large);
+    CHECK(refused.error().executed() == execution::not_executed);
+    CHECK(refused.error().message().find(fmt::format("{}", most)) != std::string::npos);
+    CHECK(at.run(try_helm(at.there, "x", 10s)));
 }
 
 TEMPLATE_TEST_CASE("deadline and cancellation reach the handler", "", OVER_EVERY_TRANSPORT) {
@@ -229,7 +261,7 @@ TEMPLATE_TEST_CASE("a peer that is half open is found", "", OVER_EVERY_TRANSPORT
     // Greets, and is silent from then on.
     struct quiet {
         static ise::task<> greet(ise::loop& on, ise::endpoint where, std::unique_ptr<ise::stream>& held, std::shared_ptr<bool> welcome) {
-            auto made = co_await on.env().connect(on, where);
+            auto made = co_await ise::net::connect_until(on, where, on.now() + 1h);
             held = std::move(made.value());
             ise::buffer out;
             ise::wire::hello mine;

@@ -6,12 +6,28 @@
 #include <asio/executor_work_guard.hpp>
 #include <asio/io_context.hpp>
 
+#include <fmt/format.h>
+
 #include <unistd.h>
 
 /// Two components over each transport; the tests know no more than this.
 namespace conformance {
 
 using namespace ise_test;
+
+/// What differs between transports, as the table of FORMAT.md has it.
+struct as_streams {
+    static constexpr bool lossless = true;             ///< may be asked for
+    static constexpr bool calls_are_repeated = false;  ///< on the next session
+    static constexpr std::size_t big_message = 8 << 20;
+    static constexpr std::uint64_t message_limit = 16 << 20; // as these components say
+};
+struct as_datagrams {
+    static constexpr bool lossless = false;
+    static constexpr bool calls_are_repeated = true;
+    static constexpr std::size_t big_message = (1 << 20) - 1024;
+    static constexpr std::uint64_t message_limit = 1 << 20;  // of the transport
+};
 
 class real_world {
 public:
@@ -33,33 +49,48 @@ private:
     asio::executor_work_guard<asio::io_context::executor_type> work_;
 };
 
-struct tcp : real_world {
+struct tcp : real_world, as_streams {
     std::string where() const { return "tcp://127.0.0.1:0"; }
 };
-struct tcp6 : real_world {
+struct tcp6 : real_world, as_streams {
     std::string where() const { return "tcp://[::1]:0"; }
 };
-struct local : real_world {
+struct local : real_world, as_streams {
     std::string where() const { return fmt::format("local://@ise-conformance-{}", ::getpid()); }
 };
-struct in_process : real_world {
+struct in_process : real_world, as_streams {
     std::string where() const { return "inproc://conformance"; }
 };
-struct virtual_tcp {
+struct udp : real_world, as_datagrams {
+    std::string where() const { return "udp://127.0.0.1:0"; }
+};
+struct udp6 : real_world, as_datagrams {
+    std::string where() const { return "udp://[::1]:0"; }
+};
+struct virtual_world {
     static constexpr std::uint64_t heartbeat_ns = 5'000'000'000; // lost packets are late ones there
     ise::sim::world world{11};
     ise::sim::process& a = world.host("boat").start_process("boat");
     ise::sim::process& b = world.host("shore").start_process("shore");
-    virtual_tcp() {
+    virtual_world() {
         world.net().between("boat", "shore").latency = std::chrono::milliseconds(30);
         world.net().between("boat", "shore").loss = 0.05;
     }
-    std::string where() const { return "tcp://10.0.0.1:7400"; }
     ise::environment& env_a() { return a; }
     ise::environment& env_b() { return b; }
     std::unique_ptr<ise::loop_host> loop_a() { return a.make_loop("main"); }
     std::unique_ptr<ise::loop_host> loop_b() { return b.make_loop("main"); }
     bool run_until(const std::function<bool()>& done) { return world.run_until(done); }
+};
+struct virtual_tcp : virtual_world, as_streams {
+    std::string where() const { return "tcp://10.0.0.1:7400"; }
+};
+struct virtual_udp : virtual_world, as_datagrams {
+    virtual_udp() {
+        world.net().between("boat", "shore").duplicate = 0.05;
+        world.net().between("boat", "shore").reorder = 0.05;
+    }
+    std::string where() const { return "udp://10.0.0.1:7400"; }
 };
 
 /// A provider "boat" that listens, and a requester "shore".
@@ -105,6 +136,7 @@ private:
     static ise::service_options quick() {
         ise::service_options made;
         made.accepts.heartbeat_ns = World::heartbeat_ns;
+        made.accepts.max_message_bytes = as_streams::message_limit;
         made.first_back_off = std::chrono::milliseconds(5);
         made.longest_back_off = std::chrono::milliseconds(50);
         return made;

@@ -121,14 +121,17 @@ bool program::pump() {
     return true;
 }
 
-std::string program::read_line() {
+std::string program::next_line(std::string& of, const int& from) {
     std::size_t end = 0;
-    while ((end = so_far_.out.find('\n')) == std::string::npos)
-        if (out_ < 0 || !pump()) return std::exchange(so_far_.out, {});
-    auto line = so_far_.out.substr(0, end);
-    so_far_.out.erase(0, end + 1);
+    while ((end = of.find('\n')) == std::string::npos)
+        if (from < 0 || !pump()) return std::exchange(of, {});
+    auto line = of.substr(0, end);
+    of.erase(0, end + 1);
     return line;
 }
+
+std::string program::read_line() { return next_line(so_far_.out, out_); }
+std::string program::read_error_line() { return next_line(so_far_.err, err_); }
 
 void program::close_output() { shut(out_); }
 

@@ -34,6 +34,8 @@ public:
 
     /// The next line of its standard output, without its end; what is left at the end of the output.
     std::string read_line();
+    /// The same of its standard error.
+    std::string read_error_line();
     /// Stops reading its standard output: its next write finds no reader.
     void close_output();
     void signal(int number);
@@ -41,6 +43,7 @@ public:
     ran wait();
 
 private:
+    std::string next_line(std::string& of, const int& from);
     bool pump(); // false once both streams have ended
 
     int pid_ = -1;

@@ -40,6 +40,7 @@ sea::sea(std::uint64_t seed, double speedup) : world(seed) {
     });
     world.host("boat").start_process("boat", [this](ise::sim::process& here) -> std::shared_ptr<void> {
         auto node = std::make_shared<ise::node>(here, quiet());
+        boat_process_ = &here;
         boat_component_ = &node->start<atirma::boat_simulator>("atirma/boat", listening(7413), boat_options);
         return node;
     });

@@ -27,6 +27,8 @@ public:
     bool until(const std::function<bool()>& done, ise::duration within = std::chrono::minutes(2)) { return world.run_until(done, within); }
 
     ise::sim::process& proxy_process() { return *proxy_; }
+    ise::sim::process& boat_process() { return *boat_process_; }
+    const atirma::boat_simulator& boat_component() const { return *boat_component_; }
     const atirma::simulator::simulated_boat& boat() const { return *boat_component_->boat(); }
     ise::sim::serial_line& shore_line() { return world.serial_line("ttyUSB0", world.host("shore")); }
 
@@ -49,11 +51,13 @@ public:
     };
     watched& watch();
 
-private:
     static ise::node_options quiet();
     static ise::component_options listening(std::uint16_t port);
 
+private:
+
     ise::sim::process* proxy_ = nullptr;
+    ise::sim::process* boat_process_ = nullptr;
     atirma::boat_simulator* boat_component_ = nullptr;
     std::vector<std::unique_ptr<watched>> watched_;
 };

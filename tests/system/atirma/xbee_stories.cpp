@@ -2,6 +2,7 @@
 
 #include <support/catch.hpp>
 
+#include <algorithm>
 #include <set>
 
 using namespace std::chrono_literals;
@@ -69,6 +70,18 @@ TEST_CASE("atirma: telemetry arrives at a subscriber through both modems, each p
     CHECK(types.contains("wind"));
     CHECK(types.contains("waypoints"));
     CHECK(seen.lost == 0);
+}
+
+TEST_CASE("atirma: what the radio brings while nobody subscribes is told to the first who does") {
+    sea it;
+    it.world.run_for(30s);
+    auto& seen = it.watch();
+    REQUIRE(it.until([&] { return seen.telemetry.size() >= 30; }));
+    CHECK(seen.telemetry.front().received_at < it.world.wall_start + 15s);
+    CHECK(std::ranges::is_sorted(seen.telemetry, {}, [](const auto& packet) { return packet.sequence; }));
+    auto& late = it.watch();
+    REQUIRE(it.until([&] { return late.telemetry.size() >= 3; }));
+    CHECK(late.telemetry.front().received_at > it.world.wall_start + 25s); // not all of it again
 }
 
 TEST_CASE("atirma: set_mode over the radio is acknowledged by the boat and changes its mode") {

@@ -1,63 +1,13 @@
 // The command line with a name server: components are found by their paths.
-#include "boat.hpp"
-
-#include <ise/name_server/name_server.hpp>
-#include <ise/naming/services.hpp>
+#include "port.hpp"
 
 #include <support/catch.hpp>
 #include <support/program.hpp>
 
 using Catch::Contains;
-using ise_test::ran;
+using cli_test::port;
 using ise_test::run_program;
 using ise_test::start_options;
-
-namespace {
-
-/// A name server and two boats that it knows, on real sockets.
-class port {
-public:
-    port() : names(env, without_names()) {
-        ise::component_options options;
-        options.listen = {ise::endpoint::parse("tcp://127.0.0.1:0").value()};
-        options.registers = false;
-        ise::name_server_options fresh;
-        fresh.fresh = true;
-        auto& server = names.start<ise::name_server>(std::string(ise::naming::server_path), options, fresh);
-        at = server.services().listening().front();
-        boats.emplace(env, with_names(at));
-        for (const char* path : {"atirma/boat", "atirma/shore/xbee"}) {
-            auto& one = boats->start<cli_test::boat>(path);
-            one.wait(one.ready());
-        }
-    }
-
-    ran ise(std::vector<std::string> arguments) {
-        arguments.insert(arguments.begin(), {"ise", "--name-server", at.text()});
-        return run_program(std::move(arguments));
-    }
-
-    ise::real_environment env;
-    ise::node names;
-    ise::endpoint at;
-    std::optional<ise::node> boats;
-
-private:
-    static ise::node_options without_names() {
-        ise::node_options options;
-        options.use_names = false;
-        options.log = {};
-        return options;
-    }
-    static ise::node_options with_names(const ise::endpoint& server) {
-        ise::node_options options;
-        options.name_server = server;
-        options.log = std::getenv("ISE_TEST_LOG") ? ise::log_to_stderr(ise::log_level::debug) : ise::log_sink();
-        return options;
-    }
-};
-
-} // namespace
 
 TEST_CASE("list tells the components that are registered") {
     port in;
@@ -74,6 +24,9 @@ TEST_CASE("list tells the components that are registered") {
     CHECK(none.exit_code == 0);
     CHECK(none.out == "[]\n");
     CHECK_THAT(none.err, Contains("no component is registered under 'moon'"));
+    auto slip = in.ise({"list", "atirma/shor"});
+    CHECK(slip.out.starts_with("PATH"));
+    CHECK_THAT(slip.err, Contains("no component is registered under 'atirma/shor'; did you mean") && Contains("'atirma/shore'"));
 }
 
 TEST_CASE("a component is described, called and listened to by its path") {
@@ -95,7 +48,7 @@ TEST_CASE("a name that nobody holds is answered with the nearest that there are"
 
 TEST_CASE("the option --wait waits for a component that starts later") {
     port in;
-    ise_test::program call({"ise", "--name-server", in.at.text(), "--wait", "--timeout", "60s", "call", "atirma/late", "helm"});
+    ise_test::program call({"ise", "--name-server", in.at.text(), "--wait", "--timeout", "60s", "call", "atirma/late", "helm", "{}"});
     in.boats->start<cli_test::boat>("atirma/late");
     auto ran = call.wait();
     CHECK(ran.exit_code == 0);
@@ -114,4 +67,23 @@ TEST_CASE("bash completes names of components and services by asking them") {
     CHECK(offered("call --timeout 2s atirma/s") == "atirma/shore/xbee\n");
     CHECK(offered("call atirma/boat he") == "helm\n");
     CHECK(offered("echo --name-server " + in.at.text() + " atirma/boat pos") == "position\n");
+}
+
+TEST_CASE("cli: list and describe show roles, their members and who is taken") {
+    port there;
+    there.start_gateways();
+    auto listed = there.ise({"list"});
+    CHECK(listed.exit_code == 0);
+    CHECK_THAT(listed.out, Contains("ROLE") && Contains("atirma/gateway  *      7         ready") && Contains("shore/gateway1"));
+    auto role = there.ise({"list", "atirma/gateway"});
+    CHECK(role.exit_code == 0);
+    CHECK_THAT(role.out, Contains("shore/gateway7") && !Contains("atirma/boat"));
+    auto json = there.ise({"list", "shore", "--json"});
+    CHECK_THAT(json.out, Contains(R"("roles":[{"role":"atirma/gateway","priority":7,"taken":true}])"));
+    auto described = there.ise({"describe", "atirma/gateway"});
+    CHECK(described.exit_code == 0);
+    CHECK_THAT(described.out, Contains("atirma/gateway  (role)") && Contains("shore/gateway7  7         ready  *") && Contains("helm"));
+    CHECK_THAT(there.ise({"describe", "shore/gateway1"}).out, Contains("serves     atirma/gateway, priority 1"));
+    auto called = there.ise({"call", "atirma/gateway", "helm", R"({"mode":"hold"})"});
+    CHECK(called.exit_code == 0);
 }

@@ -4,6 +4,8 @@
 #include <support/catch.hpp>
 #include <support/program.hpp>
 
+#include <fmt/format.h>
+
 #include <csignal>
 
 using Catch::Contains;
@@ -18,8 +20,14 @@ TEST_CASE("call sends JSON and prints the response as one line where it is piped
     CHECK(ran.exit_code == 0);
     CHECK(ran.out == R"({"accepted":false,"reason":"fly"})" "\n");
     CHECK(ran.err.empty());
-    SECTION("without JSON each field has the provider's default") {
-        CHECK(run_program({"ise", "call", in.at, "helm"}).out == R"({"accepted":true,"reason":"hold"})" "\n");
+    SECTION("a field that is not given has the provider's default") {
+        CHECK(run_program({"ise", "call", in.at, "helm", "{}"}).out == R"({"accepted":true,"reason":"hold"})" "\n");
+    }
+    SECTION("without JSON nothing is called where the request has fields: the struct and an example are shown") {
+        auto bare = run_program({"ise", "call", in.at, "helm"});
+        CHECK(bare.exit_code == 2);
+        CHECK(bare.out.empty());
+        CHECK_THAT(bare.err, Contains("the request of 'helm' has fields") && Contains("     it is struct set_mode") && Contains("\n       mode: string") && Contains("ise call " + in.at + R"( helm '{"mode":"hold"}')"));
     }
     SECTION("- reads standard input") {
         start_options options;
@@ -31,7 +39,7 @@ TEST_CASE("call sends JSON and prints the response as one line where it is piped
         CHECK(long_route.out == R"({"count":20000})" "\n");
     }
     SECTION("over several lines on demand") {
-        CHECK(run_program({"ise", "--pretty", "call", in.at, "plan"}).out == "{\n  \"count\": 0\n}\n");
+        CHECK(run_program({"ise", "--pretty", "call", in.at, "plan", "{}"}).out == "{\n  \"count\": 0\n}\n");
     }
 }
 
@@ -64,7 +72,7 @@ TEST_CASE("a provider's refusal and failure end with 1 and its text, fit for a t
 
 TEST_CASE("a call that is not answered ends at its timeout with 3") {
     harbour in;
-    auto ran = run_program({"ise", "--timeout", "500ms", "call", in.at, "never"});
+    auto ran = run_program({"ise", "--timeout", "500ms", "call", in.at, "never", "{}"});
     CHECK(ran.exit_code == 3);
     CHECK_THAT(ran.err, Contains("'never'") && Contains("it may have run"));
 }
@@ -160,7 +168,7 @@ TEST_CASE("Ctrl-C is the usual end of echo and hz, and 130 for what waits for an
         CHECK(echo.wait().exit_code == 130);
     }
     SECTION("call") {
-        program call({"ise", "--timeout", "1h", "call", in.at, "never"});
+        program call({"ise", "--timeout", "1h", "call", in.at, "never", "{}"});
         while (in.ship.stuck == 0) std::this_thread::yield();
         call.signal(SIGINT);
         CHECK(call.wait().exit_code == 130);

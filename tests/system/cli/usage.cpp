@@ -22,6 +22,13 @@ TEST_CASE("wrong command lines end with 2, say why and print no answer") {
                               std::vector<std::string>{"ise", "hz", "a", "b", "--window", "-1s"},
                               std::vector<std::string>{"ise", "describe", "tcp://127.0.0.1"},
                               std::vector<std::string>{"ise", "describe", "ftp://127.0.0.1:1"},
+                              std::vector<std::string>{"ise", "bw", "a", "b", "--window", "0s"},
+                              std::vector<std::string>{"ise", "delay", "a"},
+                              std::vector<std::string>{"ise", "ping", "a", "--count", "0"},
+                              std::vector<std::string>{"ise", "top", "--once", "--count", "2"},
+                              std::vector<std::string>{"ise", "type", "show", "a"},
+                              std::vector<std::string>{"ise", "type", "diff", "a", "b"},
+                              std::vector<std::string>{"ise", "type", "show", "a", "b", "c"},
                               std::vector<std::string>{"ise", "completion", "tcsh"});
     CAPTURE(arguments);
     auto ran = run_program(arguments);
@@ -29,6 +36,26 @@ TEST_CASE("wrong command lines end with 2, say why and print no answer") {
     CHECK(ran.exit_code == 2);
     CHECK(ran.out.empty());
     CHECK(ran.err.starts_with("ise: "));
+}
+
+TEST_CASE("a command that there is not is answered with the one that was meant") {
+    auto slip = run_program({"ise", "--timeout", "2s", "cal", "atirma/boat", "helm"});
+    CHECK(slip.exit_code == 2);
+    CHECK_THAT(slip.err, Catch::StartsWith("ise: no command 'cal', did you mean 'call'?"));
+    CHECK_THAT(run_program({"ise", "photosynthesis"}).err, Catch::Contains("no command 'photosynthesis'") && Catch::Contains("ise --help"));
+}
+
+TEST_CASE("what is no name of a component is refused before anybody is asked") {
+    start_options options;
+    options.variables = {{"ISE_NAME_SERVER", "local://@ise-test-nobody-listens-here"}};
+    auto wrong = GENERATE(std::string("house lamp"), std::string("tcp:/x"), std::string("/boat"), std::string("atirma//boat"), std::string(300, 'a'));
+    CAPTURE(wrong);
+    for (const auto& words : std::vector<std::vector<std::string>>{{"ise", "describe", wrong}, {"ise", "ping", wrong}, {"ise", "list", wrong}, {"ise", "graph", wrong}}) {
+        auto ran = run_program(words, options);
+        CHECK(ran.exit_code == 2);
+        CHECK_THAT(ran.err, Catch::Contains("is no name of a component"));
+    }
+    CHECK_THAT(run_program({"ise", "describe", "tcp:/x"}, options).err, Catch::Contains("an endpoint is written tcp://"));
 }
 
 TEST_CASE("a name server variable that is no endpoint is named") {
@@ -100,7 +127,7 @@ TEST_CASE("the completion scripts are good in their shells and know every comman
     CAPTURE(shell);
     auto script = run_program({"ise", "completion", shell});
     REQUIRE(script.exit_code == 0);
-    for (const char* word : {"list", "describe", "call", "echo", "hz", "completion", "version", "name-server", "lossless"})
+    for (const char* word : {"list", "describe", "call", "echo", "hz", "doctor", "graph", "top", "ping", "bw", "delay", "tree", "services", "types", "completion", "version", "name-server", "lossless"})
         CHECK_THAT(script.out, Catch::Contains(word));
     // A shell that is not installed checks nothing: bash always is.
     auto found = run_program({"/bin/sh", "-c", "command -v " + shell});
@@ -129,7 +156,10 @@ std::string offered(const std::string& line, const std::string& name_server = "l
 } // namespace
 
 TEST_CASE("bash completes commands, options and choices") {
-    CHECK(offered("de") == "describe\n");
+    CHECK(offered("des") == "describe\n");
+    CHECK(offered("gra") == "graph\n");
+    CHECK(offered("type ") == "diff show\n");
+    CHECK(offered("top --on") == "--once\n");
     CHECK(offered("--json ver") == "version\n");
     CHECK(offered("completion ") == "bash zsh fish\n");
     CHECK(offered("echo a b --los") == "--lossless --losses\n");

@@ -167,3 +167,26 @@ TEST_CASE("duplicates are told by boot and sequence, in any order, within a boun
     for (std::uint16_t boot = 10; boot < 10 + duplicate_filter::max_boots; ++boot) CHECK(seen.first_time(boot, 1));
     CHECK(seen.first_time(2, 10)); // long forgotten
 }
+
+TEST_CASE("command book: the epoch of authority travels, and the boat's refusal tells the one that holds") {
+    desk it;
+    telecommand_request request;
+    request.id = 8;
+    request.authority = 5;
+    request.command.kind = command_kind::tack_now;
+    it.book.submit(it.now, it.wall, request, 1).value();
+    CHECK(parse_telecommand(it.due()->raw)->authority == 5);
+    it.book.on_outcome(it.now, it.wall, 8, false, true, "no modem");
+    request.authority = 7; // the same telecommand, asked for again by who has taken the authority anew
+    CHECK(it.book.submit(it.now, it.wall, request, 1).value() == 8);
+    it.pass(5s);
+    CHECK(parse_telecommand(it.due()->raw)->authority == 7);
+    acknowledgement no;
+    no.id = 8;
+    no.kind = command_kind::tack_now;
+    no.code = ack_code::no_authority;
+    no.value = 9;
+    CHECK(it.book.on_acknowledgement(it.wall, no));
+    CHECK(it.book.find(8)->result == ack_code::no_authority);
+    CHECK(it.book.find(8)->value == 9.0f);
+}

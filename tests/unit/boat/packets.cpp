@@ -179,6 +179,42 @@ TEST_CASE("every telecommand comes back as it was sent") {
     }
 }
 
+TEST_CASE("a telecommand under authority carries its epoch, and one without is what it always was") {
+    for (auto command : commands()) {
+        CAPTURE(name_of(command.kind));
+        auto plain = encode_telecommand(command);
+        CHECK(plain[1] == std::byte{0x40});
+        CHECK(parse_telecommand(plain)->authority == 0);
+        command.authority = 0x01020304;
+        auto raw = encode_telecommand(command);
+        CHECK(raw.size() == plain.size() + 4);
+        CHECK(raw.size() <= max_packet_size);
+        CHECK(raw[1] == std::byte{0x42});
+        CHECK(raw[14] == std::byte{4}); // little-endian, before the kind
+        CHECK(classify(raw) == packet_class::telecommand);
+        auto back = parse_telecommand(raw);
+        REQUIRE(back);
+        CHECK(back->authority == command.authority);
+        CHECK(back->kind == command.kind);
+        CHECK(encode_telecommand(*back) == raw);
+        for (std::size_t i = 0; i < raw.size(); ++i) {
+            auto bad = raw;
+            flip(bad, i);
+            CHECK_FALSE(parse_telecommand(bad));
+        }
+    }
+}
+
+TEST_CASE("what only asks needs no authority, and what can lose the boat is dangerous") {
+    using enum command_kind;
+    for (auto asks : {ping, get_parameter, waypoint_read_back, request_status}) CHECK_FALSE(needs_authority(asks));
+    for (auto acts : {set_mode, waypoint_add, waypoint_clear, tack_now, reboot, emergency_beacon, set_telemetry_period}) CHECK(needs_authority(acts));
+    for (auto bad : {reboot, emergency_beacon, waypoint_clear}) CHECK(is_dangerous(bad, sailing_mode::automatic));
+    CHECK(is_dangerous(set_mode, sailing_mode::manual));
+    CHECK_FALSE(is_dangerous(set_mode, sailing_mode::hold));
+    CHECK_FALSE(is_dangerous(ping, sailing_mode::manual));
+}
+
 TEST_CASE("a command of a newer shore is understood as unknown, not as damaged") {
     telecommand ping;
     ping.id = 9;

@@ -152,6 +152,37 @@ TEST_CASE("a command that arrives twice is done once") {
     CHECK(boat.boot() == 2);
 }
 
+TEST_CASE("a boat that heard of an authority refuses what comes under a lower one, and forgets neither over a reboot") {
+    simulated_boat boat(sailing({}), steady(6, 40));
+    auto add = command(1, command_kind::waypoint_add);
+    add.point = {28.16, -15.45};
+    CHECK(boat.execute(add).code == ack_code::done); // nobody has authority: anybody may
+    auto taken = command(2, command_kind::ping);
+    taken.authority = 6;
+    CHECK(boat.execute(taken).code == ack_code::done);
+    CHECK(boat.authority() == 6);
+    add.id = 3;
+    for (std::uint32_t lower : {0u, 5u}) {
+        add.authority = lower;
+        auto no = boat.execute(add);
+        CHECK(no.code == ack_code::no_authority);
+        CHECK(no.value == 6.0f);
+        CHECK(no.id == 3);
+    }
+    CHECK(boat.pilot().list().size() == 1);
+    CHECK(boat.execute(command(4, command_kind::ping)).code == ack_code::done); // it only asks
+    add.authority = 6; // the same id again, now as it should be
+    CHECK(boat.execute(add).code == ack_code::done);
+    CHECK(boat.pilot().list().size() == 2);
+    auto reboot = command(5, command_kind::reboot);
+    reboot.authority = 8;
+    CHECK(boat.execute(reboot).code == ack_code::done);
+    boat.advance(20s);
+    add.id = 9;
+    CHECK(boat.execute(add).code == ack_code::no_authority);
+    CHECK(boat.authority() == 8);
+}
+
 TEST_CASE("waypoints are added, inserted, deleted, selected, read back and cleared") {
     simulated_boat boat(sailing({}), steady(6, 40));
     std::uint32_t id = 0;

@@ -3,6 +3,8 @@
 #include <asio/co_spawn.hpp>
 #include <asio/use_awaitable.hpp>
 
+#include <fmt/format.h>
+
 using namespace sea;
 using ise::component;
 
@@ -22,6 +24,29 @@ TEST_CASE("a handler calls its caller back over the same session") {
         question asked{"ahoy"};
         auto answer = co_await boat.call(ask_back, asked, 5s);
         CHECK(answer.text == "you said ahoy");
+    });
+}
+
+TEST_CASE("a handler knows its service, its caller and its deadline, coroutine or not") {
+    auto plain = GENERATE(true, false);
+    fleet all;
+    all.start("boat", "boat", [&](component& self) -> task<> {
+        auto told = [&self](const ise::call_context& context) {
+            bool in_time = context.deadline - self.now() <= 5s && context.deadline > self.now();
+            return fmt::format("{} for {}{}", context.service, context.caller, in_time ? "" : ", without a deadline");
+        };
+        if (plain) {
+            self.provide(echo, [told](question, const ise::call_context& context) { return reply{told(context)}; });
+        } else {
+            self.provide(echo, [told](question, const ise::call_context& context) -> task<reply> { co_return reply{told(context)}; });
+        }
+        co_return;
+    });
+    all.run("shore", [](component& self) -> task<> {
+        auto boat = self.at(fleet::at("boat"));
+        question asked{"ahoy"};
+        auto answer = co_await boat.call(echo, asked, 5s);
+        CHECK_THAT(answer.text, Catch::Matchers::StartsWith("echo for ") && !Catch::Matchers::Contains("without"));
     });
 }
 

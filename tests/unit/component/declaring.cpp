@@ -34,13 +34,13 @@ TEST_CASE("what a component provides and requires is seen by whoever asks it") {
         CHECK(text.incarnation != 0);
         CHECK(text.endpoints.size() == 1);
         CHECK(text.sessions.size() == 1);
-        CHECK(names_of(text, true) == std::set<std::string>{"echo", "ise.describe", "readings"});
+        CHECK(names_of(text, true) == std::set<std::string>{"echo", "ise.describe", "ise.health", "readings"});
         CHECK(names_of(text, false) == std::set<std::string>{"ask_back"});
         for (const auto& service : text.services)
             for (const auto& packet : service.packets) CHECK(!packet.schema.empty());
         co_await self.sleep(20s);
         auto later = co_await boat.call(ise::describe_service, request);
-        CHECK(names_of(later, true) == std::set<std::string>{"ise.describe"});
+        CHECK(names_of(later, true) == std::set<std::string>{"ise.describe", "ise.health"});
         question asked{"still there?"};
         auto answer = co_await boat.try_call(echo, asked, 1s);
         REQUIRE(!answer);

@@ -110,6 +110,37 @@ TEST_CASE("a component runs on the io_context of the program") {
         while (!over && program.run_one() > 0) {}
         CHECK(answer == "ahoy");
     }
+    SECTION("that many threads run already, where it shares its loop with another") {
+        auto open = asio::make_work_guard(program);
+        std::vector<std::thread> threads;
+        for (int n = 0; n < 4; ++n) threads.emplace_back([&] { program.run(); });
+        for (int n = 0; n < 8; ++n) {
+            auto name = "beacon" + std::to_string(n);
+            auto& provider = here.node.start<beacon>(name, options);
+            ise::component_options beside;
+            beside.together_with = name;
+            auto& asker = here.node.start(name + "/beside", idle, beside);
+            CHECK(asker.wait(ask(asker, here.at(provider))) == "ahoy");
+        }
+        // A thread of the program's would wait for the loop that it has to run.
+        std::promise<void> refused;
+        asio::post(program, [&] {
+            ise::component_options beside;
+            beside.together_with = "beacon0";
+            CHECK(code_of([&] { here.node.start("late", idle, beside); }) == ise::errc::would_block_self);
+            here.node.start("alone", idle, options);
+            refused.set_value();
+        });
+        refused.get_future().get();
+        here.node.stop();
+        here.node.wait();
+        program.stop();
+        for (auto& thread : threads) thread.join();
+        program.restart();
+        open.reset();
+        program.poll();
+        CHECK(program.stopped()); // nothing of ISE is left for it to wait for, also not of the one that was refused
+    }
     SECTION("that many threads run") {
         auto& provider = here.node.start<beacon>("beacon", options);
         auto where = here.at(provider);

@@ -1,5 +1,7 @@
 #include <ise/ise.hpp>
 
+#include <fmt/format.h>
+
 #include <support/catch.hpp>
 
 #include <future>
@@ -44,7 +46,7 @@ ise::node_options quiet() {
 } // namespace
 
 TEST_CASE("a component calls and subscribes to another over each transport") {
-    auto where = GENERATE(std::string("tcp://127.0.0.1:0"), std::string("tcp://[::1]:0"), std::string("local://@ise-test-pair"), std::string("inproc://pair"));
+    auto where = GENERATE(std::string("tcp://127.0.0.1:0"), std::string("tcp://[::1]:0"), std::string("udp://127.0.0.1:0"), std::string("udp://[::1]:0"), std::string("udp://localhost:0"), std::string("local://@ise-test-pair"), std::string("inproc://pair"));
     CAPTURE(where);
     ise::real_environment env;
     ise::node node(env, quiet());
@@ -52,6 +54,7 @@ TEST_CASE("a component calls and subscribes to another over each transport") {
     options.listen = {ise::endpoint::parse(where).value()};
     auto& provider = node.start<boat>("atirma/boat", options);
     auto at = provider.services().listening().front();
+    if (where.find("localhost") != std::string::npos) at.host = "localhost"; // a name that the requester looks up
 
     std::promise<std::string> heard;
     auto answer = heard.get_future();

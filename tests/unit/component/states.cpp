@@ -98,3 +98,29 @@ TEST_CASE("whoever awaits the end of a node goes on when its last component has 
     all.node("boat").stop("two");
     CHECK(all.world.run_until([&] { return told; }, 1min));
 }
+
+TEST_CASE("a variable that is no endpoint is named by the node that reads it") {
+    fleet all;
+    auto& process = all.process("boat");
+    process.set_variable("ISE_NAME_SERVER", "127.0.0.1:7400");
+    std::string told;
+    try {
+        ise::node node(process);
+    } catch (const ise::error& thrown) {
+        CHECK(thrown.code() == ise::errc::invalid_argument);
+        told = thrown.what();
+    }
+    CHECK(told.find("ISE_NAME_SERVER") != std::string::npos);
+    CHECK(told.find("tcp://127.0.0.1:7400") != std::string::npos); // how it is written
+}
+
+TEST_CASE("who starts a component without a name server is told what is missing") {
+    fleet all;
+    all.process("boat").set_variable("ISE_NAME_SERVER", "tcp://boat:7400"); // nobody listens there
+    ise::node_options options;
+    options.log = all.log.sink();
+    ise::node node(all.process("boat"), options);
+    node.start<beacon>("beacon");
+    CHECK(all.world.run_until([&] { return all.log.has("does not answer", "ise_name_server"); }, 1min));
+    CHECK(all.log.has("ISE_NAME_SERVER", "tcp://boat:7400"));
+}

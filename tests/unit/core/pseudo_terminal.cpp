@@ -8,6 +8,10 @@
 
 #include <filesystem>
 #include <fstream>
+#include <vector>
+
+#include <fcntl.h>
+#include <sys/stat.h>
 
 namespace {
 
@@ -99,4 +103,25 @@ TEST_CASE("pseudo-terminal: a link that a dead program left is replaced, anythin
     auto nowhere = room.env.open_pseudo_terminal(room.host->loop(), (room.folder / "none" / "modem").string());
     REQUIRE_FALSE(nowhere);
     CHECK(nowhere.error().code() == ise::errc::io_failed);
+}
+
+TEST_CASE("pseudo-terminal: a link that a dead program left is replaced although its terminal's number was given again") {
+    terminal_room room;
+    auto& loop = room.host->loop();
+    auto first = room.env.open_pseudo_terminal(loop, room.link());
+    REQUIRE(first);
+    auto number = std::filesystem::read_symlink(room.link());
+    first->far_end.reset();
+    std::filesystem::create_symlink(number, room.link()); // as after kill -9, a while ago
+    const timespec long_ago[2]{};
+    REQUIRE(::utimensat(AT_FDCWD, room.link().c_str(), long_ago, AT_SYMLINK_NOFOLLOW) == 0);
+    std::vector<ise::pseudo_terminal> others;
+    do { // another one gets the number, if nobody else on this machine was faster
+        auto other = room.env.open_pseudo_terminal(loop, "");
+        REQUIRE(other);
+        others.push_back(std::move(*other));
+    } while (!std::filesystem::exists(number));
+    auto again = room.env.open_pseudo_terminal(loop, room.link());
+    REQUIRE(again);
+    CHECK(std::filesystem::read_symlink(room.link()) != number);
 }

@@ -44,6 +44,22 @@ struct world {
         request.components.push_back(std::move(wanted));
         return names.enroll(request, now).grants.at(0);
     }
+    // Claims "n<node>" with a role.
+    ise::naming::grant serve(std::uint64_t node, std::string role, std::int32_t priority, std::string state = "ready") {
+        auto request = of(node);
+        ise::naming::component_claim wanted;
+        wanted.path = fmt::format("n{}", node);
+        wanted.incarnation = node * 10;
+        wanted.state = std::move(state);
+        wanted.roles[role] = priority;
+        request.components.push_back(std::move(wanted));
+        return names.enroll(request, now).grants.at(0);
+    }
+    std::vector<std::string> serving(const std::string& role) {
+        std::vector<std::string> paths;
+        for (const auto& one : names.members_of(role, now).members) paths.push_back(one.path);
+        return paths;
+    }
     ise::naming::register_request of(std::uint64_t node) {
         ise::naming::register_request request;
         request.node.lease_key = node;
@@ -429,4 +445,97 @@ TEST_CASE("registry: ten thousand components with a hundred thousand services li
     it.pass(3s);
     CHECK(it.names.components() == 0);
     CHECK(it.names.services() == 0);
+}
+
+TEST_CASE("registry: a role is served by priority, by who is ready, then by who came first") {
+    using list = std::vector<std::string>;
+    world it;
+    it.serve(1, "gateway", 1);
+    it.serve(2, "gateway", 5);
+    it.serve(3, "gateway", 5);
+    it.serve(4, "gateway", 9, "stalled");
+    CHECK(it.serving("gateway") == list{"n2", "n3", "n1", "n4"});
+    auto found = it.names.resolve("gateway", it.now);
+    REQUIRE(found);
+    CHECK(found->path == "gateway");
+    CHECK(found->incarnation == 20);
+    CHECK(found->members.size() == 4);
+    CHECK(found->members[0].priority == 5);
+    CHECK(found->certain);
+
+    it.serve(4, "gateway", 9); // it goes on
+    CHECK(it.serving("gateway") == list{"n4", "n2", "n3", "n1"});
+    it.serve(4, "other", 9); // it serves another now
+    CHECK(it.serving("gateway") == list{"n2", "n3", "n1"});
+    it.withdraw(2, "n2");
+    CHECK(it.serving("gateway") == list{"n3", "n1"});
+    it.pass(1s);
+    it.renew(1);
+    it.pass(1s); // the lease of the third is over
+    CHECK(it.serving("gateway") == list{"n1"});
+    it.pass(3s);
+    CHECK(it.serving("gateway").empty());
+    CHECK_FALSE(it.names.resolve("gateway", it.now));
+}
+
+TEST_CASE("registry: a name goes before a role of the same path") {
+    world it;
+    it.serve(1, "a", 1);
+    it.claim(2, "a");
+    auto found = it.names.resolve("a", it.now);
+    REQUIRE(found);
+    CHECK(found->incarnation == 20);
+    CHECK(found->members.empty());
+}
+
+TEST_CASE("registry: the roles among whose members something has changed are told once") {
+    using set = std::set<std::string>;
+    world it;
+    it.serve(1, "a", 1);
+    it.serve(2, "b", 1);
+    CHECK(it.names.take_changed_roles() == set{"a", "b"});
+    CHECK(it.names.take_changed_roles().empty());
+    it.serve(1, "b", 1);
+    CHECK(it.names.take_changed_roles() == set{"a", "b"});
+    it.claim(3, "c");
+    CHECK(it.names.take_changed_roles().empty());
+}
+
+TEST_CASE("registry: a server that has just restarted says that it may not know every member") {
+    world it(options(2s));
+    auto request = it.of(1);
+    ise::naming::component_claim returning;
+    returning.path = "n1";
+    returning.incarnation = 10;
+    returning.epoch = it.names.last_epoch() - 5; // of the server before
+    returning.roles["gateway"] = 1;
+    request.components.push_back(returning);
+    REQUIRE(it.names.enroll(request, it.now).grants.at(0).what == verdict::granted);
+    CHECK_FALSE(it.names.resolve("gateway", it.now).value().certain);
+    it.pass(1s);
+    it.renew(1);
+    it.pass(1s);
+    CHECK(it.names.resolve("gateway", it.now).value().certain);
+}
+
+TEST_CASE("registry: roles beyond a limit, or that are no paths, are refused") {
+    auto few = options();
+    few.limits.max_roles_per_component = 2;
+    few.limits.max_members_per_role = 2;
+    world it(few);
+    auto claim_of = [&](std::vector<std::string> roles) {
+        auto request = it.of(9);
+        ise::naming::component_claim wanted;
+        wanted.path = "nine";
+        for (const auto& role : roles) wanted.roles[role] = 1;
+        request.components.push_back(wanted);
+        return it.names.enroll(request, it.now).grants.at(0);
+    };
+    CHECK(claim_of({"a", "b", "c"}).reason.find("max_roles_per_component") != std::string::npos);
+    CHECK(claim_of({"/a"}).what == verdict::refused);
+    CHECK(claim_of({"nine"}).what == verdict::refused);
+    it.serve(1, "a", 1);
+    it.serve(2, "a", 1);
+    CHECK(it.serve(3, "a", 1).reason.find("max_members_per_role") != std::string::npos);
+    CHECK(it.serve(2, "a", 7).what == verdict::granted); // a member already
 }

@@ -2,9 +2,11 @@
 
 using namespace names_test;
 
-TEST_CASE("names: a component on another host is found, called and listened to") {
+TEST_CASE("names: a component on another host is found, called and listened to, whatever protocol it was started with") {
+    auto listens = GENERATE(std::string("tcp://0.0.0.0:0"), std::string("udp://0.0.0.0:0"));
+    CAPTURE(listens);
     names_test::system it;
-    it.start_doubler("boat", "atirma/doubler");
+    it.start_doubler("boat", "atirma/doubler", listens);
     std::int64_t answer = 0, heard = 0;
     it.start_body("shore", "console", [&](ise::component& self) -> ise::task<> {
         auto doubler = co_await self.find("atirma/doubler");
@@ -126,6 +128,43 @@ TEST_CASE("names: a crashed process loses its names when its lease is over, and 
     }
 }
 
+TEST_CASE("names: who lost a component is told when its next life is there, however long that took") {
+    names_test::system it;
+    auto& process = it.start_doubler("boat", "atirma/doubler");
+    std::int64_t heard = 0;
+    bool subscribed = false, answered = false;
+    it.start_body("shore", "listener", [&](ise::component& self) -> ise::task<> {
+        auto counts = co_await self.at("atirma/doubler").subscribe(count);
+        subscribed = true;
+        for (;;) {
+            auto packet = co_await counts.next();
+            heard = packet->value;
+        }
+    });
+    auto& caller = it.start_body("shore", "caller", [&](ise::component& self) -> ise::task<> {
+        auto doubler = self.at("atirma/doubler");
+        for (;;) { // its deadlines are short, so that the pauses between tries grow
+            auto got = co_await doubler.try_call(twice, number{4}, 1s);
+            answered = got.has_value();
+            co_await self.sleep(1s);
+        }
+    });
+    REQUIRE(it.world.run_until([&] { return subscribed && answered && heard > 0; }, 10s));
+    auto away = GENERATE(500ms, 3s, 45s, 200s); // within the lease, and behind it
+    CAPTURE(away.count());
+    process.crash();
+    it.world.run_for(away);
+    auto epoch = it.epoch_of("atirma/doubler");
+    heard = 0;
+    answered = false;
+    process.restart();
+    REQUIRE(it.world.run_until([&] { return it.epoch_of("atirma/doubler") > epoch; }, 5s));
+    // All who lost it come back within `reconnect_spread`; the first packet is published after 100 ms.
+    CHECK(it.world.run_until([&] { return heard > 0; }, 800ms));
+    CHECK(it.world.run_until([&] { return answered; }, 2s)); // it pauses for a second between its calls
+    CHECK(caller.running());
+}
+
 TEST_CASE("names: a server that restarts is whole within two leases, and nobody's sessions notice") {
     auto away = GENERATE(ise::duration(0s), ise::duration(1s), ise::duration(40s));
     CAPTURE(away.count());
@@ -235,6 +274,39 @@ TEST_CASE("names: a holder that was cut off keeps serving, and withdraws when it
     }
 }
 
+TEST_CASE("names: a node whose lease was over tells all its names again, also when only one of them has news") {
+    names_test::system it;
+    ise::component* busy = nullptr;
+    it.start("boat", "boat", [&](ise::node& node) {
+        node.start<doubler>("a/quiet", everywhere());
+        busy = &node.start<doubler>("a/busy", everywhere());
+    });
+    REQUIRE(it.world.run_until([&] { return it.holds("a/quiet") && it.holds("a/busy"); }, 5s));
+    it.world.run_for(1s);
+
+    SECTION("it was cut off for longer than its lease") {
+        it.world.net().partition("boat", "ns");
+        it.world.run_for(10s);
+        REQUIRE_FALSE(it.holds("a/quiet"));
+        busy->require(twice);
+        it.world.net().heal("boat", "ns");
+    }
+    SECTION("and the first answer was lost") {
+        it.world.net().partition("boat", "ns");
+        it.world.run_for(10s);
+        it.server->pause();
+        busy->require(twice);
+        it.world.net().heal("boat", "ns");
+        it.world.run_for(3s);
+        it.server->go_on();
+    }
+    SECTION("the server was restarted") {
+        it.restart_server();
+        busy->require(twice);
+    }
+    CHECK(it.world.run_until([&] { return it.holds("a/quiet") && it.holds("a/busy"); }, 10s));
+}
+
 TEST_CASE("names: of two holders that come back to a restarted server the one with the lower epoch withdraws") {
     names_test::system it;
     ise::node* old = nullptr;
@@ -322,6 +394,7 @@ TEST_CASE("names: lists and descriptions tell what a component offers") {
     CHECK(listed == 2);
     CHECK(described->name.host_name == "boat");
     CHECK(described->name.state == "ready");
+    CHECK(described->name.type == "names_test::doubler");
     CHECK(described->lease == 2s);
     bool found = false;
     for (const auto& service : described->services) {

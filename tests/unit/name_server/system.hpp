@@ -25,9 +25,9 @@ inline ise::node_options node_options() {
     return options;
 }
 
-inline ise::component_options everywhere() {
+inline ise::component_options everywhere(const std::string& at = "tcp://0.0.0.0:0") {
     ise::component_options options;
-    options.listen = {ise::endpoint::parse("tcp://0.0.0.0:0").value()};
+    options.listen = {ise::endpoint::parse(at).value()};
     return options;
 }
 
@@ -80,8 +80,8 @@ public:
         };
         return world.host(host).start_process(process, run, {{"ISE_NAME_SERVER", "tcp://" + world.host("ns").address() + ":7400"}});
     }
-    ise::sim::process& start_doubler(const std::string& host, const std::string& path) {
-        return start(host, path.substr(path.rfind('/') + 1), [path](ise::node& node) { node.start<doubler>(path, everywhere()); });
+    ise::sim::process& start_doubler(const std::string& host, const std::string& path, const std::string& listens = "tcp://0.0.0.0:0") {
+        return start(host, path.substr(path.rfind('/') + 1), [path, listens](ise::node& node) { node.start<doubler>(path, everywhere(listens)); });
     }
     ise::sim::process& start_body(const std::string& host, const std::string& process, body run) {
         return start(host, process, [process, run](ise::node& node) { node.start("test/" + process, run, everywhere()); });

@@ -26,15 +26,15 @@ using list = std::vector<std::string>;
 } // namespace
 
 TEST_CASE("naming: within a process the in-process name is the nearest") {
-    CHECK(reached_from("boat.1", "77.abc") == list{"inproc://x", "local://@x", "tcp://127.0.0.1:4001", "tcp://[::1]:4003", "tcp://10.0.0.2:4000"});
+    CHECK(reached_from("boat.1", "77.abc") == list{"inproc://x", "local://@x", "tcp://127.0.0.1:4001", "tcp://[::1]:4003", "tcp://10.0.0.2:4000", "udp://10.0.0.2:4002"});
 }
 
 TEST_CASE("naming: within a host the local socket is the nearest") {
-    CHECK(reached_from("boat.1", "78.abc") == list{"local://@x", "tcp://127.0.0.1:4001", "tcp://[::1]:4003", "tcp://10.0.0.2:4000"});
+    CHECK(reached_from("boat.1", "78.abc") == list{"local://@x", "tcp://127.0.0.1:4001", "tcp://[::1]:4003", "tcp://10.0.0.2:4000", "udp://10.0.0.2:4002"});
 }
 
 TEST_CASE("naming: another host is not sent to its own loopback addresses") {
-    CHECK(reached_from("shore.1", "77.xyz") == list{"tcp://10.0.0.2:4000"});
+    CHECK(reached_from("shore.1", "77.xyz") == list{"tcp://10.0.0.2:4000", "udp://10.0.0.2:4002"});
 }
 
 TEST_CASE("naming: a prefix ends where a name of the path ends") {

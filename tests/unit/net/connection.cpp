@@ -229,3 +229,70 @@ TEST_CASE("a peer that does not take the rest is left when the grace is over") {
     REQUIRE(at.user->end);
     CHECK_THAT(at.user->end->message(), Contains("did not take"));
 }
+
+TEST_CASE("while its loop does not turn, another thread shows that it lives, between frames only") {
+    scripted at;
+    at.listen();
+    at.begin();
+    at.world.run_for(100ms);
+    auto stalled_pongs = [&] {
+        std::size_t found = 0;
+        for (std::size_t i = 0; i + 16 <= at.heard.size();) {
+            auto header = ise::wire::read_header(at.heard.data() + i);
+            if (header.type == frame_type::pong && (header.flags & ise::wire::flag::stalled)) ++found;
+            i += 16 + header.length;
+        }
+        return found;
+    };
+    SECTION("as often as the peer wants to hear something, and not where it heard something") {
+        auto signs = at.connection->signs();
+        signs->show(at.on.now());
+        at.world.run_for(1ms);
+        CHECK(stalled_pongs() == 0);
+        auto from = at.on.now();
+        for (int i = 1; i <= 40; ++i) signs->show(from + i * 500ms); // the world stands still: nothing else is sent
+        at.world.run_for(1ms);
+        CHECK(stalled_pongs() == 13); // each 1.5 s: the heartbeat, a quarter of it in grace, and the next look
+        CHECK(at.heard.size() % 16 == 0);
+    }
+    SECTION("not into a frame that is half written") {
+        scripted narrow(4096);
+        narrow.begin();
+        ise::wire::put_frame(narrow.connection->out().begin_call(), frame_type::reply, 0, 5, [](ise::buffer& body) {
+            for (int i = 0; i < 100'000; ++i) body.append(std::uint8_t{1});
+        });
+        narrow.connection->out().end_call();
+        narrow.connection->written();
+        narrow.world.run_for(1ms);
+        narrow.connection->signs()->show(narrow.on.now() + 10s);
+        narrow.listen();
+        narrow.world.run_for(100ms);
+        for (auto type : narrow.heard_frames()) CHECK(type != frame_type::pong);
+        CHECK(narrow.heard.size() > 100'000);
+    }
+    SECTION("not once it has ended") {
+        auto signs = at.connection->signs();
+        at.connection->close(ise::failure(errc::cancelled, "enough"));
+        signs->show(at.on.now() + 10s);
+        at.world.run_for(1s);
+        CHECK(stalled_pongs() == 0);
+    }
+}
+
+TEST_CASE("a peer whose node answers for it is known to be busy until it is heard itself") {
+    scripted at;
+    at.begin();
+    CHECK_FALSE(at.connection->peer_stalled());
+    for (int i = 0; i < 10; ++i) { // for longer than it takes to be lost
+        ise::buffer sign;
+        ise::wire::put_frame(sign, frame_type::pong, ise::wire::flag::stalled, 0, [](ise::buffer&) {});
+        at.say(sign.view());
+        at.world.run_for(1s);
+        CHECK(at.connection->peer_stalled());
+    }
+    CHECK(at.connection->open());
+    CHECK(at.connection->round_trip() == 0s);
+    at.say(frame_type::ping, 1);
+    at.world.run_for(1ms);
+    CHECK_FALSE(at.connection->peer_stalled());
+}

@@ -66,10 +66,14 @@ std::int64_t time_left(const written& frame) { return ise::detail::load_little<s
 
 struct source final : ise::net::publication_source {
     std::uint64_t id;
-    std::deque<std::shared_ptr<const ise::bytes>> waiting;
+    std::deque<ise::shared_bytes> waiting;
     int asked = 0;
     explicit source(std::uint64_t number) : id(number) {}
-    void put(std::size_t size) { waiting.push_back(std::make_shared<const ise::bytes>(size, static_cast<std::byte>(id))); }
+    void put(std::size_t size) { 
+        ise::buffer content;
+        std::fill_n(content.grow(size), size, static_cast<std::byte>(id));
+        waiting.emplace_back(std::move(content));
+    }
     bool take(outbox& out, std::size_t quantum) override {
         ++asked;
         std::size_t taken = 0;
@@ -81,8 +85,8 @@ struct source final : ise::net::publication_source {
             waiting.pop_front();
             std::byte head[8]{};
             out.put_packet(*this, header, head, packet);
-            taken += packet->size();
-            if (packet->size() > outbox::whole_bytes) break;
+            taken += packet.size();
+            if (packet.size() > outbox::whole_bytes) break;
         }
         return !waiting.empty();
     }

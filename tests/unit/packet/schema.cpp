@@ -77,6 +77,7 @@ TEST_CASE("a schema text that is none says where and what was expected") {
     CHECK_THAT(refusal("enum:f32{a=1}"), Contains("integer type"));
     CHECK_THAT(refusal("duration<i64,1/0>"), Contains("positive period"));
     CHECK_THAT(refusal("i32 "), Contains("expected the end"));
+    CHECK_THAT(refusal("struct{a\xcf:i32}"), Contains("a name in UTF-8"));
     CHECK_THAT(refusal(""), Contains("found the end"));
     std::string whole = ise::schema_of<everything>().text();
     for (std::size_t size = 0; size < whole.size(); ++size)

@@ -318,6 +318,30 @@ TEST_CASE("requests of which no byte was written move to the next session") {
     CHECK(at.book.modes == std::vector<std::string>{"first", "small0", "small1", "small2", "small3", "small4"});
 }
 
+TEST_CASE("a call back over the session of a request ends with that session, also where it was not written yet") {
+    fixture at;
+    REQUIRE(at.all.run(at.shore, try_helm(at.there, "first")));
+    // Back to whoever made the session, on the side that made it; its own link to the boat is `at.there`.
+    ise::remote back(std::make_shared<ise::link>(*at.shore.services, at.shore.services->sessions().begin()->second));
+    at.all.world.net().partition("shore", "boat");
+    auto send_big = [](ise::remote boat) -> ise::task<ise::result<blob>> {
+        blob big;
+        big.content.resize(400'000); // the socket takes no more
+        auto got = co_await boat.try_call(echo, big, 2s);
+        co_return got;
+    };
+    auto big = start(at.shore.on, send_big(at.there));
+    at.all.world.run_for(10ms);
+    auto unwritten = start(at.shore.on, try_helm(back, "late", 10s));
+    at.all.run_until([&] { return unwritten->done; });
+    CHECK(unwritten->get().error().code() == errc::peer_lost);
+    CHECK(unwritten->get().error().executed() == execution::not_executed);
+    at.all.world.net().heal("shore", "boat");
+    CHECK(at.all.run(at.shore, try_helm(at.there, "last", 30s)));
+    CHECK(at.shore.services->calls().open_calls() == 0);
+    CHECK(at.book.modes == std::vector<std::string>{"first", "last"});
+}
+
 TEST_CASE("64 MiB in flight do not hold up a 64-byte call on the same connection") {
     fixture at;
     auto& link = at.all.world.net().between("boat", "shore");

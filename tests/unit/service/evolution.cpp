@@ -65,6 +65,7 @@ template <class Contract>
 ise::task<typename Contract::packet_type> first_of(ise::remote from, Contract contract) {
     auto packets = co_await from.subscribe(contract);
     auto packet = co_await packets.next();
+    if (!packet) throw ise::error(packets.cause());
     co_return *packet;
 }
 
@@ -181,4 +182,56 @@ TEST_CASE("subscriptions follow the same rules") {
         CHECK(leaving->done);
         CHECK(out.subscribers() == 0);
     }
+}
+
+TEST_CASE("a service that is withdrawn and provided anew loses no subscription on its way, also while schemas are asked for") {
+    auto moment = GENERATE(range(0, 1000, 20));
+    INFO(moment << " ms");
+    fixture at;
+    auto out = at.boat.publish(newer::log_line);
+    at.all.world.net().between("boat", "shore").latency = 100ms;
+    auto waiting = start(at.shore.on, first_of(at.there, older::log_line));
+    at.all.world.run_for(std::chrono::milliseconds(moment));
+    at.boat.services->services().remove("log");
+    auto next = at.boat.publish(newer::log_line);
+    at.all.world.run_for(3s);
+    if (waiting->done) {
+        CHECK_THROWS_WITH(waiting->get(), Contains("not published any more"));
+    } else {
+        CHECK(next.subscribers() == 1);
+        next(newer::report{3, 90});
+        at.all.world.run_for(3s);
+        REQUIRE(waiting->done);
+        CHECK(waiting->get().speed_kn == 3);
+    }
+}
+
+TEST_CASE("a subscription between two versions resumes after a cut, and keeps the response of its first session") {
+    fixture at;
+    ise::subscription<older::report, ise::nothing, older::done> watched("watched");
+    ise::subscription<newer::report, ise::nothing, newer::done> published("watched");
+    ise::publication_callbacks<decltype(published)> callbacks;
+    callbacks.on_subscribe = [](const ise::nothing&, const ise::subscriber_info&) { return newer::done{true, "welcome"}; };
+    auto out = at.boat.publish(published, callbacks);
+    out(newer::report{1, 90});
+    auto read = [](ise::remote from, decltype(watched) what, std::vector<double>& speeds) -> ise::task<std::uint64_t> {
+        auto packets = co_await from.subscribe(what);
+        while (speeds.size() < 2) {
+            auto packet = co_await packets.next();
+            if (!packet) throw ise::error(packets.cause());
+            speeds.push_back(packet->speed_kn);
+        }
+        CHECK(packets.response().accepted);
+        co_return packets.counts().resumed;
+    };
+    std::vector<double> speeds;
+    auto reading = start(at.shore.on, read(at.there, watched, speeds));
+    at.all.run_until([&] { return speeds.size() == 1; });
+    at.all.world.net().partition("boat", "shore");
+    at.all.world.run_for(10s);
+    out(newer::report{2, 90});
+    at.all.world.net().heal_all();
+    at.all.run_until([&] { return reading->done; });
+    CHECK(reading->get() == 1);
+    CHECK(speeds == std::vector<double>{1, 2});
 }

@@ -21,6 +21,12 @@ ise::task<std::string> ask(ise::remote boat, std::string mode) {
     co_return answer.reason;
 }
 
+ise::task<std::string> ask_by_fields(ise::remote boat, std::string mode) {
+    auto first = co_await helm(boat, mode);
+    auto answer = co_await helm.within(5s, boat, mode + " for longer than a short string has room");
+    co_return first.reason + ", " + answer.reason;
+}
+
 ise::task<std::vector<double>> follow(ise::remote boat, std::size_t count) {
     std::vector<double> got;
     auto fixes = co_await boat.subscribe(position);
@@ -43,6 +49,7 @@ TEST_CASE("a call and a subscription go over tcp") {
     auto where = boat.listen("tcp://127.0.0.1:0");
 
     CHECK(all.run(shore, ask(shore.at(where), "hold")) == "now hold");
+    CHECK(all.run(shore, ask_by_fields(shore.at(where), "hold")) == "now hold, now hold for longer than a short string has room");
     CHECK_THROWS_WITH(all.run(shore, ask(shore.at(where), "fly")), Catch::Matchers::Contains("boats sail"));
 
     auto following = start(shore.on, follow(shore.at(where), 3));

@@ -18,6 +18,29 @@ struct granted {
 };
 constexpr ise::subscription<fix, area, granted> watched("watched");
 
+// Its number is not to everybody's liking.
+struct picky {
+    int number = 0;
+    template <class Archive>
+    void serialize(Archive& archive) {
+        archive(number);
+        if (Archive::is_loading::value && number == 13) throw std::runtime_error("13 brings bad luck");
+    }
+};
+constexpr ise::subscription<picky> numbers("numbers");
+
+// Knows how often one was written.
+struct watchful {
+    static inline int written = 0;
+    int number = 0;
+    template <class Archive>
+    void serialize(Archive& archive) {
+        if (Archive::is_saving::value) ++written;
+        archive(number);
+    }
+};
+constexpr ise::subscription<watchful> watch("watch");
+
 // What a subscriber got: the packets (their latitudes), and the gap before each.
 struct reading {
     std::vector<double> packets;
@@ -359,14 +382,22 @@ TEST_CASE("a restarted provider is a gap of unknown length") {
 
 TEST_CASE("a packet is encoded once, however many subscribe") {
     fixture at;
-    std::vector<shared_reading> all;
-    for (int i = 0; i < 8; ++i) all.push_back(at.read());
-    auto core = at.boat.services->services().find_publication("position");
-    auto packet = std::make_shared<const ise::bytes>(ise::encode(at_latitude(5)));
-    core->publish(packet);
-    CHECK(packet.use_count() > 8); // shared by all queues, not copied
+    auto out = at.boat.publish(watch);
+    auto subscribing = [&]() -> ise::task<ise::stream_of<ise::subscription<watchful>>> {
+        auto stream = co_await at.there.subscribe(watch);
+        co_return stream;
+    };
+    std::vector<ise::stream_of<ise::subscription<watchful>>> all;
+    for (int i = 0; i < 8; ++i) all.push_back(at.all.run(at.shore, subscribing()));
+    watchful::written = 0;
+    out(watchful{5});
     at.settle();
-    for (auto& one : all) CHECK(one->packets == range(5, 5));
+    CHECK(watchful::written == 1);
+    for (auto& one : all) {
+        auto packet = one.try_next();
+        REQUIRE(packet);
+        CHECK(packet->number == 5);
+    }
 }
 
 TEST_CASE("order holds within a subscription although big packets go in pieces and small ones do not") {
@@ -454,4 +485,52 @@ TEST_CASE("a subscription over the peer's own session ends with it") {
     all.run_until([&] { return following->done; });
     REQUIRE(got->end);
     CHECK(got->end->code() == errc::peer_lost);
+}
+
+TEST_CASE("packets that cannot be decoded are a gap before the next one") {
+    fixture at;
+    auto out = at.boat.publish(numbers);
+    auto subscribing = [&]() -> ise::task<ise::stream_of<ise::subscription<picky>>> {
+        auto stream = co_await at.there.subscribe(numbers);
+        co_return stream;
+    };
+    auto taken = at.all.run(at.shore, subscribing());
+    for (int number : {1, 13, 13, 2, 13}) out(picky{number});
+    at.settle();
+    auto first = taken.try_next();
+    auto second = taken.try_next();
+    REQUIRE(first);
+    REQUIRE(second);
+    CHECK(first->number == 1);
+    CHECK(first.lost_before() == 0);
+    CHECK(second->number == 2);
+    CHECK(second.lost_before() == 2);
+    CHECK_FALSE(taken.try_next());
+    CHECK(taken.counts().undecodable == 3);
+    CHECK(taken.counts().received == 2);
+    REQUIRE(at.shore.warnings.size() == 1); // one is enough
+    CHECK_THAT(at.shore.warnings.front(), Contains("bad luck"));
+    out(picky{3});
+    at.settle();
+    auto third = taken.try_next();
+    REQUIRE(third);
+    CHECK(third.lost_before() == 1);
+}
+
+TEST_CASE("a packet that is kept stays as it was while others come") {
+    fixture at;
+    auto got = at.sit(ise::subscribe_options::last(8));
+    at.publish(1, 5);
+    at.settle();
+    std::vector<ise::received<fix>> kept;
+    while (auto packet = got->stream->try_next()) kept.push_back(packet);
+    auto shared = kept.at(1).share();
+    kept.erase(kept.begin() + 1);
+    at.publish(6, 8);
+    at.settle();
+    while (auto packet = got->stream->try_next()) kept.push_back(packet);
+    std::vector<double> latitudes;
+    for (const auto& packet : kept) latitudes.push_back(packet->latitude_deg);
+    CHECK(latitudes == std::vector<double>{1, 3, 4, 5, 6, 7, 8});
+    CHECK(shared->latitude_deg == 2);
 }

@@ -1,0 +1,59 @@
+#include "memory.hpp"
+
+#include <malloc.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <new>
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define SEEDS_COUNT_MEMORY 0
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+#define SEEDS_COUNT_MEMORY 0
+#endif
+#endif
+#ifndef SEEDS_COUNT_MEMORY
+#define SEEDS_COUNT_MEMORY 1
+#endif
+
+namespace {
+
+thread_local seeds::memory_use use;
+
+} // namespace
+
+#if SEEDS_COUNT_MEMORY
+
+void* operator new(std::size_t size) {
+    auto* made = std::malloc(size ? size : 1);
+    if (!made) throw std::bad_alloc();
+    use.now += malloc_usable_size(made);
+    use.most = std::max(use.most, use.now);
+    return made;
+}
+void* operator new(std::size_t size, std::align_val_t alignment) {
+    auto step = static_cast<std::size_t>(alignment);
+    auto* made = std::aligned_alloc(step, (size + step - 1) / step * step);
+    if (!made) throw std::bad_alloc();
+    use.now += malloc_usable_size(made);
+    use.most = std::max(use.most, use.now);
+    return made;
+}
+void operator delete(void* given) noexcept {
+    if (given) use.now -= malloc_usable_size(given);
+    std::free(given);
+}
+void operator delete(void* given, std::size_t) noexcept { operator delete(given); }
+void operator delete(void* given, std::align_val_t) noexcept { operator delete(given); }
+void operator delete(void* given, std::size_t, std::align_val_t) noexcept { operator delete(given); }
+
+#endif
+
+namespace seeds {
+
+memory_use memory() noexcept { return use; }
+void count_memory() noexcept { use.most = use.now; }
+bool memory_is_counted() noexcept { return SEEDS_COUNT_MEMORY; }
+
+} // namespace seeds

@@ -1,0 +1,128 @@
+#pragma once
+#include <ise/packet/codec.hpp>
+#include <ise/wire/frame.hpp>
+#include <ise/wire/messages.hpp>
+#include <ise/wire/parser.hpp>
+#include <support/sim_parties.hpp>
+
+#include <cstring>
+
+namespace ise_test {
+
+/// A peer of the virtual world that says what it likes: bytes and frames as a script tells it.
+class raw_peer {
+public:
+    struct came {
+        ise::wire::frame_header header;
+        ise::bytes body;
+    };
+
+    /// Connects; the world runs until it has. With `reads` false it never takes a byte of what it is sent.
+    raw_peer(sim_parties& all, ise::sim::process& from, const std::string& to, bool reads = true)
+        : all_(all), host_(from.make_loop("raw")) {
+        auto& on = host_->loop();
+        auto connecting = start(on, from.connect(on, ise::endpoint::parse(to).value()));
+        if (!all_.run_until([&] { return connecting->done; })) throw std::logic_error("no connection");
+        line_ = std::move(connecting->get().value());
+        if (reads) reading_ = start(on, read(*this));
+    }
+    ~raw_peer() {
+        line_->close();
+        all_.run_until([&] { return !reading_ || reading_->done; });
+    }
+    raw_peer(const raw_peer&) = delete;
+    raw_peer& operator=(const raw_peer&) = delete;
+
+    void say(ise::bytes_view raw) { unsent_.insert(unsent_.end(), raw.begin(), raw.end()), push(); }
+    void say(ise::wire::frame_type type, std::uint64_t id, ise::bytes_view body, std::uint8_t flags = 0) {
+        ise::buffer out;
+        ise::wire::put_frame(out, type, flags, id, [&](ise::buffer& to) { to.append(body); });
+        say(out.view());
+    }
+    template <class Packet>
+    void say(ise::wire::frame_type type, std::uint64_t id, const Packet& packet) {
+        auto body = ise::encode(packet);
+        say(type, id, ise::bytes_view(body));
+    }
+    /// A session in good order, up to the welcome.
+    void greet(const std::string& path = "raw") {
+        ise::wire::hello hello;
+        hello.self.path = path;
+        hello.self.incarnation = 1;
+        say(ise::wire::frame_type::hello, 0, hello);
+        all_.world.run_for(std::chrono::milliseconds(200));
+    }
+    void introduce(std::uint64_t number, const std::string& service, const std::vector<std::uint64_t>& fingerprints) {
+        ise::wire::introduction told;
+        told.service = service;
+        told.fingerprints = fingerprints;
+        say(ise::wire::frame_type::introduce, number, told);
+    }
+    template <class Packet>
+    void request(std::uint64_t id, std::uint32_t number, std::chrono::nanoseconds time, const Packet& packet) {
+        ise::buffer body;
+        body.append(number);
+        body.append(static_cast<std::int64_t>(time.count()));
+        auto content = ise::encode(packet);
+        body.append(ise::bytes_view(content));
+        say(ise::wire::frame_type::request, id, body.view());
+    }
+
+    /// Lets the world run until all was taken, or the provider has closed.
+    void finish() {
+        all_.run_until([&] {
+            push();
+            return unsent_.empty() || broken_;
+        });
+    }
+    bool closed() const { return broken_ || ended; }
+    void close() { line_->close(); }
+    std::size_t count(ise::wire::frame_type type) const {
+        return static_cast<std::size_t>(std::ranges::count_if(got, [&](const came& frame) { return frame.header.type == type; }));
+    }
+    const came* last(ise::wire::frame_type type) const {
+        for (auto at = got.rbegin(); at != got.rend(); ++at)
+            if (at->header.type == type) return &*at;
+        return nullptr;
+    }
+
+    std::vector<came> got;
+    bool ended = false; ///< the provider closed
+
+private:
+    void push() {
+        while (!unsent_.empty() && !broken_) {
+            asio::const_buffer raw(unsent_.data() + sent_, unsent_.size() - sent_);
+            auto wrote = line_->try_write(std::span(&raw, 1));
+            sent_ += wrote.bytes;
+            broken_ = wrote.problem && wrote.problem != asio::error::would_block;
+            if (sent_ == unsent_.size()) unsent_.clear(), sent_ = 0;
+            if (wrote.problem) return;
+        }
+    }
+    static ise::task<> read(raw_peer& self) {
+        ise::wire::parser parser(ise::wire::smallest_frame_limit);
+        for (;;) {
+            auto room = parser.prepare();
+            auto moved = co_await self.line_->read_some(asio::buffer(room.data(), room.size()));
+            if (moved.problem) break;
+            parser.commit(moved.bytes);
+            for (;;) {
+                auto found = parser.next();
+                if (!found || !*found) break;
+                self.got.push_back({(*found)->header, ise::bytes((*found)->body.begin(), (*found)->body.end())});
+            }
+        }
+        self.ended = true;
+    }
+
+    sim_parties& all_;
+    std::unique_ptr<ise::loop_host> host_;
+    std::unique_ptr<ise::stream> line_;
+    std::shared_ptr<started<void>> reading_;
+    ise::bytes unsent_;
+    std::size_t sent_ = 0;
+    bool broken_ = false;
+};
+
+} // namespace ise_test

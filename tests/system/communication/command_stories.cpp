@@ -1,0 +1,332 @@
+#include "shore.hpp"
+
+#include <support/catch.hpp>
+
+using namespace communication_test;
+using Catch::Contains;
+using enum authority_action;
+
+namespace {
+
+struct crewed : shore {
+    explicit crewed(std::uint64_t seed = 1) : shore(seed) {
+        start_node(one);
+        start_node(two);
+        REQUIRE(
+            until([&] { return serves(one) && serves(two) && state(one).peer_lives && state(two).peer_lives; }, 30s));
+        seen = &listen();
+        sends_every_second({link_id::xbee});
+        REQUIRE(until([&] { return seen->heard.size() >= 3; }, 30s));
+    }
+    // The command's way as everybody is told it.
+    std::vector<telecommand_status> told_of(std::uint32_t id) const {
+        std::vector<telecommand_status> made;
+        for (const auto& one : seen->states)
+            if (one.id == id) made.push_back(one);
+        return made;
+    }
+    void link_up(link_id link, bool up) { boat.over(link).up = up; }
+    std::size_t waypoints() const { return boat.boat.pilot().list().size(); }
+    listener* seen = nullptr;
+};
+
+telecommand_request of_kind(std::uint32_t id, command_kind kind) {
+    telecommand_request made;
+    made.id = id;
+    made.command.kind = kind;
+    return made;
+}
+
+} // namespace
+
+TEST_CASE(
+    "communication: an operator takes the authority, commands the boat, and everybody sees it and can read it later") {
+    crewed it;
+    auto no = it.command("ana", adds_waypoint(5));
+    REQUIRE_FALSE(no);
+    CHECK(no.error().code() == ise::errc::refused);
+    CHECK_THAT(no.error().message(), Contains("nobody holds the authority") && Contains("action take"));
+    auto taken = it.authority("ana", take);
+    REQUIRE(taken);
+    CHECK(taken->holder == "test/ana");
+    CHECK(taken->epoch == 2);
+    REQUIRE(it.until([&] { return it.boat.boat.authority() == 2; }, 10s)); // the boat is told without being asked
+    auto done = it.command("ana", adds_waypoint(5));
+    REQUIRE(done);
+    CHECK(done->state == telecommand_stage::acknowledged);
+    CHECK(done->result == ack_code::done);
+    CHECK(it.waypoints() == 1);
+    CHECK(it.boat.epochs.back() == 2);
+    REQUIRE(it.until([&] { return !it.told_of(5).empty() && is_final(it.told_of(5).back().state); }, 5s));
+    auto told = it.told_of(5);
+    CHECK(told.front().state == telecommand_stage::queued);
+    CHECK(told.back().asked_by == "test/ana");
+    CHECK(told.back().link == link_id::xbee);
+    CHECK(told.back().authority == 2);
+    CHECK(told.back().command->point.latitude_deg == 28.16);
+    // The same again is the same; another under its number is not.
+    CHECK(it.command("ana", adds_waypoint(5))->state == telecommand_stage::acknowledged);
+    auto other = it.command("ana", adds_waypoint(5, 28.17));
+    REQUIRE_FALSE(other);
+    CHECK_THAT(other.error().message(),
+               Contains("waypoint_add already, asked for by test/ana") && Contains("choose another id"));
+    CHECK(it.boat.executed[5] == 1);
+    // On record, at both nodes.
+    for (const auto& node : {one, two}) {
+        auto page = it.ask("bea", services::telecommand_record, record_request(), 10s, node);
+        REQUIRE(page);
+        REQUIRE(page->entries.size() == 2); // and the ping that told the boat
+        CHECK(page->entries[0].id == 5);
+        CHECK(page->entries[0].asked_by == "test/ana");
+        CHECK(page->entries[0].result == ack_code::done);
+        CHECK(page->entries[1].kind == command_kind::ping);
+        REQUIRE(page->authority.size() == 1);
+        CHECK(page->authority[0].how == "taken by test/ana");
+    }
+    record_request too_many;
+    too_many.max_entries = 501;
+    CHECK_THAT(it.ask("bea", services::telecommand_record, too_many).error().message(), Contains("1 to 500"));
+}
+
+TEST_CASE(
+    "communication: of two operators one commands, the other asks, gets it handed over, and the first is refused") {
+    crewed it;
+    REQUIRE(it.authority("ana", take));
+    auto no = it.command("bea", adds_waypoint(5));
+    REQUIRE_FALSE(no);
+    CHECK_THAT(no.error().message(),
+               Contains("test/ana holds the authority") && Contains("not test/bea") && Contains("action ask"));
+    CHECK(it.command("bea", of_kind(6, command_kind::ping))->state ==
+          telecommand_stage::acknowledged); // who only asks needs none
+    REQUIRE(it.authority("bea", ask));
+    REQUIRE(it.until(
+        [&] {
+            return !it.seen->authorities.empty() &&
+                   it.seen->authorities.back().asked_by == std::vector<std::string>{"test/bea"};
+        },
+        5s));
+    auto refused = it.authority("bea", take);
+    REQUIRE_FALSE(refused);
+    CHECK_THAT(refused.error().message(), Contains("test/ana holds"));
+    auto handed = it.authority("ana", hand_over, false, "test/bea");
+    REQUIRE(handed);
+    CHECK(handed->epoch == 4);
+    CHECK(it.command("bea", adds_waypoint(7))->result == ack_code::done);
+    CHECK_THAT(it.command("ana", adds_waypoint(8)).error().message(), Contains("test/bea holds"));
+    REQUIRE(it.until([&] { return it.seen->authorities.back().holder == "test/bea"; }, 5s));
+    CHECK(it.boat.epochs == std::vector<std::uint32_t>{4});
+    CHECK(it.waypoints() == 1);
+    REQUIRE(it.authority("bea", release));
+    CHECK_THAT(it.command("bea", adds_waypoint(9)).error().message(), Contains("nobody holds"));
+}
+
+TEST_CASE("communication: what can lose the boat is sent only when it is confirmed") {
+    crewed it;
+    REQUIRE(it.authority("ana", take));
+    auto manual = of_kind(5, command_kind::set_mode); // manual is its mode unless told otherwise
+    for (auto request : {of_kind(4, command_kind::reboot), manual, of_kind(6, command_kind::waypoint_clear),
+                         of_kind(7, command_kind::emergency_beacon)}) {
+        auto no = it.command("ana", request);
+        REQUIRE_FALSE(no);
+        CHECK(no.error().code() == ise::errc::refused);
+        CHECK_THAT(no.error().message(), Contains("confirmed true"));
+    }
+    manual.confirmed = true;
+    CHECK(it.command("ana", manual)->result == ack_code::done);
+    CHECK(it.boat.boat.pilot().mode() == sailing_mode::manual);
+}
+
+TEST_CASE("communication: the authority outlives the nodes, and goes on at the other one") {
+    crewed it;
+    auto epoch = it.authority("ana", take)->epoch;
+    it.crash(one);
+    it.world.run_for(5s);
+    auto looked = it.authority("bea", look);
+    REQUIRE(looked);
+    CHECK(looked->holder == "test/ana");
+    CHECK(looked->epoch == epoch);
+    CHECK(it.command("ana", adds_waypoint(5))->result == ack_code::done);
+    CHECK_FALSE(it.authority("bea", take));
+    auto forced = it.authority("bea", take, true);
+    REQUIRE(forced);
+    CHECK(forced->epoch == 3); // odd: of the secondary
+    it.crash(two);
+    it.world.run_for(5s);
+    it.start_node(one);
+    it.start_node(two);
+    REQUIRE(it.until(
+        [&] {
+            return it.serves(one) && it.state(one).authority.holder == "test/bea" && it.state(two).authority.epoch == 3;
+        },
+        30s));
+    CHECK_THAT(it.command("ana", adds_waypoint(6)).error().message(), Contains("test/bea holds"));
+    CHECK(it.command("bea", adds_waypoint(6))->result == ack_code::done);
+    CHECK(it.boat.epochs == std::vector<std::uint32_t>{2, 3});
+}
+
+TEST_CASE(
+    "communication: where the nodes are cut off from each other the boat obeys the higher epoch, and the other "
+    "holder is told") {
+    crewed it;
+    REQUIRE(it.authority("ana", take, false, {}, one));
+    it.world.net().partition("one", "two");
+    it.world.run_for(5s);
+    auto forced = it.authority("bea", take, true, {}, two);
+    REQUIRE(forced);
+    CHECK(forced->epoch == 3);
+    REQUIRE(it.until([&] { return it.boat.boat.authority() == 3; }, 10s));
+    auto stale = it.command("ana", adds_waypoint(5), 20s, one); // here ana still holds it
+    REQUIRE(stale);
+    CHECK(stale->result == ack_code::no_authority);
+    CHECK(stale->value == 3.0f);
+    CHECK(it.waypoints() == 0);
+    auto told = it.command("ana", adds_waypoint(6), 20s, one);
+    REQUIRE_FALSE(told);
+    CHECK_THAT(told.error().message(), Contains("the boat obeys epoch 3") && Contains("take it anew"));
+    CHECK(it.command("bea", adds_waypoint(7), 20s, two)->result == ack_code::done);
+    it.world.net().heal("one", "two");
+    REQUIRE(it.until([&] { return it.state(one).authority.holder == "test/bea"; }, 30s));
+    CHECK_THAT(it.command("ana", adds_waypoint(8), 20s, one).error().message(), Contains("test/bea holds"));
+    it.world.run_for(5s);
+    for (const auto& node : {one, two}) {
+        auto page = it.ask("ana", services::telecommand_record, record_request(), 10s, node);
+        REQUIRE(page);
+        CHECK(std::ranges::count_if(page->entries, [](const auto& entry) {
+                  return entry.id == 5 && entry.result == ack_code::no_authority;
+              }) == 1);
+        CHECK(std::ranges::count_if(page->entries, [](const auto& entry) {
+                  return entry.id == 7 && entry.result == ack_code::done;
+              }) == 1);
+    }
+}
+
+TEST_CASE("communication: a telecommand takes the link that was chosen, or the best one that is alive") {
+    crewed it;
+    REQUIRE(it.authority("ana", take));
+    REQUIRE(it.until([&] { return it.boat.boat.authority() == 2; }, 10s));
+    auto by_iridium = adds_waypoint(5);
+    by_iridium.via = link_id::iridium;
+    CHECK(it.command("ana", by_iridium)->result == ack_code::done);
+    CHECK(it.boat.over(link_id::iridium).commands == 1);
+    auto xbee = it.boat.over(link_id::xbee).commands;
+    CHECK(it.command("ana", adds_waypoint(6))->result == ack_code::done);
+    CHECK(it.boat.over(link_id::xbee).commands == xbee + 1);
+    it.link_up(link_id::xbee, false);
+    it.sends_every_second({link_id::gprs});
+    it.world.run_for(40s); // over the radio the boat is not heard any more
+    CHECK(it.command("ana", adds_waypoint(7))->result == ack_code::done);
+    CHECK(it.boat.over(link_id::gprs).commands == 1);
+    REQUIRE(it.until([&] { return !it.told_of(7).empty() && is_final(it.told_of(7).back().state); }, 5s));
+    CHECK(it.told_of(7).back().link == link_id::gprs);
+}
+
+TEST_CASE("communication: a link that does not deliver is joined by another, and the boat does it once") {
+    crewed it;
+    REQUIRE(it.authority("ana", take));
+    REQUIRE(it.until([&] { return it.boat.boat.authority() == 2; }, 10s));
+    it.sends_every_second({link_id::gprs, link_id::xbee});
+    it.world.run_for(5s);
+    it.link_up(link_id::xbee, false); // just now: it still counts as alive
+    auto request = adds_waypoint(5);
+    request.valid_s = 200;
+    auto answer = it.command("ana", request, 100s);
+    REQUIRE(answer);
+    CHECK(answer->result == ack_code::done);
+    CHECK(it.boat.over(link_id::gprs).commands == 1);
+    CHECK(it.told_of(5).back().link == link_id::gprs);
+    auto radio = it.boat.over(link_id::xbee).commands;
+    it.link_up(link_id::xbee, true); // where it waits as well
+    REQUIRE(it.until([&] { return it.boat.over(link_id::xbee).commands == radio + 1; }, 150s));
+    CHECK(it.boat.executed[5] == 1);
+    CHECK(it.waypoints() == 1);
+}
+
+TEST_CASE("communication: what is under way when a node dies is carried on by the other, and done once") {
+    crewed it;
+    REQUIRE(it.authority("ana", take));
+    REQUIRE(it.until([&] { return it.boat.boat.authority() == 2; }, 10s));
+    it.link_up(link_id::xbee, false);
+    auto request = adds_waypoint(5);
+    request.valid_s = 600;
+    auto pending = it.command("ana", request, 3s);
+    REQUIRE(pending);
+    CHECK(pending->state == telecommand_stage::pending);
+    it.crash(one);
+    SECTION("the other takes it over") {}
+    SECTION("the proxy dies too, and knows nothing any more") {
+        it.crash("shore/xbee");
+        it.world.run_for(10s);
+        it.start_proxy(link_id::xbee);
+    }
+    it.world.run_for(10s);
+    it.link_up(link_id::xbee, true);
+    auto again = it.command("ana", request, 100s);
+    CAPTURE(again->text, it.state(two).telecommands_open, it.boat.over(link_id::gprs).commands,
+            it.boat.over(link_id::xbee).commands);
+    REQUIRE(again);
+    CHECK(again->state == telecommand_stage::acknowledged);
+    it.start_node(one);
+    it.world.run_for(20s);
+    CHECK(it.boat.executed[5] == 1);
+    auto page = it.ask("bea", services::telecommand_record, record_request(), 10s, one);
+    REQUIRE(page);
+    CHECK(page->entries[0].id == 5);
+    CHECK(page->entries[0].state == telecommand_stage::acknowledged);
+    CHECK(page->entries[0].asked_by == "test/ana");
+}
+
+TEST_CASE("communication: a telecommand that no link takes waits within its validity, and is expired after it") {
+    crewed it;
+    REQUIRE(it.authority("ana", take));
+    for (auto link : {link_id::xbee, link_id::gprs, link_id::iridium}) it.crash("shore/" + std::string(name_of(link)));
+    it.world.run_for(5s);
+    auto request = adds_waypoint(5);
+    request.valid_s = 20;
+    auto late = it.command("ana", request, 60s);
+    REQUIRE(late);
+    CHECK(late->state == telecommand_stage::expired);
+    CHECK_THAT(late->text, Contains("before it could be sent"));
+    request.id = 6;
+    request.valid_s = 120;
+    CHECK(it.command("ana", request, 3s)->state == telecommand_stage::pending);
+    it.start_proxy(link_id::gprs);
+    CHECK(it.command("ana", request, 60s)->state == telecommand_stage::acknowledged);
+    CHECK(it.boat.executed.contains(5) == false);
+}
+
+TEST_CASE("communication: what cannot be recorded is not sent") {
+    crewed it;
+    REQUIRE(it.authority("ana", take));
+    REQUIRE(it.until([&] { return it.boat.boat.authority() == 2; }, 10s));
+    it.crash(two);
+    it.world.run_for(10s);
+    it.fill_disk(one, true);
+    auto no = it.command("ana", adds_waypoint(5));
+    REQUIRE_FALSE(no);
+    CHECK_THAT(no.error().message(), Contains("cannot be recorded") && Contains("not sent"));
+    auto stays = it.authority("bea", take, true);
+    REQUIRE_FALSE(stays);
+    CHECK_THAT(stays.error().message(), Contains("stays as it is"));
+    it.fill_disk(one, false);
+    CHECK(it.command("ana", adds_waypoint(5))->result == ack_code::done);
+    CHECK(it.waypoints() == 1);
+}
+
+TEST_CASE("communication: wrong requests are refused with what is right") {
+    crewed it;
+    REQUIRE(it.authority("ana", take));
+    auto bad = adds_waypoint(5);
+    bad.valid_s = 0;
+    CHECK_THAT(it.command("ana", bad).error().message(), Contains("valid_s is 1 to 86400"));
+    bad = adds_waypoint(5, 95);
+    CHECK_THAT(it.command("ana", bad).error().message(), Contains("no place on the globe"));
+    bad = adds_waypoint(5);
+    bad.via = static_cast<link_id>(9);
+    CHECK_THAT(it.command("ana", bad).error().message(), Contains("no proxy for") && Contains("xbee, gprs, iridium"));
+    track_request page;
+    page.max_packets = 0;
+    CHECK_THAT(it.ask("ana", services::track, page).error().message(), Contains("1 to 1000"));
+    page.max_packets = 5;
+    for (std::uint64_t i = 1; i < 10; ++i) page.seen[i] = 1;
+    CHECK_THAT(it.ask("ana", services::track, page).error().message(), Contains("9 stores"));
+}

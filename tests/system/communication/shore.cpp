@@ -1,0 +1,255 @@
+#include "shore.hpp"
+
+#include <ise/core/sleep.hpp>
+
+#include <fmt/format.h>
+
+namespace communication_test {
+namespace {
+
+simulator::boat_options at_anchor() {
+    simulator::boat_options options;
+    options.start = waypoint{28.155, -15.45};
+    return options;
+}
+
+} // namespace
+
+boat_at_sea::boat_at_sea() : boat(at_anchor(), simulator::constant_wind({6, 40})) {}
+
+telemetry_packet boat_at_sea::make(link_id over_link, utc_time at) {
+    packet_header header;
+    header.boot = 1;
+    header.sequence = ++sequence;
+    header.measured_at = at;
+    location where;
+    where.quality = fix_quality::gps;
+    where.latitude_deg = 28.15 + sequence * 1e-6;
+    where.longitude_deg = -15.45;
+    telemetry_packet made;
+    made.link = over_link;
+    made.boot = header.boot;
+    made.sequence = header.sequence;
+    made.measured_at = at;
+    made.raw = encode_telemetry(header, where);
+    return made;
+}
+
+acknowledgement boat_at_sea::execute(ise::bytes_view raw, link_id from) {
+    auto told = parse_telecommand(raw).value();
+    ++over(from).commands;
+    auto before = boat.pilot().revision();
+    auto ack = boat.execute(told, from);
+    if (boat.pilot().revision() != before) {
+        ++executed[told.id];
+        epochs.push_back(told.authority);
+    }
+    return ack;
+}
+
+book_options scripted_proxy::terms(link_id link) {
+    book_options made;
+    made.link = link;
+    return made;
+}
+
+ise::task<> scripted_proxy::run() {
+    telemetry_ = publish(services::telemetry);
+    ise::publication_callbacks<std::decay_t<decltype(services::telecommand_state)>> follow;
+    follow.on_subscribe = [this](const follow_telecommand&,
+                                 const ise::subscriber_info&) -> ise::result<followed_telecommands> {
+        followed_telecommands made;
+        made.now = book_.open();
+        return made;
+    };
+    states_ = publish(services::telecommand_state, std::move(follow));
+    provide(services::telecommand, [this](telecommand_request request, const ise::call_context& context) {
+        return command(std::move(request), context.deadline);
+    });
+    if (boat_.over(link_).acknowledges) spawn("acknowledge", acknowledge());
+    for (;;) {
+        pass();
+        co_await sleep(100ms);
+    }
+}
+
+void scripted_proxy::pass() {
+    auto& link = boat_.over(link_);
+    if (link.up) {
+        for (auto& packet : link.waiting) {
+            if (!told_.insert(key_of(packet)).second) continue;
+            packet.received_at = clock();
+            telemetry_(packet);
+        }
+        if (!link.acknowledges) link.waiting.clear();
+    } else if (!link.acknowledges) {
+        link.waiting.clear(); // sent into the air
+    }
+    while (auto due = book_.next_due(now(), clock())) {
+        book_.on_outcome(now(), clock(), due->id, link.up, true, "the boat is out of range");
+        if (link.up) book_.on_acknowledgement(clock(), boat_.execute(due->raw, link_));
+    }
+    for (const auto& change : book_.take_changes()) states_(change);
+}
+
+// As the GPRS proxy: the boat is acknowledged what is on disk.
+ise::task<> scripted_proxy::acknowledge() {
+    auto store = at(std::string(communication_role));
+    auto& link = boat_.over(link_);
+    for (;;) {
+        keep_request request;
+        for (const auto& packet : link.waiting)
+            if (link.up && request.packets.size() < keep_request::max_packets) request.packets.push_back(packet);
+        if (!request.packets.empty()) {
+            auto kept = co_await store.try_call(services::telemetry_store, request, 10s);
+            if (kept && link.up) {
+                for (const auto& packet : request.packets) {
+                    boat_.acknowledged.insert(key_of(packet));
+                    std::erase_if(link.waiting, [&](const auto& sent) { return key_of(sent) == key_of(packet); });
+                }
+            }
+        }
+        co_await sleep(200ms);
+    }
+}
+
+ise::task<telecommand_reply> scripted_proxy::command(telecommand_request request, ise::time_point deadline) {
+    auto taken = book_.submit(now(), clock(), request, static_cast<std::uint32_t>(env().random()) | 1u);
+    if (!taken) throw ise::error(ise::errc::refused, taken.error().message());
+    auto id = *taken;
+    while (!is_final(book_.find(id)->state) && now() + 300ms < deadline) co_await sleep(100ms);
+    telecommand_reply reply;
+    const auto& status = *book_.find(id);
+    reply.id = id;
+    reply.state = is_final(status.state) ? status.state : telecommand_stage::pending;
+    reply.result = status.result;
+    reply.value = status.value;
+    reply.text = status.text;
+    co_return reply;
+}
+
+shore::shore(std::uint64_t seed, bool two_nodes) : names(true, seed), two_(two_nodes) {
+    static int made = 0;
+    prefix_ = fmt::format("shore{}-", ++made);
+    boat.over(link_id::gprs).acknowledges = true;
+    for (auto link : {link_id::xbee, link_id::gprs, link_id::iridium}) {
+        terms.proxies.push_back({link, fmt::format("shore/{}", name_of(link))});
+        start_proxy(link);
+    }
+}
+
+void shore::start_proxy(link_id link) {
+    auto name = std::string(name_of(link));
+    processes_["shore/" + name] = &names.start(name, name, [this, link, name](ise::node& node) {
+        node.start<scripted_proxy>("shore/" + name, names_test::everywhere(), link, boat);
+    });
+}
+
+void shore::start_node(const std::string& name) {
+    auto& disk = disks_[name];
+    if (!disk) {
+        auto opened = database::open(disk_of(name), {});
+        disk = std::make_unique<database>(std::move(opened.value()));
+    }
+    auto host = name.substr(name.find('/') + 1);
+    processes_[name] = &names.start(host, host, [this, name](ise::node& node) {
+        auto options = terms;
+        options.file = disk_of(name);
+        options.secondary = name == two;
+        if (two_) options.peer = name == two ? one : two;
+        running_[name] = &node;
+        nodes_[name] = &node.start<communication_node>(name, names_test::everywhere(), std::move(options));
+    });
+}
+
+communication_state shore::state(const std::string& name) const {
+    auto process = processes_.find(name);
+    if (process == processes_.end() || !process->second->running()) return communication_state();
+    return nodes_.at(name)->how();
+}
+
+std::set<packet_key> shore::on_disk(const std::string& name) {
+    std::set<packet_key> made;
+    auto rows = disks_.at(name)->query("SELECT boot, sequence FROM packets");
+    for (const auto& row : rows.value())
+        made.emplace(static_cast<std::uint16_t>(row.integer(0)), static_cast<std::uint32_t>(row.integer(1)));
+    return made;
+}
+
+void shore::fill_disk(const std::string& name, bool full) {
+    if (full) disks_.at(name)->begin().value(); // whoever else wants to write is refused
+    else disks_.at(name)->rollback();
+}
+
+void shore::sends_every_second(std::vector<link_id> over) {
+    auto mine = ++sending_;
+    auto again = std::make_shared<std::function<void()>>();
+    *again = [this, over, mine, weak = std::weak_ptr(again)] {
+        if (mine != sending_) return;
+        auto at = utc_time(std::chrono::floor<std::chrono::milliseconds>(world.wall_start + world.elapsed()));
+        auto packet = boat.make(over.front(), at);
+        for (auto link : over) {
+            packet.link = link;
+            boat.over(link).waiting.push_back(packet);
+        }
+        world.after(1s, [again = weak.lock()] { (*again)(); });
+    };
+    world.after(0s, [again] { (*again)(); });
+}
+
+listener& shore::listen(const std::string& whom, const std::string& from) {
+    auto& into = *listeners_.emplace_back(std::make_unique<listener>());
+    auto name = from + std::to_string(listeners_.size());
+    names.start_body(from, name, [&into, whom](ise::component& self) -> ise::task<> {
+        auto there = self.at(whom);
+        self.listen(
+            there, services::telecommand_state,
+            [&into](const telecommand_status& status) { into.states.push_back(status); },
+            ise::subscribe_options::last(1024));
+        self.listen(there, services::authority_changes,
+                    [&into](const authority_state& state) { into.authorities.push_back(state); });
+        telemetry_follower follower(self, there, [&into](const telemetry_packet& packet) {
+            into.heard.push_back(key_of(packet));
+            if (!into.known.insert(key_of(packet)).second) ++into.twice;
+            if (packet.history) return;
+            if (into.current && packet.measured_at < *into.current) ++into.backwards;
+            into.current = packet.measured_at;
+        });
+        for (;;) {
+            try {
+                co_await follower.run();
+            } catch (const ise::error&) { // the provider went: again
+            }
+            co_await self.sleep(500ms);
+        }
+    });
+    return into;
+}
+
+void shore::let(const std::string& who, job what) {
+    auto& desk = operators_[who];
+    if (!desk) {
+        desk = std::make_shared<operator_desk>();
+        names.start_body(who, who, [mine = desk](ise::component& self) -> ise::task<> {
+            for (;;) {
+                for (; !mine->jobs.empty(); mine->jobs.pop_front()) self.spawn("job", mine->jobs.front()(self));
+                co_await self.sleep(50ms);
+            }
+        });
+    }
+    // A coroutine that is a lambda refers to it: it is kept as long as the world.
+    auto kept = std::make_shared<job>(std::move(what));
+    names.server->keep(kept);
+    desk->jobs.push_back([kept](ise::component& self) { return (*kept)(self); });
+}
+
+ise::result<authority_state> shore::authority(const std::string& who, authority_action action, bool confirmed,
+                                              std::string to, std::string whom) {
+    authority_request request;
+    request.action = action;
+    request.confirmed = confirmed;
+    request.to = std::move(to);
+    return ask(who, services::authority, std::move(request), 20s, std::move(whom));
+}
+
+} // namespace communication_test

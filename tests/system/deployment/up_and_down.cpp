@@ -1,0 +1,174 @@
+// Deployments of small components on two hosts: up, again, otherwise, and down.
+#include "two_hosts.hpp"
+
+#include <system/instantiation/host.hpp>
+
+using namespace deployment_test;
+using Catch::Contains;
+using host_test::lives;
+using host_test::marked;
+using host_test::wait_until;
+
+namespace {
+
+const std::string two_hosts_of_sea = "name = 'sea'\n[hosts.boat]\n[hosts.shore]\n";
+
+std::string component(const std::string& name, const std::string& host, const std::string& more = "") {
+    return "[components." + name + "]\ntype = 'trouble'\nhost = '" + host + "'\nready-within = '60s'\n" + more;
+}
+
+std::string sea(const std::string& components) { return two_hosts_of_sea + components; }
+
+} // namespace
+
+TEST_CASE("a deployment comes up in order, is up the second time, and goes down leaving nothing") {
+    two_hosts in;
+    auto file = in.file("sea.toml", sea(component("one", "boat", "after = 'two'\n") + component("two", "shore", "parameters = { answer = 3, say = 'here' }\nroles = { 'sea/best' = 4 }\n")));
+    CHECK_THAT(in.done({"diff", file}), Contains("start sea/two on shore\nstart sea/one on boat\n"));
+    auto text = in.up(file);
+    INFO(text);
+    CHECK(text.find("[1/2] start sea/two on shore") < text.find("[2/2] start sea/one on boat"));
+    CHECK_THAT(text, Contains("ready after") && Contains("sea is up: 2 components, 2 steps"));
+    CHECK(in.told({"call", "sea/best", "ask"})["answer"] == 3);
+    CHECK(in.state("sea/one")["host"] == "boat");
+    int pid = in.state("sea/two")["process_id"];
+    CHECK_THAT(in.up(file), Contains("sea is up: 2 components, nothing was to be done"));
+    CHECK_THAT(in.done({"diff", file}), Contains("sea is as"));
+    CHECK(in.state("sea/two")["process_id"] == pid);
+    auto down = in.done({"down", file});
+    INFO(down);
+    CHECK(down.find("stop sea/one") < down.find("stop sea/two"));
+    CHECK(marked().empty());
+    CHECK(in.told({"ps"}).empty());
+    CHECK(in.left_behind().empty());
+    CHECK_THAT(in.done({"down", file}), Contains("sea is down"));
+}
+
+TEST_CASE("what it started is undone when a deployment fails, unless it is to be kept") {
+    two_hosts in;
+    auto file = in.file("sea.toml", sea(component("one", "boat") + component("two", "shore", "after = 'one'\nparameters = { failing = 'the sea is rough' }\n")));
+    auto failed = in.ise({"up", file});
+    INFO(failed.out << failed.err);
+    CHECK(failed.exit_code == 1);
+    CHECK_THAT(failed.err, Contains("step 2 of 2 failed") && Contains("the sea is rough") && Contains("what was done before was undone"));
+    CHECK_THAT(failed.out, Contains("start sea/one on boat: undone"));
+    CHECK(marked().empty());
+    auto kept = in.ise({"up", file, "--keep"});
+    CHECK(kept.exit_code == 1);
+    CHECK_THAT(kept.err, Contains("what was done before stays"));
+    CHECK(in.is_ready("sea/one"));
+    in.done({"down", file});
+    CHECK(marked().empty());
+}
+
+TEST_CASE("a change that fails leaves what ran before") {
+    two_hosts in;
+    auto before = in.file("before.toml", sea(component("one", "boat") + component("two", "boat", "after = 'one'\nparameters = { say = 'a' }\n") + component("old", "shore")));
+    in.up(before);
+    auto after = in.file("after.toml", sea(component("one", "boat", "parameters = { answer = 2 }\n") + component("two", "shore", "after = 'one'\nparameters = { say = 'b' }\n") +
+                                           component("three", "shore", "after = 'two'\nparameters = { failing = 'reef' }\n")));
+    auto failed = in.ise({"up", after});
+    INFO(failed.out << failed.err);
+    CHECK(failed.exit_code == 1);
+    CHECK_THAT(failed.err, Contains("what was done before was undone\n"));
+    CHECK(in.told({"call", "sea/one", "ask"})["answer"] == 7);
+    CHECK(in.state("sea/two")["host"] == "boat");
+    CHECK(in.is_ready("sea/two"));
+    CHECK(in.is_ready("sea/old"));
+    auto rest = in.ise({"diff", before});
+    CHECK_THAT(rest.out, !Contains("start") && !Contains("change"));
+}
+
+TEST_CASE("a running deployment is changed: in place, by a restart, by a move, by more and by less") {
+    two_hosts in;
+    in.up(in.file("sea.toml", sea(component("calm", "boat") + component("changed", "boat") + component("again", "boat") + component("moves", "boat") + component("goes", "shore"))));
+    auto pid = [&](const std::string& name) { return in.state("sea/" + name)["process_id"].get<int>(); };
+    int calm = pid("calm"), changed = pid("changed"), again = pid("again"), moves = pid("moves");
+    auto file = in.file("sea.toml", sea(component("calm", "boat") + component("changed", "boat", "parameters = { answer = 2.5 }\n") +
+                                        component("again", "boat", "parameters = { say = 'again' }\n") + component("moves", "shore") + component("comes", "shore")));
+    auto text = in.up(file);
+    INFO(text);
+    CHECK_THAT(text, Contains("stop sea/goes on shore (it is not in the file any more)") && Contains("change sea/changed on boat\n    answer: 7 -> 2.5") &&
+                         Contains("restart sea/again on boat\n    say: (none) -> again") && Contains("start sea/moves on shore (it moves from boat)") && Contains("start sea/comes on shore"));
+    CHECK(pid("calm") == calm);
+    CHECK(pid("changed") == changed);
+    CHECK(in.told({"call", "sea/changed", "ask"})["answer"] == 2.5);
+    CHECK(pid("again") != again);
+    CHECK_FALSE(lives(moves));
+    CHECK(in.state("sea/moves")["host"] == "shore");
+    CHECK(in.told({"ps"}).size() == 5); // of what has gone, nothing is kept
+    CHECK_THAT(in.up(file), Contains("nothing was to be done"));
+}
+
+TEST_CASE("a component that refuses a change, and values that are not allowed, end an up with the reason") {
+    two_hosts in;
+    in.up(in.file("sea.toml", sea(component("one", "boat"))));
+    auto vetoed = in.ise({"up", in.file("sea.toml", sea(component("one", "boat", "parameters = { answer = 9 }\n")))});
+    CHECK(vetoed.exit_code == 1);
+    CHECK_THAT(vetoed.err, Contains("step 1 of 1 failed") && Contains("at sea/one") && Contains("nine is no answer"));
+    auto file = in.file("sea.toml", sea(component("one", "boat", "parameters = { answer = 11, anwser = 1 }\n")));
+    for (const char* command : {"up", "diff", "validate"}) {
+        auto wrong = in.ise({command, file});
+        CHECK(wrong.exit_code == 2);
+        CHECK_THAT(wrong.err, Contains("sea.toml:8:25: parameter 'answer' cannot be '11': it is a number from 0 to 10 (m)"));
+        CHECK_THAT(wrong.err, Contains("sea.toml:8:29: type 'trouble' has no parameter 'anwser'; did you mean 'answer'?"));
+    }
+    CHECK(in.told({"call", "sea/one", "ask"})["answer"] == 7);
+}
+
+TEST_CASE("what others have started is left alone") {
+    two_hosts in;
+    in.done({"start", "trouble", "sea/one", "--host", "boat", "--timeout", "120s", "--ready-within", "60s"});
+    auto file = in.file("sea.toml", sea(component("one", "boat")));
+    auto refused = in.ise({"up", file});
+    CHECK(refused.exit_code == 2);
+    CHECK_THAT(refused.err, Contains("sea.toml:4:13: 'sea/one' runs on boat already, and was started by hand"));
+    in.done({"down", file});
+    CHECK(in.is_ready("sea/one"));
+}
+
+TEST_CASE("hosts that are not there, and files that are none, are told with their place") {
+    two_hosts in;
+    auto nowhere = in.ise({"up", in.file("a.toml", "name='sea'\n[hosts.moon]\nserver='shoer'\n[components.x]\ntype='trouble'\n")});
+    CHECK(nowhere.exit_code == 2);
+    CHECK_THAT(nowhere.err, Contains("a.toml:2:8: no instantiation server 'shoer' is registered; did you mean 'shore'?"));
+    auto none = in.ise({"up", in.folder().string() + "/none.toml"});
+    CHECK(none.exit_code == 2);
+    CHECK_THAT(none.err, Contains("none.toml"));
+    auto broken = in.ise({"validate", "--offline", in.file("b.toml", "name = 'sea\n"), "--json"});
+    CHECK(broken.exit_code == 2);
+    CHECK_THAT(broken.err, Contains(R"("error":"bad_deployment")") && Contains("b.toml:1:"));
+    auto well = in.ise({"validate", in.file("c.toml", sea(component("one", "boat")))});
+    CHECK(well.exit_code == 0);
+    CHECK_THAT(well.out, Contains("c.toml is well formed: sea with 1 components on 2 hosts, all of types"));
+}
+
+TEST_CASE("a file is validated without anybody to ask") {
+    two_hosts in;
+    auto file = in.file("sea.toml", sea(component("one", "boat", "parameters = { no = 'such' }\n")));
+    in.crash_name_server();
+    auto alone = in.ise({"validate", file});
+    INFO(alone.err);
+    CHECK(alone.exit_code == 0);
+    CHECK_THAT(alone.err, Contains("types and parameters were not checked: there is no name server at"));
+    CHECK(in.ise({"validate", "--offline", file}).err.empty());
+    in.start_name_server();
+}
+
+TEST_CASE("an instantiation server that is killed in between knows its part of the deployment again") {
+    two_hosts in;
+    auto file = in.file("sea.toml", sea(component("one", "boat", "parameters = { answer = 2 }\nrestart = 'always'\nroles = { 'sea/best' = 1 }\n")));
+    in.up(file);
+    in.done({"param", "set", "sea/one", "answer", "4"});
+    int pid = in.state("sea/one")["process_id"];
+    in.crash("boat");
+    CHECK(lives(pid));
+    in.open("boat");
+    CHECK(in.done({"diff", file}) == "change sea/one on boat\n    answer: 4 -> 2\n");
+    ::kill(pid, SIGKILL);
+    wait_until([&] { return in.is_ready("sea/one") && in.state("sea/one")["process_id"] != pid; });
+    CHECK(in.told({"call", "sea/one", "ask"})["answer"] == 4); // what was set holds in the next life
+    in.done({"down", file});
+    CHECK(marked().empty());
+    CHECK(in.left_behind().empty());
+}

@@ -1,0 +1,139 @@
+// Instantiation servers that come and go: what was started is never lost.
+#include "host.hpp"
+
+#include <fstream>
+#include <unistd.h>
+
+using namespace host_test;
+using Catch::Contains;
+
+TEST_CASE("what an instantiation server had started goes on when it is killed, and is taken over by the next") {
+    host here;
+    here.open();
+    int pid = here.start("sea/one", {"--set", "answer=2"})["process_id"];
+    here.crash();
+    CHECK(lives(pid));
+    CHECK(here.told({"call", "sea/one", "ask"})["answer"] == 2);
+    here.open();
+    auto state = here.state("sea/one");
+    CHECK(state["state"] == "ready");
+    CHECK(state["process_id"] == pid);
+    CHECK(state["adopted"] == true);
+    auto ended = here.told({"stop", "sea/one"});
+    CHECK(ended["state"] == "stopped");
+    CHECK_FALSE(lives(pid));
+}
+
+TEST_CASE("what was taken over is watched over as before") {
+    host here;
+    here.open();
+    int pid = here.start("sea/one", {"--restart", "on-failure"})["process_id"];
+    here.crash();
+    here.open();
+    ::kill(pid, SIGKILL);
+    wait_until([&] {
+        auto state = here.state("sea/one");
+        return state["state"] == "ready" && state["process_id"] != pid;
+    });
+    CHECK(here.state("sea/one")["restarts"] == 1);
+}
+
+TEST_CASE("what ended while no instantiation server ran follows its policy, and leaves nothing behind") {
+    host here;
+    here.open();
+    int again = here.start("sea/again", {"--restart", "always", "--set", "children=2"})["process_id"];
+    int never = here.start("sea/never", {"--set", "children=2"})["process_id"];
+    CHECK(marked().size() == 6);
+    here.crash();
+    ::kill(again, SIGKILL);
+    ::kill(never, SIGKILL);
+    wait_until([&] { return marked().size() == 4; }); // the children that they had
+    here.open();
+    wait_until([&] { return here.state("sea/again")["state"] == "ready"; });
+    auto state = here.state("sea/never");
+    CHECK(state["state"] == "failed");
+    CHECK(state["reason"] == "ended while no instantiation server ran");
+    CHECK(marked().size() == 3); // those of the new life
+}
+
+TEST_CASE("a process that was started but not written down yet is found by its mark") {
+    host here;
+    here.open();
+    int pid = here.start("sea/one", {"--set", "answer=2"})["process_id"];
+    here.crash();
+    auto file = here.state_folder() / "state.json";
+    json state;
+    std::ifstream(file) >> state;
+    state["instances"][0]["process"] = {{"pid", 0}, {"start_ticks", 0}};
+    state["instances"][0]["state"] = "starting";
+    std::ofstream(file) << state;
+    here.open();
+    wait_until([&] { return here.state("sea/one")["state"] == "ready"; });
+    CHECK(here.state("sea/one")["process_id"] == pid);
+}
+
+TEST_CASE("another process that has got the number is left alone") {
+    host here;
+    here.open();
+    int pid = here.start("sea/one")["process_id"];
+    here.crash();
+    auto file = here.state_folder() / "state.json";
+    json state;
+    std::ifstream(file) >> state;
+    auto& process = state["instances"][0]["process"];
+    process["pid"] = ::getpid(); // this test
+    state["instances"][0]["mark"] = "0123456789abcdef";
+    std::ofstream(file) << state;
+    here.open();
+    CHECK(here.state("sea/one")["state"] == "failed");
+    CHECK(lives(pid));
+}
+
+TEST_CASE("a state that cannot be read is put aside and told") {
+    host here;
+    std::filesystem::create_directories(here.state_folder());
+    std::ofstream(here.state_folder() / "state.json") << "{\"instances\": [";
+    here.open();
+    CHECK(here.ise({"ps", "--names"}).out.empty());
+    CHECK(std::filesystem::exists(here.state_folder() / "state.json.unreadable"));
+}
+
+TEST_CASE("an instantiation server that is asked to end ends all that it has started") {
+    host here;
+    here.open({"--grace", "0.3"});
+    here.start("sea/one", {"--set", "children=2", "--restart", "always"});
+    here.start("sea/two");
+    here.deafen("sea/two");
+    CHECK(here.close() == 0);
+    CHECK(marked().empty());
+    here.open();
+    CHECK(here.ise({"ps", "--names"}).out.empty());
+}
+
+TEST_CASE("an instantiation server can leave what runs to the next one") {
+    host here;
+    here.open({"--leave-running"});
+    int pid = here.start("sea/one")["process_id"];
+    CHECK(here.close() == 0);
+    CHECK(lives(pid));
+    here.open();
+    CHECK(here.state("sea/one")["process_id"] == pid);
+}
+
+TEST_CASE("an instantiation server refuses what would make it unsafe") {
+    host here;
+    auto refused = [&](std::vector<std::string> options, std::string programs = {}, std::string state = {}) {
+        if (programs.empty()) programs = here.programs().string();
+        if (state.empty()) state = here.state_folder().string();
+        std::vector<std::string> words{"ise_instantiation_server", "--programs", programs, "--state", state, "--name-server", here.name_server()};
+        words.insert(words.end(), options.begin(), options.end());
+        auto ran = ise_test::run_program(words);
+        CHECK(ran.exit_code == 1);
+        return ran.err;
+    };
+    CHECK_THAT(refused({"--listen", "tcp://0.0.0.0:0"}), Contains("does not listen on tcp://0.0.0.0:0") && Contains("cannot ask for credentials"));
+    CHECK_THAT(refused({}, "/nowhere/at/all"), Contains("cannot read the folder /nowhere/at/all"));
+    here.open();
+    CHECK_THAT(refused({}), Contains("another instantiation server uses the folder"));
+    CHECK_THAT(refused({"--name", "shore"}, {}, (here.state_folder() / "more").string()), Contains("'ise/host/shore'"));
+}

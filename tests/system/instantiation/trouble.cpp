@@ -1,0 +1,105 @@
+// A program for an instantiation server to have trouble with: what it does wrong is asked for by parameters and calls.
+#include <ise/component/component_type.hpp>
+
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <memory>
+#include <unistd.h>
+
+namespace {
+
+using namespace std::chrono_literals;
+
+struct trouble_options {
+    double answer = 7;
+    int children = 0;
+    bool silent = false;
+    std::string say;
+    std::string failing;
+    std::string file;
+    std::vector<std::string> words;
+};
+
+struct question {};
+struct answered {
+    double answer = 0;
+    std::string variable;
+};
+struct say_request {
+    std::string text;
+    std::uint32_t times = 1;
+};
+struct exit_request {
+    std::int32_t code = 0;
+};
+
+inline constexpr ise::request_response<question, answered> ask{"ask"};
+inline constexpr ise::request_response<say_request, ise::nothing> say{"say"};
+/// It does not hear SIGTERM any more; to be called when the program has put its handler in, which it tells by "started".
+inline constexpr ise::request_response<question, ise::nothing> deafen{"deafen"};
+inline constexpr ise::request_response<exit_request, ise::nothing> leave{"leave"};
+
+// Runs until it is ended; SIGTERM does not do it.
+[[noreturn]] void stay() {
+    ::signal(SIGTERM, SIG_IGN);
+    for (;;) ::pause();
+}
+
+class trouble final : public ise::component {
+public:
+    explicit trouble(trouble_options options) : options_(std::move(options)) { announce_when_ready(); }
+
+    void change(const trouble_options& now) {
+        if (now.answer == 9) throw ise::error(ise::errc::refused, "nine is no answer");
+        options_.answer = now.answer;
+    }
+
+private:
+    ise::task<> run() override {
+        if (!options_.say.empty()) print(options_.say);
+        if (!options_.failing.empty()) throw ise::error(ise::errc::io_failed, options_.failing);
+        for (int child = 0; child < options_.children; ++child)
+            if (::fork() == 0) {
+                if (child % 2 == 1) ::setsid(); // out of the group
+                stay();
+            }
+        provide(ask, [this](question) { return answered{options_.answer, env().variable("TROUBLE_FLAG").value_or("")}; });
+        provide(say, [](say_request rq) {
+            for (std::uint32_t line = 0; line < rq.times; ++line) print(rq.text);
+            return ise::nothing();
+        });
+        provide(deafen, [](question) {
+            ::signal(SIGTERM, SIG_IGN);
+            return ise::nothing();
+        });
+        provide(leave, [](exit_request rq) -> ise::nothing { ::_exit(rq.code); });
+        if (!options_.silent) co_await ready();
+    }
+    static void print(const std::string& text) {
+        std::puts(text.c_str());
+        std::fflush(stdout);
+    }
+
+    trouble_options options_;
+};
+
+} // namespace
+
+int main(int count, char** words) {
+    ise::component_type type("trouble", "what can go wrong", "sea/trouble");
+    auto options = std::make_shared<trouble_options>();
+    type.parameters.add("answer", options->answer, "what it answers").range(0, 10).unit("m").changeable();
+    type.parameters.add("children", options->children, "processes that it starts and forgets").range(0, 8);
+    type.parameters.add("silent", options->silent, "never becomes ready");
+    type.parameters.add("say", options->say, "printed at the start");
+    type.parameters.add("failing", options->failing, "why it fails before it is ready");
+    type.parameters.add("file", options->file, "a file").kind(ise::parameter_kind::path);
+    type.parameters.add("word", options->words, "words");
+    type.provides(ask).provides(say).provides(leave).reads("TROUBLE_FLAG");
+    type.makes<trouble>(options);
+    std::vector<ise::component_type> types;
+    types.push_back(std::move(type));
+    return ise::main(count, words, std::move(types), "1");
+}

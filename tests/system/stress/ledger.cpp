@@ -1,0 +1,113 @@
+#include <apps/stress/ledger.hpp>
+#include <apps/stress/plan.hpp>
+
+#include <support/catch.hpp>
+
+#include <algorithm>
+
+using namespace std::chrono_literals;
+using namespace atirma;
+using namespace atirma::stress;
+
+namespace {
+
+std::array<std::set<packet_key>, 2> both(std::set<packet_key> what) { return {what, what}; }
+
+} // namespace
+
+TEST_CASE("stress: what a link took over and a disk does not have is lost, and the proof says which it was") {
+    ledger book;
+    for (packet_key n = 1; n <= 3; ++n) {
+        book.sent(link_id::gprs, n, 1s);
+        book.acknowledged(link_id::gprs, n, 2s);
+    }
+    CHECK(book.judge(both({1, 2, 3}), 1h).holds);
+    auto verdict = book.judge(both({1, 3}), 1h);
+    CHECK_FALSE(verdict.holds);
+    REQUIRE(verdict.missing.size() == 1);
+    CHECK(verdict.missing.front().which == 2);
+    CHECK(verdict.links[static_cast<std::size_t>(link_id::gprs)].owed == 3);
+    CHECK(verdict.links[static_cast<std::size_t>(link_id::gprs)].kept == 2);
+}
+
+TEST_CASE("stress: what was sent and never taken over may be missing") {
+    ledger book;
+    book.sent(link_id::gprs, 1, 1s);
+    book.sent(link_id::xbee, 2, 1s);
+    book.acknowledged(link_id::xbee, 2, 2s); // by the modem; the proxy never read it
+    book.sent(link_id::xbee, 3, 1s);
+    book.arrived(3, 2s);
+    CHECK(book.judge(both({3}), 1h).holds);
+    CHECK_FALSE(book.judge(both({1, 2}), 1h).holds);
+}
+
+TEST_CASE("stress: what was taken over after the end is not judged, and an excuse is counted") {
+    ledger book;
+    book.sent(link_id::xbee, 1, 1s);
+    book.arrived(1, 10s);
+    CHECK(book.judge(both({}), 9s).holds);
+    CHECK_FALSE(book.judge(both({}), 10s).holds);
+    auto excused = book.judge(both({}), 10s, [](const ledger::entry&) { return std::string("because"); });
+    CHECK(excused.holds);
+    CHECK(excused.excused == 1);
+}
+
+TEST_CASE("stress: a packet on one disk only breaks the proof") {
+    ledger book;
+    book.sent(link_id::iridium, 1, 1s);
+    book.acknowledged(link_id::iridium, 1, 2s);
+    std::array<std::set<packet_key>, 2> disks{std::set<packet_key>{1}, std::set<packet_key>{}};
+    auto verdict = book.judge(disks, 1h);
+    CHECK(verdict.only_on_one == 1);
+    CHECK_FALSE(verdict.holds);
+}
+
+TEST_CASE("stress: a packet that is shown twice, never, or from nowhere breaks the proof") {
+    ledger book;
+    for (packet_key n = 1; n <= 2; ++n) {
+        book.sent(link_id::gprs, n, 1s);
+        book.acknowledged(link_id::gprs, n, 2s);
+        book.shown("ana", n);
+    }
+    CHECK(book.judge(both({1, 2}), 1h).holds);
+    SECTION("twice") {
+        book.shown("ana", 2);
+        auto verdict = book.judge(both({1, 2}), 1h);
+        CHECK(verdict.subscribers.at("ana").twice == 1);
+        CHECK_FALSE(verdict.holds);
+    }
+    SECTION("never") {
+        book.shown("ben", 1);
+        auto verdict = book.judge(both({1, 2}), 1h);
+        CHECK(verdict.subscribers.at("ben").missed == 1);
+        CHECK_FALSE(verdict.holds);
+    }
+    SECTION("from nowhere") {
+        book.shown("ana", 7);
+        auto verdict = book.judge(both({1, 2}), 1h);
+        CHECK(verdict.subscribers.at("ana").unknown == 1);
+        CHECK_FALSE(verdict.holds);
+    }
+}
+
+TEST_CASE("stress: a plan has every trouble, is the same for the same seed, and kills one process at a time") {
+    for (std::uint64_t seed = 1; seed <= 20; ++seed)
+        for (ise::duration length : {ise::duration(20min), ise::duration(10h)}) {
+            auto made = make_plan(seed, length), again = make_plan(seed, length);
+            REQUIRE(made.faults.size() == again.faults.size());
+            for (std::size_t i = 0; i < made.faults.size(); ++i)
+                CHECK((made.faults[i].at == again.faults[i].at && made.faults[i].what == again.faults[i].what));
+            for (int kind = 0; kind <= static_cast<int>(trouble::operator_away); ++kind)
+                CHECK(std::ranges::any_of(made.faults,
+                                          [&](const auto& one) { return static_cast<int>(one.what) == kind; }));
+            CHECK(std::ranges::all_of(made.faults, [&](const auto& one) { return one.at + one.length < length; }));
+            ise::duration free{};
+            for (const auto& one : made.faults) {
+                if (one.what < trouble::primary_killed || one.what == trouble::operator_away) continue;
+                CHECK(one.at >= free);
+                free = one.at + one.length + 20s; // and time to come back
+            }
+            CHECK(std::ranges::is_sorted(made.orders, {}, [](const auto& one) { return one.at; }));
+        }
+    CHECK(make_plan(1, 10h).faults.front().at != make_plan(2, 10h).faults.front().at);
+}

@@ -1,0 +1,40 @@
+#include "counting.hpp"
+
+#include <atomic>
+#include <cstdlib>
+#include <new>
+
+namespace {
+
+std::atomic<std::uint64_t> count{0};
+
+void* counted(std::size_t size, std::size_t alignment = 0) noexcept {
+    ++count;
+    if (alignment == 0) return std::malloc(size > 0 ? size : 1);
+    return std::aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment);
+}
+
+void* sure(void* made) {
+    if (!made) throw std::bad_alloc();
+    return made;
+}
+
+} // namespace
+
+std::uint64_t ise_test::allocations() noexcept { return count; }
+
+// All of them: a sanitizer brings its own, which must not meet these.
+void* operator new(std::size_t size) { return sure(counted(size)); }
+void* operator new[](std::size_t size) { return sure(counted(size)); }
+void* operator new(std::size_t size, const std::nothrow_t&) noexcept { return counted(size); }
+void* operator new[](std::size_t size, const std::nothrow_t&) noexcept { return counted(size); }
+void* operator new(std::size_t size, std::align_val_t alignment) { return sure(counted(size, static_cast<std::size_t>(alignment))); }
+void* operator new[](std::size_t size, std::align_val_t alignment) { return sure(counted(size, static_cast<std::size_t>(alignment))); }
+void operator delete(void* made) noexcept { std::free(made); }
+void operator delete[](void* made) noexcept { std::free(made); }
+void operator delete(void* made, std::size_t) noexcept { std::free(made); }
+void operator delete[](void* made, std::size_t) noexcept { std::free(made); }
+void operator delete(void* made, std::align_val_t) noexcept { std::free(made); }
+void operator delete[](void* made, std::align_val_t) noexcept { std::free(made); }
+void operator delete(void* made, std::size_t, std::align_val_t) noexcept { std::free(made); }
+void operator delete[](void* made, std::size_t, std::align_val_t) noexcept { std::free(made); }

@@ -1,0 +1,211 @@
+// What the command line makes of a survey: findings, connections and rates.
+#include <apps/ise/connections.hpp>
+#include <apps/ise/findings.hpp>
+#include <apps/ise/rates.hpp>
+#include <apps/ise/spread.hpp>
+
+#include <support/catch.hpp>
+
+#include <algorithm>
+
+using namespace ise::cli;
+using namespace std::chrono_literals;
+using Catch::Contains;
+
+namespace {
+
+surveyed well(const std::string& path, const std::string& host = "shore") {
+    surveyed made;
+    made.name.path = path;
+    made.name.state = "ready";
+    made.name.host_name = host;
+    made.about.emplace();
+    made.about->path = path;
+    made.about->state = "ready";
+    made.about->incarnation = std::hash<std::string>()(path) | 1;
+    made.health.emplace();
+    made.health->incarnation = made.about->incarnation;
+    made.answered_at = ise::time_point(10s);
+    return made;
+}
+
+ise::session_text with(const std::string& peer, std::uint64_t in = 0, std::uint64_t out = 0) {
+    ise::session_text made;
+    made.peer = peer;
+    made.bytes_in = in;
+    made.bytes_out = out;
+    return made;
+}
+
+template <class Contract>
+ise::service_text service(const Contract& of, bool provided) {
+    ise::service_text made;
+    made.name = of.name();
+    made.kind = static_cast<std::uint8_t>(Contract::types().kind);
+    made.provided = provided;
+    for (const auto& one : Contract::types().schemas) made.packets.push_back({one.fingerprint(), one.text()});
+    return made;
+}
+
+std::vector<std::string> kinds(const std::vector<finding>& of) {
+    std::vector<std::string> all;
+    for (const auto& one : of) all.push_back(one.kind);
+    return all;
+}
+
+std::vector<std::string> found(const std::vector<surveyed>& now, const std::vector<surveyed>& before = {}) { return kinds(examine(before, now, 1s, "shore")); }
+
+struct order { double heading_deg = 0; };
+struct longer_order { double heading_deg = 0; bool now = false; };
+struct other_order { std::string text; };
+struct done {};
+inline constexpr ise::request_response<order, done> steer{"steer"};
+inline constexpr ise::request_response<longer_order, done> steer_longer{"steer"};
+inline constexpr ise::request_response<other_order, done> steer_otherwise{"steer"};
+
+using list = std::vector<std::string>;
+
+} // namespace
+
+TEST_CASE("a system in good order has no findings, whatever waits a little") {
+    auto one = well("a");
+    one.lease = 2s;
+    one.name.lease_age = 700ms;
+    one.clock_ahead = 90ms;
+    one.health->sessions.push_back({"b (tcp://10.0.0.1:1)", 4000});
+    CHECK(found({one, well("b")}).empty());
+}
+
+TEST_CASE("a lease that is not renewed is found before it ends") {
+    auto one = well("a");
+    one.lease = 2s;
+    one.name.lease_age = 1500ms;
+    CHECK(found({one}) == list{"stale_lease"});
+}
+
+TEST_CASE("who is silent is told apart: away, busy, stalled") {
+    auto gone = well("a", "boat");
+    gone.about.reset();
+    gone.health.reset();
+    gone.why = ise::errc::unreachable;
+    gone.trouble = "'a' is registered, but not reached: refused";
+    CHECK(found({gone}) == list{"unreachable"});
+    gone.name.endpoints = {"tcp://127.0.0.1:7411", "local://@ise-1"};
+    CHECK_THAT(examine({}, {gone}, 1s, "shore").front().advice, Contains("addresses of boat only"));
+    gone.why = ise::errc::timed_out;
+    CHECK(found({gone}) == list{"no_answer"});
+    gone.name.state = "stalled";
+    CHECK(found({gone}) == list{"stalled"});
+    auto peer = well("b");
+    peer.about->sessions.push_back(with("c (tcp://10.0.0.2:7411)"));
+    peer.about->sessions.back().peer_stalled = true;
+    auto seen = examine({}, {peer}, 1s, "shore");
+    REQUIRE(seen.size() == 1);
+    CHECK(seen.front().component == "c");
+    CHECK_THAT(seen.front().message, Contains("as b sees it"));
+}
+
+TEST_CASE("a clock that is off is told once a host, unless nobody can know") {
+    auto one = well("a", "boat"), two = well("b", "boat");
+    one.clock_ahead = two.clock_ahead = -3s;
+    auto seen = examine({}, {one, two}, 1s, "shore");
+    CHECK(kinds(seen) == list{"clock_skew"});
+    CHECK_THAT(seen.front().message, Contains("boat is 3 s behind this machine's"));
+    one.clock_doubt = two.clock_doubt = 5s; // the answer took ten seconds
+    CHECK(found({one, two}).empty());
+}
+
+TEST_CASE("what grows between two looks is a warning, what has happened before a note") {
+    auto before = well("a"), now = well("a");
+    now.about->packets_dropped = now.health->packets_dropped = 7;
+    now.health->calls_refused = 3;
+    CHECK(found({now}, {before}) == list{"drops_packets", "overloaded"});
+    auto notes = examine({now}, {now}, 1s, "shore");
+    CHECK(kinds(notes) == list{"dropped_packets", "refused_calls"});
+    CHECK(std::ranges::all_of(notes, [](const auto& one) { return one.weight == severity::note; }));
+    now.health->sessions.push_back({"b (tcp://10.0.0.1:1)", 5'000'000});
+    CHECK(found({now}, {now}) == list{"slow_peer", "dropped_packets", "refused_calls"});
+}
+
+TEST_CASE("services are compared where they meet") {
+    auto asks = well("asks"), gives = well("gives"), strange = well("strange");
+    asks.about->services.push_back(service(steer, false));
+    CHECK(found({asks}) == list{"no_provider"});
+    gives.about->services.push_back(service(steer_longer, true));
+    CHECK(found({asks, gives}).empty()); // appended
+    strange.about->services.push_back(service(steer_otherwise, true));
+    CHECK(found({asks, strange}) == list{"schema_mismatch"});
+    CHECK(found({asks, gives, strange}).empty()); // another use of the same word
+    asks.about->sessions.push_back(with("strange (tcp://10.0.0.3:1)"));
+    auto met = examine({}, {asks, gives, strange}, 1s, "shore");
+    REQUIRE(kinds(met) == list{"schema_mismatch"});
+    CHECK(met.front().weight == severity::error);
+    CHECK_THAT(met.front().message, Contains("heading_deg"));
+    // Somebody who does not answer may provide it.
+    auto silent = well("silent");
+    silent.about.reset();
+    silent.health.reset();
+    silent.why = ise::errc::unreachable;
+    asks.about->sessions.clear();
+    CHECK(found({asks, silent}) == list{"unreachable"});
+}
+
+TEST_CASE("a session is one connection, seen from both ends, and who only looks is none") {
+    auto a = well("a"), b = well("b");
+    a.about->services.push_back(service(steer, false));
+    b.about->services.push_back(service(steer, true));
+    a.about->sessions = {with("b (tcp://10.0.0.2:7411)", 100, 20), with("ise/cli/77 (tcp://127.0.0.1:5)", 1, 1)};
+    b.about->sessions = {with("a (tcp://10.0.0.1:5555)", 19, 99), with("tcp://10.0.0.9:4321", 5, 6)};
+    auto lines = connections_of({a, b});
+    REQUIRE(lines.size() == 2);
+    CHECK(lines[0].a == "a");
+    CHECK(lines[0].b == "b");
+    CHECK(lines[0].over == "tcp");
+    CHECK(lines[0].sessions == 1);
+    CHECK(lines[0].bytes_to_a == 100);
+    CHECK(lines[0].bytes_to_b == 20);
+    REQUIRE(lines[0].services.size() == 1);
+    CHECK_FALSE(lines[0].services.front().a_provides);
+    CHECK(lines[1].a == "b");
+    CHECK(lines[1].b.empty());
+    CHECK(lines[1].address == "tcp://10.0.0.9:4321");
+    auto dot = connections_as_dot({a, b}, lines);
+    CHECK_THAT(dot, Contains(R"x("a" -> "b" [label="steer (tcp)"];)x") && Contains("style=dotted"));
+    CHECK_THAT(connections_as_tree({a, b}, lines), Contains("b  tcp  uses steer") && Contains("a  tcp  gives steer") && Contains("(anonymous, tcp://10.0.0.9:4321)"));
+    SECTION("seen by the second alone, its bytes are turned round") {
+        auto seen = connections_of({b});
+        REQUIRE(seen.size() == 2);
+        CHECK(seen[0].a == "a");
+        CHECK(seen[0].bytes_to_a == 99);
+        CHECK(seen[0].bytes_to_b == 19);
+    }
+}
+
+TEST_CASE("rates are of one life, without our own questions") {
+    auto before = well("a"), now = well("a");
+    now.answered_at = before.answered_at + 2s;
+    before.about->calls_served = 10;
+    now.about->calls_served = 18; // six by others
+    now.about->packets_published = 100;
+    before.about->sessions = {with("b (tcp://10.0.0.2:1)", 1000, 0)};
+    now.about->sessions = {with("b (tcp://10.0.0.2:1)", 3000, 0), with("ise/cli/1 (tcp://127.0.0.1:1)", 9999, 9999)};
+    auto seen = activities({before}, {now}).front();
+    CHECK(seen.calls_hz == 3.0);
+    CHECK(seen.packets_hz == 50.0);
+    CHECK(seen.in_bps == 1000.0);
+    CHECK(seen.sessions == 1);
+    now.about->incarnation += 2;
+    CHECK_FALSE(activities({before}, {now}).front().calls_hz);
+    now.about.reset();
+    CHECK_FALSE(activities({before}, {now}).front().answered);
+}
+
+TEST_CASE("the median is between the two in the middle") {
+    spread of;
+    for (auto length : {5ms, 1ms, 4ms, 2ms}) of.add(length);
+    CHECK(of.shortest() == 1ms);
+    CHECK(of.median() == 3ms);
+    CHECK(of.longest() == 5ms);
+    of.add(100ms);
+    CHECK(of.median() == 4ms);
+}

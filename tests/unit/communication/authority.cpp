@@ -1,0 +1,122 @@
+#include <components/communication_node/authority_book.hpp>
+
+#include <support/catch.hpp>
+
+using namespace atirma;
+using Catch::Contains;
+
+namespace {
+
+const utc_time morning{std::chrono::sys_days(std::chrono::year(2017) / 9 / 4) + std::chrono::hours(8)};
+
+struct helm {
+    authority_book book;
+    explicit helm(bool odd = false) : book(odd) {}
+
+    ise::result<authority_state> ask(const std::string& who, authority_action action, bool confirmed = false,
+                                     const std::string& to = {}) {
+        authority_request request;
+        request.action = action;
+        request.confirmed = confirmed;
+        request.to = to;
+        auto made = book.decide(request, who, morning);
+        if (made) book.apply(*made, made->epoch == book.now().epoch ? book.change() + 1 : 0);
+        return made;
+    }
+    std::string refusal(const std::string& who, authority_action action, bool confirmed = false,
+                        const std::string& to = {}) {
+        auto made = ask(who, action, confirmed, to);
+        REQUIRE_FALSE(made);
+        CHECK(made.error().code() == ise::errc::refused);
+        return made.error().message();
+    }
+};
+
+using enum authority_action;
+
+} // namespace
+
+TEST_CASE("authority: who takes what nobody holds may command, the others are told who holds it and what to do") {
+    helm it;
+    CHECK_THAT(*it.book.refusal("ana"), Contains("nobody holds the authority") && Contains("take"));
+    auto taken = it.ask("ana", take);
+    REQUIRE(taken);
+    CHECK(taken->holder == "ana");
+    CHECK(taken->epoch == 2);
+    CHECK(taken->since == morning);
+    CHECK_FALSE(it.book.refusal("ana"));
+    CHECK_THAT(*it.book.refusal("bea"),
+               Contains("ana holds the authority over the boat since 2017-09-04 08:00:00 UTC, not bea") &&
+                   Contains("action ask"));
+    CHECK(it.ask("ana", take)->epoch == 2); // holds it already
+    CHECK_THAT(it.refusal("bea", take), Contains("ana holds") && Contains("ask for it") && Contains("confirmed true"));
+    CHECK(it.book.now().holder == "ana");
+}
+
+TEST_CASE("authority: it is asked for, handed over, taken by force and released, each time under a higher epoch") {
+    helm it;
+    REQUIRE(it.ask("ana", take));
+    REQUIRE(it.ask("bea", ask));
+    CHECK(it.ask("bea", ask)->asked_by == std::vector<std::string>{"bea"});
+    CHECK(it.book.now().epoch == 2);
+    CHECK_THAT(it.refusal("bea", hand_over, false, "bea"), Contains("only the holder"));
+    CHECK_THAT(it.refusal("ana", hand_over), Contains("`to`"));
+    CHECK_THAT(it.refusal("ana", hand_over, false, "ana"), Contains("another one than the holder"));
+    auto handed = it.ask("ana", hand_over, false, "bea");
+    REQUIRE(handed);
+    CHECK(handed->holder == "bea");
+    CHECK(handed->epoch == 4);
+    CHECK(handed->asked_by.empty());
+    auto forced = it.ask("ana", take, true);
+    REQUIRE(forced);
+    CHECK(forced->epoch == 6);
+    CHECK(forced->how == "taken by ana from bea");
+    CHECK_THAT(it.refusal("bea", release), Contains("only the holder"));
+    CHECK(it.ask("ana", release)->epoch == 8);
+    CHECK(it.book.now().holder.empty());
+    CHECK_THAT(it.refusal("ana", release), Contains("nothing to release"));
+    CHECK_THAT(it.refusal("ana", ask), Contains("take it"));
+    CHECK_THAT(it.refusal("ana", hand_over, false, "bea"), Contains("nothing to hand over"));
+    CHECK(it.ask("ana", look)->epoch == 8);
+}
+
+TEST_CASE("authority: nodes that do not see each other never give the same epoch, and agree where they meet") {
+    helm primary(false), secondary(true);
+    REQUIRE(primary.ask("ana", take));
+    CHECK(secondary.book.is_newer(primary.book.now(), 0));
+    secondary.book.apply(primary.book.now(), 0);
+    REQUIRE(primary.ask("ana", release)); // cut off from each other
+    REQUIRE(secondary.ask("bea", take, true));
+    CHECK(primary.book.now().epoch == 4);
+    CHECK(secondary.book.now().epoch == 3);
+    CHECK(secondary.book.is_newer(primary.book.now(), 0));
+    CHECK_FALSE(primary.book.is_newer(secondary.book.now(), 0));
+    REQUIRE(secondary.ask("bea", release));
+    CHECK(secondary.book.now().epoch == 5);
+    CHECK(primary.book.is_newer(secondary.book.now(), 0));
+    CHECK_FALSE(primary.book.is_newer(primary.book.now(), primary.book.change()));
+    CHECK(primary.book.is_newer(primary.book.now(), primary.book.change() + 1));
+}
+
+TEST_CASE("authority: a boat that obeys a higher epoch makes the holder take it anew, above that one") {
+    helm it;
+    REQUIRE(it.ask("ana", take));
+    it.book.boat_obeys(7);
+    it.book.boat_obeys(5);
+    CHECK_THAT(*it.book.refusal("ana"), Contains("epoch 7") && Contains("take it anew"));
+    auto anew = it.ask("ana", take);
+    REQUIRE(anew);
+    CHECK(anew->epoch == 8);
+    CHECK_FALSE(it.book.refusal("ana"));
+}
+
+TEST_CASE("authority: names and questions are bounded") {
+    helm it;
+    REQUIRE(it.ask("ana", take));
+    for (std::size_t i = 0; i < authority_book::max_asking; ++i) REQUIRE(it.ask("operator" + std::to_string(i), ask));
+    CHECK_THAT(it.refusal("one more", ask), Contains("16 operators ask"));
+    CHECK_FALSE(it.ask("", take, true));
+    CHECK_FALSE(it.ask(std::string(201, 'x'), take, true));
+    CHECK_FALSE(it.ask("ana", hand_over, false, std::string(201, 'x')));
+    CHECK_FALSE(it.ask("ana", static_cast<authority_action>(99)));
+}

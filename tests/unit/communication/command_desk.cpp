@@ -1,0 +1,256 @@
+#include <components/communication_node/command_desk.hpp>
+#include <components/communication_node/newest_by_kind.hpp>
+#include <components/communication_node/peer_watch.hpp>
+
+#include <support/catch.hpp>
+
+using namespace atirma;
+using namespace std::chrono_literals;
+using Catch::Contains;
+
+namespace {
+
+const std::string me = "shore/one";
+
+struct table {
+    command_desk desk;
+    link_table links{usual_links()};
+    ise::time_point now{1h};
+    utc_time wall{std::chrono::hours(400'000)};
+
+    explicit table(desk_options options = desk_options()) : desk(options) {}
+    void pass(ise::duration time) {
+        now += time;
+        wall += std::chrono::duration_cast<std::chrono::milliseconds>(time);
+    }
+    void there(link_id link, bool heard = true) {
+        links.reached(link, true);
+        if (heard) links.heard(link, now);
+    }
+    static telecommand_request request(std::uint32_t id, float valid_s = 300) {
+        telecommand_request made;
+        made.id = id;
+        made.command.kind = command_kind::tack_now;
+        made.valid_s = valid_s;
+        return made;
+    }
+    command_record begin(const telecommand_request& asked) {
+        auto record = desk.prepare(wall, asked, 77, "ana", 4, me).value();
+        REQUIRE(desk.know(now, wall, record, me));
+        return record;
+    }
+    std::optional<command_desk::give> give() { return desk.next_give(now, wall, links); }
+    telecommand_status says(std::uint32_t id, telecommand_stage stage, std::string text = "") {
+        telecommand_status made;
+        made.id = id;
+        made.kind = command_kind::tack_now;
+        made.state = stage;
+        made.text = std::move(text);
+        if (stage == telecommand_stage::acknowledged) made.result = ack_code::done;
+        made.attempts = 1;
+        return made;
+    }
+    const telecommand_status& status(std::uint32_t id) { return desk.find(id)->status; }
+};
+
+using enum link_id;
+
+} // namespace
+
+TEST_CASE("command desk: the best link that is alive gets a telecommand, and its answer is the end of it") {
+    table it;
+    it.there(iridium);
+    it.there(gprs);
+    it.links.reached(xbee, true); // its proxy answers, the boat was not heard over it
+    it.begin(it.request(5));
+    auto given = it.give();
+    REQUIRE(given);
+    CHECK(given->link == gprs);
+    CHECK(given->request.id == 5);
+    CHECK(given->request.authority == 4);
+    CHECK(given->request.command.kind == command_kind::tack_now);
+    CHECK_FALSE(it.give());
+    it.desk.on_status(it.wall, gprs, it.says(5, telecommand_stage::sent, "on the line"));
+    CHECK(it.status(5).state == telecommand_stage::sent);
+    it.desk.on_status(it.wall, gprs, it.says(5, telecommand_stage::acknowledged, "done"));
+    CHECK(it.status(5).state == telecommand_stage::acknowledged);
+    CHECK(it.status(5).link == gprs);
+    CHECK(it.status(5).attempts == 1);
+    CHECK(it.desk.open_count() == 0);
+    auto told = it.desk.take_changes();
+    REQUIRE(told.size() == 3);
+    CHECK_THAT(told[0].status.text, Contains("given to gprs"));
+    CHECK(told[2].status.asked_by == "ana");
+    CHECK(told[2].status.at > told[1].status.at); // in order even within one millisecond
+}
+
+TEST_CASE(
+    "command desk: a link that does not deliver is joined by the next one that is alive, once its patience is over") {
+    table it;
+    it.there(xbee);
+    it.there(gprs);
+    it.there(iridium, false);
+    it.begin(it.request(5));
+    CHECK(it.give()->link == xbee);
+    it.pass(19s);
+    CHECK_FALSE(it.give());
+    it.pass(2s);
+    auto second = it.give();
+    REQUIRE(second);
+    CHECK(second->link == gprs);
+    CHECK(second->request.id == 5);
+    CHECK(second->request.valid_s == Approx(279));
+    it.pass(31s);
+    CHECK_FALSE(it.give()); // over Iridium nothing was heard: no use
+    it.there(iridium);
+    CHECK(it.give()->link == iridium);
+    it.desk.on_status(it.wall, xbee, it.says(5, telecommand_stage::acknowledged));
+    CHECK(it.status(5).link == xbee);
+    it.desk.on_status(it.wall, iridium, it.says(5, telecommand_stage::expired));
+    CHECK(it.status(5).state == telecommand_stage::acknowledged);
+}
+
+TEST_CASE("command desk: a link that was chosen is the only one, alive or not") {
+    table it;
+    it.there(xbee);
+    auto asked = it.request(6);
+    asked.via = iridium;
+    it.begin(asked);
+    CHECK(it.give()->link == iridium);
+    it.pass(200s);
+    CHECK_FALSE(it.give());
+    it.desk.on_refused(it.now, it.wall, 6, iridium, "no credit");
+    CHECK(it.status(6).state == telecommand_stage::failed);
+    CHECK_THAT(it.status(6).text, Contains("iridium refuses it: no credit"));
+}
+
+TEST_CASE("command desk: a link that refuses makes way at once, and with no link at all a telecommand waits") {
+    table it;
+    it.begin(it.request(5, 60));
+    CHECK_FALSE(it.give());
+    CHECK(it.desk.next_event(it.now, it.links) <= it.now + 1s); // it looks again
+    it.pass(10s);
+    it.there(xbee, false);
+    CHECK(it.give()->link == xbee);
+    it.desk.on_refused(it.now, it.wall, 5, xbee, "64 telecommands wait");
+    CHECK(it.status(5).state == telecommand_stage::queued);
+    it.links.reached(gprs, true);
+    CHECK(it.give()->link == gprs);
+    it.pass(60s);
+    it.desk.on_time(it.now, it.wall);
+    CHECK(it.status(5).state == telecommand_stage::expired);
+    CHECK_THAT(it.status(5).text, Contains("before it could be sent"));
+    it.desk.on_status(it.wall, gprs,
+                      it.says(5, telecommand_stage::acknowledged)); // a late answer corrects what was said
+    CHECK(it.status(5).state == telecommand_stage::acknowledged);
+}
+
+TEST_CASE("command desk: the other node's telecommands are left to it, until it is silent") {
+    table it, other;
+    it.there(xbee);
+    auto asked = other.request(8);
+    auto record = it.desk.prepare(it.wall, asked, 1, "bea", 2, "shore/two").value();
+    REQUIRE(it.desk.know(it.now, it.wall, record, me));
+    CHECK_FALSE(it.desk.know(it.now, it.wall, record, me)); // nothing new
+    CHECK_FALSE(it.give());
+    it.desk.on_status(it.wall, xbee, it.says(8, telecommand_stage::queued, "waits")); // the proxy tells everybody
+    it.desk.take_over(it.now, it.wall, me);
+    CHECK(it.give()->link == xbee);
+    auto changed = it.desk.take_changes();
+    REQUIRE(changed.size() == 3);
+    CHECK_THAT(changed[2].status.text, Contains("given to xbee") && !Contains("too"));
+    CHECK(changed[1].node == me);
+    CHECK(changed[1].status.asked_by == "bea");
+    // It comes back and tells what it knew: less than is known here.
+    CHECK_FALSE(it.desk.know(it.now, it.wall, record, me));
+    auto answered = record;
+    answered.status.state = telecommand_stage::acknowledged;
+    answered.status.at = it.wall - 1s;
+    CHECK(it.desk.know(it.now, it.wall, answered, me)); // but the boat's answer is more
+    CHECK(it.desk.open_count() == 0);
+    CHECK(knows_more(answered, changed[2]));
+    CHECK_FALSE(knows_more(changed[2], answered));
+}
+
+TEST_CASE("command desk: the boat's refusal for want of authority tells its epoch") {
+    table it;
+    it.there(xbee);
+    it.begin(it.request(5));
+    it.give();
+    auto no = it.says(5, telecommand_stage::acknowledged);
+    no.result = ack_code::no_authority;
+    no.value = 9.0f;
+    it.desk.on_status(it.wall, xbee, no);
+    CHECK(it.desk.take_boat_epoch() == 9);
+    CHECK(it.desk.take_boat_epoch() == 0);
+    CHECK(it.status(5).result == ack_code::no_authority);
+}
+
+TEST_CASE("command desk: what cannot be is refused, and the number of telecommands is bounded") {
+    desk_options small;
+    small.max_open = 2;
+    small.max_remembered = 3;
+    table it(small);
+    auto bad = it.request(1, 0);
+    CHECK(it.desk.prepare(it.wall, bad, 1, "ana", 0, me).error().code() == ise::errc::invalid_argument);
+    for (std::uint32_t id = 1; id <= 10; ++id) {
+        it.begin(it.request(id));
+        it.desk.on_status(it.wall, xbee, it.says(id, telecommand_stage::acknowledged));
+    }
+    CHECK_FALSE(it.desk.find(7));
+    CHECK(it.desk.find(8));
+    it.begin(it.request(21));
+    it.begin(it.request(22));
+    CHECK(it.desk.prepare(it.wall, it.request(23), 1, "ana", 0, me).error().code() == ise::errc::overloaded);
+    CHECK(it.desk.open().size() == 2);
+    auto chosen = it.desk.find(21)->status;
+    CHECK(chosen.command->kind == command_kind::tack_now);
+}
+
+TEST_CASE("peer watch: packets are shown when both disks have them, or the other node is silent") {
+    ise::time_point begin{1h};
+    peer_watch alone(false, 3s, begin);
+    CHECK_FALSE(alone.lives(begin));
+    CHECK(alone.shown(10, begin) == 10);
+    peer_watch it(true, 3s, begin);
+    CHECK(it.lives(begin)); // it is given the time to come
+    CHECK(it.shown(10, begin) == 0);
+    CHECK(it.shown(10, begin + 3s) == 10);
+    it.on_request(begin + 1s, true, 7, 2, 4, 1);
+    CHECK(it.shown(10, begin + 2s) == 7);
+    CHECK(it.shown(5, begin + 2s) == 5);
+    CHECK(it.has_packets(7));
+    CHECK_FALSE(it.has_packets(8));
+    CHECK(it.has_commands(2));
+    CHECK(it.has_authority(4, 1));
+    CHECK(it.has_authority(3, 9));
+    CHECK_FALSE(it.has_authority(4, 2));
+    CHECK_FALSE(it.silent(begin + 3900ms));
+    CHECK(it.silent(begin + 4s));
+    it.on_request(begin + 5s, false, 7, 2, 4, 1); // it is there, its disk is full
+    CHECK_FALSE(it.lives(begin + 5s));
+    CHECK_FALSE(it.silent(begin + 5s));
+    CHECK(it.shown(10, begin + 5s) == 10);
+}
+
+TEST_CASE("newest by kind: what comes late over a slower link is history, each kind by itself") {
+    newest_by_kind it;
+    utc_time at{std::chrono::hours(400'000)};
+    auto packet = [&](std::uint8_t kind, std::chrono::seconds later, std::chrono::seconds received = 0s) {
+        telemetry_packet made;
+        made.measured_at = at + later;
+        made.received_at = at + (received > 0s ? received : later);
+        made.raw = {std::byte{1}, std::byte{kind}};
+        return made;
+    };
+    CHECK_FALSE(it.is_history(packet(1, 10s)));
+    CHECK_FALSE(it.is_history(packet(1, 10s))); // the same over another link
+    CHECK(it.is_history(packet(1, 9s)));
+    CHECK_FALSE(it.is_history(packet(3, 9s)));
+    auto said = packet(1, 20s);
+    said.history = true;
+    CHECK(it.is_history(said));
+    CHECK_FALSE(it.is_history(packet(1, 11s)));
+    CHECK_FALSE(it.is_history(packet(1, 1000000s, 30s))); // a clock that is days ahead
+    CHECK_FALSE(it.is_history(packet(1, 400s))); // does not make everything after it history
+}

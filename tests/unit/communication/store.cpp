@@ -1,0 +1,289 @@
+#include <components/communication_node/node_store.hpp>
+
+#include <support/catch.hpp>
+
+#include <csignal>
+#include <filesystem>
+#include <sys/resource.h>
+#include <unistd.h>
+
+using namespace atirma;
+using namespace std::chrono_literals;
+using Catch::Contains;
+
+namespace {
+
+struct folder {
+    std::filesystem::path path =
+        std::filesystem::temp_directory_path() / ("ise-node-store-" + std::to_string(::getpid()));
+    folder() { std::filesystem::create_directories(path); }
+    ~folder() { std::filesystem::remove_all(path); }
+    std::string file() const { return (path / "node.db").string(); }
+};
+
+node_store opened(const std::string& file, std::uint64_t number) {
+    auto made = node_store::open(file, number);
+    REQUIRE(made);
+    return std::move(*made);
+}
+
+const utc_time morning{std::chrono::hours(400'000)};
+
+telemetry_packet packet(std::uint32_t sequence, link_id link = link_id::xbee) {
+    telemetry_packet made;
+    made.link = link;
+    made.boot = 3;
+    made.sequence = sequence;
+    made.measured_at = morning + sequence * 1s;
+    made.received_at = made.measured_at + 1s;
+    made.raw = {std::byte{1}, std::byte{1}, std::byte{static_cast<unsigned char>(sequence)}};
+    return made;
+}
+
+std::vector<telemetry_packet> packets(std::uint32_t first, std::uint32_t last) {
+    std::vector<telemetry_packet> made;
+    for (auto i = first; i <= last; ++i) made.push_back(packet(i));
+    return made;
+}
+
+std::vector<std::uint32_t> sequences(const std::vector<telemetry_packet>& of) {
+    std::vector<std::uint32_t> made;
+    for (const auto& one : of) made.push_back(one.sequence);
+    return made;
+}
+
+command_record record(std::uint32_t id, telecommand_stage stage = telecommand_stage::queued, std::string who = "ana") {
+    command_record made;
+    made.status.id = id;
+    made.status.kind = command_kind::set_mode;
+    made.status.command = boat_command();
+    made.status.command->kind = command_kind::set_mode;
+    made.status.command->mode = sailing_mode::hold;
+    made.status.state = stage;
+    made.status.asked_by = std::move(who);
+    made.status.at = morning;
+    made.valid_until = morning + 300s;
+    made.via = link_id::gprs;
+    made.node = "shore/one";
+    return made;
+}
+
+// One round of replication.
+std::uint32_t pull(node_store& into, node_store& from, std::size_t most = 1000) {
+    bool known = into.peer().store == from.number();
+    auto page =
+        from.page_after(into.number(), known ? into.peer().packets : 0, known ? into.peer().commands : 0, most).value();
+    return into.apply(page, page.commands, false).value();
+}
+
+using numbers = std::vector<std::uint32_t>;
+
+} // namespace
+
+TEST_CASE("node store: a packet is kept once, whichever links brought it, and is there after a restart") {
+    folder there;
+    std::uint64_t number = 0;
+    {
+        auto store = opened(there.file(), 42);
+        number = store.number();
+        CHECK(number == 43); // never 0
+        auto first = store.add(packets(1, 3)).value();
+        CHECK(first.fresh == 3);
+        CHECK(first.last == 3);
+        std::vector<telemetry_packet> again{packet(2, link_id::gprs), packet(4, link_id::gprs),
+                                            packet(4, link_id::iridium)};
+        auto second = store.add(again).value();
+        CHECK(second.fresh == 1);
+        CHECK(second.last == 4);
+        CHECK(store.add(std::span(again).first(1)).value().last == 2); // where it lies
+        auto other_life = packet(2);
+        other_life.measured_at += 1h; // a boot number that came round again is another packet
+        CHECK(store.add(std::span(&other_life, 1)).value().fresh == 1);
+    }
+    auto store = opened(there.file(), 77);
+    CHECK(store.number() == number);
+    CHECK(store.head() == 5);
+    auto all = store.packets(0, 100, 100).value();
+    REQUIRE(all.size() == 5);
+    CHECK(sequences(all) == numbers{1, 2, 3, 4, 2});
+    CHECK(all[3].link == link_id::gprs);
+    CHECK(all[3].store == number);
+    CHECK(all[3].position == 4);
+    CHECK(all[3].raw == packet(4).raw);
+    CHECK(all[3].received_at == packet(4).received_at);
+    CHECK(store.packets(2, 4, 100).value().size() == 2);
+    CHECK(store.packets(0, 100, 2).value().size() == 2);
+}
+
+TEST_CASE("node store: a page leaves out what is known, by the numbers of either node") {
+    auto a = opened("memory:page-a", 100), b = opened("memory:page-b", 200);
+    a.add(packets(1, 3)).value();
+    b.add(packets(3, 3)).value(); // over another link
+    CHECK(pull(b, a) == 2);
+    CHECK(pull(a, b) == 0);
+    b.add(packets(4, 6)).value();
+    track_request request;
+    request.max_packets = 2;
+    // Someone who followed a up to its second packet goes on at b.
+    request.seen[a.number()] = 2;
+    auto page = b.track(request, b.head()).value();
+    CHECK(sequences(page.packets) == numbers{3, 4});
+    CHECK(page.more);
+    request.seen = page.seen;
+    page = b.track(request, b.head()).value();
+    CHECK(sequences(page.packets) == numbers{5, 6});
+    CHECK_FALSE(page.more);
+    request.seen = page.seen;
+    CHECK(b.track(request, b.head()).value().packets.empty());
+    // Back at a, which has caught up, there is nothing new either.
+    CHECK(pull(a, b) == 3);
+    CHECK(a.track(request, a.head()).value().packets.empty());
+    a.add(packets(7, 7)).value();
+    CHECK(sequences(a.track(request, a.head()).value().packets) == numbers{7});
+    CHECK(a.track(request, a.head() - 1).value().packets.empty()); // what is not safe yet is not shown
+    // A window of time.
+    track_request window;
+    window.from = packet(2).measured_at;
+    window.until = packet(5).measured_at;
+    CHECK(sequences(a.track(window, a.head()).value().packets) == numbers{2, 3, 4});
+}
+
+TEST_CASE("node store: two nodes come to have the same packets, in pages, and tell each other nothing twice") {
+    auto a = opened("memory:same-a", 100), b = opened("memory:same-b", 200);
+    a.add(packets(1, 50)).value();
+    b.add(packets(40, 90)).value();
+    std::uint32_t fresh = 0;
+    for (int i = 0; i < 60; ++i) fresh += pull(a, b, 7) + pull(b, a, 7);
+    CHECK(fresh == 40 + 39);
+    CHECK(a.head() == 90);
+    CHECK(b.head() == 90);
+    CHECK(a.peer().packets == 90);
+    CHECK(b.peer().packets == 90);
+    auto page = a.page_after(b.number(), 0, 0, 1000).value();
+    for (const auto& one : page.packets) CHECK((one.yours != 0) == !one.packet.has_value());
+    CHECK_FALSE(page.more);
+}
+
+TEST_CASE("node store: a node that lost its disk gets everything again, and a gap in what is told is refused") {
+    auto a = opened("memory:lost-a", 100);
+    {
+        auto b = opened("memory:lost-b", 200);
+        a.add(packets(1, 5)).value();
+        pull(b, a);
+        b.add(packets(6, 6)).value();
+        pull(a, b);
+        CHECK(a.peer().store == b.number());
+    }
+    auto empty = opened("memory:lost-b", 300);
+    CHECK(pull(empty, a) == 6); // packets that a knows to be at the lost disk, too
+    empty.add(packets(7, 7)).value();
+    CHECK(pull(a, empty) == 1);
+    CHECK(a.peer().store == empty.number());
+    CHECK(a.packets(0, 100, 100).value().at(0).peer_position == 1);
+    auto page = empty.page_after(a.number(), 0, 0, 100).value();
+    auto twice = a.apply(page, {}, false);
+    REQUIRE_FALSE(twice);
+    CHECK(twice.error().code() == ise::errc::malformed);
+    CHECK(a.peer().packets == 7);
+}
+
+TEST_CASE("node store: telecommands and authority are on record, changed ones are told again") {
+    folder there;
+    authority_state held;
+    held.holder = "ana";
+    held.epoch = 6;
+    {
+        auto store = opened(there.file(), 5);
+        for (std::uint32_t id = 1; id <= 5; ++id) {
+            auto one = record(id, telecommand_stage::queued, id % 2 ? "ana" : "bea");
+            REQUIRE(store.put(std::span(&one, 1)));
+        }
+        auto done = record(2, telecommand_stage::acknowledged, "bea");
+        done.status.result = ack_code::refused;
+        done.status.text = "not now";
+        REQUIRE(store.put(std::span(&done, 1)));
+        CHECK(store.commands_head() == 6);
+        REQUIRE(store.put(held, 1));
+        held.epoch = 8;
+        held.holder = "bea";
+        REQUIRE(store.put(held, 0));
+    }
+    auto store = opened(there.file(), 5);
+    CHECK(store.commands_head() == 6);
+    auto two = store.command(2).value();
+    REQUIRE(two);
+    CHECK(two->status.result == ack_code::refused);
+    CHECK(two->status.text == "not now");
+    CHECK(two->status.command == record(2).status.command);
+    CHECK(two->via == link_id::gprs);
+    CHECK(two->node == "shore/one");
+    CHECK_FALSE(store.command(99).value());
+    CHECK(store.open_commands().value().size() == 4);
+    CHECK(store.authority().value().first.holder == "bea");
+    record_request request;
+    request.max_entries = 2;
+    std::vector<std::uint32_t> listed;
+    for (;;) {
+        auto page = store.list(request).value();
+        if (request.before == 0) CHECK(page.authority.size() == 2);
+        for (const auto& one : page.entries) listed.push_back(one.id);
+        request.before = page.before;
+        if (page.before == 0) break;
+    }
+    CHECK(listed == numbers{5, 4, 3, 2, 1});
+    request.asked_by = "bea";
+    CHECK(store.list(request).value().entries.size() == 2);
+    auto news = store.page_after(1, 0, 4, 100).value();
+    REQUIRE(news.commands.size() == 2);
+    CHECK(news.commands[1].status.id == 2);
+    CHECK(news.commands_up_to == 6);
+}
+
+TEST_CASE("node store: a disk that is full says so, keeps nothing of that call and all of the others") {
+    folder there;
+    auto store = opened(there.file(), 5);
+    REQUIRE(store.add(packets(1, 10)));
+    // No file of this process may grow beyond what the log has now.
+    std::signal(SIGXFSZ, SIG_IGN);
+    rlimit before{};
+    REQUIRE(::getrlimit(RLIMIT_FSIZE, &before) == 0);
+    rlimit tight = before;
+    tight.rlim_cur = std::filesystem::file_size(there.file() + "-wal");
+    REQUIRE(::setrlimit(RLIMIT_FSIZE, &tight) == 0);
+    auto refused = store.add(packets(8, 200));
+    auto command = record(1);
+    auto unrecorded = store.put(std::span(&command, 1));
+    ::setrlimit(RLIMIT_FSIZE, &before);
+    REQUIRE_FALSE(refused);
+    CHECK(refused.error().code() == ise::errc::io_failed);
+    CHECK_THAT(refused.error().message(), Contains(there.file()));
+    REQUIRE_FALSE(unrecorded);
+    CHECK(store.head() == 10);
+    auto again = store.add(packets(8, 200)).value();
+    CHECK(again.fresh == 190);
+    CHECK(store.packets(0, 1000, 1000).value().size() == 200);
+    REQUIRE(store.put(std::span(&command, 1)));
+    CHECK(store.commands_head() == 1);
+}
+
+TEST_CASE("node store: what is old goes, its numbers do not come again") {
+    folder there;
+    {
+        auto store = opened(there.file(), 5);
+        store.add(packets(1, 10)).value();
+        for (std::uint32_t id = 1; id <= 3; ++id) {
+            auto one = record(id, id == 1 ? telecommand_stage::queued : telecommand_stage::acknowledged);
+            REQUIRE(store.put(std::span(&one, 1)));
+        }
+        CHECK(store.prune(10, 3).value() == 0);
+        CHECK(store.prune(1, 0).value() == 9 + 2); // what is open stays
+        CHECK(store.command(1).value());
+        CHECK(store.prune(0, 0).value() == 1);
+        CHECK(store.prune(100, 100).value() == 0);
+    }
+    auto store = opened(there.file(), 5);
+    CHECK(store.head() == 10);
+    CHECK(store.add(packets(11, 11)).value().last == 11);
+    CHECK(store.newest().value().size() == 1);
+    CHECK(store.last_of(1).value()->sequence == 11);
+}

@@ -1,0 +1,2 @@
+// What Asio with TLS is made of, once.
+#include <asio/ssl/impl/src.hpp>

@@ -1,0 +1,3 @@
+if(TARGET ise_deployment)
+  target_link_libraries(unit_deployment PRIVATE ise_deployment)
+endif()

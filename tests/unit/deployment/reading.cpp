@@ -1,0 +1,208 @@
+// Deployment files: what they say, and what is wrong with them, with its place.
+#include "files.hpp"
+
+using namespace deployment_test;
+using namespace std::chrono_literals;
+using Catch::Contains;
+using ise::instantiation::restart_policy;
+
+TEST_CASE("a deployment file says what runs where, with what") {
+    auto made = files(R"(
+name = "atirma"
+
+[hosts.boat]
+[hosts.shore]
+server = "lab"
+
+[components.air]
+type = "xbee-link"
+host = "boat"
+[components.air.parameters]
+loss = 0.25
+shore-port = "/tmp/a"
+gusts = true
+seed = 7
+telemetry = ["a", "b"]
+
+[components."shore/xbee"]
+type = "xbee-proxy"
+host = "shore"
+listen = "tcp://127.0.0.1:7500"
+after = ["air"]
+restart = "always"
+ready-within = "20s"
+grace = 1.5
+roles = { "atirma/gateway" = 5 }
+environment = { NAME = "value" }
+)").made();
+    CHECK(made.name.text == "atirma");
+    REQUIRE(made.hosts.size() == 2);
+    CHECK(made.hosts[0].server == "boat");
+    CHECK(made.hosts[1].server == "lab");
+    REQUIRE(made.components.size() == 2);
+    const auto& air = made.components[0];
+    CHECK(air.name.text == "air");
+    CHECK(air.name.at.text() == "sea.toml:8:13");
+    CHECK(air.request.path == "atirma/air");
+    CHECK(air.request.type == "xbee-link");
+    CHECK(air.request.deployment == "atirma");
+    CHECK(air.host.text == "boat");
+    CHECK_FALSE(air.after);
+    CHECK(air.request.terms == ise::instantiation::restart_terms());
+    std::string parameters;
+    for (const auto& one : air.parameters)
+        for (const auto& each : one.values) parameters += one.name.text + "=" + each.plain() + " ";
+    CHECK(parameters == "loss=0.25 shore-port=/tmp/a gusts=true seed=7 telemetry=a telemetry=b ");
+    const auto& proxy = made.components[1];
+    CHECK(proxy.request.path == "atirma/shore/xbee");
+    CHECK(proxy.request.listen == std::vector<std::string>{"tcp://127.0.0.1:7500"});
+    REQUIRE(proxy.after);
+    CHECK(proxy.after->front().text == "air");
+    CHECK(proxy.request.terms.policy == restart_policy::always);
+    CHECK(proxy.request.terms.ready_within == 20s);
+    CHECK(proxy.request.terms.grace == 1500ms);
+    CHECK(proxy.request.roles.at("atirma/gateway") == 5);
+    CHECK(proxy.request.variables.front().value == "value");
+}
+
+TEST_CASE("the terms of restart can be said in whole") {
+    auto made = at_sea(R"([components.a]
+type = "t"
+host = "boat"
+restart = { policy = "on-failure", limit = 9, window = "2m", first-pause = "100ms", longest-pause = "5s" }
+)").made();
+    const auto& terms = made.components[0].request.terms;
+    CHECK(terms.policy == restart_policy::on_failure);
+    CHECK(terms.limit == 9);
+    CHECK(terms.window == 2min);
+    CHECK(terms.first_pause == 100ms);
+    CHECK(terms.longest_pause == 5s);
+}
+
+TEST_CASE("a namespace of its own, or none, stands before the names") {
+    CHECK(files("name='d'\nnamespace='x/y'\n[hosts.h]\n[components.c]\ntype='t'\n").made().components[0].request.path == "x/y/c");
+    CHECK(files("name='d'\nnamespace=''\n[hosts.h]\n[components.c]\ntype='t'\n").made().components[0].request.path == "c");
+}
+
+TEST_CASE("where there is one host, it need not be said") {
+    CHECK(files("name='d'\n[hosts.h]\n[components.c]\ntype='t'\n").made().components[0].host.text == "h");
+    CHECK_THAT(at_sea("[components.c]\ntype='t'\n").wrong(), Contains("sea.toml:4:13: component 'c' has no 'host', and there are several"));
+}
+
+TEST_CASE("what is wrong is told with its place, and the nearest that there is") {
+    auto text = at_sea(R"([components.boat]
+tpye = "simulator"
+host = "baot"
+after = ["air", "baot", "boat"]
+restart = "sometimes"
+listen = "tcp//x"
+protocol = "icmp"
+grace = "5 parsecs"
+roles = { "a b" = 1, good = "high" }
+parameters = { deep = { er = 1 } }
+[colour]
+)").wrong();
+    CHECK_THAT(text, Contains("sea.toml:5:1: component 'boat' has no key 'tpye'; did you mean 'type'?"));
+    CHECK_THAT(text, Contains("sea.toml:4:13: component 'boat' has no 'type': ise start --types"));
+    CHECK_THAT(text, Contains("sea.toml:6:8: there is no host 'baot'; did you mean 'boat'?"));
+    CHECK_THAT(text, Contains("sea.toml:7:10: there is no component 'air'"));
+    CHECK_THAT(text, Contains("sea.toml:7:25: component 'boat' cannot come after itself"));
+    CHECK_THAT(text, Contains("the restart policy of component 'boat' is never, on-failure or always, not 'sometimes'"));
+    CHECK_THAT(text, Contains("sea.toml:9:10: 'listen' of component 'boat': "));
+    CHECK_THAT(text, Contains("'protocol' of component 'boat' is tcp, udp or local, not 'icmp'"));
+    CHECK_THAT(text, Contains("sea.toml:11:9: 'grace' of component 'boat': '5 parsecs' is no duration"));
+    CHECK_THAT(text, Contains("'a b' is no role") && Contains("the priority in the role 'good' is an integer"));
+    CHECK_THAT(text, Contains("parameter 'deep' is a text, a number, true or false, or an array of them, not a table"));
+    CHECK_THAT(text, Contains("the deployment has no key 'colour'; there are name, namespace, hosts, components"));
+}
+
+TEST_CASE("what is no TOML is told with its place") {
+    CHECK_THAT(files("name = \n").wrong(), Contains("sea.toml:1:"));
+    CHECK_THAT(files("name = 'a'\nname = 'b'\n").wrong(), Contains("sea.toml:2:") && Contains("name"));
+    CHECK_THAT(files("name = 1979-05-27\n").wrong(), Contains("dates and times are no values here"));
+    CHECK_THAT(files("").wrong(), Contains("no 'name'") && Contains("no host") && Contains("no component"));
+}
+
+TEST_CASE("wrong kinds are told as such") {
+    auto text = at_sea("[components.a]\ntype=5\nhost=['boat']\nparameters='none'\nroles=[]\nenvironment=1\nrestart=1\n").wrong();
+    for (const char* each : {"'type' of component 'a' is a text, not an integer", "'host' of component 'a' is a text, not an array", "'parameters' of component 'a' is a table, not a text",
+                             "'roles' of component 'a' is a table of roles", "'environment' of component 'a' is a table of variables, not an integer", "'restart' of component 'a' is a policy"})
+        CHECK_THAT(text, Contains(each));
+    CHECK_THAT(files("name='d'\nhosts=5\ncomponents=6\n").wrong(), Contains("'hosts' is a table of hosts") && Contains("'components' is a table of components"));
+}
+
+TEST_CASE("paths that no component can have are refused") {
+    CHECK_THAT(at_sea("[components.'a b']\ntype='t'\nhost='boat'\n").wrong(), Contains("'sea/a b' is no path of a component"));
+    CHECK_THAT(files("name='d'\nnamespace='ise'\n[hosts.h]\n[components.x]\ntype='t'\n").wrong(), Contains("'ise/x' is kept for ISE itself"));
+    CHECK_THAT(files("name='d'\n[hosts.'a/b']\n[components.x]\ntype='t'\n").wrong(), Contains("'a/b' is no name of an instantiation server"));
+}
+
+TEST_CASE("variables are put in, as what they are") {
+    auto sea = at_sea(R"([components.a]
+type = "t"
+host = "${where}"
+[components.a.parameters]
+speed = "${speed}"
+port = "${work}/port"
+price = "5$$ and $ and $$${speed}"
+[variables]
+where = "boat"
+speed = 2.5
+work = "/tmp/${where}"
+)");
+    auto values = [](const deployment& of) {
+        std::string text;
+        for (const auto& one : of.components[0].parameters) text += one.name.text + "=" + one.values[0].plain() + "|";
+        return text;
+    };
+    auto made = sea.made();
+    CHECK(values(made) == "speed=2.5|port=/tmp/boat/port|price=5$ and $ and $2.5|");
+    CHECK(made.components[0].parameters[0].values[0].is == value::kind::number);
+    CHECK(made.components[0].host.text == "boat");
+    auto other = sea.made({{"speed", "7"}, {"where", "shore"}});
+    CHECK(values(other) == "speed=7|port=/tmp/shore/port|price=5$ and $ and $7|");
+}
+
+TEST_CASE("variables that are not there, or made of each other, are told") {
+    auto sea = at_sea("[components.a]\ntype='${tpye}'\nhost='${x}'\nprotocol='${open'\n[variables]\ntype='t'\nx='${y}'\ny='${x}'\nt={}\n");
+    auto text = sea.wrong({{"spede", "1"}});
+    CHECK_THAT(text, Contains("sea.toml:5:6: there is no variable 'tpye'; did you mean 'type'?"));
+    CHECK_THAT(text, Contains("variables are made of each other: x of y of x"));
+    CHECK_THAT(text, Contains("a '${' has no '}'"));
+    CHECK_THAT(text, Contains("the variable 't' is a text, a number, true or false, not a table"));
+    CHECK_THAT(text, Contains("--set: the file has no variable 'spede'; it has type, x, y"));
+}
+
+TEST_CASE("variables that double and double do not fill the memory") {
+    std::string text = "[variables]\nv0='xxxxxxxxxxxxxxxx'\n";
+    for (int n = 1; n < 40; ++n) text += "v" + std::to_string(n) + "='${v" + std::to_string(n - 1) + "}${v" + std::to_string(n - 1) + "}'\n";
+    CHECK_THAT(at_sea("[components.a]\ntype='${v39}'\nhost='boat'\n" + text).wrong(), Contains("bytes"));
+}
+
+TEST_CASE("a file stands above those that it includes") {
+    auto sea = files("include = ['lib/base.toml']\nname='sea'\n[components.a.parameters]\nspeed=9\n[variables]\nwhere='shore'\n");
+    sea.all["lib/base.toml"] = "include='hosts.toml'\n[components.a]\ntype='t'\nhost='${where}'\nparameters={speed=1, course='T1'}\n[variables]\nwhere='boat'\n";
+    sea.all["lib/hosts.toml"] = "[hosts.boat]\n[hosts.shore]\n";
+    auto made = sea.made();
+    const auto& one = made.components.at(0);
+    CHECK(one.host.text == "shore");
+    CHECK(one.type.at.text() == "lib/base.toml:3:6");
+    REQUIRE(one.parameters.size() == 2);
+    CHECK(one.parameters[0].values[0].plain() == "9");
+    CHECK(one.parameters[1].values[0].plain() == "T1");
+}
+
+TEST_CASE("files that cannot be included are told where they are named") {
+    CHECK_THAT(files("include='gone.toml'\n").wrong(), Contains("sea.toml:1:9: gone.toml: No such file"));
+    CHECK_THAT(files("include='sea.toml'\n").wrong(), Contains("files include each other: sea.toml includes sea.toml"));
+    CHECK_THAT(files("include=[1]\n").wrong(), Contains("'include' names files"));
+    auto deep = files("include='f0'\n");
+    for (int n = 0; n < 40; ++n) deep.all["f" + std::to_string(n)] = "include='f" + std::to_string(n + 1) + "'\n";
+    CHECK_THAT(deep.wrong(), Contains("files one in the other"));
+}
+
+TEST_CASE("a deployment file that is not there is told") {
+    files none("");
+    none.all.clear();
+    CHECK_THAT(none.wrong(), Contains("sea.toml: sea.toml: No such file"));
+}

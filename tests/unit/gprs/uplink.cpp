@@ -1,0 +1,225 @@
+#include "packets.hpp"
+
+#include <components/gprs/uplink.hpp>
+
+#include <support/catch.hpp>
+
+using namespace std::chrono_literals;
+using namespace atirma;
+using namespace atirma::gprs;
+
+namespace {
+
+struct vessel {
+    uplink link;
+    ise::time_point now{1h};
+
+    explicit vessel(uplink_options options = uplink_options()) : link(5, options) {}
+    std::vector<line> said() {
+        std::string text;
+        for (;;) {
+            auto more = link.take_text(now);
+            if (more.empty()) break;
+            text += more;
+        }
+        return gprs_test::lines_of(text);
+    }
+    /// The records in what it says now: number and H or L.
+    std::vector<std::pair<std::uint32_t, char>> records() {
+        std::vector<std::pair<std::uint32_t, char>> all;
+        for (const auto& one : said())
+            if (const auto* data = std::get_if<record>(&one)) all.emplace_back(data->number, data->history ? 'H' : 'L');
+        return all;
+    }
+    void hear(const line& what) { link.on_bytes(now, ise::as_bytes(encode(what))); }
+    void pass(ise::duration time) {
+        now += time;
+        link.on_time(now);
+    }
+    void reopen() {
+        link.closed();
+        link.opened(now);
+    }
+};
+
+using records = std::vector<std::pair<std::uint32_t, char>>;
+
+uplink_options by_datagrams() {
+    uplink_options made;
+    made.datagrams = true;
+    return made;
+}
+
+} // namespace
+
+TEST_CASE("gprs boat: it logs in first, then sends what it measures as it comes, numbered without gaps") {
+    vessel it;
+    it.link.opened(it.now);
+    auto first = it.said();
+    REQUIRE(first.size() == 1);
+    CHECK(std::get<login>(first.front()) == login{"atirma", 5, 1, 0});
+    it.link.put(gprs_test::fix(100)); // the numbers of packets are those of all links together
+    it.link.put(gprs_test::breeze(103));
+    CHECK(it.records() == records{{1, 'L'}, {2, 'L'}});
+    CHECK(it.link.waiting() == 2);
+    it.hear(receipt{5, 1});
+    CHECK(it.link.waiting() == 1);
+    it.hear(receipt{5, 2});
+    CHECK(it.link.waiting() == 0);
+    CHECK(it.link.answered());
+}
+
+TEST_CASE("gprs boat: after a reconnect the newest fix goes first, then news, and the rest as history") {
+    vessel it;
+    for (std::uint32_t n = 1; n <= 6; ++n) it.link.put(n % 2 ? gprs_test::fix(n) : gprs_test::breeze(n));
+    it.link.opened(it.now);
+    auto first = it.said();
+    CHECK(std::get<login>(first.at(0)) == login{"atirma", 5, 1, 6});
+    it.reopen(); // nothing of that arrived
+    it.link.put(gprs_test::breeze(7));
+    CHECK(it.records() == records{{5, 'L'}, {7, 'L'}, {1, 'H'}, {2, 'H'}, {3, 'H'}, {4, 'H'}, {6, 'H'}});
+    it.hear(receipt{5, 4});
+    it.reopen();
+    CHECK(it.records() == records{{5, 'L'}, {6, 'H'}, {7, 'H'}});
+}
+
+TEST_CASE("gprs boat: a long history goes by the window, and news does not wait for it") {
+    uplink_options options;
+    options.window = 4;
+    vessel it(options);
+    for (std::uint32_t n = 1; n <= 100; ++n) it.link.put(gprs_test::breeze(n));
+    it.link.opened(it.now);
+    CHECK(it.records() == records{{1, 'H'}, {2, 'H'}, {3, 'H'}, {4, 'H'}});
+    it.link.put(gprs_test::fix(101));
+    CHECK(it.records() == records{{101, 'L'}});
+    it.hear(receipt{5, 2});
+    CHECK(it.records() == records{{5, 'H'}, {6, 'H'}});
+    std::uint32_t acknowledged = 2;
+    while (it.link.waiting() > 0) {
+        it.hear(receipt{5, std::min(acknowledged += 2, 101u)});
+        it.said();
+    }
+    CHECK(it.link.counters().sent == 101);
+    CHECK(it.link.counters().resent == 0);
+}
+
+TEST_CASE("gprs boat: what does not fit gives up the oldest, and the shore is told") {
+    uplink_options options;
+    options.capacity = 10;
+    vessel it(options);
+    it.link.opened(it.now);
+    it.said();
+    for (std::uint32_t n = 1; n <= 25; ++n) it.link.put(gprs_test::fix(n));
+    CHECK(it.link.waiting() == 10);
+    CHECK(it.link.counters().dropped == 15);
+    it.pass(5s);
+    auto said = it.said();
+    CHECK(std::get<login>(said.at(0)) == login{"atirma", 5, 16, 25});
+    CHECK(std::get<record>(said.at(1)).number == 16);
+    it.hear(receipt{5, 25});
+    CHECK(it.link.waiting() == 0);
+}
+
+TEST_CASE("gprs boat: three periods without an acknowledgement are a half open link, and a slow one is given more") {
+    vessel it;
+    it.link.opened(it.now);
+    it.said();
+    CHECK(it.link.next_event() == it.now + 15s);
+    it.pass(14s);
+    CHECK_FALSE(it.link.trouble(it.now));
+    it.pass(1s);
+    REQUIRE(it.link.trouble(it.now));
+    CHECK(it.link.trouble(it.now)->find("half open") != std::string::npos);
+    it.reopen(); // nothing came at all: perhaps it is only slow
+    it.said();
+    it.pass(29s);
+    CHECK_FALSE(it.link.trouble(it.now));
+    it.hear(receipt{5, 0});
+    CHECK(it.link.answered());
+    it.link.put(gprs_test::fix(1));
+    it.said();
+    it.pass(60s); // it takes half a minute, as is known by now
+    CHECK_FALSE(it.link.trouble(it.now));
+    it.pass(30s);
+    CHECK(it.link.trouble(it.now));
+}
+
+TEST_CASE("gprs boat: while nothing is to be said it asks from time to time whether the shore is there") {
+    vessel it;
+    it.link.opened(it.now);
+    it.said();
+    it.hear(receipt{5, 0});
+    CHECK(it.link.next_event() == it.now + 60s);
+    it.pass(59s);
+    CHECK(it.said().empty());
+    it.pass(1s);
+    CHECK(std::holds_alternative<login>(it.said().at(0)));
+    it.pass(15s);
+    CHECK(it.link.trouble(it.now));
+}
+
+TEST_CASE(
+    "gprs boat: a datagram that was lost is sent again, as history, after a login: the address may have changed") {
+    vessel it(by_datagrams());
+    it.link.opened(it.now);
+    it.said();
+    it.hear(receipt{5, 0});
+    for (std::uint32_t n = 1; n <= 3; ++n) it.link.put(gprs_test::fix(n));
+    CHECK(it.records() == records{{1, 'L'}, {2, 'L'}, {3, 'L'}});
+    it.pass(5s);
+    auto text = it.link.take_text(it.now); // one datagram
+    auto both = gprs_test::lines_of(text);
+    REQUIRE(both.size() == 2);
+    CHECK(std::get<login>(both[0]) == login{"atirma", 5, 1, 3});
+    CHECK(std::get<record>(both[1]).number == 1);
+    CHECK(std::get<record>(both[1]).history);
+    CHECK(it.records() == records{{2, 'H'}, {3, 'L'}}); // the newest fix is no history
+    it.hear(receipt{5, 3});
+    it.pass(5s);
+    CHECK(it.said().empty());
+    CHECK(it.link.counters().resent == 3);
+}
+
+TEST_CASE("gprs boat: a telecommand is taken, its acknowledgement goes back as its outcome and needs no number") {
+    vessel it;
+    it.link.opened(it.now);
+    it.said();
+    order told;
+    told.id = 77;
+    told.raw = ise::bytes(20, std::byte{1});
+    it.hear(told);
+    auto taken = it.link.take_order();
+    REQUIRE(taken);
+    CHECK(*taken == told);
+    CHECK_FALSE(it.link.take_order());
+    it.link.put(gprs_test::ack_of(77));
+    auto said = it.said();
+    REQUIRE(said.size() == 1);
+    CHECK(std::get<outcome>(said[0]).id == 77);
+    CHECK(parse_acknowledgement(std::get<outcome>(said[0]).raw)->text == "hold");
+    CHECK(it.link.waiting() == 0);
+}
+
+TEST_CASE("gprs boat: acknowledgements that make no sense are no acknowledgements") {
+    vessel it;
+    it.link.opened(it.now);
+    it.link.put(gprs_test::fix(1));
+    it.said();
+    it.hear(receipt{5, 2}); // never sent
+    it.hear(receipt{4, 1}); // of another life
+    it.link.on_bytes(it.now, ise::as_bytes("noise\r\n"));
+    it.hear(login{"atirma", 5, 1, 1});
+    CHECK(it.link.waiting() == 1);
+    CHECK_FALSE(it.link.answered());
+    CHECK(it.link.counters().malformed == 4);
+    for (int i = 0; i < 4; ++i) it.link.on_bytes(it.now, ise::as_bytes("noise\r\n"));
+    CHECK(it.link.trouble(it.now));
+}
+
+TEST_CASE("gprs boat: an unusable name is refused") {
+    for (const auto* name : {"", "two words", "comma,", "012345678901234567890123456789012"}) {
+        uplink_options options;
+        options.id = name;
+        CHECK_THROWS_AS(uplink(1, options), ise::error);
+    }
+}

@@ -1,0 +1,149 @@
+// Who calls and is not the boat.
+#include "quay.hpp"
+
+#include <support/catch.hpp>
+
+using namespace std::chrono_literals;
+using namespace atirma;
+using gprs_test::quay;
+
+namespace {
+
+/// One who connects and says what he likes, on the virtual network.
+class stranger {
+public:
+    stranger(quay& at, std::string words, ise::duration between = 0s) : words_(std::move(words)), between_(between) {
+        at.world.host("pirate").start_process("pirate", [this](ise::sim::process& here) -> std::shared_ptr<void> {
+            auto node = std::make_shared<ise::node>(here, quay::quiet());
+            node->start("", [this](ise::component& self) { return talk(self); }, quay::asks_only());
+            return node;
+        });
+    }
+    bool cut = false;
+    std::size_t heard = 0; ///< bytes
+
+private:
+    ise::task<> talk(ise::component& self) {
+        auto shore = ise::endpoint::parse("tcp://shore:7420").value();
+        auto made = co_await self.env().connect(self.on(), shore);
+        line_ = std::move(made.value());
+        self.spawn("words", say(self));
+        std::array<char, 256> buffer;
+        for (;;) {
+            auto got = co_await line_->read_some(asio::buffer(buffer));
+            heard += got.bytes;
+            if (got.problem) break;
+        }
+        cut = true;
+    }
+    ise::task<> say(ise::component& self) {
+        for (std::size_t at = 0; at < words_.size() && !cut;) {
+            auto size = between_ > 0s ? std::size_t{1} : words_.size() - at;
+            asio::const_buffer piece(words_.data() + at, size);
+            auto moved = line_->try_write(std::span(&piece, 1));
+            if (moved.problem && moved.problem != asio::error::would_block) co_return;
+            at += moved.bytes;
+            co_await self.sleep(std::max<ise::duration>(between_, 1ms));
+        }
+    }
+
+    std::string words_;
+    ise::duration between_;
+    std::unique_ptr<ise::stream> line_;
+};
+
+} // namespace
+
+TEST_CASE(
+    "gprs proxy: a stranger who talks nonsense, too much, or nothing, is cut off and logged, and the boat does not notice") {
+    quay it("tcp", 20);
+    it.start();
+    stranger browser(it, "GET / HTTP/1.1\r\nHost: shore\r\n\r\n");
+    stranger flood(it, std::string(1'000'000, 'x'));
+    stranger other(it, atirma::gprs::encode(atirma::gprs::login{"pirate", 1, 1, 0}));
+    stranger slow(it, "$PATL,atirma,5,1,0", 1s);
+    stranger silent(it, "");
+    it.world.run_for(5s);
+    CHECK(browser.cut);
+    CHECK(flood.cut);
+    CHECK(other.cut);
+    CHECK_FALSE(silent.cut);
+    it.world.run_for(6s);
+    CHECK(silent.cut);
+    CHECK(slow.cut); // a byte a second is no login
+    CHECK(browser.heard + flood.heard + other.heard + slow.heard + silent.heard == 0);
+    REQUIRE(it.until([&] { return it.complete(); }));
+    CHECK(it.boat.resent == 0);
+    CHECK(it.seen.state->strangers_cut_off == 5);
+    CHECK(it.seen.state->strangers == 0);
+    CHECK(it.warned("no line of the uplink"));
+    CHECK(it.warned("'pirate'"));
+    CHECK(it.warned("did not log in in time"));
+}
+
+TEST_CASE("gprs proxy: a crowd of strangers holds no place that the boat needs, and does not fill the log") {
+    quay it("tcp", 20);
+    it.start_proxy();
+    it.watch();
+    it.world.run_for(1s);
+    std::vector<std::unique_ptr<stranger>> crowd;
+    for (int i = 0; i < 300; ++i) crowd.push_back(std::make_unique<stranger>(it, ""));
+    it.start_boat();
+    REQUIRE(it.until([&] { return it.complete(); }));
+    CHECK(it.seen.state->strangers_cut_off == 300);
+    CHECK(std::all_of(crowd.begin(), crowd.end(), [](const auto& one) { return one->cut; }));
+    CHECK(it.warnings.size() < 20);
+}
+
+TEST_CASE("gprs proxy: datagrams of strangers get no answer, cost nothing, and are told now and then") {
+    quay it("udp", 20);
+    it.start();
+    std::size_t answers = 0;
+    it.world.host("pirate").start_process("pirate", [&](ise::sim::process& here) -> std::shared_ptr<void> {
+        auto node = std::make_shared<ise::node>(here, quay::quiet());
+        node->start("", [&](ise::component& self) -> ise::task<> {
+            ise::endpoint any{ise::protocol::udp, "0.0.0.0", 0, {}};
+            auto socket = std::move(self.env().open_datagram(self.on(), any).value());
+            auto shore = ise::endpoint::parse("udp://shore:7420").value();
+            atirma::gprs::record forged;
+            forged.boot = 5;
+            forged.number = 1;
+            forged.raw = gprs_test::fix(77);
+            std::vector<std::string> words{"hello", "", atirma::gprs::encode(forged),
+                                           atirma::gprs::encode(atirma::gprs::login{"pirate", 5, 1, 0}),
+                                           std::string(60'000, 'x')};
+            for (int i = 0; i < 200; ++i) {
+                for (const auto& text : words) socket->try_send(shore, ise::as_bytes(text));
+                co_await self.sleep(10ms);
+            }
+            for (;;) {
+                auto [problem, got] = co_await socket->receive();
+                if (problem) break;
+                ++answers;
+            }
+        }, quay::asks_only());
+        return node;
+    });
+    REQUIRE(it.until([&] { return it.complete(); }));
+    CHECK(answers == 0);
+    CHECK(it.seen.telemetry.size() == 20);
+    CHECK(it.seen.state->stranger_datagrams == 1000);
+    CHECK(it.warnings.size() < 30);
+    CHECK(it.warned("brings no login"));
+}
+
+TEST_CASE("gprs proxy: a packet that is none is dropped and not asked for again") {
+    quay it("tcp", 0);
+    it.start_proxy();
+    it.watch();
+    it.world.run_for(1s);
+    atirma::gprs::record odd;
+    odd.boot = 5;
+    odd.number = 1;
+    odd.raw = ise::bytes(30, std::byte{9});
+    stranger boat(it, atirma::gprs::encode(atirma::gprs::login{"atirma", 5, 1, 1}) + atirma::gprs::encode(odd));
+    REQUIRE(it.until([&] { return it.seen.state && it.seen.state->acknowledged == 1; }));
+    CHECK(it.seen.state->malformed == 1);
+    CHECK(it.seen.telemetry.empty());
+    CHECK_FALSE(boat.cut);
+}

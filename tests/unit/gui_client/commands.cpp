@@ -1,0 +1,188 @@
+#include "packets.hpp"
+
+#include <components/gui_client/words.hpp>
+
+#include <support/catch.hpp>
+
+using namespace console_test;
+
+TEST_CASE("console: the log tells own commands from those of others") {
+    console_state state;
+    boat_command hold;
+    hold.kind = command_kind::set_mode;
+    hold.mode = sailing_mode::hold;
+    state.asked(5, xbee_path, hold, t0);
+    state.on_status(xbee_path, status(5, telecommand_stage::queued), t0 + 1s);
+    state.on_status(xbee_path, status(9, telecommand_stage::sent), t0 + 2s);
+    CHECK(state.view(t0)->links[0].open_commands == 2);
+    state.on_status(xbee_path, status(5, telecommand_stage::acknowledged, ack_code::done, "hold"), t0 + 3s);
+    auto all = *state.view(t0 + 3s)->commands;
+    REQUIRE(all.size() == 2);
+    CHECK(all[0].own);
+    CHECK(all[0].what == "mode Hold");
+    CHECK(all[0].phase == command_phase::done);
+    CHECK_FALSE(all[1].own);
+    CHECK(all[1].what == "set mode");
+    CHECK(all[1].phase == command_phase::sent);
+}
+
+TEST_CASE("console: a proxy that tells of a command before its call returns makes no second entry") {
+    console_state state;
+    state.on_status(xbee_path, status(5, telecommand_stage::queued), t0);
+    boat_command hold;
+    hold.kind = command_kind::set_mode;
+    hold.mode = sailing_mode::hold;
+    state.asked(5, xbee_path, hold, t0 + 1s);
+    auto all = *state.view(t0 + 1s)->commands;
+    REQUIRE(all.size() == 1);
+    CHECK(all[0].own);
+    CHECK(all[0].phase == command_phase::queued);
+}
+
+TEST_CASE("console: what the boat answers is the last word, also after its time was over") {
+    command_log log;
+    log.on_status(xbee_path, status(5, telecommand_stage::expired), t0);
+    CHECK(log.find(5)->phase == command_phase::expired);
+    log.on_status(xbee_path, status(5, telecommand_stage::sent), t0 + 1s);
+    CHECK(log.find(5)->phase == command_phase::expired);
+    log.on_status(xbee_path, status(5, telecommand_stage::acknowledged, ack_code::refused, "no"), t0 + 2s);
+    CHECK(log.find(5)->phase == command_phase::refused);
+    log.on_outcome(5, command_phase::expired, std::nullopt, "late", t0 + 3s);
+    CHECK(log.find(5)->phase == command_phase::refused);
+    CHECK(log.find(5)->text == "no");
+}
+
+TEST_CASE("console: the log is bounded and keeps what is still open") {
+    command_log log(10);
+    log.on_status(xbee_path, status(1, telecommand_stage::sent), t0);
+    for (std::uint32_t id = 2; id < 50; ++id)
+        log.on_status(xbee_path, status(id, telecommand_stage::acknowledged, ack_code::done), t0 + id * 1s);
+    CHECK(log.entries()->size() == 10);
+    CHECK(log.find(1));
+    CHECK(log.find(49));
+    CHECK_FALSE(log.find(2));
+    CHECK(log.open(xbee_path) == 1);
+}
+
+TEST_CASE("console: a parameter is pending until the boat has answered, and says why it did not change") {
+    console_state state;
+    talker boat;
+    configuration told;
+    told.forbidden_angle_upwind_deg = 60;
+    told.telemetry_period_s = {2, 0, 0};
+    state.on_telemetry(xbee_path, boat.say(told, t0), t0);
+    auto upwind = [&] {
+        return state.view(t0)->parameters[static_cast<std::size_t>(parameter_id::forbidden_angle_upwind)];
+    };
+    CHECK(upwind().confirmed == 60.0f);
+    boat_command set;
+    set.kind = command_kind::set_parameter;
+    set.parameter = parameter_id::forbidden_angle_upwind;
+    set.value = 50;
+    state.asked(3, xbee_path, set, t0 + 1s);
+    CHECK(upwind().pending == 50.0f);
+    CHECK(upwind().confirmed == 60.0f);
+    state.on_outcome(3, command_phase::done, 50.0f, "", t0 + 4s);
+    CHECK_FALSE(upwind().pending);
+    CHECK(upwind().confirmed == 50.0f);
+    set.value = 20;
+    state.asked(4, xbee_path, set, t0 + 5s);
+    state.on_outcome(4, command_phase::refused, 50.0f, "forbidden_angle_upwind is 30 to 85 deg, not 20", t0 + 8s);
+    CHECK_FALSE(upwind().pending);
+    CHECK(upwind().confirmed == 50.0f);
+    CHECK(upwind().problem.find("30 to 85") != std::string::npos);
+    REQUIRE(find(state.view(t0 + 8s)->alarms, "command:4"));
+}
+
+TEST_CASE("console: a list of waypoints is put together from its parts, and parts of two revisions do not mix") {
+    mission_parts parts;
+    waypoints first, second;
+    first.revision = second.revision = 4;
+    first.count = second.count = 3;
+    first.entries = {{28.1, -15.1}, {28.2, -15.2}};
+    second.first = 2;
+    second.entries = {{28.3, -15.3}};
+    parts.take(1, first, t0);
+    CHECK_FALSE(parts.view().complete);
+    CHECK(parts.view().points.empty());
+    parts.take(1, second, t0 + 5s);
+    REQUIRE(parts.view().complete);
+    CHECK(parts.view().points.size() == 3);
+    CHECK(parts.complete_since(t0));
+    CHECK_FALSE(parts.complete_since(t0 + 1s)); // its first part was told before
+    parts.take(1, first, t0 + 6s);
+    CHECK(parts.complete_since(t0 + 5s));
+    second.revision = 5;
+    parts.take(1, second, t0 + 7s);
+    CHECK_FALSE(parts.view().complete);
+    waypoints none;
+    none.revision = 6;
+    parts.take(1, none, t0 + 8s);
+    CHECK(parts.view().complete);
+    CHECK(parts.view().points.empty());
+    CHECK(parts.complete_since(t0 + 8s));
+}
+
+TEST_CASE("console: two lists are compared place by place") {
+    std::vector<waypoint> on_boat{{28.1, -15.4}, {28.2, -15.5}}, here = on_boat;
+    CHECK(same(on_boat, here));
+    CHECK(describe_differences(on_boat, here) == "no difference");
+    here[1].latitude_deg += 1e-7; // what one step on air is
+    CHECK(same(on_boat, here));
+    here[1].latitude_deg += 0.001;
+    here.push_back({28.3, -15.6});
+    auto all = compare(on_boat, here);
+    REQUIRE(all.size() == 3);
+    CHECK(all[0].what == difference::same);
+    CHECK(all[1].what == difference::moved);
+    CHECK(all[1].moved_m == Approx(111.2).margin(0.5));
+    CHECK(all[2].what == difference::only_here);
+    CHECK(compare(here, on_boat)[2].what == difference::only_on_boat);
+    CHECK(describe_differences(on_boat, here) == "the boat has 2, here are 3; 1 differs");
+    CHECK(bearing_deg({28, -15}, {29, -15}) == Approx(0).margin(1e-9));
+    CHECK(bearing_deg({0, 0}, {0, 1}) == Approx(90));
+    CHECK(bearing_deg({0, 0}, {0, -1}) == Approx(270));
+}
+
+TEST_CASE("console: the track is exported as CSV and GPX, in segments where nothing was told") {
+    std::vector<track_point> track(3);
+    track[0].at = t0;
+    track[1].at = t0 + 2s;
+    track[2].at = t0 + 20min;
+    track[1].latitude_deg = 28.1234567;
+    track[1].link = link_id::gprs;
+    auto csv = track_to_csv(track);
+    CHECK(csv.find("2026-09-21T14:13:22.000Z,28.1234567,0.0000000,0.00,gprs,0,0\n") != std::string::npos);
+    auto gpx = track_to_gpx("A & B", track, {{28.1, -15.4}});
+    CHECK(gpx.find("<name>A &amp; B</name>") != std::string::npos);
+    CHECK(gpx.find("<rtept lat=\"28.1000000\"") != std::string::npos);
+    std::size_t segments = 0;
+    for (auto from = gpx.find("<trkseg>"); from != std::string::npos; from = gpx.find("<trkseg>", from + 1)) ++segments;
+    CHECK(segments == 2);
+    CHECK(track_to_gpx("x", {}, {}).find("<trkseg>") == std::string::npos);
+}
+
+TEST_CASE("console: commands and packets in words") {
+    boat_command command;
+    command.kind = command_kind::set_parameter;
+    command.parameter = parameter_id::time_to_next_tack;
+    command.value = 30;
+    CHECK(describe(command) == "time to next tack := 30 s");
+    CHECK(danger(command).empty());
+    command.kind = command_kind::reboot;
+    CHECK_FALSE(danger(command).empty());
+    command.kind = command_kind::set_telemetry_period;
+    command.period_s = 0;
+    CHECK(danger(command).find("XBee") != std::string::npos);
+    talker boat;
+    auto packet = boat.say(at(28.15, -15.45), t0);
+    auto text = describe(packet);
+    CHECK(text.kind == "location");
+    bool found = false;
+    for (const auto& field : text.fields) found = found || (field.name == "latitude" && field.value == "28.1500000 °");
+    CHECK(found);
+    auto hex = hex_dump(packet.raw);
+    CHECK(hex.substr(0, 12) == "0000  01 01 ");
+    CHECK(std::count(hex.begin(), hex.end(), '\n') == static_cast<long>((packet.raw.size() + 15) / 16));
+    CHECK(hex_dump({}).empty());
+}

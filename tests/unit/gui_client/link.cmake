@@ -1,0 +1,1 @@
+target_link_libraries(unit_gui_client PRIVATE atirma_gui_client)

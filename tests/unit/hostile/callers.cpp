@@ -1,0 +1,144 @@
+// Sessions in good order whose calls are not.
+#include "harbour.hpp"
+
+using namespace hostile_test;
+
+TEST_CASE("hostile: a million service numbers end the session at introduced_services") {
+    harbour at;
+    raw_peer peer(at.all, at.sea, at.door);
+    peer.greet();
+    for (std::uint64_t number = 0; number < 5000; ++number) peer.introduce(number, "helm", {1, 2});
+    peer.finish();
+    CHECK(at.all.run_until([&] { return peer.closed(); }));
+    CHECK(at.warned("introduced_services"));
+    at.others_do_not_notice();
+}
+
+TEST_CASE("hostile: a name or a list of packets that no service has ends the session") {
+    harbour at;
+    raw_peer peer(at.all, at.sea, at.door);
+    peer.greet();
+    auto limit = GENERATE(as<std::string>(), "service_name_bytes", "service_fingerprints");
+    bool subscribes = GENERATE(false, true);
+    ise::wire::subscribe terms;
+    terms.service.service = limit == "service_name_bytes" ? std::string(500'000, 'n') : std::string("helm");
+    terms.service.fingerprints.resize(limit == "service_name_bytes" ? 2 : 100'000);
+    if (subscribes) peer.say(frame_type::subscribe, 1, terms);
+    else peer.say(frame_type::introduce, 0, terms.service);
+    peer.finish();
+    CHECK(at.all.run_until([&] { return peer.closed(); }));
+    INFO(at.all_warnings());
+    CHECK(at.warned(limit));
+    at.others_do_not_notice();
+}
+
+TEST_CASE("hostile: a million pending calls: those of others go on") {
+    ise::serve_options serving;
+    serving.concurrent = 8;
+    serving.waiting = 64;
+    harbour at({}, serving);
+    raw_peer peer(at.all, at.sea, at.door);
+    peer.greet();
+    peer.introduce(0, "helm", helm.types().fingerprints);
+    set_mode forever{"long"};
+    for (std::uint64_t call = 0; call < 20'000; ++call) peer.request(call, 0, 24h, forever);
+    peer.finish();
+    at.all.world.run_for(1s);
+    CHECK(at.at_once == 6); // three quarters of the handlers
+    CHECK(peer.count(frame_type::error) == 20'000 - 6 - 64);
+    at.others_do_not_notice();
+    // Many calls of the others at once: more than there are handlers left, within a fair share of what may wait.
+    std::vector<std::shared_ptr<started<ise::result<mode_set>>>> calls;
+    for (int i = 0; i < 30; ++i) calls.push_back(start(at.shore.on, harbour::try_helm(at.there, 5s)));
+    CHECK(at.all.run_until([&] { return std::ranges::all_of(calls, [](const auto& call) { return call->done; }); }));
+    CHECK(std::ranges::all_of(calls, [](const auto& call) { return call->get().has_value(); }));
+    CHECK(at.at_once == 6);
+}
+
+TEST_CASE("hostile: who asks much is served no faster than who asks little") {
+    ise::serve_options one;
+    one.concurrent = 1;
+    harbour at({}, one);
+    at.others_do_not_notice(); // its session is made
+    raw_peer peer(at.all, at.sea, at.door);
+    peer.greet();
+    peer.introduce(0, "helm", helm.types().fingerprints);
+    set_mode quick{"quick"};
+    for (std::uint64_t call = 0; call < 900; ++call) peer.request(call, 0, 1h, quick); // 9 s of work
+    peer.finish();
+    at.all.world.run_for(50ms);
+    REQUIRE(at.at_once == 1);
+    at.others_do_not_notice(100ms); // behind the one that runs, and not behind all
+    CHECK(peer.count(frame_type::reply) < 50);
+}
+
+TEST_CASE("hostile: requests that wait are bounded by bytes too") {
+    ise::serve_options little;
+    little.concurrent = 1;
+    little.waiting_bytes = 100'000;
+    harbour at({}, little);
+    at.others_do_not_notice();
+    raw_peer peer(at.all, at.sea, at.door);
+    peer.greet();
+    peer.introduce(0, "helm", helm.types().fingerprints);
+    set_mode big{std::string(30'000, 'x')};
+    for (std::uint64_t call = 0; call < 10; ++call) peer.request(call, 0, 1h, big);
+    peer.finish();
+    at.all.run_until([&] { return peer.count(frame_type::error) + peer.count(frame_type::reply) == 10; });
+    CHECK(peer.count(frame_type::error) >= 6);
+    at.others_do_not_notice();
+}
+
+TEST_CASE("hostile: replies that nobody takes are bounded and others get theirs") {
+    ise::service_options options;
+    options.max_unsent_bytes = 1 << 20;
+    harbour at(options);
+    raw_peer peer(at.all, at.sea, at.door, false);
+    peer.greet();
+    peer.introduce(0, "echo", echo.types().fingerprints);
+    blob big;
+    big.content.resize(100'000);
+    std::size_t most = 0;
+    for (std::uint64_t call = 0; call < 4000 && at.of_raw(); ++call) {
+        peer.request(call % 4096, 0, 1h, big);
+        peer.finish();
+        if (auto* session = at.of_raw()) most = std::max(most, session->wire().out().pending_call_bytes());
+    }
+    at.all.world.run_for(1s);
+    if (auto* session = at.of_raw()) most = std::max(most, session->wire().out().pending_call_bytes());
+    CHECK(most > 500'000);
+    CHECK(most < (2u << 20) + 200'000);
+    at.others_do_not_notice();
+}
+
+TEST_CASE("hostile: answers to subscriptions and to their ends are bounded too") {
+    ise::service_options options;
+    options.max_unsent_bytes = 100'000;
+    harbour at(options);
+    raw_peer peer(at.all, at.sea, at.door, false);
+    peer.greet();
+    auto type = GENERATE(frame_type::subscribe, frame_type::unsubscribe);
+    ise::wire::subscribe terms;
+    terms.service.service = "nothing_of_that_kind";
+    auto body = ise::encode(terms);
+    for (std::uint64_t id = 1; id < 200'000 && !peer.closed(); ++id) {
+        peer.say(type, id, ise::bytes_view(body));
+        if (id % 100 == 0) peer.finish();
+    }
+    CHECK(at.all.world.run_until([&] { return !at.of_raw(); }, 10s));
+    CHECK(at.warned("max_unsent_bytes"));
+    at.others_do_not_notice();
+}
+
+TEST_CASE("hostile: pongs that nobody takes end the session at control_bytes") {
+    harbour at;
+    raw_peer peer(at.all, at.sea, at.door, false);
+    peer.greet();
+    for (int i = 0; i < 400'000 && !peer.closed(); ++i) {
+        peer.say(frame_type::ping, 1, ise::bytes_view());
+        if (i % 1000 == 0) peer.finish();
+    }
+    CHECK(at.all.world.run_until([&] { return !at.of_raw(); }, 10s));
+    CHECK(at.warned("control_bytes"));
+    at.others_do_not_notice();
+}

@@ -1,0 +1,86 @@
+// Who connects and does not greet as he should.
+#include "harbour.hpp"
+
+using namespace hostile_test;
+
+TEST_CASE("hostile: strangers who say nothing hold no place that others need") {
+    harbour at;
+    std::vector<std::unique_ptr<raw_peer>> silent;
+    for (int i = 0; i < 600; ++i) silent.push_back(std::make_unique<raw_peer>(at.all, at.sea, at.door));
+    at.all.world.run_for(10ms);
+    at.others_do_not_notice(); // who comes only now has a place at once
+    auto gone = std::ranges::count_if(silent, [](const auto& peer) { return peer->closed(); });
+    CHECK(gone >= 600 - 256);
+    at.all.world.run_for(6s); // the others' time is over
+    CHECK(std::ranges::all_of(silent, [](const auto& peer) { return peer->closed(); }));
+    CHECK(at.boat.services->counts().sessions_rejected >= 600);
+    INFO(at.all_warnings());
+    CHECK(at.warned("max_handshakes"));
+    CHECK(at.warned("did not greet in time"));
+    CHECK(at.boat.warnings.size() < 30); // not one for each
+}
+
+TEST_CASE("hostile: a byte a second is no greeting") {
+    harbour at;
+    raw_peer slow(at.all, at.sea, at.door);
+    ise::wire::hello hello;
+    ise::buffer whole;
+    ise::wire::put_frame(whole, frame_type::hello, 0, 0, [&](ise::buffer& to) { ise::encode(hello, to); });
+    std::size_t said = 0;
+    while (!slow.closed() && said < whole.size()) {
+        slow.say(whole.view().subspan(said++, 1));
+        at.all.world.run_for(1s);
+    }
+    CHECK(slow.closed());
+    CHECK(said <= 6); // handshake_time
+    CHECK(at.warned("did not greet in time"));
+    at.others_do_not_notice();
+}
+
+TEST_CASE("hostile: within a session a byte a second costs no more than the frame it promises") {
+    harbour at;
+    raw_peer slow(at.all, at.sea, at.door);
+    slow.greet();
+    ise::buffer whole;
+    ise::bytes body(1000);
+    ise::wire::put_frame(whole, frame_type::ping, 0, 1, [&](ise::buffer& to) { to.append(ise::bytes_view(body)); });
+    for (std::size_t said = 0; said < 30; ++said) {
+        slow.say(whole.view().subspan(said, 1));
+        at.all.world.run_for(1s);
+    }
+    CHECK_FALSE(slow.closed()); // slow is no crime: it is heard
+    CHECK(at.of_raw());
+    at.others_do_not_notice();
+    at.all.world.run_for(10s); // silent now: lost by its heartbeat
+    CHECK_FALSE(at.of_raw());
+}
+
+TEST_CASE("hostile: endless handshakes leave nothing behind") {
+    harbour at;
+    at.others_do_not_notice();
+    for (int i = 0; i < 500; ++i) {
+        raw_peer brief(at.all, at.sea, at.door);
+        if (i % 3 == 0) brief.greet();
+        if (i % 3 == 1) brief.say(frame_type::hello, 0, ise::bytes(40));
+    }
+    at.all.world.run_for(1s);
+    CHECK(at.boat.services->sessions().size() == 1); // the shore's
+    at.others_do_not_notice();
+    INFO(at.all_warnings());
+    CHECK(at.boat.warnings.size() < 60);
+}
+
+TEST_CASE("hostile: beyond max_sessions a peer is told so and others keep theirs") {
+    ise::service_options few;
+    few.max_sessions = 3;
+    harbour at(few);
+    at.others_do_not_notice();
+    std::vector<std::unique_ptr<raw_peer>> crowd;
+    for (int i = 0; i < 10; ++i) {
+        crowd.push_back(std::make_unique<raw_peer>(at.all, at.sea, at.door));
+        crowd.back()->greet();
+    }
+    CHECK(at.boat.services->sessions().size() == 3);
+    CHECK(crowd.back()->count(frame_type::reject) == 1);
+    at.others_do_not_notice();
+}

@@ -1,0 +1,183 @@
+// Sessions in good order whose subscriptions are not.
+#include "harbour.hpp"
+
+using namespace hostile_test;
+
+namespace {
+
+struct fleet : harbour {
+    explicit fleet(ise::service_options options = {}) : harbour(options) {}
+    ise::publication<ise::subscription<fix>> fixes = boat.publish(position);
+    ise::publication<ise::subscription<blob>> images = boat.publish(pictures);
+
+    static ise::wire::subscribe terms(const ise::subscription<fix>& of = position) {
+        ise::wire::subscribe made;
+        made.service.service = of.name();
+        made.service.fingerprints = of.types().fingerprints;
+        return made;
+    }
+    void publish(int count) {
+        for (int i = 0; i < count; ++i) {
+            fix here{1.0 * i, 0, 0};
+            fixes(here);
+        }
+    }
+};
+
+// Counts what a subscriber in good order gets.
+ise::task<> count(ise::remote there, ise::subscribe_options options, std::vector<double>& into) {
+    auto packets = co_await there.subscribe(position, options);
+    for (;;) {
+        auto packet = co_await packets.next();
+        if (!packet) co_return;
+        into.push_back(packet->latitude_deg);
+    }
+}
+
+} // namespace
+
+TEST_CASE("hostile: a million subscriptions are refused beyond max_subscriptions_per_session") {
+    fleet at;
+    raw_peer peer(at.all, at.sea, at.door);
+    peer.greet();
+    auto terms = fleet::terms();
+    auto body = ise::encode(terms);
+    for (std::uint64_t id = 1; id <= 20'000; ++id) peer.say(frame_type::subscribe, id, ise::bytes_view(body));
+    peer.finish();
+    CHECK(at.all.run_until([&] { return peer.count(frame_type::subscribed) + peer.count(frame_type::ended) == 20'000; }));
+    CHECK(at.fixes.subscribers() == 1024);
+    auto why = ise::decode<ise::wire::farewell>(peer.last(frame_type::ended)->body);
+    CHECK(static_cast<errc>(why.code) == errc::overloaded);
+    CHECK_THAT(why.reason, Contains("max_subscriptions_per_session"));
+    at.others_do_not_notice();
+}
+
+TEST_CASE("hostile: who subscribes and vanishes again and again leaves max_lingering behind") {
+    ise::service_options options;
+    options.max_lingering = 50;
+    fleet at(options);
+    std::vector<double> seen;
+    auto counting = start(at.shore.on, count(at.there, ise::subscribe_options::last(64), seen));
+    at.all.world.run_for(1s);
+    auto body = ise::encode(fleet::terms());
+    for (int life = 0; life < 20; ++life) {
+        raw_peer peer(at.all, at.sea, at.door);
+        peer.greet();
+        for (std::uint64_t id = 1; id <= 20; ++id) peer.say(frame_type::subscribe, id, ise::bytes_view(body));
+        peer.finish();
+        at.all.world.run_for(100ms);
+    }
+    at.all.world.run_for(100ms);
+    CHECK(at.fixes.subscribers() == 51);
+    at.publish(3);
+    at.all.world.run_for(1s);
+    CHECK(seen.size() == 3);
+    at.all.world.run_for(31s);
+    CHECK(at.fixes.subscribers() == 1); // the linger is over for the last of them too
+    counting->cancel.emit(asio::cancellation_type::terminal);
+    at.all.run_until([&] { return counting->done; });
+}
+
+TEST_CASE("hostile: credits beyond all bounds are no more than many") {
+    fleet at;
+    raw_peer peer(at.all, at.sea, at.door);
+    peer.greet();
+    auto terms = fleet::terms();
+    terms.policy = ise::overflow::lossless;
+    terms.depth = 1000;
+    terms.credit = ~std::uint64_t{0} - 1;
+    peer.say(frame_type::subscribe, 1, terms);
+    auto credit = [&](std::uint64_t total) {
+        ise::buffer body;
+        body.append(total);
+        peer.say(frame_type::credit, 1, body.view());
+    };
+    for (auto total : {~std::uint64_t{0}, std::uint64_t{0}, std::uint64_t{1} << 63, ~std::uint64_t{0}}) credit(total);
+    at.all.world.run_for(1s);
+    at.publish(300);
+    CHECK(at.all.run_until([&] { return peer.count(frame_type::packet) == 300; }));
+    at.others_do_not_notice();
+    peer.say(frame_type::credit, 1, ise::bytes(7));
+    CHECK(at.all.run_until([&] { return peer.closed(); }));
+    CHECK(at.warned("credit"));
+    at.others_do_not_notice();
+}
+
+TEST_CASE("hostile: a subscriber that never reads is held no more than max_subscriber_bytes") {
+    ise::service_options options;
+    options.max_subscriber_bytes = 1 << 20;
+    fleet at(options);
+    std::vector<double> seen;
+    auto counting = start(at.shore.on, count(at.there, ise::subscribe_options::last(64), seen));
+    raw_peer peer(at.all, at.sea, at.door, false);
+    peer.greet();
+    auto terms = fleet::terms();
+    terms.service.service = "pictures";
+    terms.service.fingerprints = pictures.types().fingerprints;
+    terms.depth = ~0u;
+    for (std::uint64_t id = 1; id <= 10; ++id) peer.say(frame_type::subscribe, id, terms);
+    peer.finish();
+    at.all.world.run_for(1s);
+    REQUIRE(at.images.subscribers() == 10);
+    blob image;
+    image.content.resize(10'000);
+    std::size_t most = 0;
+    for (int i = 0; i < 500; ++i) {
+        at.images(image);
+        at.publish(1);
+        at.all.world.run_for(2ms);
+        peer.say(frame_type::ping, 1, ise::bytes_view()); // it is heard
+        if (auto* session = at.of_raw()) most = std::max(most, session->subscriber_bytes());
+    }
+    CHECK(most > 900'000);
+    CHECK(most <= (1 << 20) + 20'000);
+    CHECK(at.boat.services->counts().packets_dropped > 1000);
+    CHECK(seen.size() == 500); // another's packets are all there
+    at.others_do_not_notice();
+    counting->cancel.emit(asio::cancellation_type::terminal);
+    at.all.run_until([&] { return counting->done; });
+}
+
+namespace {
+
+ise::task<> send_all(ise::publication<ise::subscription<fix>> out, int packets, int& sent) {
+    for (; sent < packets; ++sent) {
+        fix here{1.0 * sent, 0, 0};
+        co_await out.send(here);
+    }
+}
+
+} // namespace
+
+TEST_CASE("hostile: a lossless subscriber that grants nothing holds its publisher up no longer than longest_stall") {
+    fleet at;
+    std::vector<double> seen;
+    auto counting = start(at.shore.on, count(at.there, ise::subscribe_options::lossless(8), seen));
+    at.all.world.run_for(1s);
+    raw_peer peer(at.all, at.sea, at.door);
+    peer.greet();
+    auto terms = fleet::terms();
+    terms.policy = ise::overflow::lossless;
+    terms.depth = 4;
+    terms.credit = 0;
+    peer.say(frame_type::subscribe, 1, terms);
+    at.all.world.run_for(1s);
+    int sent = 0;
+    auto sending = start(at.boat.on, send_all(at.fixes, 100, sent));
+    for (int s = 0; s < 20; ++s) {
+        at.all.world.run_for(1s);
+        peer.say(frame_type::ping, 1, ise::bytes_view());
+    }
+    CHECK(sent == 4); // what a publication offers that waits
+    for (int s = 0; s < 20; ++s) {
+        at.all.world.run_for(1s);
+        peer.say(frame_type::ping, 1, ise::bytes_view());
+    }
+    CHECK(sending->done);
+    CHECK(seen.size() == 100);
+    CHECK(peer.count(frame_type::ended) == 1);
+    CHECK(at.warned("longest_stall"));
+    at.others_do_not_notice();
+    counting->cancel.emit(asio::cancellation_type::terminal);
+    at.all.run_until([&] { return counting->done; });
+}

@@ -1,0 +1,181 @@
+// What a request comes to: words that cannot be taken for others than they are.
+#include <ise/component/component_type.hpp>
+#include <ise/instantiation/catalogue.hpp>
+
+#include <support/catch.hpp>
+
+#include <numeric>
+
+using namespace ise::instantiation;
+using Catch::Contains;
+
+namespace {
+
+struct boat_values {
+    double speed = 5;
+    std::string course = "T1";
+    std::string log;
+    std::uint8_t mode = 1;
+    std::uint64_t address = 0x13A2;
+    bool gusts = true;
+    std::vector<std::string> marks{"buoy"};
+};
+
+std::string described() {
+    boat_values values;
+    std::vector<ise::component_type> types;
+    types.emplace_back("boat", "sails", "sea/boat");
+    auto& set = types.back().parameters;
+    set.add("speed", values.speed, "of the wind").range(0, 40).unit("m/s");
+    set.add("course", values.course, "what it sails").one_of({"T1", "T2"});
+    set.add("log", values.log, "where it writes").kind(ise::parameter_kind::path);
+    set.add("mode", values.mode, "of the modem").range(0, 2);
+    set.add("address", values.address, "of the modem").kind(ise::parameter_kind::hexadecimal).preset("13A2");
+    set.add("gusts", values.gusts, "or none");
+    set.add("mark", values.marks, "to round");
+    types.back().reads("BOAT_NAME");
+    types.emplace_back("nameless", "has no path of its own");
+    return ise::describe_types("boats", "1", types);
+}
+
+catalogue known() {
+    catalogue made;
+    made.add("boats", described());
+    REQUIRE(made.problems().empty());
+    return made;
+}
+
+start_request request(std::vector<argument> arguments = {}) {
+    start_request made;
+    made.type = "boat";
+    made.arguments = std::move(arguments);
+    return made;
+}
+
+std::string refusal(const start_request& what, const launch_rules& rules = {}) {
+    auto made = known().plan(what, rules, 1);
+    if (made) return "it was allowed";
+    CHECK(made.error().code() == (what.type == "boot" ? ise::errc::no_such_name : ise::errc::invalid_argument));
+    return made.error().message();
+}
+
+} // namespace
+
+TEST_CASE("a request becomes a program and its words") {
+    auto asked = request({{"speed", "7.5"}, {"mark", "a"}, {"mark", "b"}, {"address", "FFFFFFFFFFFFFFFF"}});
+    asked.name_space = "test";
+    asked.protocol = "tcp";
+    asked.variables = {{"BOAT_NAME", "A-Tirma; rm -rf"}};
+    auto made = known().plan(asked, {}, 1);
+    REQUIRE(made);
+    CHECK(made->program == "boats");
+    CHECK(made->path == "test/sea/boat");
+    CHECK(made->words == std::vector<std::string>{"run", "boat", "--path=test/sea/boat", "--listen=tcp://127.0.0.1:0", "--speed=7.5", "--mark=a", "--mark=b", "--address=FFFFFFFFFFFFFFFF"});
+    CHECK(made->variables == std::vector<std::pair<std::string, std::string>>{{"BOAT_NAME", "A-Tirma; rm -rf"}});
+}
+
+TEST_CASE("each parameter is refused with what is allowed") {
+    CHECK(refusal(request({{"speed", "41"}})) == "type 'boat': parameter 'speed' cannot be '41': it is a number from 0 to 40 (m/s)");
+    for (const char* value : {"nan", "inf", "", " 1", "1 ", "0x10", "1e400", "--x", "1\n"}) CHECK(refusal(request({{"speed", value}})) != "it was allowed");
+    CHECK_THAT(refusal(request({{"course", "T3"}})), Contains("it is one of T1, T2"));
+    CHECK_THAT(refusal(request({{"mode", "3"}})), Contains("an integer from 0 to 2"));
+    CHECK_THAT(refusal(request({{"mode", "1.5"}})), Contains("an integer from 0 to 2"));
+    CHECK_THAT(refusal(request({{"gusts", "yes"}})), Contains("it is true or false"));
+    CHECK_THAT(refusal(request({{"address", "10000000000000000"}})), Contains("1 to 16 hexadecimal digits"));
+    CHECK_THAT(refusal(request({{"mark", std::string(5000, 'x')}})), Contains("has 5000 bytes, 4096 are allowed"));
+    CHECK_THAT(refusal(request({{"mark", std::string("a\0b", 3)}})), Contains("control character"));
+    CHECK_THAT(refusal(request({{"speed", "1"}, {"speed", "2"}})), Contains("given twice"));
+    CHECK_THAT(refusal(request({{"path", "sea/other"}})), Contains("has no parameter 'path'; it has speed, course"));
+    CHECK_THAT(refusal(request({{"speed=1 --x", "1"}})), Contains("has no parameter"));
+    CHECK_THAT(refusal(request(std::vector<argument>(300, argument{"mark", "a"}))), Contains("300 arguments"));
+}
+
+TEST_CASE("paths are allowed only below the folders of the rules") {
+    launch_rules rules;
+    rules.path_folders = {"/data/", "/dev/ttyUSB0"};
+    for (const char* good : {"/data", "/data/x", "/data/x/y.csv", "/dev/ttyUSB0", ""}) CHECK(refusal(request({{"log", good}}), rules) == "it was allowed");
+    for (const char* bad : {"/database", "/", "/data/../etc", "/data/x/..", "data/x", "../data", "/dev/ttyUSB00", "/dev/ttyUSB1", "~/x"})
+        CHECK_THAT(refusal(request({{"log", bad}}), rules), Contains("it is a path below /data/ or /dev/ttyUSB0"));
+    CHECK_THAT(refusal(request({{"log", "/data/x"}})), Contains("it allows none"));
+}
+
+TEST_CASE("endpoints are loopback unless the rules say otherwise") {
+    auto with = [](std::vector<std::string> listen, launch_rules rules = {}) {
+        auto asked = request();
+        asked.listen = std::move(listen);
+        return refusal(asked, rules);
+    };
+    CHECK(with({"tcp://127.0.0.1:7411", "tcp://[::1]:0", "local://@boat-1"}) == "it was allowed");
+    CHECK_THAT(with({"tcp://0.0.0.0:0"}), Contains("127.0.0.1, ::1"));
+    CHECK_THAT(with({"local:///etc/passwd"}), Contains("local://@name"));
+    CHECK_THAT(with({"local://@a/../b"}), Contains("local://@name"));
+    CHECK_THAT(with({"inproc://x"}), Contains("within its own process"));
+    CHECK_THAT(with({"--help"}), Contains("is no endpoint"));
+    CHECK_THAT(with(std::vector<std::string>(9, "tcp://127.0.0.1:0")), Contains("9 endpoints"));
+    launch_rules open;
+    open.listen_addresses.push_back("0.0.0.0");
+    CHECK(with({"tcp://0.0.0.0:0"}, open) == "it was allowed");
+    auto asked = request();
+    asked.protocol = "carrier pigeon";
+    CHECK_THAT(refusal(asked), Contains("tcp, udp or local"));
+}
+
+TEST_CASE("only variables that the type reads can be set") {
+    auto asked = request();
+    asked.variables = {{"LD_PRELOAD", "/tmp/x.so"}};
+    CHECK_THAT(refusal(asked), Contains("only BOAT_NAME"));
+    asked.variables = {{"BOAT_NAME", "a"}, {"BOAT_NAME", "b"}};
+    CHECK_THAT(refusal(asked), Contains("given twice"));
+    asked.type = "nameless";
+    asked.path = "sea/x";
+    asked.variables = {{"PATH", "/tmp"}};
+    CHECK_THAT(refusal(asked), Contains("no environment variable"));
+}
+
+TEST_CASE("types and paths are named in what is refused") {
+    auto asked = request();
+    asked.type = "boot";
+    CHECK(refusal(asked) == "there is no component type 'boot' here; there are boat, nameless");
+    asked.type = "nameless";
+    CHECK_THAT(refusal(asked), Contains("give one"));
+    for (const char* bad : {"/sea", "sea/", "a//b", "a b", "--help=1", "ise/host/x", "ise"}) {
+        asked.path = bad;
+        CHECK(refusal(asked) != "it was allowed");
+    }
+}
+
+TEST_CASE("a description that makes no sense is left out and told") {
+    catalogue made;
+    made.add("one", "hello");
+    made.add("two", R"({"types": [{"name": "../x"}, {"name": "good"}, {"name": "bad", "parameters": [{"name": "listen"}]}, {"name": "worse", "parameters": [{"name": "a"}, {"name": "a"}]}]})");
+    made.add("three", R"({"types": [{"name": "good"}, {"name": "thief", "variables": ["ISE_NAME_SERVER"]}]})");
+    auto told = made.tell();
+    REQUIRE(told.types.size() == 1);
+    CHECK(told.types.front().program == "two");
+    auto all = std::accumulate(told.problems.begin(), told.problems.end(), std::string());
+    CHECK(told.problems.size() == 6);
+    CHECK_THAT(all, Contains("one: what it answers") && Contains("cannot be called '../x'") && Contains("cannot be called 'listen'") && Contains("'good' is the one of two") &&
+                        Contains("'ISE_NAME_SERVER' cannot be set by others"));
+}
+
+TEST_CASE("values are stored where they belong") {
+    boat_values values;
+    ise::parameter_set set;
+    set.add("speed", values.speed, "");
+    set.add("mode", values.mode, "");
+    set.add("address", values.address, "").kind(ise::parameter_kind::hexadecimal);
+    set.add("gusts", values.gusts, "");
+    set.add("mark", values.marks, "");
+    for (auto [name, value] : std::vector<std::pair<std::string, std::string>>{{"speed", "1.5"}, {"mode", "255"}, {"address", "ff"}, {"gusts", "false"}, {"mark", "a"}, {"mark", "b"}})
+        CHECK(set.set(name, value));
+    CHECK(values.speed == 1.5);
+    CHECK(values.mode == 255);
+    CHECK(values.address == 255);
+    CHECK_FALSE(values.gusts);
+    CHECK(values.marks == std::vector<std::string>{"a", "b"});
+    CHECK_FALSE(set.set("speed", "2")); // twice
+    CHECK_FALSE(set.set("depth", "2"));
+    ise::parameter_set small;
+    small.add("mode", values.mode, "");
+    CHECK(small.set("mode", "256").error().message() == "parameter 'mode' cannot be '256': it is an integer from 0 to 255");
+}

@@ -1,0 +1,260 @@
+// Instances that are changed while they run, in the virtual world.
+#include "virtual_machine.hpp"
+
+#include <unit/name_server/system.hpp>
+
+#include <ise/component/component_type.hpp>
+#include <ise/instantiation/instantiation_server.hpp>
+
+using namespace instantiation_test;
+using namespace std::chrono_literals;
+using Catch::Contains;
+namespace host_services = ise::instantiation::services;
+
+namespace {
+
+struct wind_options {
+    double speed = 6;
+    std::string course = "T1";
+};
+
+class wind final : public ise::component {
+public:
+    explicit wind(wind_options options) : options_(std::move(options)) { announce_when_ready(); }
+
+    void change(const wind_options& now) {
+        if (now.speed > 30) throw ise::error(ise::errc::refused, "no gales");
+        options_ = now;
+    }
+
+private:
+    ise::task<> run() override {
+        if (options_.course != "reef") co_await ready(); // else it never is
+    }
+
+    wind_options options_;
+};
+
+ise::component_type wind_type(const std::shared_ptr<wind_options>& options) {
+    ise::component_type type("wind", "blows", "sea/wind");
+    type.parameters.add("speed", options->speed, "how hard").range(0, 40).changeable();
+    type.parameters.add("course", options->course, "what it sails");
+    type.makes<wind>(options);
+    return type;
+}
+
+/// A host "shore" whose program has the type "wind".
+class harbour {
+public:
+    harbour() : system(true, 1), host(system.world, "shore") {
+        auto& program = host.installed["winds"];
+        std::vector<ise::component_type> types;
+        types.push_back(wind_type(std::make_shared<wind_options>()));
+        program.description = ise::describe_types("winds", "1", types);
+        program.run = [this](ise::sim::process& env, const std::vector<std::string>& words) {
+            auto type = wind_type(std::make_shared<wind_options>());
+            std::string path;
+            last_words = words;
+            for (const auto& word : words) {
+                auto equals = word.find('=');
+                if (equals == word.npos) continue;
+                if (word.starts_with("--path=")) path = word.substr(equals + 1);
+                else if (type.parameters.find(word.substr(2, equals - 2))) type.parameters.set(word.substr(2, equals - 2), word.substr(equals + 1)).value();
+            }
+            auto made = std::make_shared<names_test::program>(env);
+            ise::component_options how;
+            how.parameters = type.live();
+            made->node.launch(path, type.make(), std::move(how));
+            return made;
+        };
+        open();
+    }
+    void open() {
+        server = &system.start("shore", "instantiation", [this](ise::node& node) {
+            server_options options;
+            options.programs_folder = "/programs";
+            options.state_folder = "/state";
+            options.name_server = ise::endpoint::parse("tcp://" + system.world.host("ns").address() + ":7400").value();
+            node.start<instantiation_server>(path_of_host("shore"), ise::component_options(), host, options);
+        });
+        REQUIRE(system.world.run_until([&] { return system.holds("ise/host/shore"); }, 30s));
+    }
+
+    template <class Contract>
+    using outcome = std::shared_ptr<std::optional<ise::result<typename Contract::response_type>>>;
+
+    template <class Contract>
+    outcome<Contract> ask(const Contract& service, typename Contract::request_type request) {
+        auto told = std::make_shared<std::optional<ise::result<typename Contract::response_type>>>();
+        system.start("shore", "client", [&](ise::node& node) {
+            node.start("", [told, request, &service](ise::component& self) -> ise::task<> {
+                auto its = self.at("ise/host/shore");
+                auto copy = request;
+                auto got = co_await its.try_call(service, std::move(copy), 5min);
+                told->emplace(std::move(got));
+            });
+        });
+        return told;
+    }
+    template <class Contract>
+    ise::result<typename Contract::response_type> call(const Contract& service, typename Contract::request_type request) {
+        auto told = ask(service, std::move(request));
+        REQUIRE(system.world.run_until([&] { return told->has_value(); }, 1h));
+        return std::move(**told);
+    }
+    static start_request wanted(std::vector<argument> arguments = {}) {
+        start_request made;
+        made.type = "wind";
+        made.arguments = std::move(arguments);
+        made.terms.policy = restart_policy::always;
+        made.deployment = "sea";
+        return made;
+    }
+    void start() { REQUIRE(call(host_services::start, wanted({{"speed", "8"}})).value().outcome == start_outcome::ready); }
+    ise::result<change_response> change(start_request to) {
+        change_request request;
+        request.to = std::move(to);
+        return call(host_services::change, std::move(request));
+    }
+    ise::result<set_response> set(const std::string& name, const std::string& value) {
+        set_request request;
+        request.path = "sea/wind";
+        request.settings.push_back({name, value});
+        return call(host_services::set, std::move(request));
+    }
+    std::vector<instance_text> instances() { return call(host_services::instances, instances_request{}).value().instances; }
+    int pid() { return host.at("sea/wind").stamp.pid; }
+    bool has_word(const std::string& word) const { return std::ranges::find(last_words, word) != last_words.end(); }
+    /// Its process ends, and the next one is ready.
+    void next_life() {
+        auto before = host.launches.size();
+        host.end(host.at("sea/wind"), {true, true, 9});
+        REQUIRE(system.world.run_until([&] { return host.launches.size() > before && !host.running().empty(); }, 1min));
+    }
+
+    names_test::system system;
+    virtual_machine host;
+    ise::sim::process* server = nullptr;
+    std::vector<std::string> last_words;
+};
+
+} // namespace
+
+TEST_CASE("a change in place keeps the process, and holds in the next life of it and of the server") {
+    harbour in;
+    in.start();
+    int before = in.pid();
+    auto told = in.change(in.wanted({{"speed", "12"}})).value();
+    CHECK(told.way == change_way::in_place);
+    CHECK(told.outcome.outcome == start_outcome::ready);
+    CHECK(told.outcome.started.arguments.front().value == "12");
+    CHECK(told.former.arguments.front().value == "8");
+    CHECK(in.pid() == before);
+    CHECK(in.change(in.wanted({{"speed", "12.0"}})).value().way == change_way::nothing);
+    in.server->crash();
+    in.open();
+    CHECK(in.instances().front().arguments.front().value == "12");
+    CHECK(in.instances().front().deployment == "sea");
+    in.next_life();
+    CHECK(in.has_word("--speed=12"));
+}
+
+TEST_CASE("other terms of restart are taken over in place") {
+    harbour in;
+    in.start();
+    int before = in.pid();
+    auto to = in.wanted({{"speed", "8"}});
+    to.terms.policy = restart_policy::never;
+    CHECK(in.change(to).value().way == change_way::in_place);
+    CHECK(in.pid() == before);
+    in.host.end(in.host.at("sea/wind"), {true, true, 9});
+    in.system.world.run_for(2min);
+    CHECK(in.instances().front().state == instance_state::failed);
+}
+
+TEST_CASE("what cannot be changed in place starts it again, and where that fails it runs as before") {
+    harbour in;
+    in.start();
+    int before = in.pid();
+    auto told = in.change(in.wanted({{"speed", "8"}, {"course", "T2"}})).value();
+    CHECK(told.way == change_way::restarted);
+    CHECK(in.pid() != before);
+    CHECK(in.has_word("--course=T2"));
+    auto wrecked = in.change(in.wanted({{"course", "reef"}})).value();
+    CHECK(wrecked.outcome.outcome == start_outcome::deadline);
+    CHECK_THAT(wrecked.outcome.why, Contains("it was not ready within 10 s") && Contains("it runs again as before"));
+    CHECK(wrecked.outcome.started.state == instance_state::ready);
+    CHECK(in.has_word("--course=T2"));
+    CHECK(in.instances().front().arguments.back().value == "T2");
+}
+
+TEST_CASE("one that has ended is started by a change") {
+    harbour in;
+    in.start();
+    stop_request request;
+    request.path = "sea/wind";
+    CHECK(in.call(host_services::stop, request).value().ended.state == instance_state::stopped);
+    auto told = in.change(in.wanted({{"speed", "12"}})).value();
+    CHECK(told.way == change_way::restarted);
+    CHECK(told.outcome.outcome == start_outcome::ready);
+    CHECK(in.has_word("--speed=12"));
+}
+
+TEST_CASE("what the component has against a change, and what cannot be, is told") {
+    harbour in;
+    in.start();
+    auto vetoed = in.change(in.wanted({{"speed", "35"}}));
+    REQUIRE(!vetoed);
+    CHECK(vetoed.error().code() == ise::errc::refused);
+    CHECK_THAT(vetoed.error().message(), Contains("at sea/wind") && Contains("no gales"));
+    CHECK(in.change(in.wanted({{"speed", "41"}})).value().outcome.outcome == start_outcome::bad_argument);
+    auto nobody = in.wanted();
+    nobody.path = "sea/nobody";
+    CHECK(in.change(nobody).error().code() == ise::errc::refused);
+    CHECK(in.instances().front().arguments.front().value == "8");
+}
+
+TEST_CASE("setting a parameter changes nothing else, and never starts it again") {
+    harbour in;
+    in.start();
+    int before = in.pid();
+    CHECK(in.set("speed", "9").value().instance.arguments.front().value == "9");
+    auto fixed = in.set("course", "T2");
+    REQUIRE(!fixed);
+    CHECK(fixed.error().code() == ise::errc::refused);
+    CHECK_THAT(fixed.error().message(), Contains("parameter 'course' of 'sea/wind' cannot be changed while it runs, only speed"));
+    CHECK(in.pid() == before);
+    stop_request request;
+    request.path = "sea/wind";
+    CHECK(in.call(host_services::stop, request));
+    auto over = in.set("speed", "10");
+    REQUIRE(!over);
+    CHECK_THAT(over.error().message(), Contains("'sea/wind' does not run"));
+}
+
+TEST_CASE("of two changes at once one is refused") {
+    harbour in;
+    in.start();
+    change_request one, other;
+    one.to = in.wanted({{"course", "T2"}});
+    other.to = in.wanted({{"course", "T3"}});
+    auto first = in.ask(host_services::change, one);
+    auto second = in.ask(host_services::change, other);
+    REQUIRE(in.system.world.run_until([&] { return first->has_value() && second->has_value(); }, 1h));
+    CHECK((*first)->has_value() != (*second)->has_value());
+    const auto& refused = (*first)->has_value() ? **second : **first;
+    CHECK_THAT(refused.error().message(), Contains("is being changed already"));
+}
+
+TEST_CASE("what is forgotten leaves nothing") {
+    harbour in;
+    in.start();
+    in.host.files["/state/sea+wind.log"] = "hello";
+    stop_request request;
+    request.path = "sea/wind";
+    request.forget = true;
+    CHECK(in.call(host_services::stop, request).value().ended.state == instance_state::stopped);
+    CHECK(in.instances().empty());
+    CHECK_FALSE(in.host.files.contains("/state/sea+wind.log"));
+    CHECK_THAT(in.host.files.at("/state/state.json"), !Contains("sea/wind"));
+}

@@ -1,0 +1,303 @@
+// The instantiation server in the virtual world: processes that end, servers that crash, on a clock of its own.
+#include "virtual_machine.hpp"
+
+#include <unit/name_server/system.hpp>
+
+#include <ise/component/component_type.hpp>
+#include <ise/instantiation/instantiation_server.hpp>
+
+using namespace instantiation_test;
+using namespace std::chrono_literals;
+using Catch::Contains;
+namespace host_services = ise::instantiation::services;
+
+namespace {
+
+std::string describe(const std::string& type) {
+    std::vector<ise::component_type> types;
+    types.emplace_back(type, "for the test", "sea/" + type);
+    return ise::describe_types(type + "s", "1", types);
+}
+
+std::string path_in(const std::vector<std::string>& words) {
+    for (const auto& word : words)
+        if (word.starts_with("--path=")) return word.substr(7);
+    return {};
+}
+
+/// A host "shore" with an instantiation server that may crash and come again.
+class harbour {
+public:
+    explicit harbour(std::uint64_t seed = 1) : system(true, seed), host(system.world, "shore") {
+        auto& doubler = host.installed["doublers"];
+        doubler.description = describe("doubler");
+        doubler.run = [](ise::sim::process& env, const std::vector<std::string>& words) {
+            auto made = std::make_shared<names_test::program>(env);
+            made->node.start<names_test::doubler>(path_in(words));
+            return made;
+        };
+        auto& silent = host.installed["silents"];
+        silent.description = describe("silent");
+        silent.run = [](ise::sim::process&, const std::vector<std::string>&) { return std::shared_ptr<void>(); };
+        open();
+    }
+
+    void open() {
+        server = &system.start("shore", "instantiation", [this](ise::node& node) {
+            server_options options;
+            options.programs_folder = "/programs";
+            options.state_folder = "/state";
+            options.name_server = ise::endpoint::parse("tcp://" + system.world.host("ns").address() + ":7400").value();
+            options.max_starts = 10;
+            node.start<instantiation_server>(path_of_host("shore"), ise::component_options(), host, options);
+        });
+        REQUIRE(system.world.run_until([&] { return system.holds("ise/host/shore"); }, 30s));
+    }
+
+    /// What a client on the host gets.
+    template <class Contract>
+    typename Contract::response_type call(const Contract& service, typename Contract::request_type request, ise::duration deadline = 5min) {
+        using response = typename Contract::response_type;
+        auto told = std::make_shared<std::optional<ise::result<response>>>();
+        system.start("shore", "client", [&](ise::node& node) {
+            node.start("", [told, request, deadline, &service](ise::component& self) -> ise::task<> {
+                auto its = self.at("ise/host/shore");
+                auto copy = request;
+                auto got = co_await its.try_call(service, std::move(copy), deadline);
+                told->emplace(std::move(got));
+            });
+        });
+        REQUIRE(system.world.run_until([&] { return told->has_value(); }, 1h));
+        return std::move(**told).value();
+    }
+    start_response start(const std::string& path, restart_policy policy = restart_policy::never, const std::string& type = "doubler") {
+        start_request request;
+        request.type = type;
+        request.path = path;
+        request.terms.policy = policy;
+        return call(host_services::start, request);
+    }
+    instance_text state(const std::string& path) {
+        for (auto& one : call(host_services::instances, instances_request{}).instances)
+            if (one.path == path) return one;
+        FAIL("no instance " << path);
+        return {};
+    }
+    bool becomes(const std::string& path, instance_state wanted, ise::duration within = 2min) {
+        auto until = system.world.now() + within;
+        while (system.world.now() < until) {
+            if (state(path).state == wanted) return true;
+            system.world.run_for(100ms);
+        }
+        return false;
+    }
+
+    names_test::system system;
+    virtual_machine host;
+    ise::sim::process* server = nullptr;
+};
+
+} // namespace
+
+TEST_CASE("a start completes when the component is registered and answers") {
+    harbour in;
+    auto told = in.start("sea/one");
+    CHECK(told.outcome == start_outcome::ready);
+    CHECK(told.started.state == instance_state::ready);
+    CHECK(told.started.process_id == in.host.at("sea/one").stamp.pid);
+    CHECK(in.system.holds("sea/one"));
+    stop_request request{"sea/one", std::nullopt};
+    auto ended = in.call(host_services::stop, request);
+    CHECK(ended.ended.state == instance_state::stopped);
+    CHECK(in.host.running().empty());
+}
+
+TEST_CASE("a component that never registers is ended at its deadline") {
+    harbour in;
+    auto before = in.system.world.elapsed();
+    auto told = in.start("sea/one", restart_policy::always, "silent");
+    CHECK(told.outcome == start_outcome::deadline);
+    CHECK_THAT(told.why, Contains("it was not ready within 10 s") && Contains("does not know it yet"));
+    CHECK(in.system.world.elapsed() - before >= 10s);
+    CHECK(in.host.running().empty());
+}
+
+TEST_CASE("a program that is gone, and one that ends at once, are told apart") {
+    harbour in;
+    in.host.installed["doublers"].run = [&in](ise::sim::process& env, const std::vector<std::string>&) {
+        in.system.world.after(10ms, [&env] { env.crash(); });
+        return std::shared_ptr<void>();
+    };
+    CHECK(in.start("sea/one").outcome == start_outcome::exited);
+    in.host.files["/state/sea+two.log"] = "old";
+    in.host.may = [] { return false; };
+    CHECK(in.start("sea/two").outcome == start_outcome::not_launched);
+}
+
+TEST_CASE("a component that ends is started again after a pause, when its name is free") {
+    harbour in;
+    REQUIRE(in.start("sea/one", restart_policy::on_failure).outcome == start_outcome::ready);
+    auto died = in.system.world.now();
+    in.host.end(in.host.at("sea/one"), {true, true, 11});
+    in.system.world.run_for(10ms);
+    CHECK(in.state("sea/one").state == instance_state::waiting);
+    CHECK(in.state("sea/one").reason.starts_with("signal 11"));
+    REQUIRE(in.becomes("sea/one", instance_state::ready));
+    CHECK(in.state("sea/one").restarts == 1);
+    REQUIRE(in.host.launches.size() == 2);
+    CHECK(in.host.launches.back().first - died >= 250ms);
+    CHECK(in.system.holds("sea/one"));
+}
+
+TEST_CASE("what ends again and again has failed, and is not started any more") {
+    harbour in;
+    REQUIRE(in.start("sea/one", restart_policy::always).outcome == start_outcome::ready);
+    for (int life = 0; life < 6; ++life) {
+        REQUIRE(in.becomes("sea/one", instance_state::ready));
+        in.host.end(in.host.at("sea/one"), {true, false, 3});
+        in.system.world.run_for(10ms);
+    }
+    CHECK(in.becomes("sea/one", instance_state::failed));
+    CHECK_THAT(in.state("sea/one").reason, Contains("exit code 3; it was started again 5 times within 60 s"));
+    in.system.world.run_for(10min);
+    CHECK(in.host.running().empty());
+}
+
+TEST_CASE("what does not hear is killed after the grace") {
+    harbour in;
+    in.host.installed["doublers"].deaf = true;
+    REQUIRE(in.start("sea/one").outcome == start_outcome::ready);
+    auto before = in.system.world.now();
+    auto ended = in.call(host_services::stop, stop_request{"sea/one", ise::duration(3s)});
+    CHECK(ended.ended.state == instance_state::stopped);
+    CHECK(ended.ended.reason.starts_with("signal 9"));
+    CHECK(in.system.world.now() - before >= 3s);
+}
+
+TEST_CASE("more starts than the server bears within a time are refused") {
+    harbour in;
+    for (int number = 0; number < 10; ++number) CHECK(in.start("sea/n" + std::to_string(number)).outcome == start_outcome::ready);
+    auto told = in.start("sea/more");
+    CHECK(told.outcome == start_outcome::too_many);
+    CHECK_THAT(told.why, Contains("10 components were started within 10 s"));
+    in.system.world.run_for(10s);
+    CHECK(in.start("sea/more").outcome == start_outcome::ready);
+}
+
+TEST_CASE("what is unknown is refused by every service") {
+    harbour in;
+    auto code = [&](auto act) {
+        try {
+            act();
+        } catch (const ise::error& why) {
+            CHECK_THAT(why.what(), Contains("no instance 'sea/none' was started here"));
+            return why.code();
+        }
+        return ise::errc{};
+    };
+    CHECK(code([&] { in.call(host_services::stop, stop_request{"sea/none", std::nullopt}); }) == ise::errc::refused);
+    CHECK(code([&] { in.call(host_services::kill, kill_request{"sea/none"}); }) == ise::errc::refused);
+    CHECK(code([&] { in.call(host_services::restart, restart_request{"sea/none"}); }) == ise::errc::refused);
+    CHECK(code([&] { in.call(host_services::last_output, output_request{"sea/none"}); }) == ise::errc::refused);
+}
+
+TEST_CASE("a start while the name server is away says so, and nothing runs") {
+    harbour in;
+    in.system.world.net().partition("shore", "ns");
+    start_request request;
+    request.type = "doubler";
+    auto told = std::make_shared<std::optional<start_response>>();
+    in.system.start("shore", "client", [&](ise::node& node) {
+        node.start("", [told, request](ise::component& self) -> ise::task<> {
+            auto server = self.at("ise/host/shore");
+            auto copy = request;
+            for (;;) {
+                auto got = co_await server.try_call(host_services::start, copy, 1min);
+                if (got) {
+                    told->emplace(*got);
+                    break;
+                }
+                co_await self.sleep(1s);
+            }
+        });
+    });
+    in.system.world.run_for(30s);
+    in.system.world.net().heal("shore", "ns");
+    REQUIRE(in.system.world.run_until([&] { return told->has_value(); }, 10min));
+    // Whoever asked had to find the server first: both outcomes are right, none leaves anything behind.
+    if ((*told)->outcome == start_outcome::ready) CHECK(in.host.running().size() == 1);
+    else CHECK(in.host.running().empty());
+}
+
+TEST_CASE("an instantiation server that comes again takes over what runs") {
+    harbour in;
+    REQUIRE(in.start("sea/one", restart_policy::on_failure).outcome == start_outcome::ready);
+    auto pid = in.host.at("sea/one").stamp.pid;
+    in.server->crash();
+    in.system.world.run_for(10s);
+    CHECK(in.host.at("sea/one").stamp.pid == pid);
+    in.open();
+    auto state = in.state("sea/one");
+    CHECK(state.state == instance_state::ready);
+    CHECK(state.adopted);
+    CHECK(state.process_id == pid);
+    in.host.end(in.host.at("sea/one"), {false, false, 0});
+    in.system.world.run_for(10ms);
+    REQUIRE(in.becomes("sea/one", instance_state::ready));
+    CHECK_FALSE(in.state("sea/one").adopted);
+}
+
+TEST_CASE("a crash of the server at any of its operations loses no process and starts none twice") {
+    // Its state is written, and processes are started, in some order: it dies before each of these once.
+    int crashes = 0;
+    for (int fatal = 1;; ++fatal) {
+        harbour in;
+        int operations = 0;
+        bool dead = false;
+        in.host.may = [&] {
+            if (!dead && ++operations == fatal) {
+                dead = true;
+                in.server->crash();
+            }
+            return !dead;
+        };
+        // One comes to be, another is restarted by its policy, a third is stopped, as far as the server lives.
+        auto ask = [&](auto service, auto request) {
+            in.system.start("shore", "client", [&](ise::node& node) {
+                node.start("", [request, service](ise::component& self) -> ise::task<> {
+                    auto server = self.at("ise/host/shore");
+                    auto copy = request;
+                    [[maybe_unused]] auto got = co_await server.try_call(service, std::move(copy), 30s);
+                });
+            });
+            in.system.world.run_for(5s);
+        };
+        for (const char* path : {"sea/one", "sea/two"}) {
+            start_request request;
+            request.type = "doubler";
+            request.path = path;
+            request.terms.policy = restart_policy::always;
+            ask(host_services::start, request);
+        }
+        for (const auto& one : in.host.running())
+            if (one->path == "sea/one" && !dead) in.host.end(*one, {true, true, 9});
+        in.system.world.run_for(10s);
+        ask(host_services::stop, stop_request{"sea/two", std::nullopt});
+        if (!dead) break; // it has outlived all of it
+        ++crashes;
+        in.host.may = [] { return true; };
+        in.open();
+        in.system.world.run_for(60s);
+        INFO("it died at operation " << fatal);
+        auto known = in.call(host_services::instances, instances_request{}).instances;
+        std::size_t running = 0;
+        for (const auto& one : known) {
+            CHECK((one.state == instance_state::ready || one.state == instance_state::stopped || one.state == instance_state::failed));
+            if (one.process_id != 0) ++running;
+        }
+        CHECK(in.host.running().size() == running);
+        for (const char* path : {"sea/one", "sea/two"})
+            CHECK(std::ranges::count_if(in.host.running(), [&](const auto& one) { return one->path == path; }) <= 1);
+    }
+    CHECK(crashes > 10);
+}

@@ -1,0 +1,273 @@
+#include <components/iridium_proxy/mt_path.hpp>
+#include <components/iridium_proxy/mt_queue.hpp>
+#include <components/iridium_proxy/sbd_store.hpp>
+
+#include <support/catch.hpp>
+
+using namespace atirma;
+using std::chrono::duration_cast;
+using std::chrono::seconds;
+using std::chrono::sys_days;
+using namespace std::chrono_literals;
+
+namespace {
+
+constexpr utc_time start = sys_days(2026y / 11 / 21) + 20h;
+
+telecommand_request request(std::uint32_t id, command_kind kind, float valid_s = 3600) {
+    telecommand_request made;
+    made.id = id;
+    made.command.kind = kind;
+    made.valid_s = valid_s;
+    return made;
+}
+
+mt_outcome outcome(mt_outcome::kind what, std::string text = "text") {
+    mt_outcome made;
+    made.what = what;
+    made.text = std::move(text);
+    made.reference = "4114651";
+    return made;
+}
+
+acknowledgement answer(std::uint32_t id, command_kind kind) {
+    acknowledgement ack;
+    ack.id = id;
+    ack.kind = kind;
+    ack.text = "hold";
+    return ack;
+}
+
+ise::result<http_answer> answered(int status, std::string body) {
+    http_answer made;
+    made.status = status;
+    made.body = std::move(body);
+    return made;
+}
+
+sbd_store opened(const std::string& name) { return std::move(sbd_store::open("memory:" + name).value()); }
+
+} // namespace
+
+TEST_CASE("iridium: telecommands go by priority, then by age, one at a time") {
+    mt_queue queue;
+    queue.submit(start, request(1, command_kind::ping), 0).value();
+    queue.submit(start, request(2, command_kind::waypoint_clear), 0).value();
+    queue.submit(start, request(3, command_kind::set_mode), 0).value();
+    queue.submit(start, request(4, command_kind::tack_now), 0).value();
+    std::vector<std::uint32_t> order;
+    for (int i = 0; i < 4; ++i) {
+        auto due = queue.next_due(start, {});
+        REQUIRE(due);
+        CHECK_FALSE(queue.next_due(start, {}));
+        order.push_back(due->id);
+        queue.on_outcome(start, due->id, outcome(mt_outcome::kind::accepted));
+    }
+    CHECK(order == std::vector<std::uint32_t>{3, 2, 4, 1});
+    CHECK_FALSE(queue.next_due(start + 30min, {})); // what the gateway has is not sent again
+    CHECK(queue.find(3)->stage == iridium_stage::at_gateway);
+    CHECK(status_of(*queue.find(3)).state == telecommand_stage::sent);
+}
+
+TEST_CASE("iridium: a telecommand is followed from the shore to the boat's answer") {
+    mt_queue queue;
+    queue.submit(start, request(7, command_kind::set_mode), 0).value();
+    std::vector<iridium_stage> stages;
+    auto note = [&] {
+        for (const auto& change : queue.take_changes()) stages.push_back(change.stage);
+    };
+    note();
+    auto due = queue.next_due(start, {});
+    note();
+    queue.on_outcome(start, 7, outcome(mt_outcome::kind::accepted));
+    note();
+    queue.on_delivered(start + 10min);
+    note();
+    CHECK_FALSE(queue.on_acknowledgement(start + 11min, answer(7, command_kind::ping)));
+    CHECK_FALSE(queue.on_acknowledgement(start + 11min, answer(8, command_kind::set_mode)));
+    CHECK(queue.on_acknowledgement(start + 11min, answer(7, command_kind::set_mode)));
+    note();
+    using enum iridium_stage;
+    CHECK(stages == std::vector{waiting, sending, at_gateway, delivered, acknowledged});
+    CHECK(queue.open().empty());
+    CHECK(queue.find(7)->text == "hold");
+}
+
+TEST_CASE("iridium: what may pass is tried again with growing pauses, what cannot is failed") {
+    mt_queue queue;
+    queue.submit(start, request(1, command_kind::ping, 80000), 0).value();
+    auto now = start;
+    std::vector<seconds> pauses;
+    for (int i = 0; i < 10; ++i) {
+        REQUIRE(queue.next_due(now, {}));
+        queue.on_outcome(now, 1, outcome(mt_outcome::kind::later));
+        CHECK(status_of(*queue.find(1)).state == telecommand_stage::queued);
+        CHECK_FALSE(queue.next_due(now, {}));
+        auto next = queue.next_event();
+        pauses.push_back(duration_cast<seconds>(next - now));
+        now = next;
+    }
+    CHECK(pauses.front() == 5s);
+    CHECK(pauses[3] == 40s);
+    CHECK(pauses.back() == 900s);
+    REQUIRE(queue.next_due(now, {}));
+    queue.on_outcome(now, 1, outcome(mt_outcome::kind::unknown));
+    CHECK(status_of(*queue.find(1)).state == telecommand_stage::sent); // it may have left
+    now = queue.next_event();
+    REQUIRE(queue.next_due(now, {}));
+    queue.on_outcome(now, 1, outcome(mt_outcome::kind::refused, "no credit"));
+    CHECK(queue.find(1)->stage == iridium_stage::failed);
+    CHECK(queue.find(1)->text == "no credit");
+    CHECK(queue.next_event() == utc_time::max());
+}
+
+TEST_CASE("iridium: a budget that is spent holds the queue until midnight UTC") {
+    mt_queue queue;
+    queue.submit(start, request(1, command_kind::ping, 80000), 0).value();
+    queue.submit(start, request(2, command_kind::set_mode, 80000), 0).value();
+    CHECK_FALSE(queue.next_due(start, 0));
+    CHECK(queue.find(2)->text.find("budget") != std::string::npos);
+    CHECK(queue.next_event() == sys_days(2026y / 11 / 22));
+    auto due = queue.next_due(sys_days(2026y / 11 / 22), 1);
+    REQUIRE(due);
+    CHECK(due->id == 2);
+    CHECK(due->credits == 1);
+    CHECK(credits_of(0, 50) == 1);
+    CHECK(credits_of(50, 50) == 1);
+    CHECK(credits_of(51, 50) == 2);
+    CHECK(credits_of(270, 50) == 6);
+}
+
+TEST_CASE("iridium: validity ends waiting, and says what may have happened, and an answer after that still counts") {
+    mt_queue queue;
+    queue.submit(start, request(1, command_kind::ping, 60), 0).value();
+    queue.submit(start, request(2, command_kind::set_mode, 60), 0).value();
+    REQUIRE(queue.next_due(start, {})->id == 2);
+    queue.on_outcome(start, 2, outcome(mt_outcome::kind::accepted));
+    CHECK(queue.next_event() <= start + 60s);
+    queue.on_time(start + 60s);
+    CHECK(queue.find(1)->stage == iridium_stage::expired);
+    CHECK(queue.find(1)->text.find("before it could be sent") != std::string::npos);
+    CHECK(queue.find(2)->text.find("gateway") != std::string::npos);
+    CHECK(queue.on_acknowledgement(start + 2h, answer(2, command_kind::set_mode)));
+    CHECK(queue.find(2)->stage == iridium_stage::acknowledged);
+}
+
+TEST_CASE("iridium: the same id is the same telecommand, and nonsense and too many are refused") {
+    mt_queue_options options;
+    options.max_open = 2;
+    mt_queue queue(options);
+    CHECK(queue.submit(start, request(5, command_kind::ping), 0).value() == 5);
+    CHECK(queue.submit(start, request(5, command_kind::ping), 0).value() == 5);
+    CHECK(queue.submit(start, request(5, command_kind::reboot), 0).error().code() == ise::errc::invalid_argument);
+    CHECK(queue.submit(start, request(6, command_kind::ping, 0), 0).error().code() == ise::errc::invalid_argument);
+    CHECK(queue.submit(start, request(6, static_cast<command_kind>(99)), 0).error().code() ==
+          ise::errc::invalid_argument);
+    CHECK(queue.submit(start, request(0, command_kind::ping), 77).value() == 77);
+    CHECK(queue.submit(start, request(8, command_kind::ping), 0).error().code() == ise::errc::overloaded);
+    queue.forget(77);
+    CHECK(queue.submit(start, request(8, command_kind::ping), 0));
+}
+
+TEST_CASE("iridium: RockBLOCK's answers are told apart: taken, never, later, unknown") {
+    using kind = mt_outcome::kind;
+    CHECK(outcome_of_rockblock(answered(200, "OK,4114651")).what == kind::accepted);
+    CHECK(outcome_of_rockblock(answered(200, "OK,4114651")).reference == "4114651");
+    for (int code : {10, 11, 12, 13, 14, 15, 16}) {
+        auto told = outcome_of_rockblock(answered(200, "FAILED," + std::to_string(code) + ",words"));
+        CHECK(told.what == kind::refused);
+        CHECK(told.text.find("FAILED " + std::to_string(code)) != std::string::npos);
+    }
+    CHECK(outcome_of_rockblock(answered(200, "FAILED,99,System Error")).what == kind::later);
+    CHECK(outcome_of_rockblock(answered(404, "<html>")).what == kind::later);
+    CHECK(outcome_of_rockblock(answered(502, "Bad gateway")).what == kind::unknown);
+    CHECK(outcome_of_rockblock(ise::failure(ise::errc::unreachable, "no route")).what == kind::later);
+    CHECK(outcome_of_rockblock(ise::failure(ise::errc::timed_out, "late", ise::execution::unknown)).what ==
+          kind::unknown);
+    CHECK(outcome_of_rockblock(ise::failure(ise::errc::peer_lost, "gone", ise::execution::unknown)).what ==
+          kind::unknown);
+}
+
+TEST_CASE("iridium: the queue on disk comes back as it was, and what was being sent is sent again") {
+    auto store = opened("queue_restart");
+    {
+        mt_queue queue;
+        auto insert = request(3, command_kind::waypoint_insert, 7200);
+        insert.command.index = 2;
+        insert.command.point = {28.1534567891234, -15.4480000000001};
+        queue.submit(start, request(1, command_kind::set_mode), 0).value();
+        queue.submit(start, request(2, command_kind::set_mode), 0).value();
+        queue.submit(start, insert, 0).value();
+        REQUIRE(queue.next_due(start, {})->id == 1);
+        queue.on_outcome(start, 1, outcome(mt_outcome::kind::accepted));
+        REQUIRE(queue.next_due(start, {})->id == 2);
+        for (const auto& entry : queue.take_changes()) store.save(entry).value();
+    }
+    mt_queue again;
+    auto kept = store.load().value();
+    REQUIRE(kept.size() == 3);
+    again.restore(start + 1min, std::move(kept));
+    CHECK(again.find(1)->stage == iridium_stage::at_gateway);
+    CHECK(again.find(1)->reference == "4114651");
+    CHECK(again.find(2)->stage == iridium_stage::waiting);
+    CHECK(again.find(2)->may_have_left);
+    CHECK(again.find(3)->command.point == waypoint{28.1534567891234, -15.4480000000001});
+    CHECK(again.find(3)->expires_at == start + 2h);
+    CHECK(again.next_due(start + 1min, {})->id == 2);
+    auto other = request(3, command_kind::waypoint_insert, 7200);
+    CHECK_FALSE(again.submit(start, other, 0)); // the id stands for another place
+    // Later than its validity: it comes back expired.
+    mt_queue late;
+    late.restore(start + 10h, store.load().value());
+    CHECK(late.open().empty());
+    CHECK(late.find(3)->stage == iridium_stage::expired);
+}
+
+TEST_CASE(
+    "iridium: a message of the boat is kept once, by imei, momsn and session time, and waits until it is handed on") {
+    auto store = opened("messages");
+    iridium::mo_message m;
+    m.imei = "300234010753370";
+    m.momsn = 5;
+    m.session_time = std::chrono::sys_seconds(1'700'000'000s);
+    m.where = iridium::estimate{28, -15, 3};
+    m.data = ise::bytes(60, std::byte{7});
+    CHECK(store.add(m, "http", start, 2).value());
+    CHECK_FALSE(store.add(m, "mail", start + 1s, 2).value());
+    auto wrapped = m; // momsn has come round
+    wrapped.session_time += 24h;
+    CHECK(store.add(wrapped, "http", start + 24h, 2).value());
+    auto waiting = store.unpublished(10).value();
+    REQUIRE(waiting.size() == 2);
+    CHECK(waiting[0].message == m);
+    CHECK(waiting[0].received_at == start);
+    CHECK(store.unpublished(10, waiting[0].row).value().size() == 1);
+    store.published(waiting[0].row).value();
+    CHECK(store.count_unpublished().value() == 1);
+    store.forget_before(start + 48h).value();
+    CHECK(store.count_unpublished().value() == 1); // never what nobody has seen
+}
+
+TEST_CASE("iridium: spending is summed by day and month, and a refund takes it back") {
+    auto store = opened("spending");
+    mt_entry entry;
+    entry.id = 1;
+    store.begin_attempt(entry, start, 30, 1).value();
+    store.begin_attempt(entry, start + 1h, 70, 2).value();
+    store.begin_attempt(entry, start + 24h, 30, 1).value();
+    store.refund(start + 1h, 70, 2).value();
+    iridium::mo_message m;
+    m.imei = "300234010753370";
+    m.data = ise::bytes(340);
+    store.add(m, "http", start, 7).value();
+    store.add(m, "http", start, 7).value(); // the same again costs nothing
+    auto today = store.spent_on(start).value();
+    CHECK(today.mt_messages == 1);
+    CHECK(today.mt_bytes == 30);
+    CHECK(today.mt_credits == 1);
+    CHECK(today.mo_messages == 1);
+    CHECK(today.mo_credits == 7);
+    CHECK(store.spent_in_month_of(start).value().mt_credits == 2);
+    CHECK(store.spent_in_month_of(start + 24h * 40).value() == iridium_spending{});
+    CHECK(store.spent_ever().value().mt_messages == 2);
+}

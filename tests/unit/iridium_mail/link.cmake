@@ -1,0 +1,1 @@
+target_link_libraries(unit_iridium_mail PRIVATE atirma_iridium_mail)

@@ -1,0 +1,195 @@
+// A channel over datagrams, decided without I/O: what gets there however rough the way, and what a peer cannot do.
+#include <support/catch.hpp>
+#include <support/channel_pair.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+using namespace ise_test;
+using namespace std::chrono_literals;
+using ise::net::udp::channel;
+
+namespace {
+
+// Writes as the window allows.
+bool carries(channel_pair& pair, const ise::bytes& content, ise::duration limit) {
+    auto& written = pair.written;
+    return pair.run_until(
+        [&] {
+            written += pair.a.channel.out().write(ise::bytes_view(content).subspan(written));
+            return pair.b.stream.size() == content.size();
+        },
+        limit);
+}
+
+std::uint8_t last_fill(const channel_pair::side& at) { return at.messages.empty() ? std::uint8_t{0} : static_cast<std::uint8_t>(at.messages.back().back()); }
+
+ise::bytes data_datagram(std::uint64_t number, ise::wire::chunk_type type, const ise::bytes& content) {
+    ise::buffer out;
+    ise::wire::data_writer writer(out, 1, number);
+    writer.put(type, content);
+    writer.finish();
+    return out.to_bytes();
+}
+template <class... T>
+ise::bytes packed(T... values) {
+    ise::buffer out;
+    (out.append(values), ...);
+    return out.to_bytes();
+}
+
+} // namespace
+
+TEST_CASE("a stream arrives whole and in order over any way, for every seed") {
+    auto content = numbered_bytes(200'000);
+    rough_way ways[] = {{0, 0, 0}, {0.02, 0, 0}, {0.2, 0.1, 0.2}, {0.5, 0.3, 0.5}, {0, 1, 1}};
+    for (auto& way : ways) {
+        for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+            INFO(fmt::format("loss {}, twice {}, late {}, seed {}", way.loss, way.twice, way.late, seed));
+            channel_pair pair(seed, way);
+            REQUIRE(carries(pair, content, 1h));
+            REQUIRE(pair.b.stream == content);
+            pair.a.channel.out().end();
+            REQUIRE(pair.run_until([&] { return pair.b.channel.in().ended() && pair.a.channel.out().finished(); }, 1h));
+        }
+    }
+}
+
+TEST_CASE("both directions at once share their acks") {
+    channel_pair pair(3, {0.1, 0.05, 0.1});
+    auto content = numbered_bytes(100'000);
+    std::size_t there = 0, back = 0;
+    REQUIRE(pair.run_until([&] {
+        there += pair.a.channel.out().write(ise::bytes_view(content).subspan(there));
+        back += pair.b.channel.out().write(ise::bytes_view(content).subspan(back));
+        return pair.a.stream.size() == content.size() && pair.b.stream.size() == content.size();
+    }));
+    CHECK(pair.a.stream == content);
+    CHECK(pair.b.stream == content);
+}
+
+TEST_CASE("a way that is closed for a while is used again when it opens") {
+    channel_pair pair(5);
+    auto content = numbered_bytes(300'000);
+    pair.way.loss = 1;
+    CHECK_FALSE(carries(pair, content, 20s));
+    auto quiet = pair.datagrams;
+    CHECK(quiet < 100); // it backs off
+    pair.way.loss = 0;
+    CHECK(carries(pair, content, 10min));
+    CHECK(pair.b.stream == content);
+}
+
+TEST_CASE("the latest message of each key gets there, older ones once at most, small or in fragments") {
+    for (std::size_t size : {20u, 1000u, 5000u, 200'000u}) {
+        for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+            INFO(fmt::format("{} bytes, seed {}", size, seed));
+            channel_pair pair(seed, {0.3, 0.1, 0.1});
+            std::uint8_t put = 0;
+            REQUIRE(pair.run_until([&] {
+                while (put < 10 && pair.a.channel.out().messages().wanted()) put_message(pair.a.channel, 7, size, ++put);
+                return last_fill(pair.b) == 10;
+            }, 1h));
+            REQUIRE(pair.run_until([&] { return pair.a.channel.out().messages().unconfirmed() == 0; }, 1h));
+            CHECK(pair.b.messages.size() <= 10);
+            for (auto& message : pair.b.messages) CHECK(message.size() == size + ise::wire::frame_header::size);
+        }
+    }
+}
+
+TEST_CASE("the largest message passes a way that loses a twentieth") {
+    channel_pair pair(2, {0.05, 0, 0.05});
+    put_message(pair.a.channel, 1, ise::wire::max_datagram_message_bytes, 9);
+    CHECK(pair.run_until([&] { return last_fill(pair.b) == 9; }));
+    CHECK(pair.b.channel.messages().bytes_held() == 0);
+}
+
+TEST_CASE("small messages are not held up by a big one, nor all messages by the stream") {
+    channel_pair pair(4);
+    put_message(pair.a.channel, 1, 1 << 20, 1);
+    put_message(pair.a.channel, 2, 100, 2);
+    CHECK(pair.run_until([&] { return last_fill(pair.b) == 2; }));
+    CHECK(pair.b.messages.size() == 1);
+
+    auto content = numbered_bytes(1'000'000);
+    std::size_t written = 0;
+    int came = 0;
+    pair.run_until([&] {
+        written += pair.a.channel.out().write(ise::bytes_view(content).subspan(written));
+        if (pair.a.channel.out().messages().wanted()) put_message(pair.a.channel, 3, 100, 3);
+        came = static_cast<int>(pair.b.messages.size());
+        return pair.b.stream.size() > 500'000;
+    });
+    CHECK(came > 20);
+}
+
+TEST_CASE("a slow way gets no more than it carries for long, and no flood") {
+    // 20 kB a second in the mind of the sender only: what is under way is bounded by the window.
+    channel_pair pair(6);
+    auto content = numbered_bytes(400'000);
+    std::size_t most = 0;
+    std::size_t written = 0;
+    pair.run_until([&] {
+        written += pair.a.channel.out().write(ise::bytes_view(content).subspan(written));
+        most = std::max(most, pair.a.channel.out().network().in_flight());
+        return pair.b.stream.size() == content.size();
+    });
+    CHECK(most <= ise::net::udp::congestion::largest_window);
+}
+
+TEST_CASE("a datagram that came counts once") {
+    channel_pair pair;
+    pair.a.channel.out().write(ise::as_bytes("hello"));
+    ise::buffer out;
+    REQUIRE(pair.a.channel.next(out, pair.now));
+    auto raw = out.to_bytes();
+    pair.take(pair.b, raw);
+    pair.take(pair.b, raw);
+    CHECK(ise::as_text(pair.b.stream) == "hello");
+    CHECK(pair.b.channel.ignored() == 1);
+}
+
+TEST_CASE("what breaks a rule is as if it had not come") {
+    using ise::wire::chunk_type;
+    channel_pair pair;
+    auto refused = [&](chunk_type type, const ise::bytes& content) {
+        auto before = pair.a.channel.ignored();
+        pair.take(pair.a, data_datagram(0, type, content));
+        return pair.a.channel.ignored() == before + 1;
+    };
+    CHECK(refused(chunk_type::ack, packed(std::uint64_t{5}, std::uint32_t{0}, std::uint32_t{1}))); // nothing was sent
+    CHECK(refused(chunk_type::ack, packed(std::uint64_t{5}, std::uint32_t{0}, std::uint32_t{0})));
+    CHECK(refused(chunk_type::ack, packed(~std::uint64_t{0}, std::uint32_t{0}, std::uint32_t{1})));
+    CHECK(refused(chunk_type::ack, packed(std::uint64_t{5}, std::uint32_t{0}, std::uint32_t{2}, std::uint32_t{9}, std::uint32_t{1})));
+    CHECK(refused(chunk_type::content, packed(~std::uint64_t{0}, std::uint8_t{1})));
+    CHECK(refused(chunk_type::content, packed(std::uint64_t{1} << 20, std::uint8_t{1}))); // beyond the window
+    CHECK(refused(chunk_type::content, packed(std::uint32_t{1})));
+    CHECK(refused(chunk_type::fragment, packed(std::uint64_t{0}, std::uint32_t{2 << 20}, std::uint32_t{0}, std::uint8_t{1})));
+    CHECK(refused(chunk_type::fragment, packed(std::uint64_t{0}, std::uint32_t{4000}, std::uint32_t{4}, std::uint8_t{1})));
+    CHECK(refused(chunk_type::fragment, packed(std::uint64_t{0}, std::uint32_t{4000}, std::uint32_t{0}, std::uint8_t{1})));
+    CHECK(refused(chunk_type::fragment, packed(std::uint64_t{0}, std::uint32_t{3}, std::uint32_t{0}, std::uint8_t{1}, std::uint8_t{1}, std::uint8_t{1})));
+    CHECK_FALSE(refused(static_cast<chunk_type>(99), packed(std::uint64_t{1}))); // of a later version
+}
+
+TEST_CASE("fragments of messages that never become whole hold bounded memory, and not for ever") {
+    using namespace ise::net::udp;
+    incoming_messages in;
+    ise::time_point now{1s};
+    std::optional<ise::bytes> done;
+    ise::bytes part = packed(std::uint64_t{0}, std::uint32_t{1 << 20}, std::uint32_t{0});
+    part.resize(16 + fragment_bytes);
+    for (std::uint64_t number = 0; number < 200; ++number) {
+        for (std::uint32_t index = 0; index < 1000; ++index) {
+            ise::detail::store_little(part.data(), number);
+            ise::detail::store_little(part.data() + 12, index);
+            REQUIRE(in.take(part, now, done));
+            REQUIRE_FALSE(done);
+        }
+        REQUIRE(in.bytes_held() <= incoming_messages::max_bytes);
+        REQUIRE(in.unfinished() <= incoming_messages::max_unfinished);
+    }
+    in.drop_stale(now + incoming_messages::patience);
+    CHECK(in.bytes_held() == 0);
+    CHECK(in.due() == ise::time_point::max());
+}

@@ -1,0 +1,310 @@
+// Links that come and go: exact gaps over every cut, no storm of clients, and nothing stale over a slow relay.
+#include <support/boat_services.hpp>
+#include <support/catch.hpp>
+#include <support/sim_parties.hpp>
+
+#include <cstdlib>
+#include <iostream>
+#include <map>
+
+using namespace boat_services;
+using namespace ise_test;
+using namespace std::chrono_literals;
+
+namespace {
+
+double seconds(ise::duration time) { return std::chrono::duration<double>(time).count(); }
+
+struct gaps {
+    std::vector<double> packets;
+    std::uint64_t before_first = 0; // lost since the provider had committed
+    std::uint64_t lost = 0;
+    std::uint64_t unknown = 0;
+    ise::subscription_counts counts;
+};
+
+ise::task<> follow(ise::remote from, std::shared_ptr<gaps> into, ise::subscribe_options options) {
+    auto fixes = co_await from.subscribe(position, options);
+    for (;;) {
+        auto packet = co_await fixes.next();
+        if (!packet) break;
+        into->packets.push_back(packet->latitude_deg);
+        if (into->packets.size() == 1) {
+            into->before_first = packet.lost_before();
+        } else if (packet.lost_before() == ise::unknown_gap) {
+            ++into->unknown;
+        } else {
+            into->lost += packet.lost_before();
+        }
+        into->counts = fixes.counts();
+    }
+}
+
+void publish(party& by, const ise::publication<ise::subscription<fix>>& fixes, double latitude) {
+    ise::loop::turn in(by.on);
+    fix here{latitude, 0, 0};
+    fixes(here);
+}
+
+} // namespace
+
+TEST_CASE("links: whichever byte a link is cut at, a subscription resumes and its gap is exact") {
+    auto which = GENERATE(ise::sim::direction::to_server, ise::sim::direction::to_client);
+    int resumed = 0;
+    for (std::uint64_t at = 0;; at += 7) {
+        INFO("cut after byte " << at);
+        sim_parties all;
+        auto& boat = all.add("boat");
+        auto& shore = all.add("shore");
+        auto fixes = boat.publish(position);
+        boat.listen("tcp://0.0.0.0:7400");
+        all.world.net().cut("shore", "boat", which, at);
+        auto got = std::make_shared<gaps>();
+        auto following = start(shore.on, follow(shore.at("tcp://boat:7400"), got, ise::subscribe_options::last(3)));
+        for (int i = 1; i <= 40; ++i) {
+            publish(boat, fixes, i);
+            all.world.run_for(50ms);
+        }
+        all.world.run_for(2s);
+        // A gap is told by the packet behind it, which may be the one that the cut hits.
+        int last = 40;
+        for (int more = 0; more < 3 && (got->packets.empty() || got->packets.back() != last); ++more) {
+            publish(boat, fixes, ++last);
+            all.world.run_for(2s);
+        }
+        bool cut = all.world.net().cuts() > 0;
+        INFO((following->thrown ? ise::describe(following->thrown) : "it goes on"));
+        REQUIRE_FALSE(got->packets.empty());
+        CHECK(got->packets.back() == last);
+        CHECK(std::is_sorted(got->packets.begin(), got->packets.end()));
+        CHECK(got->unknown == 0);
+        CHECK(got->counts.restarts == 0);
+        CHECK(fixes.subscribers() <= 2); // one may have been committed without its answer: it lingers
+        CHECK((got->before_first == 0 || static_cast<double>(got->before_first) == got->packets.front() - 1));
+        // From the first packet on every one is there or counted.
+        CHECK(got->packets.size() + got->lost == static_cast<std::size_t>(last - got->packets.front() + 1));
+        resumed += static_cast<int>(got->counts.resumed);
+        CHECK(all.stop());
+        if (!cut) break;
+    }
+    CHECK(resumed > (which == ise::sim::direction::to_client ? 20 : 0)); // little goes to the server: heartbeats
+}
+
+namespace {
+
+// How many connections the clients begin, in windows of 100 ms that slide by 10.
+struct attempts {
+    explicit attempts(ise::sim::world& of) : world(of), from(of.trace().count()) {}
+
+    void run_for(ise::duration time) {
+        for (auto end = world.now() + time; world.now() < end;) {
+            world.run_for(10ms);
+            auto news = world.trace().count() - from;
+            from = world.trace().count();
+            REQUIRE(news < ise::sim::trace::kept_entries); // else some were not seen
+            const auto& newest = world.trace().newest();
+            std::size_t now = 0;
+            for (auto at = newest.end() - static_cast<std::ptrdiff_t>(news); at != newest.end(); ++at) now += at->kind == "connect";
+            total += now;
+            window.push_back(now);
+            in_window += now;
+            if (window.size() > 10) {
+                in_window -= window.front();
+                window.erase(window.begin());
+            }
+            peak = std::max(peak, in_window);
+        }
+    }
+
+    ise::sim::world& world;
+    std::uint64_t from;
+    std::vector<std::size_t> window;
+    std::size_t in_window = 0, peak = 0, total = 0;
+};
+
+} // namespace
+
+TEST_CASE("links: the clients of one restarted provider come back without a storm") {
+    auto clients = GENERATE(100u, 1000u);
+    auto away = GENERATE(as<ise::duration>(), 0ms, 3s, 20s);
+    CAPTURE(clients, away.count());
+    sim_parties all;
+    auto& first = all.add("boat");
+    auto fixes = first.publish(position);
+    first.listen("tcp://0.0.0.0:7400");
+    std::vector<std::shared_ptr<gaps>> got;
+    std::vector<std::shared_ptr<started<void>>> running;
+    for (unsigned i = 0; i < clients; ++i) {
+        auto& client = all.add("client" + std::to_string(i));
+        got.push_back(std::make_shared<gaps>());
+        running.push_back(start(client.on, follow(client.at("tcp://boat:7400"), got.back(), ise::subscribe_options::latest())));
+        if (i % 50 == 49) all.world.run_for(100ms);
+    }
+    REQUIRE(all.run_until([&] { return fixes.subscribers() == clients; }));
+    all.world.run_for(10s);
+
+    attempts seen(all.world);
+    first.services->stop(1s);
+    first.scope.stop();
+    seen.run_for(100ms);
+    seen.run_for(away);
+    auto& second = all.add("boat");
+    auto again = second.publish(position);
+    second.listen("tcp://0.0.0.0:7400");
+    auto back_at = all.world.now();
+    while (again.subscribers() < clients && all.world.now() < back_at + 30s) seen.run_for(100ms);
+    auto healed = seconds(all.world.now() - back_at);
+    if (std::getenv("ISE_TEST_FIGURES"))
+        std::cout << clients << " clients, away " << seconds(away) << " s: peak " << seen.peak << " attempts in 100 ms, "
+                  << seen.total << " in all, all back " << healed << " s after the provider\n";
+
+    CHECK(again.subscribers() == clients);
+    CHECK(seen.peak <= clients * 3 / 10 + 10);   // the first tries spread over half a second
+    CHECK(healed <= 5.5);                        // the longest pause
+    CHECK(seen.total <= clients * (4 + static_cast<std::size_t>(away / 2500ms)));
+    publish(second, again, 7);
+    all.world.run_for(1s);
+    for (const auto& one : got) CHECK((one->packets.back() == 7 && one->before_first == ise::unknown_gap));
+    CHECK(second.services->counts().sessions_rejected == 0);
+}
+
+namespace {
+
+// A byte relay as networks have them: it reads what comes as soon as it has room, and sends it on over whatever link.
+class relay {
+public:
+    relay(ise::sim::world& world, const std::string& to) : process_(world.host("relay").start_process("relay")), loop_(process_.make_loop("relay")), to_(to) {
+        listener_ = process_.listen(loop_->loop(), ise::endpoint::parse("tcp://0.0.0.0:7500").value()).value();
+        accepting_ = start(loop_->loop(), accept());
+    }
+    void stop() {
+        accepting_->cancel.emit(asio::cancellation_type::terminal);
+        listener_->close();
+        for (auto& one : ends_) one->close();
+    }
+
+private:
+    ise::task<> accept() {
+        for (;;) {
+            auto [problem, incoming] = co_await listener_->accept();
+            if (problem) co_return;
+            auto outgoing = co_await process_.connect(loop_->loop(), ise::endpoint::parse(to_).value());
+            if (!outgoing) continue;
+            std::shared_ptr<ise::stream> near = std::move(incoming);
+            std::shared_ptr<ise::stream> far = std::move(*outgoing);
+            ends_.push_back(near);
+            ends_.push_back(far);
+            pumps_.push_back(start(loop_->loop(), pump(near, far)));
+            pumps_.push_back(start(loop_->loop(), pump(far, near)));
+        }
+    }
+    static ise::task<> pump(std::shared_ptr<ise::stream> from, std::shared_ptr<ise::stream> to) {
+        std::vector<std::byte> room(512);
+        for (;;) {
+            auto got = co_await from->read_some(asio::buffer(room));
+            if (got.problem) co_return;
+            for (std::size_t sent = 0; sent < got.bytes;) {
+                asio::const_buffer rest(room.data() + sent, got.bytes - sent);
+                auto wrote = to->try_write(std::span(&rest, 1));
+                sent += wrote.bytes;
+                if (!wrote.problem) continue;
+                if (wrote.problem != asio::error::would_block) co_return;
+                auto broken = co_await to->wait_writable();
+                if (broken) co_return;
+            }
+        }
+    }
+
+    ise::sim::process& process_;
+    std::unique_ptr<ise::loop_host> loop_;
+    std::string to_;
+    std::unique_ptr<ise::listener> listener_;
+    std::shared_ptr<started<void>> accepting_;
+    std::vector<std::shared_ptr<started<void>>> pumps_;
+    std::vector<std::shared_ptr<ise::stream>> ends_;
+};
+
+constexpr std::size_t slow = 2000; // bytes a second
+
+// How old the packets are that arrive, whose latitude is the time at which they were published.
+struct ages {
+    ise::duration worst{};
+    std::size_t packets = 0;
+    bool backwards = false;
+};
+ise::task<> measure(ise::loop& on, ise::remote from, std::shared_ptr<ages> into) {
+    auto fixes = co_await from.subscribe(position, ise::subscribe_options::latest());
+    double last = 0;
+    for (;;) {
+        auto packet = co_await fixes.next();
+        if (!packet) break;
+        auto now = std::chrono::duration<double>(on.now().time_since_epoch()).count();
+        into->worst = std::max(into->worst, std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(now - packet->latitude_deg)));
+        into->backwards = into->backwards || packet->latitude_deg < last;
+        last = packet->latitude_deg;
+        ++into->packets;
+    }
+}
+void publish_the_time(sim_parties& all, party& by, const ise::publication<ise::subscription<fix>>& fixes, ise::duration time) {
+    for (auto end = all.world.now() + time; all.world.now() < end;) { // 200 a second: four times what the link carries
+        publish(by, fixes, std::chrono::duration<double>(all.world.now().time_since_epoch()).count());
+        all.world.run_for(5ms);
+    }
+}
+
+} // namespace
+
+TEST_CASE("links: over a link of 2 kB/s the latest is no older than the configured bytes take to drain") {
+    auto unsent = GENERATE(std::size_t{512}, std::size_t{4096}, std::size_t{32768});
+    CAPTURE(unsent);
+    ise::service_options options;
+    options.unsent_bytes = unsent;
+    sim_parties all;
+    auto& boat = all.add("boat", options);
+    auto& shore = all.add("shore");
+    auto fixes = boat.publish(position);
+    boat.listen("tcp://0.0.0.0:7400");
+    auto& link = all.world.net().between("boat", "shore");
+    link.bandwidth_bytes_per_second = slow;
+    link.latency = 300ms;
+    auto seen = std::make_shared<ages>();
+    auto measuring = start(shore.on, measure(shore.on, shore.at("tcp://boat:7400"), seen));
+    publish_the_time(all, boat, fixes, 120s);
+    auto bound = ise::duration(static_cast<std::int64_t>((unsent + 512) * 1'000'000'000 / slow)) + 300ms; // and a piece that is being sent
+    if (std::getenv("ISE_TEST_FIGURES"))
+        std::cout << "2 kB/s, unsent_bytes " << unsent << ": " << seen->packets << " packets, the oldest " << seconds(seen->worst) << " s, bound "
+                  << seconds(bound) << " s\n";
+    CHECK(seen->packets > 1000);
+    CHECK(seen->worst <= bound);
+    CHECK_FALSE(seen->backwards);
+}
+
+TEST_CASE("links: through a relay of 2 kB/s the latest is no older than all buffers on the way take to drain") {
+    constexpr std::size_t buffer = 4096; // each of the relay's
+    ise::service_options options;
+    options.unsent_bytes = 1024;
+    sim_parties all;
+    auto& boat = all.add("boat", options);
+    auto& shore = all.add("shore");
+    auto fixes = boat.publish(position);
+    boat.listen("tcp://0.0.0.0:7400");
+    auto& near = all.world.net().between("boat", "relay");
+    near.receive_buffer_bytes = buffer;
+    auto& far = all.world.net().between("relay", "shore");
+    far.bandwidth_bytes_per_second = slow;
+    far.send_buffer_bytes = buffer;
+    far.receive_buffer_bytes = buffer;
+    relay between(all.world, "tcp://boat:7400");
+    auto seen = std::make_shared<ages>();
+    auto measuring = start(shore.on, measure(shore.on, shore.at("tcp://relay:7500"), seen));
+    publish_the_time(all, boat, fixes, 120s);
+    // Ours (and one write that was begun), the relay's two buffers and what it holds in its hand.
+    auto bytes = options.unsent_bytes + 512 + 2 * buffer + 512;
+    auto bound = ise::duration(static_cast<std::int64_t>(bytes * 1'000'000'000 / slow)) + 10ms;
+    if (std::getenv("ISE_TEST_FIGURES"))
+        std::cout << "relay of 2 kB/s: " << seen->packets << " packets, the oldest " << seconds(seen->worst) << " s, bound " << seconds(bound) << " s\n";
+    CHECK(seen->packets > 1000);
+    CHECK(seen->worst <= bound);
+    CHECK_FALSE(seen->backwards);
+    between.stop();
+}

@@ -1,0 +1,370 @@
+// Components over datagrams in the virtual world: calls that outlive their session, a peer that moves, strangers.
+#include <ise/net/connect.hpp>
+#include <ise/net/udp/port.hpp>
+#include <support/boat_services.hpp>
+#include <support/catch.hpp>
+#include <support/sim_parties.hpp>
+
+#include <fmt/format.h>
+
+#include <map>
+#include <random>
+
+using namespace boat_services;
+using namespace ise_test;
+using namespace std::chrono_literals;
+using ise::errc;
+using ise::execution;
+
+namespace {
+
+ise::endpoint at(const std::string& text) { return ise::endpoint::parse(text).value(); }
+
+ise::task<ise::result<mode_set>> try_helm(ise::remote boat, std::string mode, ise::duration limit) {
+    set_mode request{std::move(mode)};
+    auto got = co_await boat.try_call(helm, request, limit);
+    co_return got;
+}
+
+ise::service_options quick() {
+    ise::service_options made;
+    made.accepts.heartbeat_ns = 500'000'000;
+    made.first_back_off = 20ms;
+    made.longest_back_off = 200ms;
+    return made;
+}
+
+struct outcome {
+    int runs = 0;
+    std::shared_ptr<started<ise::result<mode_set>>> call;
+};
+
+// Calls under a script of faults; each runs at most once, and what was answered ran.
+void calls_under_faults(std::uint64_t seed) {
+    INFO(fmt::format("seed {}", seed));
+    sim_parties sea(seed);
+    std::mt19937_64 random(seed);
+    auto& between = sea.world.net().between("boat", "shore");
+    between.latency = std::chrono::milliseconds(1 + random() % 60);
+    between.loss = static_cast<double>(random() % 40) / 100;
+    between.duplicate = static_cast<double>(random() % 30) / 100;
+    between.reorder = static_cast<double>(random() % 50) / 100;
+    auto& boat = sea.add("boat", quick());
+    auto& shore = sea.add("shore", quick());
+    std::map<std::string, outcome> all;
+    boat.provide(helm, [&](set_mode asked) -> ise::task<mode_set> {
+        ++all[asked.mode].runs;
+        if (asked.mode.back() == '3') co_await ise::sleep_for(boat.on, 3s);
+        mode_set answer{true, asked.mode};
+        co_return answer;
+    });
+    auto where = boat.listen("udp://10.0.0.1:7400");
+    auto there = shore.at(where);
+    for (int round = 0; round < 8; ++round) {
+        for (int i = 0; i < 6; ++i) {
+            auto name = fmt::format("{}.{}", round, i);
+            all[name].call = start(shore.on, try_helm(there, name, 20s));
+        }
+        auto pause = sea.world.now() + std::chrono::milliseconds(random() % 2000);
+        sea.world.run_until([&] { return sea.world.now() >= pause; }, 3s);
+        switch (random() % 4) {
+            case 0: // a partition that is longer than the peer is taken for alive
+                sea.world.net().partition("boat", "shore");
+                pause = sea.world.now() + 2500ms;
+                sea.world.run_until([&] { return sea.world.now() >= pause; }, 3s);
+                sea.world.net().heal("boat", "shore");
+                break;
+            case 1:
+                if (!shore.services->sessions().empty()) shore.services->sessions().begin()->second->wire().close(ise::failure(errc::peer_lost, "cut"));
+                break;
+            case 2:
+                if (!boat.services->sessions().empty()) boat.services->sessions().begin()->second->wire().close(ise::failure(errc::peer_lost, "cut"));
+                break;
+            default: break;
+        }
+    }
+    REQUIRE(sea.run_until([&] { return std::all_of(all.begin(), all.end(), [](auto& one) { return one.second.call->done; }); }));
+    int answered = 0;
+    for (auto& [name, one] : all) {
+        INFO(name);
+        auto& got = one.call->get();
+        CHECK(one.runs <= 1);
+        if (got) {
+            ++answered;
+            CHECK(one.runs == 1);
+            CHECK(got->reason == name);
+        } else if (got.error().executed() == execution::not_executed) {
+            INFO(got.error().message());
+            CHECK(one.runs == 0);
+        }
+    }
+    CHECK(answered > 0);
+    CHECK(sea.stop());
+}
+
+} // namespace
+
+TEST_CASE("over a rough way and lost sessions every call runs at most once, for every seed") {
+    for (std::uint64_t seed = 1; seed <= 40; ++seed) calls_under_faults(seed);
+}
+
+TEST_CASE("a call whose session is lost while it runs is answered on the next one, having run once") {
+    sim_parties sea;
+    auto& boat = sea.add("boat", quick());
+    auto& shore = sea.add("shore", quick());
+    int runs = 0;
+    boat.provide(helm, [&](set_mode) -> ise::task<mode_set> {
+        ++runs;
+        co_await ise::sleep_for(boat.on, 5s);
+        mode_set answer{true, "done"};
+        co_return answer;
+    });
+    auto where = boat.listen("udp://10.0.0.1:7400");
+    auto call = start(shore.on, try_helm(shore.at(where), "x", 60s));
+    REQUIRE(sea.run_until([&] { return runs == 1; }));
+    shore.services->sessions().begin()->second->wire().close(ise::failure(errc::peer_lost, "cut"));
+    REQUIRE(sea.run_until([&] { return call->done; }));
+    REQUIRE(call->get());
+    CHECK(call->get()->reason == "done");
+    CHECK(runs == 1);
+}
+
+TEST_CASE("a call that is given up after its session was lost is cancelled at the provider, over the next session") {
+    sim_parties sea;
+    auto& boat = sea.add("boat", quick());
+    auto& shore = sea.add("shore", quick());
+    int runs = 0, cancelled = 0;
+    boat.provide(helm, [&](set_mode) -> ise::task<mode_set> {
+        ++runs;
+        try {
+            co_await ise::sleep_for(boat.on, 1h);
+        } catch (const std::exception&) {
+            ++cancelled;
+            throw;
+        }
+        co_return mode_set{};
+    });
+    auto where = boat.listen("udp://10.0.0.1:7400");
+    auto call = start(shore.on, try_helm(shore.at(where), "x", 50min));
+    REQUIRE(sea.run_until([&] { return runs == 1; }));
+    auto lost = shore.services->sessions().begin()->second;
+    lost->wire().close(ise::failure(errc::peer_lost, "cut"));
+    REQUIRE(sea.run_until([&] { return shore.services->sessions().size() == 1 && shore.services->sessions().begin()->second != lost; }));
+    lost.reset();
+    auto soon = sea.world.now() + 1s;
+    sea.run_until([&] { return sea.world.now() >= soon; });
+    CHECK(cancelled == 0);
+    call->cancel.emit(asio::cancellation_type::terminal);
+    CHECK(sea.run_until([&] { return cancelled == 1; }));
+    CHECK(runs == 1);
+}
+
+TEST_CASE("what another life of the provider may have executed is not asked of the next") {
+    sim_parties sea;
+    auto& shore = sea.add("shore", quick());
+    auto options = quick();
+    auto& host = sea.world.host("boat");
+    int runs = 0;
+    struct program {
+        program(ise::sim::process& process, int& runs, ise::service_options options) : boat(process, process.make_loop("main"), "boat", options) {
+            boat.provide(helm, [this, &runs](set_mode) -> ise::task<mode_set> {
+                ++runs;
+                co_await ise::sleep_for(boat.on, 1h);
+                co_return mode_set{};
+            });
+            boat.listen(fmt::format("udp://{}:7400", process.host().address()));
+        }
+        party boat;
+    };
+    auto& first = host.start_process("boat", [&](ise::sim::process& process) { return std::make_shared<program>(process, runs, options); });
+    auto call = start(shore.on, try_helm(shore.at(fmt::format("udp://{}:7400", host.address())), "x", 60s));
+    REQUIRE(sea.run_until([&] { return runs == 1; }));
+    first.restart();
+    REQUIRE(sea.run_until([&] { return call->done; }));
+    REQUIRE_FALSE(call->get());
+    CHECK(call->get().error().code() == errc::peer_lost);
+    CHECK(call->get().error().executed() == execution::unknown);
+    CHECK_THAT(call->get().error().message(), Catch::Matchers::Contains("restarted"));
+    CHECK(runs == 1);
+}
+
+namespace {
+
+// A router between two hosts that forgets by which port a conversation goes.
+struct router {
+    router(ise::sim::process& process, ise::endpoint to) : host(process.make_loop("main")), on(host->loop()), target(std::move(to)),
+          scope(on, [](const std::string&, std::exception_ptr) {}), inside(on.env().open_datagram(on, at("udp://0.0.0.0:9000")).value()) {
+        scope.spawn("inside", from_inside(*this));
+        forget();
+    }
+    void forget() {
+        outside.push_back(on.env().open_datagram(on, at("udp://0.0.0.0:0")).value());
+        scope.spawn("outside", from_outside(*this, outside.back().get()));
+    }
+    static ise::task<> from_inside(router& of) {
+        for (;;) {
+            auto came = co_await of.inside->receive();
+            if (came.first) co_return;
+            of.client = came.second.peer;
+            of.outside.back()->try_send(of.target, came.second.content);
+        }
+    }
+    static ise::task<> from_outside(router& of, ise::datagram_socket* which) {
+        for (;;) {
+            auto came = co_await which->receive();
+            if (came.first) co_return;
+            if (which == of.outside.back().get()) of.inside->try_send(of.client, came.second.content); // the old way is closed
+        }
+    }
+
+    std::unique_ptr<ise::loop_host> host;
+    ise::loop& on;
+    ise::endpoint target, client;
+    ise::task_scope scope;
+    std::unique_ptr<ise::datagram_socket> inside;
+    std::vector<std::unique_ptr<ise::datagram_socket>> outside;
+};
+
+} // namespace
+
+TEST_CASE("a session goes on when a router gives the peer another address") {
+    sim_parties sea;
+    auto& boat = sea.add("boat", quick());
+    auto& shore = sea.add("shore", quick());
+    boat.provide(helm, [](set_mode asked) { return mode_set{true, asked.mode}; });
+    auto out = boat.publish(position);
+    auto where = boat.listen("udp://10.0.0.1:7400");
+    router between(sea.world.host("router").start_process("router"), where);
+    auto there = shore.at(fmt::format("udp://{}:9000", sea.world.host("router").address()));
+    REQUIRE(sea.run(shore, try_helm(there, "before", 10s)));
+    auto session = shore.services->sessions().begin()->first;
+    for (int i = 0; i < 5; ++i) {
+        between.forget();
+        auto got = sea.run(shore, try_helm(there, fmt::format("after {}", i), 10s));
+        REQUIRE(got);
+        CHECK(got->reason == fmt::format("after {}", i));
+    }
+    // Also where it is the provider that speaks.
+    between.forget();
+    auto later = sea.world.now() + 10s;
+    sea.run_until([&] { return sea.world.now() >= later; });
+    REQUIRE(shore.services->sessions().size() == 1);
+    CHECK(shore.services->sessions().begin()->first == session);
+    CHECK(boat.services->counts().sessions_accepted == 1);
+    sea.stop();
+    between.scope.stop();
+    sea.run_until([&] { return between.scope.size() == 0; });
+}
+
+TEST_CASE("strangers cost no memory, get no more than they sent, and do not disturb who is there") {
+    sim_parties sea;
+    auto& boat = sea.add("boat", quick());
+    auto& shore = sea.add("shore", quick());
+    boat.provide(helm, [](set_mode asked) { return mode_set{true, asked.mode}; });
+    auto where = boat.listen("udp://10.0.0.1:7400");
+    auto there = shore.at(where);
+    REQUIRE(sea.run(shore, try_helm(there, "x", 10s)));
+
+    auto& stranger = sea.world.host("stranger").start_process("stranger");
+    auto host = stranger.make_loop("main");
+    auto socket = std::move(stranger.open_datagram(host->loop(), at("udp://0.0.0.0:5000")).value());
+    std::size_t sent = 0, answered = 0, longest = 0;
+    ise::bytes last;
+    ise::task_scope scope(host->loop(), [](const std::string&, std::exception_ptr) {});
+    auto listen = [](ise::datagram_socket& to, std::size_t& bytes, std::size_t& most, ise::bytes& kept) -> ise::task<> {
+        for (;;) {
+            auto came = co_await to.receive();
+            if (came.first) co_return;
+            bytes += came.second.content.size();
+            most = std::max(most, came.second.content.size());
+            kept = std::move(came.second.content);
+        }
+    };
+    scope.spawn("stranger", listen(*socket, answered, longest, last));
+    auto throw_at = [&](const ise::bytes& raw) {
+        sent += raw.size();
+        socket->try_send(where, raw);
+    };
+    std::mt19937_64 random(7);
+    auto pause = [&] {
+        auto then = sea.world.now() + 5ms;
+        sea.run_until([&] { return sea.world.now() >= then; });
+    };
+    for (int i = 0; i < 3000; ++i) { // anything, behind heads that look well
+        ise::bytes raw(random() % 1300);
+        for (auto& byte : raw) byte = static_cast<std::byte>(random());
+        if (raw.size() >= 16 && i % 2) {
+            ise::detail::store_little(raw.data(), static_cast<std::uint32_t>(raw.size() - 16));
+            ise::detail::store_little(raw.data() + 4, static_cast<std::uint32_t>(4 + random() % 7));
+        }
+        throw_at(raw);
+        if (i % 50 == 0) pause();
+    }
+    for (std::uint64_t id = 1; id <= 2000; ++id) { // openings with cookies of their own making
+        ise::wire::cookie forged;
+        for (auto& byte : forged) byte = static_cast<std::uint8_t>(random());
+        ise::buffer out;
+        ise::wire::put_opening(out, id, id % 2 ? ise::wire::cookie() : forged);
+        throw_at(out.to_bytes());
+        if (id % 50 == 0) pause();
+    }
+    pause();
+    CHECK(answered > 0);
+    CHECK(answered < sent / 10);
+    CHECK(longest == 32); // a cookie
+    CHECK(boat.services->sessions().size() == 1);
+    CHECK(boat.scope.size() == 2); // the listener, and the reader of the one session
+    CHECK(sea.run(shore, try_helm(there, "y", 10s)));
+    CHECK(boat.services->counts().sessions_accepted == 1);
+
+    // A cookie that was given opens one channel, however often it is shown, and one that says nothing more is left.
+    auto given = ise::wire::read_datagram(last);
+    REQUIRE(given);
+    ise::wire::cookie good;
+    std::memcpy(good.data(), given->body.data(), good.size());
+    for (int i = 0; i < 100; ++i) {
+        ise::buffer out;
+        ise::wire::put_opening(out, given->id, good);
+        throw_at(out.to_bytes());
+    }
+    pause();
+    CHECK(boat.scope.size() == 3);
+    auto later = sea.world.now() + 6s;
+    sea.run_until([&] { return sea.world.now() >= later; });
+    CHECK(boat.scope.size() == 2);
+    scope.stop();
+    sea.run_until([&] { return scope.size() == 0; });
+    socket.reset();
+}
+
+TEST_CASE("nobody listens there: the call fails in time and says so") {
+    sim_parties sea;
+    sea.world.host("boat");
+    auto& shore = sea.add("shore", quick());
+    auto got = sea.run(shore, try_helm(shore.at("udp://boat:7400"), "x", 8s));
+    REQUIRE_FALSE(got);
+    CHECK(got.error().code() == errc::timed_out);
+    CHECK(got.error().executed() == execution::not_executed);
+    CHECK_THAT(got.error().message(), Catch::Matchers::Contains("udp://boat:7400"));
+}
+
+TEST_CASE("any operation may fail, and calls over datagrams end all the same") {
+    for (std::uint64_t n = 0;; ++n) {
+        INFO(fmt::format("operation {}", n));
+        sim_parties sea;
+        auto& boat = sea.add("boat", quick());
+        auto& shore = sea.add("shore", quick());
+        int runs = 0;
+        boat.provide(helm, [&](set_mode) { return mode_set{++runs == 1, "ok"}; });
+        auto where = boat.listen("udp://10.0.0.1:7400");
+        sea.world.faults().fail_at(n);
+        auto got = sea.run(shore, try_helm(shore.at(where), "x", 30s));
+        bool reached = sea.world.faults().failed();
+        sea.world.faults().fail_never();
+        INFO((got ? std::string() : got.error().message()));
+        CHECK(got);
+        CHECK(runs == 1);
+        CHECK(sea.stop());
+        if (!reached) break;
+    }
+}

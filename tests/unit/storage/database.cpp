@@ -1,0 +1,115 @@
+#include <components/storage/database.hpp>
+
+#include <support/catch.hpp>
+
+#include <filesystem>
+#include <fstream>
+#include <unistd.h>
+
+using atirma::database;
+using namespace std::string_view_literals;
+
+namespace {
+
+constexpr std::string_view first_schema[] = {"CREATE TABLE packets (id INTEGER PRIMARY KEY, text TEXT UNIQUE, raw BLOB, value REAL)"sv};
+constexpr std::string_view second_schema[] = {first_schema[0], "ALTER TABLE packets ADD COLUMN link INTEGER DEFAULT 3"sv};
+
+/// A folder that goes with the test.
+struct folder {
+    std::filesystem::path path = std::filesystem::temp_directory_path() / ("ise-database-" + std::to_string(::getpid()));
+    folder() { std::filesystem::create_directories(path); }
+    ~folder() { std::filesystem::remove_all(path); }
+    std::string file() const { return (path / "boat.db").string(); }
+};
+
+database opened(const std::string& file, std::span<const std::string_view> schema = first_schema) {
+    auto made = database::open(file, schema);
+    REQUIRE(made);
+    return std::move(*made);
+}
+
+std::int64_t count(database& in) { return in.query("SELECT count(*) FROM packets").value().at(0).integer(0); }
+
+} // namespace
+
+TEST_CASE("what was written to a database is read back by the next opening of the file") {
+    folder there;
+    std::vector<std::byte> raw{std::byte{0}, std::byte{0xff}};
+    {
+        auto db = opened(there.file());
+        REQUIRE(db.execute("INSERT INTO packets(text, raw, value) VALUES (?, ?, ?)", {std::string("gr\xc3\xbc\xc3\x9f"), raw, 2.5}).value() == 1);
+        CHECK(db.last_insert_id() == 1);
+        REQUIRE(db.execute("INSERT INTO packets(raw) VALUES (?)", {std::vector<std::byte>()}));
+    }
+    auto db = opened(there.file());
+    auto rows = db.query("SELECT text, raw, value, id FROM packets ORDER BY id").value();
+    REQUIRE(rows.size() == 2);
+    CHECK(rows[0].text(0) == "gr\xc3\xbc\xc3\x9f");
+    CHECK(rows[0].bytes(1) == raw);
+    CHECK(rows[0].real(2) == 2.5);
+    CHECK(rows[1].is_null(0));
+    CHECK_FALSE(rows[1].is_null(1));
+    CHECK(rows[1].bytes(1).empty());
+}
+
+TEST_CASE("a transaction happens whole or not at all") {
+    auto db = opened("memory:transaction");
+    REQUIRE(db.begin());
+    REQUIRE(db.execute("INSERT INTO packets(text) VALUES ('a')"));
+    db.rollback();
+    CHECK(count(db) == 0);
+    REQUIRE(db.begin());
+    REQUIRE(db.execute("INSERT INTO packets(text) VALUES ('a')"));
+    auto twice = db.execute("INSERT INTO packets(text) VALUES ('a')");
+    REQUIRE_FALSE(twice);
+    CHECK(twice.error().code() == ise::errc::io_failed);
+    CHECK(twice.error().message().find("UNIQUE") != std::string::npos);
+    REQUIRE(db.commit());
+    CHECK(count(db) == 1);
+}
+
+TEST_CASE("a file grows with its schema and an older program refuses it") {
+    folder there;
+    REQUIRE(opened(there.file()).execute("INSERT INTO packets(text) VALUES ('a')"));
+    auto grown = opened(there.file(), second_schema);
+    CHECK(grown.query("SELECT link FROM packets").value().at(0).integer(0) == 3);
+    auto older = database::open(there.file(), first_schema);
+    REQUIRE_FALSE(older);
+    CHECK(older.error().code() == ise::errc::invalid_argument);
+    CHECK(older.error().message().find(there.file()) != std::string::npos);
+}
+
+TEST_CASE("a database in memory is shared by its openings and goes with the last") {
+    {
+        auto held = opened("memory:disk");
+        REQUIRE(opened("memory:disk").execute("INSERT INTO packets(text) VALUES ('a')"));
+        CHECK(count(held) == 1);
+    }
+    auto again = opened("memory:disk");
+    CHECK(count(again) == 0);
+}
+
+TEST_CASE("a database that cannot be opened says which file and why") {
+    auto refused = database::open("/nowhere/at/all/boat.db", first_schema);
+    REQUIRE_FALSE(refused);
+    CHECK(refused.error().code() == ise::errc::io_failed);
+    CHECK(refused.error().message().find("/nowhere/at/all/boat.db") != std::string::npos);
+
+    folder there;
+    { std::ofstream(there.file()) << "this is no database, and it is longer than a header of one would have to be, is it not?"; }
+    auto foreign = database::open(there.file(), first_schema);
+    REQUIRE_FALSE(foreign);
+    CHECK(foreign.error().code() == ise::errc::io_failed);
+}
+
+TEST_CASE("a full disk is told and what was there stays") {
+    folder there;
+    auto db = opened(there.file());
+    REQUIRE(db.execute("INSERT INTO packets(text) VALUES ('kept')"));
+    REQUIRE(db.query("PRAGMA max_page_count=8")); // as full as a disk can be made here without one of its own
+    std::vector<std::byte> big(100'000);
+    auto refused = db.execute("INSERT INTO packets(raw) VALUES (?)", {big});
+    REQUIRE_FALSE(refused);
+    CHECK(refused.error().message().find("full") != std::string::npos);
+    CHECK(count(db) == 1);
+}
