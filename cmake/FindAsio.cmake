@@ -1,4 +1,22 @@
-# Standalone Asio ships neither a CMake package nor a .pc file. Defines asio::asio.
+# Standalone Asio ships neither a CMake package nor, in Debian, a .pc file. Defines asio::asio.
+# Another Asio than the system's is chosen by Asio_ROOT (or ASIO_ROOT, also in the environment): an installation, or
+# the tree of its sources.
+foreach(root IN ITEMS "${Asio_ROOT}" "${ASIO_ROOT}" "$ENV{Asio_ROOT}" "$ENV{ASIO_ROOT}")
+  if(root) # it must win over one that was found before it was set
+    if(ASIO_INCLUDE_DIR)
+      cmake_path(IS_PREFIX root "${ASIO_INCLUDE_DIR}" NORMALIZE _asio_inside)
+      if(NOT _asio_inside)
+        unset(ASIO_INCLUDE_DIR CACHE)
+      endif()
+    endif()
+    find_path(ASIO_INCLUDE_DIR asio.hpp PATHS "${root}" PATH_SUFFIXES include asio/include NO_DEFAULT_PATH)
+    if(NOT ASIO_INCLUDE_DIR)
+      message(FATAL_ERROR "Asio_ROOT is ${root}, but there is no asio.hpp in it, nor in its include/ or asio/include/")
+    endif()
+    break()
+  endif()
+endforeach()
+unset(root)
 find_path(ASIO_INCLUDE_DIR asio.hpp)
 if(ASIO_INCLUDE_DIR)
   file(STRINGS "${ASIO_INCLUDE_DIR}/asio/version.hpp" _asio_version REGEX "^#define ASIO_VERSION [0-9]+")
@@ -9,8 +27,8 @@ if(ASIO_INCLUDE_DIR)
   set(Asio_VERSION "${_asio_major}.${_asio_minor}.${_asio_patch}")
 endif()
 include(FindPackageHandleStandardArgs)
-find_package_handle_standard_args(Asio REQUIRED_VARS ASIO_INCLUDE_DIR VERSION_VAR Asio_VERSION
-  REASON_FAILURE_MESSAGE "install Debian's libasio-dev, or set ASIO_INCLUDE_DIR to the folder that holds asio.hpp")
+find_package_handle_standard_args(Asio REQUIRED_VARS ASIO_INCLUDE_DIR VERSION_VAR Asio_VERSION HANDLE_VERSION_RANGE
+  REASON_FAILURE_MESSAGE "install Debian's libasio-dev, or set Asio_ROOT to where asio.hpp is")
 mark_as_advanced(ASIO_INCLUDE_DIR)
 if(Asio_FOUND AND NOT TARGET asio::asio)
   find_package(Threads REQUIRED)

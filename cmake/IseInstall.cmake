@@ -1,8 +1,10 @@
-# The install target: library, headers, and a package that find_package(ise) finds.
+# The install target: library, headers, a package that find_package(ise) finds, and a .pc file.
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
+set(CMAKE_INSTALL_DEFAULT_COMPONENT_NAME development)
 set(ise_package_dir "${CMAKE_INSTALL_LIBDIR}/cmake/ise")
-set(ISE_ASIO_MINIMUM 1.22)
+# Asio is compiled into the library: whoever uses it compiles against the same one.
+set(ISE_ASIO_VERSION "${Asio_VERSION}")
 
 install(TARGETS ise EXPORT iseTargets
   ARCHIVE DESTINATION "${CMAKE_INSTALL_LIBDIR}" LIBRARY DESTINATION "${CMAKE_INSTALL_LIBDIR}"
@@ -16,4 +18,30 @@ configure_package_config_file("${PROJECT_SOURCE_DIR}/cmake/iseConfig.cmake.in" "
 write_basic_package_version_file("${PROJECT_BINARY_DIR}/package/iseConfigVersion.cmake" COMPATIBILITY SameMinorVersion)
 install(FILES "${PROJECT_BINARY_DIR}/package/iseConfig.cmake" "${PROJECT_BINARY_DIR}/package/iseConfigVersion.cmake"
   "${PROJECT_SOURCE_DIR}/cmake/FindAsio.cmake" DESTINATION "${ise_package_dir}")
-install(FILES "${PROJECT_SOURCE_DIR}/LICENSE" DESTINATION "${CMAKE_INSTALL_DATADIR}/doc/ise" RENAME copyright)
+install(FILES "${PROJECT_SOURCE_DIR}/LICENSE" DESTINATION "${CMAKE_INSTALL_DATADIR}/doc/ise" RENAME copyright
+  COMPONENT license)
+
+# For who builds without CMake: g++ main.cpp $(pkg-config --cflags --libs ise)
+get_target_property(definitions ise INTERFACE_COMPILE_DEFINITIONS)
+list(TRANSFORM definitions REPLACE "^\\$<.*:([A-Z_]+=[0-9]+)>$" "\\1") # those for clang are true of g++ as well
+list(TRANSFORM definitions PREPEND -D)
+set(pc_flags ${definitions})
+foreach(dependency IN ITEMS asio::asio cereal::cereal) # neither has a .pc file
+  get_target_property(folders ${dependency} INTERFACE_INCLUDE_DIRECTORIES)
+  foreach(folder IN LISTS folders)
+    if(NOT folder MATCHES "\\$<" AND NOT folder IN_LIST CMAKE_CXX_IMPLICIT_INCLUDE_DIRECTORIES)
+      list(APPEND pc_flags "-I${folder}")
+    endif()
+  endforeach()
+endforeach()
+set(pc_requires "fmt")
+if(ISE_FMT_HEADER_ONLY)
+  set(pc_requires "")
+  list(APPEND pc_flags -DFMT_HEADER_ONLY=1)
+endif()
+list(JOIN pc_flags " " pc_flags)
+cmake_path(RELATIVE_PATH CMAKE_INSTALL_PREFIX BASE_DIRECTORY "${CMAKE_INSTALL_FULL_LIBDIR}/pkgconfig" OUTPUT_VARIABLE pc_up)
+cmake_path(RELATIVE_PATH CMAKE_INSTALL_FULL_LIBDIR BASE_DIRECTORY "${CMAKE_INSTALL_PREFIX}" OUTPUT_VARIABLE pc_lib)
+cmake_path(RELATIVE_PATH CMAKE_INSTALL_FULL_INCLUDEDIR BASE_DIRECTORY "${CMAKE_INSTALL_PREFIX}" OUTPUT_VARIABLE pc_include)
+configure_file("${PROJECT_SOURCE_DIR}/cmake/ise.pc.in" "${PROJECT_BINARY_DIR}/package/ise.pc" @ONLY)
+install(FILES "${PROJECT_BINARY_DIR}/package/ise.pc" DESTINATION "${CMAKE_INSTALL_LIBDIR}/pkgconfig")
