@@ -5,6 +5,7 @@
 
 #include <components/gprs_link/gprs_link_emulator.hpp>
 #include <components/gprs_proxy/gprs_proxy.hpp>
+#include <components/gui_client/gui_client.hpp>
 #include <components/iridium_gateway/iridium_gateway.hpp>
 #include <components/iridium_modem/iridium_modem.hpp>
 #include <components/iridium_proxy/iridium_proxy.hpp>
@@ -63,7 +64,7 @@ void voyage::start_sea() {
     });
     start("atirma/carrier", "carrier", [this](ise::node& node, ise::component_options where) -> ise::component& {
         gprs_link_options options;
-        options.listen = {"tcp://0.0.0.0:7430"};
+        options.listen = {"tcp://0.0.0.0:7430", "udp://0.0.0.0:7430"};
         options.proxy_tcp = "tcp://links:7420";
         options.proxy_udp = "udp://links:7420";
         options.seed = options_.seed;
@@ -95,24 +96,26 @@ void voyage::start_sea() {
             return node.start<iridium_modem>("atirma/iridium/modem", std::move(where), std::move(options));
         });
     start("atirma/boat/wire", "boat", [this, time](ise::node& node, ise::component_options where) -> ise::component& {
+        auto tap = [this, time] { return tap_gprs(book_, time, numbers_); };
+        node.start<datagram_wire>("atirma/boat/datagrams", where, "udp://0.0.0.0:7431", "udp://carrier:7430", tap);
         return node.start<wire_relay>("atirma/boat/wire", std::move(where), "tcp://0.0.0.0:7431", "tcp://carrier:7430",
-                                      [this, time] { return tap_gprs(book_, time, numbers_); });
+                                      tap);
     });
     if (!options_.wind_csv.empty()) world_.host("boat").write_file("/wind.csv", options_.wind_csv);
     start(boat_path, "boat", [this](ise::node& node, ise::component_options where) -> ise::component& {
         boat_simulator_options options;
         options.course = "T1";
         if (!options_.wind_csv.empty()) options.wind_file = "/wind.csv";
-        options.wind_speed_mps = plan_.wind_speed_mps;
-        options.wind_from_deg = plan_.wind_from_deg;
+        options.wind_speed_mps = told_.plan.wind_speed_mps;
+        options.wind_from_deg = told_.plan.wind_from_deg;
         options.seed = options_.seed;
         options.port.device = "/dev/ttyS1";
         options.port.baud = 115200;
         options.iridium.port.device = "/dev/ttyS2";
-        options.iridium.period_s = plan_.iridium_period_s;
-        options.gprs = "tcp://boat:7431"; // the relay
-        boat_ = &node.start<boat_simulator>(boat_path, std::move(where), std::move(options));
-        return *boat_;
+        options.iridium.period_s = told_.plan.iridium_period_s;
+        options.memory_file = disk_prefix_ + "boat";
+        options.gprs = boat_lives_++ % 2 == 0 ? "tcp://boat:7431" : "udp://boat:7431"; // the relay
+        return node.start<boat_simulator>(boat_path, std::move(where), std::move(options));
     });
 }
 
@@ -125,7 +128,7 @@ void voyage::start_shore() {
     });
     start("atirma/shore/gprs", "links", [](ise::node& node, ise::component_options where) -> ise::component& {
         gprs_proxy_options options;
-        options.listen = {"tcp://0.0.0.0:7420"};
+        options.listen = {"tcp://0.0.0.0:7420", "udp://0.0.0.0:7420"};
         options.store_at = std::string(communication_role); // the boat is acknowledged for what is on the nodes' disks
         return node.start<gprs_proxy>("atirma/shore/gprs", std::move(where), std::move(options));
     });
@@ -133,6 +136,7 @@ void voyage::start_shore() {
         iridium_proxy_options options;
         options.imei = iridium_modem_options().imei;
         options.database = disk_prefix_ + "iridium";
+        options.store_at = std::string(communication_role);
         options.webhook = "tcp://0.0.0.0:7480";
         options.rockblock.url = "http://gateway:7481/rockblock/MT";
         options.rockblock.username = "atirma";
@@ -163,18 +167,27 @@ void voyage::start_people() {
         options.telemetry = {std::string(communication_role)};
         return node.start<web_server>("atirma/page", std::move(where), std::move(options));
     });
-    auto time = [this] { return world_.elapsed(); };
-    for (auto& one : operators_) {
-        auto path = "atirma/console/" + one.name;
-        start(path, one.name,
-              [this, &one, path, time](ise::node& node, ise::component_options where) -> ise::component& {
-                  return node.start<operator_seat>(path, std::move(where), one, book_, time);
-              });
-    }
+    for (std::size_t i = 0; i < operators; ++i) start_operator(i);
     start("script", "script", [this](ise::node& node, ise::component_options where) -> ise::component& {
         director_ = &node.start<director>("script", std::move(where));
         return *director_;
     });
+}
+
+/// A console, and who sits at it.
+void voyage::start_operator(std::size_t which) {
+    const auto& name = told_.people[which].name;
+    start("atirma/console/" + name, name,
+          [this, which, name](ise::node& node, ise::component_options where) -> ise::component& {
+              console::gui_client_options options;
+              options.name_server = ise::endpoint::parse("tcp://names:7400").value();
+              options.tick = 1s;
+              options.longest_quiet = 5s;
+              consoles_[which] = options.port;
+              node.start<console::gui_client>("atirma/console/" + name, where, options);
+              return node.start<operator_seat>("atirma/desk/" + name, std::move(where), told_.people[which], book_,
+                                               [this] { return world_.elapsed(); }, options.port);
+          });
 }
 
 } // namespace atirma::stress

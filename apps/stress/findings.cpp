@@ -13,12 +13,11 @@ using namespace std::chrono_literals;
 constexpr ise::duration track_silence = 20s;
 constexpr ise::duration slack = 45s; // by which a silence may begin or end beside its cause
 
-std::string cause_of(const std::vector<voyage::episode>& all, std::optional<link_id> link, ise::duration from,
+std::string cause_of(const std::vector<episode>& all, std::optional<link_id> link, ise::duration from,
                      ise::duration until) {
     std::set<std::string> causes;
     for (const auto& one : all) {
-        if (link && one.link != link) continue;
-        if (!link && !one.link) continue;
+        if (!one.everywhere && (link ? one.link != link : !one.link)) continue;
         auto end = one.until < one.from ? ise::duration::max() : one.until + slack;
         if (one.from <= until && end >= from) causes.insert(one.what);
     }
@@ -35,11 +34,10 @@ ise::duration findings::silence_of(link_id link, const voyage_plan& script) {
     return std::chrono::milliseconds(static_cast<std::int64_t>(script.iridium_period_s * 2500));
 }
 
-findings::findings(voyage& of) {
-    auto packets = of.packets();
-    const auto begin = std::chrono::floor<std::chrono::milliseconds>(of.wall(0s));
+findings::findings(const account& of) {
+    const auto begin = std::chrono::floor<std::chrono::milliseconds>(of.began);
     std::array<std::vector<ise::duration>, link_count> arrivals;
-    for (const auto& packet : packets) {
+    for (const auto& packet : of.packets) {
         auto link = static_cast<std::size_t>(packet.link) % link_count;
         auto message = parse_telemetry(packet.raw);
         if (!message) continue;
@@ -50,17 +48,17 @@ findings::findings(voyage& of) {
         if (!at || at->quality == fix_quality::none) continue;
         track.push_back({packet.measured_at, at->latitude_deg, at->longitude_deg, packet.link, packet.history});
     }
-    const auto end = of.script().length;
+    const auto end = of.plan.length;
     for (std::size_t i = 0; i < link_count; ++i) {
         auto& times = arrivals[i];
         std::ranges::sort(times);
         const auto link = static_cast<link_id>(i);
-        const auto silence = silence_of(link, of.script());
+        const auto silence = silence_of(link, of.plan);
         auto last = ise::duration(0);
         auto since = times.empty() ? ise::duration(0) : times.front();
         auto look = [&](ise::duration at) {
             if (at - last <= silence) return;
-            gaps[i].push_back({last, at, cause_of(of.episodes(), link, last, at)});
+            gaps[i].push_back({last, at, cause_of(of.episodes, link, last, at)});
             if (last > since) heard[i].push_back({since, last});
             since = at;
         };
@@ -77,10 +75,9 @@ findings::findings(voyage& of) {
         auto at = one.at - begin;
         auto last = before ? ise::duration(before->at - begin) : ise::duration(0);
         if (at - last > track_silence && at <= end)
-            track_gaps.push_back({last, at, cause_of(of.episodes(), std::nullopt, last, at)});
+            track_gaps.push_back({last, at, cause_of(of.episodes, std::nullopt, last, at)});
         before = &one;
     }
-    sailed_m = static_cast<double>(of.boat().location_now().distance_sailed_m);
 }
 
 std::string clock_text(ise::duration since_start) {

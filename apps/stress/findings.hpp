@@ -1,5 +1,5 @@
 #pragma once
-#include "voyage.hpp"
+#include "account.hpp"
 
 #include <array>
 #include <map>
@@ -26,7 +26,7 @@ struct findings {
         ise::duration from{}, until{};
     };
 
-    explicit findings(voyage& of);
+    explicit findings(const account& of);
 
     std::array<std::map<std::string, std::uint64_t>, link_count> by_type; ///< of each link: "location" → 12
     std::array<std::uint64_t, link_count> history{};
@@ -34,7 +34,6 @@ struct findings {
     std::array<std::vector<gap>, link_count> gaps;
     std::vector<gap> track_gaps;                                ///< nothing of any link tells where the boat was
     std::array<std::vector<span>, link_count> heard;            ///< when something arrived over it, again and again
-    double sailed_m = 0;
 
     static ise::duration silence_of(link_id link, const voyage_plan& script); ///< longer than this is a gap
 };

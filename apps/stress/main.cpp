@@ -1,6 +1,7 @@
 // Ten hours at sea on the virtual clock, and the report about them.
 #include "heap_counter.hpp"
 #include "report.hpp"
+#include "voyage.hpp"
 
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
@@ -79,7 +80,10 @@ int main(int argc, char** argv) {
         stress::voyage_options options;
         options.seed = seed;
         options.length = std::chrono::minutes(static_cast<long>(hours * 60 + 0.5));
-        if (!wind.empty()) options.wind_csv = read(wind);
+        if (!wind.empty()) {
+            options.wind_csv = read(wind);
+            atirma::simulator::parse_wind_csv(options.wind_csv, wind).value(); // what is wrong is said here
+        }
         options.on_sample = [&](ise::duration at, std::size_t own) {
             auto heap = stress::heap_now();
             machine += fmt::format("| {} | {:.2f} | {} | {} | {} | {} |\n", stress::clock_text(at),
@@ -91,14 +95,15 @@ int main(int argc, char** argv) {
         machine += fmt::format("\nThe sailing took {:.1f} s of one processor, {} allocations.\n",
                                processor_s() - began_s, stress::heap_now().allocations);
         auto proof = sea.judge();
-        stress::findings found(sea);
-        write(folder / "report.md", stress::make_report(sea, found, proof));
-        write(folder / "track.svg", stress::make_picture(sea, found));
+        const auto told = sea.story();
+        stress::findings found(told);
+        write(folder / "report.md", stress::make_report(told, found, proof));
+        write(folder / "track.svg", stress::make_picture(told, found));
         write(folder / "track.gpx", stress::make_gpx(found));
         write(folder / "events.log", sea.log());
         write(folder / "machine.md", machine);
-        bool good = stress::holds(sea, proof);
-        fmt::print("{}: {} ({:.1f} s of processor time); {}\n", stress::length_text(sea.script().length),
+        bool good = stress::holds(told, proof);
+        fmt::print("{}: {} ({:.1f} s of processor time); {}\n", stress::length_text(told.plan.length),
                    good ? "the proof holds" : "THE PROOF DOES NOT HOLD", processor_s() - began_s,
                    (folder / "report.md").string());
         return good ? 0 : 1;

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 namespace atirma::stress {
 namespace {
 
@@ -28,7 +30,21 @@ ise::task<> operator_seat::run() {
     spawn("telemetry", follow());
     listen(nodes_, services::authority_changes, [this](const authority_state&) { ++self_.authority_changes; });
     for (std::size_t i = 0; i < self_.commands.size(); ++i)
-        if (self_.commands[i].decided.count() < 0) spawn("asks again", give(i));
+        if (self_.commands[i].decided.count() < 0) {
+            if (self_.commands[i].request.id == 0) self_.commands[i].request.id = id_of(i);
+            spawn("asks again", give(i));
+        }
+    try {
+        auto working = work();
+        co_await std::move(working);
+    } catch (...) { // he leaves, and takes along what he has seen
+        self_.seen = follower_->seen;
+        throw;
+    }
+}
+
+ise::task<> operator_seat::work() {
+    while (!self_.may_begin) co_await sleep(200ms);
     for (; self_.next_order < self_.orders.size(); ++self_.next_order) {
         auto what = self_.orders[self_.next_order];
         if (what.at > time_()) co_await sleep(what.at - time_());
@@ -55,14 +71,74 @@ ise::task<> operator_seat::carry_out(order what) {
         auto which = self_.commands.size();
         auto& one = self_.commands.emplace_back();
         one.asked = time_();
-        one.request.id = static_cast<std::uint32_t>((self_.index + 1) * 100'000 + which + 1);
+        if (!what.by_console) one.request.id = id_of(which);
         one.request.command = step;
         one.request.valid_s = what.valid_s;
         one.request.via = what.via;
         one.request.confirmed = is_dangerous(step.kind, step.mode);
-        auto giving = give(which);
-        co_await std::move(giving);
+        if (what.by_console) {
+            auto giving = give_at_console(which);
+            co_await std::move(giving);
+        } else {
+            auto giving = give(which);
+            co_await std::move(giving);
+        }
         if (self_.commands[which].state != telecommand_stage::acknowledged) co_return;
+    }
+}
+
+std::uint32_t operator_seat::id_of(std::size_t which) const {
+    return static_cast<std::uint32_t>((self_.index + 1) * 100'000 + which + 1);
+}
+
+ise::duration operator_seat::until(const given_command& one) const {
+    return one.asked + std::chrono::duration_cast<ise::duration>(std::chrono::duration<float>(one.request.valid_s)) +
+           grace;
+}
+
+/// As by hand: the console chooses the id and asks on; what became of it is read off its list.
+ise::task<> operator_seat::give_at_console(std::size_t which) {
+    while (at_console_) co_await sleep(500ms);
+    struct busy {
+        bool& flag;
+        explicit busy(bool& of) : flag(of) { flag = true; }
+        ~busy() { flag = false; }
+    } guard(at_console_);
+    std::uint32_t newest = 0;
+    auto own = [&] {
+        std::vector<const console::command_entry*> all;
+        auto shown = console_->latest()->commands;
+        if (shown)
+            for (const auto& one : *shown)
+                if (one.own) all.push_back(&one);
+        return std::pair(all, shown);
+    };
+    if (auto known = own().first; !known.empty()) newest = known.back()->id;
+    console::give_command what;
+    what.command = self_.commands[which].request.command;
+    what.via = std::string(communication_role);
+    what.valid_s = self_.commands[which].request.valid_s;
+    auto last = until(self_.commands[which]);
+    for (bool taken = false; !taken && time_() < last;) {
+        taken = console_->act(what);
+        if (!taken) co_await sleep(1s); // it is just starting
+    }
+    ++self_.commands[which].asks;
+    while (time_() < last) {
+        co_await sleep(1s);
+        auto [all, shown] = own();
+        if (all.empty() || all.back()->id == newest) continue;
+        auto& one = self_.commands[which];
+        one.request.id = all.back()->id;
+        if (!console::is_over(all.back()->phase)) continue;
+        one.decided = time_();
+        one.text = all.back()->text;
+        using enum console::command_phase;
+        one.state = all.back()->phase == done      ? telecommand_stage::acknowledged
+                    : all.back()->phase == expired ? telecommand_stage::expired
+                                                   : telecommand_stage::failed;
+        if (all.back()->phase == done) one.result = ack_code::done;
+        co_return;
     }
 }
 
@@ -83,8 +159,7 @@ ise::task<> operator_seat::take_authority() {
 /// Asks the role, whichever node serves it, until the telecommand is decided.
 ise::task<> operator_seat::give(std::size_t which) {
     auto request = self_.commands[which].request;
-    auto until = self_.commands[which].asked +
-                 std::chrono::duration_cast<ise::duration>(std::chrono::duration<float>(request.valid_s)) + grace;
+    auto last = until(self_.commands[which]);
     bool steers = needs_authority(request.command.kind);
     unsigned refusals = 0;
     for (;;) {
@@ -112,7 +187,7 @@ ise::task<> operator_seat::give(std::size_t which) {
             }
             co_await sleep(1s);
         }
-        if (time_() > until) co_return; // it stays undecided, and the report says so
+        if (time_() > last) co_return; // it stays undecided, and the report says so
     }
 }
 

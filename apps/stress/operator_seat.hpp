@@ -4,6 +4,7 @@
 #include "taps.hpp"
 
 #include <components/boat/telemetry_follower.hpp>
+#include <components/gui_client/operator_port.hpp>
 
 #include <ise/component/component.hpp>
 
@@ -30,26 +31,34 @@ struct operator_record {
     std::vector<given_command> commands;
     track_cursor seen;
     std::uint64_t authority_changes = 0; ///< that it was told
+    bool may_begin = true;               ///< the times of the orders hold
 };
 
-/// An operator without a face: follows the telemetry of the communication nodes' role, and gives telecommands to it by
-/// a list. What was not decided when it left is asked for again, under the same id, when it is back.
+/// An operator without a face: follows the telemetry of the communication nodes' role, and gives telecommands by a
+/// list, to that role or at his console. What was not decided when he left is asked for again, under the same id, when
+/// he is back.
 class operator_seat final : public ise::component {
 public:
-    operator_seat(operator_record& self, ledger& book, stopwatch time)
-        : self_(self), book_(book), time_(std::move(time)) {}
     ~operator_seat() override;
+    operator_seat(operator_record& self, ledger& book, stopwatch time, std::shared_ptr<console::operator_port> at)
+        : self_(self), book_(book), time_(std::move(time)), console_(std::move(at)) {}
 
 private:
     ise::task<> run() override;
+    ise::task<> work();
     ise::task<> follow();
     ise::task<> carry_out(order what);
     ise::task<> give(std::size_t which);
+    ise::task<> give_at_console(std::size_t which);
+    std::uint32_t id_of(std::size_t which) const;
+    ise::duration until(const given_command& one) const;
     ise::task<> take_authority();
 
     operator_record& self_;
     ledger& book_;
     stopwatch time_;
+    std::shared_ptr<console::operator_port> console_;
+    bool at_console_ = false; // one telecommand at a time
     ise::remote nodes_;
     std::unique_ptr<telemetry_follower> follower_;
 };

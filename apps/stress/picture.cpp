@@ -17,7 +17,6 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr double radians = 3.14159265358979323846 / 180, metres_a_degree = 111'195;
-constexpr waypoint beach{28.1510, -15.4445};
 
 struct box {
     double left, top, width, height;
@@ -87,6 +86,7 @@ private:
 };
 
 projection fit(const findings& found) {
+    const auto beach = short_range_node();
     double south = beach.latitude_deg, north = south, west = beach.longitude_deg, east = west;
     auto take = [&](double latitude, double longitude) {
         south = std::min(south, latitude);
@@ -204,7 +204,7 @@ void draw_track(drawing& to, const projection& by, const findings& found) {
                    by.x(one.longitude_deg), by.y(one.latitude_deg), styles[over_iridium].colour);
 }
 
-void draw_marks(drawing& to, const projection& by, const voyage& of) {
+void draw_marks(drawing& to, const projection& by, const account& of) {
     for (const auto* name : {"T1", "T2"}) {
         const auto course = simulator::find_course(name);
         std::string outline;
@@ -222,10 +222,12 @@ void draw_marks(drawing& to, const projection& by, const voyage& of) {
             to.put("<text x=\"{:.1f}\" y=\"{:.1f}\" class=\"mark\">{}·{}</text>", x + 11, y - 8, name, ++number);
         }
     }
+    const auto beach = short_range_node();
     double x = by.x(beach.longitude_deg), y = by.y(beach.latitude_deg);
-    to.put("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{:.1f}\" fill=\"none\" stroke=\"{}\" stroke-width=\"1.2\" "
+    if (of.xbee_range_m > 0)
+        to.put("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{:.1f}\" fill=\"none\" stroke=\"{}\" stroke-width=\"1.2\" "
            "stroke-dasharray=\"7 6\" opacity=\"0.7\"/>",
-           x, y, by.pixels(of.options().xbee_range_m), styles[over_xbee].colour);
+           x, y, by.pixels(of.xbee_range_m), styles[over_xbee].colour);
     to.put("<path d=\"M{0:.1f} {1:.1f}l7 12h-14Z\" fill=\"{2}\" stroke=\"#fff\" stroke-width=\"1.2\"/>", x, y - 8,
            styles[over_xbee].colour);
     to.put("<text x=\"{:.1f}\" y=\"{:.1f}\" class=\"mark\" text-anchor=\"middle\">short-range node</text>", x, y + 20);
@@ -250,7 +252,7 @@ void draw_furniture(drawing& to, const projection& by) {
            chart.left, chart.top, chart.width, chart.height);
 }
 
-void draw_panel(drawing& to, const voyage& of, const findings& found) {
+void draw_panel(drawing& to, const account& of, const findings& found) {
     double x = panel.left, y = panel.top + 18;
     auto heading = [&](std::string_view text) {
         to.put("<text x=\"{:.0f}\" y=\"{:.0f}\" class=\"heading\">{}</text>", x, y, text);
@@ -278,24 +280,22 @@ void draw_panel(drawing& to, const voyage& of, const findings& found) {
     }
     y += 16;
     heading("The voyage");
-    line(fmt::format("{:.1f} km in {}", found.sailed_m / 1000, length_text(of.script().length)));
-    if (of.options().wind_csv.empty())
-        line(fmt::format("wind {:.1f} m/s from {:.0f}°, gusts", of.script().wind_speed_mps, of.script().wind_from_deg));
-    else line("recorded wind");
+    line(fmt::format("{:.1f} km in {}", of.sailed_m / 1000, length_text(of.plan.length)));
+    line(of.wind);
     std::size_t given = 0, done = 0;
-    for (const auto& who : of.operator_records()) {
+    for (const auto& who : of.people) {
         given += who.commands.size();
         done += static_cast<std::size_t>(
             std::ranges::count_if(who.commands, [](const auto& one) { return one.result == ack_code::done; }));
     }
     line(fmt::format("{} telecommands, {} done", given, done));
-    line(fmt::format("{} troubles by the script", of.script().faults.size()));
+    line(fmt::format("{} troubles by the script", of.plan.faults.size()));
     to.put("<text x=\"{:.0f}\" y=\"{:.0f}\" class=\"small\" text-anchor=\"end\">{}</text>", chart.right() - 8,
            chart.bottom() - 8, xml(coast_attribution()));
 }
 
-void draw_times(drawing& to, const voyage& of, const findings& found) {
-    const auto length = of.script().length;
+void draw_times(drawing& to, const account& of, const findings& found) {
+    const auto length = of.plan.length;
     auto x = [&](ise::duration at) {
         return times.left +
                times.width *
@@ -309,7 +309,7 @@ void draw_times(drawing& to, const voyage& of, const findings& found) {
     auto without = [&](trouble what) {
         std::vector<findings::span> made;
         ise::duration since{};
-        for (const auto& one : of.episodes()) {
+        for (const auto& one : of.episodes) {
             if (one.what != describe(what)) continue;
             made.push_back({since, one.from});
             since = one.until < one.from ? length : one.until;
@@ -350,7 +350,7 @@ void draw_times(drawing& to, const voyage& of, const findings& found) {
 
 } // namespace
 
-std::string make_picture(voyage& of, const findings& found) {
+std::string make_picture(const account& of, const findings& found) {
     drawing to;
     to.put("<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 1400 1176\" width=\"1400\" height=\"1176\" "
            "font-family=\"Helvetica, Arial, sans-serif\">");
@@ -363,11 +363,11 @@ std::string make_picture(voyage& of, const findings& found) {
     to.put("<rect width=\"1400\" height=\"1176\" fill=\"#fff\"/>");
     to.put("<text x=\"40\" y=\"48\" font-size=\"28\" font-weight=\"bold\" fill=\"#2a323a\">A-Tirma: {} in the bay of "
            "El Confital</text>",
-           of.script().length % 1h == 0s ? fmt::format("{} hours", of.script().length / 1h)
-                                         : length_text(of.script().length));
-    to.put("<text x=\"40\" y=\"76\" class=\"text\">Virtual clock, seed {}. Course T1, from the middle on T2; every "
+           of.plan.length % 1h == 0s ? fmt::format("{} hours", of.plan.length / 1h)
+                                         : length_text(of.plan.length));
+    to.put("<text x=\"40\" y=\"76\" class=\"text\">{} clock, seed {}. Course T1, from the middle on T2; every "
            "link with holes, every server killed in turn.</text>",
-           of.options().seed);
+           of.virtual_clock ? "Virtual" : "Real", of.seed);
     to.put("<clipPath id=\"chart\"><rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\"/></clipPath>", chart.left,
            chart.top, chart.width, chart.height);
     const auto by = fit(found);

@@ -44,6 +44,7 @@ void fill(voyage_plan& made, generator& dice, std::vector<trouble> kinds, std::s
         one.length = std::min(part_of(slot, between(dice, 0.12, 0.4)), longest);
         using enum trouble;
         if (one.what == carrier_drops || one.what == carrier_half_open || one.what == carrier_moves) one.length = {};
+        if (one.what == boat_killed) one.length = std::min<ise::duration>(one.length, 1min); // it starts by itself
         made.faults.push_back(one);
     }
 }
@@ -98,7 +99,8 @@ void give_orders(voyage_plan& made, generator& dice) {
                                    [](const fault& one) { return one.what == trouble::operator_away; });
     const auto change = part_of(made.length, 0.47);
     for (std::size_t by = 0; by < operators; ++by) {
-        const auto pause = std::max<ise::duration>(part_of(made.length, by == 0 ? 0.012 : 0.02), 20s);
+        const ise::duration shortest = made.length < 15min ? 4s : 20s;
+        const auto pause = std::max(part_of(made.length, by == 0 ? 0.012 : 0.02), shortest);
         for (auto at = part_of(made.length, 0.01) + pause; at < part_of(made.length, 0.94);
              at += part_of(pause, between(dice, 0.6, 1.4))) {
             order one;
@@ -115,6 +117,7 @@ void give_orders(voyage_plan& made, generator& dice) {
             else if (way < 25) one.via = link_id::xbee;
             else if (way < 30) one.via = link_id::iridium;
             one.valid_s = one.via == link_id::iridium ? 7200.0f : 900.0f;
+            one.by_console = !one.via && !needs_authority(one.steps.front().kind);
             made.orders.push_back(std::move(one));
         }
     }
@@ -144,15 +147,19 @@ std::string_view describe(trouble what) noexcept {
         case trouble::carrier_moves: return "the boat gets another address";
         case trouble::carrier_slow: return "the carrier takes seconds";
         case trouble::air_noise: return "noise on the XBee's band";
+        case trouble::air_off: return "the XBee is switched off";
         case trouble::sky_closed: return "no satellite in sight";
         case trouble::sky_fails: return "most Iridium sessions break off";
         case trouble::gateway_down: return "Iridium's gateway is down";
+        case trouble::nodes_parted: return "the communication nodes do not see each other";
         case trouble::primary_killed: return "the primary communication node is killed";
         case trouble::secondary_killed: return "the secondary communication node is killed";
         case trouble::names_restarted: return "the name server is killed";
         case trouble::xbee_proxy_crashed: return "the XBee proxy crashes";
         case trouble::gprs_proxy_crashed: return "the GPRS proxy crashes";
         case trouble::iridium_proxy_crashed: return "the Iridium proxy crashes";
+        case trouble::page_crashed: return "the page's server crashes";
+        case trouble::boat_killed: return "the boat's computer loses its power";
         case trouble::operator_away: return "an operator leaves";
     }
     return "unknown";
@@ -167,19 +174,33 @@ std::optional<link_id> felt_over(trouble what) noexcept {
         case carrier_moves:
         case carrier_slow:
         case gprs_proxy_crashed: return link_id::gprs;
-        case air_noise: case xbee_proxy_crashed: return link_id::xbee;
+        case air_noise: case air_off: case xbee_proxy_crashed: return link_id::xbee;
         case sky_closed: case sky_fails: case gateway_down: case iridium_proxy_crashed: return link_id::iridium;
         default: return std::nullopt;
     }
 }
 
-voyage_plan make_plan(std::uint64_t seed, ise::duration length) {
-    generator dice(seed, "plan");
+namespace {
+
+voyage_plan begin_plan(generator& dice, ise::duration length) {
     voyage_plan made;
     made.length = length;
     made.wind_speed_mps = std::round(between(dice, 5, 8) * 10) / 10;
     made.wind_from_deg = std::round(between(dice, 20, 70));
     made.iridium_period_s = std::clamp(std::round(std::chrono::duration<double>(length).count() / 60), 60.0, 600.0);
+    return made;
+}
+void finish_plan(voyage_plan& made, generator& dice) {
+    std::stable_sort(made.faults.begin(), made.faults.end(),
+                     [](const fault& a, const fault& b) { return a.at < b.at; });
+    give_orders(made, dice);
+}
+
+} // namespace
+
+voyage_plan make_plan(std::uint64_t seed, ise::duration length) {
+    generator dice(seed, "plan");
+    auto made = begin_plan(dice, length);
     const auto hours = static_cast<std::size_t>(std::chrono::duration_cast<std::chrono::hours>(length).count());
     using enum trouble;
     fault away;
@@ -190,15 +211,43 @@ voyage_plan make_plan(std::uint64_t seed, ise::duration length) {
     // Nodes more often than the others.
     fill(made, dice,
          {primary_killed, secondary_killed, names_restarted, xbee_proxy_crashed, gprs_proxy_crashed,
-          iridium_proxy_crashed, primary_killed, secondary_killed},
-         std::max<std::size_t>(8, hours + 2), 8min);
+          iridium_proxy_crashed, page_crashed, boat_killed, primary_killed, secondary_killed},
+         std::max<std::size_t>(10, hours + 4), 8min);
     fill(made, dice, {carrier_down, carrier_drops, carrier_half_open, carrier_moves, carrier_slow},
          std::max<std::size_t>(5, hours * 3 / 2), 15min);
     fill(made, dice, {sky_closed, sky_fails, gateway_down}, std::max<std::size_t>(3, hours / 2), 25min);
     fill(made, dice, {air_noise}, std::max<std::size_t>(1, hours / 2), 12min);
-    std::stable_sort(made.faults.begin(), made.faults.end(),
-                     [](const fault& a, const fault& b) { return a.at < b.at; });
-    give_orders(made, dice);
+    fill(made, dice, {nodes_parted}, std::max<std::size_t>(1, hours / 3), 5min);
+    finish_plan(made, dice);
+    return made;
+}
+
+voyage_plan make_short_plan(std::uint64_t seed, ise::duration length) {
+    generator dice(seed, "plan");
+    auto made = begin_plan(dice, length);
+    made.iridium_period_s = std::clamp(std::chrono::duration<double>(length).count() / 6, 10.0, 60.0);
+    auto add = [&](trouble what, double at, double part) {
+        fault one;
+        one.what = what;
+        one.at = part_of(length, at);
+        one.length = part_of(length, part);
+        made.faults.push_back(one);
+    };
+    using enum trouble;
+    // Links, while all processes are there or one is down.
+    add(carrier_down, 0.08, 0.10);
+    add(carrier_half_open, 0.30, 0);
+    add(air_off, 0.44, 0.14);
+    add(sky_closed, 0.20, 0.12);
+    add(carrier_drops, 0.62, 0);
+    add(operator_away, 0.64, 0.14);
+    // Processes, one after the other, in an order of the dice.
+    std::vector<trouble> victims{primary_killed, names_restarted, secondary_killed,
+                                 page_crashed,   boat_killed,     gprs_proxy_crashed};
+    shuffle(dice, victims);
+    for (std::size_t i = 0; i < victims.size(); ++i)
+        add(victims[i], 0.14 + 0.13 * static_cast<double>(i), 0.06);
+    finish_plan(made, dice);
     return made;
 }
 

@@ -22,7 +22,7 @@ public:
     std::string all;
 };
 
-void say_proof(text& out, voyage& of, const ledger::verdict& proof) {
+void say_proof(text& out, const account& of, const ledger::verdict& proof) {
     out.line("\n## The proof");
     out.line("Read off the boat's own wires, not told by the components: GPRS by the shore's receipts, XBee by what "
              "the proxy read from its modem");
@@ -42,7 +42,7 @@ void say_proof(text& out, voyage& of, const ledger::verdict& proof) {
                  lost, excused);
     }
     out.line("\nOn one disk only: {}. After the end it took {} of calm until nothing was owed any more.",
-             proof.only_on_one, length_text(of.calm()));
+             proof.only_on_one, length_text(of.calm));
     std::size_t told = 0;
     for (const auto& missing : proof.missing) {
         if (++told > 50) {
@@ -58,8 +58,11 @@ void say_proof(text& out, voyage& of, const ledger::verdict& proof) {
     out.line("|---|---:|---:|---:|---:|");
     for (const auto& [who, one] : proof.subscribers)
         out.line("| {} | {} | {} | {} | {} |", who, one.shown, one.twice, one.missed, one.unknown);
-    auto page = of.page();
-    out.line("| page | {} | {} | | |", page.received, page.duplicates);
+    out.line("| page | {} | {} | | |", of.page.received, of.page.duplicates);
+    for (const auto& one : of.consoles)
+        out.line("\n{}'s console knew at the end {}, {} links, {} points of the track, {} telecommands, {} components.",
+                 one.name, one.fix ? "where the boat was" : "**not where the boat was**", one.links, one.track,
+                 one.commands, one.present);
 }
 
 void say_packets(text& out, const findings& found) {
@@ -78,14 +81,14 @@ void say_packets(text& out, const findings& found) {
     out.line("| of these history | {} | {} | {} |", found.history[0], found.history[1], found.history[2]);
 }
 
-void say_gaps(text& out, const voyage& of, const findings& found) {
+void say_gaps(text& out, const account& of, const findings& found) {
     out.line("\n## Gaps and their causes");
     for (std::size_t i = 0; i < link_count; ++i) {
         const auto& all = found.gaps[i];
         ise::duration sum{};
         for (const auto& one : all) sum += one.until - one.from;
         out.line("\n{}: {} silences of more than {}, {} together.\n", link_names[i], all.size(),
-                 length_text(findings::silence_of(static_cast<link_id>(i), of.script())), length_text(sum));
+                 length_text(findings::silence_of(static_cast<link_id>(i), of.plan)), length_text(sum));
         if (all.empty()) continue;
         out.line("| from | until | length | cause |");
         out.line("|---|---|---:|---|");
@@ -111,7 +114,7 @@ std::string outcome_of(const given_command& one) {
     return one.state == telecommand_stage::expired ? "expired" : "refused";
 }
 
-void say_commands(text& out, const voyage& of) {
+void say_commands(text& out, const account& of) {
     out.line("\n## Telecommands");
     out.line("| asked for over | given | acknowledged | done | median | 90 % | longest | otherwise |");
     out.line("|---|---:|---:|---:|---:|---:|---:|---|");
@@ -119,7 +122,7 @@ void say_commands(text& out, const voyage& of) {
         std::vector<ise::duration> times;
         std::size_t given = 0, done = 0;
         std::map<std::string, int> others;
-        for (const auto& who : of.operator_records())
+        for (const auto& who : of.people)
             for (const auto& one : who.commands) {
                 if ((one.request.via ? static_cast<int>(*one.request.via) : -1) != way) continue;
                 ++given;
@@ -138,7 +141,7 @@ void say_commands(text& out, const voyage& of) {
     out.line("\n| asked | by | id | what | over | until | outcome | words |");
     out.line("|---|---|---:|---|---|---:|---|---|");
     std::vector<std::pair<const given_command*, std::string>> all;
-    for (const auto& who : of.operator_records())
+    for (const auto& who : of.people)
         for (const auto& one : who.commands) all.emplace_back(&one, who.name);
     std::ranges::stable_sort(all, {}, [](const auto& one) { return one.first->asked; });
     for (const auto& [one, who] : all) {
@@ -151,11 +154,11 @@ void say_commands(text& out, const voyage& of) {
     }
 }
 
-void say_troubles(text& out, const voyage& of) {
+void say_troubles(text& out, const account& of) {
     out.line("\n## What was done to it");
     out.line("| at | for | what |");
     out.line("|---|---:|---|");
-    for (const auto& one : of.episodes())
+    for (const auto& one : of.episodes)
         out.line("| {} | {} | {} |", clock_text(one.from),
                  one.until < one.from    ? "the rest"
                  : one.until == one.from ? ""
@@ -164,7 +167,7 @@ void say_troubles(text& out, const voyage& of) {
 }
 
 /// Over the last half never more than a little above the first half, which had all kinds of trouble as well.
-std::string flat(const std::vector<voyage::sample>& all, std::size_t voyage::sample::*what) {
+std::string flat(const std::vector<sample>& all, std::size_t sample::*what) {
     std::size_t early = 0, late = 0;
     for (std::size_t i = 0; i < all.size(); ++i)
         (i < all.size() / 2 ? early : late) = std::max(i < all.size() / 2 ? early : late, all[i].*what);
@@ -172,15 +175,26 @@ std::string flat(const std::vector<voyage::sample>& all, std::size_t voyage::sam
                        late <= early + early / 4 + 8 ? "flat" : "**it grows**");
 }
 
-void say_samples(text& out, const voyage& of) {
+/// Of the processes of a real deployment.
+void say_processes(text& out, const account& of) {
+    out.line("All processes of the deployment together; a process that is down is missing in its line.\n");
+    out.line("- resident KiB: {}", flat(of.samples, &sample::resident_kib));
+    out.line("- descriptors: {}", flat(of.samples, &sample::descriptors));
+    out.line("\n| at | processes | resident KiB | descriptors |\n|---|---:|---:|---:|");
+    for (const auto& s : of.samples)
+        out.line("| {} | {} | {} | {} |", clock_text(s.at), s.processes, s.resident_kib, s.descriptors);
+}
+
+void say_samples(text& out, const account& of) {
     out.line("\n## Over time");
+    if (!of.virtual_clock) return say_processes(out, of);
     out.line("Waiting: coroutines and timers in the world that wait for a time or have something under way. Sessions: "
              "of all components.");
     out.line("Unacknowledged, queued: at the boat. The nodes: packets on disk; what is not shown yet; telecommands "
              "that are open.\n");
-    const auto& all = of.samples();
-    out.line("- waiting: {}", flat(all, &voyage::sample::waiting));
-    out.line("- sessions: {}", flat(all, &voyage::sample::sessions));
+    const auto& all = of.samples;
+    out.line("- waiting: {}", flat(all, &sample::waiting));
+    out.line("- sessions: {}", flat(all, &sample::sessions));
     out.line("\n| at | waiting | sessions | GPRS unacknowledged | XBee queued | node 1: packets | not shown | open | "
              "node 2: packets | not shown | open |");
     out.line("|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|");
@@ -190,30 +204,26 @@ void say_samples(text& out, const voyage& of) {
                  s.packets[0], s.unseen[0], s.open[0], s.packets[1], s.unseen[1], s.open[1]);
 }
 
-void say_complaints(text& out, const voyage& of) {
+void say_complaints(text& out, const account& of) {
     out.line("\n## What the components complained of");
-    std::vector<std::pair<std::string, std::uint64_t>> all(of.complaints().begin(), of.complaints().end());
+    std::vector<std::pair<std::string, std::uint64_t>> all(of.complaints.begin(), of.complaints.end());
     std::ranges::stable_sort(all, std::greater<>(), &std::pair<std::string, std::uint64_t>::second);
     for (std::size_t i = 0; i < all.size() && i < 40; ++i) out.line("- {} × {}", all[i].second, all[i].first);
 }
 
 } // namespace
 
-bool holds(const voyage& of, const ledger::verdict& proof) {
-    auto page = of.page();
-    return proof.holds && page.duplicates == 0 && page.malformed == 0 && page.received > 0;
+bool holds(const account& of, const ledger::verdict& proof) {
+    return proof.holds && of.page.duplicates == 0 && of.page.malformed == 0 && of.page.received > 0 &&
+           std::ranges::all_of(of.consoles, &console_view::fix);
 }
 
-std::string make_report(voyage& of, const findings& found, const ledger::verdict& proof) {
+std::string make_report(const account& of, const findings& found, const ledger::verdict& proof) {
     text out;
-    const auto& script = of.script();
-    out.line("# {} at sea, seed {}", length_text(script.length), of.options().seed);
-    out.line("\nFrom the bay of El Confital on the virtual clock: the boat sailed T1 and then T2, {:.1f} km.",
-             found.sailed_m / 1000);
-    if (of.options().wind_csv.empty())
-        out.line("The wind: {:.1f} m/s from {:.0f}° with gusts, by the seed.", script.wind_speed_mps,
-                 script.wind_from_deg);
-    else out.line("The wind: a recorded series.");
+    out.line("# {} at sea, seed {}", length_text(of.plan.length), of.seed);
+    out.line("\nFrom the bay of El Confital on the {} clock: the boat sailed T1 and then T2, {:.1f} km.",
+             of.virtual_clock ? "virtual" : "real", of.sailed_m / 1000);
+    out.line("The wind: {}.", of.wind);
     out.line("\n**{}**",
              holds(of, proof)
                  ? "The proof holds: nothing that the shore had taken over is missing, and nothing was shown twice."

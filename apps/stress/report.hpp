@@ -4,12 +4,12 @@
 namespace atirma::stress {
 
 /// report.md: the same run gives the same text, byte for byte, whatever machine and compiler.
-std::string make_report(voyage& of, const findings& found, const ledger::verdict& proof);
+std::string make_report(const account& of, const findings& found, const ledger::verdict& proof);
 /// Whether everything is proved: nothing lost, nothing shown twice, and the page counts the same.
-bool holds(const voyage& of, const ledger::verdict& proof);
+bool holds(const account& of, const ledger::verdict& proof);
 
 /// track.svg: the track coloured by link, on the coast; below it, when each link and each server was there.
-std::string make_picture(voyage& of, const findings& found);
+std::string make_picture(const account& of, const findings& found);
 /// track.gpx: the course and every fix.
 std::string make_gpx(const findings& found);
 

@@ -81,6 +81,8 @@ public:
             auto which = telemetry_key(record->raw);
             if (!which) return;
             into_.sent(link_id::gprs, *which, time_());
+            // What a boat that lost its power had under way comes under the numbers of its next life.
+            std::erase_if(numbers_, [&](const auto& one) { return one.first.first != record->boot; });
             numbers_[{record->boot, record->number}] = *which;
         });
     }

@@ -1,13 +1,10 @@
 #pragma once
-#include "director.hpp"
-#include "ledger.hpp"
-#include "operator_seat.hpp"
-#include "plan.hpp"
+#include "account.hpp"
 #include "taps.hpp"
+#include "troubles.hpp"
 
 #include <components/boat_simulator/boat_simulator.hpp>
 #include <components/communication_node/communication_node.hpp>
-#include <components/storage/database.hpp>
 #include <components/web_server/web_component.hpp>
 
 #include <ise/component/node.hpp>
@@ -47,38 +44,12 @@ public:
     /// After `sail()`; reads the disks anew each time.
     ledger::verdict judge();
 
-    struct episode {
-        ise::duration from{}, until{}; ///< until < from: not over
-        std::string what;
-        std::optional<link_id> link;
-    };
-    struct sample {
-        ise::duration at{};
-        std::size_t waiting = 0;       ///< in the scheduler: timers, waits, what is under way
-        std::size_t sessions = 0;      ///< of all components
-        std::size_t gprs_waiting = 0, xbee_queued = 0; ///< at the boat
-        std::array<std::uint64_t, 2> packets{}, unseen{}, held{}, open{}; ///< of the nodes
-        bool whole = true;             ///< nothing is down
-    };
-    struct shown_page {
-        std::uint64_t received = 0, duplicates = 0, malformed = 0;
-    };
+    /// After `sail()`: everything that there is to tell.
+    account story();
 
     const voyage_options& options() const noexcept { return options_; }
-    const voyage_plan& script() const noexcept { return plan_; }
-    const std::vector<episode>& episodes() const noexcept { return episodes_; }
-    const std::vector<sample>& samples() const noexcept { return samples_; }
-    const std::array<operator_record, operators>& operator_records() const noexcept { return operators_; }
     const ledger& book() const noexcept { return book_; }
-    ise::duration calm() const noexcept { return calm_; }  ///< after the end, until nothing was owed any more
-    ise::wall_time wall(ise::duration at) const { return world_.wall_start + at; }
-    shown_page page() const;
-    const simulator::simulated_boat& boat() const { return *boat_->boat(); }
-    /// Of that node's disk, in the order of the boat's measurements.
-    std::vector<telemetry_packet> packets(std::size_t node = 0);
     database& disk(std::size_t node) { return disks_.at(node); }
-    /// Warnings and errors of the components, with how often they came.
-    const std::map<std::string, std::uint64_t>& complaints() const noexcept { return complaints_; }
     const std::string& log() const noexcept { return log_; }
     ise::sim::world& world() noexcept { return world_; }
 
@@ -102,30 +73,27 @@ private:
     void watch_range();
     void take_sample(ise::duration at);
     void record(const ise::log_record& said);
-    communication_node* node(std::size_t which);
-    std::set<packet_key> on_disk(std::size_t which);
+    void start_operator(std::size_t which);
+    template <class Component>
+    Component* at(const std::string& path) const {
+        return static_cast<Component*>(places_.at(path).component);
+    }
     bool nothing_owed();
     ise::node_options node_options(bool names = true);
-    static std::string path_of(trouble what);
 
     voyage_options options_;
-    voyage_plan plan_;
+    account told_;
     ledger book_;
     std::string log_;
-    std::map<std::string, std::uint64_t> complaints_;
-    std::vector<episode> episodes_;
-    std::vector<sample> samples_;
-    std::array<operator_record, operators> operators_;
+    std::array<std::shared_ptr<console::operator_port>, operators> consoles_;
     gprs_numbers numbers_;
     std::vector<database> disks_; // held open: they outlive the components
     std::string disk_prefix_;
     std::map<std::string, place> places_;
     std::map<trouble, std::size_t> open_; // episodes that are not over
     bool names_fresh_ = true, out_of_range_ = false;
-    std::size_t range_episode_ = 0;
-    ise::duration calm_{};
+    std::size_t range_episode_ = 0, boat_lives_ = 0;
     ise::sim::world world_;
-    boat_simulator* boat_ = nullptr;
     director* director_ = nullptr;
 };
 

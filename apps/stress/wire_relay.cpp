@@ -1,26 +1,32 @@
 #include "wire_relay.hpp"
 
-#include <array>
+#include <asio/error.hpp>
 
 namespace atirma::stress {
+namespace {
+
+constexpr ise::duration pause = std::chrono::milliseconds(100); // after what could not be accepted or received
+
+} // namespace
 
 ise::task<> wire_relay::run() {
     auto door = env().listen(on(), ise::endpoint::parse(listen_).value());
     auto at = std::move(door.value());
+    if (on_listening_) on_listening_(at->where());
     for (;;) {
         auto [problem, near] = co_await at->accept();
         if (problem) {
-            co_await sleep(std::chrono::milliseconds(100));
+            co_await sleep(pause);
             continue;
         }
-        auto made = std::make_shared<line>();
+        auto made = std::make_shared<wire>();
         made->near = std::move(near);
         made->by = make_();
-        spawn("line", carry(std::move(made)));
+        spawn("line", connect(std::move(made)));
     }
 }
 
-ise::task<> wire_relay::carry(std::shared_ptr<line> what) {
+ise::task<> wire_relay::connect(std::shared_ptr<wire> what) {
     auto to = ise::endpoint::parse(onward_).value();
     auto opened = co_await env().connect(on(), to);
     if (!opened) {
@@ -28,33 +34,50 @@ ise::task<> wire_relay::carry(std::shared_ptr<line> what) {
         co_return;
     }
     what->far = std::move(*opened);
-    spawn("inward", pump(what, false));
-    auto outward = pump(what, true);
-    co_await std::move(outward);
+    auto carrying = carry(*this, what);
+    co_await std::move(carrying);
 }
 
-ise::task<> wire_relay::pump(std::shared_ptr<line> what, bool outward) {
-    auto& from = outward ? *what->near : *what->far;
-    auto& to = outward ? *what->far : *what->near;
-    std::array<std::byte, 2048> buffer;
-    for (bool good = true; good;) {
-        auto got = co_await from.read_some(asio::buffer(buffer));
-        ise::bytes_view left(buffer.data(), got.bytes);
-        if (!left.empty() && outward) what->by->wrote(left);
-        if (!left.empty() && !outward) what->by->read(left);
-        while (good && !left.empty()) {
-            const asio::const_buffer piece(left.data(), left.size());
-            auto done = to.try_write(std::span(&piece, 1));
-            left = left.subspan(done.bytes);
-            if (left.empty() || !done.problem) continue;
-            auto problem = done.problem;
-            if (problem == asio::error::would_block) problem = co_await to.wait_writable();
-            if (problem) good = false;
+struct datagram_wire::ends {
+    ise::component& self;
+    std::unique_ptr<ise::datagram_socket> near, far;
+    std::unique_ptr<tap> by;
+    ise::endpoint onward;
+    std::optional<ise::endpoint> caller;
+};
+
+ise::task<> datagram_wire::run() {
+    auto onward = ise::endpoint::parse(onward_).value();
+    auto between = std::make_shared<ends>(ends{*this, nullptr, nullptr, make_(), std::move(onward), {}});
+    between->near = std::move(env().open_datagram(on(), ise::endpoint::parse(listen_).value()).value());
+    between->far = std::move(env().open_datagram(on(), ise::endpoint::parse("udp://0.0.0.0:0").value()).value());
+    if (on_listening_) on_listening_(between->near->where());
+    spawn("inward", inward(between));
+    for (;;) {
+        auto [problem, got] = co_await between->near->receive();
+        if (problem == asio::error::operation_aborted) co_return;
+        if (problem) {
+            co_await sleep(pause);
+            continue;
         }
-        if (got.problem) good = false;
+        between->caller = got.peer;
+        between->by->wrote(got.content);
+        between->far->try_send(between->onward, got.content); // or it is lost, as datagrams are
     }
-    what->near->close();
-    what->far->close();
+}
+
+ise::task<> datagram_wire::inward(std::shared_ptr<ends> between) {
+    for (;;) {
+        auto [problem, got] = co_await between->far->receive();
+        if (problem == asio::error::operation_aborted) co_return;
+        if (problem) {
+            co_await between->self.sleep(pause);
+            continue;
+        }
+        if (!between->caller) continue;
+        between->by->read(got.content);
+        between->near->try_send(*between->caller, got.content);
+    }
 }
 
 } // namespace atirma::stress

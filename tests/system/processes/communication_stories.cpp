@@ -1,62 +1,25 @@
 // Two communication nodes as processes of their own, with a boat and a radio: killed in turn.
-#include <support/catch.hpp>
-#include <support/program.hpp>
+#include "deployment.hpp"
 
-#include <fmt/format.h>
-
-#include <chrono>
-#include <csignal>
-#include <filesystem>
-#include <map>
-#include <memory>
 #include <regex>
 #include <set>
-#include <unistd.h>
 
 using Catch::Contains;
-using ise_test::program;
-using ise_test::ran;
-using ise_test::run_program;
-using ise_test::start_options;
 
 namespace {
 
-class deployment {
+class two_nodes : public deployment {
 public:
-    deployment() {
-        std::filesystem::create_directory(folder_);
-        auto listening = run("names", {"ise_name_server", "--listen", "tcp://127.0.0.1:0", "--fresh"});
-        names_ = listening.substr(listening.find("tcp://"));
-        run("air", atirma("xbee-link", {"--shore-port", folder_ + "/shore", "--boat-port", folder_ + "/boat"}));
-        run("boat", atirma("boat-simulator", {"--serial", folder_ + "/boat"}));
-        run("xbee", atirma("xbee-proxy", {"--serial", folder_ + "/shore"}));
-        run("one", atirma("communication-node", node("one", "two")));
+    two_nodes() {
+        run_atirma("air", "xbee-link", {"--shore-port", file("shore"), "--boat-port", file("boat")});
+        run_atirma("boat", "boat-simulator", {"--serial", file("boat")});
+        run_atirma("xbee", "xbee-proxy", {"--serial", file("shore")});
+        run_atirma("one", "communication-node", node("one", "two"));
         auto second = node("two", "one");
         second.push_back("--secondary");
-        run("two", atirma("communication-node", second));
+        run_atirma("two", "communication-node", second);
     }
-    ~deployment() {
-        processes_.clear();
-        std::filesystem::remove_all(folder_);
-    }
-    deployment(const deployment&) = delete;
-    deployment& operator=(const deployment&) = delete;
-
-    void run_again(const std::string& name) { run(name, commands_.at(name)); }
-    void kill(const std::string& name) {
-        processes_.at(name)->signal(SIGKILL);
-        processes_.at(name)->wait();
-    }
-    ran end(const std::string& name) {
-        processes_.at(name)->signal(SIGTERM);
-        return processes_.at(name)->wait();
-    }
-    ran call(const std::string& whom, const std::string& service, const std::string& request) {
-        start_options variables;
-        variables.variables = {{"ISE_NAME_SERVER", names_}};
-        return run_program({"ise", "--wait", "--timeout", "60s", "call", whom, service, request}, variables);
-    }
-    ran set_mode(int id, const std::string& mode) {
+    ise_test::ran set_mode(int id, const std::string& mode) {
         return call("atirma/communication", "telecommand",
                     fmt::format(R"({{"id":{},"command":{{"kind":"set_mode","mode":"{}"}}}})", id, mode));
     }
@@ -71,56 +34,20 @@ public:
             made.insert(at->str());
         return made;
     }
-    // What the node says of itself next.
-    std::string state(const std::string& name) {
-        start_options variables;
-        variables.variables = {{"ISE_NAME_SERVER", names_}};
-        return run_program({"ise", "--wait", "--timeout", "60s", "echo", "--count", "1", "atirma/shore/" + name,
-                            "communication_state"},
-                           variables)
-            .out;
-    }
-    bool until(const std::function<bool()>& done) {
-        auto limit = std::chrono::steady_clock::now() + std::chrono::minutes(2); // only what is broken takes that long
-        while (!done())
-            if (std::chrono::steady_clock::now() > limit) return false;
-        return true;
-    }
+    std::string state(const std::string& name) { return next_of("atirma/shore/" + name, "communication_state"); }
 
 private:
-    std::string run(const std::string& name, std::vector<std::string> command) {
-        commands_[name] = command;
-        processes_[name].reset();
-        start_options variables;
-        if (!names_.empty()) variables.variables = {{"ISE_NAME_SERVER", names_}};
-        processes_[name] = std::make_unique<program>(std::move(command), variables);
-        auto line = processes_[name]->read_line();
-        INFO(name << " says: " << line);
-        REQUIRE_FALSE(line.empty());
-        return line;
-    }
-    std::vector<std::string> atirma(const std::string& type, std::vector<std::string> options) {
-        std::vector<std::string> command{"atirma", "run", "--log-level", "error", type};
-        command.insert(command.end(), options.begin(), options.end());
-        return command;
-    }
     std::vector<std::string> node(const std::string& name, const std::string& peer) {
-        return {"--path", "atirma/shore/" + name,       "--peer",  "atirma/shore/" + peer,
-                "--file", folder_ + "/" + name + ".db", "--proxy", "xbee=atirma/shore/xbee"};
+        return {"--path", "atirma/shore/" + name, "--peer",  "atirma/shore/" + peer,
+                "--file", file(name + ".db"),     "--proxy", "xbee=atirma/shore/xbee"};
     }
-
-    std::string folder_ = fmt::format("{}/ise-nodes-{}-{:x}", std::filesystem::temp_directory_path().string(),
-                                      ::getpid(), reinterpret_cast<std::uintptr_t>(this));
-    std::string names_;
-    std::map<std::string, std::vector<std::string>> commands_;
-    std::map<std::string, std::unique_ptr<program>> processes_;
 };
 
 } // namespace
 
 TEST_CASE(
     "processes: communication nodes are killed in turn, telecommands go on, and both have everything in the end") {
-    deployment it;
+    two_nodes it;
     auto refused = it.set_mode(1, "hold");
     CHECK(refused.exit_code != 0);
     CHECK_THAT(refused.err, Contains("nobody holds the authority"));

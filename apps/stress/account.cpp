@@ -1,0 +1,66 @@
+#include "account.hpp"
+
+#include <components/xbee_link/xbee_link_emulator.hpp>
+
+#include <fmt/format.h>
+
+namespace atirma::stress {
+namespace {
+
+std::string seconds(ise::duration time) { return fmt::format("{:g} s", std::chrono::duration<double>(time).count()); }
+
+} // namespace
+
+waypoint short_range_node() { return xbee_link_options().shore_position; }
+
+ledger::excuses excuse_for_xbee(const std::vector<episode>& all, ise::duration before, ise::duration after) {
+    auto text = fmt::format("the XBee proxy was killed {} after it, or had not opened its port {} before it",
+                            seconds(before), seconds(after));
+    return [&all, before, after, text](const ledger::entry& lost) -> std::string {
+        if (lost.link != link_id::xbee) return {};
+        for (const auto& one : all)
+            if (one.what == describe(trouble::xbee_proxy_crashed) && lost.arrived > one.from - before &&
+                lost.arrived < one.until + after)
+                return text;
+        return {};
+    };
+}
+
+console_view view_of(const std::string& name, const console::operator_port& at) {
+    auto shown = at.latest();
+    console_view made;
+    made.name = name;
+    made.fix = shown->boat.position.has_value();
+    made.links = shown->links.size();
+    if (shown->track) made.track = shown->track->size();
+    if (shown->commands) made.commands = shown->commands->size();
+    if (shown->present) made.present = shown->present->size();
+    return made;
+}
+
+std::set<packet_key> keys_on(database& disk) {
+    auto rows = disk.query("SELECT boot, sequence FROM packets");
+    std::set<packet_key> made;
+    for (const auto& row : rows.value())
+        made.insert(key_of(static_cast<std::uint16_t>(row.integer(0)), static_cast<std::uint32_t>(row.integer(1))));
+    return made;
+}
+
+std::vector<telemetry_packet> packets_on(database& disk) {
+    auto rows = disk.query(
+        "SELECT boot, sequence, measured, link, received, history, raw FROM packets ORDER BY measured, boot, sequence");
+    std::vector<telemetry_packet> made;
+    for (const auto& row : rows.value()) {
+        auto& one = made.emplace_back();
+        one.boot = static_cast<std::uint16_t>(row.integer(0));
+        one.sequence = static_cast<std::uint32_t>(row.integer(1));
+        one.measured_at = utc_time(std::chrono::milliseconds(row.integer(2)));
+        one.link = static_cast<link_id>(row.integer(3));
+        one.received_at = utc_time(std::chrono::milliseconds(row.integer(4)));
+        one.history = row.integer(5) != 0;
+        one.raw = row.bytes(6);
+    }
+    return made;
+}
+
+} // namespace atirma::stress

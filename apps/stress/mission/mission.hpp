@@ -1,0 +1,78 @@
+#pragma once
+#include <apps/stress/account.hpp>
+#include <apps/stress/taps.hpp>
+#include <apps/stress/troubles.hpp>
+
+#include <ise/component/node.hpp>
+
+#include <condition_variable>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <queue>
+#include <string>
+#include <vector>
+
+namespace atirma::stress {
+
+struct mission_options {
+    std::uint64_t seed = 1;
+    ise::duration length = std::chrono::minutes(10);
+    /// A serial line that is read along: "boat" and "shore" of the XBee, "iridium".
+    struct line {
+        std::string which, link, device;
+    };
+    std::vector<line> lines;
+    std::string carrier_tcp, carrier_udp; ///< where the boat's calls go on to; empty: not
+    std::vector<std::string> stores;      ///< the files of the two communication nodes, the primary's first
+    std::string page;                     ///< "127.0.0.1:8080": asked at the end what it has shown
+    ise::endpoint names;
+    std::string wind;                     ///< in words, for the report
+    ise::duration longest_start = std::chrono::minutes(3), longest_calm = std::chrono::minutes(5);
+    /// Tells who owns the processes: "ready tcp://… udp://…", "kill atirma/boat", "start atirma/boat".
+    std::function<void(const std::string&)> say;
+};
+
+/// A voyage on the real clock. The deployment runs in processes of somebody else, who kills and starts them as he is
+/// told; here are those who read along on the boat's wires, the operators, the script, and what is known in the end.
+class mission {
+public:
+    mission(ise::node& in, mission_options options);
+    ~mission();
+
+    /// Until the script is over and nothing is owed any more; blocks. False: it did not come so far, `trouble()` says why.
+    bool sail();
+    const std::string& trouble() const noexcept { return trouble_; }
+
+    // After `sail()`, and once the node has stopped.
+    account story();
+    ledger::verdict judge();
+
+private:
+    class script;
+    enum class task { leave, come, over };
+
+    void start_lines();
+    void start_operator(std::size_t which);
+    void stop_operator(std::size_t which);
+    ise::component_options beside_script() const;
+    ise::duration elapsed() const;
+    void ask(task what);
+    std::array<std::shared_ptr<console::operator_port>, operators> consoles();
+
+    ise::node& node_;
+    mission_options options_;
+    account told_;
+    ledger book_;
+    gprs_numbers numbers_;
+    std::array<std::shared_ptr<console::operator_port>, operators> consoles_;
+    std::vector<database> disks_;
+    std::string trouble_;
+    ise::time_point began_;
+    director* director_ = nullptr;
+    std::mutex mutex_;
+    std::condition_variable asked_;
+    std::queue<task> tasks_; ///< for the thread in `sail()`: a component cannot start another one
+};
+
+} // namespace atirma::stress

@@ -1,0 +1,112 @@
+// The part of a mission on the real clock that is no process of the deployment; apps/demo --mission stress starts it.
+#include "mission.hpp"
+
+#include <apps/stress/report.hpp>
+
+#include <ise/core/real/environment.hpp>
+
+#include <CLI/CLI.hpp>
+#include <fmt/format.h>
+
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+
+namespace {
+
+namespace stress = atirma::stress;
+
+void complain(const std::string& what) { std::fputs(("atirma_mission: " + what + "\n").c_str(), stderr); }
+
+void write(const std::filesystem::path& file, const std::string& content) {
+    std::ofstream out(file, std::ios::binary | std::ios::trunc);
+    out << content;
+    out.close();
+    if (!out)
+        throw std::runtime_error(
+            fmt::format("{} cannot be written: is the disk full, or the folder read-only?", file.string()));
+}
+
+/// "boat=LINK=DEVICE".
+stress::mission_options::line line_of(const std::string& text) {
+    auto first = text.find('='), second = text.find('=', first + 1);
+    stress::mission_options::line made;
+    if (first == std::string::npos || second == std::string::npos)
+        throw CLI::ValidationError("--line takes WHICH=LINK=DEVICE, not " + text);
+    made.which = text.substr(0, first);
+    made.link = text.substr(first + 1, second - first - 1);
+    made.device = text.substr(second + 1);
+    if (made.which != "boat" && made.which != "shore" && made.which != "iridium")
+        throw CLI::ValidationError("--line is of boat, shore or iridium, not of " + made.which);
+    return made;
+}
+
+} // namespace
+
+int main(int argc, char** argv) {
+    CLI::App app("The script, the operators and the report of a mission on the real clock; who starts the processes of "
+                 "the deployment kills and starts them as the lines on standard output say.");
+    stress::mission_options options;
+    double length_s = 600;
+    std::string out, names;
+    std::vector<std::string> lines;
+    app.add_option("--seed", options.seed, "of the plan")->capture_default_str();
+    app.add_option("--for", length_s, "seconds, once the deployment is up")
+        ->check(CLI::Range(60.0, 86400.0))
+        ->capture_default_str();
+    app.add_option("--out", out, "folder for report.md, track.svg and track.gpx")->required();
+    app.add_option("--name-server", names, "its endpoint (default: ISE_NAME_SERVER)")->envname("ISE_NAME_SERVER");
+    app.add_option("--line", lines, "WHICH=LINK=DEVICE: a serial line that is read along (boat, shore, iridium)");
+    app.add_option("--carrier-tcp", options.carrier_tcp, "where the boat's connections go on to");
+    app.add_option("--carrier-udp", options.carrier_udp, "where the boat's datagrams go on to");
+    app.add_option("--store", options.stores, "the files of the communication nodes, the primary's first")
+        ->expected(2)
+        ->required();
+    app.add_option("--page", options.page, "host:port of the page");
+    app.add_option("--wind", options.wind, "in words, for the report");
+    CLI11_PARSE(app, argc, argv);
+    try {
+        for (const auto& text : lines) options.lines.push_back(line_of(text));
+        options.names = names.empty() ? ise::default_name_server() : ise::endpoint::parse(names).value();
+        options.length = std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(length_s));
+        options.say = [](const std::string& line) {
+            std::fputs((line + "\n").c_str(), stdout);
+            std::fflush(stdout);
+        };
+        const std::filesystem::path folder(out);
+        std::filesystem::create_directories(folder);
+        std::signal(SIGPIPE, SIG_IGN);
+
+        ise::real_environment world;
+        ise::node_options terms;
+        terms.name = "mission";
+        terms.name_server = options.names;
+        terms.log = ise::log_to_stderr(ise::log_level::error);
+        auto node = std::make_unique<ise::node>(world, std::move(terms));
+        stress::mission sea(*node, std::move(options));
+        bool whole = sea.sail();
+        node->stop();
+        node->wait();
+        if (!whole) {
+            complain(sea.trouble());
+            return 1;
+        }
+        auto proof = sea.judge();
+        const auto told = sea.story();
+        const stress::findings found(told);
+        write(folder / "report.md", stress::make_report(told, found, proof));
+        write(folder / "track.svg", stress::make_picture(told, found));
+        write(folder / "track.gpx", stress::make_gpx(found));
+        bool good = stress::holds(told, proof);
+        fmt::print("over {} on the real clock: {}; {}\n", stress::length_text(told.plan.length),
+                   good ? "the proof holds" : "THE PROOF DOES NOT HOLD", (folder / "report.md").string());
+        return good ? 0 : 1;
+    } catch (const CLI::Error& why) {
+        complain(why.what());
+        return 2;
+    } catch (const std::exception& why) {
+        complain(why.what());
+        return 1;
+    }
+}

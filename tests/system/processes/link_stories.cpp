@@ -1,0 +1,162 @@
+// Each of the boat's links is switched off and on by a person's commands, while the page goes on and says where the fix
+// came from.
+#include "deployment.hpp"
+
+#include <asio/connect.hpp>
+#include <asio/io_context.hpp>
+#include <asio/ip/tcp.hpp>
+#include <asio/read_until.hpp>
+#include <asio/steady_timer.hpp>
+#include <asio/write.hpp>
+
+#include <optional>
+#include <regex>
+
+using Catch::Contains;
+
+namespace {
+
+constexpr auto patience = std::chrono::minutes(3); // only what is broken takes that long
+
+/// A visitor of the page: reads the event stream, line by line.
+class visitor {
+public:
+    explicit visitor(const std::string& url) {
+        std::smatch part;
+        static const std::regex form(R"(http://([^:/]+):(\d+).*)");
+        REQUIRE(std::regex_match(url, part, form));
+        socket_.connect({asio::ip::make_address(part[1].str()), static_cast<std::uint16_t>(std::stoi(part[2]))});
+        asio::write(socket_, asio::buffer(std::string("GET /events HTTP/1.1\r\nHost: page\r\n\r\n")));
+    }
+
+    /// Over which link the position came that the page is told next.
+    std::string next_source() {
+        static const std::regex position(R"re("position":\{[^}]*"source":"(\w+)")re");
+        for (;;) {
+            auto line = next_line();
+            std::smatch found;
+            if (std::regex_search(line, found, position)) return found[1];
+        }
+    }
+    /// Until the page has told that many positions in a row that came over this link, and none else.
+    bool sees_only(const std::string& link, int times) {
+        auto limit = std::chrono::steady_clock::now() + patience;
+        for (int seen = 0; seen < times;) {
+            if (std::chrono::steady_clock::now() > limit) return false;
+            seen = next_source() == link ? seen + 1 : 0;
+        }
+        return true;
+    }
+    bool sees(const std::string& link) { return sees_only(link, 1); }
+
+private:
+    std::string next_line() {
+        std::optional<std::error_code> outcome;
+        std::size_t size = 0;
+        asio::async_read_until(socket_, asio::dynamic_buffer(text_), '\n', [&](std::error_code problem, std::size_t got) {
+            outcome = problem;
+            size = got;
+        });
+        loop_.restart();
+        loop_.run_for(patience);
+        if (!outcome) { // the stream has fallen silent
+            socket_.close();
+            loop_.run();
+        }
+        INFO("the page's stream ended or fell silent");
+        REQUIRE_FALSE(*outcome);
+        auto line = text_.substr(0, size);
+        text_.erase(0, size);
+        return line;
+    }
+
+    asio::io_context loop_;
+    asio::ip::tcp::socket socket_{loop_};
+    std::string text_;
+};
+
+std::string endpoint_in(const std::string& line, const std::string& kind) {
+    auto from = line.find(kind + "://");
+    INFO(line);
+    REQUIRE(from != std::string::npos);
+    return line.substr(from, line.find(' ', from) - from);
+}
+
+/// A boat with all its links, their proxies, one communication node and the page.
+class three_links : public deployment {
+public:
+    three_links() {
+        run_atirma("air", "xbee-link", {"--shore-port", file("shore"), "--boat-port", file("boat")});
+        auto gprs = endpoint_in(run_atirma("gprs", "gprs-proxy", {"--boat-listen", "tcp://127.0.0.1:0"}, "tcp://"), "tcp");
+        auto carrier = endpoint_in(
+            run_atirma("carrier", "gprs-link", {"--boat-listen", "tcp://127.0.0.1:0", "--proxy-tcp", gprs}, "tcp://"), "tcp");
+        asio::io_context any;
+        asio::ip::tcp::acceptor free(any, {asio::ip::make_address("127.0.0.1"), 0});
+        auto hook = free.local_endpoint().port();
+        free.close();
+        run_atirma("gateway", "iridium-gateway",
+                   {"--listen-http", "", "--post-to", fmt::format("http://127.0.0.1:{}/rockblock/mo", hook)});
+        run_atirma("sky", "iridium-modem",
+                   {"--port", file("iridium"), "--shortest-session", "0", "--longest-session", "1"});
+        run_atirma("iridium", "iridium-proxy",
+                   {"--imei", "300234010753370", "--database", file("iridium.db"), "--webhook",
+                    fmt::format("tcp://127.0.0.1:{}", hook), "--send-by", "none", "--store", "atirma/communication"});
+        run_atirma("boat", "boat-simulator",
+                   {"--serial", file("boat"), "--gprs", carrier, "--gprs-period", "2", "--iridium-serial", file("iridium"),
+                    "--iridium-period", "5"});
+        run_atirma("xbee", "xbee-proxy", {"--serial", file("shore")});
+        run_atirma("node", "communication-node", {"--file", file("node.db")});
+        page_ = run_atirma("page", "web-server", {"--telemetry", "atirma/communication", "--port", "0"}, "http://");
+        page_ = page_.substr(page_.find("http://"));
+    }
+    std::string page() const { return page_; }
+    void told(const std::string& whom, const std::string& service, const std::string& request,
+              const std::string& expected) {
+        auto answer = call(whom, service, request);
+        INFO(answer.err);
+        CHECK(answer.exit_code == 0);
+        CHECK_THAT(answer.out, Contains(expected));
+    }
+    void radio(bool up) {
+        told("atirma/air", "air_control", fmt::format(R"({{"up":{}}})", up), fmt::format(R"("up":{})", up));
+    }
+    void gprs(bool up) {
+        told("atirma/carrier", "carrier_control", fmt::format(R"({{"up":{}}})", up), fmt::format(R"("up":{})", up));
+    }
+    void sky(bool free) {
+        told("atirma/iridium/modem", "iridium_sky_control", fmt::format(R"({{"free":{}}})", free),
+             fmt::format(R"("free":{})", free));
+    }
+
+private:
+    std::string page_;
+};
+
+} // namespace
+
+TEST_CASE("processes: each link is switched off and on, and the page goes on and says where its fix came from") {
+    three_links it;
+    visitor page(it.page());
+    CHECK(page.sees("xbee"));
+    CHECK(page.sees("gprs"));
+
+    it.radio(false);
+    it.sky(false);
+    CHECK(page.sees_only("gprs", 4));
+    CHECK_THAT(it.next_of("atirma/communication", "communication_state"),
+               Contains(R"("fix":{"link":"gprs")") || Contains(R"("link":"gprs","measured_at")"));
+
+    it.gprs(false);
+    it.sky(true);
+    CHECK(page.sees_only("iridium", 3));
+
+    it.sky(false);
+    it.radio(true);
+    CHECK(page.sees_only("xbee", 4));
+
+    it.gprs(true);
+    it.sky(true);
+    CHECK(page.sees("gprs"));
+    CHECK(page.sees("iridium"));
+    for (const char* name : {"page", "node", "boat"}) CHECK(it.end(name).exit_code == 0);
+}
