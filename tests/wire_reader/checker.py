@@ -1,11 +1,12 @@
-"""Replays a recorded session and says where a side did what FORMAT.md forbids: §1 to §6 here, the rest in the rules."""
+"""Replays a recorded session and says where a side did what FORMAT.md forbids: §1 to §6 and the end here, the rest in the rules."""
 from typing import Any
 
 import schema
-from frames import CODES, FIRST_PIECE, FLAGS, LONGEST_HANDSHAKE, MAGIC, NUMBERS, TYPES, WITHOUT_ID, Frame, read_body
+from frames import CODES, FIRST_PIECE, FLAGS, FLAGS_OVER_DATAGRAMS, LONGEST_HANDSHAKE, MAGIC, NUMBERS, TYPES, WITHOUT_ID, Frame, read_body
 from packet import Malformed, decode, to_json
-from recording import SIDES, Chunk
+from recording import SIDES, Chunk, Datagram
 from rules_calls import CallRules
+from rules_datagrams import DatagramRules
 from rules_schemas import SchemaRules
 from rules_subscriptions import SubscriptionRules
 from side import Finding, Message, Side, UserPacket
@@ -29,7 +30,9 @@ class Checker:
         for fingerprint, text in (texts or {}).items():
             self.types[fingerprint] = schema.parse(text)
         self.over = False  # the handshake
-        self.rules = [CallRules(self), SubscriptionRules(self), SchemaRules(self)]
+        self.subscriptions = SubscriptionRules(self)
+        self.rules = [CallRules(self), self.subscriptions, SchemaRules(self)]
+        self.datagrams: DatagramRules | None = None  # where the session lies in them
         self.readers = {name: getattr(rules, "on_" + name) for rules in self.rules for name in NUMBERS
                         if hasattr(rules, "on_" + name)}
         self.readers |= {name: getattr(self, "on_" + name) for name in NUMBERS if hasattr(self, "on_" + name)}
@@ -65,14 +68,21 @@ class Checker:
 
     # The stream.
 
-    def feed(self, chunk: Chunk):
+    def feed(self, chunk: Chunk | Datagram):
         side = self.sides[chunk.sender]
+        if isinstance(chunk, Datagram):
+            self.datagrams = self.datagrams or DatagramRules(self)
+            self.datagrams.take(side, chunk)
+            return
         if chunk.data is None:
             side.ended = True
             return
         if side.ended:
             raise ValueError(f"the recording has bytes of the {side.name} behind its end")
-        side.reader.feed(chunk.data)
+        self.stream(side, chunk.data)
+
+    def stream(self, side: Side, data: bytes):
+        side.reader.feed(data)
         try:
             if not side.broken:
                 for frame in side.reader.frames():
@@ -97,6 +107,7 @@ class Checker:
     def take(self, side: Side, frame: Frame):
         self.check_header(side, frame, len(frame.body))
         self.require(not side.last, side, frame, f"nothing comes behind a {side.last}")
+        self.require(not self.datagrams or frame.name != "packet", side, frame, "over datagrams a packet is a message beside the stream")
         if not self.over:
             self.handshake_order(side, frame)
         self.message(side, frame)
@@ -112,7 +123,7 @@ class Checker:
         """A frame, or what pieces made."""
         name = frame.name
         side.frames[name] = side.frames.get(name, 0) + 1
-        known = sum(FLAGS.get(name, {}))
+        known = sum(FLAGS.get(name, {})) | sum(FLAGS_OVER_DATAGRAMS.get(name, {}) if self.datagrams else ())
         if frame.type in TYPES:
             self.require(not frame.flags & ~known, side, frame, f"flags {frame.flags:#x} are not defined for it")
         if name in WITHOUT_ID:

@@ -1,4 +1,4 @@
-"""Frames of FORMAT.md §2 to §4 and the bodies of control frames."""
+"""Frames of FORMAT.md §2 to §4 and the bodies of control frames; the shapes of §13."""
 import struct
 from dataclasses import dataclass
 from typing import Any, Iterator
@@ -15,7 +15,9 @@ TYPES = {1: "hello", 2: "welcome", 3: "reject", 16: "request", 17: "reply", 18: 
          21: "answers", 32: "subscribe", 33: "subscribed", 34: "packet", 35: "unsubscribe", 36: "unsubscribed",
          37: "ended", 38: "credit", 48: "ping", 49: "pong", 50: "goodbye", 64: "piece", 72: "schema_request", 73: "schema"}
 NUMBERS = {name: number for number, name in TYPES.items()}
+DATAGRAMS = {4: "open", 5: "cookie", 6: "opened", 7: "closed", 8: "unknown", 9: "data", 10: "sign"}
 FLAGS = {"request": {1: "traced"}, "packet": {1: "skipped"}, "pong": {1: "stalled"}, "piece": {1: "last", 2: "abandoned"}}
+FLAGS_OVER_DATAGRAMS = {"request": {2: "numbered", 4: "again"}}
 WITHOUT_ID = {"hello", "welcome", "reject", "goodbye", "schema_request", "schema"}
 CODES = ("refused no_such_service type_mismatch timed_out peer_lost cancelled overloaded handler_failed malformed too_large "
          "protocol_error version_mismatch wrong_peer unreachable no_such_name name_taken name_server_lost superseded "
@@ -70,13 +72,22 @@ class Frame:
     id: int
     body: bytes
     pieced: bool = False
+    alone: bool = False  # a message beside the stream, of datagrams
 
     @property
     def name(self) -> str:
         return TYPES.get(self.type, f"type {self.type}")
 
     def __str__(self) -> str:
-        return f"{self.name} id {self.id:#x}" + (" in pieces" if self.pieced else "")
+        return f"{self.name} id {self.id:#x}" + (" in pieces" if self.pieced else " in fragments" if self.alone else "")
+
+
+class Envelope(Frame):
+    """The frame that a datagram is; its offset counts the bytes of all datagrams of its sender."""
+
+    @property
+    def name(self) -> str:
+        return DATAGRAMS.get(self.type, f"datagram of type {self.type}")
 
 
 def encode_frame(name: str | int, id: int = 0, body: bytes = b"", flags: int = 0, reserved: int = 0) -> bytes:
