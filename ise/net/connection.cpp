@@ -27,6 +27,7 @@ connection::connection(loop& on, std::unique_ptr<stream> transport, session_term
     parser_.set_max_frame_bytes(terms_.we_accept.max_frame_bytes);
     datagrams_ = dynamic_cast<datagram_stream*>(transport_.get());
     if (datagrams_) outbox_.use(*datagrams_);
+    outbox_.limit_messages(terms_.peer_accepts.max_message_bytes);
     parser_.release(); // a greeting is larger than what follows on an idle connection
     last_heard_ = last_sent_ = on_.now();
     signs_ = std::make_shared<vital_signs>(*transport_, duration(static_cast<std::int64_t>(terms_.peer_accepts.heartbeat_ns)), last_sent_);

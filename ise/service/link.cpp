@@ -209,13 +209,14 @@ void link::send_waiting() {
             host_.calls().fail(*call, failure(errc::peer_lost, fmt::format("'{}' at {}: {}", call->service, name_, why), execution::unknown));
             continue;
         }
+        auto began = call->number != 0 ? execution::unknown : execution::not_executed; // it was sent once before
         buffer request = std::move(call->waiting);
         call->waiting = buffer();
         try {
             bool sent = session_->send(*call, [&](buffer& out) { out.append(request.view()); });
-            if (!sent) host_.calls().fail(*call, failure(errc::overloaded, fmt::format("too many calls are pending at {}", name_)));
+            if (!sent) host_.calls().fail(*call, failure(errc::overloaded, fmt::format("too many calls are pending at {}", name_), began));
         } catch (const error& thrown) {
-            host_.calls().fail(*call, thrown.why());
+            host_.calls().fail(*call, failure(thrown.code(), thrown.why().message(), began));
         }
     }
 }

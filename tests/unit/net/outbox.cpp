@@ -176,6 +176,42 @@ TEST_CASE("a big message goes in pieces between which small ones pass") {
     CHECK(out.pending_bytes() == 0);
 }
 
+TEST_CASE("no more messages are begun at once than a receiver takes") {
+    std::vector<std::uint64_t> whole;
+    auto take = [&whole](const std::vector<written>& frames, ise::wire::reassembly& at) {
+        for (const auto& frame : frames) {
+            if (frame.type != frame_type::piece) continue;
+            ise::wire::frame piece;
+            piece.header.type = frame.type;
+            piece.header.flags = frame.flags;
+            piece.header.id = frame.id;
+            piece.body = frame.body;
+            auto got = at.take(piece);
+            INFO((got ? std::string() : got.error().message()));
+            REQUIRE(got);
+            if (*got) whole.push_back((*got)->header.id);
+        }
+        return !frames.empty();
+    };
+    outbox box;
+    SECTION("by number") {
+        for (std::uint64_t id = 1; id <= 200; ++id) request(box, id, t0 + 1h, 300'000);
+        ise::wire::reassembly receiver(256 << 20);
+        while (take(write(box), receiver)) {}
+        CHECK(whole.size() == 200);
+    }
+    SECTION("by bytes, also where some are given up half way") {
+        box.limit_messages(1 << 20);
+        for (std::uint64_t id = 1; id <= 20; ++id) request(box, id, t0 + 1h, 500'000);
+        ise::wire::reassembly receiver(1 << 20);
+        REQUIRE(take(write(box), receiver));
+        CHECK(box.withdraw(1));
+        CHECK(box.withdraw(7));
+        while (take(write(box), receiver)) {}
+        CHECK(whole.size() == 18);
+    }
+}
+
 TEST_CASE("a request that is given up: unwritten it is not sent, half sent it is abandoned") {
     outbox out;
     request(out, 1, t0 + 5s);
