@@ -163,3 +163,5 @@ void CEREAL_SERIALIZE_FUNCTION_NAME(Archive& archive, T& value) {
 }
 
 } // namespace cereal
+
+#include <ise/packet/detail/by_cereal.hpp>
