@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parent.parent
 BIN = ROOT / "build" / "release" / "bin"
 PEERS = ("zeromq", "omniorb", "ice", "cyclone", "grpc", "nats")
 NAMES = {"zeromq": "ZeroMQ", "omniorb": "omniORB", "ice": "Ice", "cyclone": "Cyclone DDS", "grpc": "gRPC", "nats": "NATS",
-         "raw": "raw sockets", "asio": "bare Asio"}
+         "raw": "raw sockets", "asio": "bare Asio", "ise": "ISE", "ise-fast": "ISE, its fast forms"}
 
 
 @dataclass(frozen=True)

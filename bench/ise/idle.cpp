@@ -82,9 +82,9 @@ private:
             telemetry packet;
             for (auto at_ns = now_ns(); at_ns < times.end_ns;) {
                 packet = co_await peer.call(echo<telemetry>, packet, generous);
-                const auto after = now_ns();
-                if (at_ns >= times.begin_ns) out.latency.add(after - at_ns);
-                at_ns = after;
+                const auto answered = now_ns();
+                if (at_ns >= times.begin_ns) out.latency.add(answered - at_ns);
+                at_ns = answered;
             }
             into_.take(std::move(out));
         } catch (...) {
