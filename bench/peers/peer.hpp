@@ -1,8 +1,10 @@
 #pragma once
 #include "support/report.hpp"
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
+#include <initializer_list>
 #include <string>
 #include <thread>
 

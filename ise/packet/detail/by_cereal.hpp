@@ -1,7 +1,8 @@
 #pragma once
-#include <ise/packet/archive.hpp>
+#include <ise/packet/detail/archives.hpp>
+#include <ise/packet/detail/codec_cereal.hpp>
 
-/// What `codec` needs of types that only their own cereal functions know. Included by <ise/packet/archive.hpp>.
+/// What `codec` needs of types that only their own cereal functions know.
 namespace ise::detail {
 
 /// Writes nothing down but the sequence of the types that a serialize hands over.
