@@ -1,5 +1,7 @@
 #include "voyage.hpp"
 
+#include <ise/service/service_host.hpp>
+
 #include <components/gprs_link/services.hpp>
 #include <components/iridium_gateway/services.hpp>
 #include <components/iridium_modem/services.hpp>

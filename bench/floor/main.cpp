@@ -33,7 +33,7 @@ outcome measure(const options& asked) {
 int main(int argc, char** argv) {
     try {
         const auto asked = parse_options(argc, argv);
-        if (asked.work == "idle") throw std::invalid_argument("there is no floor for idle connections");
+        if (asked.work == "idle" || asked.work == "names") throw std::invalid_argument("there is no floor for that");
         if (asked.serve) serve(asked);
         else print(asked, measure(asked));
         return 0;

@@ -3,7 +3,9 @@
 #include <ise/component/loop_share.hpp>
 #include <ise/component/node.hpp>
 #include <ise/core/task_scope.hpp>
+#include <ise/naming/registrar.hpp>
 #include <ise/service/back_off.hpp>
+#include <ise/service/service_host.hpp>
 
 #include <atomic>
 #include <memory>

@@ -1,6 +1,6 @@
 #pragma once
 #include <ise/component/component.hpp>
-#include <ise/naming/registrar.hpp>
+#include <ise/service/service_options.hpp>
 
 #include <chrono>
 #include <functional>

@@ -1,5 +1,7 @@
 #include <ise/instantiation/instantiation_server.hpp>
 
+#include <ise/service/service_host.hpp>
+
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 

@@ -3,7 +3,6 @@
 #include <ise/core/waiter.hpp>
 #include <ise/packet/adapt.hpp>
 #include <ise/service/contract.hpp>
-#include <ise/service/link.hpp>
 #include <ise/service/packet_queue.hpp>
 #include <ise/wire/messages.hpp>
 
@@ -12,6 +11,9 @@
 #include <string>
 
 namespace ise {
+
+class link;
+class session;
 
 /// What becomes of packets that a subscriber does not take in time: `keep_latest`, `keep_last`, `lossless`, `disconnect`.
 using overflow = wire::overflow;

@@ -4,6 +4,7 @@
 #include <ise/service/provide.hpp>
 #include <ise/service/publication.hpp>
 #include <ise/service/remote.hpp>
+#include <ise/service/service_host.hpp>
 #include <ise/service/session.hpp>
 
 #include <asio/bind_cancellation_slot.hpp>

@@ -4,6 +4,8 @@
 // A line that begins with "!" asks whoever started it to do something to the link; it goes on at the next line of input.
 #include "services.hpp"
 
+#include <ise/service/service_host.hpp>
+
 #include <asio/bind_cancellation_slot.hpp>
 #include <fmt/format.h>
 

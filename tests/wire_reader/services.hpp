@@ -1,6 +1,7 @@
 // What the two programs of a recorded session talk about: packets of every kind, and two versions of some.
 #pragma once
 #include <ise/ise.hpp>
+#include <ise/packet/archive.hpp>
 
 #include <cereal/types/memory.hpp>
 

@@ -1,6 +1,8 @@
 // Starting components through the command line: what succeeds, and what is refused with which words.
 #include "host.hpp"
 
+#include <ise/service/service_host.hpp>
+
 #include <fstream>
 
 using namespace host_test;
