@@ -9,7 +9,7 @@ from pathlib import Path
 
 import checker
 import schema
-from broken_sessions import BROKEN, NOTED, TEXTS, good_session
+from broken_sessions import BROKEN, KEY, NOTED, TEXTS, good_session, keyed_session
 from packet import Malformed, decode, to_json
 from recording import Chunk
 
@@ -31,7 +31,7 @@ class WatchedChecker(checker.Checker):
 
 
 def run(session) -> checker.Checker:
-    made = WatchedChecker(TEXTS)
+    made = WatchedChecker(TEXTS, KEY)
     for number, (sender, data) in enumerate(session):
         made.feed(Chunk(number, sender, data))
     made.finish()
@@ -54,6 +54,11 @@ class Checking(unittest.TestCase):
         self.assertEqual([str(each) for each in checked.findings], [])
         self.assertTrue(all(packet.decoded for packet in checked.packets))
         self.assertGreater(len(checked.history), 40)
+
+    def test_a_session_with_a_key_keeps_every_rule(self):
+        checked = run(keyed_session())
+        self.assertEqual([str(each) for each in checked.findings], [])
+        self.assertTrue(checked.over)
 
     def test_it_is_the_same_byte_by_byte(self):
         single = [(sender, bytes([byte])) for sender, data in good_session() if data for byte in data]
