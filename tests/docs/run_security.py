@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Runs the commands of docs/security.md that are marked to be run, and uses what they made with the real programs.
 
-usage: run_security.py ROOT ISE NAME_SERVER
+usage: run_security.py ROOT ISE NAME_SERVER INSTANTIATION_SERVER PROGRAM_WITH_THE_TYPE_trouble
 """
 
 import os
@@ -52,11 +52,31 @@ def expect(what, holds, found):
         raise Failed(f"{what}; found:\n{found}")
 
 
+def started_with_key(folder, names, ise, instantiation_server, program):
+    """An instantiation server beyond loopback: only with credentials, which what it starts has too."""
+    (folder / "programs").mkdir()
+    (folder / "programs" / Path(program).name).symlink_to(program)
+    words = [instantiation_server, "--programs", folder / "programs", "--state", folder / "state", "--name", "one", "--name-server", names, "--listen", "tcp://0.0.0.0:0"]
+    bare = subprocess.run(words, capture_output=True, text=True, timeout=LIMIT_S, env=clean())
+    expect("without credentials it does not listen", bare.returncode == 1 and "nobody may listen on tcp://0.0.0.0:0 without credentials" in bare.stderr, bare.stderr)
+    key = ["--key", folder / "system.key"]
+    with subprocess.Popen([*words, *key], stdout=subprocess.PIPE, text=True, env=clean()) as server:
+        try:
+            expect("with the key it does", "starts what lies in" in server.stdout.readline(), "")
+            there = [ise, "--name-server", names, "--timeout", "60s", *key]
+            told = subprocess.run([*there, "--wait", "describe", "--names", "ise/host/one"], capture_output=True, text=True, timeout=LIMIT_S, env=clean())
+            expect("it is found", told.returncode == 0, told.stdout + told.stderr)
+            told = subprocess.run([*there, "start", "trouble", "sea/one", "--ready-within", "60s"], capture_output=True, text=True, timeout=LIMIT_S, env=clean())
+            expect("what it starts proves the key too", told.returncode == 0, told.stdout + told.stderr)
+        finally:
+            server.terminate()
+
+
 def main():
-    if len(sys.argv) != 4:
-        print("usage: run_security.py ROOT ISE NAME_SERVER", file=sys.stderr)
+    if len(sys.argv) != 6:
+        print("usage: run_security.py ROOT ISE NAME_SERVER INSTANTIATION_SERVER PROGRAM", file=sys.stderr)
         return 2
-    root, ise, name_server = sys.argv[1:]
+    root, ise, name_server, instantiation_server, program = sys.argv[1:]
     blocks = BLOCK.findall((Path(root) / "docs" / "security.md").read_text(encoding="utf-8"))
     key, authority, hosts, revoking = blocks
 
@@ -84,6 +104,7 @@ def main():
             (folder / "other.key").chmod(0o644)
             code, told = list_refused(names.at, "--key", folder / "other.key")
             expect("a key that others can read is not used", code != 0 and "chmod 600" in told, told)
+            started_with_key(folder, names.at, ise, instantiation_server, program)
         expect("the name server says who was refused", "a shared key is demanded here" in names.log, names.log)
 
         run(authority + hosts, folder)
