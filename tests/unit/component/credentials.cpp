@@ -44,7 +44,7 @@ struct port {
         ise::component_options silent;
         silent.listens = false;
         from.start("", [got, done](ise::component& self) -> task<> {
-            auto boat = self.at("tcp://boat:7400");
+            auto boat = self.at(ise::endpoint::parse("tcp://boat:7400").value());
             question asked{"ahoy"};
             auto outcome = co_await boat.try_call(echo, asked, 5s);
             *got = std::move(outcome);
@@ -111,7 +111,7 @@ TEST_CASE("a node over udp asks for the key as well") {
     ise::component_options silent;
     silent.listens = false;
     shore.start("", [got, done](ise::component& self) -> task<> {
-        auto there = self.at("udp://boat:7400");
+        auto there = self.at(ise::endpoint::parse("udp://boat:7400").value());
         question asked{"ahoy"};
         auto outcome = co_await there.try_call(echo, asked, 5s);
         *got = std::move(outcome);
