@@ -68,6 +68,7 @@ exit_code run(const settings& set, const conversation& what) {
         node_options options;
         options.name = "ise";
         options.name_server = name_server_of(set, env);
+        options.security = set.security;
         options.grace = std::chrono::milliseconds(500);
         options.log = set.verbose ? log_to_stderr(log_level::debug) : log_sink();
         component_options mine;

@@ -3,6 +3,7 @@
 #include "output.hpp"
 
 #include <ise/component/component.hpp>
+#include <ise/net/security.hpp>
 
 #include <functional>
 #include <string>
@@ -17,6 +18,7 @@ struct settings {
     bool json = false;       ///< for programs
     bool pretty = false;     ///< JSON over several lines
     bool verbose = false;    ///< the log goes to standard error
+    security_options security; ///< empty: ISE_KEY and ISE_TLS
 };
 
 /// A command while it talks to components: the anonymous component that it is, and where its answer goes.

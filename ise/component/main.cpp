@@ -38,6 +38,11 @@ log_level level_of(const std::string& text) {
     throw wrong(fmt::format("--log-level is debug, info, warning or error, not '{}'", text));
 }
 
+bool yes_or_no(const std::string& name, const std::string& value) {
+    if (value != "yes" && value != "no") throw wrong(fmt::format("--{} is yes or no, not '{}'", name, value));
+    return value == "yes";
+}
+
 // Of the options that every type has; false: it is a parameter of the type.
 bool take_common(hosting& to, const std::string& name, const std::string& value) {
     if (name == "path") to.path = value;
@@ -48,6 +53,9 @@ bool take_common(hosting& to, const std::string& name, const std::string& value)
         if (!role) throw wrong(role.error().message());
         to.component.roles.insert(std::move(*role));
     } else if (name == "name-server") to.node.name_server = endpoint_of(value);
+    else if (name == "key") to.node.security.key_file = value;
+    else if (name == "tls") to.node.security.tls_folder = value;
+    else if (name == "demand-credentials") to.node.security.demanded = yes_or_no(name, value);
     else if (name == "log-level") to.node.log = log_to_stderr(level_of(value));
     else return false;
     return true;
@@ -55,7 +63,8 @@ bool take_common(hosting& to, const std::string& name, const std::string& value)
 
 std::string usage(const std::string& program, const std::vector<component_type>& types) {
     auto text = fmt::format("usage: {0} run TYPE [--path=PATH] [--listen=ENDPOINT]... [--advertise=ENDPOINT]...\n"
-                            "           [--role=ROLE=PRIORITY]... [--name-server=ENDPOINT] [--log-level=LEVEL] [--PARAMETER=VALUE]...\n"
+                            "           [--role=ROLE=PRIORITY]... [--name-server=ENDPOINT] [--log-level=LEVEL]\n"
+                            "           [--key=FILE] [--tls=FOLDER] [--demand-credentials=yes|no] [--PARAMETER=VALUE]...\n"
                             "       {0} --describe | --version | --help\n", program);
     for (const auto& type : types) {
         text += fmt::format("\n{}: {}{}\n", type.about.name, type.about.description, type.about.path.empty() ? "" : fmt::format(" (path: {})", type.about.path));
@@ -63,6 +72,8 @@ std::string usage(const std::string& program, const std::vector<component_type>&
             text += fmt::format("  --{:<20} {}; {}{}\n", one.name, one.description, allowed_values(one), one.preset.empty() ? "" : fmt::format(", unless given {}", one.preset));
     }
     text += "\nA parameter that is not given is taken from the environment: ISE_PARAMETER_WIND_SPEED for --wind-speed.\n";
+    text += "Credentials: --key or ISE_KEY names the file of a key that both sides prove, --tls or ISE_TLS a folder with ca.pem, certificate.pem\n"
+            "and key.pem for tls://; with --demand-credentials=yes nothing is listened on beyond this host without one of both.\n";
     return text + "Exit codes: 0 ended as asked, 1 failed, 2 wrong arguments.\n";
 }
 

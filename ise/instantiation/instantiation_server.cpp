@@ -16,18 +16,19 @@ std::string path_of_host(std::string_view host_name) {
     return fmt::format("{}/{}", hosts_path, name.empty() ? "unnamed" : name);
 }
 
-result<void> may_listen(const endpoint& at) {
-    bool near = at.kind == protocol::inproc || at.kind == protocol::local || at.host == "localhost" || at.host == "::1" || at.host.starts_with("127.");
-    if (near) return {};
-    return failure(errc::unauthorized, fmt::format("an instantiation server does not listen on {}: whoever reaches it there could start programs, and it cannot ask for credentials "
-                                                   "yet; let it listen on 127.0.0.1 or a local socket, and reach it from other hosts through a tunnel (ssh -L)", at.text()));
+result<void> may_listen(const endpoint& at, const security& credentials) {
+    auto demanding = credentials;
+    demanding.demanded = true;
+    auto may = demanding.may_listen(at);
+    if (may) return {};
+    return failure(may.error().code(), fmt::format("an instantiation server could be told by anybody to start programs: {}", may.error().message()));
 }
 
 instantiation_server::instantiation_server(machine& host, server_options options) : host_(host), options_(std::move(options)) { announce_when_ready(); }
 instantiation_server::~instantiation_server() = default;
 
 task<> instantiation_server::run() {
-    for (const auto& at : this->services().listening()) may_listen(at).value();
+    for (const auto& at : this->services().listening()) may_listen(at, this->services().credentials()).value();
     names_ = at(options_.name_server);
     offer_services();
     offer_watching();

@@ -28,9 +28,9 @@ struct server_options {
 /// The path of a host's instantiation server: "ise/host/shore"; what cannot be in a path becomes a dash.
 std::string path_of_host(std::string_view host_name);
 
-/// Whether an instantiation server may listen there: whoever reaches it starts programs, and nobody is asked for
-/// credentials yet. errc::unauthorized for anything but loopback, local and in-process.
-result<void> may_listen(const endpoint& at);
+/// Whether an instantiation server with these credentials may listen there, since whoever reaches it can start programs:
+/// errc::unauthorized beyond this host, but with a shared key or on tls.
+result<void> may_listen(const endpoint& at, const security& credentials);
 
 /// The instantiation server of a host (ise/instantiation/services.hpp): starts components of the types that the
 /// programs of a folder have, watches over them, and goes on with them when it was killed and is started again.

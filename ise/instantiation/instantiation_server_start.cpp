@@ -121,7 +121,9 @@ task<> instantiation_server::check_name(std::string path) {
 void instantiation_server::check_endpoints(const std::vector<endpoint>& wanted) {
     for (const auto& at : wanted) {
         if (at.kind == protocol::udp) continue; // tried by the component itself
-        auto listening = env().listen(on(), at);
+        auto plain = at;
+        if (at.kind == protocol::tls) plain.kind = protocol::tcp;
+        auto listening = env().listen(on(), plain);
         if (!listening) throw error(listening.error());
     }
 }

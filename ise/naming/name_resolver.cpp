@@ -26,16 +26,15 @@ constexpr duration question_length = std::chrono::seconds(5);
 constexpr duration shortest_question = std::chrono::milliseconds(50);
 constexpr duration way_back = std::chrono::milliseconds(300);
 
-bool is_loopback(const endpoint& at) { return at.host == "localhost" || at.host == "::1" || at.host.starts_with("127."); }
-
 // Smaller is nearer; nothing: it does not lead there.
 std::optional<std::size_t> distance(const endpoint& at, bool same_host, bool same_process) {
     switch (at.kind) {
         case protocol::inproc: return same_process ? std::optional<std::size_t>(0) : std::nullopt;
         case protocol::local: return same_host ? std::optional<std::size_t>(1) : std::nullopt;
         case protocol::tcp:
-        case protocol::udp: // the order in which they were registered decides between the two
-            if (!is_loopback(at)) return 3;
+        case protocol::udp: // the order in which they were registered decides between these
+        case protocol::tls:
+            if (!within_host(at)) return 3;
             return same_host ? std::optional<std::size_t>(2) : std::nullopt;
     }
     return std::nullopt;

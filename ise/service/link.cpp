@@ -268,7 +268,7 @@ task<result<std::shared_ptr<session>>> link::reach(location where, duration pati
     for (const auto& at : where.endpoints) {
         auto deadline = std::min(saturating_add(host_.on().now(), patience), until);
         // The stream is connected under the same deadline as the greeting.
-        auto transport = co_await net::connect_until(host_.on(), at, deadline);
+        auto transport = co_await net::connect_until(host_.on(), at, deadline, host_.credentials().tls);
         if (!transport) {
             last = transport.error();
         } else {
@@ -276,7 +276,7 @@ task<result<std::shared_ptr<session>>> link::reach(location where, duration pati
             hello.wanted_path = where.path;
             hello.wanted_epoch = where.epoch;
             hello.wanted_incarnation = where.incarnation;
-            auto greeted = co_await net::initiate(host_.on(), std::move(*transport), std::move(hello), deadline);
+            auto greeted = co_await net::initiate(host_.on(), std::move(*transport), std::move(hello), deadline, host_.credentials().key.get());
             if (greeted) co_return host_.run(std::move(*greeted), weak_from_this());
             last = greeted.error();
         }

@@ -4,6 +4,7 @@
 #include <ise/core/log_limiter.hpp>
 #include <ise/core/task_scope.hpp>
 #include <ise/net/handshake.hpp>
+#include <ise/net/security.hpp>
 #include <ise/service/dispatcher.hpp>
 #include <ise/service/link.hpp>
 #include <ise/service/reply_window.hpp>
@@ -49,7 +50,8 @@ inline constexpr std::size_t peer_troubles = 7; ///< how many kinds there are
 /// Lifetime: `stop()` and join the scope before destroying it.
 class service_host final : public net::gatekeeper {
 public:
-    service_host(environment& env, loop& on, task_scope& scope, wire::identity self, service_options options, logger log);
+    service_host(environment& env, loop& on, task_scope& scope, wire::identity self, service_options options, logger log,
+                 security credentials = security());
     ~service_host();
 
     environment& env() noexcept { return env_; }
@@ -59,6 +61,8 @@ public:
     schema_book& schemas() noexcept { return schemas_; }
     call_desk& calls() noexcept { return calls_; }
     const service_options& options() const noexcept { return options_; }
+    /// What is shown to peers, and demanded of them.
+    const security& credentials() const noexcept { return credentials_; }
     const logger& log() const noexcept { return log_; }
     /// Logs what a peer caused; lines left out are counted in the next of that kind.
     void tell(peer_trouble kind, std::string_view what, std::string_view peer);
@@ -69,7 +73,8 @@ public:
     const wire::identity& self() const noexcept { return self_; }
     void set_epoch(std::uint64_t epoch) noexcept { self_.epoch = epoch; }
 
-    /// Listens and accepts sessions. errc::address_in_use and others as environment::listen.
+    /// Listens and accepts sessions. errc::address_in_use and others as environment::listen, errc::unauthorized where credentials
+    /// are demanded and there are none for `at`.
     result<endpoint> listen(const endpoint& at);
     /// Where it listens, with real ports.
     std::vector<endpoint> listening() const;
@@ -137,6 +142,7 @@ private:
     ise::reply_windows reply_windows_;
     std::optional<failure> paused_;
     bool stopping_ = false;
+    security credentials_;
 };
 
 } // namespace ise

@@ -54,6 +54,8 @@ result<void> session::on_frame(const wire::frame& received) {
         case frame_type::hello:
         case frame_type::welcome:
         case frame_type::reject:
+        case frame_type::challenge:
+        case frame_type::proof:
             return failure(errc::protocol_error, fmt::format("'{}' came in the middle of a session", wire::name_of(received.header.type)));
         default: return {}; // of a later version: passed over, as FORMAT.md says
     }

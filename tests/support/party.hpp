@@ -22,7 +22,7 @@ namespace ise_test {
 /// The services of one component on a loop, as the layers above would hold them: what tests of calls and
 /// subscriptions talk through.
 struct party {
-    party(ise::environment& environment, std::unique_ptr<ise::loop_host> loop_of, std::string path, ise::service_options options = {})
+    party(ise::environment& environment, std::unique_ptr<ise::loop_host> loop_of, std::string path, ise::service_options options = {}, ise::security credentials = {})
         : env(environment), host(std::move(loop_of)), on(host->loop()),
           scope(on, [this](const std::string& name, std::exception_ptr thrown) { escaped.push_back(name + ": " + ise::describe(thrown)); }) {
         ise::wire::identity self;
@@ -33,7 +33,7 @@ struct party {
         auto sink = [this](const ise::log_record& record) {
             if (record.level >= ise::log_level::warning) warnings.emplace_back(record.message);
         };
-        services.emplace(env, on, scope, self, options, ise::logger(env, path, sink));
+        services.emplace(env, on, scope, self, options, ise::logger(env, path, sink), std::move(credentials));
     }
 
     template <class Contract, class Handler>

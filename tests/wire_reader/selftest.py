@@ -12,7 +12,7 @@ import broken_sessions
 import checker
 import schema
 from broken_datagrams import good_datagrams
-from broken_sessions import TEXTS, good_session
+from broken_sessions import KEY, TEXTS, good_session, keyed_session
 from packet import Malformed, decode, to_json
 from recording import Chunk, Datagram
 
@@ -37,7 +37,7 @@ class WatchedChecker(checker.Checker):
 
 
 def run(session) -> checker.Checker:
-    made = WatchedChecker(TEXTS)
+    made = WatchedChecker(TEXTS, KEY)
     for number, each in enumerate(session):
         made.feed(each if isinstance(each, Datagram) else Chunk(number, *each))
     made.finish()
@@ -80,6 +80,11 @@ class Checking(unittest.TestCase):
             one.data = bytes(damaged)
             with self.subTest(seed=seed):
                 run(session)
+
+    def test_a_session_with_a_key_keeps_every_rule(self):
+        checked = run(keyed_session())
+        self.assertEqual([str(each) for each in checked.findings], [])
+        self.assertTrue(checked.over)
 
     def test_it_is_the_same_byte_by_byte(self):
         single = [(sender, bytes([byte])) for sender, data in good_session() if data for byte in data]

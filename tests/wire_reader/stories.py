@@ -131,6 +131,31 @@ class RecordedSessions(unittest.IsolatedAsyncioTestCase):
                     out[name] = out.get(name, 0) + count
         return out
 
+    async def test_shared_key(self):
+        """Both programs and this reader know a key; whoever does not is told so."""
+        key = b"0123456789abcdef" * 4
+        file = self.folder / "key"
+        file.touch(0o600)
+        file.write_bytes(key + b"\n")
+        provider = await self.stack.enter_async_context(Program(OPTIONS.party, "provide", "tcp://127.0.0.1:0", ISE_KEY=str(file)))
+        at = await provider.endpoint("at ")
+        relay = await self.relay(at, chunk_bytes=7)
+        async with Program(OPTIONS.party, "ask", relay.at, "calls", ISE_KEY=str(file)) as asker:
+            while line := await asker.line():
+                last = line
+            self.assertEqual((await asker.child.wait(), last), (0, "done"))
+        await relay.stop()
+        (recorded,) = relay.sessions
+        names = {packet.fingerprint for packet in check(read(recorded), key=key).packets}
+        checked = check(read(recorded), await learn(at, names, key), key)
+        self.assertEqual([str(each) for each in checked.findings], [])
+        seen = self.frames([checked])
+        self.assertEqual((seen["challenge"], seen["proof"], checked.over), (1, 2, True))
+        self.assertNotIn(key, b"".join(chunk.data or b"" for chunk in read(recorded)))
+        for wrong, why in ((None, "a shared key is demanded here"), (b"x" * 64, "the shared key here is another one")):
+            with self.assertRaisesRegex(ConnectionError, why):
+                await Peer(wrong).connect(at)
+
     async def test_calls(self):
         _, at = await self.provider()
         relay = await self.relay(at, chunk_bytes=7)  # no frame arrives in one part
