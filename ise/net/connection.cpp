@@ -116,15 +116,15 @@ void connection::on_message(bytes_view message) {
 
 result<void> connection::take_frames() {
     auto receiver = user_.lock(); // once for all that came
-    for (;;) {
-        auto found = parser_.next();
-        if (!found) return found.error();
-        if (!*found) return {};
+    for (wire::frame received; parser_.take(received);) {
         ++counts_.frames_in;
-        auto taken = take(**found, receiver.get());
+        auto taken = take(received, receiver.get());
         if (!taken) return taken;
         if (!open_) return {};
     }
+    auto rest = parser_.next();
+    if (!rest) return rest.error();
+    return {};
 }
 
 result<void> connection::take(const wire::frame& received, user* receiver) {
@@ -147,8 +147,12 @@ result<void> connection::take(const wire::frame& received, user* receiver) {
     return answers_bounded();
 }
 
-result<void> connection::answers_bounded() {
-    if (outbox_.control().size() <= limit::control_bytes) return {};
+result<void> connection::answers_bounded() const {
+    if (outbox_.control().size() <= limit::control_bytes) [[likely]] return {};
+    return too_many_answers();
+}
+
+failure connection::too_many_answers() {
     return failure(errc::overloaded, fmt::format("does not read what it asks for: more than {} bytes of answers wait (control_bytes)", limit::control_bytes));
 }
 

@@ -66,6 +66,11 @@ public:
         if (!flush_due()) on_.flush_later(shared_from_this());
     }
     void flush() override;
+    /// Much waits that may not be dropped: it is written now, while it is still in the processor's cache, unless the socket
+    /// is full.
+    void written_much() {
+        if (!blocked_) flush();
+    }
 
     /// The system holds at most about this many bytes that were not sent yet, and one write begins with at most twice as many.
     void limit_unsent(std::size_t most) {
@@ -103,7 +108,8 @@ private:
     result<void> take_frames();
     result<void> take(const wire::frame& received, user* receiver);
     result<void> take_own(const wire::frame& received, user* receiver);
-    result<void> answers_bounded();
+    result<void> answers_bounded() const;
+    static failure too_many_answers();
     void on_heard() override { last_heard_ = on_.now(); }
     void on_message(bytes_view message) override;
     void on_room() override { written(); }
