@@ -12,12 +12,12 @@ waiting_packets::stretch waiting_packets::pop(std::size_t most) {
     if (most >= oldest.packets) {
         taken = stretches_.pop_front();
     } else {
-        std::size_t bytes = 0;
-        for (std::size_t i = 0; i < most; ++i) bytes += packet_frame::size_of(oldest.frames.view().data() + bytes);
+        std::size_t length = 0;
+        for (std::size_t i = 0; i < most; ++i) length += packet_frame::size_of(oldest.frames.view().data() + length);
         taken = oldest;
         taken.packets = most;
-        taken.frames.truncate(bytes);
-        oldest.frames.drop_front(bytes);
+        taken.frames.truncate(length);
+        oldest.frames.drop_front(length);
         oldest.packets -= most;
         oldest.skipped = 0;
     }

@@ -63,7 +63,10 @@ TEST_CASE("a burst beyond any chunk comes out whole and in order") {
     waiting_packets waiting;
     std::uint64_t published = 0, taken = 0;
     for (int round = 0; round < 200; ++round) {
-        for (int i = 0; i < 37; ++i) waiting.push(frame_of(maker, ++published, published % 3000), 0, true);
+        for (int i = 0; i < 37; ++i) {
+            ++published;
+            waiting.push(frame_of(maker, published, published % 3000), 0, true);
+        }
         for (int i = 0; i < 5; ++i)
             for (auto sequence : sequences(waiting.pop(7))) REQUIRE(sequence == ++taken);
     }
