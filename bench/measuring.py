@@ -46,7 +46,7 @@ class Case:
         if self.transport == "inproc":
             return [("bench_floor", "asio")] if self.work == "call" else []
         found = [("bench_floor", "raw")]
-        if self.work == "call" and self.outstanding == 1:
+        if self.work == "call" and self.outstanding == 1 and self.transport != "udp":
             found.append(("bench_floor", "asio"))
         return found
 
@@ -69,7 +69,7 @@ CASES = [
 ] + [
     Case("publish", transport, size, 1, subscribers)
     for transport in ("tcp", "local", "inproc") for size, subscribers in ((64, 1), (1024, 1), (65536, 1), (64, 8))
-] + [Case("paced", transport) for transport in ("tcp", "local", "inproc")]
+] + [Case("call", "udp")] + [Case("paced", transport) for transport in ("tcp", "local", "inproc")]
 
 
 class Failed(Exception):

@@ -53,10 +53,14 @@ public:
     }
 
     template <class Body>
-    task<result<void>> send(frame_type type, Body body) {
+    task<result<void>> send(frame_type type, const Body& body) {
         buffer out;
         wire::put_frame(out, type, 0, 0, [&](buffer& to) { encode(body, to); });
         keys_.note(wire::read_header(out.data()), out.view().subspan(wire::frame_header::size));
+        return send(std::move(out));
+    }
+
+    task<result<void>> send(buffer out) {
         for (std::size_t sent = 0; sent < out.size();) {
             asio::const_buffer rest(out.data() + sent, out.size() - sent);
             auto wrote = transport_->try_write(std::span(&rest, 1));
@@ -189,7 +193,7 @@ task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<str
     session_terms terms;
     terms.version = theirs->version;
     terms.features = theirs->features & mine.features;
-    terms.peer = theirs->self;
+    terms.peer = session_peer(std::move(theirs->self));
     terms.we_accept = bounded(mine.accepts);
     terms.peer_accepts = with.fitting(bounded(theirs->accepts));
     co_return with.done(on, std::move(terms));
@@ -231,7 +235,7 @@ task<result<std::shared_ptr<connection>>> respond(loop& on, std::unique_ptr<stre
     session_terms terms;
     terms.version = answer->version;
     terms.features = answer->features;
-    terms.peer = theirs->self;
+    terms.peer = session_peer(std::move(theirs->self));
     terms.we_accept = bounded(answer->accepts);
     terms.peer_accepts = with.fitting(bounded(theirs->accepts));
     co_return with.done(on, std::move(terms));

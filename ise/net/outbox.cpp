@@ -122,6 +122,17 @@ void outbox::put_packet(publication_source& from, frame_header header, bytes_vie
     if (payload.size() > 0) std::memcpy(at, payload.view().data(), payload.size());
 }
 
+void outbox::put_frames(shared_bytes frames, std::uint64_t id, bool addressed) {
+    assert(filling_);
+    const auto content = frames.view();
+    if (addressed && content.size() > copied_bytes) return filling_->share(std::move(frames), content);
+    std::byte* at = filling_->staging().grow(content.size());
+    std::memcpy(at, content.data(), content.size());
+    if (addressed) return;
+    for (const std::byte* end = at + content.size(); at < end; at += frame_header::size + detail::load_little<std::uint32_t>(at))
+        detail::store_little(at + 8, id);
+}
+
 bool outbox::empty() const noexcept {
     return control_.empty() && calls_.size() == calls_taken_ && big_calls_.all.empty() && big_packets_.all.empty() && sources_.empty();
 }

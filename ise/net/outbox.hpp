@@ -59,6 +59,7 @@ public:
 
     /// Where a control frame is appended (`wire::put_frame`).
     buffer& control() noexcept { return control_; }
+    const buffer& control() const noexcept { return control_; }
 
     /// Where the frame of a call or a reply is appended, between `begin_call()` and `end_call()`. A request's body
     /// begins with its service number and its deadline as nanoseconds of the loop's clock; what remains of it is
@@ -72,6 +73,9 @@ public:
     /// For sources: a packet frame. `head` is the part of the body before the shared payload.
     void put_packet(publication_source& from, wire::frame_header header, bytes_view head,
                     const shared_bytes& payload);
+    /// For sources, where there is no lane: whole frames, one behind the other, each a packet that need not go in pieces.
+    /// Where they do not bear it already (`addressed`), `id` is written into each.
+    void put_frames(shared_bytes frames, std::uint64_t id, bool addressed);
 
     /// From now on packets go into `lane`, which lives as long as this, by `feed_lane` instead of `fill`.
     void use(packet_lane& lane) noexcept { lane_ = &lane; }

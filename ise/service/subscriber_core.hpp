@@ -109,6 +109,8 @@ protected:
     subscribe_options options_;
 
 private:
+    result<void> on_other_packet(std::uint64_t sequence, std::uint32_t skipped, bytes_view packet);
+    void keep(bytes_view packet);
     void finish(failure why);
     void drop_oldest();
     void count_undecodable(const error& why);

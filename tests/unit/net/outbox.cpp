@@ -324,3 +324,29 @@ TEST_CASE("a source that goes takes its packets along, and half sent ones are ab
     CHECK(out.empty());
     CHECK(out.pending_bytes() == 0);
 }
+
+TEST_CASE("frames that are whole already leave as they are, with the number of who gets them") {
+    struct frames final : ise::net::publication_source {
+        std::size_t size = 0;
+        bool addressed = false;
+        ise::shared_bytes made;
+        bool take(outbox& out, std::size_t) override {
+            ise::buffer content;
+            for (std::uint8_t fill = 1; fill <= 3; ++fill)
+                ise::wire::put_frame(content, frame_type::packet, 0, 30, [&](ise::buffer& body) { std::fill_n(body.grow(size), size, static_cast<std::byte>(fill)); });
+            made = ise::shared_bytes(std::move(content));
+            out.put_frames(made, addressed ? 30 : 31, addressed);
+            return false;
+        }
+    } news;
+    news.size = GENERATE(std::size_t{1}, std::size_t{20'000}); // copied; referred to
+    news.addressed = GENERATE(true, false);
+    outbox out;
+    out.add(news);
+    ping(out, 10);
+    auto sent = write(out);
+    std::uint64_t id = news.addressed ? 30 : 31;
+    REQUIRE(ids_of(sent) == std::vector<std::uint64_t>{10, id, id, id});
+    for (std::size_t i = 1; i <= 3; ++i) CHECK(sent[i].body == ise::bytes(news.size, static_cast<std::byte>(i)));
+    CHECK(ise::wire::read_header(news.made.view().data()).id == 30); // others hold them too
+}
