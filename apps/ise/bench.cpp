@@ -49,14 +49,15 @@ struct target_call {
 };
 
 task<std::optional<failure>> call_once(const target_call& what, duration limit) {
+    auto who = what.who;
     if (!what.service) {
         health_request question;
-        auto told = co_await what.who.try_call(health_service, question, limit);
+        auto told = co_await who.try_call(health_service, question, limit);
         if (!told) co_return told.error();
         co_return std::nullopt;
     }
     auto request = *what.request;
-    auto told = co_await call_dynamic(what.who, *what.service, std::move(request), limit);
+    auto told = co_await call_dynamic(std::move(who), *what.service, std::move(request), limit);
     if (!told) co_return told.error();
     co_return std::nullopt;
 }

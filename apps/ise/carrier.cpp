@@ -1,5 +1,7 @@
 #include "carrier.hpp"
 
+#include <asio/this_coro.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -20,7 +22,7 @@ constexpr std::size_t at_once = 8; // an instantiation server bounds how many ar
 } // namespace
 
 carrier::carrier(context& in, fleet& there) : in_(in), there_(there), scope_(in.self.on(), [this](const std::string&, std::exception_ptr thrown) {
-    if (!why_) why_.emplace(exit_code::failed, "unexpected", ise::describe(thrown));
+    if (!why_ && !is_cancellation(thrown)) why_.emplace(exit_code::failed, "unexpected", ise::describe(thrown));
 }) {}
 
 carrier::~carrier() { in_.ctrl_c.leave(); }
@@ -35,9 +37,9 @@ task<> carrier::carry_out(std::vector<deployment::step> steps, manner how) {
     std::exception_ptr cancelled;
     try {
         for (;;) {
-            begin_some();
-            if (begun_ == 0) break;
-            co_await wait_for_change();
+            bool some = begin_some();
+            if (begun_ > 0) co_await wait_for_change();
+            else if (!some) break;
         }
         if (why_ || interrupted_) co_await give_up();
         for (auto& one : jobs_)
@@ -60,15 +62,18 @@ bool carrier::may_begin(const job& one) const {
     });
 }
 
-void carrier::begin_some() {
-    if (interrupted_ || (why_ && !how_.all)) return;
+bool carrier::begin_some() {
+    if (interrupted_ || (why_ && !how_.all)) return false;
+    bool some = false;
     for (std::size_t number = 0; number < jobs_.size() && begun_ < at_once; ++number) {
         auto& one = jobs_[number];
         if (!may_begin(one)) continue;
         one.now = phase::begun;
+        some = true;
         ++begun_;
         one.cancel = scope_.spawn("step", carry_out_one(number));
     }
+    return some;
 }
 
 task<> carrier::carry_out_one(std::size_t number) {
@@ -94,7 +99,6 @@ task<> carrier::carry_out_one(std::size_t number) {
     } catch (const problem& thrown) {
         why = thrown;
     } catch (const error& thrown) {
-        if (interrupted_ || scope_.stopping()) throw;
         why.emplace(thrown.why());
     }
     if (!why || interrupted_) co_return;

@@ -19,15 +19,15 @@ public:
     carrier(const carrier&) = delete;
     carrier& operator=(const carrier&) = delete;
 
-    /// All of them. Where one fails, or Ctrl-C is pressed, nothing more is begun, and with `undo` what was done is undone, in
-    /// the opposite order; then throws problem with the reason. With `all` the others are done even where some fail (all of
-    /// them to their end: what has to wait for a failed one is done after it). With `forget` nothing is kept of what is stopped.
-    /// Cancellation: terminal; what is being done is given up.
     struct manner {
         bool undo = true;
         bool all = false;
         bool forget = false;
     };
+    /// All of them. Where one fails, or Ctrl-C is pressed, nothing more is begun, and with `undo` what was done is undone, in
+    /// the opposite order; then throws problem with the reason. With `all` the others are done even where some fail (all of
+    /// them to their end: what has to wait for a failed one is done after it). With `forget` nothing is kept of what is stopped.
+    /// Cancellation: terminal; what is being done is given up.
     task<> carry_out(std::vector<deployment::step> steps, manner how);
 
 private:
@@ -40,7 +40,7 @@ private:
     };
 
     bool may_begin(const job& one) const;
-    void begin_some();
+    bool begin_some(); // whether there was any
     task<> carry_out_one(std::size_t number);
     task<std::string> act(job& one);
     void on_interrupt();

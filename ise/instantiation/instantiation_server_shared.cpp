@@ -152,9 +152,9 @@ std::unique_ptr<process> instantiation_server::hold_component(const std::shared_
 }
 
 void instantiation_server::stop_in_process(const std::shared_ptr<shared_process>& where, const std::string& path) {
-    auto asking = [](remote host, std::string path) -> task<> {
+    auto asking = [](remote host, std::string who) -> task<> {
         process_host::stop_request what;
-        what.path = std::move(path);
+        what.path = std::move(who);
         auto told = co_await host.try_call(process_host::stop, std::move(what), one_answer);
     };
     spawn("stop of " + path, asking(where->host, path));
