@@ -84,12 +84,12 @@ task<> carrier::carry_out_one(std::size_t number) {
         carrier& of;
         job& one;
         ~ending() {
+            if (one.now == phase::begun) one.now = phase::failed; // it did not come to its end
             one.cancel = nullptr;
             --of.begun_;
             if (of.changed_) of.changed_->resume();
         }
     } guard{*this, one};
-    one.now = phase::failed; // unless it comes to its end
     try {
         co_await tell(number, "begun", "");
         outcome = co_await act(one);

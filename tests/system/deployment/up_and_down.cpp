@@ -57,7 +57,10 @@ TEST_CASE("components that do not wait for each other are started together, and 
     CHECK(text.find("start sea/one on boat: ready") < last);
     CHECK(text.find("start sea/two on shore: ready") < last);
     CHECK(last != std::string::npos);
-    in.done({"down", file});
+    auto down = in.done({"down", file});
+    INFO(down);
+    CHECK(down.find("stop sea/last on boat: ") < down.find("stop sea/one on boat\n"));
+    CHECK(down.find("stop sea/last on boat: ") < down.find("stop sea/two on shore\n"));
     CHECK(marked().empty());
     CHECK(in.told({"ps"}).empty());
 }
