@@ -103,15 +103,14 @@ int observe(const common_options& common, const atirma::observer_options& option
 } // namespace
 
 int main(int count, char** words) {
+    std::string_view first = count > 1 ? words[1] : "";
+    if (first == "--describe" || first == "host") // for instantiation servers
+        return ise::main(count, words, [] { return atirma::component_types(say); }, ATIRMA_VERSION);
     auto types = atirma::component_types(say);
-    if (count == 2 && std::string_view(words[1]) == "--describe") { // for instantiation servers
-        say(ise::describe_types("atirma", ATIRMA_VERSION, types));
-        return 0;
-    }
     CLI::App app{"The shore side of A-Tirma, and a boat to try it with"};
     app.set_version_flag("--version", "atirma " ATIRMA_VERSION);
     app.require_subcommand(1);
-    bool describe = false; // read above: it stands alone
+    bool describe = false; // read above, as `host`: they stand alone
     app.add_flag("--describe", describe, "tells the types of components and their parameters as JSON, for instantiation servers");
     app.footer("A parameter that is not given is taken from the environment: ISE_PARAMETER_WIND_SPEED for --wind-speed.\n"
                "Exit codes: 0 ended as asked, 1 something failed, 2 wrong arguments.\n"

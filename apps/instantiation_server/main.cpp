@@ -26,7 +26,7 @@ struct settings {
     std::string state;
     std::string name;
     std::string name_server;
-    std::vector<std::string> listen, addresses, paths;
+    std::vector<std::string> listen, advertise, addresses, paths;
     ise::security_options security;
     std::string log_level = "info";
     std::size_t instances = 64;
@@ -88,6 +88,7 @@ int run(const settings& wanted) {
     for (const auto& text : wanted.listen) {
         where.listen.push_back(endpoint_of("--listen", text));
     }
+    for (const auto& text : wanted.advertise) where.advertise.push_back(endpoint_of("--advertise", text));
     where.policy = ise::on_failure::stop_node;
 
     ise::instantiation::server_options options;
@@ -143,6 +144,7 @@ int main(int argc, char** argv) {
     app.add_option("--name", wanted.name, "of this host, under ise/host/ (default: the host's name)")->type_name("NAME");
     app.add_option("--name-server", wanted.name_server, "its endpoint (default: $ISE_NAME_SERVER, else " + ise::default_name_server().text() + ")")->type_name("ENDPOINT");
     app.add_option("--listen", wanted.listen, "where to listen: beyond this host only with --key, or on tls:// with --tls (default: loopback and local)")->type_name("ENDPOINT");
+    app.add_option("--advertise", wanted.advertise, "where others reach it through a tunnel to where it listens, such as tcp://10.0.0.2:7501; several are allowed")->type_name("ENDPOINT");
     app.add_option("--allow-address", wanted.addresses, "a further address of this host that components may listen on, such as 0.0.0.0; several are allowed (default: loopback)")->type_name("ADDRESS");
     app.add_option("--allow-path", wanted.paths, "a folder or device that parameters may name, such as /dev/ttyUSB0; several are allowed (default: none)")->type_name("PATH");
     app.add_option("--max-instances", wanted.instances, "at most so many, those that have ended included")->check(CLI::Range(1, 4096))->capture_default_str();

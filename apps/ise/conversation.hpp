@@ -1,5 +1,6 @@
 #pragma once
 #include "exit_code.hpp"
+#include "interrupt.hpp"
 #include "output.hpp"
 
 #include <ise/component/component.hpp>
@@ -27,6 +28,7 @@ struct context {
     const settings& set;
     output& out;
     time_point until; ///< the answer, or the first of them, is waited for so long
+    interrupt& ctrl_c; ///< for who has something to put right
 
     duration left() const { return std::max(duration(std::chrono::milliseconds(1)), until - self.now()); }
 };
