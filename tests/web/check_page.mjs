@@ -42,6 +42,7 @@ const complaints = [];
 async function open(options, at = url) {
   const context = await browser.newContext(options);
   await context.addInitScript({ content: axe });
+  context.setDefaultTimeout(180000); // also on a machine that is busy; it only keeps a broken page from hanging the test
   const page = await context.newPage();
   page.on('console', message => { if (message.type() === 'error' && !/ERR_|Failed to load resource/.test(message.text())) complaints.push(message.text()); });
   page.on('pageerror', error => complaints.push(String(error)));
@@ -53,7 +54,7 @@ const text = (page, selector) => page.locator(selector).innerText();
 // playwright's own waitForFunction evaluates a string, which the page's CSP forbids; so it is asked again and again.
 // The bound only keeps a broken page from hanging the test.
 async function until(what, happened) {
-  for (const end = Date.now() + 60000; Date.now() < end;) {
+  for (const end = Date.now() + 180000; Date.now() < end;) {
     if (await happened()) return;
     await new Promise(resolve => setTimeout(resolve, 100));
   }
@@ -241,6 +242,7 @@ await check('a page of another site may show the small view in a frame, and not 
   await once(frames, 'listening');
   const context = await browser.newContext({ viewport: { width: 1000, height: 400 } });
   await context.addInitScript({ content: axe });
+  context.setDefaultTimeout(180000);
   const page = await context.newPage();
   await page.goto(`http://127.0.0.1:${frames.address().port}/`);
   const small = page.frame('small');
@@ -316,6 +318,8 @@ await check('losing the server is told apart from losing the boat', async () => 
   await tell('close');
   await shown(desktop, '#pill', /Server lost/);
   await shown(desktop, '#banner', /This page lost the server[^]*since \d\d:\d\d:\d\d UTC/);
+  await shown(desktop, '#shore', /not known: this page lost the server/);
+  assert.equal(await desktop.locator('#links [data-state=good]').count(), 0);
 });
 await accessible(desktop, 'server lost');
 await shot(desktop, 'desktop-server-lost-light');

@@ -20,6 +20,7 @@ const browser = await chromium.launch({ executablePath: process.env.CHROMIUM ?? 
 
 async function take(name, options, { at = url, before = async () => {}, shown = '[data-boat=current]' } = {}) {
   const page = await browser.newPage({ timezoneId: 'Atlantic/Canary', reducedMotion: 'reduce', ...options });
+  page.setDefaultTimeout(180000);
   await page.goto(at);
   await page.locator(`body${shown}`).waitFor();
   await page.locator('path.land').first().waitFor({ state: 'attached' });

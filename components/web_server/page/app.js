@@ -166,11 +166,11 @@ function tick() {
     ['boat', Math.max(s.power?.measured_at ?? 0, s.mode?.measured_at ?? 0), 5]])
     document.querySelector(`[data-live=${group}]`).classList.toggle('old', !v.past && at > 0 && now - at > patience * store.stale_after_ms);
 
-  const shore = show_links($('links'), s, now);
+  const shore = show_links($('links'), s, now, server === 'lost');
   $('shore').hidden = !shore;
   set('shore', shore);
   $('fleet').hidden = store.fleet.length < 2;
-  if (store.boat_id) show_fleet($('boats'), store.fleet, store.boat_id, now);
+  if (store.boat_id) show_fleet($('boats'), store.fleet, store.boat_id, now, server === 'lost');
   if (place.embed) glance(v, boat, server, now);
   banner(server, boat, now);
 }

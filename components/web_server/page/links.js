@@ -12,8 +12,8 @@ const row = (list, key, make) => {
 };
 const put = (node, selector, text) => { const part = node.querySelector(selector); if (part.textContent !== text) part.textContent = text; };
 
-/// What is known of each link: [{source, state: 'good' | 'quiet' | 'off' | 'unknown', age, note}].
-export function link_states(state, now) {
+/// What is known of each link: [{source, state: 'good' | 'quiet' | 'off' | 'unknown', age, note}]. `lost`: this page lost the server.
+export function link_states(state, now, lost) {
   const feeds = state.feeds ?? [], heard = state.heard ?? {};
   const nodes = feeds.find(f => !f.link);
   const names = [...new Set([...feeds.filter(f => f.link).map(f => f.source), ...Object.keys(heard)])];
@@ -21,6 +21,7 @@ export function link_states(state, now) {
   return names.map(source => {
     const feed = feeds.find(f => f.source === source && f.link), at = heard[source];
     const age = at ? now - at : null;
+    if (lost) return { source, age, state: 'unknown', note: '' };
     if (nodes && !nodes.connected) return { source, age, state: 'unknown', note: 'nobody ashore tells how it is now' };
     if (feed && !feed.connected) return { source, age, state: 'off', note: `receiver off since ${moment(feed.since, now)}` };
     if (age === null) return { source, age, state: 'quiet', note: 'not heard so far' };
@@ -31,8 +32,8 @@ export function link_states(state, now) {
 
 const words = { good: 'heard', quiet: 'silent', off: 'receiver off', unknown: 'unknown' };
 
-export function show_links(list, state, now) {
-  const all = link_states(state, now);
+export function show_links(list, state, now, lost) {
+  const all = link_states(state, now, lost);
   for (const link of all) {
     const item = row(list, link.source, () => {
       const made = document.createElement('li');
@@ -46,10 +47,11 @@ export function show_links(list, state, now) {
   }
   for (const item of [...list.children]) if (!all.some(link => link.source === item.dataset.key)) item.remove();
   const nodes = (state.feeds ?? []).find(f => !f.link);
+  if (lost) return 'How they are now is not known: this page lost the server';
   return nodes ? nodes.connected ? `Ashore: ${nodes.detail}` : `Communication nodes not reached since ${moment(nodes.since, now)}` : '';
 }
 
-export function show_fleet(list, boats, own, now) {
+export function show_fleet(list, boats, own, now, lost) {
   for (const boat of boats) {
     const item = row(list, boat.id, () => {
       const made = document.createElement('li');
@@ -59,7 +61,7 @@ export function show_fleet(list, boats, own, now) {
       if (boat.id === own) link.setAttribute('aria-current', 'page');
       return made;
     });
-    const at = boat.position?.measured_at, old = !at || now - at > boat.stale_after_s * 1000;
+    const at = boat.position?.measured_at, old = lost || !at || now - at > boat.stale_after_s * 1000;
     item.classList.toggle('old', old);
     put(item, 'b', boat.name);
     put(item, 'span', at ? `${duration(now - at)} ago` : 'no position yet');
