@@ -18,6 +18,7 @@ namespace {
 using namespace std::chrono_literals;
 constexpr std::size_t most_fixes = 20'000, most_packets = 5'000, most_kept = 8;
 constexpr auto kept_for = 10s;
+constexpr auto quick = 250ms;
 constexpr int rest_after = 4; // times as long as one took to make: those who watch come first
 
 struct span { utc_ms from, until; };
@@ -53,7 +54,7 @@ public:
         if (now < rests_until_ && now + 1h > rests_until_) return refused(503, "Many downloads are wanted right now: try again in some seconds");
         auto made = format == "ndjson" ? telemetry(when) : track(format, when);
         made.content_type = type;
-        rests_until_ = now + rest_after * std::max(clock_() - now, 0ms);
+        if (auto took = clock_() - now; archive_ && took > quick) rests_until_ = now + rest_after * took;
         if (kept_.size() >= most_kept) kept_.erase(std::ranges::min_element(kept_, {}, [](const auto& one) { return one.second.at; }));
         kept_[key] = {made, now};
         return made;
