@@ -133,6 +133,7 @@ void boat_page::show_health(const communication_state& node) {
         told.connected = link.reached;
         told.detail = link.reached ? "" : "its receiver is not reached";
         if (link.last_heard != utc_time()) told.last_heard = link.last_heard;
+        if (archive_ && told.last_heard) archive_->keep_heard(source_.id, told.source, *told.last_heard);
         show_feed(std::move(told));
         if (link.link == link_id::iridium && !link.proxy.empty()) look_for_estimates(link.proxy);
     }

@@ -85,11 +85,13 @@ void track_archive::keep(const std::string& boat, const track_point& point, cons
 void track_archive::keep(const std::string& boat, const telemetry_packet& packet, std::string_view kind) {
     auto& self = *self_;
     self.packets.push_back({boat, std::string(kind), packet});
-    if (!packet.history && packet.received_at != utc_time()) {
-        auto& last = self.heard[{boat, std::string(name_of(packet.link))}];
-        last = std::max(last, utc_ms(packet.received_at));
-    }
+    if (!packet.history && packet.received_at != utc_time()) keep_heard(boat, std::string(name_of(packet.link)), packet.received_at);
     self.bound_what_waits();
+}
+
+void track_archive::keep_heard(const std::string& boat, const std::string& link, utc_ms at) {
+    auto& last = self_->heard[{boat, link}];
+    last = std::max(last, at);
 }
 
 void track_archive::keep_cursor(const std::string& boat, const std::string& feed, const track_cursor& seen) {

@@ -57,6 +57,8 @@ public:
     ise::result<void> enter(const std::string& boat, const std::string& name);
     void keep(const std::string& boat, const track_point& point, const std::string& link);
     void keep(const std::string& boat, const telemetry_packet& packet, std::string_view kind);
+    /// A link that was heard then, as somebody else tells.
+    void keep_heard(const std::string& boat, const std::string& link, utc_ms at);
     /// How far a provider was followed (`telemetry_follower::seen`), and what the page says of the whole voyage: written
     /// with what was kept before, and never ahead of it.
     void keep_cursor(const std::string& boat, const std::string& feed, const track_cursor& seen);

@@ -193,7 +193,7 @@ await check('the tail shortens track and charts, and its length is kept', async 
   await desktop.selectOption('#tail', 'all');
 });
 await check('the track is coloured by speed or by link, and rough fixes have their circle', async () => {
-  assert.ok(await desktop.locator('path.rough-area').count() > 1);
+  await until('circles', async () => await desktop.locator('path.rough-area').count() > 1);
   await desktop.click('[data-colour=link]');
   await until('a line of each link', async () => (await desktop.locator('path.link-gprs').getAttribute('d'))?.length > 10 && (await desktop.locator('path.link-xbee').getAttribute('d')).length > 10);
   assert.match(await text(desktop, '#legend'), /XBee[^]*GPRS[^]*Iridium/);
@@ -268,6 +268,7 @@ await accessible(dark, 'live, dark');
 const phone = await open({ viewport: { width: 360, height: 780 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true, colorScheme: 'light' });
 await check('a phone shows everything without scrolling sideways', async () => {
   await shown(phone, '#age', /ago/);
+  await phone.waitForSelector('#legend');
   assert.ok(await fits(phone));
   for (const selector of ['#map', '#pill', '#age', '#dial', '#slider', '#speed-chart', '#next-distance', '#links', '#tail', '#legend', '.files']) {
     const box = await phone.locator(selector).boundingBox();

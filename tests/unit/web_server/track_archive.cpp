@@ -65,6 +65,8 @@ TEST_CASE("archive: what was committed is there when it is opened again") {
         archive->keep("vela", packet(2, power{}, start + 1s), "power");
         archive->keep_cursor("vela", "vela/communication", {{std::numeric_limits<std::uint64_t>::max(), 7}, {12, 9}});
         archive->keep_trip("vela", 1852.5);
+        archive->keep_heard("vela", "iridium", start + 9s);
+        archive->keep_heard("vela", "iridium", start + 8s);
         CHECK(archive->statistics().waiting == 3);
         REQUIRE(archive->commit(start));
         CHECK(archive->statistics().waiting == 0);
@@ -86,6 +88,7 @@ TEST_CASE("archive: what was committed is there when it is opened again") {
     CHECK(archive->cursor("vela", "vela/communication").value() == track_cursor{{std::numeric_limits<std::uint64_t>::max(), 7}, {12, 9}});
     CHECK(archive->sailed_m("vela").value() == 1852.5);
     CHECK(archive->heard("vela").value().at("gprs") == start + 3s);
+    CHECK(archive->heard("vela").value().at("iridium") == start + 9s);
     CHECK(archive->fixes("another", ever, utc_ms::max(), 100).value().empty());
     CHECK(archive->statistics().fixes == 1);
     CHECK(archive->statistics().packets == 2);
