@@ -8,6 +8,8 @@
 #include <QSplitter>
 #include <QTabWidget>
 
+#include <algorithm>
+
 // What the window keeps over a start.
 namespace atirma::console {
 

@@ -16,6 +16,7 @@
 class QAction;
 class QFrame;
 class QLabel;
+class QMenu;
 class QPushButton;
 class QSplitter;
 class QTabWidget;
@@ -75,7 +76,7 @@ private:
     QWidget* make_side();
     void make_chart_tools();
     void make_menus();
-    void make_units(class QMenu* to);
+    void make_units(QMenu* to);
     // console_memory.cpp
     void recall();
     void keep();

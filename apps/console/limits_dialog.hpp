@@ -4,6 +4,8 @@
 #include <QDialog>
 
 class QDoubleSpinBox;
+class QLabel;
+class QPushButton;
 
 namespace atirma::console {
 
@@ -20,8 +22,8 @@ private:
 
     QDoubleSpinBox *no_data_, *link_silent_, *proxy_lost_, *battery_low_, *battery_critical_, *off_track_, *modem_hot_,
         *duty_;
-    class QLabel* trouble_;
-    class QPushButton* accept_;
+    QLabel* trouble_;
+    QPushButton* accept_;
 };
 
 } // namespace atirma::console

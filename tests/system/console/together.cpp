@@ -108,7 +108,7 @@ TEST_CASE("console: two consoles agree on the boat, on who commands it and on wh
     REQUIRE(it.until([&] { return last_of(*ben->latest())->phase == command_phase::done; }, 2min));
     auto lost = [&] {
         auto seen = anna->latest();
-        return std::ranges::any_of(seen->alarms, [](const auto& it) { return it.key == "node:shore/one"; });
+        return std::ranges::any_of(seen->alarms, [](const auto& one) { return one.key == "node:shore/one"; });
     };
     REQUIRE(it.until(lost, 1min));
     it.start_node(one);
