@@ -1,5 +1,6 @@
 #include "hosting.hpp"
 
+#include <components/boat/recall.hpp>
 #include <components/gprs_link/gprs_link_emulator.hpp>
 #include <components/gprs_proxy/gprs_proxy.hpp>
 
@@ -26,7 +27,7 @@ component_type gprs_proxy_type(const std::function<void(const std::string&)>& an
     set.add("max-strangers", options->shore.max_strangers, "connections that have not logged in yet").range(1, 1024);
     type.provides(services::telemetry)
         .provides(services::telecommand)
-        .provides(services::telecommand_state)
+        .provides(services::telecommand_state).provides(services::telecommand_recall)
         .provides(services::gprs);
     type.make = [options] { return std::make_unique<gprs_proxy>(*options); };
     return type;

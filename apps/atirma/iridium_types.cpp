@@ -31,6 +31,7 @@ component_type proxy_type() {
     auto& set = type.parameters;
     set.add("imei", options->imei, "of the boat's modem, 15 digits");
     set.add("database", options->database, "file of what must survive").kind(parameter_kind::path);
+    set.add("store", options->store_at, "who keeps telemetry before a message counts as handed on: atirma/communication; empty: it waits for a subscriber");
     set.add("webhook", options->webhook, "where the gateway posts, tcp://address:port; empty: not");
     set.add("webhook-path", options->webhook_path, "path of the web hook");
     set.add("jwt-key", options->jwt_key_file, "public key or certificate (PEM): each post must carry a token of it")
@@ -54,7 +55,7 @@ component_type proxy_type() {
     set.add("credit-bytes", options->queue.bytes_per_credit, "bytes that a credit pays for").range(1, 340);
     type.provides(services::telemetry)
         .provides(services::telecommand)
-        .provides(services::telecommand_state)
+        .provides(services::telecommand_state).provides(services::telecommand_recall)
         .provides(services::iridium_account);
     type.reads("ATIRMA_ROCKBLOCK_PASSWORD").reads("ATIRMA_MAIL_PASSWORD");
     type.make = [settings] {

@@ -3,6 +3,7 @@
 #include "iridium_types.hpp"
 #include "nmea_types.hpp"
 
+#include <components/boat/recall.hpp>
 #include <components/boat_simulator/boat_simulator.hpp>
 #include <components/boat_simulator/services.hpp>
 #include <components/web_server/web_component.hpp>
@@ -50,6 +51,7 @@ component_type boat_simulator_type() {
     set.add("gprs-id", options->uplink.id, "how it calls itself there");
     set.add("gprs-period", options->gprs_period_s, "of telemetry there, 0: none").range(0, 86400).unit("s");
     set.add("gprs-memory", options->uplink.capacity, "packets that it keeps until they are acknowledged").range(1, 1e6);
+    set.add("memory", options->memory_file, "file of what its computer keeps over a loss of power (SQLite); empty: it begins anew each time").kind(parameter_kind::path);
     set.add("boot", options->boot, "number of this life of the boat; 0: from the clock");
     type.provides(services::scene_control).provides(services::truth);
     type.makes<boat_simulator>(options);
@@ -80,7 +82,7 @@ component_type xbee_proxy_type() {
     auto options = std::make_shared<xbee_proxy_options>();
     add_port(type.parameters, options->port);
     add_address(type.parameters, "boat-address", options->boat_address, "of the boat's modem; 0: whoever is heard");
-    type.provides(services::telemetry).provides(services::telecommand).provides(services::telecommand_state);
+    type.provides(services::telemetry).provides(services::telecommand).provides(services::telecommand_state).provides(services::telecommand_recall);
     type.provides(services::xb_local).provides(services::xb_local_param);
     type.makes<xbee_proxy>(options);
     return type;

@@ -17,7 +17,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr double radians = 3.14159265358979323846 / 180, metres_a_degree = 111'195;
-constexpr waypoint beach{28.1510, -15.4445};
+constexpr waypoint beach{28.1580, -15.4408};
 
 struct box {
     double left, top, width, height;

@@ -18,7 +18,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr waypoint beach{28.1510, -15.4445}; // of the short-range node
+constexpr waypoint beach{28.1580, -15.4408}; // of the short-range node
 
 double distance_from_beach_m(const location& of) {
     constexpr double metres_a_degree = 111'195, radians = 3.14159265358979323846 / 180;

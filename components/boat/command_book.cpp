@@ -84,6 +84,17 @@ bool command_book::on_acknowledgement(utc_time wall, const acknowledgement& ack)
     return true;
 }
 
+bool command_book::recall(utc_time wall, std::uint32_t id, const std::string& why) {
+    auto found = entries_.find(id);
+    if (found == entries_.end() || is_final(found->second.status.state)) return false;
+    auto& e = found->second;
+    bool left = e.at_link || e.status.state == telecommand_stage::sent;
+    change(e, wall, left ? telecommand_stage::expired : telecommand_stage::failed,
+           left ? fmt::format("called back ({}): it may have arrived here as well", why)
+                : fmt::format("called back before it was sent ({})", why));
+    return true;
+}
+
 void command_book::on_link_up(ise::time_point now) {
     for (auto id : order_) {
         auto& e = entries_.at(id);

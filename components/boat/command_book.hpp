@@ -47,6 +47,8 @@ public:
     bool on_acknowledgement(utc_time wall, const acknowledgement& ack);
     /// The way to the boat is open (again): what waits for an answer is due now.
     void on_link_up(ise::time_point now);
+    /// The boat has answered elsewhere: it is not sent any more. False where it is not known, or decided.
+    bool recall(utc_time wall, std::uint32_t id, const std::string& why);
     void on_time(ise::time_point now, utc_time wall);
     /// When `on_time` and `next_due` have something to do; time_point::max() if never.
     ise::time_point next_event() const;

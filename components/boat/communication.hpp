@@ -71,6 +71,7 @@ struct link_health {
     std::uint64_t packets = 0;      ///< telemetry, duplicates included
     std::uint64_t lost = 0;         ///< published by the proxy, and not received here
     std::uint64_t gaps = 0;         ///< of unknown length: the proxy restarted
+    std::string trouble;            ///< why the proxy is not reached; empty where it is
 };
 
 /// The newest fix of all links.

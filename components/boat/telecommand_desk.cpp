@@ -1,5 +1,7 @@
 #include <components/boat/telecommand_desk.hpp>
 
+#include <components/boat/recall.hpp>
+
 #include <asio/error.hpp>
 
 #include <algorithm>
@@ -43,6 +45,14 @@ void telecommand_desk::provide() {
     states_ = of_.publish(services::telecommand_state, std::move(follow));
     of_.provide(services::telecommand, [this](telecommand_request request, const ise::call_context& context) {
         return command(std::move(request), context.deadline);
+    });
+    of_.provide(services::telecommand_recall, [this](const recall_request& request) {
+        recall_reply reply;
+        reply.recalled = book_.recall(clock(), request.id, request.why);
+        work();
+        const auto* status = book_.find(request.id);
+        reply.text = status ? status->text : "it is not known here";
+        return reply;
     });
 }
 

@@ -42,6 +42,7 @@ acknowledgement simulated_boat::execute(const telecommand& command, link_id from
     authority_ = std::max(authority_, command.authority);
     auto ack = decide(command, from);
     acknowledged_.push_back(ack);
+    ++executed_count_;
     if (acknowledged_.size() > remembered_commands) acknowledged_.pop_front();
     return ack;
 }

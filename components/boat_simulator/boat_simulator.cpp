@@ -66,10 +66,11 @@ void boat_simulator::make_boat() {
         if (period_s != 0) in_range("the period of telemetry over GPRS in seconds", period_s, 0.5, 86400);
         made.telemetry_period_s[static_cast<std::size_t>(link_id::gprs)] = period_s;
     }
-    // A boat counts its starts; this one has nowhere to keep the number, so it takes the second, never 0.
+    // A boat counts its starts; where it has nowhere to keep the number, it takes the second, never 0.
     auto second = std::chrono::duration_cast<std::chrono::seconds>(utc.time_since_epoch()).count();
     made.boot = options_.boot != 0 ? options_.boot : static_cast<std::uint16_t>(second % 65535 + 1);
     wind_ = std::make_shared<simulator::scene_wind>(make_wind());
+    if (!options_.memory_file.empty()) open_memory(made);
     boat_ = std::make_unique<simulator::simulated_boat>(std::move(made), wind_);
 }
 
@@ -93,6 +94,7 @@ ise::task<> boat_simulator::run() {
         call.link = options_.uplink;
         uplink_ = std::make_unique<gprs::uplink_port>(on(), log(), std::move(call), boat_->boot());
         uplink_->on_order = [this](const gprs::order& told) { heard(link_id::gprs, told.raw); };
+        for (auto& raw : std::exchange(not_acknowledged_, {})) uplink_->put(std::move(raw));
         spawn("uplink", uplink_->run());
     }
     provide(services::scene_control, [this](const scene_request& request) { return set_scene(request); });
@@ -117,6 +119,7 @@ void boat_simulator::sail() {
     send();
     send_uplink();
     if (iridium_) iridium_->carry();
+    if (memory_) remember();
 }
 
 void boat_simulator::send_uplink() {
@@ -129,7 +132,10 @@ void boat_simulator::send_uplink() {
     for (;;) {
         auto raw = boat_->take_packet(link_id::gprs);
         if (raw.empty()) return;
-        uplink_->put(std::move(raw));
+        auto last = uplink_->link().last_number();
+        uplink_->put(raw);
+        auto number = uplink_->link().last_number();
+        if (memory_ && number != last) kept(memory_->put(number, raw));
     }
 }
 

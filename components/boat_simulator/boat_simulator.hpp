@@ -1,4 +1,5 @@
 #pragma once
+#include <components/boat_simulator/boat_memory.hpp>
 #include <components/boat_simulator/iridium_uplink.hpp>
 #include <components/boat_simulator/scene_wind.hpp>
 #include <components/boat_simulator/services.hpp>
@@ -28,6 +29,8 @@ struct boat_simulator_options {
     std::string gprs;                        ///< whom it calls over GPRS, tcp or udp endpoint; empty: it does not
     gprs::uplink_options uplink;             ///< of that link
     double gprs_period_s = 5;                ///< of telemetry there, at the start; 0 is off
+    /// What its computer keeps over a loss of power (boat_memory.hpp): then it goes on where it was. Empty: it begins anew.
+    std::string memory_file;
     ise::duration truth_period = std::chrono::milliseconds(500);
 };
 
@@ -50,6 +53,9 @@ private:
     std::shared_ptr<const simulator::wind_source> make_wind();
     void make_boat();
     void sail();
+    void open_memory(simulator::boat_options& made);
+    void remember();
+    void kept(const ise::result<void>& outcome);
     void send();
     void send_uplink();
     void heard(link_id link, ise::bytes_view raw);
@@ -66,6 +72,12 @@ private:
     std::unique_ptr<xbee::modem_port> port_;
     std::unique_ptr<iridium_uplink> iridium_;
     std::unique_ptr<gprs::uplink_port> uplink_;
+    std::optional<boat_memory> memory_;
+    std::string memory_trouble_;
+    std::vector<ise::bytes> not_acknowledged_; // in the life before
+    ise::time_point remember_at_{};
+    std::uint64_t commands_kept_ = 0;
+    std::uint32_t forgotten_ = 0;              // of the uplink's numbers
     ise::time_point started_{};
     ise::time_point heard_at_{};
     bool radio_on_ = true;

@@ -13,6 +13,7 @@ constexpr std::int64_t step_ns = 100'000'000;
 constexpr double capacity_ah = 20;
 
 waypoint start_of(const boat_options& options) {
+    if (options.resumed) return options.resumed->home;
     if (options.start) return *options.start;
     if (options.course.empty()) return {28.1558, -15.4527};
     auto& a = options.course.back();
@@ -29,13 +30,53 @@ simulated_boat::simulated_boat(boat_options options, std::shared_ptr<const wind_
     if (!wind_) throw ise::error(ise::errc::invalid_argument, "a simulated boat without a wind");
     auto air = to_vector(wind_->at(0));
     state_.heading_rad = options_.heading_deg ? from_compass_rad(*options_.heading_deg) : wrap_rad(air.towards_rad + pi / 2);
-    for (auto& mark : options_.course)
+    for (auto& mark : options_.resumed ? std::vector<waypoint>() : options_.course)
         if (auto put = pilot_.insert(pilot_.list().size(), mark, state_); !put) throw ise::error(put.error());
     for (std::size_t i = 0; i < link_count; ++i) {
         links_[i].link = static_cast<link_id>(i);
         schedule_.set_period(links_[i].link, options_.telemetry_period_s[i], 0);
     }
     pilot_.set_mode(sailing_mode::automatic, state_, air);
+    if (options_.resumed) resume(*options_.resumed);
+    acknowledged_.assign(options_.executed.begin(), options_.executed.end());
+}
+
+void simulated_boat::resume(const remembered_boat& from) {
+    boot_ = static_cast<std::uint16_t>(from.boot == 65535 ? 1 : from.boot + 1);
+    authority_ = from.authority;
+    distance_m_ = from.distance_m;
+    beacon_ = from.beacon;
+    state_.position_m = chart_.to_metres(from.place);
+    state_.heading_rad = from.heading_rad;
+    state_.speed_mps = from.speed_mps;
+    for (const auto& mark : from.list)
+        if (auto put = pilot_.insert(pilot_.list().size(), mark, state_); !put) throw ise::error(put.error());
+    // What was right when it was kept is right now; a parameter of another program's file keeps its preset.
+    for (std::size_t i = 0; i < parameter_count; ++i)
+        (void)pilot_.set_parameter(static_cast<parameter_id>(i), from.parameters[i]);
+    if (from.active < from.list.size()) (void)pilot_.select(from.active, state_);
+    for (std::size_t i = 0; i < link_count; ++i)
+        schedule_.set_period(static_cast<link_id>(i), from.telemetry_period_s[i], 0);
+    pilot_.set_mode(from.mode, state_, to_vector(wind_->at(0)));
+}
+
+remembered_boat simulated_boat::remember() const {
+    remembered_boat made;
+    made.boot = boot_;
+    made.authority = authority_;
+    made.home = chart_.origin();
+    made.place = chart_.to_waypoint(state_.position_m);
+    made.heading_rad = state_.heading_rad;
+    made.speed_mps = state_.speed_mps;
+    made.distance_m = distance_m_;
+    made.mode = pilot_.mode();
+    made.list = pilot_.list();
+    made.active = pilot_.active();
+    made.beacon = beacon_;
+    for (std::size_t i = 0; i < parameter_count; ++i) made.parameters[i] = pilot_.parameter(static_cast<parameter_id>(i));
+    for (std::size_t i = 0; i < link_count; ++i)
+        made.telemetry_period_s[i] = schedule_.period_s(static_cast<link_id>(i));
+    return made;
 }
 
 void simulated_boat::advance(model_time now) {

@@ -14,6 +14,20 @@ namespace atirma::simulator {
 /// Time of the model since the boat was made. Who drives it decides how it passes.
 using model_time = std::chrono::nanoseconds;
 
+/// What a boat keeps over the loss of its power, and where it lies in the water then.
+struct remembered_boat {
+    std::uint16_t boot = 0;
+    std::uint32_t authority = 0;
+    waypoint home, place;
+    double heading_rad = 0, speed_mps = 0, distance_m = 0;
+    sailing_mode mode = sailing_mode::automatic;
+    std::vector<waypoint> list;
+    std::uint8_t active = 0;
+    bool beacon = false;
+    std::array<float, parameter_count> parameters{};
+    std::array<double, link_count> telemetry_period_s{};
+};
+
 struct boat_options {
     std::vector<waypoint> course;             ///< sailed round and round; empty: it stays where it is
     std::optional<waypoint> start;            ///< also home; else half-way along the last leg of the course
@@ -22,6 +36,9 @@ struct boat_options {
     double clock_rate = 1;                    ///< UTC that passes per model time; 1/speedup keeps the boat's clock right
     std::uint16_t boot = 1;
     std::array<double, link_count> telemetry_period_s{2, 0, 0}; ///< at the start, by link_id; 0 is off
+    std::optional<remembered_boat> resumed;   ///< goes on from there, in the boot after that one; `course`, `start` and
+                                              ///< `boot` count for nothing then
+    std::vector<acknowledgement> executed;    ///< before, oldest first: repeated, they change nothing
     std::uint64_t seed = 1;                   ///< of the noise of the instruments
     boat_parameters model = small_boat_parameters();
 };
@@ -76,9 +93,14 @@ public:
     wind_sample true_wind() const { return wind_->at(now_s_); }
     std::uint16_t boot() const { return boot_; }
     std::uint64_t refused_packets() const { return refused_; }
+    /// To be kept, and given as `boat_options::resumed` and `executed` to the next one.
+    remembered_boat remember() const;
+    const std::deque<acknowledgement>& executed() const { return acknowledged_; }
+    std::uint64_t executed_count() const { return executed_count_; } ///< so many ever were added to `executed()`
     std::uint32_t authority() const { return authority_; } ///< the epoch that it obeys; 0: anybody
 
 private:
+    void resume(const remembered_boat& from);
     void sail(double dt_s);
     void emit_due();
     void emit(link_id link, const telemetry_body& body);
@@ -103,7 +125,7 @@ private:
     vec ground_velocity_;
     double leeway_rad_ = 0;
     std::int64_t steps_ = 0;
-    std::uint64_t refused_ = 0;
+    std::uint64_t refused_ = 0, executed_count_ = 0;
     std::uint32_t sequence_ = 0, authority_ = 0;
     std::uint16_t boot_;
     reset_cause last_reset_ = reset_cause::power_on;

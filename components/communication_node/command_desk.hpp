@@ -52,6 +52,13 @@ public:
     const command_record* find(std::uint32_t id) const;
     std::vector<telecommand_status> open() const;
     std::size_t open_count() const noexcept { return open_.size(); }
+    struct recall {
+        std::uint32_t id = 0;
+        link_id link = link_id::xbee; ///< that still has it
+        link_id answered = link_id::xbee;
+    };
+    /// Those that the boat has answered over one link since the last call, while others were still to send them.
+    std::vector<recall> take_recalls() { return std::exchange(recalls_, {}); }
     /// The epochs of the boat's refusals for want of authority since the last call, 0 for none.
     std::uint32_t take_boat_epoch() noexcept { return std::exchange(boat_epoch_, 0); }
     std::vector<command_record> take_changes() { return std::exchange(changes_, {}); }
@@ -79,6 +86,7 @@ private:
     std::vector<std::uint32_t> open_; // as they were asked for
     std::deque<std::uint32_t> decided_;
     std::vector<command_record> changes_;
+    std::vector<recall> recalls_;
     std::uint32_t boat_epoch_ = 0;
 };
 

@@ -56,6 +56,7 @@ private:
 
     // node_telemetry.cpp
     ise::task<> follow_telemetry(std::size_t proxy);
+    void unreached(std::size_t which, const ise::error& problem);
     ise::result<std::uint64_t> take(std::vector<telemetry_packet> packets);
     void take_or_hold(std::vector<telemetry_packet> packets);
     void take_held();
@@ -74,6 +75,7 @@ private:
     void put_changes();
     void tell(const telecommand_status& status);
     ise::task<> drive(command_desk::give what);
+    ise::task<> recall(command_desk::recall what);
     ise::task<> follow_states(std::size_t proxy);
     ise::result<void> begin_command(const command_record& record);
     ise::task<telecommand_reply> command(telecommand_request request, std::string who, ise::time_point deadline);

@@ -25,6 +25,8 @@ ise::task<> communication_node::follow_telemetry(std::size_t which) {
                 ~registered() { of.stream = nullptr; }
             } guard{here};
             here.stream = &packets;
+            if (!here.health.trouble.empty()) log().info("a proxy is reached again", {{"proxy", here.health.proxy}});
+            here.health.trouble.clear();
             here.health.reached = true;
             c.links.reached(here.health.link, true);
             work();
@@ -43,12 +45,24 @@ ise::task<> communication_node::follow_telemetry(std::size_t which) {
             }
         } catch (const ise::error& problem) {
             // Also of a proxy that stops meanwhile (cancelled): our own end throws at the next suspension.
-            log().debug("a proxy is not subscribed to", {{"proxy", here.health.proxy}, {"cause", problem.what()}});
+            unreached(which, problem);
         }
         here.health.reached = false;
         c.links.reached(here.health.link, false);
         co_await sleep(500ms);
     }
+}
+
+/// Said once for each cause: a proxy that was named and is never found is a mistake that somebody has to see.
+void communication_node::unreached(std::size_t which, const ise::error& problem) {
+    auto& health = core_->proxies[which].health;
+    std::string why = problem.what();
+    if (problem.code() == ise::errc::no_such_name)
+        why = fmt::format("there is no {}: is its proxy running, and is that its path (--proxy {}=PATH)?", health.proxy,
+                          name_of(health.link));
+    if (why == health.trouble) return;
+    health.trouble = why;
+    log().warning("a proxy is not reached", {{"proxy", health.proxy}, {"cause", why}});
 }
 
 /// To disk, all of them or none. Gives the highest position of them.

@@ -1,6 +1,5 @@
 #include <components/iridium_proxy/proxy_state.hpp>
 
-#include <components/iridium/bundle.hpp>
 #include <components/iridium/directip.hpp>
 #include <components/iridium_mail/mail_format.hpp>
 
@@ -12,7 +11,6 @@ namespace atirma {
 namespace {
 using namespace std::chrono_literals;
 constexpr std::size_t mails_at_once = 16;
-constexpr std::size_t handed_on_at_once = 64;
 
 webhook_answer answer(int status, std::string body) {
     webhook_answer made;
@@ -164,81 +162,6 @@ ise::result<void> iridium_proxy::accept(const iridium::mo_message& message, std:
     work();
     s.hand_on_soon.arm(now());
     return {};
-}
-
-/// Not before a subscriber comes, as telemetry: a telecommand is decided by it.
-void iridium_proxy::take_acknowledgements(const iridium::mo_message& message) {
-    auto packets = iridium::unbundle(message.data);
-    if (!packets) return; // hand_on() says so
-    for (const auto& raw : *packets) {
-        if (classify(raw) != packet_class::acknowledgement) continue;
-        auto ack = parse_acknowledgement(raw);
-        if (ack) state_->queue.on_acknowledgement(clock(), *ack);
-        else ++state_->counts.malformed;
-    }
-}
-
-/// The proxy may have ended between keeping a message and using it.
-void iridium_proxy::take_kept_acknowledgements() {
-    for (std::int64_t row = 0;;) {
-        auto page = state_->store.unpublished(handed_on_at_once, row).value();
-        for (const auto& one : page) take_acknowledgements(one.message);
-        if (page.size() < handed_on_at_once) return;
-        row = page.back().row;
-    }
-}
-
-/// Publishes what is on disk and was not published. Telemetry stays there until somebody subscribes.
-void iridium_proxy::hand_on() {
-    auto& s = *state_;
-    if (s.telemetry.subscribers() > 0) {
-        auto waiting = s.store.unpublished(handed_on_at_once);
-        if (!waiting) return disk_trouble(waiting.error());
-        for (const auto& one : *waiting) {
-            hand_on(one.message, one.received_at);
-            auto marked = s.store.published(one.row);
-            if (!marked) return disk_trouble(marked.error()); // with the next message, then
-        }
-        if (waiting->size() == handed_on_at_once) s.hand_on_soon.arm(now());
-    }
-    s.account(account());
-}
-
-void iridium_proxy::hand_on(const iridium::mo_message& message, utc_time received_at) {
-    auto& s = *state_;
-    if (message.data.empty()) return; // the boat looked for messages
-    auto dropped = [&](const std::string& why) {
-        ++s.counts.malformed;
-        log().warning("a packet of the boat makes no sense; its message stays on disk",
-                      {{"momsn", std::to_string(message.momsn)}, {"cause", why}});
-    };
-    auto packets = iridium::unbundle(message.data);
-    if (!packets) return dropped(packets.error().message());
-    for (auto& raw : *packets) {
-        if (classify(raw) == packet_class::acknowledgement) continue; // was taken when it came
-        auto parsed = parse_telemetry(raw);
-        if (!parsed) {
-            dropped(parsed.error().message());
-            continue;
-        }
-        if (!s.seen.first_time(parsed->header.boot, parsed->header.sequence)) {
-            ++s.counts.duplicate_packets;
-            continue;
-        }
-        telemetry_packet out;
-        out.link = link_id::iridium;
-        out.boot = parsed->header.boot;
-        out.sequence = parsed->header.sequence;
-        out.measured_at = parsed->header.measured_at;
-        out.received_at = received_at;
-        // Messages overtake each other, and those from before the first subscriber come at once.
-        auto& newest = s.newest[parsed->body.index()];
-        out.history = out.measured_at < newest;
-        newest = std::max(newest, out.measured_at);
-        out.raw = std::move(raw);
-        s.telemetry(out);
-        ++s.counts.telemetry_published;
-    }
 }
 
 } // namespace atirma

@@ -1,5 +1,7 @@
 #include <components/iridium_proxy/proxy_state.hpp>
 
+#include <components/boat/find_component.hpp>
+#include <components/boat/remote_telemetry_store.hpp>
 #include <components/http/stream_http_client.hpp>
 
 #include <asio/error.hpp>
@@ -67,6 +69,8 @@ ise::task<> iridium_proxy::run() {
     auto& s = *state_;
     s.queue.restore(clock(), s.store.load().value());
     s.path = make_path();
+    if (!options_.store_at.empty())
+        options_.store = std::make_shared<remote_telemetry_store>(find_component(*this, options_.store_at));
     if (!options_.jwt_key_file.empty()) {
         auto pem = env().read_file(options_.jwt_key_file, max_key_bytes).value();
         auto key = iridium::jwt_key::parse(pem);
@@ -77,6 +81,7 @@ ise::task<> iridium_proxy::run() {
     provide_all();
     open_doors();
     spawn("to the gateway", send_all());
+    if (options_.store) spawn("to the store", keep_messages());
     work();
     auto forget_at = now();
     for (;;) {
@@ -144,6 +149,7 @@ void iridium_proxy::provide_all() {
     provide(services::telecommand, [this](telecommand_request request, const ise::call_context& context) {
         return command(std::move(request), context.deadline);
     });
+    provide(services::telecommand_recall, [this](const recall_request& request) { return recall(request); });
 }
 
 iridium_account iridium_proxy::account() {
@@ -175,7 +181,7 @@ iridium_account iridium_proxy::account() {
         told.queue.push_back(std::move(one));
     }
     if (auto waiting = s.store.count_unpublished()) told.waiting_for_subscriber = *waiting;
-    for (const auto* trouble : {&s.disk_trouble, &s.send_trouble, &s.mail_trouble})
+    for (const auto* trouble : {&s.disk_trouble, &s.send_trouble, &s.mail_trouble, &s.store_trouble})
         if (!trouble->empty()) told.trouble += (told.trouble.empty() ? "" : "; ") + *trouble;
     return told;
 }

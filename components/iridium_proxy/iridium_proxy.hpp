@@ -1,4 +1,6 @@
 #pragma once
+#include <components/boat/recall.hpp>
+#include <components/boat/telemetry_store.hpp>
 #include <components/http/http_client.hpp>
 #include <components/http/webhook_server.hpp>
 #include <components/iridium/directip_exchange.hpp>
@@ -18,6 +20,10 @@ namespace atirma {
 struct iridium_proxy_options {
     std::string imei;                            ///< of the boat's modem, 15 digits: others are refused
     std::string database = "iridium.db";         ///< what must survive; "memory:NAME" in tests
+
+    /// Keeps telemetry before a message counts as handed on; nothing: it is published once somebody subscribes.
+    std::shared_ptr<telemetry_store> store;
+    std::string store_at;                        ///< the same, of the component at this path: atirma/communication
 
     // From the boat. What is empty or missing is not used; several may be.
     std::string webhook = "tcp://127.0.0.1:7480";///< where the gateway posts
@@ -80,12 +86,14 @@ private:
     void take_acknowledgements(const iridium::mo_message& message);
     void take_kept_acknowledgements();
     void hand_on();
-    void hand_on(const iridium::mo_message& message, utc_time received_at);
+    ise::task<> keep_messages();
+    std::vector<telemetry_packet> hand_on(const iridium::mo_message& message, utc_time received_at);
     void refuse(std::string_view what, const std::string& peer, const std::string& why);
 
     // To the boat.
     ise::task<> send_all();
     ise::task<telecommand_reply> command(telecommand_request request, ise::time_point deadline);
+    recall_reply recall(const recall_request& request);
     std::optional<std::uint64_t> budget_left();
     void work();
 

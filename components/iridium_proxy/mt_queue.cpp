@@ -83,7 +83,10 @@ void mt_queue::restore(utc_time now, std::vector<mt_entry> kept) {
 ise::result<std::uint32_t> mt_queue::submit(utc_time now, const telecommand_request& request, std::uint32_t chosen) {
     auto id = request.id != 0 ? request.id : chosen;
     if (auto known = entries_.find(id); known != entries_.end()) {
-        if (known->second.command == request.command) return id;
+        if (known->second.command == request.command) {
+            known->second.authority = std::max(known->second.authority, request.authority); // taken anew meanwhile
+            return id;
+        }
         return ise::failure(ise::errc::invalid_argument, fmt::format("telecommand {} is {} already; choose another id",
                                                                      id, name_of(known->second.command.kind)));
     }
@@ -95,6 +98,7 @@ ise::result<std::uint32_t> mt_queue::submit(utc_time now, const telecommand_requ
     mt_entry made;
     made.id = id;
     made.command = request.command;
+    made.authority = request.authority;
     made.order = next_order_++;
     made.asked_at = now;
     made.next_try = now;
@@ -131,7 +135,7 @@ std::optional<mt_queue::due> mt_queue::next_due(utc_time now, std::optional<std:
     auto& e = entries_.at(first->id);
     due made;
     made.id = e.id;
-    made.raw = encode_telecommand(to_telecommand(e.id, now, e.command));
+    made.raw = encode_telecommand(to_telecommand(e.id, now, e.command, e.authority));
     made.credits = credits_of(made.raw.size(), options_.bytes_per_credit);
     if (budget_left && made.credits > *budget_left) {
         budget_until_ = midnight_after(now);
@@ -183,6 +187,16 @@ void mt_queue::on_gateway_word(utc_time now, std::uint32_t id, bool kept, const 
     change(e, now, iridium_stage::failed, text);
 }
 
+bool mt_queue::recall(utc_time now, std::uint32_t id, const std::string& why) {
+    auto found = entries_.find(id);
+    if (found == entries_.end() || found->second.stage != iridium_stage::waiting) return false;
+    auto& e = found->second;
+    change(e, now, e.may_have_left ? iridium_stage::expired : iridium_stage::failed,
+           e.may_have_left ? fmt::format("called back ({}): it may have arrived here as well", why)
+                           : fmt::format("called back before it was sent ({})", why));
+    return true;
+}
+
 bool mt_queue::on_acknowledgement(utc_time now, const acknowledgement& ack) {
     auto found = entries_.find(ack.id);
     if (found == entries_.end() || found->second.stage == iridium_stage::acknowledged) return false;
@@ -192,7 +206,7 @@ bool mt_queue::on_acknowledgement(utc_time now, const acknowledgement& ack) {
     bool tells = e.command.kind == command_kind::get_parameter || e.command.kind == command_kind::set_parameter ||
                  (e.command.kind >= command_kind::waypoint_add && e.command.kind <= command_kind::waypoint_select) ||
                  e.command.kind == command_kind::set_telemetry_period;
-    if (tells) e.value = ack.value;
+    if (tells || ack.code == ack_code::no_authority) e.value = ack.value;
     change(e, now, iridium_stage::acknowledged, ack.text);
     return true;
 }

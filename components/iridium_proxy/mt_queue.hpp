@@ -15,6 +15,7 @@ namespace atirma {
 struct mt_entry {
     std::uint32_t id = 0;
     boat_command command;
+    std::uint32_t authority = 0;  ///< the epoch that travels to the boat
     std::uint64_t order = 0;      ///< as they were asked for
     iridium_stage stage = iridium_stage::waiting;
     bool may_have_left = false;   ///< an attempt ended in the dark
@@ -80,6 +81,9 @@ public:
     void on_gateway_word(utc_time now, std::uint32_t id, bool kept, const std::string& text);
     /// False if nobody waits for it.
     bool on_acknowledgement(utc_time now, const acknowledgement& ack);
+    /// The boat has answered elsewhere. True if nothing more of it leaves the shore: what the gateway has cannot be
+    /// called back, and what is being given to it goes through.
+    bool recall(utc_time now, std::uint32_t id, const std::string& why);
     void on_time(utc_time now);
     /// When `on_time` and `next_due` have something to do; utc_time::max() if never.
     utc_time next_event() const;

@@ -26,6 +26,7 @@ struct iridium_proxy::state {
     state(iridium_proxy& self, sbd_store opened)
         : store(std::move(opened)), queue(self.options_.queue),
           wake_sender(self.on(), [this] { wake_sender.resume(asio::error::operation_aborted); }),
+          more(self.on(), [this] { more.resume(asio::error::operation_aborted); }),
           due(self.on(), [&self] { self.work(); }), hand_on_soon(self.on(), [&self] { self.hand_on(); }) {}
 
     sbd_store store;
@@ -37,13 +38,14 @@ struct iridium_proxy::state {
     std::unique_ptr<iridium::directip_server> directip;
     std::unique_ptr<mailbox> mails;
     ise::waiter<std::error_code> wake_sender;
+    ise::waiter<std::error_code> more; // messages, for the store
     ise::timer due;
     ise::timer hand_on_soon;
     ise::log_limiter quiet;
     std::list<waiting_call*> calls;
     std::map<std::uint64_t, std::uint32_t> followers; // subscriber's number → id, 0 for all
     std::map<std::size_t, utc_time> newest;           // measured, of each type of packet that was published
-    std::string disk_trouble, mail_trouble, send_trouble;
+    std::string disk_trouble, mail_trouble, send_trouble, store_trouble;
     struct iridium_account counts;
     ise::publication<ise::subscription<telemetry_packet>> telemetry;
     ise::publication<std::decay_t<decltype(services::telecommand_state)>> states;

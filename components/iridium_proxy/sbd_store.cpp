@@ -10,7 +10,7 @@
 namespace atirma {
 namespace {
 
-constexpr std::array<std::string_view, 1> schema{
+constexpr std::array<std::string_view, 2> schema{
     "CREATE TABLE mo(imei TEXT NOT NULL, momsn INTEGER NOT NULL, session_time INTEGER NOT NULL, path TEXT NOT NULL, "
     "status INTEGER NOT NULL,"
     " mtmsn INTEGER NOT NULL, latitude REAL, longitude REAL, cep_km REAL, data BLOB NOT NULL, received_at INTEGER NOT "
@@ -24,7 +24,8 @@ constexpr std::array<std::string_view, 1> schema{
     " expires_at INTEGER NOT NULL, changed_at INTEGER NOT NULL, next_try INTEGER NOT NULL);\n"
     "CREATE TABLE spending(day TEXT NOT NULL, to_boat INTEGER NOT NULL, messages INTEGER NOT NULL, bytes INTEGER NOT "
     "NULL, credits INTEGER NOT NULL,"
-    " PRIMARY KEY(day, to_boat))"};
+    " PRIMARY KEY(day, to_boat))",
+    "ALTER TABLE mt ADD COLUMN authority INTEGER NOT NULL DEFAULT 0"};
 
 std::int64_t number(utc_time at) { return at.time_since_epoch().count(); }
 utc_time time_of(std::int64_t ms) { return utc_time(std::chrono::milliseconds(ms)); }
@@ -113,7 +114,7 @@ ise::result<void> sbd_store::published(std::int64_t row) {
 ise::result<std::vector<mt_entry>> sbd_store::load() {
     auto rows = db_.query("SELECT id, command, ordinal, stage, may_have_left, text, result, value, reference, "
                           "attempts, asked_at, expires_at,"
-                          " changed_at, next_try FROM mt ORDER BY changed_at DESC LIMIT 1000");
+                          " changed_at, next_try, authority FROM mt ORDER BY changed_at DESC LIMIT 1000");
     if (!rows) return rows.error();
     std::vector<mt_entry> out;
     for (const auto& row : *rows) {
@@ -137,6 +138,7 @@ ise::result<std::vector<mt_entry>> sbd_store::load() {
         e.expires_at = time_of(row.integer(11));
         e.changed_at = time_of(row.integer(12));
         e.next_try = time_of(row.integer(13));
+        e.authority = static_cast<std::uint32_t>(row.integer(14));
         out.push_back(std::move(e));
     }
     return out;
@@ -148,11 +150,11 @@ ise::result<void> sbd_store::save(const mt_entry& e) {
     if (e.value) value = static_cast<double>(*e.value);
     auto done = db_.execute("INSERT OR REPLACE INTO mt(id, command, ordinal, stage, may_have_left, text, result, "
                             "value, reference, attempts, asked_at,"
-                            " expires_at, changed_at, next_try) VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                            " expires_at, changed_at, next_try, authority) VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
                             {std::int64_t{e.id}, ise::to_json(e.command), static_cast<std::int64_t>(e.order),
                              static_cast<std::int64_t>(e.stage), std::int64_t{e.may_have_left}, e.text, result, value,
                              e.reference, std::int64_t{e.attempts}, number(e.asked_at), number(e.expires_at),
-                             number(e.changed_at), number(e.next_try)});
+                             number(e.changed_at), number(e.next_try), std::int64_t{e.authority}});
     if (!done) return done.error();
     return {};
 }

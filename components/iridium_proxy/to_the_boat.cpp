@@ -143,4 +143,14 @@ ise::task<telecommand_reply> iridium_proxy::command(telecommand_request request,
     co_return reply;
 }
 
+recall_reply iridium_proxy::recall(const recall_request& request) {
+    auto& s = *state_;
+    recall_reply reply;
+    reply.recalled = s.queue.recall(clock(), request.id, request.why);
+    work();
+    const auto* entry = s.queue.find(request.id);
+    reply.text = entry ? entry->text : "it is not known here";
+    return reply;
+}
+
 } // namespace atirma

@@ -95,6 +95,14 @@ public:
         return script("PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA foreign_keys=ON");
     }
 
+    ise::result<void> connect_to_read() {
+        int flags = SQLITE_OPEN_READONLY | SQLITE_OPEN_URI | SQLITE_OPEN_NOMUTEX;
+        if (sqlite3_open_v2(location_of(file_).c_str(), &handle_, flags, nullptr) != SQLITE_OK)
+            return failed("cannot be opened");
+        sqlite3_busy_timeout(handle_, 2000);
+        return {};
+    }
+
     ise::result<void> script(std::string_view sql) {
         if (sqlite3_exec(handle_, std::string(sql).c_str(), nullptr, nullptr, nullptr) != SQLITE_OK)
             return failed(sql.substr(0, sql.find('\n')));
@@ -169,6 +177,13 @@ ise::result<database> database::open(const std::string& file, std::span<const st
         }
     }
     return opened;
+}
+
+ise::result<database> database::open_to_read(const std::string& file) {
+    auto opening = std::make_unique<state>(file);
+    auto connected = opening->connect_to_read();
+    if (!connected) return connected.error();
+    return database(std::move(opening));
 }
 
 ise::result<std::int64_t> database::execute(std::string_view sql, values bound) {

@@ -50,6 +50,9 @@ public:
     /// at all. A file of a newer program (more scripts) is refused with invalid_argument.
     static ise::result<database> open(const std::string& file, std::span<const std::string_view> schema);
 
+    /// Opens a file that another program writes, to look at it: what is written through this fails. Whatever its schema.
+    static ise::result<database> open_to_read(const std::string& file);
+
     database(database&&) noexcept;
     database& operator=(database&&) noexcept;
     ~database(); ///< rolls back a transaction that is not committed

@@ -23,7 +23,7 @@ struct xbee_link_options {
     };
     end shore{"/tmp/xbee-shore", 0x0013A20040000001, 1, {}};
     end boat{"/tmp/xbee-boat", 0x0013A20040000002, 2, {}};
-    waypoint shore_position{28.1510, -15.4445};  ///< on the beach of the bay of El Confital
+    waypoint shore_position{28.1580, -15.4408};  ///< on land: the shore of La Isleta, above the bay of El Confital
     std::string boat_path;                       ///< whose `ground_truth` tells where the boat is; empty: `distance_m`
     double distance_m = 300;                     ///< until the boat's position is known
     double speedup = 1;                          ///< of the air's model time: airtime, retries, duty cycle

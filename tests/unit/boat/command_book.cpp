@@ -82,6 +82,24 @@ TEST_CASE("command book: without an answer it is sent again until its time is ov
     CHECK(it.book.open_count() == 0);
 }
 
+TEST_CASE("command book: what the boat has answered over another link is called back, and not sent any more") {
+    desk it;
+    it.ask(5);
+    it.ask(6);
+    REQUIRE(it.due());
+    it.book.on_outcome(it.now, it.wall, 5, true, false, "");
+    CHECK(it.book.recall(it.wall, 5, "acknowledged over xbee"));
+    CHECK(it.stage(5) == telecommand_stage::expired); // it may have arrived here as well
+    CHECK(it.book.recall(it.wall, 6, "acknowledged over xbee"));
+    CHECK(it.stage(6) == telecommand_stage::failed); // it never left
+    CHECK_FALSE(it.book.recall(it.wall, 5, "again"));
+    CHECK_FALSE(it.book.recall(it.wall, 7, "nobody knows it"));
+    it.pass(1h);
+    CHECK_FALSE(it.due());
+    CHECK(it.acknowledge(5)); // the boat's word is the last one
+    CHECK(it.stage(5) == telecommand_stage::acknowledged);
+}
+
 TEST_CASE("command book: what may have left the shore never becomes queued again") {
     desk it;
     it.ask(8);

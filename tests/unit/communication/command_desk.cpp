@@ -110,6 +110,28 @@ TEST_CASE(
     CHECK(it.status(5).state == telecommand_stage::acknowledged);
 }
 
+TEST_CASE("command desk: once one link has the answer, the others that still have it are called back") {
+    table it;
+    it.there(gprs);
+    it.begin(it.request(5));
+    REQUIRE(it.give()->link == gprs);
+    it.pass(31s); // beyond its patience
+    it.there(xbee);
+    REQUIRE(it.give()->link == xbee);
+    CHECK(it.desk.take_recalls().empty());
+    it.desk.on_status(it.wall, xbee, it.says(5, telecommand_stage::acknowledged, "done"));
+    auto recalls = it.desk.take_recalls();
+    REQUIRE(recalls.size() == 1);
+    CHECK(recalls[0].id == 5);
+    CHECK(recalls[0].link == gprs);
+    CHECK(recalls[0].answered == xbee);
+    CHECK(it.desk.take_recalls().empty());
+    // What the link says of it then changes nothing.
+    it.desk.on_status(it.wall, gprs, it.says(5, telecommand_stage::expired, "called back"));
+    CHECK(it.status(5).state == telecommand_stage::acknowledged);
+    CHECK(it.desk.take_recalls().empty());
+}
+
 TEST_CASE("command desk: a link that was chosen is the only one, alive or not") {
     table it;
     it.there(xbee);

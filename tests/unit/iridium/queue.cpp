@@ -49,6 +49,53 @@ sbd_store opened(const std::string& name) { return std::move(sbd_store::open("me
 
 } // namespace
 
+TEST_CASE("iridium: a telecommand goes under the epoch of authority that it was given with, also after a restart") {
+    auto steer = request(7, command_kind::tack_now);
+    steer.authority = 6;
+    auto store = opened("authority");
+    mt_queue queue;
+    queue.submit(start, steer, 0).value();
+    store.save(*queue.find(7)).value();
+    mt_queue again;
+    again.restore(start, store.load().value());
+    for (auto* one : {&queue, &again}) {
+        auto due = one->next_due(start, {});
+        REQUIRE(due);
+        auto sent = parse_telecommand(due->raw);
+        REQUIRE(sent);
+        CHECK(sent->authority == 6);
+    }
+    // Asked for again once the authority was taken anew.
+    mt_queue waits;
+    waits.submit(start, steer, 0).value();
+    steer.authority = 8;
+    waits.submit(start, steer, 0).value();
+    CHECK(waits.find(7)->authority == 8);
+}
+
+TEST_CASE("iridium: what the boat has answered over another link is called back while it waits, and only then") {
+    mt_queue queue;
+    queue.submit(start, request(1, command_kind::ping), 0).value();
+    queue.submit(start, request(2, command_kind::set_mode), 0).value();
+    auto due = queue.next_due(start, {});
+    REQUIRE(due);
+    REQUIRE(due->id == 2);
+    CHECK(queue.recall(start, 1, "acknowledged over gprs"));
+    CHECK(status_of(*queue.find(1)).state == telecommand_stage::failed);
+    CHECK_FALSE(queue.recall(start, 1, "again"));
+    CHECK_FALSE(queue.recall(start, 2, "it is being given")); // to the gateway
+    queue.on_outcome(start, 2, outcome(mt_outcome::kind::accepted));
+    CHECK_FALSE(queue.recall(start, 2, "the gateway has it"));
+    CHECK_FALSE(queue.recall(start, 3, "nobody knows it"));
+    CHECK_FALSE(queue.next_due(start + 1h, {}));
+    // One whose attempt ended in the dark may be on its way.
+    queue.submit(start, request(4, command_kind::ping), 0).value();
+    REQUIRE(queue.next_due(start, {}));
+    queue.on_outcome(start, 4, outcome(mt_outcome::kind::unknown));
+    CHECK(queue.recall(start + 1s, 4, "acknowledged over xbee"));
+    CHECK(status_of(*queue.find(4)).state == telecommand_stage::expired);
+}
+
 TEST_CASE("iridium: telecommands go by priority, then by age, one at a time") {
     mt_queue queue;
     queue.submit(start, request(1, command_kind::ping), 0).value();

@@ -1,0 +1,90 @@
+#include <components/boat_simulator/boat_memory.hpp>
+
+#include <ise/packet/codec.hpp>
+
+#include <array>
+
+namespace atirma {
+namespace {
+
+constexpr std::array<std::string_view, 1> schema{
+    "CREATE TABLE boat(one INTEGER PRIMARY KEY CHECK(one = 1), state BLOB NOT NULL);"
+    "CREATE TABLE executed(number INTEGER PRIMARY KEY AUTOINCREMENT, id INTEGER NOT NULL UNIQUE, raw BLOB NOT NULL);"
+    "CREATE TABLE unacknowledged(number INTEGER PRIMARY KEY, raw BLOB NOT NULL)"};
+
+ise::result<void> done(const ise::result<std::int64_t>& changed) {
+    if (!changed) return changed.error();
+    return {};
+}
+
+} // namespace
+
+ise::result<boat_memory> boat_memory::open(const std::string& file) {
+    auto opened = database::open(file, schema);
+    if (!opened) return opened.error();
+    return boat_memory(std::move(*opened));
+}
+
+ise::result<std::optional<simulator::remembered_boat>> boat_memory::last() {
+    auto rows = disk_.query("SELECT state FROM boat");
+    if (!rows) return rows.error();
+    if (rows->empty()) return std::optional<simulator::remembered_boat>();
+    auto read = ise::try_decode<simulator::remembered_boat>(rows->front().bytes(0));
+    if (!read) return read.error();
+    return std::optional(std::move(*read));
+}
+
+ise::result<void> boat_memory::keep(const simulator::remembered_boat& now) {
+    auto state = ise::encode(now);
+    return done(disk_.execute("INSERT OR REPLACE INTO boat(one, state) VALUES(1, ?)", {std::move(state)}));
+}
+
+ise::result<std::vector<acknowledgement>> boat_memory::executed() {
+    auto rows = disk_.query("SELECT raw FROM executed ORDER BY number");
+    if (!rows) return rows.error();
+    std::vector<acknowledgement> all;
+    for (const auto& row : *rows) {
+        auto ack = parse_acknowledgement(row.bytes(0));
+        if (ack) all.push_back(std::move(*ack));
+    }
+    return all;
+}
+
+ise::result<void> boat_memory::add_executed(const acknowledgement& one) {
+    auto kept = disk_.execute("INSERT OR IGNORE INTO executed(id, raw) VALUES(?, ?)",
+                              {static_cast<std::int64_t>(one.id), encode_acknowledgement(one)});
+    if (!kept) return kept.error();
+    return done(disk_.execute("DELETE FROM executed WHERE number <= (SELECT MAX(number) FROM executed) - ?",
+                              {static_cast<std::int64_t>(kept_commands)}));
+}
+
+ise::result<std::vector<ise::bytes>> boat_memory::take_unacknowledged() {
+    auto rows = disk_.query("SELECT raw FROM unacknowledged ORDER BY number");
+    if (!rows) return rows.error();
+    std::vector<ise::bytes> all;
+    for (const auto& row : *rows) all.push_back(row.bytes(0));
+    auto begun = disk_.begin();
+    if (!begun) return begun.error();
+    auto changed = disk_.execute("DELETE FROM unacknowledged");
+    for (std::size_t i = 0; changed && i < all.size(); ++i)
+        changed = disk_.execute("INSERT INTO unacknowledged(number, raw) VALUES(?, ?)",
+                                {static_cast<std::int64_t>(i + 1), all[i]});
+    if (!changed) {
+        disk_.rollback();
+        return changed.error();
+    }
+    auto kept = disk_.commit();
+    if (!kept) return kept.error();
+    return all;
+}
+
+ise::result<void> boat_memory::put(std::uint32_t number, const ise::bytes& raw) {
+    return done(disk_.execute("INSERT OR REPLACE INTO unacknowledged(number, raw) VALUES(?, ?)",
+                              {static_cast<std::int64_t>(number), raw}));
+}
+
+ise::result<void> boat_memory::forget(std::uint32_t number) {
+    return done(disk_.execute("DELETE FROM unacknowledged WHERE number <= ?", {static_cast<std::int64_t>(number)}));
+}
+
+} // namespace atirma

@@ -1,0 +1,52 @@
+// What the boat keeps over the loss of its power.
+#include <components/boat_simulator/boat_simulator.hpp>
+
+namespace atirma {
+namespace {
+constexpr ise::duration remember_period = std::chrono::seconds(10);
+}
+
+/// A memory that cannot be read is an error: going on without it would send a boat on its way from the beginning.
+void boat_simulator::open_memory(simulator::boat_options& made) {
+    memory_.reset();
+    memory_.emplace(boat_memory::open(options_.memory_file).value());
+    made.resumed = memory_->last().value();
+    made.executed = memory_->executed().value();
+    not_acknowledged_ = memory_->take_unacknowledged().value();
+    commands_kept_ = 0;
+    forgotten_ = 0;
+    remember_at_ = {};
+    memory_trouble_.clear();
+    if (made.resumed)
+        log().info("the boat goes on where it was", {{"boot", std::to_string(made.resumed->boot + 1)},
+                                                     {"not acknowledged", std::to_string(not_acknowledged_.size())}});
+}
+
+void boat_simulator::remember() {
+    auto executed = boat_->executed_count();
+    bool told = executed != commands_kept_;
+    if (told) {
+        const auto& all = boat_->executed();
+        auto fresh = std::min<std::uint64_t>(executed - commands_kept_, all.size());
+        for (auto at = all.end() - static_cast<std::ptrdiff_t>(fresh); at != all.end(); ++at)
+            kept(memory_->add_executed(*at));
+        commands_kept_ = executed;
+    }
+    if (uplink_ && uplink_->link().acknowledged() != forgotten_) {
+        forgotten_ = uplink_->link().acknowledged();
+        kept(memory_->forget(forgotten_));
+    }
+    if (!told && now() < remember_at_) return;
+    remember_at_ = ise::saturating_add(now(), remember_period);
+    kept(memory_->keep(boat_->remember()));
+}
+
+/// A boat whose memory fails sails on.
+void boat_simulator::kept(const ise::result<void>& outcome) {
+    auto trouble = outcome ? std::string() : outcome.error().message();
+    if (trouble != memory_trouble_ && !trouble.empty())
+        log().error("the boat's memory takes nothing", {{"cause", trouble}});
+    memory_trouble_ = trouble;
+}
+
+} // namespace atirma

@@ -1,0 +1,140 @@
+// What the boat's messages become: acknowledgements of telecommands, and telemetry for the others.
+#include <components/iridium_proxy/proxy_state.hpp>
+
+#include <components/iridium/bundle.hpp>
+
+#include <ise/core/task_scope.hpp>
+
+#include <algorithm>
+
+namespace atirma {
+namespace {
+using namespace std::chrono_literals;
+constexpr std::size_t handed_on_at_once = 64;
+constexpr ise::duration shortest_keep_pause = 250ms, longest_keep_pause = 10s;
+} // namespace
+
+/// Not before a subscriber comes, as telemetry: a telecommand is decided by it.
+void iridium_proxy::take_acknowledgements(const iridium::mo_message& message) {
+    auto packets = iridium::unbundle(message.data);
+    if (!packets) return; // hand_on() says so
+    for (const auto& raw : *packets) {
+        if (classify(raw) != packet_class::acknowledgement) continue;
+        auto ack = parse_acknowledgement(raw);
+        if (ack) state_->queue.on_acknowledgement(clock(), *ack);
+        else ++state_->counts.malformed;
+    }
+}
+
+/// The proxy may have ended between keeping a message and using it.
+void iridium_proxy::take_kept_acknowledgements() {
+    for (std::int64_t row = 0;;) {
+        auto page = state_->store.unpublished(handed_on_at_once, row).value();
+        for (const auto& one : page) take_acknowledgements(one.message);
+        if (page.size() < handed_on_at_once) return;
+        row = page.back().row;
+    }
+}
+
+/// Hands on what is on disk and was not handed on. It stays there until the store has it; without one, until somebody
+/// subscribes.
+void iridium_proxy::hand_on() {
+    auto& s = *state_;
+    if (options_.store) return s.more.resume({});
+    if (s.telemetry.subscribers() > 0) {
+        auto waiting = s.store.unpublished(handed_on_at_once);
+        if (!waiting) return disk_trouble(waiting.error());
+        for (const auto& one : *waiting) {
+            hand_on(one.message, one.received_at);
+            auto marked = s.store.published(one.row);
+            if (!marked) return disk_trouble(marked.error()); // with the next message, then
+        }
+        if (waiting->size() == handed_on_at_once) s.hand_on_soon.arm(now());
+    }
+    s.account(account());
+}
+
+/// A subscriber alone is not enough: it may be a console, while the communication nodes are away.
+ise::task<> iridium_proxy::keep_messages() {
+    auto& s = *state_;
+    auto pause = shortest_keep_pause;
+    for (;;) {
+        auto waiting = s.store.unpublished(1);
+        if (!waiting) disk_trouble(waiting.error());
+        if (!waiting || waiting->empty()) {
+            s.account(account());
+            co_await s.more.wait(); // throws what it was resumed with
+            continue;
+        }
+        const auto& first = waiting->front();
+        auto packets = hand_on(first.message, first.received_at);
+        std::string trouble;
+        try {
+            auto keeping = options_.store->keep(std::move(packets));
+            co_await std::move(keeping);
+        } catch (...) {
+            auto thrown = std::current_exception();
+            if (ise::is_cancellation(thrown)) throw;
+            trouble = "telemetry cannot be kept and waits: " + ise::describe(thrown);
+        }
+        if (trouble != s.store_trouble && !trouble.empty()) log().error(trouble); // once, not with every attempt
+        s.store_trouble = trouble;
+        if (trouble.empty()) {
+            auto marked = s.store.published(first.row);
+            if (!marked) trouble = marked.error().message();
+            if (!marked) disk_trouble(marked.error()); // it is kept twice then, which changes nothing
+        }
+        if (trouble.empty()) {
+            pause = shortest_keep_pause;
+            continue;
+        }
+        co_await sleep(pause);
+        pause = std::min(2 * pause, longest_keep_pause);
+    }
+}
+
+/// Publishes what was not published before; gives all packets of the message.
+std::vector<telemetry_packet> iridium_proxy::hand_on(const iridium::mo_message& message, utc_time received_at) {
+    auto& s = *state_;
+    std::vector<telemetry_packet> all;
+    if (message.data.empty()) return all; // the boat looked for messages
+    auto dropped = [&](const std::string& why) {
+        ++s.counts.malformed;
+        log().warning("a packet of the boat makes no sense; its message stays on disk",
+                      {{"momsn", std::to_string(message.momsn)}, {"cause", why}});
+    };
+    auto packets = iridium::unbundle(message.data);
+    if (!packets) {
+        dropped(packets.error().message());
+        return all;
+    }
+    for (auto& raw : *packets) {
+        if (classify(raw) == packet_class::acknowledgement) continue; // was taken when it came
+        auto parsed = parse_telemetry(raw);
+        if (!parsed) {
+            dropped(parsed.error().message());
+            continue;
+        }
+        telemetry_packet out;
+        out.link = link_id::iridium;
+        out.boot = parsed->header.boot;
+        out.sequence = parsed->header.sequence;
+        out.measured_at = parsed->header.measured_at;
+        out.received_at = received_at;
+        // Messages overtake each other, and those from before the first subscriber come at once.
+        auto& newest = s.newest[parsed->body.index()];
+        out.history = out.measured_at < newest;
+        newest = std::max(newest, out.measured_at);
+        out.raw = std::move(raw);
+        if (s.seen.first_time(out.boot, out.sequence)) {
+            s.telemetry(out);
+            ++s.counts.telemetry_published;
+        } else {
+            ++s.counts.duplicate_packets;
+        }
+        all.push_back(std::move(out));
+    }
+    return all;
+}
+
+} // namespace atirma

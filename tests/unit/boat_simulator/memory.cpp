@@ -1,0 +1,102 @@
+#include <components/boat_simulator/boat_memory.hpp>
+
+#include <support/catch.hpp>
+
+using namespace atirma;
+using namespace atirma::simulator;
+using namespace std::chrono_literals;
+
+namespace {
+
+simulated_boat sailed_for(std::chrono::seconds time, boat_options options) {
+    simulated_boat boat(std::move(options), constant_wind({6, 45}));
+    boat.advance(time);
+    return boat;
+}
+
+boat_options on_t1() {
+    boat_options options;
+    options.course = find_course("T1")->marks;
+    options.epoch = utc_time(1'500'000'000'000ms);
+    options.boot = 41;
+    return options;
+}
+
+telecommand command(std::uint32_t id, command_kind kind) {
+    telecommand made;
+    made.id = id;
+    made.kind = kind;
+    return made;
+}
+
+} // namespace
+
+TEST_CASE("a boat that lost its power goes on where it was, in its next boot, with its list, its epoch and what it has done") {
+    auto boat = sailed_for(600s, on_t1());
+    auto clear = command(1, command_kind::waypoint_clear);
+    clear.authority = 4;
+    boat.execute(clear);
+    auto add = command(2, command_kind::waypoint_add);
+    add.authority = 4;
+    add.point = {28.1600, -15.4600};
+    boat.execute(add);
+    auto tack_time = command(3, command_kind::set_parameter);
+    tack_time.authority = 4;
+    tack_time.parameter = parameter_id::time_to_next_tack;
+    tack_time.value = 240;
+    boat.execute(tack_time);
+
+    boat_options again;
+    again.resumed = boat.remember();
+    again.executed.assign(boat.executed().begin(), boat.executed().end());
+    again.epoch = utc_time(1'500'000'000'000ms);
+    auto next = sailed_for(0s, again);
+    CHECK(next.boot() == 42);
+    CHECK(next.authority() == 4);
+    CHECK(next.location_now().latitude_deg == Approx(boat.location_now().latitude_deg).margin(1e-7));
+    CHECK(next.location_now().longitude_deg == Approx(boat.location_now().longitude_deg).margin(1e-7));
+    CHECK(next.location_now().distance_sailed_m == Approx(boat.location_now().distance_sailed_m));
+    REQUIRE(next.pilot().list().size() == 1);
+    CHECK(next.pilot().list()[0].latitude_deg == 28.1600);
+    CHECK(next.pilot().parameter(parameter_id::time_to_next_tack) == 240);
+    CHECK(next.pilot().mode() == sailing_mode::automatic);
+    // A telecommand that it did in its life before is answered, and changes nothing.
+    CHECK(next.execute(clear).code == ack_code::done);
+    CHECK(next.pilot().list().size() == 1);
+    // One under a lower epoch is refused, as before.
+    auto old = command(9, command_kind::waypoint_clear);
+    old.authority = 2;
+    CHECK(next.execute(old).code == ack_code::no_authority);
+}
+
+TEST_CASE("a boat's memory gives back what was put there, and the packets without acknowledgement under new numbers") {
+    auto keeper = database::open("memory:boat-memory", {}).value(); // the file, over the boat's lives
+    auto boat = sailed_for(60s, on_t1());
+    auto ack = boat.execute(command(5, command_kind::ping));
+    std::vector<ise::bytes> packets = boat.take_packets(link_id::xbee);
+    REQUIRE(packets.size() > 4);
+    {
+        auto memory = boat_memory::open("memory:boat-memory").value();
+        CHECK_FALSE(memory.last().value());
+        CHECK(memory.take_unacknowledged().value().empty());
+        memory.keep(boat.remember()).value();
+        memory.add_executed(ack).value();
+        memory.add_executed(ack).value(); // the same one again
+        for (std::uint32_t i = 0; i < 4; ++i) memory.put(i + 1, packets[i]).value();
+        memory.forget(2).value();
+    }
+    for (int life = 0; life < 2; ++life) { // nothing is lost by reading
+        auto memory = boat_memory::open("memory:boat-memory").value();
+        auto last = memory.last().value();
+        REQUIRE(last);
+        CHECK(last->boot == 41);
+        CHECK(last->list.size() == 3);
+        auto executed = memory.executed().value();
+        REQUIRE(executed.size() == 1);
+        CHECK(executed[0].id == 5);
+        CHECK(memory.take_unacknowledged().value() == std::vector<ise::bytes>{packets[2], packets[3]});
+    }
+    auto memory = boat_memory::open("memory:boat-memory").value();
+    memory.forget(1).value(); // under the new numbers
+    CHECK(memory.take_unacknowledged().value() == std::vector<ise::bytes>{packets[3]});
+}
