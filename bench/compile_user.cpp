@@ -2,6 +2,7 @@
 #include <ise/ise.hpp>
 
 #include <chrono>
+#include <memory>
 #include <string>
 
 using namespace std::chrono_literals;
@@ -21,3 +22,6 @@ class console : public ise::component {
 
     bool accepted_ = false;
 };
+
+// So that it is used, and code is made of it.
+std::unique_ptr<ise::component> make_console() { return std::make_unique<console>(); }

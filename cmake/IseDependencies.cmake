@@ -45,6 +45,9 @@ endif()
 if(NOT TARGET nlohmann_json::nlohmann_json)
   find_package(nlohmann_json REQUIRED) # private: only .cpp files see it
 endif()
+if(ISE_WITH_OPENSSL AND NOT TARGET OpenSSL::SSL)
+  find_package(OpenSSL 3.0 REQUIRED) # private too
+endif()
 set(ise_fmt fmt::fmt)
 if(ISE_FMT_HEADER_ONLY)
   set(ise_fmt fmt::fmt-header-only)

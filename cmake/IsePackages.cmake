@@ -21,6 +21,9 @@ string(REGEX MATCH "^([0-9]+\\.[0-9]+)\\.([0-9]+)" _ "${Asio_VERSION}")
 math(EXPR asio_next "${CMAKE_MATCH_2} + 1")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS
   "libasio-dev (>= 1:${Asio_VERSION}), libasio-dev (<< 1:${CMAKE_MATCH_1}.${asio_next}), libcereal-dev, libfmt-dev")
+if(ISE_WITH_OPENSSL)
+  string(APPEND CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS ", libssl-dev")
+endif()
 
 set(CPACK_DEBIAN_TOOLS_PACKAGE_NAME ise-tools)
 set(CPACK_DEBIAN_TOOLS_PACKAGE_SECTION net)

@@ -16,11 +16,15 @@ namespace {
 
 struct common_options {
     std::string name_server;
+    ise::security_options security;
     ise::log_level level = ise::log_level::info;
 };
 
 void add_common(CLI::App& to, common_options& options) {
     to.add_option("--name-server", options.name_server, "its endpoint (default: ISE_NAME_SERVER, else that of this machine)");
+    to.add_option("--key", options.security.key_file, "a file with the key that every node of the system has; who does not prove it is refused (default: ISE_KEY)");
+    to.add_option("--tls", options.security.tls_folder, "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: ISE_TLS)");
+    to.add_flag("--demand-credentials", options.security.demanded, "listen beyond this host with a key or on tls:// only");
     static const std::map<std::string, ise::log_level> levels{
         {"debug", ise::log_level::debug}, {"info", ise::log_level::info}, {"warning", ise::log_level::warning}, {"error", ise::log_level::error}};
     to.add_option("--log-level", options.level, "debug, info, warning, error")->transform(CLI::CheckedTransformer(levels, CLI::ignore_case))->default_str("info");
@@ -30,6 +34,7 @@ ise::node_options node_options_of(const common_options& options) {
     ise::node_options made;
     made.name = "atirma";
     made.log = ise::log_to_stderr(options.level);
+    made.security = options.security;
     if (!options.name_server.empty()) made.name_server = ise::endpoint::parse(options.name_server).value();
     return made;
 }
@@ -98,15 +103,14 @@ int observe(const common_options& common, const atirma::observer_options& option
 } // namespace
 
 int main(int count, char** words) {
+    std::string_view first = count > 1 ? words[1] : "";
+    if (first == "--describe" || first == "host") // for instantiation servers
+        return ise::main(count, words, [] { return atirma::component_types(say); }, ATIRMA_VERSION);
     auto types = atirma::component_types(say);
-    if (count == 2 && std::string_view(words[1]) == "--describe") { // for instantiation servers
-        say(ise::describe_types("atirma", ATIRMA_VERSION, types));
-        return 0;
-    }
     CLI::App app{"The shore side of A-Tirma, and a boat to try it with"};
     app.set_version_flag("--version", "atirma " ATIRMA_VERSION);
     app.require_subcommand(1);
-    bool describe = false; // read above: it stands alone
+    bool describe = false; // read above, as `host`: they stand alone
     app.add_flag("--describe", describe, "tells the types of components and their parameters as JSON, for instantiation servers");
     app.footer("A parameter that is not given is taken from the environment: ISE_PARAMETER_WIND_SPEED for --wind-speed.\n"
                "Exit codes: 0 ended as asked, 1 something failed, 2 wrong arguments.\n"

@@ -3,6 +3,7 @@
 #include <components/boat/services.hpp>
 #include <components/nmea_bridge/nmea_bridge.hpp>
 #include <components/nmea_bridge/services.hpp>
+#include <components/nmea_bridge/signalk.hpp>
 
 #include <fmt/format.h>
 
@@ -44,10 +45,18 @@ ise::component_type nmea_bridge_type(std::function<void(const std::string&)> ann
     set.add("nmea-udp", nmea->udp, "whom NMEA 0183 is sent to: udp://127.0.0.1:10110");
     set.add("signalk-tcp", signalk->tcp, "where Signal K deltas are served; empty: nowhere");
     set.add("signalk-udp", signalk->udp, "whom Signal K deltas are sent to");
+    set.add("vessel-name", options->vessel, "of the boat, for Signal K");
+    set.add("vessel-uuid", options->vessel_uuid,
+            "of the boat, for Signal K: a UUID of version 4; empty: made from its name");
     type.requires_(services::telemetry).provides(services::bridge);
     type.make = [options, nmea, signalk] {
         fill(options->nmea, *nmea);
         fill(options->signalk, *signalk);
+        if (!options->vessel_uuid.empty() && !signalk::is_uuid(options->vessel_uuid))
+            throw ise::error(ise::errc::invalid_argument,
+                             fmt::format("vessel-uuid: {} is no UUID of version 4 in lower case, such as "
+                                         "705f5f1a-efaf-44aa-9cb8-a0fd6305567c",
+                                         options->vessel_uuid));
         return std::make_unique<nmea_bridge>(*options);
     };
     return type;

@@ -98,6 +98,8 @@ component_type web_server_type(std::function<void(const std::string&)> announce)
     set.add("port", options->http.port, "to listen on; 0: any free one");
     set.add("telemetry", options->telemetry, "whose telemetry to show: paths of proxies, or the role atirma/communication");
     set.add("boat-name", options->track.boat, "on the page");
+    set.add("more-boats", options->more_boats, "further boats, each NAME=PATH[,PATH], such as Vela=vela/communication");
+    set.add("archive", options->archive.file, "SQLite file that keeps track and telemetry over a restart; empty: none").kind(parameter_kind::path);
     type.requires_(services::telemetry);
     type.makes<web_server>(options);
     return type;

@@ -1,6 +1,7 @@
 #include "actions.hpp"
 
 #include "theme.hpp"
+#include "units.hpp"
 
 #include <components/gui_client/words.hpp>
 
@@ -24,6 +25,40 @@ bool operator_actions::confirmed(const QString& what, const QString& why) {
     return box.clickedButton() == go;
 }
 
+std::optional<taking> operator_actions::authority_for(const QString& what) {
+    if (!authority_.known || authority_.mine()) return taking::no;
+    QMessageBox box(window_);
+    box.setObjectName("authority");
+    box.setWindowTitle(tr("Who commands?"));
+    box.setIcon(QMessageBox::Question);
+    const auto& holder = authority_.state.holder;
+    auto name = text(operator_label(holder));
+    auto* stay = box.addButton(tr("Cancel"), QMessageBox::RejectRole);
+    box.setEscapeButton(stay);
+    QPushButton *take = nullptr, *ask = nullptr;
+    if (holder.empty()) {
+        box.setText(tr("Nobody commands the boat. Take the command, and tell it: %1?").arg(what));
+        box.setInformativeText(tr("The others at a console see that you have it, until you give it up."));
+        take = box.addButton(tr("Take it and send"), QMessageBox::AcceptRole);
+        box.setDefaultButton(take);
+    } else {
+        box.setText(tr("%1 commands the boat. Nothing was sent: %2").arg(name, what));
+        box.setInformativeText(tr("Ask for the command; or take it, and what %1 does at this moment ends.").arg(name));
+        ask = box.addButton(tr("Ask %1").arg(name), QMessageBox::ActionRole);
+        take = box.addButton(tr("Take it and send"), QMessageBox::DestructiveRole);
+        box.setDefaultButton(stay);
+    }
+    box.exec();
+    if (ask && box.clickedButton() == ask) {
+        change_authority change;
+        change.request.action = authority_action::ask;
+        act(std::move(change));
+        return std::nullopt;
+    }
+    if (box.clickedButton() != take) return std::nullopt;
+    return holder.empty() ? taking::if_free : taking::from_holder;
+}
+
 bool operator_actions::act(action what) {
     if (to_(std::move(what))) return true;
     Q_EMIT said(tr("Nothing was given: the console's connection has ended or is overloaded"));
@@ -35,6 +70,12 @@ bool operator_actions::give(boat_command command) {
     if (auto why = danger(command); !why.empty() && !confirmed(tr("Tell the boat: %1?").arg(what), text(why)))
         return false;
     give_command one;
+    one.confirmed = is_dangerous(command.kind, command.mode); // it was asked for above
+    if (needs_authority(command.kind)) {
+        auto take = authority_for(what);
+        if (!take) return false;
+        one.authority = *take;
+    }
     one.command = command;
     one.via = via_;
     if (!act(std::move(one))) return false;
@@ -65,10 +106,29 @@ bool operator_actions::upload(std::vector<waypoint> points, const std::vector<wa
            "Meanwhile, in Auto, it sails what has arrived.")
             .arg(on_boat.size());
     if (!confirmed(what, why)) return false;
+    auto take = authority_for(tr("the new list of waypoints"));
+    if (!take) return false;
     upload_mission mission;
     mission.points = std::move(points);
     mission.via = via_;
+    mission.authority = *take;
     return act(std::move(mission));
+}
+
+bool operator_actions::sail_there(const waypoint& point) {
+    auto where = place_text(point);
+    if (!confirmed(tr("Sail to %1?").arg(where),
+                   tr("The place becomes the next waypoint; after it the boat goes on with its list, in Auto.")))
+        return false;
+    auto take = authority_for(tr("sail to %1").arg(where));
+    if (!take) return false;
+    sail_to there;
+    there.point = point;
+    there.via = via_;
+    there.authority = *take;
+    if (!act(std::move(there))) return false;
+    Q_EMIT said(tr("Given: sail to %1").arg(where));
+    return true;
 }
 
 } // namespace atirma::console

@@ -4,6 +4,7 @@
 #include <QObject>
 
 #include <functional>
+#include <optional>
 
 class QWidget;
 
@@ -22,7 +23,12 @@ public:
     bool set_mode(sailing_mode mode);
     bool simple(command_kind kind);
     bool upload(std::vector<waypoint> points, const std::vector<waypoint>& on_boat);
+    bool sail_there(const waypoint& point);
     bool act(action what);
+    /// A question that Enter answers with no.
+    bool confirmed(const QString& what, const QString& why);
+    /// Who has the authority now: commands offer to take it first.
+    void know(const authority_view& authority) { authority_ = authority; }
 
     /// The path of a proxy; empty: the console chooses.
     void choose_link(std::string path) { via_ = std::move(path); }
@@ -32,11 +38,13 @@ Q_SIGNALS:
     void said(const QString& text);
 
 private:
-    bool confirmed(const QString& what, const QString& why);
+    /// Asks where this console does not command the boat. Nothing: the operator changed his mind, or asks the holder.
+    std::optional<taking> authority_for(const QString& what);
 
     sink to_;
     QWidget* window_;
     std::string via_;
+    authority_view authority_;
 };
 
 } // namespace atirma::console

@@ -9,7 +9,7 @@
 #include <QPainter>
 #include <QPainterPath>
 
-#include <set>
+#include <map>
 
 // What lies over the chart: scale, legend, pointer, what is measured, and words where there is no boat yet.
 namespace atirma::console {
@@ -23,25 +23,7 @@ void panel(QPainter& to, const QRectF& box) {
     to.drawRoundedRect(box, 7, 7);
 }
 
-QString minutes_text(double degrees, QChar positive, QChar negative) {
-    double all = std::abs(degrees) * 60;
-    auto whole = std::floor(all / 60);
-    return QStringLiteral("%1° %2′ %3")
-        .arg(whole, 0, 'f', 0)
-        .arg(all - whole * 60, 6, 'f', 3, QLatin1Char('0'))
-        .arg(degrees < 0 ? negative : positive);
-}
-
 } // namespace
-
-QString place_text(const waypoint& at) {
-    return minutes_text(at.latitude_deg, 'N', 'S') + "  " + minutes_text(at.longitude_deg, 'E', 'W');
-}
-
-QString distance_text(double metres) {
-    if (metres < 1852) return QStringLiteral("%1 m").arg(metres, 0, 'f', metres < 10 ? 1 : 0);
-    return QStringLiteral("%1 nm").arg(metres / 1852, 0, 'f', 2);
-}
 
 void chart_view::paint_scale(QPainter& to) const {
     const auto& t = colours();
@@ -68,40 +50,61 @@ void chart_view::paint_scale(QPainter& to) const {
                 text(coast_attribution()));
 }
 
+// The links by the colour of their track, and when the boat was heard over each: a lost one shows at once.
 void chart_view::paint_legend(QPainter& to) const {
-    if (!seen_ || seen_->track->empty()) return;
+    if (!seen_) return;
     const auto& t = colours();
-    std::set<link_id> links;
+    struct part {
+        QColor line, age_ink;
+        QString name, age;
+    };
+    std::map<link_id, part> parts;
     bool history = false;
     for (const auto& p : *seen_->track) {
-        links.insert(p.link);
+        parts[p.link].name = text(label(p.link));
         history = history || p.history;
     }
-    to.setFont(font_of(11));
-    QStringList names;
-    double wide = 16;
-    QFontMetricsF metrics(to.font());
-    for (auto link : links) {
-        names << text(label(link));
-        wide += 26 + metrics.horizontalAdvance(names.back()) + 12;
+    for (const auto& link : seen_->links) {
+        if (link.all_links || !link.link) continue;
+        auto& one = parts[*link.link];
+        one.name = text(label(*link.link));
+        one.age = link.last_heard ? text(age_text(age_s(now_, *link.last_heard))) : tr("not heard");
+        auto how = !link.last_heard ? freshness::none
+                                    : judge(age_s(now_, *link.last_heard),
+                                            expected_period_s(value_kind::position, *link.link, seen_->boat.settings));
+        one.age_ink = t.of(how);
     }
-    if (history) wide += 26 + metrics.horizontalAdvance(tr("told later")) + 12;
+    if (parts.empty()) return;
+    for (auto& [link, one] : parts) one.line = t.of(link);
+    to.setFont(font_of(11));
+    QFontMetricsF metrics(to.font());
+    auto later = tr("told later");
+    double wide = 8;
+    for (const auto& [link, one] : parts)
+        wide += 24 + metrics.horizontalAdvance(one.name) + metrics.horizontalAdvance(one.age) + 5 + 14;
+    if (history) wide += 24 + metrics.horizontalAdvance(later) + 12;
     QRectF box(width() - wide - 10, 20, wide, 24);
     panel(to, box);
     double x = box.left() + 10;
-    int i = 0;
-    for (auto link : links) {
-        to.setPen(QPen(t.of(link), 3, Qt::SolidLine, Qt::RoundCap));
-        to.drawLine(QPointF(x, box.center().y()), QPointF(x + 18, box.center().y()));
-        to.setPen(t.ink2);
-        to.drawText(QRectF(x + 25, box.top(), 100, box.height()), Qt::AlignVCenter, names[i]);
-        x += 26 + metrics.horizontalAdvance(names[i++]) + 12;
+    auto say = [&](const QString& words, const QColor& ink) {
+        to.setPen(ink);
+        to.drawText(QRectF(x, box.top(), 200, box.height()), Qt::AlignVCenter, words);
+        x += metrics.horizontalAdvance(words);
+    };
+    for (const auto& [link, one] : parts) {
+        to.setPen(QPen(one.line, 3, Qt::SolidLine, Qt::RoundCap));
+        to.drawLine(QPointF(x, box.center().y()), QPointF(x + 17, box.center().y()));
+        x += 24;
+        say(one.name, t.ink2);
+        x += 5;
+        say(one.age, one.age_ink);
+        x += 14;
     }
     if (!history) return;
     to.setPen(QPen(t.ink3, 2, Qt::DotLine));
-    to.drawLine(QPointF(x, box.center().y()), QPointF(x + 18, box.center().y()));
-    to.setPen(t.ink2);
-    to.drawText(QRectF(x + 25, box.top(), 100, box.height()), Qt::AlignVCenter, tr("told later"));
+    to.drawLine(QPointF(x, box.center().y()), QPointF(x + 17, box.center().y()));
+    x += 24;
+    say(later, t.ink2);
 }
 
 void chart_view::paint_pointer(QPainter& to) const {

@@ -1,6 +1,7 @@
 #pragma once
 #include "chart_projection.hpp"
 #include "mission_draft.hpp"
+#include "units.hpp"
 
 #include <components/gui_client/view.hpp>
 
@@ -35,10 +36,16 @@ public:
     /// All of track and waypoints.
     void fit();
     void zoom(double factor);
+    /// As it was left: no more fitting when the boat is found.
+    void place(const waypoint& centre, double metres_per_pixel);
+    double tail() const noexcept { return tail_s_; }
+    bool placed() const noexcept { return placed_; } ///< on the boat, or where it was left
 
 Q_SIGNALS:
     void follow_changed(bool on);
     void edit_refused(const QString& why);
+    /// The operator wants the boat to go there.
+    void sail_wanted(const waypoint& place);
 
 protected:
     void paintEvent(QPaintEvent*) override;
@@ -51,10 +58,13 @@ protected:
     void keyPressEvent(QKeyEvent*) override;
     void leaveEvent(QEvent*) override;
     void changeEvent(QEvent*) override;
+    void contextMenuEvent(QContextMenuEvent*) override;
 
 private:
-    // chart_view.cpp
+    // chart_input.cpp
     std::optional<std::size_t> waypoint_at(QPointF pixel) const;
+    void insert_at(const waypoint& place);
+    // chart_view.cpp
     std::optional<waypoint> boat_place() const;
     void moved();
     // chart_layers.cpp
@@ -85,10 +95,5 @@ private:
     bool panned_ = false;
     std::vector<waypoint> measured_;
 };
-
-/// A place as people write it: 28° 09.180′ N  15° 26.880′ W.
-QString place_text(const waypoint& at);
-/// 740 m, 1.25 nm.
-QString distance_text(double metres);
 
 } // namespace atirma::console

@@ -2,6 +2,7 @@
 
 #include "boat_panel.hpp"
 #include "chart_view.hpp"
+#include "command_button.hpp"
 #include "instruments.hpp"
 #include "links_panel.hpp"
 #include "lists.hpp"
@@ -48,7 +49,9 @@ QWidget* console_window::make_head() {
     clock_->setToolTip(tr("Coordinated universal time"));
     auto* name = new QLabel(options_.boat_name, head);
     name->setFont(font_of(15, QFont::Bold));
-    for (auto* each : {record_mark_, name, status_, mode_, clock_}) row->addWidget(each);
+    command_ = new command_button(actions_, head);
+    for (QWidget* each : std::initializer_list<QWidget*>{record_mark_, name, status_, mode_, command_, clock_})
+        row->addWidget(each);
     return head;
 }
 

@@ -63,10 +63,11 @@ void console_window::make_menus() {
                                   {tr("10 minutes"), 600.0}}) {
         auto* one = tail->addAction(words);
         one->setCheckable(true);
-        one->setChecked(seconds == 0);
+        one->setChecked(seconds == remembered_.tail_s);
         lengths->addAction(one);
         connect(one, &QAction::triggered, this, [this, s = seconds] { chart_->set_tail(s); });
     }
+    make_units(view);
     view->addSeparator();
     for (int i = 0; i < tabs_->count(); ++i)
         add(view, tabs_->tabText(i), QKeySequence(Qt::Key_F1 + i), [this, i] { tabs_->setCurrentIndex(i); });
@@ -111,8 +112,9 @@ void console_window::make_menus() {
         [this] { actions_.simple(command_kind::waypoint_read_back); });
     add(mission, tr("As on the b&oat"), {}, [this] { draft_.take_over(seen_->mission.points); });
 
-    auto* help = menuBar()->addMenu(tr("&Help"));
+    auto* help = menuBar()->addMenu(tr("&Alarms and help"));
     add(help, tr("Acknowledge &all alarms"), QKeySequence("Ctrl+K"), [this] { actions_.act(acknowledge_alarm()); });
+    add(help, tr("Alarm &limits…"), QKeySequence("Ctrl+L"), [this] { edit_limits(); });
     add(help, tr("&Keys and mouse"), QKeySequence("Shift+F1"), [this] {
         QMessageBox::information(
             this, tr("Keys and mouse"),
@@ -123,10 +125,37 @@ void console_window::make_menus() {
                "<tr><td>Ctrl+U · Ctrl+B</td><td>upload · read back</td></tr>"
                "<tr><td>Ctrl+1 … 5</td><td>Auto, Hold, Station, Return, Manual</td></tr>"
                "<tr><td>Ctrl+T · Ctrl+G · Ctrl+P</td><td>tack · gybe · ping</td></tr>"
-               "<tr><td>Ctrl+K</td><td>acknowledge all alarms</td></tr>"
+               "<tr><td>right click, menu key</td><td>sail here, measure, add a waypoint</td></tr>"
+               "<tr><td>Ctrl+K · Ctrl+L</td><td>acknowledge all alarms · alarm limits</td></tr>"
                "<tr><td>F1 … F7</td><td>the lists at the right</td></tr>"
                "<tr><td>Ctrl+N · F11</td><td>night colours · full screen</td></tr></table>"));
     });
+}
+
+void console_window::make_units(QMenu* to) {
+    auto* below = to->addMenu(tr("&Units"));
+    auto choices = [&](auto field, auto... each) {
+        auto* group = new QActionGroup(this);
+        auto one = [&](const QString& words, auto value) {
+            auto* made = below->addAction(words);
+            made->setCheckable(true);
+            made->setChecked(remembered_.shown.*field == value);
+            group->addAction(made);
+            connect(made, &QAction::triggered, this, [this, field, value] {
+                auto chosen = shown_units();
+                chosen.*field = value;
+                set_units(chosen);
+            });
+        };
+        (one(each.first, each.second), ...);
+        below->addSeparator();
+    };
+    choices(&units::speed, std::pair(tr("Speed in knots"), speed_unit::knots),
+            std::pair(tr("Speed in m/s"), speed_unit::metres), std::pair(tr("Speed in km/h"), speed_unit::kilometres));
+    choices(&units::distance, std::pair(tr("Distance in nautical miles"), distance_unit::nautical),
+            std::pair(tr("Distance in kilometres"), distance_unit::metric));
+    choices(&units::place, std::pair(tr("Places in degrees and minutes"), place_format::minutes),
+            std::pair(tr("Places in decimal degrees"), place_format::decimal));
 }
 
 } // namespace atirma::console

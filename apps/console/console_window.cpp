@@ -2,6 +2,7 @@
 
 #include "boat_panel.hpp"
 #include "chart_view.hpp"
+#include "command_button.hpp"
 #include "helm_bar.hpp"
 #include "instruments.hpp"
 #include "links_panel.hpp"
@@ -27,6 +28,11 @@ console_window::console_window(operator_actions::sink act, window_options option
     : options_(std::move(options)),
       actions_(std::move(act), this) {
     setWindowTitle(tr("%1 console").arg(options_.boat_name));
+    settings_ = settings_file(options_.settings);
+    QString trouble;
+    remembered_ = settings_.load(trouble);
+    options_.night = options_.night || remembered_.night.value_or(false);
+    use_units(remembered_.shown);
     use_theme(options_.night);
     chart_ = new chart_view(draft_, this);
     instruments_ = new instrument_panel(this);
@@ -36,7 +42,7 @@ console_window::console_window(operator_actions::sink act, window_options option
     column->setContentsMargins(8, 6, 8, 7);
     column->setSpacing(6);
     column->addWidget(make_alarm_strip());
-    auto* split = new QSplitter(Qt::Horizontal, middle);
+    auto* split = split_ = new QSplitter(Qt::Horizontal, middle);
     split->setHandleWidth(8);
     split->addWidget(chart_);
     split->addWidget(make_side());
@@ -56,12 +62,18 @@ console_window::console_window(operator_actions::sink act, window_options option
             [this](const QString& words) { statusBar()->setVisible(!words.isEmpty()); });
     connect(&actions_, &operator_actions::said, this, &console_window::say);
     connect(chart_, &chart_view::edit_refused, this, &console_window::say);
+    connect(chart_, &chart_view::sail_wanted, &actions_, &operator_actions::sail_there);
     connect(chart_, &chart_view::follow_changed, follow_, &QAction::setChecked);
     connect(mission_, &mission_panel::edit_wanted, edit_, &QAction::setChecked);
     auto* ticking = new QTimer(this); // ages grow, also when nothing comes
     connect(ticking, &QTimer::timeout, this, &console_window::refresh);
     ticking->start(1000);
+    auto* keeping = new QTimer(this);
+    connect(keeping, &QTimer::timeout, this, &console_window::keep);
+    keeping->start(3000);
+    recall();
     show_snapshot(operator_port().latest());
+    if (!trouble.isEmpty()) say(trouble);
 }
 
 console_window::~console_window() {
@@ -92,6 +104,10 @@ utc_time console_window::now() const {
 
 void console_window::show_snapshot(std::shared_ptr<const snapshot> seen) {
     seen_ = std::move(seen);
+    if (seen_->number > 0 && !told_component_) // it runs: it learns what was kept
+        told_component_ =
+            (remembered_.acknowledged.empty() || actions_.act(remember_alarms{remembered_.acknowledged})) &&
+            (remembered_.limits == alarm_limits() || actions_.act(set_limits{remembered_.limits}));
     if (auto trouble = recorder_.take(*seen_); !trouble.isEmpty()) {
         record_->setChecked(false);
         say(trouble);
@@ -102,6 +118,8 @@ void console_window::show_snapshot(std::shared_ptr<const snapshot> seen) {
 void console_window::refresh() {
     if (!seen_) return;
     auto at = now();
+    actions_.know(seen_->authority);
+    command_->show_snapshot(*seen_);
     chart_->show_snapshot(seen_, at);
     instruments_->show_boat(seen_->boat, at);
     helm_->show_snapshot(*seen_, at);

@@ -2,6 +2,7 @@
 #include "actions.hpp"
 #include "mission_draft.hpp"
 #include "recorder.hpp"
+#include "settings.hpp"
 
 #include <components/gui_client/operator_port.hpp>
 
@@ -10,11 +11,14 @@
 #include <atomic>
 #include <functional>
 #include <memory>
+#include <optional>
 
 class QAction;
 class QFrame;
 class QLabel;
+class QMenu;
 class QPushButton;
+class QSplitter;
 class QTabWidget;
 
 namespace atirma::console {
@@ -22,6 +26,7 @@ namespace atirma::console {
 class alarm_list;
 class boat_panel;
 class chart_view;
+class command_button;
 class command_list;
 class helm_bar;
 class instrument_panel;
@@ -33,6 +38,7 @@ class present_list;
 struct window_options {
     bool night = false;
     QString boat_name = "A-Tirma";
+    QString settings;                ///< the file that keeps the window, units, limits…; empty: nothing is kept
     std::function<utc_time()> clock; ///< civil time; empty: this machine's
 };
 
@@ -55,8 +61,14 @@ public:
     chart_view& chart() noexcept { return *chart_; }
     mission_draft& draft() noexcept { return draft_; }
 
+    /// Whether the settings know where it stood.
+    bool was_here() const noexcept { return !remembered_.geometry.isEmpty(); }
+    /// What is kept over a start, as it is now.
+    console_memory memory() const;
+
 protected:
     void resizeEvent(QResizeEvent*) override;
+    void closeEvent(QCloseEvent*) override;
 
 private:
     QWidget* make_head();
@@ -64,6 +76,12 @@ private:
     QWidget* make_side();
     void make_chart_tools();
     void make_menus();
+    void make_units(QMenu* to);
+    // console_memory.cpp
+    void recall();
+    void keep();
+    void set_units(const units& chosen);
+    void edit_limits();
     QAction* add(QMenu* to, const QString& words, const QKeySequence& key, std::function<void()> act);
     void refresh();
     void show_head(utc_time now);
@@ -79,7 +97,13 @@ private:
     std::shared_ptr<operator_port> port_;
     std::atomic<bool> news_posted_{false};
     std::shared_ptr<const snapshot> seen_;
+    settings_file settings_{QString()};
+    console_memory remembered_; ///< what is not looked up in a widget
+    bool told_component_ = false, settings_failed_ = false;
+    utc_time began_{};
+    QSplitter* split_;
     chart_view* chart_;
+    command_button* command_;
     instrument_panel* instruments_;
     helm_bar* helm_;
     mission_panel* mission_;

@@ -68,7 +68,7 @@ void helm_bar::show_snapshot(const snapshot& seen, utc_time now) {
     bool known = freshness_of(sailing, value_kind::sailing, seen.boat, now) != freshness::none;
     for (auto& [mode, button] : modes_) button->setChecked(known && sailing->value.mode == mode);
     for (const auto& link : seen.links) {
-        if (!link.takes_commands) continue;
+        if (!link.takes_commands || link.all_links) continue;
         auto name = text(label(link));
         if (int at = link_->findData(text(link.path)); at < 0) link_->addItem(name, text(link.path));
         else link_->setItemText(at, name);

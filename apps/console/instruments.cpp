@@ -2,6 +2,7 @@
 
 #include "chart_view.hpp"
 #include "theme.hpp"
+#include "units.hpp"
 
 #include <components/gui_client/track_store.hpp>
 
@@ -11,7 +12,10 @@
 namespace atirma::console {
 namespace {
 
-QString whole(double value) { return QString::number(value, 'f', 0); }
+/// Without a minus before zero.
+QString whole(double value) {
+    return QString::number(std::round(value) + 0.0, 'f', 0).replace('-', QChar(0x2212));
+}
 QString degrees(double value) {
     return QStringLiteral("%1").arg(std::fmod(std::round(value) + 360, 360), 3, 'f', 0, QLatin1Char('0'));
 }
@@ -126,7 +130,7 @@ void actuator_gauge::paintEvent(QPaintEvent*) {
             QPolygonF({{wanted, bar.top() - 1}, {wanted - 4.5, bar.top() - 8}, {wanted + 4.5, bar.top() - 8}}));
         to.setFont(font_of(11, QFont::DemiBold));
         to.setPen(t.ink_of(how_));
-        auto words = QStringLiteral("%1° → %2°").arg(actual_, 0, 'f', 0).arg(commanded_, 0, 'f', 0);
+        auto words = QStringLiteral("%1° → %2°").arg(whole(actual_), whole(commanded_));
         to.drawText(QRectF(9, 4, box.width() - 18, 15), Qt::AlignRight | Qt::AlignVCenter, words);
     }
     to.setPen(QPen(t.ink3, 1));
@@ -193,16 +197,14 @@ void instrument_panel::show_boat(const boat_view& boat, utc_time now) {
            nav_age = boat.sailing ? age_s(now, boat.sailing->measured_at) : 0;
     location fix = boat.position ? boat.position->value : location();
     navigation nav = boat.sailing ? boat.sailing->value : navigation();
-    sog_->show_value(QString::number(static_cast<double>(fix.speed_over_ground_mps) * 3600 / 1852, 'f', 1), tr("kn"),
+    sog_->show_value(QString::number(speed_value(static_cast<double>(fix.speed_over_ground_mps)), 'f', 1), speed_name(),
                      fix_how, fix_age);
     cog_->show_value(degrees(static_cast<double>(fix.course_over_ground_deg)), "°", fix_how, fix_age);
     heading_->show_value(degrees(static_cast<double>(nav.heading_deg)), "°", nav_how, nav_age);
     heel_->show_value(whole(static_cast<double>(nav.heel_deg)), "°", nav_how, nav_age);
     auto way_how = nav.waypoint_count > 0 ? nav_how : freshness::none;
-    auto far = static_cast<double>(nav.distance_to_waypoint_m);
-    bool miles = far >= 5000;
-    dtw_->show_value(miles ? QString::number(far / 1852, 'f', 2) : whole(far), miles ? tr("nm") : tr("m"), way_how,
-                     nav_age);
+    auto [far, far_unit] = distance_parts(static_cast<double>(nav.distance_to_waypoint_m));
+    dtw_->show_value(far, far_unit, way_how, nav_age);
     btw_->show_value(degrees(static_cast<double>(nav.bearing_to_waypoint_deg)), "°", way_how, nav_age);
     auto off = static_cast<double>(nav.cross_track_error_m);
     xte_->show_value(whole(std::abs(off)), off > 0.5 ? tr("m R") : off < -0.5 ? tr("m L") : tr("m"), way_how, nav_age);
@@ -212,7 +214,10 @@ void instrument_panel::show_boat(const boat_view& boat, utc_time now) {
                      left ? std::max(way_how, fix_how) : freshness::none, std::max(fix_age, nav_age));
     wind breeze = boat.breeze ? boat.breeze->value : wind();
     wind_->show_value(degrees(static_cast<double>(breeze.true_direction_deg)) + "°",
-                      QStringLiteral("%1 kn").arg(static_cast<double>(breeze.true_speed_mps) * 3600 / 1852, 0, 'f', 0),
+                      QStringLiteral("%1 %2")
+                          .arg(speed_value(static_cast<double>(breeze.true_speed_mps)), 0, 'f',
+                               shown_units().speed == speed_unit::metres ? 1 : 0)
+                          .arg(speed_name()),
                       wind_how, boat.breeze ? age_s(now, boat.breeze->measured_at) : 0);
     power supply = boat.supply ? boat.supply->value : power();
     battery_->show_value(QStringLiteral("%1").arg(supply.battery_percent),

@@ -13,6 +13,8 @@
 #include <QProgressBar>
 #include <QScrollArea>
 
+#include <algorithm>
+
 namespace atirma::console {
 namespace {
 
@@ -127,7 +129,10 @@ void link_card::show_link(const link_view& link, const boat_view& boat, utc_time
     const auto& t = colours();
     head_->setText(QStringLiteral("<span style='color:%1'>▬</span> %2")
                        .arg((link.link ? t.of(*link.link) : t.link_other).name(), text(label(link)).toHtmlEscaped()));
-    auto trouble = !link.trouble.empty() ? link.trouble : link.xbee ? link.xbee->trouble : std::string();
+    auto trouble = !link.trouble.empty() ? link.trouble
+                   : link.xbee           ? link.xbee->trouble
+                   : link.account        ? link.account->trouble
+                                         : std::string();
     auto how = freshness::none;
     if (link.last_heard)
         how = judge(age_s(now, *link.last_heard),
@@ -156,7 +161,18 @@ void link_card::show_link(const link_view& link, const boat_view& boat, utc_time
     packets_->setText(QStringLiteral("%1 (%2)").arg(link.packets).arg(link.duplicates));
     lost_->setText(QStringLiteral("%1, %2").arg(link.lost).arg(link.malformed));
     queue_->setText(there ? QStringLiteral("%1 (%2)").arg(there->value.queued).arg(there->value.dropped) : "–");
-    traffic_->setText(bytes_text(link.bytes) + (link.credits ? tr(" · %1 credits").arg(link.credits) : QString()));
+    auto cost = link.credits ? tr(" · %1 credits").arg(link.credits) : QString();
+    if (link.account) {
+        const auto& a = *link.account;
+        cost = tr(" · %1 credits").arg(a.today.mo_credits + a.today.mt_credits);
+        traffic_->setToolTip(tr("Credits: today %1 from the boat and %2 to it, this month %3; budget for telecommands "
+                                "today: %4")
+                                 .arg(a.today.mo_credits)
+                                 .arg(a.today.mt_credits)
+                                 .arg(a.this_month.mo_credits + a.this_month.mt_credits)
+                                 .arg(a.daily_budget ? QString::number(*a.daily_budget) : tr("no limit")));
+    }
+    traffic_->setText(bytes_text(link.bytes) + cost);
     boat_side_->setText(there ? QStringLiteral("%1, %2").arg(there->value.sent).arg(there->value.failed) : "–");
     commands_->setText(QString::number(link.open_commands));
     modem_->setVisible(link.xbee.has_value());
@@ -208,13 +224,25 @@ links_panel::links_panel(operator_actions& actions, QWidget* parent) : QWidget(p
 }
 
 void links_panel::show_snapshot(const snapshot& seen, utc_time now) {
-    empty_->setVisible(seen.links.empty());
-    for (const auto& link : seen.links) {
+    empty_->setVisible(seen.links.empty() && seen.nodes.empty());
+    for (const auto& node : seen.nodes) {
+        auto& card = nodes_[node.path];
+        if (!card) column_->insertWidget(column_->count() - 1, card = new node_card(node.path, this));
+        card->show_node(node, now);
+    }
+    std::vector<const link_view*> links;
+    for (const auto& link : seen.links)
+        if (!link.all_links) links.push_back(&link);
+    std::ranges::stable_sort(links, {}, [](const auto* of) { return of->link ? static_cast<int>(*of->link) : 100; });
+    int place = 1; // below the words where there is none
+    for (const auto* each : links) {
+        const auto& link = *each;
         auto& card = cards_[link.path];
         if (!card) {
             card = new link_card(link.path, actions_, this);
-            column_->insertWidget(column_->count() - 1, card);
+            column_->insertWidget(place, card);
         }
+        ++place;
         card->show_link(link, seen.boat, now);
     }
 }

@@ -40,6 +40,17 @@ private:
     QComboBox* power_;
 };
 
+/// A communication node: whether it keeps what comes, and who backs it.
+class node_card : public QFrame {
+    Q_OBJECT
+public:
+    explicit node_card(const std::string& path, QWidget* parent = nullptr);
+    void show_node(const node_view& node, utc_time now);
+
+private:
+    QLabel *state_, *words_;
+};
+
 class links_panel : public QWidget {
     Q_OBJECT
 public:
@@ -51,6 +62,7 @@ private:
     QVBoxLayout* column_;
     QLabel* empty_;
     std::map<std::string, link_card*> cards_;
+    std::map<std::string, node_card*> nodes_;
 };
 
 } // namespace atirma::console

@@ -1,58 +1,19 @@
 #include "lists.hpp"
 
+#include "tables.hpp"
 #include "theme.hpp"
 
 #include <components/gui_client/freshness.hpp>
-#include <components/gui_client/track_store.hpp>
 #include <components/gui_client/words.hpp>
 
 #include <QHeaderView>
 #include <QLabel>
-#include <QPlainTextEdit>
 #include <QPushButton>
-#include <QScrollBar>
-#include <QSplitter>
 #include <QTableWidget>
 #include <QVBoxLayout>
 
 namespace atirma::console {
 namespace {
-
-QTableWidget* make_table(const QStringList& heads, const QString& name, QWidget* parent) {
-    auto* made = new QTableWidget(0, static_cast<int>(heads.size()), parent);
-    made->setObjectName(name);
-    made->setHorizontalHeaderLabels(heads);
-    made->horizontalHeader()->setStretchLastSection(true);
-    made->horizontalHeader()->setDefaultAlignment(Qt::AlignLeft | Qt::AlignVCenter);
-    made->verticalHeader()->hide();
-    made->verticalHeader()->setDefaultSectionSize(24);
-    made->setShowGrid(false);
-    made->setAlternatingRowColors(true);
-    made->setEditTriggers(QAbstractItemView::NoEditTriggers);
-    made->setSelectionBehavior(QAbstractItemView::SelectRows);
-    made->setSelectionMode(QAbstractItemView::SingleSelection);
-    made->setWordWrap(false);
-    made->setHorizontalScrollBarPolicy(Qt::ScrollBarAlwaysOff); // what is cut off is told by the tip
-    return made;
-}
-
-void set_cell(QTableWidget* table, int row, int column, const QString& words, const QColor& ink,
-              const QString& tip = QString()) {
-    auto* item = table->item(row, column);
-    if (!item) table->setItem(row, column, item = new QTableWidgetItem);
-    item->setText(words);
-    item->setForeground(ink);
-    item->setToolTip(tip.isEmpty() ? words : tip);
-}
-
-QString clock_of(utc_time at) { return text(iso_time(at).substr(11, 8)); }
-
-QVBoxLayout* column_of(QWidget* of) {
-    auto* made = new QVBoxLayout(of);
-    made->setContentsMargins(0, 2, 0, 0);
-    made->setSpacing(5);
-    return made;
-}
 
 QColor colour_of(command_phase phase) {
     const auto& t = colours();
@@ -88,74 +49,13 @@ void command_list::show_snapshot(const snapshot& seen, utc_time) {
         set_cell(table_, row, 0, clock_of(it->asked_at), t.ink3, tip);
         set_cell(table_, row, 1, text(it->what), t.ink);
         set_cell(table_, row, 2, "● " + text(std::string(name_of(it->phase))), colour_of(it->phase), tip);
-        set_cell(table_, row, 3, it->own ? tr("here") : tr("other"), it->own ? t.ink2 : t.accent,
-                 it->own ? tr("given at this console") : tr("given elsewhere"));
+        auto who = it->asked_by.empty() ? tr("other") : text(operator_label(it->asked_by));
+        set_cell(table_, row, 3, it->own ? tr("here") : who, it->own ? t.ink2 : t.accent,
+                 it->own ? tr("given at this console") : tr("given elsewhere: %1").arg(text(it->asked_by)));
         set_cell(table_, row, 4, it->link ? text(label(*it->link)) : QStringLiteral("–"),
                  it->link ? t.of(*it->link) : t.ink3, text(it->path));
         set_cell(table_, row, 5, text(it->text), t.ink2);
     }
-}
-
-packet_list::packet_list(QWidget* parent) : QWidget(parent) {
-    table_ = make_table({tr("UTC"), tr("Kind"), tr("Link"), tr("Boot:seq"), tr("Bytes")}, "packet_table", this);
-    table_->setColumnWidth(0, 70);
-    table_->setColumnWidth(1, 110);
-    table_->setColumnWidth(2, 56);
-    table_->setColumnWidth(3, 96);
-    details_ = new QPlainTextEdit(this);
-    details_->setObjectName("packet_details");
-    details_->setReadOnly(true);
-    details_->setLineWrapMode(QPlainTextEdit::NoWrap);
-    details_->setPlaceholderText(tr("Choose a packet to see its fields and bytes"));
-    QFont fixed("DejaVu Sans Mono");
-    fixed.setPixelSize(10);
-    fixed.setStyleHint(QFont::Monospace);
-    details_->setFont(fixed);
-    details_->setStyleSheet("font-family: 'DejaVu Sans Mono', monospace; font-size: 10px;");
-    auto* split = new QSplitter(Qt::Vertical, this);
-    split->addWidget(table_);
-    split->addWidget(details_);
-    split->setStretchFactor(0, 3);
-    split->setStretchFactor(1, 4);
-    column_of(this)->addWidget(split);
-    connect(table_, &QTableWidget::itemSelectionChanged, this, &packet_list::inspect);
-}
-
-void packet_list::show_snapshot(const snapshot& seen) {
-    if (shown_ == seen.packets || !isVisible()) return;
-    shown_ = seen.packets;
-    const auto& t = colours();
-    QSignalBlocker quiet(table_);
-    table_->setRowCount(static_cast<int>(shown_->size()));
-    int row = 0, chosen_row = -1;
-    for (auto it = shown_->rbegin(); it != shown_->rend(); ++it, ++row) {
-        const auto& one = **it;
-        auto message = parse_telemetry(one.packet.raw);
-        auto kind = message ? text(std::string(name_of(message->body))).replace('_', ' ') : tr("malformed");
-        if (one.packet.history) kind += tr(" (history)");
-        if (one.duplicate) kind += tr(" (again)");
-        set_cell(table_, row, 0, clock_of(one.arrived_at), t.ink3);
-        set_cell(table_, row, 1, kind, !message ? t.bad : one.duplicate ? t.ink3 : t.ink);
-        set_cell(table_, row, 2, text(label(one.packet.link)), t.of(one.packet.link), text(one.path));
-        set_cell(table_, row, 3, QStringLiteral("%1:%2").arg(one.packet.boot).arg(one.packet.sequence), t.ink2);
-        set_cell(table_, row, 4, QString::number(one.packet.raw.size()), t.ink2);
-        if (one.number == chosen_) chosen_row = row;
-    }
-    if (chosen_row >= 0) table_->selectRow(chosen_row);
-    else table_->clearSelection();
-}
-
-void packet_list::inspect() {
-    auto rows = table_->selectionModel()->selectedRows();
-    if (rows.isEmpty() || !shown_) return;
-    auto place = static_cast<std::size_t>(rows.front().row());
-    if (place >= shown_->size()) return;
-    const auto& one = *(*shown_)[shown_->size() - 1 - place];
-    chosen_ = one.number;
-    auto told = describe(one.packet);
-    QString all = text(told.kind) + tr("   by %1\n\n").arg(text(one.path));
-    for (const auto& field : told.fields) all += text(field.name).leftJustified(24) + text(field.value) + '\n';
-    details_->setPlainText(all + '\n' + text(hex_dump(one.packet.raw)));
 }
 
 present_list::present_list(QWidget* parent) : QWidget(parent) {
@@ -166,10 +66,10 @@ present_list::present_list(QWidget* parent) : QWidget(parent) {
     column->addWidget(head_);
     table_ =
         make_table({tr("Component"), tr("State"), tr("Host"), tr("Process"), tr("Seen for")}, "present_table", this);
-    table_->setColumnWidth(0, 164);
-    table_->setColumnWidth(1, 74);
-    table_->setColumnWidth(2, 78);
-    table_->setColumnWidth(3, 64);
+    table_->setColumnWidth(0, 206);
+    table_->setColumnWidth(1, 72);
+    table_->setColumnWidth(2, 62);
+    table_->setColumnWidth(3, 58);
     column->addWidget(table_, 1);
 }
 
@@ -189,7 +89,9 @@ void present_list::show_snapshot(const snapshot& seen, utc_time now) {
     table_->setRowCount(static_cast<int>(seen.present->size()));
     int row = 0;
     for (const auto& one : *seen.present) {
-        auto name = text(one.path) + (one.self ? tr("  (this one)") : QString());
+        bool commands = seen.authority.known && one.path == seen.authority.state.holder;
+        auto name = text(one.path) + (one.self ? tr("  (this one)") : QString()) +
+                    (commands ? tr("  ⚑ commands") : QString());
         set_cell(table_, row, 0, name, one.console ? t.accent : t.ink,
                  text(one.path + (one.type.empty() ? "" : "\n" + one.type)));
         set_cell(table_, row, 1, "● " + text(one.state), one.state == "ready" ? t.good : t.warn);

@@ -15,11 +15,16 @@
 #include <cstdio>
 #include <cstdlib>
 
+// g++ 12 takes alternatives that an action does not hold for uninitialised.
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
+#endif
+
 namespace {
 
 struct arguments {
-    std::string name_server, space = "atirma", operator_name, boat = "A-Tirma", screenshot, size = "1280x800",
-                             tab = "mission";
+    std::string name_server, space = "atirma", operator_name, boat = "A-Tirma", screenshot, size,
+                             tab, settings;
     std::vector<std::string> proxies;
     bool night = false;
     double after_s = 10;
@@ -51,7 +56,7 @@ std::optional<QSize> size_of(const std::string& words) {
 }
 
 int run(const arguments& given, int count, char** words) {
-    auto size = size_of(given.size);
+    auto size = given.size.empty() ? std::nullopt : size_of(given.size);
     bool pictures = !given.screenshot.empty();
     if (pictures && variable("QT_QPA_PLATFORM").empty()) qputenv("QT_QPA_PLATFORM", "offscreen");
     if (variable("QT_QPA_PLATFORM").empty() && variable("DISPLAY").empty() && variable("WAYLAND_DISPLAY").empty()) {
@@ -89,19 +94,23 @@ int run(const arguments& given, int count, char** words) {
     atirma::console::window_options look;
     look.night = given.night;
     look.boat_name = QString::fromStdString(given.boat);
+    if (given.settings != "none" && !(pictures && given.settings.empty())) // a picture is of nobody's desk
+        look.settings = given.settings.empty() ? atirma::console::settings_file::usual()
+                                               : QString::fromStdString(given.settings);
     int code = 0;
     {
         atirma::console::console_window window(
             [port](atirma::console::action what) { return port->act(std::move(what)); }, look);
-        window.resize(*size);
-        window.show_tab(QString::fromStdString(given.tab));
+        if (size) window.resize(*size);
+        else if (!window.was_here()) window.resize(1280, 800);
+        if (!given.tab.empty()) window.show_tab(QString::fromStdString(given.tab));
         window.attach(port);
         window.show();
         for (int sign : {SIGINT, SIGTERM}) std::signal(sign, [](int) { asked_to_end = 1; });
         QTimer watching;
         bool told = false;
         QObject::connect(&watching, &QTimer::timeout, &window, [&] {
-            if (asked_to_end) QApplication::quit();
+            if (asked_to_end) QApplication::quit(); // closes the window first, which keeps its settings
             if (told || !node.all_stopped()) return;
             told = true;
             for (const auto& report : node.reports())
@@ -137,9 +146,12 @@ int main(int count, char** words) {
     app.add_option("--name", given.operator_name, "yours, for the other operators (default: the user's)");
     app.add_option("--boat-name", given.boat, "on the window")->capture_default_str();
     app.add_flag("--night", given.night, "begin with the colours for the night");
-    app.add_option("--size", given.size, "of the window")->capture_default_str();
+    app.add_option("--size", given.size, "of the window (default: as it was left, else 1280x800)");
     app.add_option("--tab", given.tab, "shown first: mission, links, boat, log, alarms, packets, who")
-        ->check(CLI::IsMember({"mission", "links", "boat", "log", "alarms", "packets", "who"}))->capture_default_str();
+        ->check(CLI::IsMember({"mission", "links", "boat", "log", "alarms", "packets", "who"}));
+    app.add_option("--settings", given.settings,
+                   "the file that keeps window, units, alarm limits and the list that is edited, or none "
+                   "(default: atirma/console.ini where this user's programs keep such things)");
     app.add_option("--screenshot", given.screenshot,
                    "write a picture of the window to this file (PNG), then end; needs no display");
     app.add_option("--after", given.after_s, "seconds until the picture")
@@ -166,7 +178,7 @@ int main(int count, char** words) {
         complain(why.what());
         return 2;
     }
-    if (!size_of(given.size)) {
+    if (!given.size.empty() && !size_of(given.size)) {
         complain("--size is like 1280x800, at least 640x400");
         return 2;
     }

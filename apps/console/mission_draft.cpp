@@ -81,6 +81,13 @@ void mission_draft::follow(const std::vector<waypoint>& on_boat) {
     Q_EMIT changed();
 }
 
+void mission_draft::restore(std::vector<waypoint> points) {
+    if (points.size() > most) points.resize(most);
+    points_ = std::move(points);
+    selected_ = -1;
+    touched();
+}
+
 void mission_draft::take_over(const std::vector<waypoint>& on_boat) {
     if (points_ != on_boat) remember();
     points_ = on_boat;

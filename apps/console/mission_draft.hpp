@@ -33,6 +33,8 @@ public:
     void select(int index);
     /// The boat's list: taken over unless it is edited here.
     void follow(const std::vector<waypoint>& on_boat);
+    /// What was edited before the console was started again.
+    void restore(std::vector<waypoint> points);
     /// Forgets what was edited.
     void take_over(const std::vector<waypoint>& on_boat);
 

@@ -1,6 +1,7 @@
 #include "instruments.hpp"
 
 #include "theme.hpp"
+#include "units.hpp"
 
 #include <QPainter>
 #include <QPainterPath>
@@ -156,12 +157,12 @@ void wind_dial::paint_middle(QPainter& to, double radius) const {
     to.restore();
     if (!boat_.breeze || wind_how_ == freshness::none) return;
     to.setFont(font_of(10, QFont::DemiBold));
-    auto knots = [](float mps) { return QString::number(static_cast<double>(mps) * 3600 / 1852, 'f', 0); };
+    auto speed = [](float mps) { return QString::number(speed_value(static_cast<double>(mps)), 'f', 0); };
     QRectF left(-radius * 0.86, radius * 0.1, radius * 0.6, 16), right(radius * 0.26, radius * 0.1, radius * 0.6, 16);
     to.setPen(t.true_wind);
-    to.drawText(left, Qt::AlignCenter, "T " + knots(boat_.breeze->value.true_speed_mps));
+    to.drawText(left, Qt::AlignCenter, "T " + speed(boat_.breeze->value.true_speed_mps));
     to.setPen(t.apparent_wind);
-    to.drawText(right, Qt::AlignCenter, "A " + knots(boat_.breeze->value.apparent_speed_mps));
+    to.drawText(right, Qt::AlignCenter, "A " + speed(boat_.breeze->value.apparent_speed_mps));
 }
 
 } // namespace atirma::console

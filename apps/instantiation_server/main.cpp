@@ -26,7 +26,8 @@ struct settings {
     std::string state;
     std::string name;
     std::string name_server;
-    std::vector<std::string> listen, addresses, paths;
+    std::vector<std::string> listen, advertise, addresses, paths;
+    ise::security_options security;
     std::string log_level = "info";
     std::size_t instances = 64;
     double grace_s = 5;
@@ -66,6 +67,18 @@ std::vector<std::pair<std::string, std::string>> variables_for_components() {
     return kept;
 }
 
+// What is started has the same credentials, wherever it runs.
+ise::security_options security_of(ise::security_options given, ise::environment& env) {
+    auto whole = [&](std::string& path, const char* variable) {
+        if (path.empty()) path = env.variable(variable).value_or("");
+        if (!path.empty()) path = absolute(path);
+    };
+    whole(given.key_file, "ISE_KEY");
+    whole(given.tls_folder, "ISE_TLS");
+    given.demanded = true; // whoever reaches it can start programs
+    return given;
+}
+
 int run(const settings& wanted) {
     ise::real_environment env;
     auto name = wanted.name.empty() ? env.identity().host_name : wanted.name;
@@ -73,10 +86,9 @@ int run(const settings& wanted) {
 
     ise::component_options where;
     for (const auto& text : wanted.listen) {
-        auto at = endpoint_of("--listen", text);
-        ise::instantiation::may_listen(at).value();
-        where.listen.push_back(std::move(at));
+        where.listen.push_back(endpoint_of("--listen", text));
     }
+    for (const auto& text : wanted.advertise) where.advertise.push_back(endpoint_of("--advertise", text));
     where.policy = ise::on_failure::stop_node;
 
     ise::instantiation::server_options options;
@@ -87,6 +99,10 @@ int run(const settings& wanted) {
     if (!wanted.name_server.empty()) options.name_server = endpoint_of("--name-server", wanted.name_server);
     else if (auto told = env.variable("ISE_NAME_SERVER")) options.name_server = endpoint_of("ISE_NAME_SERVER", *told);
     options.variables = variables_for_components();
+    auto security = security_of(wanted.security, env);
+    for (const auto& at : where.listen) ise::instantiation::may_listen(at, ise::security::load(env, security).value()).value();
+    if (!security.key_file.empty()) options.variables.emplace_back("ISE_KEY", security.key_file);
+    if (!security.tls_folder.empty()) options.variables.emplace_back("ISE_TLS", security.tls_folder);
     options.max_instances = wanted.instances;
     options.rules.listen_addresses.insert(options.rules.listen_addresses.end(), wanted.addresses.begin(), wanted.addresses.end());
     options.rules.path_folders = wanted.paths;
@@ -100,6 +116,7 @@ int run(const settings& wanted) {
     ise::node_options node_options;
     node_options.name = "instantiation_server";
     node_options.name_server = options.name_server;
+    node_options.security = std::move(security);
     node_options.log = ise::log_to_stderr(level_of(wanted.log_level));
     ise::node node(env, std::move(node_options));
     node.start<ise::instantiation::instantiation_server>(path, std::move(where), host, std::move(options));
@@ -126,17 +143,20 @@ int main(int argc, char** argv) {
     app.add_option("--state", wanted.state, "folder for its state and the output of what it starts (default: below $XDG_STATE_HOME or ~/.local/state)")->type_name("FOLDER");
     app.add_option("--name", wanted.name, "of this host, under ise/host/ (default: the host's name)")->type_name("NAME");
     app.add_option("--name-server", wanted.name_server, "its endpoint (default: $ISE_NAME_SERVER, else " + ise::default_name_server().text() + ")")->type_name("ENDPOINT");
-    app.add_option("--listen", wanted.listen, "where to listen: loopback or local only, since it cannot ask for credentials yet (default: both)")->type_name("ENDPOINT");
+    app.add_option("--listen", wanted.listen, "where to listen: beyond this host only with --key, or on tls:// with --tls (default: loopback and local)")->type_name("ENDPOINT");
+    app.add_option("--advertise", wanted.advertise, "where others reach it through a tunnel to where it listens, such as tcp://10.0.0.2:7501; several are allowed")->type_name("ENDPOINT");
     app.add_option("--allow-address", wanted.addresses, "a further address of this host that components may listen on, such as 0.0.0.0; several are allowed (default: loopback)")->type_name("ADDRESS");
     app.add_option("--allow-path", wanted.paths, "a folder or device that parameters may name, such as /dev/ttyUSB0; several are allowed (default: none)")->type_name("PATH");
     app.add_option("--max-instances", wanted.instances, "at most so many, those that have ended included")->check(CLI::Range(1, 4096))->capture_default_str();
     app.add_option("--grace", wanted.grace_s, "seconds that what it started has to end when it ends itself")->check(CLI::Range(0.0, 3600.0))->capture_default_str();
     app.add_flag("--leave-running", wanted.leave_running, "what it started goes on when it ends; the next one here goes on with it");
+    app.add_option("--key", wanted.security.key_file, "a file with the key that every node of the system has; who does not prove it is refused (default: $ISE_KEY)")->type_name("FILE");
+    app.add_option("--tls", wanted.security.tls_folder, "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: $ISE_TLS)")->type_name("FOLDER");
     app.add_option("--log-level", wanted.log_level, "the least that is logged to stderr: debug, info, warning or error")
         ->check(CLI::IsMember({"debug", "info", "warning", "error"}))
         ->capture_default_str();
     app.set_version_flag("--version", "ise_instantiation_server " ISE_VERSION);
-    app.footer("When it is killed, what it started goes on, and the next one with the same --state takes it over.\n"
+    app.footer("What it starts gets its key and its folder of certificates in ISE_KEY and ISE_TLS.\nWhen it is killed, what it started goes on, and the next one with the same --state takes it over.\n"
                "Exit codes: 0 ended by a signal, 1 it cannot run or failed, 2 wrong usage.");
     try {
         app.parse(argc, argv);

@@ -59,6 +59,7 @@ task<> hz(context& in, hz_options options);
 struct start_options {
     std::string type, name, host, name_space, protocol;
     std::vector<std::string> set, listen, variables, roles;
+    std::string process; ///< that it shares with others; empty: it has one to itself
     instantiation::restart_terms terms;
     bool types = false; ///< tell what could be started instead
     bool names = false; ///< nothing but their names
@@ -83,6 +84,7 @@ task<> kill(context& in, instance_options options);
 
 struct deployment_options {
     std::string file;
+    std::vector<std::string> only; ///< components of the file; none: all
     std::vector<std::string> set; ///< variables of the file: NAME=VALUE
     bool keep = false;            ///< of an `up` that fails: what it did is not undone
     bool offline = false;         ///< nobody is asked

@@ -8,11 +8,17 @@
 #include <ise/core/task_scope.hpp>
 #include <ise/naming/services.hpp>
 
+#include <asio/io_context.hpp>
+#include <asio/signal_set.hpp>
+
 #include <nlohmann/json.hpp>
 
 #include <fmt/format.h>
 
+#include <csignal>
+#include <functional>
 #include <optional>
+#include <thread>
 
 namespace ise::cli {
 namespace {
@@ -23,9 +29,9 @@ struct ending {
     std::optional<problem> why;
 };
 
-task<> converse(component& self, const settings& set, const conversation& what, ending& end) {
+task<> converse(component& self, const settings& set, const conversation& what, interrupt& ctrl_c, ending& end) {
     output out;
-    context in{self, set, out, saturating_add(self.now(), set.timeout)};
+    context in{self, set, out, saturating_add(self.now(), set.timeout), ctrl_c};
     try {
         co_await what.body(in);
         end.code = exit_code::ok;
@@ -43,6 +49,24 @@ task<> converse(component& self, const settings& set, const conversation& what, 
     if (end.why && self.state() == component_state::stopping) end.why.reset();
     if (end.why) end.code = end.why->code();
     self.stop();
+}
+
+// As ise::run_until_signal, for a command that may care.
+void run_until_interrupted(node& running, interrupt& ctrl_c) {
+    asio::io_context context(1);
+    asio::signal_set signals(context, SIGINT, SIGTERM);
+    std::function<void()> listen = [&] {
+        signals.async_wait([&](std::error_code problem, int number) {
+            if (problem) return;
+            if (number == SIGINT && ctrl_c.raise()) return listen();
+            running.stop();
+        });
+    };
+    listen();
+    std::thread watcher([&] { context.run(); });
+    running.wait();
+    context.stop();
+    watcher.join();
 }
 
 } // namespace
@@ -63,19 +87,21 @@ endpoint name_server_of(const settings& set, const environment& env) {
 
 exit_code run(const settings& set, const conversation& what) {
     ending end;
+    interrupt ctrl_c;
     try {
         real_environment env;
         node_options options;
         options.name = "ise";
         options.name_server = name_server_of(set, env);
+        options.security = set.security;
         options.grace = std::chrono::milliseconds(500);
         options.log = set.verbose ? log_to_stderr(log_level::debug) : log_sink();
         component_options mine;
         mine.listens = false;
         mine.registers = false;
         node running(env, options);
-        running.start(what.looks ? fmt::format("{}{}", looker_prefix, env.identity().process_id) : "", [&](component& self) { return converse(self, set, what, end); }, mine);
-        run_until_signal(running);
+        running.start(what.looks ? fmt::format("{}{}", looker_prefix, env.identity().process_id) : "", [&](component& self) { return converse(self, set, what, ctrl_c, end); }, mine);
+        run_until_interrupted(running, ctrl_c);
     } catch (const problem& why) {
         end.why = why;
         end.code = why.code();

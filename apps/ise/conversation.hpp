@@ -1,8 +1,10 @@
 #pragma once
 #include "exit_code.hpp"
+#include "interrupt.hpp"
 #include "output.hpp"
 
 #include <ise/component/component.hpp>
+#include <ise/net/security.hpp>
 
 #include <functional>
 #include <string>
@@ -17,6 +19,7 @@ struct settings {
     bool json = false;       ///< for programs
     bool pretty = false;     ///< JSON over several lines
     bool verbose = false;    ///< the log goes to standard error
+    security_options security; ///< empty: ISE_KEY and ISE_TLS
 };
 
 /// A command while it talks to components: the anonymous component that it is, and where its answer goes.
@@ -25,6 +28,7 @@ struct context {
     const settings& set;
     output& out;
     time_point until; ///< the answer, or the first of them, is waited for so long
+    interrupt& ctrl_c; ///< for who has something to put right
 
     duration left() const { return std::max(duration(std::chrono::milliseconds(1)), until - self.now()); }
 };

@@ -27,9 +27,11 @@ CLI::App* add_for_file(CLI::App& app, deployment_places& to, wish& made, const s
 
 void add_deployment_commands(CLI::App& app, deployment_places& to, wish& made) {
     auto* up_command = add_for_file(app, to, made, "up", "brings the system to what a deployment file describes", up, whole_deployment);
-    up_command->add_flag("--keep", to.file.keep, "when it fails, what it did is not undone");
-    add_for_file(app, to, made, "down", "stops all that belongs to a deployment, in the opposite order", down, whole_deployment);
-    add_for_file(app, to, made, "diff", "what `ise up` would do", diff, duration{});
+    up_command->add_flag("--keep", to.file.keep, "when it fails or is interrupted, what it did is not undone");
+    auto* down_command = add_for_file(app, to, made, "down", "stops all that belongs to a deployment, in the opposite order", down, whole_deployment);
+    auto* diff_command = add_for_file(app, to, made, "diff", "what `ise up` would do", diff, duration{});
+    for (auto* one : {up_command, diff_command}) one->add_option("INSTANCE", to.file.only, "only these components of the file, and those that they come after");
+    down_command->add_option("INSTANCE", to.file.only, "only these components of the file");
     auto* validate_command = add_for_file(app, to, made, "validate", "whether a deployment file can be used", validate, duration{});
     validate_command->add_flag("--offline", to.file.offline, "nobody is asked for types and parameters");
 

@@ -127,6 +127,7 @@ std::string as_json(const std::string& host, const instantiation::instance_text&
     told["state"] = name_of(what.state);
     told["reason"] = what.reason;
     told["process_id"] = what.process_id;
+    told["process"] = what.process;
     told["since_s"] = std::chrono::duration<double>(what.since.time_since_epoch()).count();
     told["restarts"] = what.restarts;
     told["adopted"] = what.adopted;

@@ -16,6 +16,12 @@ task<> tell(context& in, std::string host, instantiation::instance_text what) {
     co_await in.out.write(in.self, text + "\n");
 }
 
+// "4711", and where others run in it too "4711 (main)".
+std::string process_of(const instantiation::instance_text& what) {
+    auto text = what.process_id == 0 ? std::string("-") : std::to_string(what.process_id);
+    return what.process.empty() ? text : fmt::format("{} ({})", text, what.process);
+}
+
 } // namespace
 
 task<> ps(context& in, ps_options options) {
@@ -31,7 +37,7 @@ task<> ps(context& in, ps_options options) {
         for (const auto& one : all) {
             const auto& what = one.instance;
             auto length = std::max(in.self.wall() - what.since, duration{});
-            rows.add({what.path, std::string(name_of(what.state)), one.host.name, what.process_id == 0 ? "-" : std::to_string(what.process_id), show_duration(length),
+            rows.add({what.path, std::string(name_of(what.state)), one.host.name, process_of(what), show_duration(length),
                       std::to_string(what.restarts), what.deployment.empty() ? "-" : what.deployment, what.type, what.reason});
         }
         text = rows.text(in.out.width());

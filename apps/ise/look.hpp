@@ -33,6 +33,14 @@ struct ping_options {
 /// Round trips to a component.
 task<> ping(context& in, ping_options options);
 
+struct bench_options {
+    std::string name, service, json; ///< without a service: ISE's own question how it is
+    std::uint32_t concurrent = 1;    ///< calls at once
+    duration length = std::chrono::seconds(5);
+};
+/// Calls a service for a while, as fast as it answers: how many a second, and how long they take.
+task<> bench(context& in, bench_options options);
+
 /// Bytes and packets of a subscription, by windows.
 task<> bw(context& in, hz_options options);
 

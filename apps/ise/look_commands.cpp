@@ -67,6 +67,21 @@ void add_ping(CLI::App& app, look_places& to, wish& made) {
     });
 }
 
+void add_bench(CLI::App& app, look_places& to, wish& made) {
+    auto* command = app.add_subcommand("bench", "calls a service as fast as it answers: calls per second, and how long they take");
+    command->add_option("NAME", to.bench.name, component_name)->required();
+    command->add_option("SERVICE", to.bench.service, "a request-response service, which does what it is asked for each time (default: ISE's own question)");
+    command->add_option("JSON", to.json, "the request; - reads it from standard input");
+    command->add_option("--concurrent,-c", to.bench.concurrent, "calls at once (default: 1)")->type_name("N")->check(CLI::Range(1u, 1024u));
+    command->add_option("--for", to.length, "how long (default: 5s)")->type_name("TIME");
+    command->callback([&to, &made] {
+        if (!to.length.empty()) to.bench.length = positive_time(to.length, "--for");
+        if (!to.json.empty()) to.bench.json = json_given(to.json);
+        made.talk.looks = true;
+        made.talk.body = [options = to.bench](context& in) { return bench(in, options); };
+    });
+}
+
 CLI::App* add_meter(CLI::App& app, look_places& to, hz_options& into, const std::string& name, const std::string& what) {
     auto* command = app.add_subcommand(name, what);
     add_subscription(*command, into.what, to.json);
@@ -139,6 +154,7 @@ void add_look_commands(CLI::App& app, look_places& to, wish& made) {
     add_graph(app, to, made);
     add_top(app, to, made);
     add_ping(app, to, made);
+    add_bench(app, to, made);
     add_meters(app, to, made);
     add_tree(app, to, made);
     add_for_all(app, to, made, "services", "the services of all components: who provides and who needs them", services);

@@ -14,12 +14,13 @@ struct look_places {
     graph_options graph;
     top_options top;
     ping_options ping;
+    bench_options bench;
     hz_options bw;
     delay_options delay;
     tree_options tree;
     services_options services;
     type_options type;
-    std::string interval, every, ping_every, window, json;
+    std::string interval, every, ping_every, window, length, json;
     std::uint64_t lines = 0;
     bool once = false;
 };

@@ -67,61 +67,63 @@ void tell_silent(const context& in, const std::vector<surveyed>& all, const std:
         if (!one.about) note(in.set, fmt::format("{} does not answer: {}", one.name.path, one.trouble));
 }
 
+std::string services_as_json(const std::vector<surveyed>& all, bool own) {
+    auto list = ordered_json::array();
+    for (const auto& [key, who] : services_of(all, own)) {
+        ordered_json told;
+        told["name"] = key.first;
+        told["kind"] = kind_name(key.second);
+        told["providers"] = who.providers;
+        told["requirers"] = who.requirers;
+        list.push_back(std::move(told));
+    }
+    return list.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
+}
+
+table services_as_table(const std::vector<surveyed>& all, bool own) {
+    table rows({"SERVICE", "KIND", "PROVIDED BY", "NEEDED BY"});
+    for (const auto& [key, who] : services_of(all, own))
+        rows.add({key.first, std::string(kind_name(key.second)), who.providers.empty() ? "nobody" : fmt::format("{}", fmt::join(who.providers, " ")), fmt::format("{}", fmt::join(who.requirers, " "))});
+    return rows;
+}
+
+std::string types_as_json(const std::vector<surveyed>& all, bool own) {
+    auto list = ordered_json::array();
+    for (const auto& [key, one] : types_of(all, own)) {
+        ordered_json told;
+        told["name"] = key.first;
+        told["fingerprint"] = fmt::format("{:016x}", key.second);
+        told["schema"] = one.of.text();
+        told["users"] = one.users;
+        list.push_back(std::move(told));
+    }
+    return list.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
+}
+
+table types_as_table(const std::vector<surveyed>& all, bool own) {
+    table rows({"TYPE", "FINGERPRINT", "USED BY"});
+    for (const auto& [key, one] : types_of(all, own)) rows.add({key.first, fmt::format("{:016x}", key.second), fmt::format("{}", fmt::join(one.users, ", "))});
+    return rows;
+}
+
+using json_maker = std::string (*)(const std::vector<surveyed>&, bool own);
+using table_maker = table (*)(const std::vector<surveyed>&, bool own);
+
+task<> look_at_all(context& in, services_options options, json_maker as_json, table_maker as_table) {
+    check_prefix(options.prefix);
+    survey_options what;
+    what.prefix = options.prefix;
+    auto all = co_await survey(in, what);
+    std::string text;
+    if (in.set.json) text = as_json(all, options.all);
+    else text = as_table(all, options.all).text(in.out.width()) + show_age(in, all);
+    co_await in.out.write(in.self, std::move(text));
+    tell_silent(in, all, options.prefix);
+}
+
 } // namespace
 
-task<> services(context& in, services_options options) {
-    check_prefix(options.prefix);
-    survey_options what;
-    what.prefix = options.prefix;
-    auto all = co_await survey(in, what);
-    auto found = services_of(all, options.all);
-    std::string text;
-    if (in.set.json) {
-        auto list = ordered_json::array();
-        for (const auto& [key, who] : found) {
-            ordered_json told;
-            told["name"] = key.first;
-            told["kind"] = kind_name(key.second);
-            told["providers"] = who.providers;
-            told["requirers"] = who.requirers;
-            list.push_back(std::move(told));
-        }
-        text = list.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
-    } else {
-        table rows({"SERVICE", "KIND", "PROVIDED BY", "NEEDED BY"});
-        for (const auto& [key, who] : found)
-            rows.add({key.first, std::string(kind_name(key.second)), who.providers.empty() ? "nobody" : fmt::format("{}", fmt::join(who.providers, " ")), fmt::format("{}", fmt::join(who.requirers, " "))});
-        text = rows.text(in.out.width()) + show_age(in, all);
-    }
-    co_await in.out.write(in.self, std::move(text));
-    tell_silent(in, all, options.prefix);
-}
-
-task<> types(context& in, services_options options) {
-    check_prefix(options.prefix);
-    survey_options what;
-    what.prefix = options.prefix;
-    auto all = co_await survey(in, what);
-    auto found = types_of(all, options.all);
-    std::string text;
-    if (in.set.json) {
-        auto list = ordered_json::array();
-        for (const auto& [key, one] : found) {
-            ordered_json told;
-            told["name"] = key.first;
-            told["fingerprint"] = fmt::format("{:016x}", key.second);
-            told["schema"] = one.of.text();
-            told["users"] = one.users;
-            list.push_back(std::move(told));
-        }
-        text = list.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
-    } else {
-        table rows({"TYPE", "FINGERPRINT", "USED BY"});
-        for (const auto& [key, one] : found) rows.add({key.first, fmt::format("{:016x}", key.second), fmt::format("{}", fmt::join(one.users, ", "))});
-        text = rows.text(in.out.width()) + show_age(in, all);
-    }
-    co_await in.out.write(in.self, std::move(text));
-    tell_silent(in, all, options.prefix);
-}
+task<> services(context& in, services_options options) { return look_at_all(in, std::move(options), services_as_json, services_as_table); }
+task<> types(context& in, services_options options) { return look_at_all(in, std::move(options), types_as_json, types_as_table); }
 
 } // namespace ise::cli

@@ -110,6 +110,7 @@ task<> start(context& in, start_options options) {
     request.name_space = options.name_space;
     request.listen = options.listen;
     request.protocol = options.protocol;
+    request.process = options.process;
     request.terms = options.terms;
     for (const auto& text : options.set) {
         auto [name, value] = split_argument(text, "--set");

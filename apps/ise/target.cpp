@@ -3,6 +3,8 @@
 #include "names.hpp"
 #include "text.hpp"
 
+#include <ise/service/service_host.hpp>
+
 #include <fmt/format.h>
 
 namespace ise::cli {

@@ -1,5 +1,6 @@
 #include "look.hpp"
 
+#include "connections.hpp"
 #include "rates.hpp"
 #include "screen.hpp"
 #include "survey.hpp"
@@ -11,11 +12,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <functional>
 
 namespace ise::cli {
 namespace {
 
 using nlohmann::ordered_json;
+
+constexpr std::size_t most_rows = 10; // of connections: the slowest
 
 std::string show_rate(const std::optional<double>& hz) { return hz ? fmt::format("{:.1f}", *hz) : "-"; }
 std::string show_bytes_rate(const std::optional<double>& bps) { return bps ? show_bytes(static_cast<std::uint64_t>(*bps)) : "-"; }
@@ -38,7 +42,21 @@ std::string as_table(const std::vector<activity>& all, std::size_t width) {
     return rows.text(width);
 }
 
-std::string as_json(const std::vector<activity>& all, wall_time at) {
+// The slowest first.
+std::string connections_table(std::vector<connection_line> lines, std::size_t width, std::size_t most) {
+    if (lines.empty()) return {};
+    std::ranges::stable_sort(lines, std::greater(), &connection_line::round_trip);
+    table rows({"ROUND TRIP", "OVER", "SENT", "SENT BACK", "CONNECTION"});
+    for (std::size_t at = 0; at < std::min(lines.size(), most); ++at) {
+        const auto& one = lines[at];
+        rows.add({one.round_trip > duration{} ? show_duration(one.round_trip) : "-", one.over, show_bytes(one.bytes_to_b), show_bytes(one.bytes_to_a),
+                  fmt::format("{} -> {}{}", one.a, one.b.empty() ? one.address : one.b, one.stalled ? " (stalled)" : "")});
+    }
+    return "\n" + rows.text(width);
+}
+
+std::string as_json(const std::vector<activity>& all, const std::vector<connection_line>& lines, wall_time at) {
+    auto seconds = [](duration length) { return length > duration{} ? ordered_json(std::chrono::duration<double>(length).count()) : ordered_json(); };
     auto number = [](const auto& value) { return value ? ordered_json(*value) : ordered_json(); };
     ordered_json told;
     told["asked_at"] = show_wall(at);
@@ -60,10 +78,23 @@ std::string as_json(const std::vector<activity>& all, wall_time at) {
         row["dropped_too_slow_now"] = number(one.dropped);
         row["calls_refused"] = one.has_health ? ordered_json(one.refused_ever) : ordered_json();
         row["calls_refused_now"] = number(one.refused);
-        row["round_trip_s"] = one.round_trip > duration{} ? ordered_json(std::chrono::duration<double>(one.round_trip).count()) : ordered_json();
+        row["round_trip_s"] = seconds(one.round_trip);
         components.push_back(std::move(row));
     }
     told["components"] = std::move(components);
+    auto connections = ordered_json::array();
+    for (const auto& one : lines) {
+        ordered_json row;
+        row["a"] = one.a;
+        row["b"] = one.b.empty() ? ordered_json() : ordered_json(one.b);
+        row["address"] = one.address;
+        row["over"] = one.over;
+        row["round_trip_s"] = seconds(one.round_trip);
+        row["bytes_to_a"] = one.bytes_to_a;
+        row["bytes_to_b"] = one.bytes_to_b;
+        connections.push_back(std::move(row));
+    }
+    told["connections"] = std::move(connections);
     return told.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
 }
 
@@ -95,10 +126,11 @@ task<> top(context& in, top_options options) {
         auto seen = activities(before, now);
         std::string text;
         if (in.set.json) {
-            text = as_json(seen, in.self.wall());
+            text = as_json(seen, connections_of(now), in.self.wall());
         } else {
             auto ending = on.live() ? "TOO SLOW: packets that slow subscribers did not take, ever and now; q ends\n" : tables + 1 == options.count ? "" : "\n";
-            text = on.page(as_table(seen, in.out.width()) + show_age(in, now) + ending);
+            text = on.page(as_table(seen, in.out.width()) + connections_table(connections_of(now), in.out.width(), most_rows) +
+                           show_age(in, now) + ending);
         }
         co_await in.out.write(in.self, std::move(text));
         before = std::move(now);

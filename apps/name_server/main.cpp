@@ -3,6 +3,7 @@
 #include <ise/component/node.hpp>
 #include <ise/core/real/environment.hpp>
 #include <ise/name_server/name_server.hpp>
+#include <ise/service/service_host.hpp>
 
 #include <CLI/CLI.hpp>
 
@@ -18,6 +19,7 @@ constexpr int wrong_usage = 2;
 struct settings {
     std::vector<std::string> listen;
     std::string lease = "2s";
+    ise::security_options security;
     std::string log_level = "info";
     bool fresh = false;
 };
@@ -57,6 +59,7 @@ int run(const settings& wanted, ise::duration lease) {
     ise::node_options options;
     options.name = "name_server";
     options.use_names = false; // it needs nobody to be found
+    options.security = wanted.security;
     options.log = ise::log_to_stderr(level_of(wanted.log_level));
     ise::node node(env, std::move(options));
 
@@ -86,6 +89,9 @@ int main(int argc, char** argv) {
     settings wanted;
     app.add_option("--listen", wanted.listen, "where to listen, such as tcp://0.0.0.0:7400; several are allowed (default " + ise::default_name_server().text() + ")");
     app.add_option("--lease", wanted.lease, "the longest time for which a name outlives a node that was lost, such as 2s or 500ms")->capture_default_str();
+    app.add_option("--key", wanted.security.key_file, "a file with the key that every node of the system has; who does not prove it is refused (default: $ISE_KEY)")->type_name("FILE");
+    app.add_option("--tls", wanted.security.tls_folder, "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: $ISE_TLS)")->type_name("FOLDER");
+    app.add_flag("--demand-credentials", wanted.security.demanded, "listen beyond this host with a key or on tls:// only");
     app.add_option("--log-level", wanted.log_level, "the least that is logged to stderr: debug, info, warning or error")
         ->check(CLI::IsMember({"debug", "info", "warning", "error"}))
         ->capture_default_str();

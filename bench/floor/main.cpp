@@ -8,6 +8,12 @@ namespace {
 
 using namespace bench;
 
+void check_offered(const options& asked) {
+    if (asked.work == "idle" || asked.work == "names") throw std::invalid_argument("there is no floor for that");
+    if (asked.transport == "udp" && (asked.work != "call" || asked.outstanding != 1 || asked.kind != "raw"))
+        throw std::invalid_argument("over udp there is a floor for one outstanding call, of kind raw");
+}
+
 void serve(const options& asked) {
     end_with_standard_input();
     if (asked.kind == "asio" && asked.work == "call") serve_asio_call(asked);
@@ -33,7 +39,7 @@ outcome measure(const options& asked) {
 int main(int argc, char** argv) {
     try {
         const auto asked = parse_options(argc, argv);
-        if (asked.work == "idle") throw std::invalid_argument("there is no floor for idle connections");
+        check_offered(asked);
         if (asked.serve) serve(asked);
         else print(asked, measure(asked));
         return 0;

@@ -87,6 +87,7 @@ outcome pipelined(const options& asked, const fd& socket) {
 void serve_raw_call(const options& asked) {
     auto [listener, address] = listen_on(asked.transport);
     announce(address);
+    if (asked.transport == "udp") echo_datagrams(listener);
     for (;;) {
         const auto socket = accept_from(listener, asked.transport);
         if (asked.outstanding == 1) {

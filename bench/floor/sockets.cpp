@@ -11,6 +11,7 @@
 #include <sys/un.h>
 #include <system_error>
 #include <unistd.h>
+#include <vector>
 
 namespace bench {
 namespace {
@@ -52,13 +53,14 @@ std::pair<fd, std::string> listen_on(const std::string& transport) {
         check(::listen(out.get(), 64), "listen");
         return {std::move(out), name};
     }
-    fd out(check(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0), "socket"));
+    const bool datagrams = transport == "udp";
+    fd out(check(::socket(AF_INET, (datagrams ? SOCK_DGRAM : SOCK_STREAM) | SOCK_CLOEXEC, 0), "socket"));
     sockaddr_in address{};
     address.sin_family = AF_INET;
     address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     socklen_t size = sizeof address;
     check(::bind(out.get(), reinterpret_cast<const sockaddr*>(&address), size), "bind");
-    check(::listen(out.get(), 64), "listen");
+    if (!datagrams) check(::listen(out.get(), 64), "listen");
     check(::getsockname(out.get(), reinterpret_cast<sockaddr*>(&address), &size), "getsockname");
     return {std::move(out), std::to_string(ntohs(address.sin_port))};
 }
@@ -76,17 +78,29 @@ fd connect_to(const std::string& transport, const std::string& address) {
         check(::connect(out.get(), reinterpret_cast<const sockaddr*>(&target), size), "connect");
         return out;
     }
-    fd out(check(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0), "socket"));
+    const bool datagrams = transport == "udp";
+    fd out(check(::socket(AF_INET, (datagrams ? SOCK_DGRAM : SOCK_STREAM) | SOCK_CLOEXEC, 0), "socket"));
     sockaddr_in target{};
     target.sin_family = AF_INET;
     target.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     target.sin_port = htons(static_cast<std::uint16_t>(std::stoul(address)));
     check(::connect(out.get(), reinterpret_cast<const sockaddr*>(&target), sizeof target), "connect");
-    set_no_delay(out.get());
+    if (!datagrams) set_no_delay(out.get());
     return out;
 }
 
 void set_non_blocking(const fd& socket) { check(::fcntl(socket.get(), F_SETFL, O_NONBLOCK), "O_NONBLOCK"); }
+
+void echo_datagrams(const fd& socket) {
+    std::vector<char> content(64 * 1024);
+    for (;;) {
+        sockaddr_in from{};
+        socklen_t size = sizeof from;
+        const auto got = ::recvfrom(socket.get(), content.data(), content.size(), 0, reinterpret_cast<sockaddr*>(&from), &size);
+        if (got < 0 && errno != EINTR && !peer_gone()) fail("recvfrom");
+        if (got >= 0) ::sendto(socket.get(), content.data(), static_cast<std::size_t>(got), MSG_NOSIGNAL, reinterpret_cast<const sockaddr*>(&from), size);
+    }
+}
 
 bool read_exactly(const fd& socket, char* out, std::size_t size) {
     while (size != 0) {

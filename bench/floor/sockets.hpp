@@ -30,6 +30,8 @@ fd accept_from(const fd& listener, const std::string& transport);
 fd connect_to(const std::string& transport, const std::string& address);
 void set_non_blocking(const fd& socket);
 
+/// Sends every datagram back to where it came from; never returns.
+[[noreturn]] void echo_datagrams(const fd& socket);
 /// False at the end of the stream, or when the peer reset it.
 bool read_exactly(const fd& socket, char* out, std::size_t size);
 bool write_all(const fd& socket, const char* data, std::size_t size);

@@ -9,19 +9,23 @@ namespace {
 template <class Packet>
 class echo_server final : public ise::component {
 public:
-    explicit echo_server(bool plain) : plain_(plain) {}
+    echo_server(bool plain, std::size_t services) : plain_(plain), services_(services) {}
 
 private:
     ise::task<> run() override {
-        if (plain_) {
-            provide(echo<Packet>, [](Packet request) -> Packet { return request; });
-        } else {
-            provide(echo<Packet>, [](Packet request) -> ise::task<Packet> { co_return request; });
+        for (std::size_t i = 0; i != services_; ++i) {
+            const ise::request_response<Packet, Packet> service(echo_name(i));
+            if (plain_) {
+                provide(service, [](Packet request) -> Packet { return request; });
+            } else {
+                provide(service, [](Packet request) -> ise::task<Packet> { co_return request; });
+            }
         }
         co_return;
     }
 
     bool plain_;
+    std::size_t services_;
 };
 
 template <class Packet>
@@ -49,8 +53,11 @@ private:
         outcome out;
         const auto times = span::after_warm_up(asked_);
         auto packet = make_packet<Packet>(asked_.size_bytes);
+        std::size_t next = 0;
         for (auto before = now_ns(); before < times.end_ns;) {
-            packet = co_await peer.call(echo<Packet>, std::move(packet), generous);
+            const ise::request_response<Packet, Packet> service(echo_name(next));
+            if (++next == asked_.services) next = 0;
+            packet = co_await peer.call(service, std::move(packet), generous);
             const auto after = now_ns();
             if (before >= times.begin_ns) {
                 out.latency.add(after - before);
@@ -128,8 +135,8 @@ private:
 } // namespace
 
 std::unique_ptr<ise::component> make_call_server(const options& asked) {
-    if (asked.size_bytes == telemetry_bytes) return std::make_unique<echo_server<telemetry>>(in_a_hurry(asked));
-    return std::make_unique<echo_server<block>>(in_a_hurry(asked));
+    if (asked.size_bytes == telemetry_bytes) return std::make_unique<echo_server<telemetry>>(in_a_hurry(asked), asked.services);
+    return std::make_unique<echo_server<block>>(in_a_hurry(asked), asked.services);
 }
 
 void start_callers(ise::node& node, const options& asked, const ise::endpoint& server, collector& into) {

@@ -2,6 +2,8 @@
 #include "collector.hpp"
 #include "programs.hpp"
 
+#include <ise/service/service_host.hpp>
+
 #include <fstream>
 #include <malloc.h>
 #include <unistd.h>
@@ -21,6 +23,7 @@ class memory_teller final : public ise::component {
             told.sessions = static_cast<std::uint32_t>(services().sessions().size());
             return told;
         });
+        provide(echo<telemetry>, [](telemetry request) -> ise::task<telemetry> { co_return request; });
         co_return;
     }
 };
@@ -54,8 +57,8 @@ private:
 
 class accountant final : public ise::component {
 public:
-    accountant(std::size_t wanted, ise::endpoint server, std::shared_ptr<progress> all, collector& into)
-        : wanted_(wanted), server_(std::move(server)), all_(std::move(all)), into_(into) {}
+    accountant(const options& asked, ise::endpoint server, std::shared_ptr<progress> all, collector& into)
+        : asked_(asked), server_(std::move(server)), all_(std::move(all)), into_(into) {}
 
 private:
     ise::task<> run() override {
@@ -64,7 +67,7 @@ private:
             auto before = co_await peer.call(memory, ask_memory(), generous);
             before = co_await peer.call(memory, ask_memory(), generous); // what the first one introduced does not count
             all_->begun = true;
-            while (all_->connected < wanted_) co_await sleep(std::chrono::milliseconds(5));
+            while (all_->connected < asked_.outstanding) co_await sleep(std::chrono::milliseconds(5));
             co_await sleep(std::chrono::milliseconds(500)); // the first heartbeats are over
             auto after = co_await peer.call(memory, ask_memory(), generous);
             outcome out;
@@ -74,13 +77,22 @@ private:
             };
             out.bytes_each = each(before.heap_bytes, after.heap_bytes);
             out.resident_bytes_each = each(before.resident_bytes, after.resident_bytes);
+            // One that is active among all that are idle.
+            const auto times = span::after_warm_up(asked_);
+            telemetry packet;
+            for (auto at_ns = now_ns(); at_ns < times.end_ns;) {
+                packet = co_await peer.call(echo<telemetry>, packet, generous);
+                const auto answered = now_ns();
+                if (at_ns >= times.begin_ns) out.latency.add(answered - at_ns);
+                at_ns = answered;
+            }
             into_.take(std::move(out));
         } catch (...) {
             into_.fail(std::current_exception());
         }
     }
 
-    std::size_t wanted_;
+    options asked_;
     ise::endpoint server_;
     std::shared_ptr<progress> all_;
     collector& into_;
@@ -92,7 +104,7 @@ std::unique_ptr<ise::component> make_memory_teller() { return std::make_unique<m
 
 void start_idlers(ise::node& node, const options& asked, const ise::endpoint& server, collector& into) {
     auto all = std::make_shared<progress>();
-    node.start<accountant>("bench/accountant", asking(), asked.outstanding, server, all, into);
+    node.start<accountant>("bench/accountant", asking(), asked, server, all, into);
     for (std::size_t i = 0; i != asked.outstanding; ++i)
         node.start<idler>("bench/idler-" + std::to_string(i), asking("bench/accountant"), i, server, all);
 }

@@ -2,10 +2,14 @@
 #include "collector.hpp"
 #include "programs.hpp"
 
+#include <ise/service/service_host.hpp>
+
+#include <sys/resource.h>
+#include <unistd.h>
+
 #include <cstdio>
 #include <exception>
 #include <stdexcept>
-#include <unistd.h>
 
 namespace bench {
 
@@ -13,6 +17,8 @@ bool in_a_hurry(const options& asked) { return asked.kind == "ise-fast"; }
 
 ise::node_options node_options() {
     ise::node_options made;
+    made.services.max_unsent_bytes = std::size_t{256} << 20; // of the biggest packets, one
+    made.services.max_calls_per_session = 1u << 20;          // all that a measurement may have pending
     made.name = "bench";
     made.use_names = false;
     made.services.linger = std::chrono::milliseconds(200); // a measuring side that was killed is soon forgotten
@@ -40,6 +46,7 @@ namespace {
 ise::endpoint listen_at(const std::string& transport) {
     auto unique = std::to_string(::getpid());
     if (transport == "tcp") return ise::endpoint::parse("tcp://127.0.0.1:0").value();
+    if (transport == "udp") return ise::endpoint::parse("udp://127.0.0.1:0").value();
     if (transport == "local") return ise::endpoint::parse("local://@ise-bench-" + unique).value();
     return ise::endpoint::parse("inproc://bench-" + unique).value();
 }
@@ -53,6 +60,14 @@ ise::endpoint start_server(ise::node& node, const options& asked) {
     how.listen = {listen_at(asked.transport)};
     how.registers = false;
     return node.launch("bench/server", std::move(made), std::move(how)).services().listening().front();
+}
+
+// Ten thousand connections need as many descriptors.
+void allow_descriptors() {
+    rlimit most{};
+    if (::getrlimit(RLIMIT_NOFILE, &most) != 0) return;
+    most.rlim_cur = most.rlim_max;
+    ::setrlimit(RLIMIT_NOFILE, &most);
 }
 
 void serve(const options& asked) {
@@ -87,7 +102,9 @@ int main(int argc, char** argv) {
         auto asked = bench::parse_options(argc, argv);
         if (asked.kind != "ise" && asked.kind != "ise-fast")
             throw std::invalid_argument("bench_ise has the kinds ise and ise-fast, not " + asked.kind);
-        if (asked.serve) bench::serve(asked);
+        bench::allow_descriptors();
+        if (asked.work == "names") bench::measure_names(asked);
+        else if (asked.serve) bench::serve(asked);
         else bench::print(asked, bench::measure(asked));
         return 0;
     } catch (const std::invalid_argument& wrong) {

@@ -4,6 +4,9 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
 #include <vector>
 
 namespace bench {
@@ -40,6 +43,13 @@ inline block make_packet<block>(std::size_t size_bytes) {
 
 template <class Packet>
 inline constexpr ise::request_response<Packet, Packet> echo{"echo"};
+/// The name of the service at a place: a service keeps a view of it, so that it lives as long as the program.
+inline std::string_view echo_name(std::size_t place) {
+    static std::vector<std::unique_ptr<const std::string>> made;
+    if (place == 0) return "echo";
+    while (made.size() < place) made.push_back(std::make_unique<const std::string>("echo-" + std::to_string(made.size() + 1)));
+    return *made[place - 1];
+}
 template <class Packet>
 inline constexpr ise::subscription<Packet> feed{"feed"};
 

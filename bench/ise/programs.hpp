@@ -39,4 +39,7 @@ struct span {
 
 inline constexpr ise::duration generous = std::chrono::seconds(10); ///< the deadline of every call
 
+/// Work `names`, all in one process: `--outstanding` components with ten services each. Prints a line of JSON of its own.
+void measure_names(const options& asked);
+
 } // namespace bench

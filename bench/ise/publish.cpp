@@ -8,7 +8,9 @@ namespace {
 
 // Packets on their way to one subscriber, at most.
 std::uint32_t depth_for(std::size_t size_bytes) {
-    return static_cast<std::uint32_t>(std::clamp<std::size_t>(1024 * 1024 / size_bytes, 32, 4096));
+    // What a provider holds for one session is bounded: of the biggest packets few wait.
+    const auto fitting = std::max<std::size_t>(1, (std::size_t{128} << 20) / size_bytes);
+    return static_cast<std::uint32_t>(std::min(fitting, std::clamp<std::size_t>(1024 * 1024 / size_bytes, 32, 4096)));
 }
 
 template <class Packet>

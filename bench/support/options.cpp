@@ -43,7 +43,7 @@ options parse_options(int argc, char** argv) {
     }
     if (at == argc) throw std::invalid_argument("say what to do");
     out.work = argv[at++];
-    check_one_of("work", out.work, {"call", "publish", "paced", "idle"});
+    check_one_of("work", out.work, {"call", "publish", "paced", "idle", "names"});
     for (; at < argc; at += 2) {
         const std::string_view name = argv[at];
         if (at + 1 == argc) throw std::invalid_argument(std::string(name) + " needs a value");
@@ -52,15 +52,17 @@ options parse_options(int argc, char** argv) {
         else if (name == "--transport") out.transport = value;
         else if (name == "--connect") out.connect = value;
         else if (name == "--size") out.size_bytes = to_count(name, value, std::size_t{1} << 26);
-        else if (name == "--outstanding") out.outstanding = to_count(name, value, 65536);
+        else if (name == "--outstanding") out.outstanding = to_count(name, value, 1'000'000);
         else if (name == "--subscribers") out.subscribers = to_count(name, value, 1024);
+        else if (name == "--services") out.services = to_count(name, value, 10'000);
         else if (name == "--seconds") out.seconds = to_seconds(name, value);
         else if (name == "--warmup") out.warmup_seconds = to_seconds(name, value);
         else throw std::invalid_argument("unknown option: " + std::string(name));
     }
-    check_one_of("transport", out.transport, {"tcp", "local", "inproc"});
+    check_one_of("transport", out.transport, {"tcp", "local", "udp", "inproc"});
     if (out.serve && out.transport == "inproc") throw std::invalid_argument("in process there is nothing to serve");
-    if (!out.serve && out.transport != "inproc" && out.connect.empty()) throw std::invalid_argument("--connect is missing");
+    if (out.serve && out.work == "names") throw std::invalid_argument("names: one process does it all");
+    if (!out.serve && out.transport != "inproc" && out.work != "names" && out.connect.empty()) throw std::invalid_argument("--connect is missing");
     if (out.size_bytes < 8) throw std::invalid_argument("--size: at least 8 bytes, for a time stamp");
     return out;
 }
@@ -68,9 +70,9 @@ options parse_options(int argc, char** argv) {
 const char* usage() noexcept {
     return "usage: PROGRAM serve WORK [options]              prints its address, ends when its standard input ends\n"
            "       PROGRAM WORK --connect ADDRESS [options]  measures, prints one line of JSON\n"
-           "WORK: call, publish, paced, idle\n"
-           "  --kind raw|asio|...            --transport tcp|local|inproc\n"
-           "  --size BYTES                   --outstanding N   --subscribers N\n"
+           "WORK: call, publish, paced; bench_ise: idle, names\n"
+           "  --kind raw|asio|...            --transport tcp|local|udp|inproc\n"
+           "  --size BYTES                   --outstanding N   --subscribers N   --services N\n"
            "  --seconds S                    --warmup S\n"
            "See bench/README.md.\n";
 }

@@ -15,6 +15,9 @@ struct outcome {
     double resident_bytes_each = 0;
 };
 
+/// The latencies as JSON: quantiles, and for a picture of the distribution some more under `at`.
+void print_latency(const histogram& latency);
+
 /// One line of JSON on standard output, as bench/README.md describes it.
 void print(const options& asked, const outcome& found);
 

@@ -17,7 +17,10 @@ void alarm_book::raise(const std::string& key, severity how, std::string text, u
             if (least == alarms_.end()) return;
             alarms_.erase(least);
         }
-        found = alarms_.emplace(key, alarm_entry{key, how, {}, now, std::nullopt, false}).first;
+        auto before = remembered_.find(key);
+        bool known = before != remembered_.end() && now < remembered_until_ && how <= before->second;
+        if (before != remembered_.end()) remembered_.erase(before);
+        found = alarms_.emplace(key, alarm_entry{key, how, {}, now, std::nullopt, known}).first;
     }
     auto& a = found->second;
     if (a.over_at) {
@@ -59,6 +62,12 @@ bool alarm_book::acknowledge(const std::string& key) {
         it = it->second.over_at ? alarms_.erase(it) : std::next(it);
     }
     return any;
+}
+
+void alarm_book::remember(const std::vector<acknowledged_alarm>& before, utc_time until) {
+    remembered_until_ = until;
+    for (const auto& one : before)
+        if (remembered_.size() < max_alarms) remembered_[one.key] = one.how;
 }
 
 const alarm_entry* alarm_book::find(const std::string& key) const {

@@ -62,6 +62,7 @@ void console_state::watch_links(utc_time now) {
                 fmt::format("The name server at {} is not reached; what was found before goes on", finding_.where),
                 now);
     for (const auto& [path, link] : links_) {
+        if (link.all_links) continue; // the nodes tell of themselves
         auto name = label(link);
         bool lost = !link.connected && link.since != utc_time() && age_s(now, link.since) > limits.proxy_lost_s;
         alarms_.set("proxy:" + path, lost, severity::warning, fmt::format("{}: {} is not reached", name, path), now);
@@ -88,6 +89,21 @@ void console_state::watch_links(utc_time now) {
                                 link.xbee->duty_cycle_percent.value_or(0)),
                     now);
     }
+}
+
+void console_state::watch_nodes(utc_time now) {
+    std::size_t reached = 0;
+    for (const auto& [path, node] : nodes_) {
+        bool lost = !node.connected && age_s(now, *node.told_at) > options_.limits.proxy_lost_s;
+        reached += lost ? 0 : 1;
+        alarms_.set("node:" + path, lost, severity::warning,
+                    fmt::format("The communication node {} is not reached", path), now);
+        bool sick = node.connected && node.state && !node.state->trouble.empty();
+        alarms_.set("disk:" + path, sick, severity::warning,
+                    fmt::format("{}: {}", path, sick ? node.state->trouble : std::string()), now);
+    }
+    alarms_.set("nodes", !nodes_.empty() && reached == 0, severity::critical,
+                "No communication node is reached: nothing is recorded, and commands wait", now);
 }
 
 } // namespace atirma::console

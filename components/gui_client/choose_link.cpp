@@ -12,7 +12,7 @@ std::string choose_link(const std::map<std::string, link_view>& links,
     std::string best;
     rank best_rank{};
     for (const auto& [path, link] : links) {
-        if (!link.takes_commands) continue;
+        if (!link.takes_commands || link.all_links) continue;
         int cheap = link.link ? -static_cast<int>(*link.link) : -100;
         bool lately = false;
         if (link.last_heard && link.link)

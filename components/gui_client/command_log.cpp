@@ -41,15 +41,18 @@ void command_log::asked(command_entry entry) {
 
 const command_entry& command_log::on_status(const std::string& path, const telecommand_status& status, utc_time now) {
     shared_.reset();
+    bool from_record = status.asked_at != utc_time(); // of a communication node, which knows when it was given
     auto* known = seek(status.id);
     if (!known) {
         command_entry entry;
         entry.id = status.id;
         entry.path = path;
         entry.what = describe(status.kind);
-        entry.asked_at = now;
+        entry.asked_at = from_record ? status.asked_at : now;
         known = &add(std::move(entry));
     }
+    if (!status.asked_by.empty()) known->asked_by = status.asked_by;
+    if (status.command && !known->own) known->what = describe(*status.command);
     auto phase = phase_of(status.state, status.result);
     if (!may_follow(known->phase, phase)) return *known;
     known->path = path;
@@ -58,7 +61,7 @@ const command_entry& command_log::on_status(const std::string& path, const telec
     known->value = status.value;
     known->text = status.text;
     known->attempts = std::max(known->attempts, status.attempts);
-    known->changed_at = now;
+    known->changed_at = from_record ? status.at : now;
     return *known;
 }
 
@@ -96,7 +99,9 @@ command_entry& command_log::add(command_entry entry) {
         entries_.erase(over == entries_.end() ? entries_.begin() : over);
     }
     entry.changed_at = entry.asked_at;
-    return entries_.emplace_back(std::move(entry));
+    auto place = std::upper_bound(entries_.begin(), entries_.end(), entry.asked_at,
+                                  [](utc_time at, const command_entry& one) { return at < one.asked_at; });
+    return *entries_.insert(place, std::move(entry));
 }
 
 } // namespace atirma::console

@@ -10,6 +10,7 @@
 namespace atirma::console {
 namespace {
 constexpr std::size_t credit_bytes = 50;
+constexpr auto just_now = std::chrono::seconds(10);
 std::uint64_t credits(std::size_t bytes) { return (bytes + credit_bytes - 1) / credit_bytes; }
 
 /// Takes what is newer by the boat's clock: what comes late over a slow link never moves the current value backwards.
@@ -35,21 +36,22 @@ console_state::console_state(state_options options)
     present_ = std::make_shared<const std::vector<present_component>>();
 }
 
-link_view* console_state::link_at(const std::string& path) {
-    auto found = links_.find(path);
-    if (found != links_.end()) return &found->second;
-    if (links_.size() >= options_.max_links) return nullptr;
-    link_view made;
-    made.path = path;
-    made.link = link_of_path(path);
-    return &links_.emplace(path, std::move(made)).first->second;
-}
-
 void console_state::on_telemetry(const std::string& path, const telemetry_packet& packet, utc_time now) {
     auto* link = link_at(path);
     if (!link) return;
     auto message = parse_telemetry(packet.raw);
     bool first = message && seen_.first_time(packet.boot, packet.sequence);
+    if (link->all_links) { // its record goes back for hours, and what is new comes from the proxies as well
+        if (!first) return;
+        auto came = std::min(now, packet.received_at);
+        boat_.last_heard = std::max(came, boat_.last_heard.value_or(utc_time()));
+        link->last_heard = boat_.last_heard;
+        link->link = packet.link;
+        ++link->packets;
+        for (auto& [at, proxy] : links_) // it came over one of them, also before this console looked
+            if (!proxy.all_links && proxy.link == packet.link)
+                proxy.last_heard = std::max(came, proxy.last_heard.value_or(utc_time()));
+    }
     auto raw = std::make_shared<raw_packet>();
     raw->number = ++packet_count_;
     raw->path = path;
@@ -64,7 +66,7 @@ void console_state::on_telemetry(const std::string& path, const telemetry_packet
         return;
     }
     // The last packet comes again with each new subscription: that is no sign of life.
-    if (heard_over_[path].first_time(packet.boot, packet.sequence)) {
+    if (!link->all_links && heard_over_[path].first_time(packet.boot, packet.sequence)) {
         ++link->packets;
         link->link = packet.link;
         link->bytes += packet.raw.size();
@@ -74,7 +76,9 @@ void console_state::on_telemetry(const std::string& path, const telemetry_packet
         boat_.last_heard = std::max(at, boat_.last_heard.value_or(utc_time()));
         if (!first) ++link->duplicates;
     }
-    if (first) take(*message, packet, now);
+    // Of the nodes' record it counts when it came to the shore, not when this console asked for it.
+    bool kept = link->all_links && now - packet.received_at > just_now;
+    if (first) take(*message, packet, kept ? packet.received_at : now);
 }
 
 void console_state::take(const telemetry_message& message, const telemetry_packet& packet, utc_time now) {
@@ -138,38 +142,11 @@ void console_state::take_settings(const configuration& told, utc_time now) {
 
 void console_state::rebooted(const telemetry_packet& packet, utc_time now) {
     if (boot_ == packet.boot || packet.measured_at < boot_measured_) return;
-    if (boot_)
+    if (boot_ && now != packet.received_at) // else it is what the record tells of long ago
         alarms_.tell("boot", severity::warning,
                      fmt::format("The boat has started again (boot {}, before {})", packet.boot, *boot_), now);
     boot_ = packet.boot;
     boot_measured_ = packet.measured_at;
-}
-
-void console_state::on_xbee(const std::string& path, const xbee_local& local, utc_time now) {
-    auto* link = link_at(path);
-    if (!link) return;
-    link->xbee = local;
-    link->xbee_at = now;
-}
-
-void console_state::on_xbee_answer(const std::string& path, std::string text) {
-    if (auto* link = link_at(path)) link->xbee_answer = std::move(text);
-}
-
-void console_state::on_lost(const std::string& path, std::uint64_t packets) {
-    if (auto* link = link_at(path)) link->lost += packets;
-}
-
-void console_state::on_link(const std::string& path, bool connected, std::string trouble, utc_time now) {
-    auto* link = link_at(path);
-    if (!link) return;
-    if (link->connected != connected || link->since == utc_time()) link->since = now;
-    link->connected = connected;
-    link->trouble = std::move(trouble);
-}
-
-void console_state::takes_commands(const std::string& path) {
-    if (auto* link = link_at(path)) link->takes_commands = true;
 }
 
 void console_state::on_present(std::vector<present_component> all) {
@@ -179,6 +156,7 @@ void console_state::on_present(std::vector<present_component> all) {
 void console_state::on_time(utc_time now) {
     watch_boat(now);
     watch_links(now);
+    watch_nodes(now);
 }
 
 std::shared_ptr<const snapshot> console_state::view(utc_time now) {
@@ -189,6 +167,9 @@ std::shared_ptr<const snapshot> console_state::view(utc_time now) {
     made->boat = boat_;
     made->mission = mission_.view();
     made->upload = upload_;
+    made->authority = authority_;
+    made->limits = options_.limits;
+    for (const auto& [path, node] : nodes_) made->nodes.push_back(node);
     made->parameters = parameters_;
     for (const auto& [path, link] : links_) {
         made->links.push_back(link);

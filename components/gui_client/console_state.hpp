@@ -12,18 +12,6 @@
 
 namespace atirma::console {
 
-/// When the operator is called.
-struct alarm_limits {
-    double no_data_s = 60;          ///< nothing heard over any link; five periods where the boat tells more rarely
-    double link_silent_s = 120;     ///< nothing over a link that was heard before; five periods if that is longer
-    double proxy_lost_s = 5;
-    unsigned battery_low_percent = 20;
-    unsigned battery_critical_percent = 10;
-    double off_track_m = 60;
-    int modem_hot_c = 60;           ///< the modem then holds its duty cycle over a second
-    unsigned duty_percent = 90;     ///< of what is allowed
-};
-
 struct state_options {
     alarm_limits limits;
     std::size_t max_track = 20000;
@@ -44,16 +32,28 @@ public:
     void on_status(const std::string& path, const telecommand_status& status, utc_time now);
     void on_xbee(const std::string& path, const xbee_local& local, utc_time now);
     void on_xbee_answer(const std::string& path, std::string text);
+    void on_account(const std::string& path, const iridium_account& account);
     void on_lost(const std::string& path, std::uint64_t packets);
     /// A proxy is reached, or not and why.
     void on_link(const std::string& path, bool connected, std::string trouble, utc_time now);
     void takes_commands(const std::string& path);
+    /// `path` is the role of the communication nodes: what comes from there came over any link, at any time before.
+    void stands_for_all(const std::string& path);
+    /// A communication node tells of itself; `told` null: whether it is reached has changed.
+    void on_node(const std::string& path, bool connected, std::string trouble, const communication_state* told,
+                 utc_time now);
+    void on_authority(const authority_state& told, utc_time now);
     void on_finding(finding_view finding) { finding_ = std::move(finding); }
     void on_present(std::vector<present_component> all);
 
     // What the operator does.
     void asked(std::uint32_t id, const std::string& path, const boat_command& command, utc_time now);
     void on_outcome(std::uint32_t id, command_phase phase, std::optional<float> value, std::string text, utc_time now);
+    /// A change of the authority was asked for; or it is decided, with a problem where it was refused.
+    void asks_authority(bool under_way, std::string problem);
+    void set_self(std::string path) { authority_.self = std::move(path); }
+    void set_limits(const alarm_limits& limits) { options_.limits = limits; }
+    void remember(const std::vector<acknowledged_alarm>& before, utc_time until) { alarms_.remember(before, until); }
     void on_upload(upload_view upload) { upload_ = std::move(upload); }
     void acknowledge(const std::string& key) { alarms_.acknowledge(key); }
     void clear_track() { track_.clear(); }
@@ -67,6 +67,7 @@ public:
     const command_log& commands() const noexcept { return commands_; }
     const std::map<std::string, link_view>& links() const noexcept { return links_; }
     const upload_view& upload() const noexcept { return upload_; }
+    const authority_view& authority() const noexcept { return authority_; }
 
 private:
     link_view* link_at(const std::string& path);
@@ -78,6 +79,7 @@ private:
                           utc_time now);
     void watch_boat(utc_time now);
     void watch_links(utc_time now);
+    void watch_nodes(utc_time now);
 
     state_options options_;
     finding_view finding_;
@@ -87,6 +89,8 @@ private:
     std::vector<parameter_view> parameters_;
     std::map<std::uint32_t, parameter_id> parameter_commands_; ///< own ones that are not over
     std::map<std::string, link_view> links_;
+    std::map<std::string, node_view> nodes_;
+    authority_view authority_;
     std::map<std::string, duplicate_filter> heard_over_;       ///< what came over one link is counted once there
     duplicate_filter seen_;
     alarm_book alarms_;

@@ -12,11 +12,11 @@ namespace atirma::console {
 void console_state::on_status(const std::string& path, const telecommand_status& status, utc_time now) {
     auto* link = link_at(path);
     if (!link) return;
-    if (!link->link) link->link = status.link;
+    if (!link->link && !link->all_links) link->link = status.link;
     const auto* before = commands_.find(status.id);
     auto attempts = before ? before->attempts : 0;
     const auto& entry = commands_.on_status(path, status, now);
-    if (status.link == link_id::iridium && entry.attempts > attempts)
+    if (!link->all_links && status.link == link_id::iridium && entry.attempts > attempts)
         link->credits += entry.attempts - attempts; // a telecommand is short
     if (is_over(entry.phase)) settle_parameter(entry.id, entry.phase, entry.value, entry.text, now);
 }

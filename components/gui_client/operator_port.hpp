@@ -12,19 +12,36 @@
 
 namespace atirma::console {
 
-/// Sends a telecommand. `via` is the path of a proxy; empty: the console chooses.
+/// Whether the authority over the boat is taken first, where this console does not have it.
+enum class taking : std::uint8_t { no, if_free, from_holder };
+
+/// Sends a telecommand. `via` is the path of a proxy; empty: over the best link, which the communication nodes choose,
+/// or the console where there are none.
 struct give_command {
     boat_command command;
     std::string via;
     float valid_s = 300;
+    bool confirmed = false; ///< the operator was asked, where it is dangerous
+    taking authority = taking::no;
 };
-/// Clears the boat's list, adds these, reads the list back and compares.
+/// Clears the boat's list, adds these, reads the list back and compares. The operator was asked.
 struct upload_mission {
     std::vector<waypoint> points;
     std::string via;
+    taking authority = taking::no;
 };
-/// Stops after the telecommand that is under way.
+/// Puts a waypoint before the active one and sails to it; the list goes on after it.
+struct sail_to {
+    waypoint point;
+    std::string via;
+    taking authority = taking::no;
+};
+/// Stops an upload at once. The telecommand that is under way may still arrive.
 struct cancel_upload {};
+/// Takes the authority over the boat, asks for it, hands it over, gives it up.
+struct change_authority {
+    authority_request request;
+};
 /// Sets a parameter of the modem at a proxy: "power_level", 0 … 4.
 struct set_xbee_parameter {
     std::string path;
@@ -35,11 +52,19 @@ struct set_xbee_parameter {
 struct acknowledge_alarm {
     std::string key;
 };
+/// That were acknowledged before this console was started.
+struct remember_alarms {
+    std::vector<acknowledged_alarm> before;
+};
+struct set_limits {
+    alarm_limits limits;
+};
 struct forget_track {};
 
 /// What an operator does.
 using action =
-    std::variant<give_command, upload_mission, cancel_upload, set_xbee_parameter, acknowledge_alarm, forget_track>;
+    std::variant<give_command, upload_mission, cancel_upload, set_xbee_parameter, acknowledge_alarm, forget_track,
+                 sail_to, change_authority, remember_alarms, set_limits>;
 
 /// What lies between windows and the component, which live on threads of their own: snapshots one way, actions the
 /// other. Neither side waits for the other. Thread-safe; shared by both, and outlives either.

@@ -1,6 +1,7 @@
 #pragma once
-#include <components/boat/services.hpp>
+#include <components/boat/communication.hpp>
 #include <components/gui_client/alarm.hpp>
+#include <components/iridium_proxy/services.hpp>
 #include <components/xbee_proxy/services.hpp>
 
 #include <array>
@@ -57,6 +58,7 @@ struct mission_view {
 /// One way to the boat: a component that provides telemetry and takes telecommands.
 struct link_view {
     std::string path;                    ///< of the proxy
+    bool all_links = false;              ///< the communication nodes' role: all links together
     std::optional<link_id> link;         ///< nothing until a packet tells it, where its name does not
     bool connected = false;              ///< its proxy is reached
     std::string trouble;                 ///< why not, or why nothing can be sent
@@ -73,6 +75,26 @@ struct link_view {
     std::optional<xbee_local> xbee;
     std::optional<utc_time> xbee_at;
     std::string xbee_answer;             ///< to the last change of its modem's parameters
+    std::optional<iridium_account> account; ///< of an Iridium proxy: what it costs
+};
+
+/// A communication node, as it tells of itself.
+struct node_view {
+    std::string path;
+    bool connected = false;
+    std::string trouble;                 ///< why it is not reached
+    std::optional<communication_state> state;
+    std::optional<utc_time> told_at;
+};
+
+/// Who may tell the boat what to do, as the communication nodes say.
+struct authority_view {
+    bool known = false;                  ///< a node has said so
+    authority_state state;
+    std::string self;                    ///< this console's path
+    bool changing = false;               ///< asked for, not answered yet
+    std::string problem;                 ///< why the last change did not happen
+    bool mine() const noexcept { return known && !self.empty() && state.holder == self; }
 };
 
 struct parameter_view {
@@ -103,6 +125,7 @@ struct command_entry {
     std::optional<link_id> link;
     std::string what;          ///< in words; of another console's only the kind
     bool own = false;          ///< given here
+    std::string asked_by;      ///< the operator's path, where a communication node tells it
     command_phase phase = command_phase::asking;
     std::optional<float> value;
     std::string text;          ///< the last word about it
@@ -161,7 +184,10 @@ struct snapshot {
     upload_view upload;
     std::vector<parameter_view> parameters; ///< in the order of their numbers
     std::vector<link_view> links;           ///< by path
-    std::vector<alarm_entry> alarms;              ///< the gravest first
+    std::vector<node_view> nodes;           ///< by path
+    authority_view authority;
+    std::vector<alarm_entry> alarms;        ///< the gravest first
+    alarm_limits limits;
     // Shared with the snapshots before, as long as nothing has changed.
     std::shared_ptr<const std::vector<track_point>> track;       ///< in the order of time
     std::shared_ptr<const std::vector<command_entry>> commands;  ///< oldest first

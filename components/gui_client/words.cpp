@@ -132,7 +132,10 @@ std::optional<link_id> link_of_path(const std::string& path) {
     return from_name<link_id>(path.substr(path.rfind('/') + 1));
 }
 
+std::string operator_label(const std::string& path) { return path.substr(path.rfind('/') + 1); }
+
 std::string label(const link_view& link) {
+    if (link.all_links) return "All links";
     if (link.link) return label(*link.link);
     return link.path.substr(link.path.rfind('/') + 1);
 }

@@ -17,6 +17,8 @@ std::string label(link_id link);
 std::optional<link_id> link_of_path(const std::string& path);
 /// "XBee" where the link is known, else the end of its path.
 std::string label(const link_view& link);
+/// "anna": of the operator at atirma/console/anna.
+std::string operator_label(const std::string& path);
 /// "set mode auto", "waypoint 3 at 28.15300, −15.44800", "time to next tack := 30 s".
 std::string describe(const boat_command& command);
 /// Of another console's command only the kind is known.

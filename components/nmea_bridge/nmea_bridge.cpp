@@ -31,7 +31,10 @@ ise::task<> nmea_bridge::run() {
         }
     } guard{*this};
     nmea_ = std::make_unique<line_outlet>(*this, options_.nmea, [this] { return nmea_now(std::nullopt); });
-    signalk_ = std::make_unique<line_outlet>(*this, options_.signalk, [this] { return signalk_now(std::nullopt); });
+    auto self = signalk::identity(options_.vessel, options_.vessel_uuid);
+    signalk_ = std::make_unique<line_outlet>(*this, options_.signalk, [this, self] {
+        return signalk::hello(self, clock()) + signalk::about(options_.vessel, clock()) + signalk_now(std::nullopt);
+    });
     for (const auto* one : {&nmea_, &signalk_}) {
         auto where = (*one)->status().listens;
         if (!where.empty() && options_.on_listening) options_.on_listening(where);

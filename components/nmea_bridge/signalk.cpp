@@ -52,6 +52,60 @@ private:
 
 } // namespace
 
+bool is_uuid(const std::string& text) noexcept {
+    if (text.size() != 36) return false;
+    for (std::size_t i = 0; i < text.size(); ++i) {
+        bool dash = i == 8 || i == 13 || i == 18 || i == 23;
+        bool digit = (text[i] >= '0' && text[i] <= '9') || (text[i] >= 'a' && text[i] <= 'f');
+        if (dash ? text[i] != '-' : !digit) return false;
+    }
+    return text[14] == '4' && (text[19] == '8' || text[19] == '9' || text[19] == 'a' || text[19] == 'b');
+}
+
+std::string identity(const std::string& name, const std::string& uuid) {
+    if (!uuid.empty()) return "urn:mrn:signalk:uuid:" + uuid;
+    std::uint64_t half[2] = {0xcbf29ce484222325u, 0x84222325cbf29ce4u}; // FNV-1a from two beginnings
+    for (auto& sum : half)
+        for (char c : name) sum = (sum ^ static_cast<unsigned char>(c)) * 0x100000001b3u;
+    return fmt::format("urn:mrn:signalk:uuid:{:08x}-{:04x}-4{:03x}-{:x}{:03x}-{:012x}", half[0] >> 32,
+                       half[0] >> 16 & 0xffff, half[0] & 0xfff, 8 + (half[1] >> 62), half[1] >> 48 & 0xfff,
+                       half[1] & 0xffffffffffff);
+}
+
+std::string hello(const std::string& identity, utc_time now) {
+    json made = {{"name", "atirma nmea_bridge"},
+                 {"version", "1.7.0"}, // of the specification
+                 {"timestamp", timestamp(now)},
+                 {"self", "vessels." + identity},
+                 {"roles", {"master", "main"}}};
+    return made.dump() + "\n";
+}
+
+std::string about(const std::string& name, utc_time now) {
+    json meta = json::array();
+    auto add = [&](const std::string& path, const char* units, const char* meaning) {
+        json value = {{"description", meaning}};
+        if (*units) value["units"] = units;
+        meta.push_back({{"path", path}, {"value", value}});
+    };
+    for (auto link : {link_id::xbee, link_id::gprs, link_id::iridium}) {
+        auto below = fmt::format("communication.links.{}.", name_of(link));
+        add(below + "up", "", "Whether the boat's end of the link works");
+        add(below + "rssi", "dBm", "Strength of the last packet from the shore, at the boat");
+        add(below + "queued", "", "Packets that wait at the boat for this link");
+        add(below + "sent", "", "Packets that the boat has sent over this link");
+        add(below + "failed", "", "Packets that the boat could not send over this link");
+        add(below + "dropped", "", "Packets that the boat never sent, as its queue was full");
+        add(below + "lastHeardAge", "s", "Since the boat heard the shore over this link");
+    }
+    json named = {{"$source", "atirma.bridge"},
+                  {"timestamp", timestamp(now)},
+                  {"values", json::array({{{"path", ""}, {"value", {{"name", name}}}}})},
+                  {"meta", meta}};
+    json made = {{"context", "vessels.self"}, {"updates", json::array({named})}};
+    return made.dump() + "\n";
+}
+
 std::string position(const dated<location>& at) {
     const auto& l = at.value;
     return delta(at.measured_at, name_of(at.link))

@@ -1,6 +1,8 @@
 // The only file that sees RESTinio.
 #include <components/web_server/http_server.hpp>
 
+#include <components/web_server/room_for_sockets.hpp>
+
 #include <ise/core/error.hpp>
 
 #include <fmt/format.h>
@@ -94,10 +96,9 @@ private:
 };
 
 template <class Response>
-Response& with_security_headers(Response& response) {
-    response.append_header("Content-Security-Policy",
-                           "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; "
-                           "form-action 'none'; frame-ancestors 'self'");
+Response& with_security_headers(Response& response, bool framed = false) {
+    std::string policy = "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors ";
+    response.append_header("Content-Security-Policy", policy + (framed ? "*" : "'self'"));
     response.append_header("X-Content-Type-Options", "nosniff");
     response.append_header("Referrer-Policy", "no-referrer");
     response.append_header("Cross-Origin-Opener-Policy", "same-origin");
@@ -165,14 +166,14 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
     using headers = std::vector<std::pair<std::string, std::string>>;
 
     /// Every answer that is no stream goes through here.
-    void reply(const restinio::request_handle_t& request, int status, body_view body, const headers& extra = {}) {
+    void reply(const restinio::request_handle_t& request, int status, body_view body, const headers& extra = {}, bool framed = false) {
         auto line = restinio::http_status_line_t(restinio::http_status_code_t(static_cast<std::uint16_t>(status)),
                                                  std::string(reason_of(status)));
         auto response = request->create_response<restinio::user_controlled_output_t>(std::move(line));
         response.append_header_date_field();
         response.append_header(restinio::http_field::content_type, std::string(body.content_type));
         for (const auto& [name, value] : extra) response.append_header(name, value);
-        with_security_headers(response);
+        with_security_headers(response, framed);
         response.set_content_length(body.size()); // of a 304 too: what a 200 would have
         if (status != 304 && request->header().method() != restinio::http_method_head() && body.size() != 0) {
             if (body.owned) response.append_body(restinio::writable_item_t(std::move(body.owned)));
@@ -186,7 +187,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
         reply(request, status, {"text/html; charset=utf-8", std::make_shared<const std::string>(error_page(status, what)), {}}, extra);
     }
 
-    void send_asset(const restinio::request_handle_t& request, const asset& file) {
+    void send_asset(const restinio::request_handle_t& request, const asset& file, bool framed) {
         const auto& header = request->header();
         bool packed = !file.gzip.empty() && takes_gzip(header.get_field_or(restinio::http_field::accept_encoding, std::string()));
         // The compressed form is another representation, so it has another tag.
@@ -194,9 +195,9 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
         if (packed) tag.insert(tag.size() - 1, "-gz");
         headers extra = {{"ETag", tag}, {"Cache-Control", "no-cache"}, {"Vary", "Accept-Encoding"}};
         if (lists_etag(header.get_field_or(restinio::http_field::if_none_match, std::string()), tag))
-            return reply(request, 304, {file.content_type, nullptr, packed ? file.gzip : file.bytes}, extra);
+            return reply(request, 304, {file.content_type, nullptr, packed ? file.gzip : file.bytes}, extra, framed);
         if (packed) extra.emplace_back("Content-Encoding", "gzip");
-        reply(request, 200, {file.content_type, nullptr, packed ? file.gzip : file.bytes}, extra);
+        reply(request, 200, {file.content_type, nullptr, packed ? file.gzip : file.bytes}, extra, framed);
     }
 
     void send_handled(const restinio::request_handle_t& request, const handler& h, const http_request& asked) {
@@ -212,6 +213,13 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
         if (!made.download_as.empty())
             extra.emplace_back("Content-Disposition", fmt::format("attachment; filename=\"{}\"", safe_file_name(made.download_as)));
         reply(request, made.status, {made.content_type, std::make_shared<const std::string>(std::move(made.body)), {}}, extra);
+    }
+
+    std::pair<const asset*, bool> find_file(const std::string& path) const {
+        auto other = other_names.find(path);
+        auto file = files.find(other == other_names.end() ? path : other->second.file);
+        if (file == files.end()) return {nullptr, false};
+        return {&file->second, other != other_names.end() && other->second.framed};
     }
 
     void open_stream(const restinio::request_handle_t& request, sse_channel& channel) {
@@ -245,8 +253,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
             if (auto channel = channels.find(path); channel != channels.end()) open_stream(request, *channel->second);
             else if (auto h = handlers.find(path); h != handlers.end())
                 send_handled(request, h->second, {path, std::string(header.query())});
-            else if (auto file = files.find(path == "/" ? std::string_view("/index.html") : path); file != files.end())
-                send_asset(request, file->second);
+            else if (auto [file, framed] = find_file(path); file) send_asset(request, *file, framed);
             else fail(request, 404, "There is no such page.");
         } catch (const std::exception& why) { // a snapshot that could not be made
             ++statistics.handlers_failed;
@@ -282,7 +289,12 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
 
     asio::io_context& context;
     http_options options;
+    struct other_name {
+        std::string file;
+        bool framed = false;
+    };
     std::map<std::string, asset, std::less<>> files;
+    std::map<std::string, other_name, std::less<>> other_names = {{"/", {"/index.html", false}}};
     std::map<std::string, handler, std::less<>> handlers;
     std::map<std::string, std::unique_ptr<sse_channel>, std::less<>> channels;
     std::unordered_map<restinio::connection_id_t, stream> streams;
@@ -350,6 +362,10 @@ void http_server::serve(std::span<const asset> files) {
     for (const auto& file : files) self_->files.insert_or_assign(std::string(file.path), file);
 }
 
+void http_server::serve_as(std::string path, std::string file, bool framed) {
+    self_->other_names.insert_or_assign(std::move(path), implementation::other_name{std::move(file), framed});
+}
+
 void http_server::get(std::string path, handler h) { self_->handlers.insert_or_assign(std::move(path), std::move(h)); }
 
 sse_channel& http_server::events(std::string path, sse_channel::snapshot_source snapshot) {
@@ -362,6 +378,7 @@ sse_channel& http_server::events(std::string path, sse_channel::snapshot_source 
 void http_server::listen() {
     auto& self = *self_;
     if (self.server) return;
+    if (auto poor = make_room_for_sockets(self.options.limits.max_connections); !poor.empty() && self.options.log) self.options.log(poor);
     auto server = self.make_server();
     try {
         server->open_sync();

@@ -16,13 +16,13 @@ namespace atirma {
 
 /// What a stranger can cost the server at most.
 struct http_limits {
-    std::size_t max_connections = 512;           ///< more are closed at once
+    std::size_t max_connections = 4000;          ///< more are closed at once; `listen` raises the process's limit of open files as far as it may
     std::size_t max_url_bytes = 2048;
     std::size_t max_header_fields = 64;
     std::size_t max_header_value_bytes = 4096;
     std::size_t max_body_bytes = 4096;           ///< nothing here takes a body
     std::chrono::seconds request_timeout{15};    ///< to send a whole request, and for an idle connection
-    std::chrono::seconds write_timeout{15};      ///< to take a whole answer or event
+    std::chrono::seconds write_timeout{90};      ///< to take a whole answer or event: a long track over a slow phone
     std::chrono::seconds silent_stream_timeout{60}; ///< a stream nobody writes to (see sse_channel::tick) ends
     sse_limits streams;
 };
@@ -31,7 +31,7 @@ struct http_options {
     std::string address = "127.0.0.1"; ///< numeric, IPv4 or IPv6
     std::uint16_t port = 8080;         ///< 0: the system chooses, see `http_server::port`
     http_limits limits;
-    /// Told about handlers that threw, one line each; the client only sees "500".
+    /// Told about handlers that threw (the client only sees "500") and limits of the system that are too low, one line each.
     std::function<void(std::string_view)> log;
 };
 
@@ -72,6 +72,8 @@ public:
 
     /// Serves files by their paths, "/index.html" also as "/". The memory behind them outlives the server.
     void serve(std::span<const asset> files);
+    /// Serves one of these files under another path as well. `framed`: pages of other sites may show it in a frame.
+    void serve_as(std::string path, std::string file, bool framed = false);
     /// Serves what `h` makes on each GET of `path`. Anything it throws is a 500 and is told to `log`.
     void get(std::string path, handler h);
     /// An event stream at `path`; the reference is valid as long as the server.

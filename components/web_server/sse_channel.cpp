@@ -1,6 +1,7 @@
 #include <components/web_server/sse_channel.hpp>
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 namespace atirma {
@@ -9,6 +10,7 @@ namespace {
 struct sse_client {
     std::shared_ptr<sse_sink> sink;
     std::string queue;             ///< encoded events that wait for the write under way
+    std::string queued_id, sent_id; ///< of the last event there, and of the last that was given to the sink
     std::uint64_t queued_events = 0;
     bool writing = false;
     bool needs_snapshot = false;
@@ -63,16 +65,22 @@ struct sse_channel::implementation : std::enable_shared_from_this<implementation
         if (failed) return forget(client, statistics.left);
         if (client->needs_snapshot) {
             client->needs_snapshot = false;
-            write(client, std::make_shared<const std::string>(encode_event(snapshot({}))));
+            auto fresh = snapshot(client->sent_id); // with what it lacks only, where the source can tell
+            if (!fresh.id.empty()) client->sent_id = fresh.id;
+            write(client, std::make_shared<const std::string>(encode_event(fresh)));
         } else if (!client->queue.empty()) {
             client->queued_events = 0;
+            if (!client->queued_id.empty()) client->sent_id = std::exchange(client->queued_id, {});
             write(client, std::make_shared<const std::string>(std::exchange(client->queue, {})));
         }
     }
 
-    void enqueue(const client_ptr& client, const std::shared_ptr<const std::string>& text) {
+    void enqueue(const client_ptr& client, const std::shared_ptr<const std::string>& text, const std::string& id) {
         if (client->gone) return;
-        if (!client->writing) return write(client, text);
+        if (!client->writing) {
+            if (!id.empty()) client->sent_id = id;
+            return write(client, text);
+        }
         if (client->needs_snapshot) { // the snapshot will hold it
             ++statistics.events_skipped;
             return;
@@ -81,11 +89,13 @@ struct sse_channel::implementation : std::enable_shared_from_this<implementation
             ++statistics.resynchronised;
             statistics.events_skipped += client->queued_events + 1;
             client->queue = {};
+            client->queued_id.clear();
             client->queued_events = 0;
             client->needs_snapshot = true;
             return;
         }
         client->queue += *text;
+        if (!id.empty()) client->queued_id = id;
         ++client->queued_events;
     }
 
@@ -96,8 +106,25 @@ struct sse_channel::implementation : std::enable_shared_from_this<implementation
         client->sink->close();
     }
 
+    /// The snapshot that all share who know nothing of this life of the source; null where this one does.
+    std::shared_ptr<const std::string> common_snapshot(std::string_view last_event_id) {
+        if (!last_event_id.empty()) {
+            if (!common) return nullptr;
+            auto life = [](std::string_view id) { return id.substr(0, id.rfind(':')); };
+            if (common_id.empty() || life(last_event_id) == life(common_id)) return nullptr;
+        }
+        if (common) return ++statistics.shared, common;
+        auto made = snapshot({});
+        common_id = made.id;
+        common_at = statistics.published;
+        return common = std::make_shared<const std::string>("retry: 2000\n\n" + encode_event(made));
+    }
+
     snapshot_source snapshot;
     sse_limits limits;
+    std::shared_ptr<const std::string> common;
+    std::string common_id;
+    std::uint64_t common_at = 0; ///< `published` when it was made
     sse_statistics statistics;
     std::vector<client_ptr> clients;
     bool closed = false;
@@ -114,12 +141,24 @@ bool sse_channel::add(std::shared_ptr<sse_sink> sink, std::string_view last_even
         return false;
     }
     // Made before the client is known: a source that throws leaves nothing behind.
-    auto first = std::make_shared<const std::string>("retry: 2000\n\n" + encode_event(self_->snapshot(last_event_id)));
+    auto& self = *self_;
+    auto first = self.common_snapshot(last_event_id);
+    auto id = self.common_id;
+    std::optional<page_event> since;
+    if (!first) {
+        auto own = self.snapshot(last_event_id);
+        id = own.id;
+        first = std::make_shared<const std::string>("retry: 2000\n\n" + encode_event(own));
+    } else if (self.statistics.published != self.common_at) {
+        since = self.snapshot(id);
+    }
     auto client = std::make_shared<sse_client>();
     client->sink = std::move(sink);
-    self_->clients.push_back(client);
-    ++self_->statistics.accepted;
-    self_->write(client, std::move(first));
+    client->sent_id = id;
+    self.clients.push_back(client);
+    ++self.statistics.accepted;
+    self.write(client, std::move(first));
+    if (since) self.enqueue(client, std::make_shared<const std::string>(encode_event(*since)), since->id);
     return true;
 }
 
@@ -136,10 +175,12 @@ void sse_channel::publish(const page_event& event) {
     if (self_->clients.empty()) return;
     auto text = std::make_shared<const std::string>(encode_event(event));
     auto now = self_->clients; // a sink that fails at once changes the list
-    for (const auto& client : now) self_->enqueue(client, text);
+    for (const auto& client : now) self_->enqueue(client, text, event.id);
 }
 
-void sse_channel::tick() {
+std::size_t sse_channel::tick() {
+    self_->common.reset();
+    const auto before = self_->statistics.dropped_slow;
     static const auto comment = std::make_shared<const std::string>(": still here\n\n");
     auto now = self_->clients;
     for (const auto& client : now) {
@@ -151,6 +192,7 @@ void sse_channel::tick() {
             client->wrote_since_tick = false; // a comment each quiet tick
         }
     }
+    return self_->statistics.dropped_slow - before;
 }
 
 void sse_channel::close() noexcept {

@@ -25,9 +25,9 @@ public:
 
 /// What one client may hold back, and how many clients there may be.
 struct sse_limits {
-    std::size_t max_clients = 200;
+    std::size_t max_clients = 2000;
     std::size_t max_queued_bytes = 256 * 1024; ///< per client; beyond it the queue gives way to a new snapshot
-    unsigned max_stuck_ticks = 3;              ///< ticks that one write may take before its client is dropped
+    unsigned max_stuck_ticks = 6;              ///< ticks that one write may take before its client is dropped
 };
 
 /// Counted since the channel was made.
@@ -38,16 +38,19 @@ struct sse_statistics {
     std::uint64_t resynchronised = 0;///< times a slow client's queue was replaced by a snapshot
     std::uint64_t events_skipped = 0;///< events that were in those queues
     std::uint64_t dropped_slow = 0;  ///< clients whose write did not move for max_stuck_ticks
+    std::uint64_t shared = 0;        ///< clients that were given a snapshot that another one had been given before
     std::uint64_t left = 0;          ///< clients that went away or whose connection failed
 };
 
 /// One stream of server-sent events to any number of clients. Each new client first receives a snapshot; a slow
-/// one never slows another, and holds a bounded amount of memory. No thread of its own: everything, the sinks'
+/// one never slows another, and holds a bounded amount of memory. Clients that know nothing share the text of one snapshot,
+/// made once a tick, and are then told what came since. No thread of its own: everything, the sinks'
 /// callbacks included, happens on the thread of the server's `io_context`.
 class sse_channel {
 public:
     /// What a new client receives first. `last_event_id` is what it had seen (empty: nothing); the source may
-    /// answer with only what came after. Called on the server's thread, also for a client that fell behind.
+    /// answer with only what came after. What stands before the id's last ':' names the life of the source: of another
+    /// one nothing is known. Called on the server's thread, also for a client that fell behind.
     using snapshot_source = std::function<page_event(std::string_view last_event_id)>;
 
     explicit sse_channel(snapshot_source snapshot, sse_limits limits = sse_limits());
@@ -62,10 +65,10 @@ public:
 
     /// Sends to every client. The text is built once.
     void publish(const page_event& event);
-    /// Sends a comment to idle clients, so that dead ones are noticed, and drops those that are stuck.
+    /// Sends a comment to idle clients, so that dead ones are noticed, and drops those that are stuck: so many.
     /// To be called at a steady pace by the owner, such as every 10 s (an HTTP server closes streams that
     /// were silent for `http_limits::silent_stream_timeout`).
-    void tick();
+    std::size_t tick();
     /// Ends every client; later ones are refused.
     void close() noexcept;
 

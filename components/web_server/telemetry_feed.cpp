@@ -49,21 +49,27 @@ power_update page_view(const report_origin& from, const power& of) {
 } // namespace
 
 std::vector<page_event> telemetry_feed::take(const telemetry_packet& packet, utc_ms now) {
-    std::vector<page_event> events;
     auto message = parse_telemetry(packet.raw);
-    if (!message) {
-        ++statistics_.malformed;
-        return events;
-    }
-    if (!seen_.first_time(packet.boot, packet.sequence)) {
-        ++statistics_.duplicates;
-        return events;
-    }
+    if (!message) return ++statistics_.malformed, std::vector<page_event>();
+    if (!seen_.first_time(packet.boot, packet.sequence)) return ++statistics_.duplicates, std::vector<page_event>();
     ++statistics_.received;
-    ++statistics_.by_type[std::string(name_of(message->body))];
+    auto kind = name_of(message->body);
+    ++statistics_.by_type[std::string(kind)];
+    auto events = show(packet, *message, now);
+    if (on_new) on_new(packet, kind);
+    return events;
+}
+
+void telemetry_feed::restore(const telemetry_packet& packet, utc_ms now) {
+    auto message = parse_telemetry(packet.raw);
+    if (message && seen_.first_time(packet.boot, packet.sequence)) show(packet, *message, now);
+}
+
+std::vector<page_event> telemetry_feed::show(const telemetry_packet& packet, const telemetry_message& message, utc_ms now) {
+    std::vector<page_event> events;
     report_origin from;
     from.measured_at = packet.measured_at;
-    from.received_at = packet.received_at;
+    from.received_at = packet.received_at == utc_time() ? now : packet.received_at; // a proxy that does not say when
     from.source = name_of(packet.link);
     from.history = packet.history;
     if (packet.boot != boot_) {
@@ -73,7 +79,7 @@ std::vector<page_event> telemetry_feed::take(const telemetry_packet& packet, utc
     auto add = [&](std::optional<page_event> event) {
         if (event) events.push_back(std::move(*event));
     };
-    const auto& body = message->body;
+    const auto& body = message.body;
     if (const auto* l = std::get_if<location>(&body)) {
         if (l->quality != fix_quality::none) add(state_.apply(page_view(from, *l), now));
     } else if (const auto* n = std::get_if<navigation>(&body)) {

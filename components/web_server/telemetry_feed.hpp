@@ -24,9 +24,16 @@ public:
     /// Events to publish, in order.
     std::vector<page_event> take(const telemetry_packet& packet, utc_ms now);
 
+    /// What was kept over a restart of the page: shows it, and counts nothing.
+    void restore(const telemetry_packet& packet, utc_ms now);
+
     const feed_statistics& statistics() const noexcept { return statistics_; }
 
+    /// Told of each packet that is new, and its kind, after the state has taken it; may be empty.
+    std::function<void(const telemetry_packet&, std::string_view kind)> on_new;
+
 private:
+    std::vector<page_event> show(const telemetry_packet& packet, const telemetry_message& message, utc_ms now);
     std::optional<page_event> waypoints_part(const report_origin& from, const waypoints& part, utc_ms now);
 
     track_state& state_;

@@ -84,7 +84,7 @@ json to_json(const mode_update& update) {
 }
 
 json to_json(const feed_update& update) {
-    return {{"source", update.source}, {"connected", update.connected}, {"since", to_json(update.since)}, {"detail", update.detail}};
+    return {{"source", update.source}, {"connected", update.connected}, {"since", to_json(update.since)}, {"detail", update.detail}, {"link", update.link}};
 }
 
 json track_columns() {

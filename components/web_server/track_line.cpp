@@ -105,6 +105,12 @@ const track_point* track_line::annotate_wind(utc_ms at, double speed_mps, std::o
     return &*best;
 }
 
+void track_line::correct_sailed(double total_m) noexcept {
+    double missing = total_m - sailed_m();
+    if (points_.size() < 2 || !(missing > 0)) return;
+    for (auto point = std::next(points_.begin()); point != points_.end(); ++point) point->sailed_m += missing;
+}
+
 void track_line::thin() {
     std::size_t old = points_.size() * 3 / 4;
     if (old < 8) { // a tiny limit: the oldest go

@@ -43,6 +43,9 @@ public:
     const track_point* annotate_wind(utc_ms at, double speed_mps, std::optional<double> direction_deg,
                                      std::uint64_t revision, std::chrono::milliseconds tolerance);
 
+    /// Makes the way that long: of a track that was kept with fewer points than were sailed.
+    void correct_sailed(double total_m) noexcept;
+
     const std::vector<track_point>& points() const noexcept { return points_; }
     double sailed_m() const noexcept { return points_.empty() ? 0 : points_.back().sailed_m; }
     std::uint64_t thinned_points() const noexcept { return thinned_; }

@@ -1,6 +1,5 @@
 #include <components/web_server/track_state.hpp>
 
-#include <components/web_server/track_export.hpp>
 #include <components/web_server/track_json.hpp>
 
 #include <fmt/format.h>
@@ -77,6 +76,12 @@ struct track_state::implementation {
         if (!current || update.from.measured_at > current->from.measured_at) return true;
         if (update.from.measured_at < current->from.measured_at) ++statistics.out_of_order;
         return false;
+    }
+
+    /// Where the gateway believed the boat to be says less than a fix of the boat's own that is not stale yet.
+    bool would_blur(const position_update& update) const {
+        auto rough = [this](const position_update& p) { return p.circular_error_m.value_or(0) > options.track.rough_fix_m; };
+        return rough(update) && position && !rough(*position) && update.from.measured_at - position->from.measured_at <= options.stale_after;
     }
 
     std::uint32_t source_index(const std::string& source) {
@@ -194,8 +199,9 @@ std::optional<page_event> track_state::apply(const position_update& given, utc_m
         point.wind_speed_mps = self.wind->true_speed_mps;
         point.wind_direction_deg = self.wind->true_direction_deg;
     }
-    bool newer = self.is_newer(self.position, update);
+    bool newer = self.is_newer(self.position, update) && !self.would_blur(update);
     const auto* placed = self.line.insert(std::move(point));
+    if (placed && on_point) on_point(*placed, self.sources[placed->source]);
     if (newer) self.position = std::move(update);
     if (!newer && !placed) return std::nullopt;
     json state = {{"trip", self.trip()}, {"heard", self.heard_json()}};
@@ -243,6 +249,7 @@ std::optional<page_event> track_state::apply(const wind_update& given, utc_ms no
     const track_point* point = nullptr;
     if (update.true_speed_mps)
         point = self.line.annotate_wind(newest, *update.true_speed_mps, update.true_direction_deg, self.revision, beside);
+    if (point && on_point) on_point(*point, self.sources[point->source]);
     if (newer) self.wind = std::move(update);
     if (!newer && !point) return std::nullopt;
     json state = {{"heard", self.heard_json()}};
@@ -295,9 +302,17 @@ std::optional<page_event> track_state::apply(const feed_update& given, utc_ms no
     update.source = bounded(update.source);
     update.detail = bounded(update.detail);
     if (!self.feeds.contains(update.source) && self.feeds.size() >= max_sources) return ++self.statistics.refused, std::nullopt;
+    if (update.last_heard && (self.heard.contains(update.source) || self.heard.size() < max_sources)) {
+        auto& last = self.heard[update.source];
+        last = std::max(last, *update.last_heard);
+    }
+    auto known = self.feeds.find(update.source);
+    bool same = known != self.feeds.end() && known->second.connected == update.connected && known->second.detail == update.detail;
+    if (same) return std::nullopt;
+    if (known != self.feeds.end() && known->second.connected == update.connected) update.since = known->second.since;
     self.feeds.insert_or_assign(update.source, update);
     ++self.revision;
-    return self.event(now, {{"feeds", self.feeds_json()}});
+    return self.event(now, {{"feeds", self.feeds_json()}, {"heard", self.heard_json()}});
 }
 
 page_event track_state::snapshot(utc_ms now, std::string_view last_event_id) const {
@@ -326,6 +341,7 @@ page_event track_state::snapshot(utc_ms now, std::string_view last_event_id) con
                   {"sources", self.sources}};
     json data = {{"now", to_json(now)},
                  {"boat", self.options.boat},
+                 {"boat_id", self.options.id},
                  {"epoch", self.options.epoch},
                  {"stale_after_s", self.options.stale_after.count()},
                  {"status_period_s", self.options.status_period.count()},
@@ -341,15 +357,26 @@ page_event track_state::status(utc_ms now) const {
     return {"", "status", to_text({{"now", to_json(now)}, {"state", {{"feeds", self_->feeds_json()}, {"heard", self_->heard_json()}}}})};
 }
 
-std::string track_state::gpx() const {
-    return to_gpx(self_->options.boat, self_->line.points(), self_->waypoints ? self_->waypoints->points : std::vector<track_waypoint>());
+void track_state::restore(track_point fix, const std::string& link) {
+    auto& self = *self_;
+    fix.source = self.source_index(bounded(link));
+    fix.revision = ++self.revision;
+    self.line.insert(std::move(fix));
 }
 
-std::string track_state::kml() const {
-    return to_kml(self_->options.boat, self_->line.points(), self_->waypoints ? self_->waypoints->points : std::vector<track_waypoint>());
+void track_state::restore_heard(const std::string& link, utc_ms at) {
+    if (self_->heard.size() < max_sources) self_->heard[bounded(link)] = at;
 }
+
+void track_state::restore_sailed(double total_m) { self_->line.correct_sailed(total_m); }
 
 const std::vector<track_point>& track_state::track() const noexcept { return self_->line.points(); }
+const std::vector<std::string>& track_state::sources() const noexcept { return self_->sources; }
+double track_state::sailed_m() const noexcept { return self_->line.sailed_m(); }
+const std::vector<track_waypoint>& track_state::waypoints() const noexcept {
+    static const std::vector<track_waypoint> none;
+    return self_->waypoints ? self_->waypoints->points : none;
+}
 const std::optional<position_update>& track_state::position() const noexcept { return self_->position; }
 const track_options& track_state::options() const noexcept { return self_->options; }
 const track_statistics& track_state::statistics() const noexcept { return self_->statistics; }

@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -13,7 +14,8 @@
 namespace atirma {
 
 struct track_options {
-    std::string boat = "A-Tirma";
+    std::string boat = "A-Tirma"; ///< its name
+    std::string id = "a-tirma";   ///< in the page's addresses
     std::string epoch = "0"; ///< differs each time the server starts; letters, digits, '-'
     std::chrono::seconds stale_after{60};    ///< an older position is "no current data" on the page
     std::chrono::seconds status_period{5};   ///< the pace of `status`; the page calls the server lost after three
@@ -34,7 +36,8 @@ struct track_statistics {
 /// Pure: no clock, no I/O, one thread. Times are passed in.
 ///
 /// The newest measurement wins, whatever order reports arrive in: an older one (history, or a slower link) fills the
-/// track and never moves the current position backwards. Each `apply` returns the event to publish, or nothing where
+/// track and never moves the current position backwards; a rough fix is the current position only where no other is known
+/// that is fresh. Each `apply` returns the event to publish, or nothing where
 /// the page would not change. Clients that hand back an event's id get only what came later.
 class track_state {
 public:
@@ -56,10 +59,19 @@ public:
     /// The server is alive and this is its time. To be published every `status_period`.
     page_event status(utc_ms now) const;
 
-    std::string gpx() const;
-    std::string kml() const;
+    // What was kept over a restart of the server; before anything is applied. No events are made.
+    void restore(track_point fix, const std::string& link);
+    void restore_heard(const std::string& link, utc_ms at);
+    void restore_sailed(double total_m);
+
+    /// Told of each fix that comes into the track, or changes there, and its link. Nobody by default.
+    std::function<void(const track_point&, const std::string& link)> on_point;
 
     const std::vector<track_point>& track() const noexcept;
+    /// The names of links that `track_point::source` counts.
+    const std::vector<std::string>& sources() const noexcept;
+    const std::vector<track_waypoint>& waypoints() const noexcept;
+    double sailed_m() const noexcept;
     /// The newest position; nothing before the first.
     const std::optional<position_update>& position() const noexcept;
     const track_options& options() const noexcept;

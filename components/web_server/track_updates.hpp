@@ -72,12 +72,15 @@ struct mode_update {
     std::string mode; ///< "auto", "hold", "manual"…
 };
 
-/// Whether the server itself is in touch with what brings the boat's reports (the proxy of a link).
+/// Whether the server itself is in touch with what brings the boat's reports: the proxy of a link, or the
+/// communication nodes that follow several links.
 struct feed_update {
-    std::string source;
+    std::string source;  ///< "xbee", "gprs", "iridium", "communication"
     bool connected = false;
-    utc_ms since;
-    std::string detail; ///< "name server lost"; may be empty
+    utc_ms since;        ///< of `connected`
+    std::string detail;  ///< "name server lost"; may be empty
+    bool link = true;    ///< false: not a link of the boat's, but who follows them
+    std::optional<utc_ms> last_heard; ///< the boat, over this link, as the communication nodes tell
 };
 
 } // namespace atirma

@@ -1,6 +1,5 @@
 #include <components/web_server/web_component.hpp>
 
-#include <components/boat/find_component.hpp>
 #include <components/web_server/track_json.hpp>
 
 #include <ise/core/executor.hpp>
@@ -11,47 +10,90 @@ namespace atirma {
 namespace {
 using namespace std::chrono_literals;
 constexpr ise::duration tick_period = 10s; // of http_server's streams
-constexpr ise::duration watch_period = 1s; // of the links
+constexpr ise::duration watch_period = 1s; // of the links, and of the archive
 }
 
-web_server::web_server(web_server_options options)
-    : options_(std::move(options)), state_(std::make_unique<track_state>(options_.track)), feed_(std::make_unique<telemetry_feed>(*state_)) {}
+web_server::web_server(web_server_options options) : options_(std::move(options)) { forget_boats(); }
 web_server::~web_server() = default;
 
 utc_ms web_server::clock() const { return std::chrono::floor<std::chrono::milliseconds>(wall()); }
 
+/// What stands before and after a life of the component: the first boat, of which nothing is known.
+void web_server::forget_boats() {
+    boats_.clear();
+    boats_.push_back(std::make_unique<boat_page>(*this, boat_source{options_.track.boat, address_of(options_.track.boat), options_.telemetry}, options_.track, nullptr));
+}
+
+void web_server::make_boats() {
+    std::vector<boat_source> sources;
+    sources.push_back({options_.track.boat, "", options_.telemetry});
+    for (const auto& text : options_.more_boats) sources.push_back(parse_boat(text));
+    name_boats(sources);
+    boats_.clear();
+    for (auto& source : sources) boats_.push_back(std::make_unique<boat_page>(*this, std::move(source), options_.track, archive_.get()));
+}
+
 ise::task<> web_server::run() {
-    events_out_ = nullptr;
-    server_.reset();
-    auto track = options_.track;
-    track.epoch = fmt::format("{:x}", env().random()); // no client shall take up where another life of this server ended
-    state_ = std::make_unique<track_state>(std::move(track));
-    feed_ = std::make_unique<telemetry_feed>(*state_);
-    if (!options_.headless) listen();
-    // However this flow ends, the sockets go with it, on their own thread.
+    // However this flow ends, the sockets go with it, on their own thread, and what was heard is on disk.
     struct closing {
         web_server& self;
         ~closing() {
-            self.events_out_ = nullptr;
+            for (auto& boat : self.boats_) boat->withdraw();
+            self.streams_.clear();
             self.server_.reset();
+            self.keep();
         }
     } guard{*this};
+    server_.reset();
+    forget_boats();
+    archive_.reset();
+    if (!options_.archive.file.empty()) {
+        auto opened = track_archive::open(options_.archive);
+        if (!opened) throw ise::error(opened.error());
+        archive_ = std::move(*opened);
+    }
+    options_.track.epoch = fmt::format("{:x}", env().random()); // no client shall take up where another life of this server ended
+    make_boats();
+    for (auto& boat : boats_) boat->restore();
+    if (!options_.headless) listen();
     require(services::telemetry);
-    for (const auto& path : options_.telemetry) spawn("telemetry of " + path, follow(path));
+    for (auto& boat : boats_) boat->follow();
     if (server_ && options_.on_listening) options_.on_listening(server_->url()); // people need no name server
     auto next_status = now(), next_tick = now() + tick_period;
     for (;;) {
-        watch_links();
+        for (auto& boat : boats_) boat->watch();
+        keep();
         if (now() >= next_status) {
-            next_status = now() + state_->options().status_period;
-            publish(state_->status(clock()));
+            next_status = now() + options_.track.status_period;
+            auto fleet = boats_.size() > 1 ? fleet_json() : std::string();
+            for (auto& boat : boats_) {
+                boat->publish(boat->state().status(clock()));
+                if (!fleet.empty()) boat->publish({"", "fleet", fleet});
+            }
         }
         if (now() >= next_tick) {
             next_tick = now() + tick_period;
-            if (events_out_) events_out_->tick();
+            tick();
         }
         co_await sleep(watch_period);
     }
+}
+
+void web_server::keep() {
+    if (!archive_) return;
+    for (auto& boat : boats_) boat->keep_progress();
+    auto kept = archive_->commit(clock());
+    if (!kept && !disk_failed_)
+        log().warning("the track cannot be kept; the page goes on, and tries again", {{"cause", kept.error().message()}});
+    if (kept && disk_failed_) log().info("the track is kept again", {{"given_up", std::to_string(archive_->statistics().given_up)}});
+    disk_failed_ = !kept;
+}
+
+void web_server::tick() {
+    for (auto& [path, stream] : streams_)
+        if (auto dropped = stream->tick())
+            log().info("viewers were dropped: they took nothing for a minute; they may come back and go on where they were",
+                       {{"stream", path}, {"viewers", std::to_string(dropped)}});
 }
 
 void web_server::listen() {
@@ -64,93 +106,62 @@ void web_server::listen() {
     if (!http.log) http.log = [this](std::string_view line) { log().warning(line); };
     auto server = std::make_unique<http_server>(context->context(), std::move(http));
     server->serve(page_assets());
-    events_out_ = &server->events("/events", [this](std::string_view last) { return state_->snapshot(clock(), last); });
-    server->get("/track.gpx", [this](const http_request&) { return http_reply{state_->gpx(), "application/gpx+xml", 200, "a-tirma.gpx"}; });
-    server->get("/track.kml", [this](const http_request&) { return http_reply{state_->kml(), "application/vnd.google-earth.kml+xml", 200, "a-tirma.kml"}; });
+    server->serve_as("/embed", "/index.html", true);
+    for (auto& boat : boats_) boat->offer(*server, boat == boats_.front(), streams_);
+    server->get("/boats.json", [this](const http_request&) { return http_reply{fleet_json()}; });
     server->get("/api/status", [this](const http_request&) { return http_reply{status_json()}; });
     server->listen();
     server_ = std::move(server);
     log().info("the page is served", {{"url", server_->url()}});
 }
 
-ise::task<> web_server::follow(std::string path) {
-    auto proxy = find_component(*this, path);
-    auto pause = 500ms;
-    show_link(path, false, "waits for it");
-    // Of a communication node also what it kept before the page started.
-    telemetry_follower follower(*this, proxy, [this, &pause](const telemetry_packet& packet) {
-        pause = 500ms;
-        watch_links();
-        for (const auto& event : feed_->take(packet, clock())) publish(event);
-    });
-    follower.from = clock() - options_.track.max_age;
-    struct registered {
-        web_server& self;
-        const std::string& path;
-        ~registered() { self.followers_.erase(path); }
-    } guard{*this, path};
-    followers_[path] = &follower;
-    for (;;) {
-        std::string why;
-        try {
-            co_await follower.run();
-            why = "its provider has ended the subscription";
-        } catch (const ise::error& problem) {
-            why = problem.what(); // also of a provider that stops meanwhile; our own end throws at the next suspension
-        }
-        show_link(path, false, why);
-        co_await sleep(pause);
-        pause = std::min(2 * pause, std::chrono::milliseconds(5000));
+/// All boats, in few words: for the list on the page.
+std::string web_server::fleet_json() const {
+    json all = json::array();
+    for (const auto& boat : boats_) {
+        json one = {{"id", boat->source().id}, {"name", boat->source().name}, {"stale_after_s", options_.track.stale_after.count()}};
+        if (const auto& at = boat->state().position())
+            one["position"] = {{"latitude_deg", rounded(at->latitude_deg, 6)}, {"longitude_deg", rounded(at->longitude_deg, 6)},
+                               {"measured_at", to_json(at->from.measured_at)}};
+        else one["position"] = nullptr;
+        all.push_back(std::move(one));
     }
-}
-
-void web_server::publish(const page_event& event) {
-    ++events_;
-    if (events_out_) events_out_->publish(event);
-}
-
-/// A subscription heals by itself: that it is cut off now shows only here.
-void web_server::watch_links() {
-    for (const auto& [path, follower] : followers_)
-        if (follower->connected() || links_[path]) show_link(path, follower->connected(), follower->connected() ? "" : "it is not reached");
-}
-
-void web_server::show_link(const std::string& path, bool connected, std::string detail) {
-    auto known = links_.find(path);
-    if (known != links_.end() && known->second == connected) return;
-    links_[path] = connected;
-    feed_update told;
-    told.source = path.substr(path.rfind('/') + 1); // "xbee", as reports name their link
-    told.connected = connected;
-    told.since = clock();
-    told.detail = std::move(detail);
-    if (auto event = state_->apply(told, clock())) publish(*event);
+    return to_text({{"now", to_json(clock())}, {"boats", std::move(all)}});
 }
 
 std::string web_server::status_json() const {
-    json told;
-    const auto& counted = feed_->statistics();
-    told["now"] = to_json(clock());
-    told["packets"] = {{"received", counted.received}, {"duplicates", counted.duplicates}, {"malformed", counted.malformed}, {"by_type", counted.by_type}};
-    told["links"] = links_;
-    told["events_published"] = events_;
-    if (const auto& at = state_->position()) {
-        auto age = clock() - at->from.measured_at;
-        told["position"] = {{"latitude_deg", rounded(at->latitude_deg, 7)}, {"longitude_deg", rounded(at->longitude_deg, 7)},
-                            {"measured_at", to_json(at->from.measured_at)}, {"age_s", static_cast<double>(age.count()) / 1000},
-                            {"stale", age > state_->options().stale_after}};
-    } else {
-        told["position"] = nullptr;
-    }
+    json told = {{"now", to_json(clock())}, {"boats", json::object()}};
+    auto of_boat = [this](const boat_page& boat) {
+        const auto& counted = boat.feed().statistics();
+        json one;
+        one["packets"] = {{"received", counted.received}, {"duplicates", counted.duplicates}, {"malformed", counted.malformed}, {"by_type", counted.by_type}};
+        one["links"] = boat.links();
+        one["events_published"] = boat.events();
+        one["position"] = nullptr;
+        if (const auto& at = boat.state().position()) {
+            auto age = clock() - at->from.measured_at;
+            one["position"] = {{"latitude_deg", rounded(at->latitude_deg, 7)}, {"longitude_deg", rounded(at->longitude_deg, 7)},
+                               {"measured_at", to_json(at->from.measured_at)}, {"age_s", static_cast<double>(age.count()) / 1000},
+                               {"stale", age > boat.state().options().stale_after}};
+        }
+        return one;
+    };
+    told.update(of_boat(*boats_.front())); // as long as there was one boat only, this was all
+    for (const auto& boat : boats_) told["boats"][boat->source().id] = of_boat(*boat);
     if (server_) {
         auto http = server_->statistics();
         told["http"] = {{"requests", http.requests}, {"connections", http.connections}, {"open_connections", http.open_connections},
                         {"refused", http.connections_refused}, {"failed", http.handlers_failed}};
     }
-    if (events_out_) {
-        const auto& streams = events_out_->statistics();
-        told["streams"] = {{"clients", events_out_->clients()}, {"accepted", streams.accepted}, {"resynchronised", streams.resynchronised},
-                           {"events_skipped", streams.events_skipped}, {"dropped_slow", streams.dropped_slow}};
+    for (const auto& [path, stream] : streams_) {
+        const auto& s = stream->statistics();
+        told["streams"][path] = {{"clients", stream->clients()}, {"accepted", s.accepted}, {"refused_full", s.refused}, {"left", s.left},
+                                 {"resynchronised", s.resynchronised}, {"events_skipped", s.events_skipped}, {"dropped_slow", s.dropped_slow}};
+    }
+    if (archive_) {
+        const auto& a = archive_->statistics();
+        told["archive"] = {{"fixes", a.fixes}, {"packets", a.packets}, {"written", a.written}, {"removed", a.removed}, {"waiting", a.waiting},
+                           {"given_up", a.given_up}, {"trouble", a.trouble}};
     }
     return to_text(told);
 }

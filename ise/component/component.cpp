@@ -123,7 +123,7 @@ void component::throw_outcome(const std::exception_ptr& thrown) const {
     bool gone = false;
     try {
         std::rethrow_exception(thrown);
-    } catch (const std::future_error&) {
+    } catch (const outcome_dropped&) {
         gone = true; // destroyed before it ended
     } catch (const std::system_error& cancelled) {
         gone = cancelled.code() == asio::error::operation_aborted && runner_->stop_asked();

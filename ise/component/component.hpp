@@ -1,5 +1,6 @@
 #pragma once
 #include <ise/component/introspection.hpp>
+#include <ise/core/blocking_outcome.hpp>
 #include <ise/core/environment.hpp>
 #include <ise/core/log.hpp>
 #include <ise/core/sleep.hpp>
@@ -7,9 +8,9 @@
 #include <ise/service/provide.hpp>
 #include <ise/service/publication.hpp>
 #include <ise/service/remote.hpp>
+#include <ise/service/role_options.hpp>
 
 #include <functional>
-#include <future>
 #include <memory>
 #include <optional>
 #include <string>
@@ -50,7 +51,7 @@ public:
     const logger& log() const noexcept;
     /// Where it is in its life. On its loop; from elsewhere see `node::components()`.
     component_state state() const noexcept;
-    /// What serves it, for the layers below and for looking at counts.
+    /// What serves it, for the layers below and for looking at counts: <ise/service/service_host.hpp>.
     service_host& services() const noexcept;
 
     // --- what it provides ---------------------------------------------------------------------------------------
@@ -160,9 +161,9 @@ public:
     template <class T>
     T wait(task<T> body) {
         check_may_block();
-        std::promise<T> promise;
-        auto outcome = promise.get_future();
-        post_spawn("wait", fulfil<T>(std::move(body), std::move(promise)));
+        blocking_outcome<T> made;
+        auto outcome = made.other_end();
+        post_spawn("wait", fulfil<T>(std::move(body), std::move(made)));
         try {
             return outcome.get();
         } catch (...) {
@@ -226,17 +227,17 @@ private:
         }
     }
     template <class T>
-    static task<> fulfil(task<T> body, std::promise<T> promise) {
+    static task<> fulfil(task<T> body, blocking_outcome<T> made) {
         try {
             if constexpr (std::is_void_v<T>) {
                 co_await std::move(body);
-                promise.set_value();
+                made.fulfil();
             } else {
                 auto value = co_await std::move(body);
-                promise.set_value(std::move(value));
+                made.fulfil(std::move(value));
             }
         } catch (...) {
-            promise.set_exception(std::current_exception());
+            made.fail(std::current_exception());
         }
     }
     template <class Work>

@@ -58,7 +58,8 @@ std::string class_of(const component& of) {
 } // namespace
 
 component_runner::component_runner(std::weak_ptr<node::state> of, environment& env, std::shared_ptr<loop_share> share, std::string path,
-                                   std::unique_ptr<component> made, component_options options, const node_options& node, std::uint64_t incarnation)
+                                   std::unique_ptr<component> made, component_options options, const node_options& node, const security& credentials,
+                                   std::uint64_t incarnation)
     : node_(std::move(of)), env_(env), share_(std::move(share)), path_(std::move(path)), options_(std::move(options)), grace_(node.grace),
       names_(node.use_names), name_server_(node.name_server), log_(env, path_.empty() ? "(anonymous)" : path_, node.log),
       component_(std::move(made)),
@@ -70,7 +71,7 @@ component_runner::component_runner(std::weak_ptr<node::state> of, environment& e
     self.incarnation = incarnation;
     auto failed = [this](const std::string& name, std::exception_ptr thrown) { log_.error(describe(thrown), {{"coroutine", name}}); };
     connections_ = std::make_unique<task_scope>(on(), failed);
-    services_ = std::make_unique<service_host>(env, on(), *connections_, std::move(self), node.services, log_);
+    services_ = std::make_unique<service_host>(env, on(), *connections_, std::move(self), node.services, log_, credentials);
     signs_ = services_->signs();
     signs_->on_shorter([owner = node_] {
         if (auto held = owner.lock()) held->watch_sooner();

@@ -3,7 +3,9 @@
 #include <ise/component/loop_share.hpp>
 #include <ise/component/node.hpp>
 #include <ise/core/task_scope.hpp>
+#include <ise/naming/registrar.hpp>
 #include <ise/service/back_off.hpp>
+#include <ise/service/service_host.hpp>
 
 #include <atomic>
 #include <memory>
@@ -17,7 +19,8 @@ namespace ise {
 class component_runner : public std::enable_shared_from_this<component_runner> {
 public:
     component_runner(std::weak_ptr<node::state> of, environment& env, std::shared_ptr<loop_share> share, std::string path,
-                     std::unique_ptr<component> made, component_options options, const node_options& node, std::uint64_t incarnation);
+                     std::unique_ptr<component> made, component_options options, const node_options& node, const security& credentials,
+                     std::uint64_t incarnation);
     ~component_runner();
 
     /// Listens, provides ISE's own services and starts the flow. Throws what listening refuses; then nothing listens, and

@@ -58,8 +58,11 @@ private:
     }
 };
 
-/// What a program answers to `--describe`: one line of JSON.
-std::string describe_types(const std::string& program, const std::string& version, const std::vector<component_type>& types);
+/// Makes the types of a program, each time anew.
+using type_maker = std::function<std::vector<component_type>()>;
+
+/// What a program answers to `--describe`: one line of JSON. `shares`: several of its components may share a process.
+std::string describe_types(const std::string& program, const std::string& version, const std::vector<component_type>& types, bool shares = false);
 
 /// "atirma/gateway=5": a role that is served, and its priority there. errc::invalid_argument.
 result<std::pair<std::string, std::int32_t>> parse_role(std::string_view text);
@@ -68,10 +71,20 @@ result<std::pair<std::string, std::int32_t>> parse_role(std::string_view text);
 ///
 ///     PROGRAM --describe                     what there is, as JSON, for instantiation servers
 ///     PROGRAM run TYPE [--path=PATH] [--listen=ENDPOINT]... [--advertise=ENDPOINT]... [--name-server=ENDPOINT]
-///                      [--role=ROLE=PRIORITY]... [--log-level=LEVEL] [--PARAMETER=VALUE]...
+///                      [--role=ROLE=PRIORITY]... [--log-level=LEVEL] [--key=FILE] [--tls=FOLDER]
+///                      [--demand-credentials=yes|no] [--PARAMETER=VALUE]...
 ///
 /// until SIGINT or SIGTERM. A parameter that is not given is taken from the environment: ISE_PARAMETER_WIND_SPEED for
 /// --wind-speed. Gives the exit code: 0 ended as asked, 1 it failed, 2 wrong arguments; says why on standard error. For `main`: `return ise::main(count, words, types, "1.0");`
 int main(int count, const char* const* words, std::vector<component_type> types, const std::string& version = {});
+
+/// The same for a program whose components may also share a process, each on a thread of its own, as an instantiation server
+/// asks for them (`ise start --process`). It has one way more to be run:
+///
+///     PROGRAM host --control=ENDPOINT... [--name-server=ENDPOINT] [--log-level=LEVEL]
+///
+/// `types` is called for each component, from any thread: parameters are bound to variables, which two components of a type
+/// must not share.
+int main(int count, const char* const* words, const type_maker& types, const std::string& version = {});
 
 } // namespace ise

@@ -1,6 +1,7 @@
 #include <ise/component/live_parameters.hpp>
 
 #include <ise/component/component.hpp>
+#include <ise/service/service_host.hpp>
 
 #include <fmt/format.h>
 

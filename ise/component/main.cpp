@@ -1,12 +1,13 @@
 // environment-boundary: what a program's own main would do: its streams, its real environment
 #include <ise/component/component_type.hpp>
 
-#include <ise/component/node.hpp>
+#include <ise/component/program_words.hpp>
 #include <ise/core/real/environment.hpp>
 #include <ise/packet/json.hpp>
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cstdio>
 
@@ -16,15 +17,8 @@ namespace {
 constexpr int failed = 1;
 constexpr int wrong_arguments = 2;
 
-struct wrong : std::runtime_error {
-    using std::runtime_error::runtime_error;
-};
-
-struct hosting {
-    std::string path;
-    component_options component;
-    node_options node;
-};
+using detail::program_words;
+using wrong = detail::wrong_words;
 
 endpoint endpoint_of(const std::string& text) {
     auto at = endpoint::parse(text);
@@ -38,8 +32,13 @@ log_level level_of(const std::string& text) {
     throw wrong(fmt::format("--log-level is debug, info, warning or error, not '{}'", text));
 }
 
+bool yes_or_no(const std::string& name, const std::string& value) {
+    if (value != "yes" && value != "no") throw wrong(fmt::format("--{} is yes or no, not '{}'", name, value));
+    return value == "yes";
+}
+
 // Of the options that every type has; false: it is a parameter of the type.
-bool take_common(hosting& to, const std::string& name, const std::string& value) {
+bool take_common(program_words& to, const std::string& name, const std::string& value) {
     if (name == "path") to.path = value;
     else if (name == "listen") to.component.listen.push_back(endpoint_of(value));
     else if (name == "advertise") to.component.advertise.push_back(endpoint_of(value));
@@ -48,39 +47,35 @@ bool take_common(hosting& to, const std::string& name, const std::string& value)
         if (!role) throw wrong(role.error().message());
         to.component.roles.insert(std::move(*role));
     } else if (name == "name-server") to.node.name_server = endpoint_of(value);
+    else if (name == "key") to.node.security.key_file = value;
+    else if (name == "tls") to.node.security.tls_folder = value;
+    else if (name == "demand-credentials") to.node.security.demanded = yes_or_no(name, value);
     else if (name == "log-level") to.node.log = log_to_stderr(level_of(value));
     else return false;
     return true;
 }
 
-std::string usage(const std::string& program, const std::vector<component_type>& types) {
+std::string usage(const std::string& program, const std::vector<component_type>& types, bool shares) {
     auto text = fmt::format("usage: {0} run TYPE [--path=PATH] [--listen=ENDPOINT]... [--advertise=ENDPOINT]...\n"
-                            "           [--role=ROLE=PRIORITY]... [--name-server=ENDPOINT] [--log-level=LEVEL] [--PARAMETER=VALUE]...\n"
+                            "           [--role=ROLE=PRIORITY]... [--name-server=ENDPOINT] [--log-level=LEVEL]\n"
+                            "           [--key=FILE] [--tls=FOLDER] [--demand-credentials=yes|no] [--PARAMETER=VALUE]...\n"
                             "       {0} --describe | --version | --help\n", program);
+    if (shares) text += fmt::format("       {} host --control=ENDPOINT... [--name-server=ENDPOINT] [--log-level=LEVEL]\n", program);
     for (const auto& type : types) {
         text += fmt::format("\n{}: {}{}\n", type.about.name, type.about.description, type.about.path.empty() ? "" : fmt::format(" (path: {})", type.about.path));
         for (const auto& one : type.parameters.all())
             text += fmt::format("  --{:<20} {}; {}{}\n", one.name, one.description, allowed_values(one), one.preset.empty() ? "" : fmt::format(", unless given {}", one.preset));
     }
     text += "\nA parameter that is not given is taken from the environment: ISE_PARAMETER_WIND_SPEED for --wind-speed.\n";
+    text += "Credentials: --key or ISE_KEY names the file of a key that both sides prove, --tls or ISE_TLS a folder with ca.pem, certificate.pem\n"
+            "and key.pem for tls://; with --demand-credentials=yes nothing is listened on beyond this host without one of both.\n";
     return text + "Exit codes: 0 ended as asked, 1 failed, 2 wrong arguments.\n";
 }
 
-component_type& find_type(std::vector<component_type>& types, const std::string& name) {
-    std::string known;
-    for (auto& type : types) {
-        if (type.about.name == name) return type;
-        known += (known.empty() ? "" : ", ") + type.about.name;
-    }
-    throw wrong(fmt::format("there is no type '{}'; there are {}", name, known));
-}
-
-int run(component_type& type, hosting where, const std::string& program) {
+int run(component_type& type, program_words where, const std::string& program) {
     real_environment world;
     where.node.name = program;
-    auto taken = type.parameters.set_from([&](const std::string& name) { return world.variable(name); });
-    if (!taken) throw wrong(taken.error().message());
-    where.component.parameters = type.live();
+    detail::take_parameters(type, where.component, world);
     where.component.policy = on_failure::stop_node;
     node running(world, std::move(where.node));
     running.launch(where.path, type.make(), std::move(where.component));
@@ -95,34 +90,85 @@ int run(component_type& type, hosting where, const std::string& program) {
     return code;
 }
 
-int obey(int count, const char* const* words, std::vector<component_type>& types, const std::string& program, const std::string& version) {
-    std::string first = count > 1 ? words[1] : "";
-    if (first == "--describe") return fmt::print("{}\n", describe_types(program, version, types)), 0;
+// `again` is empty where the types were made once and for all.
+int obey(std::vector<std::string> words, std::vector<component_type>& types, const type_maker& again, const std::string& program, const std::string& version) {
+    std::string first = words.empty() ? "" : words.front();
+    if (first == "--describe") return fmt::print("{}\n", describe_types(program, version, types, again != nullptr)), 0;
     if (first == "--version") return fmt::print("{} {}\n", program, version), 0;
-    if (first == "--help" || first == "-h") return fmt::print("{}", usage(program, types)), 0;
-    if (first != "run" || count < 3) throw wrong("say `run TYPE`, or --help");
-    auto& type = find_type(types, words[2]);
-    hosting where;
-    where.path = type.about.path;
-    for (int at = 3; at < count; ++at) {
-        std::string word = words[at], value;
-        auto equals = word.find('=');
-        if (!word.starts_with("--")) throw wrong(fmt::format("'{}' is no option: options are written --name=value", word));
-        if (equals != std::string::npos) value = word.substr(equals + 1);
-        else if (++at < count) value = words[at];
-        else throw wrong(fmt::format("'{}' needs a value", word));
-        auto name = word.substr(2, equals == std::string::npos ? equals : equals - 2);
-        if (take_common(where, name, value)) continue;
-        auto set = type.parameters.set(name, value);
-        if (!set) throw wrong(set.error().message());
+    if (first == "--help" || first == "-h") return fmt::print("{}", usage(program, types, again != nullptr)), 0;
+    if (first == "host") {
+        if (!again) throw wrong("components of this program cannot share a process: each runs in one of its own");
+        words.erase(words.begin());
+        return detail::run_process_host(again, detail::read_words(words, nullptr), program);
     }
+    if (first != "run" || words.size() < 2) throw wrong("say `run TYPE`, or --help");
+    auto& type = detail::type_among(types, words[1]);
+    words.erase(words.begin(), words.begin() + 2);
+    auto where = detail::read_words(words, &type);
+    if (where.path.empty()) where.path = type.about.path;
     return run(type, std::move(where), program);
+}
+
+int guarded(int count, const char* const* words, std::vector<component_type> types, const type_maker& again, const std::string& version) {
+    std::string program = count > 0 ? words[0] : "";
+    program = program.substr(program.rfind('/') + 1);
+    try {
+        return obey({words + std::min(count, 1), words + count}, types, again, program, version);
+    } catch (const wrong& why) {
+        fmt::print(stderr, "{}: {}\n", program, why.what());
+        return wrong_arguments;
+    } catch (const std::exception& why) {
+        fmt::print(stderr, "{}: {}\n", program, why.what());
+        return failed;
+    }
 }
 
 } // namespace
 
-std::string describe_types(const std::string& program, const std::string& version, const std::vector<component_type>& types) {
+namespace detail {
+
+component_type& type_among(std::vector<component_type>& types, const std::string& name) {
+    std::string known;
+    for (auto& type : types) {
+        if (type.about.name == name) return type;
+        known += (known.empty() ? "" : ", ") + type.about.name;
+    }
+    throw wrong(fmt::format("there is no type '{}'; there are {}", name, known));
+}
+
+program_words read_words(const std::vector<std::string>& words, component_type* type) {
+    program_words where;
+    for (std::size_t at = 0; at < words.size(); ++at) {
+        std::string word = words[at], value;
+        auto equals = word.find('=');
+        if (!word.starts_with("--")) throw wrong(fmt::format("'{}' is no option: options are written --name=value", word));
+        if (equals != std::string::npos) value = word.substr(equals + 1);
+        else if (++at < words.size()) value = words[at];
+        else throw wrong(fmt::format("'{}' needs a value", word));
+        auto name = word.substr(2, equals == std::string::npos ? equals : equals - 2);
+        if (take_common(where, name, value)) continue;
+        if (!type && name == "control") {
+            where.control.push_back(endpoint_of(value));
+            continue;
+        }
+        if (!type) throw wrong(fmt::format("'--{}' is no option of `host`: --help", name));
+        auto set = type->parameters.set(name, value);
+        if (!set) throw wrong(set.error().message());
+    }
+    return where;
+}
+
+void take_parameters(component_type& type, component_options& into, environment& world) {
+    auto taken = type.parameters.set_from([&](const std::string& name) { return world.variable(name); });
+    if (!taken) throw wrong(taken.error().message());
+    into.parameters = type.live();
+}
+
+} // namespace detail
+
+std::string describe_types(const std::string& program, const std::string& version, const std::vector<component_type>& types, bool shares) {
     program_text made;
+    made.shares_process = shares;
     made.program = program;
     made.version = version;
     for (const auto& type : types) {
@@ -150,17 +196,11 @@ result<std::pair<std::string, std::int32_t>> parse_role(std::string_view text) {
 }
 
 int main(int count, const char* const* words, std::vector<component_type> types, const std::string& version) {
-    std::string program = count > 0 ? words[0] : "";
-    program = program.substr(program.rfind('/') + 1);
-    try {
-        return obey(count, words, types, program, version);
-    } catch (const wrong& why) {
-        fmt::print(stderr, "{}: {}\n", program, why.what());
-        return wrong_arguments;
-    } catch (const std::exception& why) {
-        fmt::print(stderr, "{}: {}\n", program, why.what());
-        return failed;
-    }
+    return guarded(count, words, std::move(types), nullptr, version);
+}
+
+int main(int count, const char* const* words, const type_maker& types, const std::string& version) {
+    return guarded(count, words, types(), types, version);
 }
 
 } // namespace ise

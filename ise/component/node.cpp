@@ -46,7 +46,8 @@ node::node(environment& env, node_options options) {
         if (!at) throw error(at.error().code(), "ISE_NAME_SERVER: " + at.error().message());
         options.name_server = std::move(*at);
     }
-    state_ = std::make_shared<state>(env, std::move(options));
+    auto credentials = security::load(env, options.security).value();
+    state_ = std::make_shared<state>(env, std::move(options), std::move(credentials));
     auto setup = [held = state_] {
         if (held->options.use_names) held->start_names();
         if (!held->env.is_virtual()) {
@@ -111,7 +112,7 @@ component& node::launch(const std::string& path, std::unique_ptr<component> made
     auto share = state_->loop_for(path, options);
     auto& reference = *made;
     auto incarnation = state_->env.random() | 1; // never 0
-    auto runner = std::make_shared<component_runner>(state_, state_->env, share, path, std::move(made), std::move(options), state_->options, incarnation);
+    auto runner = std::make_shared<component_runner>(state_, state_->env, share, path, std::move(made), std::move(options), state_->options, state_->credentials, incarnation);
     state_->take_in(runner); // first, so that whoever stops the node stops it too
     try {
         share->run_alone([&] { runner->start(); });

@@ -1,6 +1,7 @@
 #pragma once
 #include <ise/component/component.hpp>
-#include <ise/naming/registrar.hpp>
+#include <ise/net/security.hpp>
+#include <ise/service/service_options.hpp>
 
 #include <chrono>
 #include <functional>
@@ -28,6 +29,8 @@ struct node_options {
     duration grace = std::chrono::seconds(2);  ///< for coroutines and sessions to end when stopped
     service_options services;                  ///< limits and times of sessions, calls and subscriptions
     log_sink log = log_to_stderr();            ///< where everything of the node logs to
+    /// Where its credentials lie, which are loaded when it is made; what is empty comes from ISE_KEY and ISE_TLS.
+    security_options security;
 };
 
 class live_parameters;
@@ -79,7 +82,8 @@ struct component_status {
 /// where they say so; in the virtual world nothing blocks and `stopped()` is awaited instead.
 class node {
 public:
-    /// `env` outlives the node. Throws errc::invalid_argument where ISE_NAME_SERVER is no endpoint.
+    /// `env` outlives the node. Throws errc::invalid_argument where ISE_NAME_SERVER is no endpoint, and what
+    /// security::load fails with where the credentials cannot be used.
     explicit node(environment& env, node_options options = node_options());
     /// Stops what still runs, and waits for a bounded time: three times the grace and a little. A component whose thread
     /// does not come back to its loop in that time is named in the log and left behind: nothing more of it runs once

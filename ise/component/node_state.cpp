@@ -8,9 +8,9 @@
 
 namespace ise {
 
-node::state::state(environment& of, node_options given)
+node::state::state(environment& of, node_options given, security loaded)
     : env(of), options(std::move(given)), host(of.make_loop(options.name.empty() ? "ise-node" : options.name)),
-      log(of, options.name.empty() ? "node" : options.name, options.log) {}
+      log(of, options.name.empty() ? "node" : options.name, options.log), credentials(std::move(loaded)) {}
 
 node::state::~state() = default;
 
@@ -22,7 +22,7 @@ void node::state::start_names() {
     self.host_name = env.identity().host_name;
     self.process_key = env.identity().process_key;
     self.incarnation = env.random();
-    services = std::make_unique<service_host>(env, loop(), *scope, std::move(self), options.services, log);
+    services = std::make_unique<service_host>(env, loop(), *scope, std::move(self), options.services, log, credentials);
     names = std::make_unique<lease_registrar>(*services, *options.name_server, options.lease);
     names->on_change = [this](const std::string& path, result<std::uint64_t> epoch) {
         if (auto runner = find(path)) runner->on_name_change(std::move(epoch));

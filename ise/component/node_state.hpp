@@ -11,7 +11,7 @@ namespace ise {
 
 /// What a node is behind its interface: the components, its own loop, and the names that it keeps there.
 struct node::state : std::enable_shared_from_this<node::state> {
-    state(environment& of, node_options given);
+    state(environment& of, node_options given, security loaded);
     ~state();
 
     /// How often it looks whether the loops of its components turn; more often where a peer wants to hear from one sooner.
@@ -50,6 +50,7 @@ struct node::state : std::enable_shared_from_this<node::state> {
     std::condition_variable changed;
     std::vector<std::shared_ptr<component_runner>> runners;
     std::vector<unique_function<void()>> when_stopped;
+    const security credentials;
 };
 
 } // namespace ise

@@ -28,6 +28,7 @@ struct program_text {
     std::string program;
     std::string version;
     std::vector<type_text> types;
+    bool shares_process = false; ///< several of its components may run in one process
 };
 
 } // namespace ise

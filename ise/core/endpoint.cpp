@@ -10,7 +10,7 @@ namespace {
 failure bad_endpoint(std::string_view text, std::string_view why) {
     return {errc::invalid_argument,
             fmt::format("'{}' is no endpoint: {}; write tcp://127.0.0.1:7400, tcp://[::1]:0, local:///path/of.sock, "
-                        "local://@name or inproc://name", text, why)};
+                        "local://@name, inproc://name or tls://boat.local:7400", text, why)};
 }
 
 // The longest path that a sockaddr_un takes.
@@ -24,6 +24,7 @@ std::string_view name_of(protocol kind) noexcept {
         case protocol::udp: return "udp";
         case protocol::local: return "local";
         case protocol::inproc: return "inproc";
+        case protocol::tls: return "tls";
     }
     return "?";
 }
@@ -49,8 +50,8 @@ result<endpoint> endpoint::parse(std::string_view text) {
         made.path = rest;
         return made;
     }
-    if (scheme != "tcp" && scheme != "udp") return bad_endpoint(text, fmt::format("there is no scheme '{}'", scheme));
-    made.kind = scheme == "tcp" ? protocol::tcp : protocol::udp;
+    if (scheme != "tcp" && scheme != "udp" && scheme != "tls") return bad_endpoint(text, fmt::format("there is no scheme '{}'", scheme));
+    made.kind = scheme == "tcp" ? protocol::tcp : scheme == "udp" ? protocol::udp : protocol::tls;
 
     std::string_view port;
     if (rest.starts_with('[')) {
@@ -72,6 +73,12 @@ result<endpoint> endpoint::parse(std::string_view text) {
     if (problem != std::errc{} || end != port.data() + port.size() || port.empty())
         return bad_endpoint(text, "the port is no number from 0 to 65535");
     return made;
+}
+
+bool within_host(const endpoint& at) noexcept {
+    if (at.kind == protocol::local || at.kind == protocol::inproc || at.host == "localhost" || at.host == "::1") return true;
+    // 127.evil.example is a name, and anybody's.
+    return at.host.starts_with("127.") && at.host.find_first_not_of("0123456789.") == std::string::npos;
 }
 
 } // namespace ise

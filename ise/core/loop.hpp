@@ -9,6 +9,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace ise {
@@ -105,6 +106,15 @@ public:
 
     bool in_turn() const noexcept { return depth_ > 0; }
 
+    /// What those who live on the loop have in common: one T, made when the first of them asks, which goes with the loop.
+    template <class T>
+    T& common() {
+        static constexpr char key = 0; // its address
+        for (auto& [other, what] : common_)
+            if (other == &key) return *static_cast<T*>(what.get());
+        return *static_cast<T*>(common_.emplace_back(&key, std::make_shared<T>()).second.get());
+    }
+
     /// Opens a turn as long as it lives; the outermost one ends it.
     class turn {
     public:
@@ -158,6 +168,7 @@ private:
     bool turn_posted_ = false;
     bool abandoned_ = false;
     suspended* suspended_ = nullptr;
+    std::vector<std::pair<const void*, std::shared_ptr<void>>> common_;
     std::shared_ptr<loop_gate> gate_;
     std::shared_ptr<bool> alive_ = std::make_shared<bool>(true); // posted turns look at it
 };

@@ -1,7 +1,10 @@
 #pragma once
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
+#include <limits>
 #include <memory>
+#include <new>
 #include <utility>
 
 namespace ise {
@@ -14,13 +17,13 @@ public:
     bool empty() const noexcept { return size_ == 0; }
     std::size_t size() const noexcept { return size_; }
     /// From the front.
-    T& operator[](std::size_t place) noexcept { return slots_[(head_ + place) & (capacity_ - 1)]; }
-    const T& operator[](std::size_t place) const noexcept { return slots_[(head_ + place) & (capacity_ - 1)]; }
+    T& operator[](std::size_t place) noexcept { return slots_[slot_of(place)]; }
+    const T& operator[](std::size_t place) const noexcept { return slots_[slot_of(place)]; }
     T& front() noexcept { return slots_[head_]; }
     const T& front() const noexcept { return slots_[head_]; }
 
     void push_back(T element) {
-        if (size_ == capacity_) [[unlikely]] resize(std::max<std::size_t>(capacity_ * 2, 4));
+        if (size_ == capacity_) [[unlikely]] resize(std::max<std::size_t>(std::size_t{capacity_} * 2, 4));
         (*this)[size_++] = std::move(element);
     }
 
@@ -49,11 +52,14 @@ public:
 private:
     static constexpr std::size_t kept = 64;
 
+    std::size_t slot_of(std::size_t place) const noexcept { return (head_ + place) & (std::size_t{capacity_} - 1); }
+
     void resize(std::size_t capacity) {
+        if (capacity > std::numeric_limits<count>::max()) throw std::bad_alloc();
         auto grown = std::make_unique<T[]>(capacity);
         for (std::size_t place = 0; place < size_; ++place) grown[place] = std::move((*this)[place]);
         slots_ = std::move(grown);
-        capacity_ = capacity;
+        capacity_ = static_cast<count>(capacity);
         head_ = 0;
     }
 
@@ -63,11 +69,13 @@ private:
         head_ = popped_ = 0;
     }
 
+    using count = std::uint32_t; // a connection has several, most of them empty
+
     std::unique_ptr<T[]> slots_;
-    std::size_t capacity_ = 0;
-    std::size_t head_ = 0;
-    std::size_t size_ = 0;
-    std::size_t popped_ = 0;
+    count capacity_ = 0;
+    count head_ = 0;
+    count size_ = 0;
+    count popped_ = 0;
 };
 
 } // namespace ise

@@ -9,9 +9,11 @@
 namespace ise {
 
 task_scope::task_scope(loop& owner, failure_handler on_failure)
-    : loop_(owner), on_failure_(std::move(on_failure)), empty_(owner, [this] { empty_.resume(); }) {}
+    : loop_(owner), on_failure_(std::move(on_failure)), roster_(std::make_shared<roster>()), empty_(owner, [this] { empty_.resume(); }) {
+    roster_->scope = this;
+}
 
-task_scope::~task_scope() { *self_ = nullptr; }
+task_scope::~task_scope() { roster_->scope = nullptr; }
 
 asio::cancellation_signal* task_scope::spawn(std::string name, task<> body) {
     return spawn(std::move(name), std::move(body), loop_.get_executor());
@@ -19,11 +21,10 @@ asio::cancellation_signal* task_scope::spawn(std::string name, task<> body) {
 
 asio::cancellation_signal* task_scope::spawn(std::string name, task<> body, asio::any_io_executor executor) {
     if (stopping_) return nullptr;
-    auto who = children_->emplace(children_->end());
+    auto who = roster_->children.emplace(roster_->children.end());
     who->name = std::move(name);
-    // The list is shared: a child that is torn down late must still find its signal.
-    auto done = [self = self_, children = children_, who](std::exception_ptr problem) {
-        if (*self) (*self)->ended(who, problem);
+    auto done = [listed = roster_, who](std::exception_ptr problem) {
+        if (listed->scope) listed->scope->ended(who, problem);
     };
     // On the loop's own thread it runs at once up to its first suspension, and may end there.
     bool gone = false;
@@ -36,8 +37,8 @@ asio::cancellation_signal* task_scope::spawn(std::string name, task<> body, asio
 void task_scope::stop() {
     stopping_ = true;
     // A child may end, and leave the list, as soon as the loop runs: never within emit.
-    auto held = children_;
-    for (auto& entry : *held) entry.cancel.emit(asio::cancellation_type::terminal);
+    auto held = roster_;
+    for (auto& entry : held->children) entry.cancel.emit(asio::cancellation_type::terminal);
 }
 
 task<> task_scope::join() {
@@ -54,16 +55,16 @@ task<bool> task_scope::join_until(time_point at) {
 
 std::vector<std::string> task_scope::running() const {
     std::vector<std::string> names;
-    for (const auto& entry : *children_) names.push_back(entry.name);
+    for (const auto& entry : roster_->children) names.push_back(entry.name);
     return names;
 }
 
 void task_scope::ended(children::iterator who, std::exception_ptr problem) {
     if (starting_.who == &*who) *starting_.gone = true;
     auto name = std::move(who->name);
-    children_->erase(who);
+    roster_->children.erase(who);
     if (problem && on_failure_ && !(stopping_ && is_cancellation(problem))) on_failure_(name, problem);
-    if (children_->empty()) empty_.resume();
+    if (roster_->children.empty()) empty_.resume();
 }
 
 bool is_cancellation(const std::exception_ptr& problem) noexcept {

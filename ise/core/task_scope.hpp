@@ -41,7 +41,7 @@ public:
     /// The same until `at`; false if some still run then.
     task<bool> join_until(time_point at);
 
-    std::size_t size() const noexcept { return children_->size(); }
+    std::size_t size() const noexcept { return roster_->children.size(); }
     /// Who still runs.
     std::vector<std::string> running() const;
 
@@ -51,6 +51,10 @@ private:
         asio::cancellation_signal cancel;
     };
     using children = std::list<child>;
+    struct roster { // shared: a child that is torn down late must still find its signal
+        task_scope* scope; // null once that is gone
+        task_scope::children children;
+    };
     struct starting { // the child that is being started, while it runs for the first time
         child* who = nullptr;
         bool* gone = nullptr;
@@ -60,8 +64,7 @@ private:
 
     loop& loop_;
     failure_handler on_failure_;
-    std::shared_ptr<children> children_ = std::make_shared<children>();
-    std::shared_ptr<task_scope*> self_ = std::make_shared<task_scope*>(this);
+    std::shared_ptr<roster> roster_;
     waiter<> empty_;
     starting starting_;
     bool stopping_ = false;

@@ -44,6 +44,9 @@ public:
             placed[next] = true;
             made.order.push_back(next);
         }
+        made.before.resize(before_.size());
+        for (std::size_t then = 0; then < before_.size(); ++then)
+            for (const auto& [first, why] : before_[then]) made.before[then].push_back(first);
         if (made.order.size() < before_.size()) made.problems.push_back(circle(placed));
         return made;
     }

@@ -10,6 +10,7 @@ namespace ise::deployment {
 struct ordering {
     std::vector<std::size_t> order; ///< all of them, or those before a circle
     std::vector<problem> problems;  ///< circles
+    std::vector<std::vector<std::size_t>> before; ///< of each component those that it comes right after
 };
 
 /// `types` are those of the components; null where the type is not known. A component comes after those that it names; one

@@ -88,7 +88,7 @@ private:
         keys.key("type", [&](const entry& one) { take_word(keys, one, made.type); });
         keys.key("host", [&](const entry& one) { take_word(keys, one, made.host); });
         keys.key("parameters", [&](const entry& one) { read_parameters(keys, one, made); });
-        keys.texts("listen", listen).text("protocol", request.protocol).texts("after", after);
+        keys.texts("listen", listen).text("protocol", request.protocol).texts("after", after).text("process", request.process);
         keys.key("restart", [&](const entry& one) { read_restart(keys, one, request.terms, of); });
         keys.length("ready-within", request.terms.ready_within).length("grace", request.terms.grace);
         keys.key("roles", [&](const entry& one) { read_roles(keys, one, request); });

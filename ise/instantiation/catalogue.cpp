@@ -38,7 +38,7 @@ bool is_variable(std::string_view text) {
 
 // Options that every program has.
 bool is_common(std::string_view name) {
-    static constexpr std::string_view common[] = {"path", "listen", "advertise", "role", "name-server", "log-level", "help", "describe", "version"};
+    static constexpr std::string_view common[] = {"path", "listen", "advertise", "role", "name-server", "log-level", "key", "tls", "demand-credentials", "help", "describe", "version"};
     return std::ranges::find(common, name) != std::end(common);
 }
 
@@ -153,6 +153,16 @@ result<void> add_roles(launch_plan& to, const start_request& request) {
     return {};
 }
 
+result<void> check_process(const catalogue_type& type, const start_request& request) {
+    if (request.process.empty()) return {};
+    if (!is_word(request.process)) return wrong(fmt::format("a shared process cannot be called '{}': lower-case letters, digits, - and _ make a name", shown(request.process)));
+    if (!type.shares_process)
+        return wrong(fmt::format("components of {} cannot share a process: its main gives ise::main a list of types, not a function that makes them", type.program));
+    if (!request.variables.empty())
+        return wrong("environment variables belong to a whole process: a component that shares one cannot be given its own");
+    return {};
+}
+
 result<std::string> full_path(const type_text& type, const start_request& request) {
     auto path = request.path.empty() ? type.path : request.path;
     if (path.empty()) return wrong(fmt::format("type '{}' has no path of its own: give one", type.name));
@@ -181,7 +191,7 @@ void catalogue::add(const std::string& program, const std::string& description) 
             continue;
         }
         auto name = type.name;
-        types_.emplace(std::move(name), catalogue_type{program, std::move(type)});
+        types_.emplace(std::move(name), catalogue_type{program, std::move(type), told.shares_process});
     }
 }
 
@@ -206,6 +216,8 @@ result<launch_plan> catalogue::plan(const start_request& request, const launch_r
                                                        names.empty() ? "are none" : fmt::format("are {}", fmt::join(names, ", "))));
     }
     const auto& type = found->second.about;
+    auto sharing = check_process(found->second, request);
+    if (!sharing) return sharing.error();
     launch_plan made;
     made.program = found->second.program;
     auto path = full_path(type, request);

@@ -22,6 +22,7 @@ instance_text instance::text() const {
     for (const auto& one : asked.variables) made.variables.push_back({one.name, mark_of(one)});
     made.roles = asked.roles;
     made.deployment = asked.deployment;
+    made.process = asked.process;
     return made;
 }
 

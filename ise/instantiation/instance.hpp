@@ -14,13 +14,13 @@ namespace ise::instantiation {
 
 /// One component that was started here, as long as it is remembered. On the server's loop.
 struct instance {
-    instance(environment& env, start_request request, launch_plan what, output_file printed)
+    instance(environment& env, start_request request, launch_plan what, std::shared_ptr<output_file> printed)
         : asked(std::move(request)), plan(std::move(what)), watch(env, asked.terms), output(std::move(printed)) {}
 
     start_request asked;
     launch_plan plan;
     supervision watch;
-    output_file output;
+    std::shared_ptr<output_file> output; ///< with others of the same process
     std::string mark;                 ///< of the present process
     std::unique_ptr<process> running; ///< null: none does
     std::unique_ptr<timer> due;       ///< wakes `watch`

@@ -1,7 +1,11 @@
 #include <ise/instantiation/instantiation_server.hpp>
 
+#include <ise/service/service_host.hpp>
+
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+
+#include <algorithm>
 
 namespace ise::instantiation {
 
@@ -14,18 +18,19 @@ std::string path_of_host(std::string_view host_name) {
     return fmt::format("{}/{}", hosts_path, name.empty() ? "unnamed" : name);
 }
 
-result<void> may_listen(const endpoint& at) {
-    bool near = at.kind == protocol::inproc || at.kind == protocol::local || at.host == "localhost" || at.host == "::1" || at.host.starts_with("127.");
-    if (near) return {};
-    return failure(errc::unauthorized, fmt::format("an instantiation server does not listen on {}: whoever reaches it there could start programs, and it cannot ask for credentials "
-                                                   "yet; let it listen on 127.0.0.1 or a local socket, and reach it from other hosts through a tunnel (ssh -L)", at.text()));
+result<void> may_listen(const endpoint& at, const security& credentials) {
+    auto demanding = credentials;
+    demanding.demanded = true;
+    auto may = demanding.may_listen(at);
+    if (may) return {};
+    return failure(may.error().code(), fmt::format("an instantiation server could be told by anybody to start programs: {}", may.error().message()));
 }
 
 instantiation_server::instantiation_server(machine& host, server_options options) : host_(host), options_(std::move(options)) { announce_when_ready(); }
 instantiation_server::~instantiation_server() = default;
 
 task<> instantiation_server::run() {
-    for (const auto& at : this->services().listening()) may_listen(at).value();
+    for (const auto& at : this->services().listening()) may_listen(at, this->services().credentials()).value();
     names_ = at(options_.name_server);
     offer_services();
     offer_watching();
@@ -46,6 +51,7 @@ task<> instantiation_server::run() {
                 one->due->disarm();
                 one->running.reset();
             }
+            for (const auto& [name, process] : self.processes_) process->running.reset();
         }
     } guard{*this};
     co_await ready();
@@ -73,7 +79,7 @@ void instantiation_server::offer_services() {
     provide(services::last_output, [this](output_request request) {
         auto one = find(request.path);
         constexpr std::uint32_t most = 1 << 20;
-        auto piece = one->output.last(std::min(request.max_bytes, most));
+        auto piece = one->output->last(std::min(request.max_bytes, most));
         piece.path = request.path;
         return piece;
     });
@@ -103,15 +109,24 @@ instantiation_server::instance_ptr instantiation_server::find(const std::string&
                                                 known.empty() ? "are none" : fmt::format("are {}", fmt::join(known, ", "))));
 }
 
-output_file instantiation_server::output_of(const std::string& path) const {
-    std::string name;
-    for (char letter : path) name += letter == '/' ? '+' : letter; // no path has a plus
-    return output_file(host_, options_.state_folder + "/" + name + ".log", options_.max_output_bytes);
+std::shared_ptr<output_file> instantiation_server::output_of(const std::string& path, const std::string& process) const {
+    std::string name = process.empty() ? "" : "+process+" + process; // no path has a plus
+    if (process.empty())
+        for (char letter : path) name += letter == '/' ? '+' : letter;
+    for (const auto& [other, one] : instances_)
+        if (!process.empty() && one->asked.process == process) return one->output;
+    return std::make_shared<output_file>(host_, options_.state_folder + "/" + name + ".log", options_.max_output_bytes);
+}
+
+bool instantiation_server::prints_alone(const instance& one) const {
+    return one.asked.process.empty() ||
+           (!process_of(one) && std::ranges::none_of(instances_, [&](const auto& other) { return other.second.get() != &one && other.second->output == one.output; }));
 }
 
 instantiation_server::instance_ptr instantiation_server::remember(start_request request, launch_plan plan) {
     auto path = plan.path;
-    auto made = std::make_shared<instance>(env(), std::move(request), std::move(plan), output_of(path));
+    auto output = output_of(path, request.process);
+    auto made = std::make_shared<instance>(env(), std::move(request), std::move(plan), std::move(output));
     made->since = wall();
     made->due = std::make_unique<timer>(on(), [this, weak = std::weak_ptr<instance>(made)] {
         if (auto one = weak.lock()) carry_out(one, one->watch.tick(now()));
@@ -142,6 +157,7 @@ void instantiation_server::changed(const instance_ptr& one) {
     if (next == time_point::max()) one->due->disarm();
     else one->due->arm(next);
     for (auto* waiting : one->awaiting) waiting->resume();
+    if (!one->asked.process.empty()) tend_processes();
     auto& last = told_[one->plan.path];
     if (last == std::pair(one->watch.state(), one->watch.reason())) return;
     if (last.first != one->watch.state()) one->since = wall();
@@ -176,66 +192,31 @@ task<ended_response> instantiation_server::end_one(stop_request how, bool at_onc
     carry_out(one, at_once ? one->watch.kill(now()) : one->watch.stop(now(), patience));
     while (one->watch.state() == instance_state::stopping) co_await next_change(on(), one);
     ended_response made;
+    for (auto where = process_of(*one); where && where->ending; where = process_of(*one)) co_await sleep(std::chrono::milliseconds(10));
     made.ended = one->text();
     auto here = instances_.find(how.path);
     if (how.forget && one->watch.over() && here != instances_.end() && here->second == one) forget(how.path);
     co_return made;
 }
 
-void instantiation_server::save() {
-    saved_state state;
-    state.boot = host_.boot();
-    for (const auto& [path, one] : instances_) state.instances.push_back(one->saved());
-    auto kept = save_state(host_, state_file(), state);
-    if (!kept) log().error(fmt::format("the state is not on disk: {}", kept.error().message()));
-}
-
 void instantiation_server::look_at_output() {
-    for (const auto& [path, one] : instances_) {
-        bool wanted = false;
-        for (const auto& [number, followed] : followers_) wanted = wanted || followed == path;
-        auto piece = one->output.look(wanted);
-        if (!wanted || piece.text.empty()) continue;
-        piece.path = path;
-        output_.to_some(piece, [&, &path = path](const subscriber_info& who) {
-            auto found = followers_.find(who.number);
-            return found != followers_.end() && found->second == path;
-        });
+    std::map<output_file*, std::set<std::string>> files; // several paths may share one
+    for (const auto& [path, one] : instances_) files[one->output.get()].insert(path);
+    for (auto& [file, paths] : files) {
+        std::set<std::string> followed;
+        for (const auto& [number, path] : followers_)
+            if (paths.contains(path)) followed.insert(path);
+        auto piece = file->look(!followed.empty());
+        if (piece.text.empty()) continue;
+        for (const auto& path : followed) {
+            piece.path = path;
+            output_.to_some(piece, [&](const subscriber_info& who) {
+                auto found = followers_.find(who.number);
+                return found != followers_.end() && found->second == path;
+            });
+        }
     }
     look_->arm(saturating_add(now(), options_.look_every));
-}
-
-void instantiation_server::restore(const saved_state& before) {
-    bool same_boot = before.boot == host_.boot();
-    for (const auto& one : before.instances) restore(one, same_boot);
-    if (!before.instances.empty()) log().info(fmt::format("goes on with {} instances of an instantiation server that ran before", before.instances.size()));
-}
-
-void instantiation_server::restore(const saved_instance& before, bool same_boot) {
-    auto planned = catalogue_->plan(before.asked, options_.rules, env().random());
-    launch_plan what;
-    if (planned) what = std::move(*planned);
-    what.path = before.path;
-    auto one = remember(before.asked, std::move(what));
-    one->since = before.since;
-    told_[before.path] = {before.state, before.reason};
-    bool over = before.state == instance_state::stopped || before.state == instance_state::failed;
-    if (over) return one->watch.adopt_over(before.state, before.reason, before.restarts);
-    one->mark = before.mark;
-    ++one->life;
-    auto got = same_boot && !before.mark.empty() ? host_.adopt(on(), before.process, before.mark, end_handler_of(one, one->life))
-                                                 : result<std::unique_ptr<process>>(failure(errc::no_such_name, "it is gone"));
-    if (!got) {
-        one->mark.clear();
-        if (before.state != instance_state::stopping) return carry_out(one, one->watch.adopt_ended(now(), before.restarts));
-        one->watch.adopt_over(instance_state::stopped, "ended while no instantiation server ran", before.restarts);
-        return changed(one);
-    }
-    one->running = std::move(*got);
-    one->adopted = true;
-    one->watch.adopt(now(), before.state == instance_state::ready, before.restarts);
-    carry_out(one, before.state == instance_state::stopping ? one->watch.stop(now(), one->asked.terms.grace) : supervision::act::nothing);
-    if (one->watch.state() == instance_state::starting) spawn("readiness of " + before.path, follow_readiness(one, one->life));
 }
 
 } // namespace ise::instantiation

@@ -1,6 +1,7 @@
 #pragma once
 #include <ise/component/component.hpp>
-#include <ise/instantiation/instance.hpp>
+#include <ise/component/process_services.hpp>
+#include <ise/instantiation/shared_process.hpp>
 #include <ise/naming/services.hpp>
 
 #include <deque>
@@ -28,9 +29,9 @@ struct server_options {
 /// The path of a host's instantiation server: "ise/host/shore"; what cannot be in a path becomes a dash.
 std::string path_of_host(std::string_view host_name);
 
-/// Whether an instantiation server may listen there: whoever reaches it starts programs, and nobody is asked for
-/// credentials yet. errc::unauthorized for anything but loopback, local and in-process.
-result<void> may_listen(const endpoint& at);
+/// Whether an instantiation server with these credentials may listen there, since whoever reaches it can start programs:
+/// errc::unauthorized beyond this host, but with a shared key or on tls.
+result<void> may_listen(const endpoint& at, const security& credentials);
 
 /// The instantiation server of a host (ise/instantiation/services.hpp): starts components of the types that the
 /// programs of a folder have, watches over them, and goes on with them when it was killed and is started again.
@@ -77,19 +78,40 @@ private:
     void check_room(const std::string& path);
     void check_rate();
 
+    // instantiation_server_shared.cpp
+    endpoint control_of(const std::string& process) const;
+    void check_process(const std::string& process, const std::string& program);
+    std::shared_ptr<shared_process> process_of(const instance& one) const;
+    std::shared_ptr<shared_process> open_process(const instance_ptr& one);
+    machine::end_handler process_end_handler(const std::shared_ptr<shared_process>& of);
+    void watch_process(const std::shared_ptr<shared_process>& what);
+    task<> launch_in_process(instance_ptr one, std::uint64_t life);
+    std::unique_ptr<process> hold_component(const std::shared_ptr<shared_process>& where, const std::string& path);
+    void stop_in_process(const std::shared_ptr<shared_process>& where, const std::string& path);
+    task<> kill_if_stuck(std::shared_ptr<shared_process> where, std::string path, std::uint64_t life);
+    task<> follow_process(std::shared_ptr<shared_process> where);
+    void take_in(shared_process& of, const process_host::components_response& told);
+    void tend_processes();
+    void restore(const saved_process& before);
+    bool restore_in_process(const instance_ptr& one, const saved_instance& before);
+
     task<ended_response> end_one(stop_request how, bool at_once);
     void restore(const saved_state& before);
     void restore(const saved_instance& before, bool same_boot);
+    bool adopt(const instance_ptr& one, const saved_instance& before, bool same_boot);
 
     instance_ptr find(const std::string& path) const;
     instance_ptr remember(start_request request, launch_plan plan);
-    output_file output_of(const std::string& path) const;
+    std::shared_ptr<output_file> output_of(const std::string& path, const std::string& process) const;
+    bool prints_alone(const instance& one) const;
     /// Does what was decided, and tells whoever wants to know.
     void carry_out(const instance_ptr& one, supervision::act what);
     void on_end(const instance_ptr& one, std::uint64_t life, process_end how);
     machine::end_handler end_handler_of(const instance_ptr& one, std::uint64_t life);
     void changed(const instance_ptr& one);
-    void save();
+    /// The state goes to the disk; what cannot be written is logged, too.
+    result<void> try_save();
+    void save() { [[maybe_unused]] auto logged = try_save(); }
     void look_at_output();
     std::string state_file() const { return options_.state_folder + "/state.json"; }
 
@@ -102,6 +124,7 @@ private:
     bool reading_catalogue_ = false;
     bool stopping_ = false; // what is started goes on
     std::map<std::string, instance_ptr> instances_; // by path
+    std::map<std::string, std::shared_ptr<shared_process>> processes_; // that several of them share, by name
     std::map<std::string, std::pair<instance_state, std::string>> told_; // what of each was told last
     std::deque<time_point> starts_;
     std::set<std::string> changing_; // paths

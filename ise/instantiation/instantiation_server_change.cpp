@@ -16,6 +16,12 @@ constexpr duration parameter_wait = std::chrono::seconds(5);
 
 bool runs(const supervision& watch) { return watch.state() == instance_state::ready; }
 
+// What a component said, without whom was asked for what: that goes before it once more on the way to who asked us.
+std::string said(const std::string& message, std::string_view service) {
+    auto end = message.starts_with(fmt::format("'{}' at ", service)) ? message.find(": ") : std::string::npos;
+    return end == std::string::npos ? message : message.substr(end + 2);
+}
+
 [[noreturn]] void refuse_restart(const instance& which, const std::vector<difference>& wanted, const type_text& type) {
     for (const auto& one : wanted) {
         if (one.in_place) continue;
@@ -47,6 +53,7 @@ task<change_response> instantiation_server::change_to(start_request to, bool onl
     auto wanted = to;
     auto planned = co_await plan(std::move(wanted));
     auto one = find(planned.path);
+    check_process(to.process, planned.program);
     if (!changing_.insert(planned.path).second) throw error(errc::refused, fmt::format("'{}' is being changed already: try again", planned.path));
     struct changing { // whichever way this coroutine ends
         std::set<std::string>& all;
@@ -110,11 +117,14 @@ task<result<void>> instantiation_server::set_parameters(instance_ptr one, std::v
     auto who = at(one->plan.path);
     auto told = co_await who.try_call(change_parameters_service, std::move(request), parameter_wait);
     if (told) co_return result<void>();
-    bool its_own = told.error().code() == errc::handler_failed; // it threw: that is a refusal, too
-    co_return its_own ? failure(errc::refused, told.error().message()) : told.error();
+    bool its_own = told.error().code() == errc::handler_failed || told.error().code() == errc::refused; // it threw: that is a refusal, too
+    if (!its_own) co_return told.error();
+    co_return failure(errc::refused, fmt::format("{} refuses it: {}", one->plan.path, said(told.error().message(), change_parameters_service.name())));
 }
 
 void instantiation_server::become(const instance_ptr& one, start_request asked, launch_plan plan) {
+    bool elsewhere = one->asked.process != asked.process;
+    if (elsewhere) one->output = output_of(plan.path, asked.process);
     one->asked = std::move(asked);
     one->plan = std::move(plan);
     one->watch.use(one->asked.terms);
@@ -127,7 +137,7 @@ void instantiation_server::become(const instance_ptr& one, start_request asked, 
 
 void instantiation_server::forget(const std::string& path) {
     auto found = instances_.find(path);
-    found->second->output.remove();
+    if (prints_alone(*found->second)) found->second->output->remove();
     told_.erase(path);
     instances_.erase(found);
     save();

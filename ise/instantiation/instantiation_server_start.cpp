@@ -29,13 +29,14 @@ task<start_response> instantiation_server::begin(start_request request) {
     request.terms = checked(request.terms);
     auto wanted = request;
     auto what = co_await plan(std::move(wanted));
+    check_process(request.process, what.program);
     check_room(what.path);
     check_rate();
     co_await check_name(what.path);
     check_room(what.path); // others may have come meanwhile
     check_endpoints(what.listen);
     auto one = remember(std::move(request), std::move(what));
-    one->output.remove();
+    if (prints_alone(*one)) one->output->remove();
     carry_out(one, one->watch.start(now()));
     auto response = co_await until_ready(one);
     co_return response;
@@ -70,7 +71,8 @@ task<start_response> instantiation_server::until_ready(instance_ptr one) {
     try {
         while (one->watch.state() == instance_state::starting || one->watch.state() == instance_state::stopping) co_await next_change(on(), one);
     } catch (...) { // whoever waited has given up: it does not go on by itself
-        if (one->watch.state() == instance_state::starting && !stopping_) carry_out(one, one->watch.kill(now()));
+        if (one->watch.state() == instance_state::starting && !stopping_)
+            carry_out(one, one->asked.process.empty() ? one->watch.kill(now()) : one->watch.stop(now(), one->asked.terms.grace)); // others share its process
         throw;
     }
     start_response made;
@@ -80,7 +82,7 @@ task<start_response> instantiation_server::until_ready(instance_ptr one) {
     made.outcome = !launched ? start_outcome::not_launched : one->watch.late() ? start_outcome::deadline : start_outcome::exited;
     made.why = fmt::format("'{}' did not start: {}", one->plan.path, one->watch.reason());
     if (one->watch.late() && !one->obstacle.empty()) made.why += fmt::format(" ({})", one->obstacle);
-    if (launched) made.output = one->output.last_lines(shown_lines);
+    if (launched) made.output = one->output->last_lines(shown_lines);
     co_return made;
 }
 
@@ -121,7 +123,9 @@ task<> instantiation_server::check_name(std::string path) {
 void instantiation_server::check_endpoints(const std::vector<endpoint>& wanted) {
     for (const auto& at : wanted) {
         if (at.kind == protocol::udp) continue; // tried by the component itself
-        auto listening = env().listen(on(), at);
+        auto plain = at;
+        if (at.kind == protocol::tls) plain.kind = protocol::tcp;
+        auto listening = env().listen(on(), plain);
         if (!listening) throw error(listening.error());
     }
 }
@@ -148,17 +152,27 @@ task<> instantiation_server::launch(instance_ptr one, std::uint64_t life) {
         carry_out(one, one->watch.not_launched(now(), fmt::format("no program here has the type '{}' any more, or not with these arguments", one->asked.type)));
         co_return;
     }
+    if (!one->asked.process.empty()) {
+        co_await launch_in_process(one, life);
+        co_return;
+    }
     launch_order order;
     order.program = options_.programs_folder + "/" + one->plan.program;
     order.words = one->plan.words;
     order.variables = options_.variables;
     order.variables.emplace_back("ISE_NAME_SERVER", options_.name_server.text());
     order.variables.insert(order.variables.end(), one->plan.variables.begin(), one->plan.variables.end());
-    order.output_file = one->output.file();
+    order.output_file = one->output->file();
     order.mark = fmt::format("{:016x}{:016x}", env().random(), env().random());
     one->mark = order.mark;
     one->obstacle.clear();
-    save(); // whoever comes after a crash finds the process by its mark
+    auto kept = try_save(); // whoever comes after a crash finds the process by its mark
+    bool first = one->launched_life == 0 && one->watch.restarts() == 0; // what ran before goes on all the same
+    if (!kept && first) {
+        one->mark.clear();
+        carry_out(one, one->watch.not_launched(now(), fmt::format("it could not be written down, and so would be lost with this instantiation server: {}", kept.error().message())));
+        co_return;
+    }
     auto got = host_.launch(on(), order, end_handler_of(one, life));
     if (!got) {
         one->mark.clear();

@@ -25,6 +25,7 @@ struct process_end {
     bool known = false;     ///< false: another was its parent
     bool by_signal = false;
     int number = 0;         ///< exit code or signal
+    std::string told;       ///< of a component in a process that goes on: what became of it
 
     bool well() const noexcept { return known && !by_signal && number == 0; }
     /// "exit code 3", "signal 9 (Killed)"

@@ -40,6 +40,7 @@ file_handle::~file_handle() {
 }
 
 std::string process_end::text() const {
+    if (!told.empty()) return told;
     if (!known) return "nobody could tell how";
     if (by_signal) return fmt::format("signal {} ({})", number, ::strsignal(number));
     return fmt::format("exit code {}", number);

@@ -21,10 +21,19 @@ struct saved_instance {
     std::uint32_t restarts = 0;
 };
 
+/// A process that several instances share.
+struct saved_process {
+    std::string name;
+    std::string program;
+    std::string mark;
+    process_stamp process; ///< 0: it was being started
+};
+
 struct saved_state {
     std::uint32_t version = 1;
     std::string boot; ///< processes of another boot are gone
     std::vector<saved_instance> instances;
+    std::vector<saved_process> processes;
 };
 
 /// The state of a file; an empty one if there is none yet. A file that is none is moved aside, and told: `problem`.

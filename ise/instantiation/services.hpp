@@ -24,6 +24,7 @@ struct types_request {};
 struct catalogue_type {
     std::string program; ///< the file that has it
     type_text about;
+    bool shares_process = false; ///< components of that program may run in one process
 };
 
 struct types_response {
@@ -68,6 +69,8 @@ struct start_request {
     restart_terms terms;
     std::map<std::string, std::int32_t> roles; ///< that it serves beside its name, with its priority there
     std::string deployment;             ///< of whose file it is a part; empty: of none
+    /// Name of a process that it shares with others of its program, each on a thread of its own; empty: it has one to itself.
+    std::string process;
 };
 
 enum class instance_state : std::uint8_t {
@@ -97,6 +100,7 @@ struct instance_text {
     std::vector<argument> variables;    ///< with marks (differences.hpp) for values, which may be secrets
     std::map<std::string, std::int32_t> roles;
     std::string deployment;
+    std::string process;                ///< that it shares with others; empty: it has one to itself
 };
 
 enum class start_outcome : std::uint8_t {
@@ -208,7 +212,8 @@ inline constexpr request_response<instances_request, instances_response> instanc
 /// SIGTERM to the whole process group, SIGKILL after the grace; completes when nothing of it runs.
 /// errc::refused names the instances that there are; also of the services below.
 inline constexpr request_response<stop_request, ended_response> stop{"ise.host.stop"};
-/// The same at once by SIGKILL. It is not started again.
+/// The same at once by SIGKILL. It is not started again. A component that shares a process is stopped; where it does not end
+/// at once, nor within the grace of a stop, its process is killed with all that runs in it.
 inline constexpr request_response<kill_request, ended_response> kill{"ise.host.kill"};
 /// Stops it if it runs and starts it with the same arguments; completes and fails as `start` does.
 inline constexpr request_response<restart_request, start_response> restart{"ise.host.restart"};

@@ -1,5 +1,7 @@
 #include <ise/name_server/name_server.hpp>
 
+#include <ise/service/service_host.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>

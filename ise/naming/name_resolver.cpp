@@ -20,12 +20,11 @@ constexpr duration patience = std::chrono::seconds(3);
 constexpr duration patience_with_memory = std::chrono::milliseconds(700);
 // The server was found missing so lately that it is not waited for again.
 constexpr duration surely_lost = std::chrono::seconds(1);
+constexpr duration brief = std::chrono::milliseconds(50);
 constexpr duration longest_pause = std::chrono::milliseconds(500);
 constexpr duration question_length = std::chrono::seconds(5);
 constexpr duration shortest_question = std::chrono::milliseconds(50);
 constexpr duration way_back = std::chrono::milliseconds(300);
-
-bool is_loopback(const endpoint& at) { return at.host == "localhost" || at.host == "::1" || at.host.starts_with("127."); }
 
 // Smaller is nearer; nothing: it does not lead there.
 std::optional<std::size_t> distance(const endpoint& at, bool same_host, bool same_process) {
@@ -33,8 +32,9 @@ std::optional<std::size_t> distance(const endpoint& at, bool same_host, bool sam
         case protocol::inproc: return same_process ? std::optional<std::size_t>(0) : std::nullopt;
         case protocol::local: return same_host ? std::optional<std::size_t>(1) : std::nullopt;
         case protocol::tcp:
-        case protocol::udp: // the order in which they were registered decides between the two
-            if (!is_loopback(at)) return 3;
+        case protocol::udp: // the order in which they were registered decides between these
+        case protocol::tls:
+            if (!within_host(at)) return 3;
             return same_host ? std::optional<std::size_t>(2) : std::nullopt;
     }
     return std::nullopt;
@@ -94,16 +94,22 @@ std::string name_resolver::trouble() const {
     return fmt::format("the name server at {} does not answer{}{}", server_.text(), why.empty() ? "" : ": ", why);
 }
 
+void name_resolver::note_server(const failure* why, duration waited) {
+    if (!why) {
+        lost_at_ = time_point::min();
+    } else if (server_missing(*why) && waited >= patience_with_memory) { // the way alone may take longer than a brief question
+        lost_at_ = host_.on().now();
+    }
+}
+
 result<resolution> name_resolver::take(const std::string& path, result<naming::resolve_response> answer) {
     if (!answer) {
         if (answer.error().code() == errc::no_such_name) known_.erase(path);
         if (answer.error().code() == errc::no_such_name) return in_own_words(answer.error());
         if (!server_missing(answer.error())) return answer.error();
-        if (answer.error().code() != errc::name_server_lost) lost_at_ = host_.on().now(); // not even a server that waits
         if (const auto* last = recall(path)) return *last;
         return failure(errc::name_server_lost, fmt::format("'{}' cannot be resolved: {}", path, answer.error().message()));
     }
-    lost_at_ = time_point::min();
     if (!answer->members.empty()) return take_members(path, answer->members, answer->certain);
     resolution found;
     auto& holder = found.members.emplace_back();
@@ -198,15 +204,16 @@ task<result<resolution>> name_resolver::resolve(std::string path) {
     const auto* last = recall(path);
     auto limit = last ? patience_with_memory : patience;
     // Where the server was just missed it is asked all the same: the next one finds out whether it is back.
-    if (last && lost_at_ > time_point::min() && host_.on().now() - lost_at_ < surely_lost) limit = longest_pause / 10;
+    if (last && lost_at_ > time_point::min() && host_.on().now() - lost_at_ < surely_lost) limit = brief;
     if (auto role = followed_.find(path); last && role != followed_.end()) {
         if (role->second.watch->current()) co_return *last;
-        limit = longest_pause / 10; // its session is away, and so is the server
+        limit = brief; // its session is away, and so is the server
     }
     naming::resolve_request question;
     question.path = path;
     auto names = server();
     auto answer = co_await names.try_call(naming::resolve, std::move(question), limit);
+    note_server(answer ? nullptr : &answer.error(), limit);
     co_return take(path, std::move(answer));
 }
 
@@ -223,6 +230,7 @@ task<result<resolution>> name_resolver::resolve_when_present(std::string path, t
         auto limit = std::max(question.wait + way_back, shortest_question);
         auto names = server();
         auto answer = co_await names.try_call(naming::wait_for, std::move(question), limit);
+        note_server(answer ? nullptr : &answer.error(), limit);
         auto found = take(path, known_answer(path, std::move(answer)));
         if (found || found.error().code() == errc::unreachable || found.error().code() == errc::cancelled) co_return found;
         if (found.error().code() == errc::no_such_name) said = found.error();

@@ -48,6 +48,8 @@ private:
     };
 
     remote server();
+    /// What a question that was given this long tells of the server.
+    void note_server(const failure* why, duration waited);
     result<resolution> take(const std::string& path, result<naming::resolve_response> answer);
     result<resolution> take_members(const std::string& role, const std::vector<naming::role_member>& members, bool certain);
     void on_news(const naming::role_members& told);

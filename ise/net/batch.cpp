@@ -8,6 +8,8 @@ namespace {
 // A burst must not pin its memory for the life of a connection; what is filled again and again keeps it, or every
 // turn would get fresh pages from the kernel.
 constexpr std::size_t kept_capacity = 256 * 1024;
+// More are in use only where several sockets are full.
+constexpr std::size_t kept_batches = 2;
 
 void recycle(buffer& used) {
     if (used.capacity() > kept_capacity && used.size() < used.capacity() / 4) used = buffer();
@@ -85,6 +87,17 @@ void batch::clear() {
     segments_.clear();
     owners_.clear();
     staged_ = shared_bytes_ = written_ = 0;
+}
+
+std::unique_ptr<batch> batch_pool::lend() {
+    if (unused_.empty()) return std::make_unique<batch>();
+    auto lent = std::move(unused_.back());
+    unused_.pop_back();
+    return lent;
+}
+
+void batch_pool::take_back(std::unique_ptr<batch> unused) {
+    if (unused_.size() < kept_batches) unused_.push_back(std::move(unused));
 }
 
 } // namespace ise::net

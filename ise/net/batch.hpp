@@ -7,6 +7,7 @@
 #include <asio/buffer.hpp>
 
 #include <functional>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -54,6 +55,18 @@ private:
     std::size_t staged_ = 0; // bytes of the staging buffer that lie in segments
     std::size_t shared_bytes_ = 0;
     std::size_t written_ = 0;
+};
+
+/// The batches of all connections of a loop (`loop::common`): a connection has one only while something is being written,
+/// and what it grew to serves the next one.
+class batch_pool {
+public:
+    std::unique_ptr<batch> lend();
+    /// Takes an empty one back.
+    void take_back(std::unique_ptr<batch> unused);
+
+private:
+    std::vector<std::unique_ptr<batch>> unused_;
 };
 
 } // namespace ise::net

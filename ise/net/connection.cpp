@@ -18,15 +18,24 @@ constexpr int missed_heartbeats = 3;
 // One flush writes at most this much before others get their turn.
 constexpr std::size_t flush_bytes = 4 * 1024 * 1024;
 
+task<> nothing() { co_return; }
+
+// Asio keeps two frames that have ended for the next ones, whatever their size: a handshake's are twice as large as a
+// reader's. While this lives it has none, so that what lives as long as a connection is as large as it must be.
+struct no_used_frames {
+    task<> first = nothing(), second = nothing();
+};
+
 } // namespace
 
 connection::connection(loop& on, std::unique_ptr<stream> transport, session_terms terms, wire::parser parser)
     : on_(on), transport_(std::move(transport)), terms_(std::move(terms)),
       peer_name_(terms_.peer.path.empty() ? transport_->peer() : fmt::format("{} ({})", terms_.peer.path, transport_->peer())), parser_(std::move(parser)),
-      reassembly_(terms_.we_accept.max_message_bytes), heartbeat_(on, [this] { pulse(); }) {
+      heartbeat_(on, [this] { pulse(); }) {
     parser_.set_max_frame_bytes(terms_.we_accept.max_frame_bytes);
     datagrams_ = dynamic_cast<datagram_stream*>(transport_.get());
     if (datagrams_) outbox_.use(*datagrams_);
+    outbox_.limit_messages(terms_.peer_accepts.max_message_bytes);
     parser_.release(); // a greeting is larger than what follows on an idle connection
     last_heard_ = last_sent_ = on_.now();
     signs_ = std::make_shared<vital_signs>(*transport_, duration(static_cast<std::int64_t>(terms_.peer_accepts.heartbeat_ns)), last_sent_);
@@ -38,18 +47,16 @@ void connection::start(task_scope& scope, std::weak_ptr<user> receiver) {
     user_ = std::move(receiver);
     scope_ = &scope;
     if (datagrams_) datagrams_->use(std::shared_ptr<datagram_stream::user>(shared_from_this(), this));
+    no_used_frames fitting;
     scope.spawn("reader of " + peer_name(), read(shared_from_this()));
     pulse();
 }
 
-// The parameter keeps the connection for the coroutine's whole life.
+// The parameter keeps the connection for the coroutine's whole life. The frame is what an idle connection mostly is:
+// whatever needs none stays out of it.
 task<> connection::read([[maybe_unused]] std::shared_ptr<connection> held) {
-    result<void> state;
-    {
-        loop::turn in(on_);
-        state = take_frames(); // what came with the handshake
-    }
-    while (state && open_) {
+    bool more = begin_to_take();
+    while (more && open_) {
         auto room = parser_.prepare();
         transfer got;
         try {
@@ -57,27 +64,45 @@ task<> connection::read([[maybe_unused]] std::shared_ptr<connection> held) {
         } catch (const std::exception& cancelled) {
             got.problem = asio::error::operation_aborted;
         }
-        if (!open_) break;
-        if (got.problem) {
-            std::string_view how = got.problem == asio::error::eof ? (finishing_ ? "has closed" : "closed the connection")
-                                   : got.problem == asio::error::operation_aborted ? "was left: this side stopped" : "";
-            close(failure(errc::peer_lost, how.empty() ? fmt::format("{}: {}", peer_name(), got.problem.message())
-                                                       : fmt::format("{} {}", peer_name(), how)));
-            break;
-        }
-        counts_.bytes_in += got.bytes;
-        loop::turn in(on_);
-        last_heard_ = on_.now();
-        parser_.commit(got.bytes);
-        state = take_frames();
+        more = take_read(got);
     }
-    if (!state && open_) end_for(state.error());
     report_end();
+}
+
+// What came with the handshake.
+bool connection::begin_to_take() {
+    loop::turn in(on_);
+    return taken(take_frames());
+}
+
+// Whether to go on reading.
+bool connection::take_read(const transfer& got) {
+    if (!open_) return false;
+    if (got.problem) {
+        end_for_read(got.problem);
+        return false;
+    }
+    counts_.bytes_in += got.bytes;
+    loop::turn in(on_);
+    last_heard_ = on_.now();
+    parser_.commit(got.bytes);
+    return taken(take_frames());
+}
+
+bool connection::taken(const result<void>& state) {
+    if (!state && open_) end_for(state.error());
+    return open_;
+}
+
+void connection::end_for_read(const std::error_code& problem) {
+    std::string_view how = problem == asio::error::eof ? (finishing_ ? "has closed" : "closed the connection")
+                           : problem == asio::error::operation_aborted ? "was left: this side stopped" : "";
+    close(failure(errc::peer_lost, how.empty() ? fmt::format("{}: {}", peer_name(), problem.message()) : fmt::format("{} {}", peer_name(), how)));
 }
 
 // The peer is told what it did wrong, if that goes at once.
 void connection::end_for(const failure& wrong) {
-    farewell_ = wrong;
+    farewell_ = std::make_unique<failure>(wrong);
     say_goodbye();
     flush();
     close(failure(wrong.code(), fmt::format("{}: {}", peer_name(), wrong.message())));
@@ -116,15 +141,15 @@ void connection::on_message(bytes_view message) {
 
 result<void> connection::take_frames() {
     auto receiver = user_.lock(); // once for all that came
-    for (;;) {
-        auto found = parser_.next();
-        if (!found) return found.error();
-        if (!*found) return {};
+    for (wire::frame received; parser_.take(received);) {
         ++counts_.frames_in;
-        auto taken = take(**found, receiver.get());
+        auto taken = take(received, receiver.get());
         if (!taken) return taken;
         if (!open_) return {};
     }
+    auto rest = parser_.next();
+    if (!rest) return rest.error();
+    return {};
 }
 
 result<void> connection::take(const wire::frame& received, user* receiver) {
@@ -147,8 +172,12 @@ result<void> connection::take(const wire::frame& received, user* receiver) {
     return answers_bounded();
 }
 
-result<void> connection::answers_bounded() {
-    if (outbox_.control().size() <= limit::control_bytes) return {};
+result<void> connection::answers_bounded() const {
+    if (outbox_.control().size() <= limit::control_bytes) [[likely]] return {};
+    return too_many_answers();
+}
+
+failure connection::too_many_answers() {
     return failure(errc::overloaded, fmt::format("does not read what it asks for: more than {} bytes of answers wait (control_bytes)", limit::control_bytes));
 }
 
@@ -173,7 +202,8 @@ result<void> connection::take_own(const wire::frame& received, user* receiver) {
             return {};
         }
         case frame_type::piece: {
-            auto whole = reassembly_.take(received);
+            if (!reassembly_) reassembly_ = std::make_unique<wire::reassembly>(terms_.we_accept.max_message_bytes);
+            auto whole = reassembly_->take(received);
             if (!whole) return whole.error();
             if (!*whole) return {};
             wire::frame message;
@@ -192,19 +222,23 @@ void connection::flush() {
     if (blocked_) return;
     signs_->claim();
     if (signs_->broken()) return close(failure(errc::peer_lost, fmt::format("{} did not take a sign of life whole", peer_name())));
+    auto& batches = on_.common<batch_pool>();
+    if (!batch_) batch_ = batches.lend();
     write_out();
-    if (open_ && batch_.empty()) signs_->release(last_sent_);
+    if (!batch_->empty()) return; // it goes on with this
+    batches.take_back(std::move(batch_));
+    if (open_) signs_->release(last_sent_);
 }
 
 void connection::write_out() {
     std::size_t sent = 0;
     while (sent < flush_bytes) {
         if (farewell_ && outbox_.calls_drained()) say_goodbye();
-        if (batch_.empty() && !outbox_.fill(batch_, on_.now())) {
+        if (batch_->empty() && !outbox_.fill(*batch_, on_.now())) {
             if (finishing_) transport_->shutdown_write();
             return;
         }
-        auto wrote = transport_->try_write(batch_.remaining());
+        auto wrote = transport_->try_write(batch_->remaining());
         if (wrote.problem == asio::error::would_block) {
             blocked_ = true;
             // Not from within this: where there is room again already it would go on writing.
@@ -220,10 +254,10 @@ void connection::write_out() {
         }
         sent += wrote.bytes;
         counts_.bytes_out += wrote.bytes;
-        batch_.advance(wrote.bytes);
+        batch_->advance(wrote.bytes);
         last_sent_ = on_.now();
-        if (batch_.done()) {
-            batch_.clear();
+        if (batch_->done()) {
+            batch_->clear();
             ++counts_.frames_out_batches;
         }
     }
@@ -281,7 +315,7 @@ void connection::pulse() {
 void connection::finish(failure why, duration grace) {
     if (!open_ || finishing_) return;
     finishing_ = true;
-    farewell_ = std::move(why);
+    farewell_ = std::make_unique<failure>(std::move(why));
     grace_ = std::make_unique<timer>(on_, [this] { close(failure(errc::peer_lost, fmt::format("{} did not take what was left to send", peer_name()))); });
     grace_->arm(saturating_add(on_.now(), grace));
     written();
@@ -296,16 +330,17 @@ void connection::say_goodbye() {
 }
 
 void connection::take_unwritten(const std::function<void(const wire::frame_header&, bytes_view)>& visit) {
-    batch_.visit_unwritten([&](const wire::frame_header& header, bytes_view body) {
-        if (header.type == frame_type::request) visit(header, body);
-    });
+    if (batch_)
+        batch_->visit_unwritten([&](const wire::frame_header& header, bytes_view body) {
+            if (header.type == frame_type::request) visit(header, body);
+        });
     outbox_.take_unwritten([&](std::uint64_t, wire::frame_header header, bytes_view body) { visit(header, body); });
 }
 
 void connection::close(failure cause) {
     if (!open_) return;
     open_ = false;
-    cause_ = std::move(cause);
+    cause_ = std::make_unique<failure>(std::move(cause));
     heartbeat_.disarm();
     if (grace_) grace_->disarm();
     signs_->end();

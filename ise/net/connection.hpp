@@ -23,11 +23,21 @@ struct connection_counts {
     std::uint64_t bytes_out = 0;
 };
 
+/// What counts of a peer's identity once it has greeted.
+struct session_peer {
+    std::string path;              ///< of the component; empty for an anonymous client
+    std::uint64_t incarnation = 0; ///< one life of the component
+    std::uint64_t epoch = 0;       ///< of its name, 0 if none was granted
+
+    session_peer() = default;
+    explicit session_peer(wire::identity greeted) : path(std::move(greeted.path)), incarnation(greeted.incarnation), epoch(greeted.epoch) {}
+};
+
 /// How the two sides agreed to talk, and with whom.
 struct session_terms {
     std::uint16_t version = 0;
     std::uint64_t features = 0;
-    wire::identity peer;
+    session_peer peer;
     wire::limits we_accept;
     wire::limits peer_accepts;
 };
@@ -66,6 +76,11 @@ public:
         if (!flush_due()) on_.flush_later(shared_from_this());
     }
     void flush() override;
+    /// Much waits that may not be dropped: it is written now, while it is still in the processor's cache, unless the socket
+    /// is full, or it is being written already.
+    void written_much() {
+        if (!blocked_ && !batch_) flush();
+    }
 
     /// The system holds at most about this many bytes that were not sent yet, and one write begins with at most twice as many.
     void limit_unsent(std::size_t most) {
@@ -99,11 +114,16 @@ public:
 
 private:
     task<> read(std::shared_ptr<connection> held);
+    bool begin_to_take();
+    bool take_read(const transfer& got);
+    void end_for_read(const std::error_code& problem);
+    bool taken(const result<void>& state);
     task<> write(std::shared_ptr<connection> held);
     result<void> take_frames();
     result<void> take(const wire::frame& received, user* receiver);
     result<void> take_own(const wire::frame& received, user* receiver);
-    result<void> answers_bounded();
+    result<void> answers_bounded() const;
+    static failure too_many_answers();
     void on_heard() override { last_heard_ = on_.now(); }
     void on_message(bytes_view message) override;
     void on_room() override { written(); }
@@ -121,14 +141,14 @@ private:
     std::shared_ptr<vital_signs> signs_;
     std::string peer_name_;
     wire::parser parser_;
-    wire::reassembly reassembly_;
+    std::unique_ptr<wire::reassembly> reassembly_; // once a piece has come
     outbox outbox_;
-    batch batch_;
+    std::unique_ptr<batch> batch_; // while it is being written
     timer heartbeat_;
     std::unique_ptr<timer> grace_; // once it finishes
     task_scope* scope_ = nullptr;
     std::weak_ptr<user> user_;
-    std::optional<failure> cause_;
+    std::unique_ptr<failure> cause_;
     connection_counts counts_;
     duration round_trip_{};
     time_point last_heard_{};
@@ -138,7 +158,7 @@ private:
     bool open_ = true;
     bool blocked_ = false;   // the socket is full; the writer coroutine waits for it
     bool writing_ = false;   // there is a writer coroutine
-    std::optional<failure> farewell_; // goodbye is to be said once everything else was sent
+    std::unique_ptr<failure> farewell_; // goodbye is to be said once everything else was sent
     bool finishing_ = false; // nothing new begins
     bool reported_ = false;
 };

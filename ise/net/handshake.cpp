@@ -1,6 +1,8 @@
 #include <ise/net/handshake.hpp>
 
 #include <ise/core/limits.hpp>
+#include <ise/net/authentication.hpp>
+#include <ise/net/tls/stream.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/wire/body.hpp>
 
@@ -27,8 +29,8 @@ wire::limits bounded(wire::limits offered) {
 // A stream during the handshake: closed at the deadline, so that whoever waits on it goes on.
 class greeting {
 public:
-    greeting(loop& on, std::unique_ptr<stream> transport, time_point deadline)
-        : transport_(std::move(transport)), parser_(limit::greeting_bytes), alarm_(on, [this] {
+    greeting(loop& on, std::unique_ptr<stream> transport, time_point deadline, const shared_key* key)
+        : transport_(std::move(transport)), parser_(limit::greeting_bytes), keys_(key, on.env()), alarm_(on, [this] {
               late_ = true;
               transport_->close();
           }) {
@@ -39,7 +41,10 @@ public:
         for (;;) {
             auto found = parser_.next();
             if (!found) co_return found.error();
-            if (*found) co_return **found;
+            if (*found) {
+                keys_.note((*found)->header, (*found)->body);
+                co_return **found;
+            }
             auto room = parser_.prepare();
             auto got = co_await transport_->read_some(asio::buffer(room.data(), room.size()));
             if (got.problem) co_return broken(got.problem);
@@ -48,9 +53,14 @@ public:
     }
 
     template <class Body>
-    task<result<void>> send(frame_type type, Body body) {
+    task<result<void>> send(frame_type type, const Body& body) {
         buffer out;
         wire::put_frame(out, type, 0, 0, [&](buffer& to) { encode(body, to); });
+        keys_.note(wire::read_header(out.data()), out.view().subspan(wire::frame_header::size));
+        return send(std::move(out));
+    }
+
+    task<result<void>> send(buffer out) {
         for (std::size_t sent = 0; sent < out.size();) {
             asio::const_buffer rest(out.data() + sent, out.size() - sent);
             auto wrote = transport_->try_write(std::span(&rest, 1));
@@ -68,6 +78,7 @@ public:
         return offered;
     }
 
+    authentication& keys() noexcept { return keys_; }
     std::string peer() const { return transport_->peer(); }
     failure strange(const wire::frame& came) const {
         return {errc::protocol_error, fmt::format("{} sent '{}' instead of a greeting", peer(), wire::name_of(came.header.type))};
@@ -80,6 +91,8 @@ public:
 private:
     failure broken(const std::error_code& problem) const {
         if (late_) return {errc::timed_out, fmt::format("{} did not greet in time", peer())};
+        if (auto* secured = dynamic_cast<tls::secure_stream*>(transport_.get()); secured && secured->verdict())
+            return {secured->verdict()->code(), fmt::format("{}: {}", peer(), secured->verdict()->message())};
         if (problem == asio::error::operation_aborted) return {errc::cancelled, "the handshake was cancelled"};
         std::string why = problem == asio::error::eof ? "closed the connection during the handshake" : problem.message();
         return {errc::peer_lost, fmt::format("{}: {}", peer(), why)};
@@ -87,6 +100,7 @@ private:
 
     std::unique_ptr<stream> transport_;
     wire::parser parser_;
+    authentication keys_;
     timer alarm_;
     bool late_ = false;
 };
@@ -97,47 +111,108 @@ failure farewell_of(const std::string& peer, const wire::frame& came) {
     return {static_cast<errc>(why->code), fmt::format("{} rejected the session: {}", peer, why->reason)};
 }
 
+failure did_not_prove(const std::string& peer, std::string_view how) {
+    return {errc::unauthorized, fmt::format("{} did not prove that it knows the shared key of this side: {}", peer, how)};
+}
+
+// Of the initiator: answers a challenge. The frame that came is the welcome or the reject then.
+task<result<wire::frame>> answer_challenge(greeting& with, wire::frame came) {
+    if (came.header.type == frame_type::welcome) co_return did_not_prove(with.peer(), "it has no key, or is of a version that knows of none");
+    if (came.header.type != frame_type::challenge) co_return came;
+    auto challenge = wire::read_body<wire::credentials>(came.body);
+    if (!challenge) co_return challenge.error();
+    if (auto strange = with.keys().strange_challenge(*challenge)) co_return failure(strange->code(), fmt::format("{}: {}", with.peer(), strange->message()));
+    auto proof = with.keys().proof(true);
+    auto sent = co_await with.send(frame_type::proof, proof);
+    if (!sent) co_return sent.error();
+    auto next = co_await with.receive();
+    co_return next;
+}
+
+// Of either side: the next frame is the proof of the other one.
+task<result<bool>> proof_comes(greeting& with, bool of_initiator) {
+    auto wanted = with.keys().proof(of_initiator); // of what was said before it
+    auto came = co_await with.receive();
+    if (!came) co_return came.error();
+    if (came->header.type == frame_type::reject) co_return farewell_of(with.peer(), *came);
+    bool plain = came->header.flags == 0 && came->header.id == 0; // nothing proves the head of a proof
+    if (came->header.type != frame_type::proof || !plain) co_return with.strange(*came);
+    auto given = wire::read_body<wire::credentials>(came->body);
+    if (!given) co_return given.error();
+    co_return authentication::same(wanted, *given);
+}
+
+// Of the responder: whether the initiator may come in as far as the key goes.
+task<result<void>> demand_proof(greeting& with, const wire::credentials& offered) {
+    if (auto objection = with.keys().objection(offered)) co_return std::move(*objection);
+    if (!with.keys().demanded()) co_return result<void>();
+    auto challenge = with.keys().offer();
+    auto sent = co_await with.send(frame_type::challenge, challenge);
+    if (!sent) co_return sent.error();
+    auto proved = co_await proof_comes(with, true);
+    if (!proved) co_return proved.error();
+    if (*proved) co_return result<void>();
+    co_return failure(errc::unauthorized, "the shared key here is another one");
+}
+
+// What a hello says of versions.
+std::optional<failure> unspeakable(const wire::hello& theirs) {
+    if (theirs.magic != wire::magic) return failure(errc::protocol_error, "the hello does not begin with ISE's mark");
+    if (theirs.oldest <= wire::newest_version && theirs.newest >= wire::oldest_version) return {};
+    return failure(errc::version_mismatch, fmt::format("wire versions {} to {} are spoken here, {} to {} were offered", wire::oldest_version,
+                                                       wire::newest_version, theirs.oldest, theirs.newest));
+}
+
 } // namespace
 
-task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<stream> transport, wire::hello mine, time_point deadline) {
-    greeting with(on, std::move(transport), deadline);
+task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<stream> transport, wire::hello mine, time_point deadline, const shared_key* key) {
+    greeting with(on, std::move(transport), deadline, key);
     mine.accepts = with.fitting(mine.accepts);
+    mine.authentication = with.keys().offer();
     auto sent = co_await with.send(frame_type::hello, mine);
     if (!sent) co_return sent.error();
     auto came = co_await with.receive();
     if (!came) co_return came.error();
+    if (key) {
+        auto next = co_await answer_challenge(with, *came);
+        if (!next) co_return next.error();
+        came = *next;
+    }
     if (came->header.type == frame_type::reject) co_return farewell_of(with.peer(), *came);
     if (came->header.type != frame_type::welcome) co_return with.strange(*came);
     auto theirs = wire::read_body<wire::welcome>(came->body);
     if (!theirs) co_return theirs.error();
+    if (key) { // nothing of the welcome counts before it
+        auto proved = co_await proof_comes(with, false);
+        if (!proved) co_return proved.error();
+        if (!*proved) co_return did_not_prove(with.peer(), "its key is another one, or somebody stands in its place");
+    }
     if (theirs->version < mine.oldest || theirs->version > mine.newest)
         co_return failure(errc::version_mismatch, fmt::format("{} chose wire version {}, offered were {} to {}", with.peer(),
                                                               theirs->version, mine.oldest, mine.newest));
     session_terms terms;
     terms.version = theirs->version;
     terms.features = theirs->features & mine.features;
-    terms.peer = theirs->self;
+    terms.peer = session_peer(std::move(theirs->self));
     terms.we_accept = bounded(mine.accepts);
     terms.peer_accepts = with.fitting(bounded(theirs->accepts));
     co_return with.done(on, std::move(terms));
 }
 
-task<result<std::shared_ptr<connection>>> respond(loop& on, std::unique_ptr<stream> transport, gatekeeper& gate, time_point deadline) {
-    greeting with(on, std::move(transport), deadline);
+task<result<std::shared_ptr<connection>>> respond(loop& on, std::unique_ptr<stream> transport, gatekeeper& gate, time_point deadline, const shared_key* key) {
+    greeting with(on, std::move(transport), deadline, key);
     auto came = co_await with.receive();
     if (!came) co_return came.error();
     if (came->header.type != frame_type::hello) co_return with.strange(*came);
     auto theirs = wire::read_body<wire::hello>(came->body);
     if (!theirs) co_return failure(errc::protocol_error, fmt::format("{}: {}", with.peer(), theirs.error().message()));
 
-    result<wire::welcome> answer = failure(errc::protocol_error, "the hello does not begin with ISE's mark");
-    if (theirs->magic == wire::magic) {
-        if (theirs->oldest > wire::newest_version || theirs->newest < wire::oldest_version) {
-            answer = failure(errc::version_mismatch, fmt::format("wire versions {} to {} are spoken here, {} to {} were offered",
-                                                                 wire::oldest_version, wire::newest_version, theirs->oldest, theirs->newest));
-        } else {
-            answer = gate.admit(*theirs);
-        }
+    result<wire::welcome> answer = failure(errc::cancelled, "there is no answer");
+    if (auto wrong = unspeakable(*theirs)) {
+        answer = std::move(*wrong);
+    } else {
+        auto proved = co_await demand_proof(with, theirs->authentication);
+        answer = proved ? gate.admit(*theirs) : proved.error(); // whoever has no key learns nothing of who is here
     }
     if (!answer) {
         wire::farewell no;
@@ -152,10 +227,15 @@ task<result<std::shared_ptr<connection>>> respond(loop& on, std::unique_ptr<stre
     answer->accepts = with.fitting(answer->accepts);
     auto sent = co_await with.send(frame_type::welcome, *answer);
     if (!sent) co_return sent.error();
+    if (key) {
+        auto proof = with.keys().proof(false);
+        auto shown = co_await with.send(frame_type::proof, proof);
+        if (!shown) co_return shown.error();
+    }
     session_terms terms;
     terms.version = answer->version;
     terms.features = answer->features;
-    terms.peer = theirs->self;
+    terms.peer = session_peer(std::move(theirs->self));
     terms.we_accept = bounded(answer->accepts);
     terms.peer_accepts = with.fitting(bounded(theirs->accepts));
     co_return with.done(on, std::move(terms));

@@ -1,5 +1,6 @@
 #include <ise/net/outbox.hpp>
 
+#include <ise/core/limits.hpp>
 #include <ise/wire/pieces.hpp>
 
 #include <algorithm>
@@ -64,7 +65,7 @@ void outbox::end_call() {
     }
     message.id = next_piece_id_++;
     big_bytes_ += message.size();
-    big_calls_.push_back(std::move(message));
+    big_calls_.all.push_back(std::move(message));
 }
 
 void outbox::add(publication_source& source) {
@@ -76,9 +77,10 @@ void outbox::add(publication_source& source) {
 
 void outbox::remove(publication_source& source) noexcept {
     if (std::exchange(source.pending_, false)) sources_.erase_if([&](publication_source* other) { return other == &source; });
-    big_packets_.erase_if([&](const big_message& message) {
+    big_packets_.all.erase_if([&](const big_message& message) {
         if (message.source != &source) return false;
         if (message.begun) put_abandoned(message);
+        big_packets_.ends(message);
         big_bytes_ -= message.size() - message.sent;
         return true;
     });
@@ -104,7 +106,7 @@ void outbox::put_packet(publication_source& from, frame_header header, bytes_vie
         message.id = next_piece_id_++;
         ++from.in_pieces_;
         big_bytes_ += size;
-        big_packets_.push_back(std::move(message));
+        big_packets_.all.push_back(std::move(message));
         return;
     }
     auto& staging = filling_->staging();
@@ -120,8 +122,19 @@ void outbox::put_packet(publication_source& from, frame_header header, bytes_vie
     if (payload.size() > 0) std::memcpy(at, payload.view().data(), payload.size());
 }
 
+void outbox::put_frames(shared_bytes frames, std::uint64_t id, bool addressed) {
+    assert(filling_);
+    const auto content = frames.view();
+    if (addressed && content.size() > copied_bytes) return filling_->share(std::move(frames), content);
+    std::byte* at = filling_->staging().grow(content.size());
+    std::memcpy(at, content.data(), content.size());
+    if (addressed) return;
+    for (const std::byte* end = at + content.size(); at < end; at += frame_header::size + detail::load_little<std::uint32_t>(at))
+        detail::store_little(at + 8, id);
+}
+
 bool outbox::empty() const noexcept {
-    return control_.empty() && calls_.size() == calls_taken_ && big_calls_.empty() && big_packets_.empty() && sources_.empty();
+    return control_.empty() && calls_.size() == calls_taken_ && big_calls_.all.empty() && big_packets_.all.empty() && sources_.empty();
 }
 
 // The receiver forgets the pieces that it has.
@@ -141,8 +154,8 @@ bool outbox::fill(batch& out, time_point now) {
             control_.clear();
         }
         if (calls_.size() > calls_taken_) fill_calls(out, now);
-        if (!big_calls_.empty()) fill_pieces(big_calls_, out, now);
-        if (!big_packets_.empty()) fill_pieces(big_packets_, out, now);
+        if (!big_calls_.all.empty()) fill_pieces(big_calls_, out, now);
+        if (!big_packets_.all.empty()) fill_pieces(big_packets_, out, now);
         if (!sources_.empty() && !lane_) fill_publications(out);
     }
     return !out.empty();
@@ -212,10 +225,18 @@ void outbox::put_piece(big_message& message, batch& out) {
     out.share(message.owner, message.payload.subspan(offset, count));
 }
 
-void outbox::fill_pieces(ring<big_message>& from, batch& out, time_point now) {
+bool outbox::may_begin(const big_messages& among, const big_message& one) const noexcept {
+    return among.begun == 0 || (among.begun < limit::unfinished_messages / 2 && among.begun_bytes + one.size() <= most_message_bytes_);
+}
+
+void outbox::fill_pieces(big_messages& from, batch& out, time_point now) {
     // One piece of each in turn.
-    for (std::size_t round = from.size(); round > 0 && out.bytes() < batch_limit_; --round) {
-        big_message message = from.pop_front();
+    for (std::size_t round = from.all.size(); round > 0 && out.bytes() < batch_limit_; --round) {
+        big_message message = from.all.pop_front();
+        if (!message.begun && !may_begin(from, message)) {
+            from.all.push_back(std::move(message));
+            continue;
+        }
         if (!message.begun && message.deadline != time_point::max()) {
             // The buffer is this message's own: only the constness of shared owners is in the way.
             if (!stamp(const_cast<std::byte*>(message.payload.data()), now)) {
@@ -223,11 +244,13 @@ void outbox::fill_pieces(ring<big_message>& from, batch& out, time_point now) {
                 continue;
             }
         }
+        if (!message.begun) from.begins(message);
         std::size_t before = message.sent;
         put_piece(message, out);
         big_bytes_ -= message.sent - before;
+        if (message.sent == message.size()) from.ends(message);
         if (message.sent < message.size()) {
-            from.push_back(std::move(message));
+            from.all.push_back(std::move(message));
         } else if (message.source && --message.source->in_pieces_ == 0 && message.source->pending_) {
             sources_.push_back(message.source); // it waited for this message
         }
@@ -267,21 +290,22 @@ void outbox::take_unwritten(const std::function<void(std::uint64_t, frame_header
         if (header.type == frame_type::request) visit(header.id, header, body);
         at += frame_header::size + header.length;
     }
-    for (std::size_t i = 0; i < big_calls_.size(); ++i) {
-        const auto& message = big_calls_[i];
+    for (std::size_t i = 0; i < big_calls_.all.size(); ++i) {
+        const auto& message = big_calls_.all[i];
         big_bytes_ -= message.size() - message.sent;
         if (message.header.type == frame_type::request && !message.begun) visit(message.header.id, message.header, message.payload);
     }
     calls_.clear();
     calls_taken_ = 0;
-    big_calls_.clear();
+    big_calls_ = {};
 }
 
 bool outbox::withdraw(std::uint64_t request_id) {
     bool big = false;
-    big_calls_.erase_if([&](const big_message& message) {
+    big_calls_.all.erase_if([&](const big_message& message) {
         if (message.header.id != request_id || message.header.type != frame_type::request) return false;
         if (message.begun) put_abandoned(message);
+        big_calls_.ends(message);
         big_bytes_ -= message.size() - message.sent;
         return big = true;
     });

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <limits>
 #include <vector>
 
 namespace ise::net {
@@ -53,9 +54,12 @@ public:
     static constexpr std::size_t batch_bytes = 256 * 1024;
     /// Or about this much, if it is less: what was moved to a write is out of the reach of priorities.
     void limit_batch(std::size_t most) noexcept { batch_limit_ = std::clamp<std::size_t>(most, 1, batch_bytes); }
+    /// The longest message that the peer accepts; unfinished ones it holds up to twice that.
+    void limit_messages(std::uint64_t most_bytes) noexcept { most_message_bytes_ = most_bytes; }
 
     /// Where a control frame is appended (`wire::put_frame`).
     buffer& control() noexcept { return control_; }
+    const buffer& control() const noexcept { return control_; }
 
     /// Where the frame of a call or a reply is appended, between `begin_call()` and `end_call()`. A request's body
     /// begins with its service number and its deadline as nanoseconds of the loop's clock; what remains of it is
@@ -69,6 +73,9 @@ public:
     /// For sources: a packet frame. `head` is the part of the body before the shared payload.
     void put_packet(publication_source& from, wire::frame_header header, bytes_view head,
                     const shared_bytes& payload);
+    /// For sources, where there is no lane: whole frames, one behind the other, each a packet that need not go in pieces.
+    /// Where they do not bear it already (`addressed`), `id` is written into each.
+    void put_frames(shared_bytes frames, std::uint64_t id, bool addressed);
 
     /// From now on packets go into `lane`, which lives as long as this, by `feed_lane` instead of `fill`.
     void use(packet_lane& lane) noexcept { lane_ = &lane; }
@@ -79,7 +86,7 @@ public:
 
     bool empty() const noexcept;
     /// Whether neither control frames nor calls and replies wait.
-    bool calls_drained() const noexcept { return control_.empty() && calls_.size() == calls_taken_ && big_calls_.empty(); }
+    bool calls_drained() const noexcept { return control_.empty() && calls_.size() == calls_taken_ && big_calls_.all.empty(); }
     std::size_t pending_bytes() const noexcept { return control_.size() + (calls_.size() - calls_taken_) + big_bytes_; }
     std::size_t pending_call_bytes() const noexcept { return (calls_.size() - calls_taken_) + big_bytes_; }
 
@@ -103,8 +110,27 @@ private:
         std::size_t size() const noexcept { return head.size() + payload.size(); }
     };
 
+    /// Messages of one class that go in pieces. Each class begins no more at once than half of what a receiver takes
+    /// (FORMAT.md §6), so that neither waits for the other.
+    struct big_messages {
+        ring<big_message> all;
+        std::size_t begun = 0;
+        std::uint64_t begun_bytes = 0;
+
+        void begins(const big_message& one) noexcept {
+            ++begun;
+            begun_bytes += one.size();
+        }
+        void ends(const big_message& one) noexcept {
+            if (!one.begun) return;
+            --begun;
+            begun_bytes -= one.size();
+        }
+    };
+    bool may_begin(const big_messages& among, const big_message& one) const noexcept;
+
     void fill_calls(batch& out, time_point now);
-    void fill_pieces(ring<big_message>& from, batch& out, time_point now);
+    void fill_pieces(big_messages& from, batch& out, time_point now);
     void fill_publications(batch& out);
     static void put_piece(big_message& message, batch& out);
     void put_abandoned(const big_message& message);
@@ -113,13 +139,14 @@ private:
     buffer calls_;
     std::size_t calls_taken_ = 0;
     std::size_t call_start_ = 0;
-    ring<big_message> big_calls_;
-    ring<big_message> big_packets_;
+    big_messages big_calls_;
+    big_messages big_packets_;
     ring<publication_source*> sources_;
     std::size_t batch_limit_ = batch_bytes;
     batch* filling_ = nullptr; // during fill_publications
     packet_lane* lane_ = nullptr;
     std::size_t big_bytes_ = 0;
+    std::uint64_t most_message_bytes_ = std::numeric_limits<std::uint64_t>::max();
     std::uint64_t next_piece_id_ = 1;
 };
 

@@ -44,8 +44,8 @@ private:
     stream& transport_;
     datagram_stream* const datagrams_; // the same, where it is one: there a sign is a datagram of its own
     const duration heartbeat_;
-    std::atomic<bool> claimed_{false};
     std::atomic<duration::rep> sent_;
+    std::atomic<bool> claimed_{false};
     bool held_ = false;   // by the connection
     bool broken_ = false; // changed while it is claimed
 };

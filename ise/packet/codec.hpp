@@ -6,6 +6,11 @@
 #include <ise/packet/detail/codec_cereal.hpp>
 #include <ise/packet/limits.hpp>
 
+// Whoever uses cereal may have types with functions of their own.
+#ifdef CEREAL_CEREAL_HPP_
+#include <ise/packet/archive.hpp>
+#endif
+
 namespace ise {
 
 /// Appends the bytes of a packet (LAYOUT.md). They are the same from every compiler and processor.

@@ -1,24 +1,38 @@
 #include <ise/packet/shared_bytes.hpp>
 
+#include <algorithm>
 #include <cstring>
 
 namespace ise {
 namespace {
 
-constexpr std::size_t chunk_bytes = 4 * 1024;
-constexpr std::size_t small_bytes = 1024;
+constexpr std::size_t largest_chunk = 16 * 1024;
+// So many chunks are looked after: what is sent in one go lies in fewer.
+constexpr std::size_t kept_chunks = 16;
+// One that could be spared that often in a row is given back.
+constexpr unsigned spared_before_freed = 1000;
 
 } // namespace
 
 void shared_bytes::destroy(block* unheld) noexcept { delete unheld; }
 
-void shared_bytes_maker::next_chunk() {
-    std::swap(chunk_, spare_);
-    if (chunk_.block_ && chunk_.block_->holders == 1) {
-        chunk_.block_->content.clear();
-    } else {
-        chunk_ = shared_bytes(buffer(chunk_bytes));
+void shared_bytes_maker::next_chunk(std::size_t least) {
+    if (chunk_.block_) used_.push_back(std::move(chunk_));
+    auto unheld = [this](std::size_t place) { return used_.size() > place && used_[place].block_->holders == 1; };
+    spared_ = unheld(1) ? spared_ + 1 : 0;
+    if (spared_ == spared_before_freed) {
+        auto freed = used_.pop_front();
+        spared_ = 0;
     }
+    if (unheld(0)) {
+        chunk_ = used_.pop_front();
+        chunk_.block_->content.clear();
+        if (has_room(least)) return;
+    } else if (used_.size() == kept_chunks) {
+        auto lives_without_us = used_.pop_front();
+    }
+    chunk_bytes_ = std::clamp(chunk_bytes_ * 2, least, std::max(least, largest_chunk));
+    chunk_ = shared_bytes(buffer(chunk_bytes_));
 }
 
 shared_bytes shared_bytes_maker::share() {
@@ -28,7 +42,7 @@ shared_bytes shared_bytes_maker::share() {
         return shared_bytes(std::exchange(room_, buffer()));
     }
     last_big_ = 0;
-    if (!chunk_.block_ || chunk_bytes - chunk_.block_->content.size() < size) next_chunk();
+    if (!has_room(size)) next_chunk(size);
     shared_bytes made = chunk_;
     std::byte* at = chunk_.block_->content.grow(size);
     if (size > 0) std::memcpy(at, room_.data(), size);

@@ -1,5 +1,6 @@
 #pragma once
 #include <ise/core/bytes.hpp>
+#include <ise/core/ring.hpp>
 #include <ise/packet/buffer.hpp>
 
 #include <cstddef>
@@ -32,6 +33,23 @@ public:
     /// Of one that was moved from: unspecified.
     std::size_t size() const noexcept { return size_; }
     bytes_view view() const noexcept { return {data_, size_}; }
+    /// What lies behind the first `count` bytes.
+    shared_bytes behind(std::size_t count) const noexcept {
+        shared_bytes rest = *this;
+        rest.drop_front(count);
+        return rest;
+    }
+    void drop_front(std::size_t count) noexcept {
+        data_ += count;
+        size_ -= count;
+    }
+    void truncate(std::size_t size) noexcept { size_ = size; }
+    /// Grows by `next` if that lies right behind it in the same memory.
+    bool join(const shared_bytes& next) noexcept {
+        if (next.block_ != block_ || next.data_ != data_ + size_) return false;
+        size_ += next.size_;
+        return true;
+    }
 
 private:
     friend class shared_bytes_maker;
@@ -49,11 +67,15 @@ private:
     block* block_ = nullptr;
 };
 
-/// Makes shared bytes of what was encoded. Small contents lie side by side in common chunks, so that a burst of them
-/// does not cost an allocation each; a chunk lives as long as anything in it is shared, and is small for that reason.
-/// Two chunks that take turns serve as long as nothing waits. A big content keeps the buffer that it was encoded into.
+/// Makes shared bytes of what was encoded. Small contents lie one behind the other in common chunks, so that a burst of
+/// them does not cost an allocation each, and is a single stretch of memory for who wants them all; a chunk lives as
+/// long as anything in it is shared, and is small for that reason. Chunks that nobody holds any more are used again,
+/// and become larger only where what was made waits. A big content keeps the buffer that it was encoded into.
 class shared_bytes_maker {
 public:
+    /// What is not longer than this lies in a chunk.
+    static constexpr std::size_t small_bytes = 4 * 1024;
+
     /// An empty buffer to encode into; valid until `share()`.
     buffer& room() {
         room_.clear();
@@ -62,12 +84,20 @@ public:
     }
     /// What is in the room, as shared bytes.
     shared_bytes share();
+    /// To complete what was made here and nobody else has seen yet.
+    static std::byte* open(const shared_bytes& made) noexcept { return const_cast<std::byte*>(made.data_); }
 
 private:
-    void next_chunk();
+    void next_chunk(std::size_t least);
+    bool has_room(std::size_t size) const noexcept {
+        return chunk_.block_ && chunk_.block_->content.capacity() - chunk_.block_->content.size() >= size;
+    }
 
     buffer room_;
-    shared_bytes chunk_, spare_; // hold the chunks themselves
+    shared_bytes chunk_;      // holds the chunk itself
+    ring<shared_bytes> used_; // those before it, oldest first
+    std::size_t chunk_bytes_ = 512;
+    unsigned spared_ = 0; // so many times in a row there was one more than needed
     std::size_t last_big_ = 0;
 };
 

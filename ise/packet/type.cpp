@@ -24,6 +24,13 @@ std::uint64_t sum(std::uint64_t a, std::uint64_t b) noexcept { return a > most -
 std::uint64_t product(std::uint64_t a, std::uint64_t b) noexcept { return a != 0 && b > most / a ? most : a * b; }
 } // namespace
 
+type_description::type_description() = default;
+type_description::type_description(const type_description&) = default;
+type_description::type_description(type_description&&) noexcept = default;
+type_description& type_description::operator=(const type_description&) = default;
+type_description& type_description::operator=(type_description&&) noexcept = default;
+type_description::~type_description() = default;
+
 void type_description::complete() noexcept {
     min_size = 0;
     fixed_size = false;

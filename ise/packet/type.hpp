@@ -44,6 +44,14 @@ struct type_description {
 
     /// Computes the sizes from the members', which are complete already.
     void complete() noexcept;
+
+    // Compiled once: what a vector of a tree is made of costs every file of a user.
+    type_description();
+    type_description(const type_description&);
+    type_description(type_description&&) noexcept;
+    type_description& operator=(const type_description&);
+    type_description& operator=(type_description&&) noexcept;
+    ~type_description();
 };
 
 /// A field, an element or an alternative.

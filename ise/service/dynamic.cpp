@@ -1,7 +1,9 @@
 #include <ise/service/dynamic.hpp>
 
-#include <fmt/format.h>
+#include <ise/service/link.hpp>
+#include <ise/service/service_host.hpp>
 
+#include <fmt/format.h>
 
 namespace ise {
 namespace {

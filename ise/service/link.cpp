@@ -209,13 +209,14 @@ void link::send_waiting() {
             host_.calls().fail(*call, failure(errc::peer_lost, fmt::format("'{}' at {}: {}", call->service, name_, why), execution::unknown));
             continue;
         }
+        auto began = call->number != 0 ? execution::unknown : execution::not_executed; // it was sent once before
         buffer request = std::move(call->waiting);
         call->waiting = buffer();
         try {
             bool sent = session_->send(*call, [&](buffer& out) { out.append(request.view()); });
-            if (!sent) host_.calls().fail(*call, failure(errc::overloaded, fmt::format("too many calls are pending at {}", name_)));
+            if (!sent) host_.calls().fail(*call, failure(errc::overloaded, fmt::format("too many calls are pending at {}", name_), began));
         } catch (const error& thrown) {
-            host_.calls().fail(*call, thrown.why());
+            host_.calls().fail(*call, failure(thrown.code(), thrown.why().message(), began));
         }
     }
 }
@@ -267,7 +268,7 @@ task<result<std::shared_ptr<session>>> link::reach(location where, duration pati
     for (const auto& at : where.endpoints) {
         auto deadline = std::min(saturating_add(host_.on().now(), patience), until);
         // The stream is connected under the same deadline as the greeting.
-        auto transport = co_await net::connect_until(host_.on(), at, deadline);
+        auto transport = co_await net::connect_until(host_.on(), at, deadline, host_.credentials().tls);
         if (!transport) {
             last = transport.error();
         } else {
@@ -275,7 +276,7 @@ task<result<std::shared_ptr<session>>> link::reach(location where, duration pati
             hello.wanted_path = where.path;
             hello.wanted_epoch = where.epoch;
             hello.wanted_incarnation = where.incarnation;
-            auto greeted = co_await net::initiate(host_.on(), std::move(*transport), std::move(hello), deadline);
+            auto greeted = co_await net::initiate(host_.on(), std::move(*transport), std::move(hello), deadline, host_.credentials().key.get());
             if (greeted) co_return host_.run(std::move(*greeted), weak_from_this());
             last = greeted.error();
         }

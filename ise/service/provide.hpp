@@ -1,7 +1,6 @@
 #pragma once
 #include <ise/packet/codec.hpp>
 #include <ise/service/incoming_calls.hpp>
-#include <ise/service/service_host.hpp>
 
 #include <asio/this_coro.hpp>
 

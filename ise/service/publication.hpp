@@ -1,7 +1,6 @@
 #pragma once
 #include <ise/packet/codec.hpp>
 #include <ise/service/publication_core.hpp>
-#include <ise/service/service_host.hpp>
 
 #include <functional>
 #include <memory>

@@ -2,6 +2,7 @@
 
 #include <ise/core/limits.hpp>
 #include <ise/packet/codec.hpp>
+#include <ise/service/packet_frame.hpp>
 #include <ise/service/service_host.hpp>
 #include <ise/service/session.hpp>
 
@@ -9,14 +10,15 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 
 namespace ise {
 namespace {
 
 using wire::overflow;
 
-// What holding a packet costs beside its bytes.
-constexpr std::size_t item_bytes = 64;
+// So much for a lossless subscriber is written at once, before the turn ends.
+constexpr std::size_t written_at_once = 64 * 1024;
 
 } // namespace
 
@@ -32,7 +34,7 @@ provided_subscription::provided_subscription(publication_core& of, const wire::s
 
 provided_subscription::~provided_subscription() {
     stop_lingering();
-    if (session_) session_->subscriber_bytes() -= queue_bytes_;
+    if (session_) session_->subscriber_bytes() -= queue_.cost();
     if (session_) session_->wire().out().remove(*this);
     if (policy_ == overflow::lossless) --publication_.lossless_;
 }
@@ -40,8 +42,9 @@ provided_subscription::~provided_subscription() {
 void provided_subscription::attach(session& over, std::uint64_t id) {
     stop_lingering();
     session_ = &over;
-    session_->subscriber_bytes() += queue_bytes_;
-    id_ = id;
+    session_->subscriber_bytes() += queue_.cost();
+    id_ = publication_.usual_id_ = id;
+    queue_.readdress();
     sent_ = 0;
     info_.peer = over.peer_name();
     wake();
@@ -56,7 +59,7 @@ void provided_subscription::let_go(const session& of) {
 void provided_subscription::detach() {
     if (!session_) return;
     session_->wire().out().remove(*this);
-    session_->subscriber_bytes() -= queue_bytes_;
+    session_->subscriber_bytes() -= queue_.cost();
     session_ = nullptr;
     auto& host = publication_.host();
     linger_ = std::make_unique<timer>(host.on(), [this] { publication_.vanish(*this); });
@@ -69,21 +72,15 @@ void provided_subscription::stop_lingering() {
     linger_.reset();
 }
 
-void provided_subscription::push(item next) {
-    auto cost = next.packet.size() + item_bytes;
-    queue_bytes_ += cost;
-    if (session_) session_->subscriber_bytes() += cost;
-    queue_.push_back(std::move(next));
-    if (queue_.size() >= depth_ && full_since_ == time_point::max()) full_since_ = publication_.host().on().now();
+waiting_packets::stretch provided_subscription::pop(std::size_t most) {
+    auto taken = queue_.pop(most);
+    popped(taken);
+    return taken;
 }
 
-provided_subscription::item provided_subscription::pop() {
-    auto oldest = queue_.pop_front();
-    auto cost = oldest.packet.size() + item_bytes;
-    queue_bytes_ -= cost;
-    if (session_) session_->subscriber_bytes() -= cost;
+void provided_subscription::popped(const waiting_packets::stretch& taken) noexcept {
+    if (session_) session_->subscriber_bytes() -= taken.cost();
     full_since_ = time_point::max();
-    return oldest;
 }
 
 bool provided_subscription::may_send() const noexcept { return policy_ != overflow::lossless || sent_ < credit_; }
@@ -101,13 +98,13 @@ void provided_subscription::grant(std::uint64_t total) {
     wake();
 }
 
-bool provided_subscription::full(const shared_bytes& packet) const noexcept {
+bool provided_subscription::full(const shared_bytes& frame) const noexcept {
     if (queue_.size() >= depth_) return true;
-    auto held = session_ ? session_->subscriber_bytes() : queue_bytes_;
-    return !queue_.empty() && held + packet.size() > publication_.host().options().max_subscriber_bytes;
+    auto held = session_ ? session_->subscriber_bytes() : queue_.cost();
+    return !queue_.empty() && held + frame.size() > publication_.host().options().max_subscriber_bytes;
 }
 
-bool provided_subscription::offer(std::uint64_t sequence, const shared_bytes& packet) {
+bool provided_subscription::offer(const shared_bytes& frame) {
     if (min_interval_ > duration{}) {
         auto now = publication_.host().on().now();
         if (now < next_allowed_) {
@@ -116,49 +113,69 @@ bool provided_subscription::offer(std::uint64_t sequence, const shared_bytes& pa
         }
         next_allowed_ = saturating_add(now, min_interval_);
     }
-    while (full(packet)) {
+    while (full(frame)) {
         if (policy_ == overflow::lossless || policy_ == overflow::disconnect) return false;
         drop_oldest();
     }
-    push(item{sequence, std::exchange(skipped_, 0), packet});
-    wake();
+    queue_.push(frame, std::exchange(skipped_, 0), packet_frame::id_of(frame.view().data()) == id_);
+    if (queue_.size() >= depth_ && full_since_ == time_point::max()) full_since_ = publication_.host().on().now();
+    if (!session_) return true;
+    session_->subscriber_bytes() += frame.size() + waiting_packets::item_bytes;
+    if (queue_.size() == 1) wake(); // else it is awake, or waits for credit
+    if (policy_ == overflow::lossless && queue_.cost() >= written_at_once && may_send()) session_->wire().written_much();
     return true;
 }
 
 // What was skipped before it is told with the next one.
 void provided_subscription::drop_oldest() {
-    auto oldest = pop();
-    (queue_.empty() ? skipped_ : queue_.front().skipped) += oldest.skipped;
+    waiting_packets::stretch dropped;
+    skipped_ += queue_.drop(dropped);
+    popped(dropped);
     ++dropped_;
     ++publication_.host().counts().packets_dropped;
 }
 
 bool provided_subscription::take(net::outbox& out, std::size_t quantum) {
-    const auto largest = session_->wire().terms().peer_accepts.max_message_bytes;
+    const auto& wire = session_->wire();
+    const auto largest = wire.terms().peer_accepts.max_message_bytes;
+    // Where none of them can be too large for the peer, nor goes in pieces or beside the stream.
+    const bool together = !wire.lossy() && largest >= shared_bytes_maker::small_bytes;
     std::size_t taken = 0;
     while (!queue_.empty() && may_send() && taken < quantum) {
-        std::size_t size = queue_.front().packet.size();
-        if (size + 12 > largest) {
-            publication_.host().log().warning("a packet is larger than its subscriber accepts",
-                                              {{"service", publication_.name()}, {"peer", info_.peer}, {"bytes", std::to_string(size)}});
+        const auto& next = queue_.front();
+        const auto size = packet_frame::size_of(next.frames.view().data());
+        if (together && size <= shared_bytes_maker::small_bytes && next.skipped == 0) {
+            auto packets = pop(policy_ == overflow::lossless ? credit_ - sent_ : next.packets);
+            sent_ += packets.packets;
+            taken += packets.frames.size();
+            out.put_frames(std::move(packets.frames), id_, packets.addressed);
+            continue;
+        }
+        if (size - packet_frame::head_bytes + 12 > largest) {
+            publication_.host().log().warning("a packet is larger than its subscriber accepts", {{"service", publication_.name()}, {"peer", info_.peer},
+                                              {"bytes", std::to_string(size - packet_frame::head_bytes)}});
             drop_oldest();
             continue;
         }
-        auto next = pop();
-        std::array<std::byte, 12> head;
-        detail::store_little(head.data(), next.sequence);
-        detail::store_little(head.data() + 8, next.skipped);
-        wire::frame_header header;
-        header.type = wire::frame_type::packet;
-        header.flags = next.skipped ? wire::flag::skipped : std::uint8_t{0};
-        header.id = id_;
-        out.put_packet(*this, header, bytes_view(head).first(next.skipped ? 12 : 8), next.packet);
-        taken += size + wire::frame_header::size;
-        ++sent_;
+        put_alone(out);
+        taken += size;
         if (size > net::outbox::whole_bytes) break; // goes in pieces: the rest waits for it
     }
     if (policy_ == overflow::lossless) publication_.room_made();
     return !queue_.empty() && may_send();
+}
+
+void provided_subscription::put_alone(net::outbox& out) {
+    auto next = pop(1);
+    std::array<std::byte, 12> head;
+    detail::store_little(head.data(), packet_frame::sequence_of(next.frames.view().data()));
+    detail::store_little(head.data() + 8, next.skipped);
+    wire::frame_header header;
+    header.type = wire::frame_type::packet;
+    header.flags = next.skipped ? wire::flag::skipped : std::uint8_t{0};
+    header.id = id_;
+    out.put_packet(*this, header, bytes_view(head).first(next.skipped ? 12 : 8), next.frames.behind(packet_frame::head_bytes));
+    ++sent_;
 }
 
 publication_core::publication_core(service_host& host, std::string name, const packet_types& types)
@@ -167,35 +184,47 @@ publication_core::publication_core(service_host& host, std::string name, const p
 publication_core::~publication_core() = default;
 
 shared_bytes publication_core::share(function_ref<void(buffer&)> write_packet) {
-    write_packet(maker_.room());
+    auto& room = maker_.room();
+    room.grow(packet_frame::head_bytes); // is stamped in begin_packet
+    write_packet(room);
+    if (room.size() > std::numeric_limits<std::uint32_t>::max()) throw error(errc::too_large, fmt::format("a packet of '{}' has {} bytes, which no frame holds", name_, room.size()));
     return maker_.share();
 }
 
-void publication_core::begin_packet() {
-    ++sequence_;
+void publication_core::begin_packet(const shared_bytes& frame) {
+    packet_frame::stamp(shared_bytes_maker::open(frame), frame.size(), usual_id_, ++sequence_);
     ++host_.counts().packets_published;
 }
 
 void publication_core::publish(shared_bytes packet) {
-    begin_packet();
+    begin_packet(packet);
     std::vector<std::uint64_t> too_slow;
     for (auto& who : all_)
-        if (!who.offer(sequence_, packet)) too_slow.push_back(who.info_.number);
+        if (!who.offer(packet)) too_slow.push_back(who.info_.number);
     last_ = std::move(packet);
     if (!too_slow.empty()) end_too_slow(too_slow);
 }
 
 void publication_core::publish_to(shared_bytes packet, function_ref<bool(const subscriber_info&)> wants) {
-    begin_packet();
+    begin_packet(packet);
     std::vector<std::uint64_t> too_slow;
     for (auto& who : all_) {
         if (!wants(who.info())) {
             who.pass();
-        } else if (!who.offer(sequence_, packet)) {
+        } else if (!who.offer(packet)) {
             too_slow.push_back(who.info_.number);
         }
     }
     if (!too_slow.empty()) end_too_slow(too_slow);
+}
+
+// The last value is the newest for who comes now, also where later ones were for some only.
+shared_bytes publication_core::last_frame() {
+    const auto whole = last_->view();
+    if (packet_frame::sequence_of(whole.data()) == sequence_) return *last_;
+    auto frame = share([&](buffer& out) { out.append(whole.subspan(packet_frame::head_bytes)); });
+    packet_frame::stamp(shared_bytes_maker::open(frame), frame.size(), usual_id_, sequence_);
+    return frame;
 }
 
 // Once the packet has been offered to all: the user is called back, and may publish.
@@ -280,7 +309,7 @@ result<provided_subscription*> publication_core::subscribe(session& from, const 
             answer.resumed = true;
             // Over datagrams the latest packet is sent until it has arrived, on whatever session.
             bool missed = wanted.next_sequence <= sequence_ && who.queue_.empty();
-            if (from.wire().lossy() && terms.last_value && last_ && missed) who.offer(sequence_, *last_);
+            if (from.wire().lossy() && terms.last_value && last_ && missed) who.offer(last_frame());
             return &who;
         }
     }
@@ -299,7 +328,7 @@ result<provided_subscription*> publication_core::subscribe(session& from, const 
                            reinterpret_cast<const std::uint8_t*>(response.data()) + response.size());
     bool with_last = terms.last_value && last_;
     answer.first_sequence = with_last ? sequence_ : sequence_ + 1;
-    if (with_last) who.offer(sequence_, *last_);
+    if (with_last) who.offer(last_frame());
     return &who;
 }
 

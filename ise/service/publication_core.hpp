@@ -2,13 +2,13 @@
 #include <ise/core/bytes.hpp>
 #include <ise/core/function_ref.hpp>
 #include <ise/core/result.hpp>
-#include <ise/core/ring.hpp>
 #include <ise/core/task.hpp>
 #include <ise/core/waiter.hpp>
 #include <ise/net/outbox.hpp>
 #include <ise/packet/adapt.hpp>
 #include <ise/packet/shared_bytes.hpp>
 #include <ise/service/contract.hpp>
+#include <ise/service/waiting_packets.hpp>
 #include <ise/wire/messages.hpp>
 
 #include <functional>
@@ -45,8 +45,8 @@ public:
     void let_go(const session& of);
     bool attached() const noexcept { return session_ != nullptr; }
 
-    /// False: the queue is full, and the policy is to end it then.
-    bool offer(std::uint64_t sequence, const shared_bytes& packet);
+    /// A packet's frame (`packet_frame`). False: the queue is full, and the policy is to end it then.
+    bool offer(const shared_bytes& frame);
     /// A packet was published that is not meant for this one.
     void pass() noexcept { ++skipped_; }
     void grant(std::uint64_t total);
@@ -62,16 +62,12 @@ public:
 
 private:
     friend class publication_core;
-    struct item {
-        std::uint64_t sequence = 0;
-        std::uint32_t skipped = 0;
-        shared_bytes packet;
-    };
     void wake();
-    void push(item next);
-    item pop();
+    waiting_packets::stretch pop(std::size_t most);
+    void popped(const waiting_packets::stretch& taken) noexcept;
+    void put_alone(net::outbox& out);
     void drop_oldest();
-    bool full(const shared_bytes& packet) const noexcept;
+    bool full(const shared_bytes& frame) const noexcept;
     void stop_lingering();
     bool may_send() const noexcept;
 
@@ -83,8 +79,7 @@ private:
     std::size_t depth_;
     std::uint64_t credit_;     // lossless: total granted
     duration min_interval_;
-    ring<item> queue_;
-    std::size_t queue_bytes_ = 0;
+    waiting_packets queue_;
     std::uint64_t sent_ = 0;
     std::uint64_t dropped_ = 0;
     std::uint32_t skipped_ = 0; // since the last packet that was queued
@@ -105,7 +100,7 @@ public:
     const packet_types& types() const noexcept { return types_; }
     service_host& host() noexcept { return host_; }
 
-    /// Encodes a packet once for all subscribers.
+    /// Encodes a packet once for all subscribers, as a frame that is completed when it is published.
     shared_bytes share(function_ref<void(buffer&)> write_packet);
     /// Publishes to all subscribers; never blocks.
     void publish(shared_bytes packet);
@@ -143,7 +138,8 @@ private:
     void room_made();
     void end_stalled();
     void began_to_linger(provided_subscription& who);
-    void begin_packet();
+    void begin_packet(const shared_bytes& frame);
+    shared_bytes last_frame();
     void end_too_slow(const std::vector<std::uint64_t>& numbers);
 
     service_host& host_;
@@ -153,6 +149,7 @@ private:
     std::list<provided_subscription> all_;
     shared_bytes_maker maker_;
     std::optional<shared_bytes> last_;
+    std::uint64_t usual_id_ = 0; // of a subscription: frames bear it, and most need no other
     std::uint64_t sequence_ = 0; // of the last packet published; the first has 1
     std::uint64_t next_number_ = 1;
     std::vector<waiter<>*> waiting_; // for room

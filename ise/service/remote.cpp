@@ -1,8 +1,22 @@
 #include <ise/service/remote.hpp>
 
+#include <ise/service/link.hpp>
+#include <ise/service/service_host.hpp>
+
+#include <asio/post.hpp>
+#include <asio/system_executor.hpp>
+
 #include <fmt/format.h>
 
-namespace ise::detail {
+namespace ise {
+
+const std::string& remote::name() const noexcept { return link_->name(); }
+std::string remote::holder() const { return link_->holder(); }
+task<result<void>> remote::connect(duration deadline) const {
+    return link_->connect(saturating_add(link_->host().on().now(), deadline));
+}
+
+namespace detail {
 
 pending_call& begin_call(link& to, service_key service, duration deadline, const asio::any_io_executor& caller, asio::cancellation_slot slot) {
     auto& host = to.host();
@@ -25,4 +39,17 @@ std::optional<failure> check_place(link& to, service_key service) {
                    fmt::format("'{}' at {} was used off its component's thread: co_spawn on the component's executor, or use ise::wait", service.name, to.name()));
 }
 
-} // namespace ise::detail
+void complete_elsewhere(const asio::any_io_executor& waiting, unique_function<void()> completion) {
+    if (waiting) {
+        asio::post(waiting, std::move(completion));
+    } else {
+        asio::post(asio::system_executor(), std::move(completion));
+    }
+}
+
+loop& loop_of(link& to) noexcept { return to.host().on(); }
+
+void submit(link& to, pending_call& call, function_ref<void(buffer&)> write_request) { to.submit(call, write_request); }
+
+} // namespace detail
+} // namespace ise

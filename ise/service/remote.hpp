@@ -1,10 +1,9 @@
 #pragma once
+#include <ise/core/function_ref.hpp>
 #include <ise/packet/codec.hpp>
-#include <ise/service/link.hpp>
-#include <ise/service/service_host.hpp>
+#include <ise/service/pending_call.hpp>
 #include <ise/service/stream_of.hpp>
 
-#include <asio/system_executor.hpp>
 #include <asio/use_awaitable.hpp>
 
 #include <exception>
@@ -12,12 +11,20 @@
 
 namespace ise {
 
+class link;
+
 namespace detail {
 
 /// Everything of a call that needs no types: opens the record, fits deadline and trace to the caller's context.
 pending_call& begin_call(link& to, service_key service, duration deadline, const asio::any_io_executor& caller, asio::cancellation_slot slot);
 /// A failure where `to` is used on another thread than its component's.
 std::optional<failure> check_place(link& to, service_key service);
+/// Runs what `check_place` has refused on the executor of whoever waits; where it has none, on the system's.
+void complete_elsewhere(const asio::any_io_executor& waiting, unique_function<void()> completion);
+/// The component's.
+loop& loop_of(link& to) noexcept;
+/// Starts a call that was begun.
+void submit(link& to, pending_call& call, function_ref<void(buffer&)> write_request);
 
 template <class Response>
 result<Response> response_of(const call_outcome& outcome) {
@@ -49,9 +56,9 @@ public:
     /// Whether it names anybody; a default-constructed one must not be used.
     explicit operator bool() const noexcept { return link_ != nullptr; }
     /// Its path, or its address.
-    const std::string& name() const noexcept { return link_->name(); }
+    const std::string& name() const noexcept;
     /// The path of the component that it talks to now: of a role, the member. Empty while there is no session.
-    std::string holder() const { return link_->holder(); }
+    std::string holder() const;
     link& way() const noexcept { return *link_; } ///< for the layers below
 
     /// Calls and waits for the response, at most `deadline`. Throws ise::error: refused, no_such_service, type_mismatch,
@@ -107,29 +114,27 @@ public:
     }
 
     /// Waits until there is a session; for programs that want to know before they call.
-    task<result<void>> connect(duration deadline) const {
-        return link_->connect(saturating_add(link_->host().on().now(), deadline));
-    }
+    task<result<void>> connect(duration deadline) const;
 
 private:
     template <class Response, class Handler, class Request, class Deliver>
     static void start(Handler handler, link& to, service_key key, const Request& packet, duration limit, Deliver deliver) {
-        auto& on = to.host().on();
         if (auto misplaced = detail::check_place(to, key)) {
             // Not on the component's thread: nothing of it may be touched; the handler's own executor completes it.
-            auto executor = asio::get_associated_executor(handler, asio::system_executor());
-            asio::post(executor, [handler = std::move(handler), deliver, why = std::move(*misplaced)]() mutable {
+            asio::any_io_executor executor = asio::get_associated_executor(handler, asio::any_io_executor());
+            detail::complete_elsewhere(executor, [handler = std::move(handler), deliver, why = std::move(*misplaced)]() mutable {
                 result<Response> got(std::move(why));
                 deliver(handler, got);
             });
             return;
         }
+        auto& on = detail::loop_of(to);
         auto executor = asio::get_associated_executor(handler, on.get_executor());
         auto& call = detail::begin_call(to, key, limit, executor, asio::get_associated_cancellation_slot(handler));
         call.done = [handler = std::move(handler), deliver, &on](const call_outcome& outcome) mutable {
             on.later([handler = std::move(handler), deliver, got = detail::response_of<Response>(outcome)]() mutable { deliver(handler, got); });
         };
-        to.submit(call, [&](buffer& out) { encode(packet, out); });
+        detail::submit(to, call, [&](buffer& out) { encode(packet, out); });
     }
 
     template <class Contract>

@@ -24,8 +24,9 @@ std::vector<std::shared_ptr<session>> in_order(const std::map<session*, std::sha
 
 } // namespace
 
-service_host::service_host(environment& env, loop& on, task_scope& scope, wire::identity self, service_options options, logger log)
-    : env_(env), on_(on), scope_(scope), self_(std::move(self)), options_(options), log_(std::move(log)), calls_(on), dispatcher_(schemas_) {}
+service_host::service_host(environment& env, loop& on, task_scope& scope, wire::identity self, service_options options, logger log, security credentials)
+    : env_(env), on_(on), scope_(scope), self_(std::move(self)), options_(options), log_(std::move(log)), calls_(on), dispatcher_(schemas_),
+      credentials_(std::move(credentials)) {}
 
 service_host::~service_host() { resolver_.reset(); }
 
@@ -58,7 +59,9 @@ result<wire::welcome> service_host::admit(const wire::hello& caller) {
 }
 
 result<endpoint> service_host::listen(const endpoint& at) {
-    auto opened = net::listen(on_, at);
+    auto may = credentials_.may_listen(at);
+    if (!may) return may.error();
+    auto opened = net::listen(on_, at, credentials_.tls);
     if (!opened) return opened.error();
     std::shared_ptr<listener> from = std::move(*opened);
     listeners_.push_back(from);
@@ -126,7 +129,7 @@ task<> service_host::greet(std::unique_ptr<stream> stranger, handshake_list::ite
     auto deadline = saturating_add(on_.now(), options_.handshake_time);
     result<std::shared_ptr<net::connection>> made = failure(errc::cancelled, "the handshake was cancelled");
     try {
-        made = co_await net::respond(on_, std::move(stranger), *this, deadline);
+        made = co_await net::respond(on_, std::move(stranger), *this, deadline, credentials_.key.get());
     } catch (const std::exception& thrown) {
         if (!is_cancellation(std::current_exception())) made = failure(errc::io_failed, thrown.what());
     }
@@ -134,7 +137,7 @@ task<> service_host::greet(std::unique_ptr<stream> stranger, handshake_list::ite
         ++counts_.sessions_rejected;
         if (scope_.stopping()) co_return;
         auto code = made.error().code();
-        bool strange = (*place)->made_way || broke_rules(code) || code == errc::timed_out;
+        bool strange = (*place)->made_way || broke_rules(code) || code == errc::timed_out || code == errc::unauthorized || code == errc::invalid_argument || code == errc::io_failed;
         auto cause = (*place)->made_way ? fmt::format("{} had not greeted when its place was needed (max_handshakes)", peer) : made.error().message();
         tell(strange ? peer_trouble::handshake : peer_trouble::rejected, fmt::format("a session was not made: {}", cause), peer);
         co_return;

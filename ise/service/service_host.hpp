@@ -4,10 +4,12 @@
 #include <ise/core/log_limiter.hpp>
 #include <ise/core/task_scope.hpp>
 #include <ise/net/handshake.hpp>
+#include <ise/net/security.hpp>
 #include <ise/service/dispatcher.hpp>
 #include <ise/service/link.hpp>
 #include <ise/service/reply_window.hpp>
 #include <ise/service/schema_book.hpp>
+#include <ise/service/service_options.hpp>
 
 #include <array>
 #include <list>
@@ -26,29 +28,6 @@ struct service_counts {
     std::uint64_t packets_dropped = 0;    ///< by the policies of slow subscribers
     std::uint64_t sessions_accepted = 0;
     std::uint64_t sessions_rejected = 0;
-};
-
-/// Limits and times of a component's sessions, calls and subscriptions; of all components of a node.
-struct service_options {
-    wire::limits accepts; ///< what peers are told, such as the largest message and the time between heartbeats
-    duration handshake_time = std::chrono::seconds(5); ///< for both sides to greet
-    duration connect_time = std::chrono::seconds(5); ///< for one address
-    duration first_back_off = std::chrono::milliseconds(50); ///< the pause before the second try
-    duration longest_back_off = std::chrono::seconds(5); ///< the pauses double up to this
-    duration reconnect_spread = std::chrono::milliseconds(500); ///< the first try after a loss comes within it, at random
-    duration default_deadline = std::chrono::seconds(5); ///< of calls that give none
-    duration linger = std::chrono::seconds(30);          ///< a vanished subscriber is kept for this long
-    std::size_t max_sessions = 20'000;                   ///< with peers that have greeted
-    std::size_t max_handshakes = 256;                    ///< strangers at once; beyond, the oldest makes way
-    std::uint32_t max_calls_per_session = 4096;          ///< served at once for one peer
-    std::uint32_t max_subscriptions_per_session = 1024;  ///< of one peer
-    std::size_t max_unsent_bytes = 64u << 20;            ///< of calls and replies on one session; more are overloaded
-    std::size_t max_subscriber_bytes = 256u << 20;       ///< packets held for one session; beyond, the policies apply as if the queues were full
-    std::size_t max_lingering = 4096;                    ///< vanished subscribers of one publication; beyond, the oldest is forgotten
-    duration longest_stall = std::chrono::seconds(30);   ///< a lossless subscriber that holds up its publisher is ended then
-    /// Bytes of one session that wait behind the reach of priorities and of "keep latest", in the system's send queue and
-    /// in a write that was begun: over a slow link a packet is no older than these take to drain. Fewer cost throughput.
-    std::size_t unsent_bytes = 128 * 1024;
 };
 
 /// What a peer can cause as often as it likes: each kind is logged at a bounded rate.
@@ -71,7 +50,8 @@ inline constexpr std::size_t peer_troubles = 7; ///< how many kinds there are
 /// Lifetime: `stop()` and join the scope before destroying it.
 class service_host final : public net::gatekeeper {
 public:
-    service_host(environment& env, loop& on, task_scope& scope, wire::identity self, service_options options, logger log);
+    service_host(environment& env, loop& on, task_scope& scope, wire::identity self, service_options options, logger log,
+                 security credentials = security());
     ~service_host();
 
     environment& env() noexcept { return env_; }
@@ -81,6 +61,8 @@ public:
     schema_book& schemas() noexcept { return schemas_; }
     call_desk& calls() noexcept { return calls_; }
     const service_options& options() const noexcept { return options_; }
+    /// What is shown to peers, and demanded of them.
+    const security& credentials() const noexcept { return credentials_; }
     const logger& log() const noexcept { return log_; }
     /// Logs what a peer caused; lines left out are counted in the next of that kind.
     void tell(peer_trouble kind, std::string_view what, std::string_view peer);
@@ -91,7 +73,8 @@ public:
     const wire::identity& self() const noexcept { return self_; }
     void set_epoch(std::uint64_t epoch) noexcept { self_.epoch = epoch; }
 
-    /// Listens and accepts sessions. errc::address_in_use and others as environment::listen.
+    /// Listens and accepts sessions. errc::address_in_use and others as environment::listen, errc::unauthorized where credentials
+    /// are demanded and there are none for `at`.
     result<endpoint> listen(const endpoint& at);
     /// Where it listens, with real ports.
     std::vector<endpoint> listening() const;
@@ -159,6 +142,7 @@ private:
     ise::reply_windows reply_windows_;
     std::optional<failure> paused_;
     bool stopping_ = false;
+    security credentials_;
 };
 
 } // namespace ise

@@ -24,7 +24,7 @@ std::uint64_t call_id(std::uint32_t slot, std::uint32_t generation) noexcept {
 
 session::session(service_host& host, std::shared_ptr<net::connection> connection, std::weak_ptr<link> owner)
     : host_(host), connection_(std::move(connection)), owner_(std::move(owner)), schemas_(host.schemas(), *connection_),
-      incoming_(*this), provided_(std::make_unique<provided_subscriptions>(*this)) {}
+      incoming_(*this) {}
 
 session::~session() = default;
 
@@ -40,20 +40,22 @@ result<void> session::on_frame(const wire::frame& received) {
         case frame_type::answers: return on_answers(received);
         case frame_type::subscribe:
             if (auto good = takes_answers(); !good) return good;
-            return provided_->on_subscribe(received);
+            return provided().on_subscribe(received);
         case frame_type::subscribed: return on_subscribed(received);
         case frame_type::packet: return on_packet(received);
         case frame_type::unsubscribe:
             if (auto good = takes_answers(); !good) return good;
-            return provided_->on_unsubscribe(received);
+            return provided().on_unsubscribe(received);
         case frame_type::unsubscribed: return {}; // its subscriber has left already
         case frame_type::ended: return on_ended(received);
-        case frame_type::credit: return provided_->on_credit(received);
+        case frame_type::credit: return provided().on_credit(received);
         case frame_type::schema_request: return schemas_.on_request(received.body);
         case frame_type::schema: return schemas_.on_answer(received.body);
         case frame_type::hello:
         case frame_type::welcome:
         case frame_type::reject:
+        case frame_type::challenge:
+        case frame_type::proof:
             return failure(errc::protocol_error, fmt::format("'{}' came in the middle of a session", wire::name_of(received.header.type)));
         default: return {}; // of a later version: passed over, as FORMAT.md says
     }
@@ -313,9 +315,16 @@ result<void> session::on_ended(const wire::frame& received) {
 
 void session::refuse_subscription(std::uint64_t subscription, const failure& why) { end_provided(subscription, why); }
 
-std::size_t& session::subscriber_bytes() noexcept { return provided_->held_bytes(); }
+provided_subscriptions& session::provided() {
+    if (!provided_) provided_ = std::make_unique<provided_subscriptions>(*this);
+    return *provided_;
+}
 
-void session::forget_provided(std::uint64_t subscription) { provided_->forget(subscription); }
+std::size_t& session::subscriber_bytes() { return provided().held_bytes(); }
+
+void session::forget_provided(std::uint64_t subscription) {
+    if (provided_) provided_->forget(subscription);
+}
 
 void session::end_provided(std::uint64_t subscription, const failure& why) {
     forget_provided(subscription);
@@ -360,7 +369,7 @@ void session::on_closed(const failure& cause) {
     }
     for (auto& [id, subscriber] : std::exchange(subscribers_, {})) subscriber->on_session_end(cause);
     incoming_.on_session_end();
-    provided_->on_session_end();
+    if (provided_) provided_->on_session_end();
     if (owner) owner->on_session_end(*this, cause);
     host_.forget(*this);
 }

@@ -31,7 +31,7 @@ public:
     service_host& host() noexcept { return host_; }
     bool open() const noexcept { return connection_->open(); }
     const std::string& peer_name() const noexcept { return connection_->peer_name(); }
-    const wire::identity& peer() const noexcept { return connection_->terms().peer; }
+    const net::session_peer& peer() const noexcept { return connection_->terms().peer; }
     schema_exchange& schemas() noexcept { return schemas_; }
 
     /// Sends a request; false where too much is pending (the call is untouched). Throws what writing it throws, and
@@ -58,7 +58,7 @@ public:
     void subscribe(subscriber_core& subscriber);
     void unsubscribe(subscriber_core& subscriber);
     /// Bytes held for the peer's subscriptions.
-    std::size_t& subscriber_bytes() noexcept;
+    std::size_t& subscriber_bytes();
     /// Our subscription of that number, if it is still there.
     subscriber_core* find_subscriber(std::uint64_t id) const noexcept;
     /// Grants more packets to the provider.
@@ -69,6 +69,7 @@ public:
 
 private:
     result<void> on_frame(const wire::frame& received) override;
+    provided_subscriptions& provided();
     result<void> takes_answers() const;
     void on_closed(const failure& cause) override;
 
@@ -102,7 +103,7 @@ private:
     std::weak_ptr<link> owner_;
     schema_exchange schemas_;
     incoming_calls incoming_;
-    std::unique_ptr<provided_subscriptions> provided_;
+    std::unique_ptr<provided_subscriptions> provided_; // once the peer has subscribed
     std::shared_ptr<reply_window> replies_;
 
     std::vector<std::unique_ptr<introduced>> introduced_;

@@ -196,6 +196,22 @@ void subscriber_core::on_session_end(const failure& cause) {
 }
 
 result<void> subscriber_core::on_packet(std::uint64_t sequence, std::uint32_t skipped, bytes_view packet) {
+    // The rule: it is the next one, and there is room for it.
+    if (sequence == next_sequence_ && established_ && skipped == 0 && !adapter_ && queue_.size() < capacity()) [[likely]] {
+        ++next_sequence_;
+        keep(packet);
+        return {};
+    }
+    return on_other_packet(sequence, skipped, packet);
+}
+
+void subscriber_core::keep(bytes_view packet) {
+    queue_.push(packet, std::exchange(lost_before_, 0));
+    ++counts_.received;
+    packet_.resume();
+}
+
+result<void> subscriber_core::on_other_packet(std::uint64_t sequence, std::uint32_t skipped, bytes_view packet) {
     if (!established_) {
         if (held_.size() >= capacity()) held_.erase(held_.begin());
         held_.emplace_back(sequence, skipped, bytes(packet.begin(), packet.end()));
@@ -226,18 +242,15 @@ result<void> subscriber_core::on_packet(std::uint64_t sequence, std::uint32_t sk
     }
     if (adapter_) { // now, as the next session may have another one
         try {
-            queue_.push((*adapter_)(packet), lost_before_);
+            keep((*adapter_)(packet));
         } catch (const error& unreadable) {
             count_undecodable(unreadable);
             lost_before_ = gap_of(lost_before_, 1);
             return {};
         }
     } else {
-        queue_.push(packet, lost_before_);
+        keep(packet);
     }
-    lost_before_ = 0;
-    ++counts_.received;
-    packet_.resume();
     return {};
 }
 

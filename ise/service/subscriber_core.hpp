@@ -3,7 +3,6 @@
 #include <ise/core/waiter.hpp>
 #include <ise/packet/adapt.hpp>
 #include <ise/service/contract.hpp>
-#include <ise/service/link.hpp>
 #include <ise/service/packet_queue.hpp>
 #include <ise/wire/messages.hpp>
 
@@ -12,6 +11,9 @@
 #include <string>
 
 namespace ise {
+
+class link;
+class session;
 
 /// What becomes of packets that a subscriber does not take in time: `keep_latest`, `keep_last`, `lossless`, `disconnect`.
 using overflow = wire::overflow;
@@ -107,6 +109,8 @@ protected:
     subscribe_options options_;
 
 private:
+    result<void> on_other_packet(std::uint64_t sequence, std::uint32_t skipped, bytes_view packet);
+    void keep(bytes_view packet);
     void finish(failure why);
     void drop_oldest();
     void count_undecodable(const error& why);

@@ -62,6 +62,7 @@ public:
     /// A serial line into this host under the last part of `link` ("ttyA" of "/run/demo/ttyA").
     result<pseudo_terminal> open_pseudo_terminal(loop& on, const std::string& link) override;
     result<std::string> read_file(const std::string& path, std::size_t max_bytes) override;
+    result<std::string> read_secret(const std::string& path, std::size_t max_bytes) override { return read_file(path, max_bytes); }
     std::vector<std::string> interface_addresses() const override { return {host_.address()}; }
 
     /// @cond

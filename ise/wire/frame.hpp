@@ -13,6 +13,8 @@ enum class frame_type : std::uint8_t {
     hello = 1,
     welcome = 2,
     reject = 3,
+    challenge = 11, ///< of a responder that demands a shared key
+    proof = 12,     ///< that a side knows it
 
     request = 16,
     reply = 17,

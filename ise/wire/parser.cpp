@@ -9,7 +9,7 @@ namespace ise::wire {
 namespace {
 
 // An idle connection reads heartbeats only.
-constexpr std::size_t first_room = 256;
+constexpr std::size_t first_room = 32;
 constexpr std::size_t largest_room = 256 * 1024;
 // About one heartbeat a second: an idle connection has let go of a burst's buffer within a minute.
 constexpr unsigned small_reads_before_shrinking = 16;
@@ -21,6 +21,8 @@ std::string_view name_of(frame_type type) noexcept {
         case frame_type::hello: return "hello";
         case frame_type::welcome: return "welcome";
         case frame_type::reject: return "reject";
+        case frame_type::challenge: return "challenge";
+        case frame_type::proof: return "proof";
         case frame_type::request: return "request";
         case frame_type::reply: return "reply";
         case frame_type::error: return "error";
@@ -67,6 +69,9 @@ std::span<std::byte> parser::prepare() {
 }
 
 failure parser::refuse(const frame_header& header) const {
+    auto first_bytes = header.length & 0xffff; // of TLS: an alert or a greeting, and its version
+    if (header.length > max_frame_bytes_ && (first_bytes == 0x0315 || first_bytes == 0x0316))
+        return failure(errc::protocol_error, "what came is TLS, where this side speaks without: one side has tls://, the other tcp://");
     if (header.length > max_frame_bytes_)
         return failure(errc::too_large, fmt::format("a frame '{}' of {} bytes came, {} are allowed", name_of(header.type), header.length, max_frame_bytes_));
     return failure(errc::protocol_error, fmt::format("what came is no frame of ISE (type {}, reserved {:#x})", static_cast<int>(header.type), header.reserved));

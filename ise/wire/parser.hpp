@@ -24,19 +24,22 @@ public:
     /// The next whole frame, or nothing. Its body stays valid until the next `prepare()`.
     /// errc::protocol_error or errc::too_large end the stream: nothing after it can be trusted.
     result<std::optional<frame>> next() {
-        if (end_ - begin_ < frame_header::size) return std::optional<frame>{};
         frame found;
-        found.header = read_header(storage_.data() + begin_);
-        // Types up to this are known or negotiated; what is above, or 0, cannot be a frame of ISE.
-        constexpr unsigned last_type = 127;
-        bool sound = found.header.length <= max_frame_bytes_ && found.header.reserved == 0 &&
-                     static_cast<unsigned>(found.header.type) - 1 < last_type;
-        if (!sound) [[unlikely]] return refuse(found.header);
-        std::size_t whole = frame_header::size + found.header.length;
-        if (end_ - begin_ < whole) return std::optional<frame>{};
-        found.body = bytes_view(storage_).subspan(begin_ + frame_header::size, found.header.length);
+        if (take(found)) return std::optional<frame>{found};
+        if (end_ - begin_ < frame_header::size || sound(read_header(storage_.data() + begin_))) return std::optional<frame>{};
+        return refuse(read_header(storage_.data() + begin_));
+    }
+
+    /// The next frame where it is whole and sound; where not, `next()` says what is the matter. For many in a row.
+    bool take(frame& found) noexcept {
+        if (end_ - begin_ < frame_header::size) return false;
+        const std::byte* at = storage_.data() + begin_;
+        found.header = read_header(at);
+        const std::size_t whole = frame_header::size + found.header.length;
+        if (!sound(found.header) || end_ - begin_ < whole) [[unlikely]] return false;
+        found.body = bytes_view(at + frame_header::size, found.header.length);
         begin_ += whole;
-        return std::optional<frame>{found};
+        return true;
     }
 
     /// Bytes received that make no whole frame yet.
@@ -52,6 +55,11 @@ public:
     void set_max_frame_bytes(std::uint32_t bytes) noexcept { max_frame_bytes_ = bytes; }
 
 private:
+    bool sound(const frame_header& header) const noexcept {
+        // Types up to this are known or negotiated; what is above, or 0, cannot be a frame of ISE.
+        constexpr unsigned last_type = 127;
+        return header.length <= max_frame_bytes_ && header.reserved == 0 && static_cast<unsigned>(header.type) - 1 < last_type;
+    }
     failure refuse(const frame_header& header) const;
 
     std::vector<std::byte> storage_;

@@ -1,4 +1,5 @@
 // expect: give this type or the field a default
+#include <ise/packet/archive.hpp>
 #include <ise/packet/schema.hpp>
 
 #include <chrono>

@@ -1,4 +1,5 @@
 // expect: specialise ise::opaque_type
+#include <ise/packet/archive.hpp>
 #include <ise/packet/schema.hpp>
 
 #include <chrono>

@@ -62,7 +62,7 @@ fix at_latitude(double latitude) { return fix{latitude, 0, 0}; }
 
 } // namespace
 
-#define OVER_EVERY_TRANSPORT tcp, tcp6, udp, udp6, local, in_process, virtual_tcp, virtual_udp
+#define OVER_EVERY_TRANSPORT tcp, tcp6, tls, udp, udp6, local, in_process, virtual_tcp, virtual_tls, virtual_udp
 
 TEMPLATE_TEST_CASE("a call is answered, small or big, and concurrent calls overtake each other", "", OVER_EVERY_TRANSPORT) {
     pair<TestType> at;
@@ -260,8 +260,8 @@ TEMPLATE_TEST_CASE("a peer that is half open is found", "", OVER_EVERY_TRANSPORT
     at.open();
     // Greets, and is silent from then on.
     struct quiet {
-        static ise::task<> greet(ise::loop& on, ise::endpoint where, std::unique_ptr<ise::stream>& held, std::shared_ptr<bool> welcome) {
-            auto made = co_await ise::net::connect_until(on, where, on.now() + 1h);
+        static ise::task<> greet(ise::loop& on, ise::endpoint where, ise::security with, std::unique_ptr<ise::stream>& held, std::shared_ptr<bool> welcome) {
+            auto made = co_await ise::net::connect_until(on, where, on.now() + 1h, with.tls);
             held = std::move(made.value());
             ise::buffer out;
             ise::wire::hello mine;
@@ -275,7 +275,7 @@ TEMPLATE_TEST_CASE("a peer that is half open is found", "", OVER_EVERY_TRANSPORT
     };
     std::unique_ptr<ise::stream> held;
     auto welcome = std::make_shared<bool>(false);
-    auto greeted = start(at.shore.on, quiet::greet(at.shore.on, at.where, held, welcome));
+    auto greeted = start(at.shore.on, quiet::greet(at.shore.on, at.where, at.shore.services->credentials(), held, welcome));
     at.run_until([&] { return greeted->done && !at.boat.services->sessions().empty(); });
     greeted->get();
     CHECK(*welcome);

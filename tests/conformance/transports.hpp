@@ -1,6 +1,7 @@
 #pragma once
 #include <ise/core/real/environment.hpp>
 #include <ise/sim/world.hpp>
+#include <support/authority.hpp>
 #include <support/party.hpp>
 
 #include <asio/executor_work_guard.hpp>
@@ -14,6 +15,13 @@
 namespace conformance {
 
 using namespace ise_test;
+
+/// Credentials that are good for all of them, made once.
+inline const std::filesystem::path& certificates() {
+    static authority trusted;
+    static auto folder = trusted.issue("host");
+    return folder;
+}
 
 /// What differs between transports, as the table of FORMAT.md has it.
 struct as_streams {
@@ -34,6 +42,7 @@ public:
     static constexpr std::uint64_t heartbeat_ns = 300'000'000; // a test waits for three
     real_world() : work_(asio::make_work_guard(context_)) {}
     std::unique_ptr<ise::loop_host> loop() { return env_.adopt(context_.get_executor(), true); }
+    ise::security_options credentials() const { return {}; }
     ise::environment& env_a() { return env_; }
     ise::environment& env_b() { return env_; }
     bool run_until(const std::function<bool()>& done) {
@@ -54,6 +63,14 @@ struct tcp : real_world, as_streams {
 };
 struct tcp6 : real_world, as_streams {
     std::string where() const { return "tcp://[::1]:0"; }
+};
+struct tls : real_world, as_streams {
+    std::string where() const { return "tls://127.0.0.1:0"; }
+    ise::security_options credentials() const {
+        ise::security_options made;
+        made.tls_folder = certificates().string();
+        return made;
+    }
 };
 struct local : real_world, as_streams {
     std::string where() const { return fmt::format("local://@ise-conformance-{}", ::getpid()); }
@@ -76,6 +93,7 @@ struct virtual_world {
         world.net().between("boat", "shore").latency = std::chrono::milliseconds(30);
         world.net().between("boat", "shore").loss = 0.05;
     }
+    ise::security_options credentials() const { return {}; }
     ise::environment& env_a() { return a; }
     ise::environment& env_b() { return b; }
     std::unique_ptr<ise::loop_host> loop_a() { return a.make_loop("main"); }
@@ -84,6 +102,18 @@ struct virtual_world {
 };
 struct virtual_tcp : virtual_world, as_streams {
     std::string where() const { return "tcp://10.0.0.1:7400"; }
+};
+struct virtual_tls : virtual_world, as_streams {
+    virtual_tls() {
+        for (const char* host : {"boat", "shore"})
+            for (const char* file : {"ca.pem", "certificate.pem", "key.pem"}) world.host(host).write_file(std::string("tls/") + file, read_all(certificates() / file));
+    }
+    std::string where() const { return "tls://10.0.0.1:7400"; }
+    ise::security_options credentials() const {
+        ise::security_options made;
+        made.tls_folder = "tls";
+        return made;
+    }
 };
 struct virtual_udp : virtual_world, as_datagrams {
     virtual_udp() {
@@ -97,8 +127,8 @@ struct virtual_udp : virtual_world, as_datagrams {
 template <class World>
 struct pair {
     World world;
-    party boat{world.env_a(), world.loop_a(), "boat", quick()};
-    party shore{world.env_b(), world.loop_b(), "shore", quick()};
+    party boat{world.env_a(), world.loop_a(), "boat", quick(), ise::security::load(world.env_a(), world.credentials()).value()};
+    party shore{world.env_b(), world.loop_b(), "shore", quick(), ise::security::load(world.env_b(), world.credentials()).value()};
     ise::endpoint where;
     ise::remote there;
 

@@ -1,7 +1,8 @@
 // Any bytes as what a stranger says in place of a greeting, in pieces of any size, to the side that was called and to
-// the side that calls: each ends with a connection or a reason, by its deadline, and holds nothing afterwards.
+// the side that calls, with a shared key and without: each ends with a connection or a reason, by its deadline, and holds nothing afterwards.
 #include <ise/core/inproc_stream.hpp>
 #include <ise/net/handshake.hpp>
+#include <ise/net/shared_key.hpp>
 #include <ise/packet/codec.hpp>
 #include <support/sim_parties.hpp>
 
@@ -30,6 +31,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     bool calls = data[0] & 1;
     std::size_t at_once = std::size_t{1} << (data[0] >> 1 & 15); // bytes that come together
     bool closes = data[0] & 32;
+    static const auto secret = ise::shared_key::make(std::string(64, 'k'), "the fuzzer").value();
+    const auto* key = data[0] & 64 ? secret.get() : nullptr;
     ise::bytes_view said = ise::bytes_view(reinterpret_cast<const std::byte*>(data), size).subspan(1);
 
     ise::sim::world world;
@@ -40,8 +43,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     door gate;
     ise::wire::hello mine;
     mine.self.path = "shore";
-    auto outcome = calls ? ise_test::start(on, ise::net::initiate(on, std::move(far), mine, on.now() + 5s))
-                         : ise_test::start(on, ise::net::respond(on, std::move(far), gate, on.now() + 5s));
+    auto outcome = calls ? ise_test::start(on, ise::net::initiate(on, std::move(far), mine, on.now() + 5s, key))
+                         : ise_test::start(on, ise::net::respond(on, std::move(far), gate, on.now() + 5s, key));
     while (!said.empty() && !outcome->done) {
         auto count = std::min(at_once, said.size());
         asio::const_buffer piece(said.data(), count);
@@ -55,6 +58,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (outcome->thrown) std::abort();
     made& got = *outcome->value;
     if (got) {
+        if (key) std::abort(); // nobody says 32 right bytes by chance
         const auto& terms = (*got)->terms();
         if (terms.version != 1 || terms.peer_accepts.max_frame_bytes < ise::wire::smallest_frame_limit) std::abort();
         if (terms.peer_accepts.heartbeat_ns < 20'000'000 || (terms.features & ~mine.features) != 0) std::abort();

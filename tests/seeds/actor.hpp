@@ -28,6 +28,7 @@ private:
         std::string host;
         bool by_name = true;
         ise::remote way;
+        std::vector<std::string> any_of; ///< of a role: the hosts of all who serve it
     };
 
     ise::task<> run() override;
@@ -46,6 +47,7 @@ private:
     void fire(const Contract& service, const ise::remote& to, call_terms terms, job what, ise::duration limit, ise::duration patience);
     call_terms terms_of(std::string_view service, const goal& to, const job& what, ise::duration limit) const;
     goal to_component(std::size_t number, bool by_name);
+    goal to_role(const std::string& role);
 
     template <class Contract>
     ise::task<> publishes(Contract service);

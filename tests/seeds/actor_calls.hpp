@@ -104,6 +104,7 @@ inline call_terms actor::terms_of(std::string_view service, const goal& to, cons
     made.from = host_;
     made.to = to.host;
     made.component = to.path;
+    made.any_of = to.any_of;
     made.by_name = to.by_name;
     made.deadline = ise::saturating_add(stage_.world.now(), limit);
     auto inner = static_cast<int>(what.hops.size()) + (what.call_back ? 1 : 0);
@@ -123,17 +124,28 @@ inline actor::goal actor::to_component(std::size_t number, bool by_name) {
         made.name = other.path;
         made.way = at(other.path);
     } else {
-        auto where = ise::endpoint::parse(fmt::format("tcp://{}:{}", made.host, other.port)).value();
+        auto where = ise::endpoint::parse(fmt::format("{}://{}:{}", other.over_datagrams ? "udp" : "tcp", made.host, other.port)).value();
         made.name = where.text();
         made.way = at(where);
     }
     return made;
 }
 
+inline actor::goal actor::to_role(const std::string& role) {
+    goal made;
+    made.name = role;
+    made.way = at(role);
+    made.any_of = stage_.plan.hosts_of_role(role);
+    made.host = made.any_of.front();
+    return made;
+}
+
 inline void actor::make_call(ise::sim::generator& draw, job& what, goal& to, ise::duration& limit) {
     using namespace std::chrono_literals;
     const auto& all = stage_.plan.components;
-    to = to_component(draw.below(all.size()), draw.chance(0.75));
+    auto target = draw.below(all.size());
+    to = to_component(target, draw.chance(0.75));
+    if (const auto& role = all[target].role; !role.empty() && draw.chance(0.5)) to = to_role(role);
     limit = ise::duration(500ms) + ise::duration(static_cast<ise::duration::rep>(draw.below(8'000'000'000u)));
     if (plan_.short_deadlines && draw.chance(0.5)) limit = ise::duration(1ms) + ise::duration(static_cast<ise::duration::rep>(draw.below(300'000'000u)));
     if (stage_.now != phase::stormy) limit = 20s;

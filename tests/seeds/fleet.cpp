@@ -59,9 +59,14 @@ ise::node_options fleet::node_options(const std::string& name) const {
 ise::component_options fleet::options_of(const ship& which, const component_plan& one, std::uint64_t life) const {
     ise::component_options made;
     auto unique = fmt::format("{}-{}-{}", one.port, life, which.starts);
+    if (!one.role.empty()) made.roles[one.role] = one.priority;
+    if (one.fails) made.policy = ise::on_failure::restart;
+    if (one.over_datagrams) {
+        made.listen = {ise::endpoint{ise::protocol::udp, "0.0.0.0", one.port, {}}};
+        return made;
+    }
     made.listen = {ise::endpoint{ise::protocol::inproc, {}, 0, unique}, ise::endpoint{ise::protocol::local, {}, 0, "@" + unique},
                    ise::endpoint{ise::protocol::tcp, "0.0.0.0", one.port, {}}};
-    if (one.fails) made.policy = ise::on_failure::restart;
     return made;
 }
 

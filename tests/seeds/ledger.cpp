@@ -60,7 +60,12 @@ void ledger::run_ended(std::uint64_t id) { ++records_.at(id).runs_ended; }
 
 bool ledger::undisturbed(const record& of) const {
     if (!of.terms.by_name && rivalled.contains(of.terms.component)) return false;
-    return weather_.calm(of.terms.from, of.terms.to, of.began);
+    return calm(of.terms.from, of);
+}
+
+bool ledger::calm(const std::string& one, const record& of) const {
+    return weather_.calm(one, of.terms.to, of.began) &&
+           std::ranges::all_of(of.terms.any_of, [&](const std::string& host) { return weather_.calm(one, host, of.began); });
 }
 
 bool ledger::handler_cancelled(const record& of) const {
@@ -107,7 +112,7 @@ void ledger::check_failure(std::uint64_t id, record& of, const ise::failure& why
         if (why.message().find(word) != std::string::npos) journal_.broken("{}; that is a breach of the protocol between two of us", told());
     bool calm = undisturbed(of);
     // Who could not ask for the name, or could not register it.
-    bool no_names = of.terms.by_name && (!weather_.calm(of.terms.from, "ns", of.began) || !weather_.calm(of.terms.to, "ns", of.began));
+    bool no_names = of.terms.by_name && (!weather_.calm(of.terms.from, "ns", of.began) || !this->calm("ns", of));
     bool names_away = no_names && of.denied;
     switch (why.code()) {
         case errc::timed_out: {

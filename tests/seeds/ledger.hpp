@@ -8,6 +8,7 @@
 
 #include <set>
 #include <unordered_map>
+#include <vector>
 
 namespace seeds {
 
@@ -18,6 +19,7 @@ struct call_terms {
     std::string target;             ///< path or endpoint
     std::uint64_t life = 0;         ///< of the caller's process
     std::string from, to;           ///< hosts
+    std::vector<std::string> any_of; ///< of a role: the hosts of all who serve it, `to` among them
     std::string component;          ///< the target's path, however it is reached; empty: not one of the plan
     bool by_name = false;
     bool over_session = false;      ///< back over the session of a request: ends with that
@@ -71,6 +73,8 @@ private:
     };
     void check_failure(std::uint64_t id, record& of, const ise::failure& why);
     bool undisturbed(const record& of) const;
+    /// Nothing has disturbed these two, or one and whoever the call may reach, since the call was made.
+    bool calm(const std::string& one, const record& of) const;
     /// The handler that made the call was cancelled, or may have been.
     bool handler_cancelled(const record& of) const;
     std::string name(std::uint64_t id, const record& of) const;

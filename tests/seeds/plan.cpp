@@ -98,11 +98,41 @@ fault_plan draw_fault(dice& draw, const plan& of) {
     return made;
 }
 
+// Drawn apart, so that the rest of a seed stays what it was before there were datagrams and roles.
+void draw_datagrams(plan& of) {
+    dice draw(of.seed, "datagrams");
+    for (auto& one : of.components) one.over_datagrams = draw.chance(0.25);
+    for (auto& one : of.components)
+        for (auto& to : one.subscribes) // lossless is refused over datagrams
+            if (of.components[to.provider].over_datagrams && to.terms.policy == ise::overflow::lossless) to.terms.policy = ise::overflow::keep_last;
+}
+
+void draw_roles(plan& of) {
+    dice draw(of.seed, "roles");
+    if (!draw.chance(0.4)) return;
+    for (auto& one : of.components) {
+        if (!draw.chance(0.5)) continue;
+        one.role = "role/r0";
+        one.priority = static_cast<std::int32_t>(draw.between(0, 2));
+    }
+}
+
+void draw_harmless_faults(plan& of) {
+    dice draw(of.seed, "harmless faults");
+    for (auto left = draw.between(0, 3); left > 0; --left) {
+        auto one = draw_fault(draw, of);
+        one.kind = draw.chance(0.6) ? fault_kind::unruly_link : fault_kind::clock_step;
+        one.process %= of.processes.size();
+        of.faults.push_back(one);
+    }
+}
+
 } // namespace
 
 std::string_view name_of(fault_kind kind) noexcept {
-    constexpr std::array<std::string_view, 15> names{"partition", "isolation", "weak link", "narrow link", "cut", "crash", "quick restart", "stop", "freeze",
-                                                     "host crash", "server crash", "server freeze", "broken i/o", "rival", "component stop"};
+    constexpr std::array<std::string_view, 17> names{"partition", "isolation", "weak link", "narrow link", "cut", "crash", "quick restart", "stop", "freeze",
+                                                     "host crash", "server crash", "server freeze", "broken i/o", "rival", "component stop",
+                                                     "unruly link", "clock step"};
     return names[static_cast<std::size_t>(kind)];
 }
 
@@ -125,7 +155,17 @@ plan::plan(std::uint64_t from) : seed(from) {
     max_unsent_bytes = draw.chance(0.7) ? 64u << 20 : 300'000;
     latency = draw.time(20us, 30ms);
     for (auto left = draw.between(0, 9); left > 0; --left) faults.push_back(draw_fault(draw, *this));
+    draw_datagrams(*this);
+    draw_roles(*this);
+    draw_harmless_faults(*this);
     std::ranges::stable_sort(faults, {}, &fault_plan::at);
+}
+
+std::vector<std::string> plan::hosts_of_role(const std::string& role) const {
+    std::vector<std::string> found;
+    for (const auto& one : components)
+        if (one.role == role) found.push_back(processes[one.process].host);
+    return found;
 }
 
 std::string plan::text() const {
@@ -133,9 +173,9 @@ std::string plan::text() const {
     auto text = fmt::format("seed {}: {:.1f} s, latency {:.4f} s, linger {:.1f} s, lease {:.1f} s, heartbeat {:.1f} s, at most {} bytes unsent\n", seed, seconds(length),
                             seconds(latency), seconds(linger), seconds(lease), static_cast<double>(heartbeat_ns) * 1e-9, max_unsent_bytes);
     for (const auto& one : components) {
-        text += fmt::format("  {} in {}/{}:{}{}{}{} {} callers, {} bytes, every {:.3f} s{}; publishes {} x {} bytes every {:.3f} s{}{}\n", one.path, processes[one.process].host,
+        text += fmt::format("  {} in {}/{}:{}{}{}{}{}{} {} callers, {} bytes, every {:.3f} s{}; publishes {} x {} bytes every {:.3f} s{}{}\n", one.path, processes[one.process].host,
                             processes[one.process].name, one.port, one.with_the_first ? " shared loop" : "", one.fails ? " fails" : "", one.later_version ? " later" : "",
-                            one.callers, one.request_bytes, seconds(one.pause), one.short_deadlines ? " short" : "", one.publishes.burst, one.publishes.bytes,
+                            one.over_datagrams ? " udp" : "", one.role.empty() ? "" : fmt::format(" {} of priority {},", one.role, one.priority), one.callers, one.request_bytes, seconds(one.pause), one.short_deadlines ? " short" : "", one.publishes.burst, one.publishes.bytes,
                             seconds(one.publishes.period), one.publishes.blocking ? " blocking" : "", one.publishes.withdraws ? " withdraws" : "");
         for (const auto& to : one.subscribes)
             text += fmt::format("    subscribes to c{} by {}, policy {} depth {}, rate {:.3f} s, slow {:.3f} s{}{}{}\n", to.provider, to.by_name ? "name" : "endpoint",

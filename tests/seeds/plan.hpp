@@ -34,6 +34,9 @@ struct component_plan {
     bool with_the_first = false;  ///< on the loop of its process' first component
     bool fails = false;           ///< its flow throws now and then, and is restarted
     bool later_version = false;   ///< provides the later packets
+    bool over_datagrams = false;  ///< listens on udp only
+    std::string role;             ///< that it serves; empty: none
+    std::int32_t priority = 0;    ///< there
     std::uint32_t callers = 0;
     ise::duration pause{};        ///< of a caller, between two calls, at most
     bool short_deadlines = false;
@@ -63,6 +66,8 @@ enum class fault_kind : std::uint8_t {
     broken_io,     ///< some operation of anybody fails
     rival,         ///< somebody else takes the name of a component that is cut off
     component_stop,///< one component of a process stops and is started again
+    unruly_link,   ///< datagrams are doubled and overtake each other; excuses nothing
+    clock_step,    ///< of the wall clock of a process; excuses nothing
 };
 std::string_view name_of(fault_kind kind) noexcept;
 
@@ -97,6 +102,8 @@ struct plan {
 
     explicit plan(std::uint64_t seed);
     std::string text() const;
+    /// The hosts of who serves a role.
+    std::vector<std::string> hosts_of_role(const std::string& role) const;
 };
 
 } // namespace seeds

@@ -5,6 +5,7 @@
 #include "memory.hpp"
 #include "storms.hpp"
 
+#include <ise/service/service_host.hpp>
 #include <ise/service/session.hpp>
 
 #include <algorithm>

@@ -80,6 +80,16 @@ void storms::begin(const fault_plan& what) {
             });
             return;
         }
+        case fault_kind::unruly_link: {
+            auto& link = world.net().between(what.host, what.other);
+            link.duplicate = static_cast<double>(what.amount % 40) / 100;
+            link.reorder = static_cast<double>(what.amount % 50) / 100;
+            later(what.length, [&link] { link.duplicate = link.reorder = 0; });
+            return;
+        }
+        case fault_kind::clock_step:
+            if (ship.process && ship.now != fleet::state::down) ship.process->set_wall_offset(std::chrono::hours(what.amount % 48) - 24h);
+            return;
         case fault_kind::cut:
             for (std::uint64_t n = 0; n <= what.amount % 3; ++n) {
                 world.net().cut(what.host, what.other, what.amount % 2 ? ise::sim::direction::to_server : ise::sim::direction::to_client, what.amount / (n + 1));

@@ -4,6 +4,7 @@
 #include <ise/service/provide.hpp>
 #include <ise/service/publication.hpp>
 #include <ise/service/remote.hpp>
+#include <ise/service/service_host.hpp>
 #include <ise/service/session.hpp>
 
 #include <asio/bind_cancellation_slot.hpp>
@@ -21,7 +22,7 @@ namespace ise_test {
 /// The services of one component on a loop, as the layers above would hold them: what tests of calls and
 /// subscriptions talk through.
 struct party {
-    party(ise::environment& environment, std::unique_ptr<ise::loop_host> loop_of, std::string path, ise::service_options options = {})
+    party(ise::environment& environment, std::unique_ptr<ise::loop_host> loop_of, std::string path, ise::service_options options = {}, ise::security credentials = {})
         : env(environment), host(std::move(loop_of)), on(host->loop()),
           scope(on, [this](const std::string& name, std::exception_ptr thrown) { escaped.push_back(name + ": " + ise::describe(thrown)); }) {
         ise::wire::identity self;
@@ -32,7 +33,7 @@ struct party {
         auto sink = [this](const ise::log_record& record) {
             if (record.level >= ise::log_level::warning) warnings.emplace_back(record.message);
         };
-        services.emplace(env, on, scope, self, options, ise::logger(env, path, sink));
+        services.emplace(env, on, scope, self, options, ise::logger(env, path, sink), std::move(credentials));
     }
 
     template <class Contract, class Handler>

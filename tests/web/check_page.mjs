@@ -2,7 +2,9 @@
 // node check_page.mjs PAGE_PREVIEW [FOLDER_FOR_SCREENSHOTS]
 // CHROMIUM names the browser (default /usr/bin/chromium). Exits 0 only if every check held.
 import { spawn } from 'node:child_process';
-import { mkdirSync } from 'node:fs';
+import { mkdirSync, readFileSync } from 'node:fs';
+import { createServer } from 'node:http';
+import { createRequire } from 'node:module';
 import { once } from 'node:events';
 import { createInterface } from 'node:readline';
 import assert from 'node:assert/strict';
@@ -14,6 +16,9 @@ if (!program) {
   process.exit(2);
 }
 if (folder) mkdirSync(folder, { recursive: true });
+
+// The whole of axe, in every page before its own scripts: the page's CSP lets none in later.
+const axe = readFileSync(createRequire(import.meta.url).resolve('axe-core/axe.min.js'), 'utf8');
 
 async function serve(...more) {
   const server = spawn(program, ['0', ...more], { stdio: ['pipe', 'pipe', 'inherit'] });
@@ -36,6 +41,8 @@ const check = async (name, body) => {
 const complaints = [];
 async function open(options, at = url) {
   const context = await browser.newContext(options);
+  await context.addInitScript({ content: axe });
+  context.setDefaultTimeout(180000); // also on a machine that is busy; it only keeps a broken page from hanging the test
   const page = await context.newPage();
   page.on('console', message => { if (message.type() === 'error' && !/ERR_|Failed to load resource/.test(message.text())) complaints.push(message.text()); });
   page.on('pageerror', error => complaints.push(String(error)));
@@ -47,7 +54,7 @@ const text = (page, selector) => page.locator(selector).innerText();
 // playwright's own waitForFunction evaluates a string, which the page's CSP forbids; so it is asked again and again.
 // The bound only keeps a broken page from hanging the test.
 async function until(what, happened) {
-  for (const end = Date.now() + 60000; Date.now() < end;) {
+  for (const end = Date.now() + 180000; Date.now() < end;) {
     if (await happened()) return;
     await new Promise(resolve => setTimeout(resolve, 100));
   }
@@ -55,6 +62,16 @@ async function until(what, happened) {
 }
 const shown = (page, selector, pattern) => until(`${selector} shows ${pattern}`, async () => pattern.test(await page.locator(selector).innerText()));
 const shot = async (page, name, full = false) => { if (folder) { await page.waitForTimeout(900); await page.screenshot({ path: `${folder}/${name}.png`, fullPage: full }); } };
+async function accessible(page, what, frame = page) {
+  await check(`axe finds nothing: ${what}`, async () => {
+    const found = await frame.evaluate(async () => {
+      const tags = ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'wcag22aa', 'best-practice'];
+      const { violations } = await axe.run(document, { runOnly: tags, resultTypes: ['violations'] });
+      return violations.map(v => `${v.id} (${v.impact}): ${v.help}: ${v.nodes.slice(0, 4).map(n => `${n.target} ${n.any[0]?.message ?? ''}`).join(' | ')}`);
+    });
+    assert.deepEqual(found, []);
+  });
+}
 const fits = page => page.evaluate(() => document.documentElement.scrollWidth <= document.documentElement.clientWidth);
 
 const desktop = await open({ viewport: { width: 1440, height: 900 }, colorScheme: 'light', timezoneId: 'Pacific/Kiritimati' });
@@ -126,13 +143,118 @@ await check('the page is usable from the keyboard', async () => {
     !(n.innerText?.trim() || n.getAttribute('aria-label') || n.labels?.length)).map(n => n.outerHTML));
   assert.deepEqual(unnamed, []);
 });
-await check('GPX and KML are offered for download', async () => {
-  for (const [path, mark] of [['track.gpx', '<trkpt'], ['track.kml', '<gx:coord>']]) {
-    const answer = await desktop.request.get(url + path);
+await check('the track is offered for download, and parsers of each format can read it', async () => {
+  const files = await desktop.locator('[data-file]').evaluateAll(links => links.map(link => link.href));
+  assert.deepEqual(files.map(f => f.split('.').at(-1)), ['gpx', 'kml', 'csv', 'geojson']);
+  const [gpx, kml, csv, geojson] = await Promise.all(files.map(async file => {
+    const answer = await desktop.request.get(file);
     assert.equal(answer.status(), 200);
-    assert.match(answer.headers()['content-disposition'], /attachment/);
-    assert.ok((await answer.text()).includes(mark));
-  }
+    assert.match(answer.headers()['content-disposition'], /attachment; filename="a-tirma\./);
+    return answer.text();
+  }));
+  const { points } = await (await desktop.request.get(url + 'state.json')).json();
+  const fine = points.filter(p => !(p[9] > 200)).length, rough = points.length - fine;
+  assert.ok(fine > 1000 && rough > 1);
+  // The browser's own XML parser.
+  const xml = (text, queries) => desktop.evaluate(([text, queries]) => {
+    const read = new DOMParser().parseFromString(text, 'application/xml');
+    const wrong = read.querySelector('parsererror');
+    return wrong ? wrong.textContent : queries.map(([space, name]) => read.getElementsByTagNameNS(space, name).length);
+  }, [text, queries]);
+  const topografix = 'http://www.topografix.com/GPX/1/1', google = 'http://www.google.com/kml/ext/2.2', ogc = 'http://www.opengis.net/kml/2.2';
+  const close = (a, b) => assert.ok(Math.abs(a - b) < 60, `${a} and ${b}`); // the boat sails on meanwhile
+  const [gpxs, trk, trkpt, time, rtept] = await xml(gpx, ['gpx', 'trk', 'trkpt', 'time', 'rtept'].map(n => [topografix, n]));
+  assert.deepEqual([gpxs, trk, rtept], [1, 1, 3]);
+  close(trkpt, fine);
+  assert.equal(time, trkpt);
+  const [documents, when, coord] = await xml(kml, [[ogc, 'Document'], [ogc, 'when'], [google, 'coord']]);
+  assert.equal(documents, 1);
+  close(coord, fine);
+  assert.equal(when, coord + 1 + rough); // of the last position and of rough fixes too
+  const rows = csv.trimEnd().split('\r\n').map(row => row.split(','));
+  assert.ok(rows.every(row => row.length === rows[0].length));
+  close(rows.length - 1, points.length);
+  assert.ok(rows.slice(1).every(row => !Number.isNaN(Date.parse(row[0])) && Math.abs(row[1] - 28.15) < 0.1));
+  const features = JSON.parse(geojson).features;
+  assert.equal(features[0].geometry.type, 'MultiLineString');
+  close(features[0].geometry.coordinates.flat().length, fine);
+  assert.equal(features.filter(f => f.properties.kind === 'rough fix').length, rough);
+});
+await check('the tail shortens track and charts, and its length is kept', async () => {
+  const drawn = () => desktop.evaluate(() => [...document.querySelectorAll('path.track')].map(p => p.getAttribute('d')?.length ?? 0).reduce((a, b) => a + b));
+  const whole = await drawn();
+  await desktop.selectOption('#tail', '15min');
+  await until('a shorter track', async () => await drawn() < whole / 2);
+  await until('shorter charts', async () => { // "from 14:05 to 14:20"
+    const [, h1, m1, h2, m2] = (await desktop.locator('#speed-chart').getAttribute('aria-label')).match(/from (\d\d):(\d\d) to (\d\d):(\d\d)/).map(Number);
+    return ((h2 * 60 + m2) - (h1 * 60 + m1) + 1440) % 1440 <= 16;
+  });
+  await shot(desktop, 'desktop-tail-light');
+  await desktop.selectOption('#tail', 'all');
+});
+await check('the track is coloured by speed or by link, and rough fixes have their circle', async () => {
+  await until('circles', async () => await desktop.locator('path.rough-area').count() > 1);
+  await desktop.click('[data-colour=link]');
+  await until('a line of each link', async () => (await desktop.locator('path.link-gprs').getAttribute('d'))?.length > 10 && (await desktop.locator('path.link-xbee').getAttribute('d')).length > 10);
+  assert.match(await text(desktop, '#legend'), /XBee[^]*GPRS[^]*Iridium/);
+  await shot(desktop, 'desktop-by-link-light');
+  await desktop.click('[data-colour=speed]');
+});
+await check('the track can be played', async () => {
+  await desktop.click('#play');
+  await desktop.waitForSelector('.boat.past');
+  await desktop.waitForSelector('path.ahead', { state: 'attached' });
+  await desktop.click('#play');
+  const then = await desktop.locator('#slider').inputValue();
+  assert.ok(Number(then) < 1000);
+  await desktop.click('#live');
+  await shown(desktop, '#age', /ago/);
+});
+await check('each link tells when it was heard', async () => {
+  const rows = await desktop.locator('#links li').evaluateAll(all => all.map(li => [li.dataset.key, li.dataset.state, li.innerText]));
+  assert.deepEqual(rows.map(r => r[0]), ['xbee', 'gprs', 'iridium']);
+  assert.match(rows[0][2], /XBee radio[^]*ago/);
+  assert.equal(rows[0][1], 'good');
+  assert.match(await text(desktop, '#shore'), /node-1, backed by node-2/);
+});
+await check('the other boat is on the map and in the list, and has a page of its own', async () => {
+  assert.match(await text(desktop, '#boats'), /A-Tirma[^]*Vela/);
+  assert.equal(await desktop.locator('#boats [aria-current]').innerText().then(t => t.split('\n')[0].slice(0, 7)), 'A-Tirma');
+  await desktop.waitForSelector('.other-boat i');
+  const [other] = [await open({ viewport: { width: 1440, height: 900 }, colorScheme: 'light' })];
+  await other.click('#boats a:has-text("Vela")');
+  await until('the page of the other boat', async () => /vela$/.test(other.url()));
+  await until('its name', async () => await text(other, '#boat-name') === 'Vela');
+  assert.match(await other.locator('[data-file="track.gpx"]').getAttribute('href'), /^vela\/track\.gpx$/);
+  assert.match(await (await other.request.get(`${url}vela/track.gpx`)).text(), /<name>Vela<\/name>/);
+  await other.context().close();
+});
+await accessible(desktop, 'live, light');
+await desktop.locator('details summary').click();
+await desktop.locator('#slider').fill('400');
+await desktop.click('[data-colour=link]');
+await accessible(desktop, 'past, by link, with the code for other pages');
+await desktop.click('[data-colour=speed]');
+await desktop.click('#live');
+await check('a page of another site may show the small view in a frame, and not the whole page', async () => {
+  const frames = createServer((request, reply) => reply.setHeader('content-type', 'text/html').end(`<!doctype html><html lang=en><title>x</title>
+    <iframe name=small src="${url}embed?units=mps&theme=dark" width=480 height=360></iframe><iframe name=whole src="${url}" width=480 height=360></iframe>`)).listen(0, '127.0.0.1');
+  await once(frames, 'listening');
+  const context = await browser.newContext({ viewport: { width: 1000, height: 400 } });
+  await context.addInitScript({ content: axe });
+  context.setDefaultTimeout(180000);
+  const page = await context.newPage();
+  await page.goto(`http://127.0.0.1:${frames.address().port}/`);
+  const small = page.frame('small');
+  await until('the glance', async () => /\d s ago/.test(await small.locator('#glance').innerText()));
+  assert.match(await small.locator('#glance').innerText(), /A-Tirma[^]*m\/s/);
+  for (const hidden of ['.bar', '.panel', '.history']) assert.equal(await small.locator(hidden).isVisible(), false, hidden);
+  assert.equal(await small.locator('.boat svg').isVisible(), true);
+  assert.equal(await page.frame('whole').locator('#map').count(), 0); // refused by the browser
+  if (folder) await page.screenshot({ path: `${folder}/embedded.png` });
+  await accessible(page, 'the small view', small);
+  await context.close();
+  frames.close();
 });
 await check('nothing but this server is asked', async () => {
   const answer = await desktop.request.get(url);
@@ -142,17 +264,20 @@ await check('nothing but this server is asked', async () => {
 const dark = await open({ viewport: { width: 1440, height: 900 }, colorScheme: 'dark' });
 await shown(dark, '#pill', /^Live$/);
 await shot(dark, 'desktop-live-dark');
-const phone = await open({ viewport: { width: 390, height: 844 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true, colorScheme: 'light' });
+await accessible(dark, 'live, dark');
+const phone = await open({ viewport: { width: 360, height: 780 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true, colorScheme: 'light' });
 await check('a phone shows everything without scrolling sideways', async () => {
   await shown(phone, '#age', /ago/);
+  await phone.waitForSelector('#legend');
   assert.ok(await fits(phone));
-  for (const selector of ['#map', '#pill', '#age', '#dial', '#slider', '#speed-chart', '#next-distance']) {
+  for (const selector of ['#map', '#pill', '#age', '#dial', '#slider', '#speed-chart', '#next-distance', '#links', '#tail', '#legend', '.files']) {
     const box = await phone.locator(selector).boundingBox();
-    assert.ok(box && box.width > 8 && box.x >= 0 && box.x + box.width <= 390.5, `${selector}: ${JSON.stringify(box)}`);
+    assert.ok(box && box.width > 8 && box.x >= 0 && box.x + box.width <= 360.5, `${selector}: ${JSON.stringify(box)}`);
   }
 });
 await shot(phone, 'phone-live-light');
 await shot(phone, 'phone-live-light-full', true);
+await accessible(phone, 'on a phone');
 
 await check('a boat that is silent is "no current data", with since when', async () => {
   await tell('silence');
@@ -164,11 +289,26 @@ await check('a boat that is silent is "no current data", with since when', async
 await check('a receiver that is off is named', async () => {
   await tell('receiver off');
   await shown(desktop, '#banner', /receiver of XBee radio is not connected since[^]*proxy does not answer/);
+  await desktop.waitForSelector('#links [data-key=xbee][data-state=off]');
 });
 await shot(desktop, 'desktop-stale-light');
 await shot(dark, 'desktop-stale-dark');
 await shot(phone, 'phone-stale-light');
 await check('a phone still fits when data is stale', async () => assert.ok(await fits(phone)));
+await accessible(desktop, 'no current data');
+await check('a shore that is lost is named, and no link is called well', async () => {
+  await tell('nodes off');
+  await shown(desktop, '#shore', /not reached since/);
+  await shown(desktop, '#banner', /communication nodes ashore are not reached since/);
+  for (const state of await desktop.locator('#links li').evaluateAll(all => all.map(li => li.dataset.state))) assert.equal(state, 'unknown');
+  await tell('nodes on');
+  await shown(desktop, '#shore', /node-2/);
+});
+await check('where the gateway believes the boat to be is shown when nothing better is known, with its error', async () => {
+  await tell('estimate');
+  await shown(desktop, '#accuracy', /within about 900 m/);
+  await shown(desktop, '#source', /Iridium/);
+});
 await check('the boat comes back by itself', async () => {
   await tell('receiver on');
   await tell('resume');
@@ -179,14 +319,26 @@ await check('losing the server is told apart from losing the boat', async () => 
   await tell('close');
   await shown(desktop, '#pill', /Server lost/);
   await shown(desktop, '#banner', /This page lost the server[^]*since \d\d:\d\d:\d\d UTC/);
+  await shown(desktop, '#shore', /not known: this page lost the server/);
+  assert.equal(await desktop.locator('#links [data-state=good]').count(), 0);
 });
+await accessible(desktop, 'server lost');
 await shot(desktop, 'desktop-server-lost-light');
+await shot(dark, 'desktop-server-lost-dark');
 await shot(phone, 'phone-server-lost-light');
 await check('a server that is back is found again, and the track has no hole', async () => {
   await tell('open');
   await shown(desktop, '#pill', /^Live$/);
   const { points } = await (await desktop.request.get(url + 'state.json')).json();
   assert.ok(points.length > 100);
+});
+await check('a device without a network says so, and goes on when it is back', async () => {
+  await desktop.context().setOffline(true);
+  await tell('close');
+  await shown(desktop, '#banner', /This device is offline/);
+  await desktop.context().setOffline(false);
+  await tell('open');
+  await shown(desktop, '#pill', /^Live$/);
 });
 await check('a rough fix shows its circle and says so', async () => {
   await tell('rough');

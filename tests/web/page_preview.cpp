@@ -1,6 +1,8 @@
 // The tracking page with a scripted boat on course T1, without any of the middleware.
 // page_preview [port [empty]]: prints "listening on URL", then obeys lines on stdin: silence, resume, receiver off,
-// receiver on, rough, close (the server stops listening), open, quit. The end of stdin is quit too.
+// receiver on, nodes off, nodes on, rough, estimate, close (the server stops listening), open,
+// quit. The end of stdin is quit too. A second boat, Vela, lies at anchor, unless `empty`.
+#include <components/web_server/downloads.hpp>
 #include <components/web_server/http_server.hpp>
 #include <components/web_server/track_state.hpp>
 
@@ -98,28 +100,72 @@ int main(int argc, char** argv) {
     options.port = port;
 
     std::unique_ptr<atirma::http_server> server;
-    atirma::sse_channel* events = nullptr;
+    atirma::sse_channel *events = nullptr, *named = nullptr;
+    bool empty = argc > 2 && std::string_view(argv[2]) == "empty";
+    atirma::track_options other = track;
+    other.boat = "Vela";
+    other.id = "vela";
+    atirma::track_state vela(other);
+    auto fleet = [&] {
+        auto one = [](const atirma::track_state& of) {
+            auto& at = of.position();
+            return fmt::format(R"({{"id":"{}","name":"{}","stale_after_s":{},"position":{}}})", of.options().id, of.options().boat, of.options().stale_after.count(),
+                               at ? fmt::format(R"({{"latitude_deg":{},"longitude_deg":{},"measured_at":{}}})", at->latitude_deg, at->longitude_deg,
+                                                at->from.measured_at.time_since_epoch().count()) : "null");
+        };
+        return fmt::format(R"({{"now":{},"boats":[{}{}{}]}})", wall_clock().time_since_epoch().count(), one(state), empty ? "" : ",", empty ? "" : one(vela));
+    };
     auto open = [&] {
         server = std::make_unique<atirma::http_server>(context, options);
         server->serve(atirma::page_assets());
-        server->get("/track.gpx", [&](const auto&) { return atirma::http_reply{state.gpx(), "application/gpx+xml", 200, "a-tirma.gpx"}; });
-        server->get("/track.kml", [&](const auto&) { return atirma::http_reply{state.kml(), "application/vnd.google-earth.kml+xml", 200, "a-tirma.kml"}; });
+        server->serve_as("/embed", "/index.html", true);
+        for (auto& [prefix, one] : {std::pair<std::string, atirma::track_state&>{"", state}, {"/a-tirma", state}, {"/vela", vela}})
+            atirma::offer_downloads(*server, prefix, one, nullptr, wall_clock);
+        for (auto name : {"/a-tirma", "/vela"}) server->serve_as(name, "/index.html");
+        server->get("/boats.json", [&](const auto&) { return atirma::http_reply{fleet()}; });
         server->get("/state.json", [&](const auto&) { return atirma::http_reply{state.snapshot(wall_clock()).data}; });
-        events = &server->events("/events", [&](std::string_view last) { return state.snapshot(wall_clock(), last); });
+        auto snapshot = [&](std::string_view last) { return state.snapshot(wall_clock(), last); };
+        events = &server->events("/events", snapshot);
+        named = &server->events("/a-tirma/events", snapshot);
+        server->events("/vela/events", [&](std::string_view last) { return vela.snapshot(wall_clock(), last); });
         server->listen();
         options.port = server->port();
     };
-    auto close = [&] { events = nullptr; server.reset(); };
+    auto close = [&] { events = named = nullptr; server.reset(); };
     open();
     auto publish = [&](std::optional<atirma::page_event> event) {
-        if (event && events) events->publish(*event);
+        for (auto* stream : {events, named})
+            if (event && stream) stream->publish(*event);
+    };
+    auto tell_feed = [&](const char* source, bool connected, const char* detail, bool link = true) {
+        publish(state.apply(atirma::feed_update{source, connected, wall_clock(), detail, link, std::nullopt}, wall_clock()));
+    };
+    // Where the Iridium gateway believes the boat to be.
+    auto estimate = [&](atirma::utc_ms at, double latitude, double longitude, double error_m) {
+        atirma::position_update fix;
+        fix.from = {at, at, "iridium", false};
+        fix.latitude_deg = latitude;
+        fix.longitude_deg = longitude;
+        fix.circular_error_m = error_m;
+        publish(state.apply(fix, at));
     };
 
     // An hour and a half of the past, then as time goes; or a boat that was never heard, until "resume".
-    bool empty = argc > 2 && std::string_view(argv[2]) == "empty";
+    auto moor = [&] {
+        auto at = wall_clock() - 2s;
+        vela.apply(atirma::position_update{.from = {at, at, "gprs", false}, .latitude_deg = 28.1505, .longitude_deg = -15.4408, .speed_over_ground_mps = 0.1}, at);
+    };
     scripted_boat boat(state, wall_clock() - (empty ? 1s : 90min));
-    while (!empty && boat.time() < wall_clock() - 4s) boat.step(4s, "xbee", publish);
-    if (!empty) boat.tell_course(publish);
+    for (int step = 0; !empty && boat.time() < wall_clock() - 4s; ++step) {
+        boat.step(4s, step % 400 < 250 ? "xbee" : "gprs", publish);
+        if (step % 430 == 300) estimate(boat.time() + 2s, 28.1522 + 0.0037 * (step / 430 % 3), -15.4575 + 0.0052 * (step / 430 % 2), 480 + 130 * (step / 430 % 3));
+    }
+    if (!empty) {
+        boat.tell_course(publish);
+        for (auto link : {"xbee", "gprs", "iridium"}) tell_feed(link, true, "");
+        tell_feed("communication", true, "node-1, backed by node-2", false);
+        moor();
+    }
 
     bool silent = empty;
     asio::steady_timer timer(context);
@@ -131,7 +177,10 @@ int main(int argc, char** argv) {
                 boat.step(wall_clock() - boat.time(), "xbee", publish);
                 boat.tell_course(publish);
             }
-            if (events) events->publish(state.status(wall_clock())), events->tick();
+            publish(state.status(wall_clock()));
+            if (!empty) moor();
+            publish(atirma::page_event{"", "fleet", fleet()});
+            if (events) events->tick();
             tick();
         });
     };
@@ -150,8 +199,11 @@ int main(int argc, char** argv) {
             if (line == "rough") boat.rough = !boat.rough;
             if (line == "close") close();
             if (line == "open") open();
-            if (line == "receiver off") publish(state.apply(atirma::feed_update{"xbee", false, wall_clock(), "the proxy does not answer"}, wall_clock()));
-            if (line == "receiver on") publish(state.apply(atirma::feed_update{"xbee", true, wall_clock(), ""}, wall_clock()));
+            if (line == "receiver off") tell_feed("xbee", false, "the proxy does not answer");
+            if (line == "receiver on") tell_feed("xbee", true, "");
+            if (line == "nodes off") tell_feed("communication", false, "it is not reached", false);
+            if (line == "nodes on") tell_feed("communication", true, "node-2, without the other one", false);
+            if (line == "estimate") estimate(wall_clock(), 28.1571, -15.4503, 900);
             fmt::print("ok {}\n", line);
             std::fflush(stdout);
             listen();

@@ -2,7 +2,7 @@
 import struct
 
 import schema
-from frames import FIRST_PIECE, HEADER, NUMBERS, REQUEST, control, encode_frame
+from frames import FIRST_PIECE, HEADER, NUMBERS, REQUEST, SCHEME, control, encode_frame, prove
 
 TEXT, NOTHING, OTHER = "struct{said:string}", "struct{}", "struct{said:string,more:u8}"
 _prints = {text: schema.fingerprint(schema.parse(text)) for text in (TEXT, NOTHING, OTHER)}
@@ -95,6 +95,29 @@ def resume(ticket: int = 7, incarnation: int = 9) -> dict:
 
 
 GREETED = I(hello()) + R(welcome())
+
+KEY = b"k" * 64
+OFFER = {"scheme": SCHEME, "proof": [1] * 32}
+CHALLENGE = control("challenge", scheme=SCHEME, proof=[2] * 32)
+
+
+def proof(sender: str, *before: bytes, **fields) -> bytes:
+    """What proves KEY after these frames."""
+    return control("proof", **{"scheme": SCHEME, "proof": list(prove(KEY, sender, b"".join(before))), **fields})
+
+
+_offering = hello(authentication=OFFER)
+_first_proof = proof("initiator", _offering, CHALLENGE)
+_last_proof = proof("responder", _offering, CHALLENGE, _first_proof, welcome())
+CHALLENGED = I(_offering) + R(CHALLENGE)
+PROVED = CHALLENGED + I(_first_proof)
+
+
+def keyed_session() -> Session:
+    """Both sides prove the key; then a call."""
+    return PROVED + R(welcome(), _last_proof) + I(introduce(), request()) + R(reply())
+
+
 CALLED = GREETED + I(introduce(), request())
 SUBSCRIBED = GREETED + I(subscribe()) + R(subscribed())
 
@@ -138,7 +161,24 @@ BROKEN: dict[str, tuple[Session, str]] = {
     "a hello cut off": (I(encode_frame("hello", body=b"ISE1\1")), "no packet of hello"),
     "no incarnation": (I(hello(self={})), "an incarnation is not 0"),
     "too small frames": (I(hello(accepts={"max_frame_bytes": 1000})), "max_frame_bytes is at least"),
-    "credentials": (I(hello(authentication={"scheme": "secret"})), "the empty scheme"),
+    "another scheme": (I(hello(authentication={"scheme": "secret"})), "its authentication is empty, or of the scheme"),
+    "a short nonce": (I(hello(authentication={"scheme": SCHEME, "proof": [1] * 31})), "its authentication is empty, or of the scheme"),
+    "bytes without a scheme": (I(hello(authentication={"proof": [1]})), "its authentication is empty, or of the scheme"),
+    "a welcome that authenticates": (I(hello()) + R(welcome(authentication=OFFER)), "the authentication of a welcome is empty"),
+    "a challenge to one who offers nothing": (I(hello()) + R(CHALLENGE), "a challenge answers a hello that offers a key, once"),
+    "two challenges": (CHALLENGED + R(CHALLENGE), "a challenge answers a hello that offers a key, once"),
+    "a challenge of another scheme": (I(_offering) + R(control("challenge", scheme="x", proof=[2] * 32)), "a challenge has the scheme"),
+    "a challenge of the wrong side": (I(_offering, CHALLENGE), "only the responder sends it"),
+    "a welcome in place of a challenge": (I(_offering) + R(welcome()), "the first frame of the responder is challenge or reject"),
+    "a welcome before the proof": (CHALLENGED + R(welcome()), "a welcome comes behind the proof of the initiator"),
+    "a proof that nobody asked for": (I(_offering, _first_proof), "a proof of the initiator answers a challenge, once"),
+    "two proofs": (PROVED + I(_first_proof), "a proof of the initiator answers a challenge, once"),
+    "a forged proof": (CHALLENGED + I(proof("initiator", b"something else")), "a proof is that of the key"),
+    "a proof reflected": (PROVED + R(welcome(), _first_proof), "a proof is that of the key"),
+    "half a proof": (CHALLENGED + I(proof("initiator", proof=[3] * 16)), "a proof has the scheme"),
+    "a proof before the welcome": (PROVED + R(_last_proof), "a proof of the responder stands behind its welcome, once"),
+    "no proof behind the welcome": (PROVED + R(welcome(), encode_frame("ping", 1)), "the proof of the responder stands behind its welcome"),
+    "a proof in the session": (PROVED + R(welcome(), _last_proof, _last_proof), "a proof of the responder stands behind its welcome, once"),
     "a feature less": (I(hello(features=3)), "version 1 has the features 1, 2 and 4, not only 0x3"),
     "another magic": (I(hello(magic=5)), "magic is 0x31455349"),
     "no range": (I(hello(oldest=3, newest=2)), "oldest is not above newest"),

@@ -1,16 +1,19 @@
-"""Replays a recorded session and says where a side did what FORMAT.md forbids: §1 to §6 here, the rest in the rules."""
+"""Replays a recorded session and says where a side did what FORMAT.md forbids: §1 to §6 and the end here, the rest in the rules."""
+import hmac
 from typing import Any
 
 import schema
-from frames import CODES, FIRST_PIECE, FLAGS, LONGEST_HANDSHAKE, MAGIC, NUMBERS, TYPES, WITHOUT_ID, Frame, read_body
+from frames import (CODES, DIGEST, FIRST_PIECE, FLAGS, FLAGS_OVER_DATAGRAMS, LONGEST_HANDSHAKE, MAGIC, NONCE, NUMBERS, SCHEME, TYPES, WITHOUT_ID,
+                    Frame, encode_frame, prove, read_body)
 from packet import Malformed, decode, to_json
-from recording import SIDES, Chunk
+from recording import SIDES, Chunk, Datagram
 from rules_calls import CallRules
+from rules_datagrams import DatagramRules
 from rules_schemas import SchemaRules
 from rules_subscriptions import SubscriptionRules
 from side import Finding, Message, Side, UserPacket
 
-ONLY_FROM = {"hello": "initiator", "welcome": "responder", "reject": "responder"}
+ONLY_FROM = {"hello": "initiator", "welcome": "responder", "reject": "responder", "challenge": "responder"}
 
 
 class Broken(Exception):
@@ -18,9 +21,15 @@ class Broken(Exception):
 
 
 class Checker:
-    """Feed it the chunks of a recording in order, then finish(). `texts`: schemas known from elsewhere."""
+    """Feed it the chunks of a recording in order, then finish(). `texts`: schemas known from elsewhere; `key`: the shared key,
+    to check what proves it."""
 
-    def __init__(self, texts: dict[int, str] | None = None):
+    def __init__(self, texts: dict[int, str] | None = None, key: bytes | None = None):
+        self.key = key
+        self.transcript = b""  # of the handshake
+        self.keyed = False  # the hello offers to prove a key
+        self.challenged = False
+        self.proved = False  # by the initiator
         self.findings: list[Finding] = []
         self.packets: list[UserPacket] = []
         self.history: list[tuple[Side, Frame, Any]] = []  # every message with what was read in it
@@ -29,7 +38,9 @@ class Checker:
         for fingerprint, text in (texts or {}).items():
             self.types[fingerprint] = schema.parse(text)
         self.over = False  # the handshake
-        self.rules = [CallRules(self), SubscriptionRules(self), SchemaRules(self)]
+        self.subscriptions = SubscriptionRules(self)
+        self.rules = [CallRules(self), self.subscriptions, SchemaRules(self)]
+        self.datagrams: DatagramRules | None = None  # where the session lies in them
         self.readers = {name: getattr(rules, "on_" + name) for rules in self.rules for name in NUMBERS
                         if hasattr(rules, "on_" + name)}
         self.readers |= {name: getattr(self, "on_" + name) for name in NUMBERS if hasattr(self, "on_" + name)}
@@ -65,14 +76,21 @@ class Checker:
 
     # The stream.
 
-    def feed(self, chunk: Chunk):
+    def feed(self, chunk: Chunk | Datagram):
         side = self.sides[chunk.sender]
+        if isinstance(chunk, Datagram):
+            self.datagrams = self.datagrams or DatagramRules(self)
+            self.datagrams.take(side, chunk)
+            return
         if chunk.data is None:
             side.ended = True
             return
         if side.ended:
             raise ValueError(f"the recording has bytes of the {side.name} behind its end")
-        side.reader.feed(chunk.data)
+        self.stream(side, chunk.data)
+
+    def stream(self, side: Side, data: bytes):
+        side.reader.feed(data)
         try:
             if not side.broken:
                 for frame in side.reader.frames():
@@ -97,22 +115,28 @@ class Checker:
     def take(self, side: Side, frame: Frame):
         self.check_header(side, frame, len(frame.body))
         self.require(not side.last, side, frame, f"nothing comes behind a {side.last}")
-        if not self.over:
-            self.handshake_order(side, frame)
+        self.require(not self.datagrams or frame.name != "packet", side, frame, "over datagrams a packet is a message beside the stream")
+        if self.over:
+            self.message(side, frame)
+            return
+        self.handshake_order(side, frame)
         self.message(side, frame)
+        self.transcript += encode_frame(frame.type, frame.id, frame.body, frame.flags)
 
     def handshake_order(self, side: Side, frame: Frame):
-        first = ("hello",) if side.name == "initiator" else ("welcome", "reject")
-        if not side.greeting:
+        first = ("hello",) if side.name == "initiator" else ("challenge", "reject") if self.keyed else ("welcome", "reject")
+        if not side.frames:
             self.require(frame.name in first, side, frame, f"the first frame of the {side.name} is {' or '.join(first)}")
         elif side.name == "initiator":
-            self.require(False, side, frame, "the initiator sends nothing more before it has the welcome")
+            self.require(frame.name == "proof", side, frame, "the initiator sends nothing more before it has the welcome")
+        elif side.greeting:
+            self.require(frame.name == "proof", side, frame, "the proof of the responder stands behind its welcome")
 
     def message(self, side: Side, frame: Frame):
         """A frame, or what pieces made."""
         name = frame.name
         side.frames[name] = side.frames.get(name, 0) + 1
-        known = sum(FLAGS.get(name, {}))
+        known = sum(FLAGS.get(name, {})) | sum(FLAGS_OVER_DATAGRAMS.get(name, {}) if self.datagrams else ())
         if frame.type in TYPES:
             self.require(not frame.flags & ~known, side, frame, f"flags {frame.flags:#x} are not defined for it")
         if name in WITHOUT_ID:
@@ -137,13 +161,16 @@ class Checker:
         self.require(said["features"] & 7 == 7, side, frame, f"version 1 has the features 1, 2 and 4, not only {said['features']:#x}")
         self.require(said["self"]["incarnation"] != 0, side, frame, "an incarnation is not 0")
         self.require(said["accepts"]["max_frame_bytes"] >= 262144, side, frame, "max_frame_bytes is at least 262144")
-        self.require(said["authentication"]["scheme"] == b"", side, frame, "version 1 sends the empty scheme")
         return said
 
     def on_hello(self, side: Side, frame: Frame):
         if said := self.greet(side, frame):
             self.require(said["magic"] == MAGIC, side, frame, f"magic is {MAGIC:#x}, not {said['magic']:#x}")
             self.require(said["oldest"] <= said["newest"], side, frame, "oldest is not above newest")
+            offered = said["authentication"]
+            self.keyed = offered["scheme"] != b""
+            good = self.credentials(offered, NONCE) if self.keyed else not offered["proof"]
+            self.require(good, side, frame, f"its authentication is empty, or of the scheme {SCHEME} with {NONCE} bytes")
         return said
 
     def on_welcome(self, side: Side, frame: Frame):
@@ -152,7 +179,33 @@ class Checker:
             return None
         if self.require(asked is not None, side, frame, "a welcome answers a hello"):
             self.check_welcome(side, frame, asked, said)
-        self.over = True
+        self.require(self.proved or not self.keyed, side, frame, "where a key is offered a welcome comes behind the proof of the initiator")
+        self.require(not said["authentication"]["scheme"] and not said["authentication"]["proof"], side, frame, "the authentication of a welcome is empty")
+        self.over = not self.keyed
+        return said
+
+    def credentials(self, said: dict[str, Any], length: int) -> bool:
+        return said["scheme"] == SCHEME.encode() and len(said["proof"]) == length
+
+    def on_challenge(self, side: Side, frame: Frame):
+        self.require(self.keyed and not self.challenged, side, frame, "a challenge answers a hello that offers a key, once")
+        said = self.body(side, frame)
+        self.require(said is not None and self.credentials(said, NONCE), side, frame, f"a challenge has the scheme {SCHEME} and {NONCE} bytes")
+        self.challenged = True
+        return said
+
+    def on_proof(self, side: Side, frame: Frame):
+        said = self.body(side, frame)
+        self.require(said is not None and self.credentials(said, DIGEST), side, frame, f"a proof has the scheme {SCHEME} and {DIGEST} bytes")
+        if side.name == "initiator":
+            self.require(self.challenged and not self.proved, side, frame, "a proof of the initiator answers a challenge, once")
+            self.proved = True
+        else:
+            self.require(self.proved and not self.over and side.greeting is not None, side, frame, "a proof of the responder stands behind its welcome, once")
+            self.over = side.greeting is not None
+        if self.key and said:
+            right = prove(self.key, side.name, self.transcript)
+            self.require(hmac.compare_digest(bytes(said["proof"]), right), side, frame, "a proof is that of the key over the frames before it")
         return said
 
     def check_welcome(self, side: Side, frame: Frame, asked: dict[str, Any], said: dict[str, Any]):
@@ -242,9 +295,9 @@ class Checker:
         return self.findings
 
 
-def check(chunks, texts: dict[int, str] | None = None) -> Checker:
+def check(chunks, texts: dict[int, str] | None = None, key: bytes | None = None) -> Checker:
     """Checks a whole recording."""
-    checker = Checker(texts)
+    checker = Checker(texts, key)
     for chunk in chunks:
         checker.feed(chunk)
     checker.finish()

@@ -1,27 +1,44 @@
 """A peer in Python: shakes hands with a program, asks it for the schemas that a recording names, calls it."""
 import asyncio
+import hmac
+import os
 from typing import Any, Iterable
 
 import schema
-from frames import REQUEST, Frame, FrameReader, control, encode, encode_frame, read_body
+from frames import NONCE, REQUEST, SCHEME, Frame, FrameReader, control, encode, encode_frame, prove, read_body
 from relay import dial
 
 AT_ONCE = 64  # fingerprints of one schema_request
 
 
-class Peer:
-    """An anonymous initiator. Raises ConnectionError where the other side says no or leaves."""
+def raw(frame: Frame) -> bytes:
+    return encode_frame(frame.type, frame.id, frame.body, frame.flags)
 
-    def __init__(self):
+
+class Peer:
+    """An anonymous initiator, with a shared key or without. Raises ConnectionError where the other side says no or leaves."""
+
+    def __init__(self, key: bytes | None = None):
+        self.key = key
         self.reader = FrameReader()
         self.waiting: list[Frame] = []
 
     async def connect(self, to: str) -> dict[str, Any]:
         self.from_peer, self.to_peer = await dial(to)
         identity = {"host_name": "python", "process_key": "wire_reader", "incarnation": 1}
-        self.to_peer.write(control("hello", self=identity))
-        frame = await self.next("welcome")
-        return read_body("welcome", frame.body)[0]
+        if self.key is None:
+            self.to_peer.write(control("hello", self=identity))
+            return read_body("welcome", (await self.next("welcome")).body)[0]
+        hello = control("hello", self=identity, authentication={"scheme": SCHEME, "proof": list(os.urandom(NONCE))})
+        self.to_peer.write(hello)
+        before = hello + raw(await self.next("challenge"))
+        own = control("proof", scheme=SCHEME, proof=list(prove(self.key, "initiator", before)))
+        self.to_peer.write(own)
+        welcome = await self.next("welcome")
+        theirs = read_body("proof", (await self.next("proof")).body)[0]
+        if not hmac.compare_digest(bytes(theirs["proof"]), prove(self.key, "responder", before + own + raw(welcome))):
+            raise ConnectionError("the peer does not know the key")
+        return read_body("welcome", welcome.body)[0]
 
     async def next(self, *names: str) -> Frame:
         """The next frame of one of these types; answers pings on the way and passes the rest over."""
@@ -68,9 +85,9 @@ class Peer:
         await self.to_peer.wait_closed()
 
 
-async def learn(to: str, fingerprints: Iterable[int]) -> dict[int, str]:
+async def learn(to: str, fingerprints: Iterable[int], key: bytes | None = None) -> dict[int, str]:
     """What the program at `to` knows of these schemas."""
-    peer = Peer()
+    peer = Peer(key)
     await peer.connect(to)
     texts = await peer.texts(fingerprints)
     await peer.leave()

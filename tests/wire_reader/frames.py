@@ -1,4 +1,5 @@
-"""Frames of FORMAT.md §2 to §4 and the bodies of control frames."""
+"""Frames of FORMAT.md §2 to §4 and the bodies of control frames; the shapes of §13."""
+import hmac
 import struct
 from dataclasses import dataclass
 from typing import Any, Iterator
@@ -11,17 +12,21 @@ REQUEST = struct.Struct("<Iq")
 TRACE = struct.Struct("<QQ")
 FIRST_PIECE = struct.Struct("<BBQQ")
 
-TYPES = {1: "hello", 2: "welcome", 3: "reject", 16: "request", 17: "reply", 18: "error", 19: "cancel", 20: "introduce",
+TYPES = {1: "hello", 2: "welcome", 3: "reject", 11: "challenge", 12: "proof", 16: "request", 17: "reply", 18: "error", 19: "cancel", 20: "introduce",
          21: "answers", 32: "subscribe", 33: "subscribed", 34: "packet", 35: "unsubscribe", 36: "unsubscribed",
          37: "ended", 38: "credit", 48: "ping", 49: "pong", 50: "goodbye", 64: "piece", 72: "schema_request", 73: "schema"}
 NUMBERS = {name: number for number, name in TYPES.items()}
+DATAGRAMS = {4: "open", 5: "cookie", 6: "opened", 7: "closed", 8: "unknown", 9: "data", 10: "sign"}
 FLAGS = {"request": {1: "traced"}, "packet": {1: "skipped"}, "pong": {1: "stalled"}, "piece": {1: "last", 2: "abandoned"}}
-WITHOUT_ID = {"hello", "welcome", "reject", "goodbye", "schema_request", "schema"}
+FLAGS_OVER_DATAGRAMS = {"request": {2: "numbered", 4: "again"}}
+WITHOUT_ID = {"hello", "welcome", "reject", "challenge", "proof", "goodbye", "schema_request", "schema"}
 CODES = ("refused no_such_service type_mismatch timed_out peer_lost cancelled overloaded handler_failed malformed too_large "
          "protocol_error version_mismatch wrong_peer unreachable no_such_name name_taken name_server_lost superseded "
          "address_in_use invalid_argument would_block_self io_failed unauthorized not_connected").split()
 MAGIC = 0x31455349
 LONGEST_HANDSHAKE = 16384
+SCHEME = "hmac-sha256"
+NONCE = DIGEST = 32  # bytes
 
 
 def _preset(form: str, value: int) -> str:
@@ -45,6 +50,8 @@ BODIES = {name: schema.parse(text) for name, text in {
     "welcome": f"struct{{version:u16={_preset('H', 1)},features:u64={_preset('Q', 7)},self:{_IDENTITY},accepts:{_LIMITS},"
                f"authentication:{_CREDENTIALS}}}",
     "reject": _FAREWELL,
+    "challenge": _CREDENTIALS,
+    "proof": _CREDENTIALS,
     "ended": _FAREWELL,
     "goodbye": _FAREWELL,
     "error": "struct{code:u8,execution:u8,reason:string}",
@@ -70,18 +77,32 @@ class Frame:
     id: int
     body: bytes
     pieced: bool = False
+    alone: bool = False  # a message beside the stream, of datagrams
 
     @property
     def name(self) -> str:
         return TYPES.get(self.type, f"type {self.type}")
 
     def __str__(self) -> str:
-        return f"{self.name} id {self.id:#x}" + (" in pieces" if self.pieced else "")
+        return f"{self.name} id {self.id:#x}" + (" in pieces" if self.pieced else " in fragments" if self.alone else "")
+
+
+class Envelope(Frame):
+    """The frame that a datagram is; its offset counts the bytes of all datagrams of its sender."""
+
+    @property
+    def name(self) -> str:
+        return DATAGRAMS.get(self.type, f"datagram of type {self.type}")
 
 
 def encode_frame(name: str | int, id: int = 0, body: bytes = b"", flags: int = 0, reserved: int = 0) -> bytes:
     number = NUMBERS[name] if isinstance(name, str) else name
     return HEADER.pack(len(body), number, flags, reserved, id) + body
+
+
+def prove(key: bytes, sender: str, transcript: bytes) -> bytes:
+    """What proves the shared key, after the frames of the handshake so far (§5)."""
+    return hmac.digest(key, f"ISE1 {sender}".encode() + b"\0" + transcript, "sha256")
 
 
 class FrameReader:

@@ -1,14 +1,17 @@
 // The two programs whose sessions are recorded.
-//   wire_party provide ENDPOINT [PATH]   listens, prints where; with PATH it registers with ISE_NAME_SERVER
+//   wire_party provide ENDPOINT[,ENDPOINT] [PATH]   listens, prints where; with PATH it registers with ISE_NAME_SERVER
 //   wire_party ask ENDPOINT STORY        plays one story against a provider, and prints what it saw
 // A line that begins with "!" asks whoever started it to do something to the link; it goes on at the next line of input.
 #include "services.hpp"
+
+#include <ise/service/service_host.hpp>
 
 #include <asio/bind_cancellation_slot.hpp>
 #include <fmt/format.h>
 
 #include <cstdio>
 #include <iostream>
+#include <sstream>
 #include <stdexcept>
 
 using namespace recorded;
@@ -32,6 +35,14 @@ class provider : public ise::component {
         provide(never, [this](text given) -> ise::task<text> {
             co_await sleep(1h);
             co_return given;
+        });
+        provide(word, [this](text given) -> ise::task<text> { // answers when somebody has told
+            while (told_.empty()) co_await sleep(5ms);
+            co_return text{given.said + " " + told_};
+        });
+        provide(tell, [this](text given) {
+            told_ = given.said;
+            return ise::nothing{};
         });
         provide(ask_back, [this](text given, const ise::call_context& context) -> ise::task<text> {
             auto who = caller(context);
@@ -84,6 +95,8 @@ class provider : public ise::component {
             co_await to.send(packet);
         }
     }
+
+    std::string told_;
 };
 
 class asker : public ise::component {
@@ -96,6 +109,8 @@ private:
         if (story_ == "calls") co_await calls();
         else if (story_ == "versions") co_await versions();
         else if (story_ == "big") co_await big();
+        else if (story_ == "fragments") co_await fragments();
+        else if (story_ == "again") co_await again();
         else if (story_ == "subscriptions") co_await subscriptions();
         else if (story_ == "resume") co_await resume();
         else throw std::invalid_argument("there is no story " + story_);
@@ -196,10 +211,40 @@ private:
         say(fmt::format("pictures {}", ise::name_of(images.cause().code())));
     }
 
+    ise::task<> fragments() {
+        blob request;
+        request.content.assign(700'000, 7);
+        auto back = co_await there_.call(echo, request, 1min);
+        say(fmt::format("echo {}", back.content.size()));
+        auto images = co_await there_.subscribe(pictures, ise::subscribe_options::last(8));
+        burst wanted{5, 200'000};
+        co_await there_.call(publish_pictures, wanted, 1min);
+        for (std::uint64_t seen = 0; seen < 5;) {
+            auto packet = co_await images.next();
+            seen += 1 + packet.lost_before();
+            if (seen == 5) say(fmt::format("picture {}", packet->content.size()));
+        }
+    }
+
+    // A call that is open when its session ends is answered in the next one.
+    ise::task<> again() {
+        text request{"the word is"};
+        std::string outcome = "waits";
+        there_.try_call(word, request, 1min, [&outcome](ise::result<text> got) { outcome = got ? got->said : got.error().message(); });
+        text other{"hold"};
+        co_await there_.call(helm, other, 1min);
+        co_await ask_for("cut");
+        co_await there_.call(helm, other, 1min);
+        text told{"ahoy"};
+        co_await there_.call(tell, told, 1min);
+        while (outcome == "waits") co_await sleep(5ms);
+        say(outcome);
+    }
+
     ise::task<> subscriptions() {
         co_await take("latest", ise::subscribe_options::latest(), 400, false);
         co_await take("last", ise::subscribe_options::last(16), 400, false);
-        co_await take("lossless", ise::subscribe_options::lossless(5), 200, true);
+        if (to_.kind != ise::protocol::udp) co_await take("lossless", ise::subscribe_options::lossless(5), 200, true);
         auto slow = ise::subscribe_options::last(16);
         slow.min_interval = 20ms;
         co_await take("limited", slow, 50, false);
@@ -286,17 +331,23 @@ int play(const std::vector<std::string>& words) {
     options.use_names = words[0] == "provide" && words.size() > 2;
     options.services.accepts.heartbeat_ns = 60'000'000'000; // a relay that holds is no peer that is lost
     ise::node node(env, options);
-    auto where = ise::endpoint::parse(words[1]).value();
+    std::vector<ise::endpoint> where;
+    std::istringstream given(words[1]);
+    for (std::string one; std::getline(given, one, ',');) where.push_back(ise::endpoint::parse(one).value());
     ise::component_options how;
     if (words[0] == "ask") {
         how.listens = false;
         how.policy = ise::on_failure::stop_node;
-        node.start<asker>("", how, where, words.at(2));
+        node.start<asker>("", how, where.at(0), words.at(2));
         return ise::run_until_signal(node);
     }
-    how.listen = {where};
+    how.listen = where;
     auto& made = node.start<provider>(words.size() > 2 ? words[2] : "test/provider", how);
-    return ise::run_until_signal(node, [&] { say("at " + made.services().listening().front().text()); });
+    return ise::run_until_signal(node, [&] {
+        std::string listening = "at";
+        for (const auto& one : made.services().listening()) listening += " " + one.text();
+        say(listening);
+    });
 }
 
 } // namespace
@@ -306,7 +357,7 @@ int main(int argc, char** argv) {
     bool asks = words.size() == 3 && words[0] == "ask";
     bool provides = (words.size() == 2 || words.size() == 3) && words[0] == "provide";
     if (!asks && !provides) {
-        fmt::print(stderr, "usage: wire_party provide ENDPOINT [PATH] | ask ENDPOINT STORY\n");
+        fmt::print(stderr, "usage: wire_party provide ENDPOINT[,ENDPOINT] [PATH] | ask ENDPOINT STORY\n");
         return 2;
     }
     try {

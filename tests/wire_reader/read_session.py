@@ -3,7 +3,8 @@
 
     read_session.py check FILE...    says what FORMAT.md forbids; exit code 1 if there is something
     read_session.py print FILE...    every frame in order, packets as JSON where their schema came by
-    read_session.py record LISTEN TO FOLDER    relays LISTEN to TO, both as tcp://host:port or local://path, until Ctrl-C
+    read_session.py record LISTEN TO FOLDER    relays LISTEN to TO, both as tcp://host:port or local://path, or both as
+                                               udp://host:port, until Ctrl-C
 """
 import asyncio
 import json
@@ -11,6 +12,7 @@ import sys
 from pathlib import Path
 
 from checker import check
+from datagram_relay import DatagramRelay
 from recording import read
 from relay import Relay
 
@@ -31,10 +33,10 @@ def print_session(file: Path):
 
 async def record(listen: str, to: str, folder: Path):
     folder.mkdir(parents=True, exist_ok=True)
-    relay = Relay(to, folder)
+    relay = (DatagramRelay if listen.startswith("udp:") else Relay)(to, folder)
     await relay.start(listen)
     print(f"recording {relay.at} -> {to} into {folder}", flush=True)
-    await relay.server.serve_forever()
+    await asyncio.Event().wait()
 
 
 def main(arguments: list[str]) -> int:

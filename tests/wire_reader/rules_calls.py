@@ -1,4 +1,5 @@
-"""FORMAT.md §7: introduce, request, reply, error, cancel, answers."""
+"""FORMAT.md §7: introduce, request, reply, error, cancel, answers; the numbers of §13."""
+import struct
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -24,6 +25,7 @@ class Caller:
     replied: set[int] = field(default_factory=set)  # numbers that had a reply
     calls: dict[int, Call] = field(default_factory=dict)
     slots: dict[int, int] = field(default_factory=dict)  # the last id of each
+    numbers: set[int] = field(default_factory=set)  # by which requests may be sent again
 
 
 class CallRules:
@@ -42,8 +44,8 @@ class CallRules:
         return said
 
     def on_request(self, side, frame) -> Any:
-        caller, traced = self.callers[side.name], bool(frame.flags & 1)
-        prefix = REQUEST.size + (TRACE.size if traced else 0)
+        caller, traced, numbered = self.callers[side.name], bool(frame.flags & 1), bool(frame.flags & 2)
+        prefix = REQUEST.size + (TRACE.size if traced else 0) + (8 if numbered else 0)
         if not self.on.require(len(frame.body) >= prefix, side, frame, f"a request has at least {prefix} bytes"):
             return None
         service, left_ns = REQUEST.unpack_from(frame.body)
@@ -52,6 +54,11 @@ class CallRules:
             said["trace"], said["parent"] = TRACE.unpack_from(frame.body, REQUEST.size)
             self.on.require(said["trace"] != 0, side, frame, "a traced request has a trace")
         self.on.require(left_ns >= 0, side, frame, f"the time that is left is not negative: {left_ns}")
+        if numbered:
+            said |= {"number": struct.unpack_from("<Q", frame.body, prefix - 8)[0], "again": bool(frame.flags & 4)}
+            self.on.require(said["number"] not in caller.numbers, side, frame, f"the number {said['number']} was used in this session")
+            caller.numbers.add(said["number"])
+        self.on.require(numbered or not frame.flags & 4, side, frame, "only what is numbered comes again")
         self.take_slot(side, frame, caller, service)
         if self.on.require(service < len(caller.services), side, frame, f"service {service} was not introduced"):
             self.on.user_packet(side, frame, "the request", caller.services[service][0], frame.body[prefix:])

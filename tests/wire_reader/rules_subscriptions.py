@@ -50,6 +50,13 @@ class SubscriptionRules:
             self.on.require(not out.over, side, frame, "the subscription is over")
         return out
 
+    def ready_for(self, side, frame) -> bool | None:
+        """Of a packet beside the stream: does it count? Nothing: not yet. Late ones do not, by their sequence or the end."""
+        out = self.subscribers[self.on.peer(side).name].get(frame.id)
+        if not out or not (out.terms or out.over):
+            return None
+        return not out.over and (len(frame.body) < 8 or struct.unpack_from("<Q", frame.body)[0] >= out.expected)
+
     def of_subscriber(self, side, frame) -> Subscription | None:
         out = self.subscribers[side.name].get(frame.id)
         self.on.require(out is not None, side, frame, "it belongs to a subscription that was asked for")
@@ -105,6 +112,7 @@ class SubscriptionRules:
             self.on.note(skipped > 0, side, frame, "it says that 0 were skipped")
         policy, lost = out.asked["policy"], missing - min(skipped, missing)
         whole = policy in (LOSSLESS, DISCONNECT) and not (out.terms["resumed"] and not out.packets)  # what the old session lost
+        whole &= not frame.alone  # what datagrams lost
         self.on.require(not lost or not whole, side, frame, f"policy {policy} loses nothing, and {lost} are missing")
         out.packets, out.lost, out.skipped, out.expected = out.packets + 1, out.lost + lost, out.skipped + skipped, sequence + 1
         if policy == LOSSLESS:

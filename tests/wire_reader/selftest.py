@@ -7,11 +7,17 @@ import sys
 import unittest
 from pathlib import Path
 
+import broken_datagrams
+import broken_sessions
 import checker
 import schema
-from broken_sessions import BROKEN, NOTED, TEXTS, good_session
+from broken_datagrams import good_datagrams
+from broken_sessions import KEY, TEXTS, good_session, keyed_session
 from packet import Malformed, decode, to_json
-from recording import Chunk
+from recording import Chunk, Datagram
+
+BROKEN = broken_sessions.BROKEN | {f"datagrams: {name}": each for name, each in broken_datagrams.BROKEN.items()}
+NOTED = broken_sessions.NOTED | {f"datagrams: {name}": each for name, each in broken_datagrams.NOTED.items()}
 
 HERE = Path(__file__).resolve().parent
 
@@ -31,9 +37,9 @@ class WatchedChecker(checker.Checker):
 
 
 def run(session) -> checker.Checker:
-    made = WatchedChecker(TEXTS)
-    for number, (sender, data) in enumerate(session):
-        made.feed(Chunk(number, sender, data))
+    made = WatchedChecker(TEXTS, KEY)
+    for number, each in enumerate(session):
+        made.feed(each if isinstance(each, Datagram) else Chunk(number, *each))
     made.finish()
     return made
 
@@ -54,6 +60,31 @@ class Checking(unittest.TestCase):
         self.assertEqual([str(each) for each in checked.findings], [])
         self.assertTrue(all(packet.decoded for packet in checked.packets))
         self.assertGreater(len(checked.history), 40)
+
+    def test_a_good_session_in_datagrams_keeps_every_rule(self):
+        checked = run(good_datagrams())
+        self.assertEqual([str(each) for each in checked.findings], [])
+        sequences = [said["sequence"] for _, frame, said in checked.history if frame.name == "packet"]
+        self.assertEqual(sequences, [4, 5, 7])  # the first was early, one in fragments, the last ones late
+        numbers = [said["number"] for _, frame, said in checked.history if frame.name == "request"]
+        self.assertEqual(numbers, [1])
+
+    def test_damaged_datagrams_end_in_findings_never_in_a_crash(self):
+        for seed in range(1000):
+            draw = random.Random(seed)
+            session = good_datagrams()
+            one = draw.choice(session)
+            damaged = bytearray(one.data)
+            for _ in range(draw.randint(1, 4)):
+                damaged[draw.randrange(len(damaged))] = draw.choice((0, 1, 0x7F, 0x80, 0xFF, draw.randrange(256)))
+            one.data = bytes(damaged)
+            with self.subTest(seed=seed):
+                run(session)
+
+    def test_a_session_with_a_key_keeps_every_rule(self):
+        checked = run(keyed_session())
+        self.assertEqual([str(each) for each in checked.findings], [])
+        self.assertTrue(checked.over)
 
     def test_it_is_the_same_byte_by_byte(self):
         single = [(sender, bytes([byte])) for sender, data in good_session() if data for byte in data]

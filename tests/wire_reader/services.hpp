@@ -1,6 +1,7 @@
 // What the two programs of a recorded session talk about: packets of every kind, and two versions of some.
 #pragma once
 #include <ise/ise.hpp>
+#include <ise/packet/archive.hpp>
 
 #include <cereal/types/memory.hpp>
 
@@ -111,6 +112,8 @@ struct burst {
 inline constexpr ise::request_response<everything, everything> mirror{"mirror"};
 inline constexpr ise::request_response<text, text> helm{"helm"};
 inline constexpr ise::request_response<text, text> never{"never"};
+inline constexpr ise::request_response<text, text> word{"word"};
+inline constexpr ise::request_response<text, ise::nothing> tell{"tell"};
 inline constexpr ise::request_response<text, text> ask_back{"ask_back"}; ///< answers what its caller's helm answers
 inline constexpr ise::request_response<blob, blob> echo{"echo"};
 inline constexpr ise::request_response<burst, ise::nothing> publish_fixes{"publish_fixes"};

@@ -11,6 +11,7 @@ import unittest
 from pathlib import Path
 
 from checker import Checker, check
+from datagram_relay import DatagramRelay
 from dialer import Peer, learn
 from frames import control, encode_frame
 from recording import read
@@ -87,7 +88,15 @@ class RecordedSessions(unittest.IsolatedAsyncioTestCase):
         await made.start(listen)
         return made
 
-    async def play(self, story: str, relay: Relay, on_request=None) -> list[str]:
+    async def over_datagrams(self, **weather) -> tuple[DatagramRelay, str]:
+        """A relay of datagrams to a provider, and where else that one listens."""
+        _, listening = await self.provider("udp://127.0.0.1:0,tcp://127.0.0.1:0")
+        to, also = listening.split()
+        made = DatagramRelay(to, self.folder, self.id().rpartition(".")[2], **weather)
+        await made.start()
+        return made, also
+
+    async def play(self, story: str, relay: Relay | DatagramRelay, on_request=None) -> list[str]:
         """What the asker said, line by line."""
         said = []
         async with Program(OPTIONS.party, "ask", relay.at, story) as asker:
@@ -101,7 +110,7 @@ class RecordedSessions(unittest.IsolatedAsyncioTestCase):
         self.assertEqual(said.pop(), "done")
         return said
 
-    async def checked(self, relay: Relay, provider_at: str) -> list[Checker]:
+    async def checked(self, relay: Relay | DatagramRelay, provider_at: str) -> list[Checker]:
         """The sessions of a relay, checked with the schemas that the provider tells."""
         await relay.stop()
         names = {packet.fingerprint for file in relay.sessions for packet in check(read(file)).packets}
@@ -121,6 +130,31 @@ class RecordedSessions(unittest.IsolatedAsyncioTestCase):
                 for name, count in side.frames.items():
                     out[name] = out.get(name, 0) + count
         return out
+
+    async def test_shared_key(self):
+        """Both programs and this reader know a key; whoever does not is told so."""
+        key = b"0123456789abcdef" * 4
+        file = self.folder / "key"
+        file.touch(0o600)
+        file.write_bytes(key + b"\n")
+        provider = await self.stack.enter_async_context(Program(OPTIONS.party, "provide", "tcp://127.0.0.1:0", ISE_KEY=str(file)))
+        at = await provider.endpoint("at ")
+        relay = await self.relay(at, chunk_bytes=7)
+        async with Program(OPTIONS.party, "ask", relay.at, "calls", ISE_KEY=str(file)) as asker:
+            while line := await asker.line():
+                last = line
+            self.assertEqual((await asker.child.wait(), last), (0, "done"))
+        await relay.stop()
+        (recorded,) = relay.sessions
+        names = {packet.fingerprint for packet in check(read(recorded), key=key).packets}
+        checked = check(read(recorded), await learn(at, names, key), key)
+        self.assertEqual([str(each) for each in checked.findings], [])
+        seen = self.frames([checked])
+        self.assertEqual((seen["challenge"], seen["proof"], checked.over), (1, 2, True))
+        self.assertNotIn(key, b"".join(chunk.data or b"" for chunk in read(recorded)))
+        for wrong, why in ((None, "a shared key is demanded here"), (b"x" * 64, "the shared key here is another one")):
+            with self.assertRaisesRegex(ConnectionError, why):
+                await Peer(wrong).connect(at)
 
     async def test_calls(self):
         _, at = await self.provider()
@@ -225,6 +259,57 @@ class RecordedSessions(unittest.IsolatedAsyncioTestCase):
         (file,) = relay.sessions
         found = [str(each) for each in check(read(file)).findings if each.sender == "responder"]
         self.assertEqual(found, [])
+
+    async def test_calls_over_datagrams_of_which_some_are_lost(self):
+        relay, also = await self.over_datagrams(loss=0.1, repeats=0.1)
+        said = await self.play("calls", relay)
+        self.assertEqual(said[1:], ["hold hold", "sink refused", "break handler_failed", "back who, says the asker", "cancel cancelled", "never timed_out",
+                                    "nowhere no_such_service"])
+        (session,) = await self.checked(relay, also)
+        requests = [said for side, frame, said in session.history if frame.name == "request" and side.name == "initiator"]
+        self.assertGreaterEqual(len(requests), 10)
+        self.assertTrue(all("number" in each and not each["again"] for each in requests), requests)
+        self.assertGreaterEqual(sum(packet.decoded for packet in session.packets if packet.what in ("the request", "the reply")), 6)
+
+    async def test_subscriptions_over_datagrams_of_which_some_are_lost(self):
+        relay, also = await self.over_datagrams(loss=0.05, repeats=0.05)
+        said = await self.play("subscriptions", relay)
+        self.assertEqual(said[-2:], ["unlucky refused", "nowhere no_such_service"])
+        (session,) = await self.checked(relay, also)
+        alone = [frame for _, frame, _ in session.history if frame.alone]
+        self.assertGreater(len(alone), 10)
+        self.assertTrue(all(frame.name == "packet" for frame in alone))
+
+    async def test_big_messages_over_datagrams(self):
+        relay, also = await self.over_datagrams(loss=0.02)
+        said = await self.play("fragments", relay)
+        self.assertEqual(said, ["echo 700000", "picture 200000"])
+        (session,) = await self.checked(relay, also)
+        self.assertTrue(any(frame.pieced for _, frame, _ in session.history))
+        self.assertTrue(any(len(frame.body) > 200000 for _, frame, _ in session.history if frame.alone))
+
+    async def test_a_call_goes_on_in_the_next_session_over_datagrams(self):
+        relay, also = await self.over_datagrams()
+
+        async def on_request(what: str):
+            relay.cut()
+
+        self.assertEqual(await self.play("again", relay, on_request), ["the word is ahoy"])
+        first, second = await self.checked(relay, also)
+        (open_call,) = {said["number"] for _, frame, said in first.history if frame.name == "request"} & {
+            said["number"] for _, frame, said in second.history if frame.name == "request" and said["again"]}
+        self.assertGreaterEqual(open_call, 0)
+
+    async def test_a_session_over_datagrams_goes_on_from_another_address(self):
+        relay, also = await self.over_datagrams()
+
+        async def on_request(what: str):
+            for flow in relay.flows.values():
+                relay.move(flow)
+
+        self.assertEqual(await self.play("again", relay, on_request), ["the word is ahoy"])
+        (session,) = await self.checked(relay, also)
+        self.assertTrue(session.datagrams.channels["initiator"].challenges)
 
     async def test_name_server(self):
         if not OPTIONS.cli:

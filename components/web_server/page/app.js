@@ -3,6 +3,8 @@ import { Store } from './store.js';
 import { BoatMap } from './map.js';
 import { Dial } from './dial.js';
 import { Chart } from './chart.js';
+import { show_fleet, show_links } from './links.js';
+import * as place from './place.js';
 import * as u from './units.js';
 
 const $ = id => document.getElementById(id);
@@ -14,9 +16,9 @@ const map = new BoatMap($('map'), () => follow(false));
 const dial = new Dial($('dial'));
 let shown_at = null;          // null: live, else a time of the past
 let lost_since = null;        // this page lost the server
-let drawn_waypoints = '', track_is_drawn = false, draw_is_due = false, last_track_draw = 0;
+let drawn_waypoints = '', track_is_drawn = false, draw_is_due = false, last_track_draw = 0, playing = null;
 
-const pick = time => { shown_at = time; draw(); };
+const pick = time => { stop_playing(); shown_at = time; track_is_drawn = false; draw(); };
 $('speed-chart').dataset.name = 'Speed over ground';
 $('wind-chart').dataset.name = 'True wind speed';
 const charts = [
@@ -91,25 +93,36 @@ function render() {
   map.show_boat({ fix: v.fix, heading: v.heading, course: v.course, speed: v.speed, wind_from: v.wind.true_direction_deg, target, past: v.past, stale: stale && !v.past });
   const waypoints = JSON.stringify([s.waypoints?.points, s.waypoints?.active]);
   if (waypoints !== drawn_waypoints) { drawn_waypoints = waypoints; map.show_waypoints(s.waypoints); }
-  if (!track_is_drawn && performance.now() - last_track_draw > 400) draw_track();
+  if (store.boat_id) map.show_fleet(store.fleet, store.boat_id, now);
+  if (!track_is_drawn && performance.now() - last_track_draw > (playing ? 60 : 400)) draw_track();
   map.fit(store.track, s.waypoints, true);
   render_timeline();
-  for (const chart of charts) chart.show(store.track, shown_at);
+  const window = chart_window();
+  for (const chart of charts) chart.show(store.track, shown_at, window);
   tick();
 }
 
 function draw_track() {
   track_is_drawn = true;
   last_track_draw = performance.now();
-  const top = map.show_track(store.track);
+  const until = shown_at ?? Infinity, end = Math.min(until, store.track.at(-1)?.at ?? 0);
+  const top = map.show_track(store.track, { colour: u.preferences.colour, from: end - u.tail(), until, sources: store.state.sources });
   set('legend-low', '0');
   set('legend-high', `${u.speed_value(top).toFixed(1)} ${u.speed_unit()}`);
   $('legend').hidden = store.track.length < 2;
 }
 
+// The last of the track as long as the tail is, or what lies around a moment before that.
+function chart_window() {
+  const last = store.track.at(-1)?.at ?? 0, tail = u.tail();
+  if (tail === Infinity) return null;
+  const end = shown_at !== null && shown_at < last - tail ? Math.min(last, shown_at + tail / 2) : last;
+  return [Math.max(end - tail, store.track[0]?.at ?? 0), end];
+}
+
 function render_timeline() {
   const slider = $('slider'), first = store.track[0]?.at, last = store.track.at(-1)?.at;
-  slider.disabled = !(last > first);
+  slider.disabled = $('play').disabled = !(last > first);
   if (slider.disabled) return;
   if (shown_at !== null) shown_at = Math.min(Math.max(shown_at, first), last);
   slider.value = shown_at === null ? 1000 : Math.round(1000 * (shown_at - first) / (last - first));
@@ -153,24 +166,35 @@ function tick() {
     ['boat', Math.max(s.power?.measured_at ?? 0, s.mode?.measured_at ?? 0), 5]])
     document.querySelector(`[data-live=${group}]`).classList.toggle('old', !v.past && at > 0 && now - at > patience * store.stale_after_ms);
 
-  const heard = Object.entries(s.heard ?? {}).sort((a, b) => b[1] - a[1]).map(([source, at]) => {
-    const feed = s.feeds?.find(f => f.source === source);
-    return feed && !feed.connected ? `${u.link_name(source)}: receiver off` : `${u.link_name(source)}, ${u.duration(now - at)} ago`;
-  });
-  set('links', heard.join('; ') || '–');
+  const shore = show_links($('links'), s, now, server === 'lost');
+  $('shore').hidden = !shore;
+  set('shore', shore);
+  $('fleet').hidden = store.fleet.length < 2;
+  if (store.boat_id) show_fleet($('boats'), store.fleet, store.boat_id, now, server === 'lost');
+  if (place.embed) glance(v, boat, server, now);
   banner(server, boat, now);
+}
+
+// All that a frame on another page says.
+function glance(v, boat, server, now) {
+  set('glance-name', store.boat ?? 'A-Tirma');
+  set('glance-age', server === 'lost' ? 'server lost' : v.at === null ? 'waiting' : `${u.duration(now - v.at)} ago`);
+  set('glance-speed', u.known(v.speed) ? `${u.speed(v.speed)} ${u.speed_unit()}` : '–');
+  set('glance-wind', u.known(v.wind.true_speed_mps) ? `${u.speed(v.wind.true_speed_mps)} ${u.speed_unit()}` : '–');
 }
 
 function banner(server, boat, now) {
   const s = store.state, last = s.position?.measured_at;
-  const down = (s.feeds ?? []).filter(f => !f.connected);
-  const receiver = down.map(f => `The receiver of ${u.link_name(f.source)} is not connected since ${u.moment(f.since, now)}${f.detail ? ` (${f.detail})` : ''}.`).join(' ');
+  const nodes = (s.feeds ?? []).find(f => !f.link && !f.connected);
+  const down = nodes ? [] : (s.feeds ?? []).filter(f => !f.connected);
+  const receiver = down.map(f => `The receiver of ${u.link_name(f.source)} is not connected since ${u.moment(f.since, now)}${f.detail ? ` (${f.detail})` : ''}.`).join(' ')
+    || (nodes ? `The communication nodes ashore are not reached since ${u.moment(nodes.since, now)}.` : '');
   let pill = 'Live', title = '', text = '', kind = '';
   if (server === 'connecting') pill = 'Connecting…';
   else if (server === 'lost') {
     pill = 'Server lost';
     kind = 'server';
-    title = 'This page lost the server';
+    title = navigator.onLine ? 'This page lost the server' : 'This device is offline';
     text = `Nothing heard from it since ${u.moment(lost_since, now)}, ${u.duration(now - lost_since)} ago. The boat may be fine; what you see is old. Trying again…`;
   } else if (boat === 'waiting') {
     pill = 'Waiting for the boat';
@@ -199,13 +223,16 @@ const press = (attribute, value) => {
 function apply_preferences() {
   press('units', u.preferences.units);
   press('zone', u.preferences.zone);
+  press('colour', u.preferences.colour);
+  $('legend').dataset.by = u.preferences.colour;
+  $('tail').value = u.preferences.tail;
   if (u.preferences.theme === 'auto') delete document.documentElement.dataset.theme;
   else document.documentElement.dataset.theme = u.preferences.theme;
   track_is_drawn = false;
   last_track_draw = 0;
   draw();
 }
-for (const name of ['units', 'zone'])
+for (const name of ['units', 'zone', 'colour'])
   for (const button of document.querySelectorAll(`[data-${name}]`))
     button.addEventListener('click', () => { u.remember({ [name]: button.dataset[name] }); apply_preferences(); });
 $('theme').addEventListener('click', () => {
@@ -220,15 +247,47 @@ $('follow').addEventListener('click', () => {
   if (map.follow && p) map.centre([p.latitude_deg, p.longitude_deg]);
 });
 $('fit').addEventListener('click', () => { follow(false); map.fit(store.track, store.state.waypoints); });
+$('tail').addEventListener('change', () => { u.remember({ tail: $('tail').value }); apply_preferences(); });
 $('slider').addEventListener('input', event => {
   const first = store.track[0].at, last = store.track.at(-1).at, part = Number(event.target.value);
-  shown_at = part >= 1000 ? null : first + (last - first) * part / 1000;
-  draw();
+  pick(part >= 1000 ? null : first + (last - first) * part / 1000);
 });
-$('live').addEventListener('click', () => { shown_at = null; draw(); });
+$('live').addEventListener('click', () => pick(null));
+
+// The whole tail passes in half a minute, then it is live again.
+function stop_playing() {
+  cancelAnimationFrame(playing);
+  playing = null;
+  $('play').setAttribute('aria-pressed', false);
+}
+$('play').addEventListener('click', () => {
+  if (playing) return stop_playing();
+  const last = store.track.at(-1).at, first = Math.max(store.track[0].at, last - u.tail());
+  shown_at ??= first;
+  let before = performance.now();
+  const step = now => {
+    shown_at += (now - before) / 30000 * (last - first);
+    before = now;
+    track_is_drawn = false;
+    if (shown_at >= last) { shown_at = null; stop_playing(); } else playing = requestAnimationFrame(step);
+    draw();
+  };
+  playing = requestAnimationFrame(step);
+  $('play').setAttribute('aria-pressed', true);
+});
+
+// What depends on where this page was opened.
+for (const link of document.querySelectorAll('[data-file]')) link.href = place.url(link.dataset.file);
+document.body.classList.toggle('embed', place.embed);
+$('glance').hidden = !place.embed;
+$('glance-name').href = place.boat ? encodeURIComponent(place.boat) : '.';
+const frame = new URL(place.boat ? `embed?boat=${encodeURIComponent(place.boat)}` : 'embed', location.href);
+$('embed-code').value = `<iframe src="${frame}" width="480" height="360" title="Live position of the boat"></iframe>`;
+for (const name of ['online', 'offline']) addEventListener(name, () => tick());
 
 store.addEventListener('change', () => { track_is_drawn = false; draw(); });
 setInterval(() => { store.watch(); tick(); if (!track_is_drawn) draw(); }, 1000);
 document.addEventListener('visibilitychange', () => { if (!document.hidden) { store.watch(); draw(); } });
 apply_preferences();
+fetch('boats.json').then(answer => answer.json()).then(told => { store.fleet = told.boats; draw(); }).catch(() => { /* the stream tells it again */ });
 store.connect();

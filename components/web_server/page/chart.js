@@ -11,10 +11,10 @@ function nice_top(value) {
 
 export class Chart {
   constructor(canvas, { column, direction, colour, on_pick }) {
-    Object.assign(this, { canvas, column, direction, colour, track: [], cursor: null });
+    Object.assign(this, { canvas, column, direction, colour, track: [], cursor: null, window: null });
     new ResizeObserver(() => this.draw()).observe(canvas);
     const pick = event => {
-      if (!this.track.length) return;
+      if (!this.range) return;
       const box = canvas.getBoundingClientRect();
       on_pick(this.time_at(event.clientX - box.left));
     };
@@ -22,7 +22,8 @@ export class Chart {
     canvas.addEventListener('pointermove', event => { if (event.buttons) pick(event); });
   }
 
-  show(track, cursor) { this.track = track; this.cursor = cursor; this.draw(); }
+  /// `window`: [from, to] in milliseconds; the cursor is a time or null.
+  show(track, cursor, window) { Object.assign(this, { track, cursor, window }); this.draw(); }
 
   time_at(x) {
     const { left, width } = this.area, [from, to] = this.range;
@@ -30,7 +31,8 @@ export class Chart {
   }
 
   draw() {
-    const { canvas, track, column } = this;
+    const { canvas, column } = this;
+    const track = this.window ? this.track.filter(p => p.at >= this.window[0] && p.at <= this.window[1]) : this.track;
     const w = canvas.clientWidth, h = canvas.clientHeight, ratio = devicePixelRatio || 1;
     if (!w || !h) return;
     if (canvas.width !== Math.round(w * ratio) || canvas.height !== Math.round(h * ratio)) {
@@ -48,9 +50,11 @@ export class Chart {
       g.fillStyle = css('--ink-3');
       g.textAlign = 'center';
       g.fillText('Nothing to draw yet', w / 2, h / 2);
+      this.range = null;
+      canvas.setAttribute('aria-label', `${canvas.dataset.name}: nothing to draw yet.`);
       return;
     }
-    const from = track[0].at, to = Math.max(track.at(-1).at, from + 1000);
+    const from = Number.isFinite(this.window?.[0]) ? this.window[0] : track[0].at, to = Math.max(track.at(-1).at, from + 1000);
     this.range = [from, to];
     const top = nice_top(speed_value(Math.max(...values, 0.4)) * 1.05);
     const x = at => area.left + area.width * (at - from) / (to - from);
@@ -99,17 +103,17 @@ export class Chart {
       g.fillStyle = fade;
       g.fill();
     }
-    if (this.direction) this.#arrows(g, x, from, to, css);
+    if (this.direction) this.#arrows(g, track, x, css);
     if (this.cursor !== null) this.#cursor(g, x, y, css, colour);
     canvas.setAttribute('aria-label', `${canvas.dataset.name}: between ${speed(Math.min(...values))} and ${speed(Math.max(...values))} ${speed_unit()}, ` +
       `from ${hour_minute(from)} to ${hour_minute(to)}, last ${speed(values.at(-1))}.`);
   }
 
-  #arrows(g, x, from, to, css) {
+  #arrows(g, track, x, css) {
     g.strokeStyle = g.fillStyle = css('--ink-2');
     g.lineWidth = 1.3;
     let next = this.area.left + 12;
-    for (const point of this.track) {
+    for (const point of track) {
       const px = x(point.at);
       if (px < next || !known(point[this.direction])) continue;
       next = px + 34;

@@ -1,8 +1,11 @@
 // The map: sea, coast, graticule, scale; the boat, its track, its course.
 import * as L from './leaflet.js';
-import { known, speed_unit, speed_value, clock, link_name } from './units.js';
+import { is_rough } from './store.js';
+import { known } from './units.js';
 
 const buckets = 6;
+const link_kinds = ['xbee', 'gprs', 'iridium', 'other'];
+const most_circles = 24; // of rough fixes, the newest
 const gap_ms = 600000;
 const places = [ // name, latitude, longitude, least zoom, kind
   ['Gran Canaria', 27.958, -15.600, 8, 'land'], ['La Isleta', 28.171, -15.422, 12, 'land'],
@@ -17,7 +20,7 @@ const degrees_minutes = (value, positive, negative) => {
 };
 
 export class BoatMap {
-  #map; #track = []; #gaps; #boat; #element; #course; #waypoints = L.layerGroup(); #leg; #circle; #graticule = L.layerGroup();
+  #map; #track = []; #by_link = []; #ahead; #rough = L.layerGroup(); #fleet = new Map(); #gaps; #boat; #element; #course; #waypoints = L.layerGroup(); #leg; #circle; #graticule = L.layerGroup();
   #placed = false; #attribution = '';
   follow = false;
 
@@ -38,6 +41,10 @@ export class BoatMap {
     this.#gaps = L.polyline([], { className: 'track-gap', interactive: false }).addTo(this.#map);
     for (let i = 0; i < buckets; ++i)
       this.#track.push(L.polyline([], { className: `track speed-${i}`, interactive: false, smoothFactor: 0.7 }).addTo(this.#map));
+    for (const kind of link_kinds)
+      this.#by_link.push(L.polyline([], { className: `track by-link link-${kind}`, interactive: false, smoothFactor: 0.7 }).addTo(this.#map));
+    this.#ahead = L.polyline([], { className: 'track ahead', interactive: false, smoothFactor: 0.7 }).addTo(this.#map);
+    this.#rough.addTo(this.#map);
     this.#leg = L.polyline([], { className: 'leg', interactive: false }).addTo(this.#map);
     this.#course = L.polyline([], { className: 'course', interactive: false }).addTo(this.#map);
     this.#circle = L.circle([0, 0], { radius: 1, className: 'accuracy', interactive: false });
@@ -80,32 +87,69 @@ export class BoatMap {
     for (let n = Math.ceil(bounds.getWest() / step); n * step < bounds.getEast(); ++n) {
       line([[bounds.getSouth() - 1, n * step], [bounds.getNorth() + 1, n * step]]);
       const x = this.#map.latLngToContainerPoint([0, n * step]).x;
-      if (!small && x > 190 && x < size.x - 400) label([corner.lat, n * step], degrees_minutes(n * step, 'E', 'W'), 'meridian');
+      if (!small && x > 350 && x < size.x - 400) label([corner.lat, n * step], degrees_minutes(n * step, 'E', 'W'), 'meridian');
     }
   }
 
-  /// The track by speed, in as many lines as there are colours. Returns the speed of the last colour.
-  show_track(track) {
+  /// The track between two times, in as many lines as there are colours: by speed, or by the link that brought each fix.
+  /// What comes after `until` is only hinted at. Returns the speed of the last colour.
+  show_track(track, { colour, from, until, sources }) {
     const speeds = track.map(p => p.speed_mps).filter(known).sort((a, b) => a - b);
     const top = Math.max(0.5, speeds[Math.floor(speeds.length * 0.98)] ?? 1);
-    const lines = Array.from({ length: buckets }, () => []), gaps = [];
+    const by_link = colour === 'link', kinds = (sources ?? []).map(s => Math.max(0, link_kinds.indexOf(s) >= 0 ? link_kinds.indexOf(s) : 3));
+    const lines = Array.from({ length: by_link ? link_kinds.length : buckets }, () => []), gaps = [], ahead = [], rough = [];
     let current = -1, line = null, previous = null;
     for (const point of track) {
+      if (point.at < from) continue;
       const at = [point.latitude_deg, point.longitude_deg];
+      if (is_rough(point)) { if (point.at <= until) rough.push(point); continue; }
+      if (point.at > until) {
+        if (!ahead.length && previous) ahead.push([previous.latitude_deg, previous.longitude_deg]);
+        ahead.push(at);
+        continue;
+      }
       if (previous && point.at - previous.at > gap_ms) {
         gaps.push([[previous.latitude_deg, previous.longitude_deg], at]);
         line = null;
       }
-      const bucket = known(point.speed_mps) ? Math.min(buckets - 1, Math.floor(point.speed_mps / top * buckets)) : 0;
+      const bucket = by_link ? kinds[point.source] ?? 3 : known(point.speed_mps) ? Math.min(buckets - 1, Math.floor(point.speed_mps / top * buckets)) : 0;
       if (!line || bucket !== current) {
         const start = line && previous ? [[previous.latitude_deg, previous.longitude_deg], at] : [at];
         lines[current = bucket].push(line = start);
       } else line.push(at);
       previous = point;
     }
-    lines.forEach((list, i) => this.#track[i].setLatLngs(list));
+    this.#track.forEach((path, i) => path.setLatLngs(by_link ? [] : lines[i]));
+    this.#by_link.forEach((path, i) => path.setLatLngs(by_link ? lines[i] : []));
     this.#gaps.setLatLngs(gaps);
+    this.#ahead.setLatLngs(ahead);
+    this.#rough.clearLayers();
+    for (const point of rough.slice(-most_circles)) {
+      const newest = point === rough.at(-1) ? ' newest' : '';
+      const at = [point.latitude_deg, point.longitude_deg];
+      L.circle(at, { radius: point.circular_error_m, className: `rough-area${newest}`, interactive: false }).addTo(this.#rough);
+      L.circleMarker(at, { radius: 3, className: 'rough-fix', interactive: false }).addTo(this.#rough);
+    }
     return top;
+  }
+
+  /// The other boats, each a link to its page.
+  show_fleet(boats, own, now) {
+    for (const boat of boats) {
+      if (boat.id === own || !boat.position) continue;
+      let marker = this.#fleet.get(boat.id);
+      if (!marker) {
+        const icon = L.divIcon({ className: 'other-boat', html: '<a tabindex="-1"><i></i><span></span></a>', iconSize: [0, 0] });
+        marker = L.marker([0, 0], { icon, keyboard: false, interactive: true }).addTo(this.#map); // by keyboard: the list of boats
+        const link = marker.getElement().querySelector('a');
+        link.href = encodeURIComponent(boat.id);
+        link.target = '_top'; // out of a frame
+        link.querySelector('span').textContent = boat.name;
+        this.#fleet.set(boat.id, marker);
+      }
+      marker.setLatLng([boat.position.latitude_deg, boat.position.longitude_deg]);
+      marker.getElement().classList.toggle('old', now - boat.position.measured_at > boat.stale_after_s * 1000);
+    }
   }
 
   show_waypoints(waypoints) {
@@ -153,7 +197,7 @@ export class BoatMap {
   /// Everything in view. The first time there is something to see this happens by itself.
   fit(track, waypoints, first_time = false) {
     if (first_time && this.#placed) return;
-    const all = L.latLngBounds([...track.map(p => [p.latitude_deg, p.longitude_deg]), ...(waypoints?.points ?? []).map(p => [p.latitude_deg, p.longitude_deg])]);
+    const all = L.latLngBounds([...track.filter(p => !is_rough(p)).map(p => [p.latitude_deg, p.longitude_deg]), ...(waypoints?.points ?? []).map(p => [p.latitude_deg, p.longitude_deg])]);
     if (!all.isValid()) return;
     this.#placed = true;
     const small = this.#map.getSize().x < 600;

@@ -1,8 +1,12 @@
 // What the page knows, fed by the server's event stream.
+import { url } from './place.js';
+
 export class Store extends EventTarget {
   state = {};
   track = [];          // rows as objects, in the order of time
   boat = null;
+  boat_id = null;
+  fleet = [];          // all boats of this server, where there are several
   epoch = null;
   last_event_id = '';
   stale_after_ms = 60000;
@@ -38,7 +42,7 @@ export class Store extends EventTarget {
     this.#source?.close();
     clearTimeout(this.#retry_timer);
     const query = this.last_event_id ? `?last=${this.last_event_id}` : '';
-    const source = this.#source = new EventSource('events' + query);
+    const source = this.#source = new EventSource(url('events') + query);
     this.#last_message = Date.now();
     const on = (name, handle) => source.addEventListener(name, event => {
       let data;
@@ -50,6 +54,7 @@ export class Store extends EventTarget {
     on('snapshot', data => this.#snapshot(data));
     on('update', data => this.#update(data));
     on('status', data => this.#update(data));
+    on('fleet', data => { this.fleet = data.boats; this.#changed(); });
     source.onerror = () => {
       if (source !== this.#source) return;
       if (this.opened) { this.opened = false; this.#changed(); }
@@ -89,6 +94,7 @@ export class Store extends EventTarget {
     if (!data.partial || data.epoch !== this.epoch) this.track = [];
     this.epoch = data.epoch;
     this.boat = data.boat;
+    this.boat_id = data.boat_id;
     this.stale_after_ms = data.stale_after_s * 1000;
     this.status_period_ms = data.status_period_s * 1000;
     this.#columns = data.columns;
@@ -125,13 +131,24 @@ export class Store extends EventTarget {
 
   #changed() { this.dispatchEvent(new Event('change')); }
 
-  /// The last point at or before a time.
+  /// The last point at or before a time; a rough fix only where nothing better is near.
   at(time) {
+    let i = this.before(time);
+    const rough = this.track[i];
+    while (i > 0 && is_rough(this.track[i]) && rough.at - this.track[i - 1].at < 600000) --i;
+    return is_rough(this.track[i]) ? rough ?? null : this.track[i] ?? null;
+  }
+
+  /// Its index; the first where there is none.
+  before(time) {
     let low = 0, high = this.track.length;
     while (low < high) {
       const middle = (low + high) >> 1;
       if (this.track[middle].at <= time) low = middle + 1; else high = middle;
     }
-    return this.track[Math.max(0, low - 1)] ?? null;
+    return Math.max(0, low - 1);
   }
 }
+
+/// Such as where the Iridium gateway believed the boat to be.
+export const is_rough = point => point?.circular_error_m > 200;

@@ -1,11 +1,17 @@
 // Numbers and times as people read them. Everything inside the page is SI and milliseconds of UTC.
+import { embed, wish } from './place.js';
+
 const knots_per_mps = 3600 / 1852;
-export const preferences = { units: 'kn', zone: 'utc', theme: 'auto' };
+export const preferences = { units: 'kn', zone: 'utc', theme: 'auto', colour: 'speed', tail: 'all' };
 
 const key = 'tracking-page';
 try { Object.assign(preferences, JSON.parse(localStorage.getItem(key) ?? '{}')); } catch { /* private mode: defaults */ }
+// What the address asks for goes before, and is not kept.
+for (const [name, ...allowed] of [['units', 'kn', 'mps'], ['zone', 'utc', 'local'], ['theme', 'light', 'dark'], ['colour', 'speed', 'link'], ['tail', 'all', '24h', '6h', '1h', '15min']])
+  preferences[name] = wish(name, ...allowed) ?? preferences[name];
 export function remember(change) {
   Object.assign(preferences, change);
+  if (embed) return; // a frame on somebody else's page
   try { localStorage.setItem(key, JSON.stringify(preferences)); } catch { /* not kept, still applied */ }
 }
 
@@ -57,5 +63,9 @@ function angle(value, width, positive, negative) {
 export const latitude = deg => angle(deg, 2, 'N', 'S');
 export const longitude = deg => angle(deg, 3, 'E', 'W');
 
-const links = { xbee: 'XBee radio', gprs: 'GPRS', iridium: 'Iridium satellite' };
+const links = { xbee: 'XBee radio', gprs: 'GPRS', iridium: 'Iridium satellite', communication: 'Communication nodes' };
 export const link_name = source => links[source] ?? (source || 'unknown link');
+
+const tails = { '24h': 86400000, '6h': 21600000, '1h': 3600000, '15min': 900000 };
+/// How much of the track is shown, in milliseconds.
+export const tail = () => tails[preferences.tail] ?? Infinity;

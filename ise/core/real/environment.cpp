@@ -241,9 +241,10 @@ task<result<std::unique_ptr<stream>>> real_environment::connect(loop& on, endpoi
         case protocol::tcp: return real::connect_tcp(on, std::move(to));
         case protocol::local: return real::connect_local(on, std::move(to));
         case protocol::inproc: return given(state_->inproc.connect(on, to.path));
-        case protocol::udp: break;
+        case protocol::udp:
+        case protocol::tls: break; // made of these by ise/net
     }
-    return given(failure(errc::invalid_argument, fmt::format("{} is no endpoint of a stream", to.text())));
+    return given(failure(errc::invalid_argument, fmt::format("{} is no endpoint of a plain stream", to.text())));
 }
 
 result<std::unique_ptr<listener>> real_environment::listen(loop& on, const endpoint& at) {
@@ -251,9 +252,10 @@ result<std::unique_ptr<listener>> real_environment::listen(loop& on, const endpo
         case protocol::tcp: return real::listen_tcp(on, at);
         case protocol::local: return real::listen_local(on, at);
         case protocol::inproc: return state_->inproc.listen(on, at.path);
-        case protocol::udp: break;
+        case protocol::udp:
+        case protocol::tls: break;
     }
-    return failure(errc::invalid_argument, fmt::format("{} is no endpoint that accepts streams", at.text()));
+    return failure(errc::invalid_argument, fmt::format("{} is no endpoint that accepts plain streams", at.text()));
 }
 
 result<std::unique_ptr<datagram_socket>> real_environment::open_datagram(loop& on, const endpoint& at) {
@@ -266,19 +268,6 @@ result<std::unique_ptr<stream>> real_environment::open_serial(loop& on, const se
 
 result<pseudo_terminal> real_environment::open_pseudo_terminal(loop& on, const std::string& link) {
     return real::open_pseudo_terminal(on, link);
-}
-
-result<std::string> real_environment::read_file(const std::string& path, std::size_t max_bytes) {
-    auto refuse = [&](std::string_view why) { return failure(errc::io_failed, fmt::format("cannot read {}: {}", path, why)); };
-    std::ifstream file(path, std::ios::binary | std::ios::ate);
-    if (!file) return refuse(std::error_code(errno, std::system_category()).message());
-    auto size = static_cast<std::streamoff>(file.tellg());
-    if (size < 0) return refuse("it is no plain file");
-    if (static_cast<std::size_t>(size) > max_bytes) return refuse(fmt::format("it has {} bytes, {} are allowed", size, max_bytes));
-    std::string content(static_cast<std::size_t>(size), '\0');
-    file.seekg(0);
-    if (!file.read(content.data(), size)) return refuse("it ended early");
-    return content;
 }
 
 std::vector<std::string> real_environment::interface_addresses() const {

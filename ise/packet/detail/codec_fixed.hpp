@@ -121,11 +121,9 @@ type_description codec<T>::describe() {
     buffer preset;
     const T presets{};
     for_each_field(presets, [&]<class F>(std::string_view name, const F& field) {
-        type_member member{std::string(name), codec<std::remove_cv_t<F>>::describe(), {}};
         preset.clear();
         detail::write(preset, field);
-        if (!is_natural(member.type, preset.view())) member.preset = preset.to_bytes();
-        type.members.push_back(std::move(member));
+        add_field(type, name, codec<std::remove_cv_t<F>>::describe(), preset.view());
     });
     type.complete();
     return type;

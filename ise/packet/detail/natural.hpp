@@ -2,6 +2,8 @@
 #include <ise/packet/buffer.hpp>
 #include <ise/packet/type.hpp>
 
+#include <string_view>
+
 namespace ise::detail {
 
 /// Appends a type's natural value: zero, empty, absent, the first alternative; of a struct, its fields' presets.
@@ -13,5 +15,8 @@ void append_preset(const type_member& field, buffer& out, std::size_t max_size);
 
 /// Whether an encoded default is the type's natural value: then the schema needs no word about it.
 bool is_natural(const type_description& type, bytes_view preset);
+
+/// Appends a field to the description of a struct; `preset`: its default, encoded.
+void add_field(type_description& into, std::string_view name, type_description type, bytes_view preset);
 
 } // namespace ise::detail

@@ -2,6 +2,7 @@
 // role goes on with the second when the first is gone.
 #include <ise/ise.hpp>
 #include <ise/name_server/name_server.hpp>
+#include <ise/service/service_host.hpp>
 
 #include <asio/executor_work_guard.hpp>
 #include <asio/io_context.hpp>

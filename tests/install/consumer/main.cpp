@@ -1,5 +1,6 @@
 // A program of its own that uses ISE: its components run on an io_context that four threads of the program run already.
 #include <ise/ise.hpp>
+#include <ise/service/service_host.hpp>
 
 #include <asio/executor_work_guard.hpp>
 

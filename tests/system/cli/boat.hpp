@@ -1,6 +1,7 @@
 // A component for the command line to talk to, whose headers it does not have.
 #pragma once
 #include <ise/ise.hpp>
+#include <ise/service/service_host.hpp>
 
 #include <string>
 #include <vector>

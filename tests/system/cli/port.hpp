@@ -4,6 +4,7 @@
 
 #include <ise/name_server/name_server.hpp>
 #include <ise/naming/services.hpp>
+#include <ise/service/service_host.hpp>
 
 #include <support/program.hpp>
 

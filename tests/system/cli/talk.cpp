@@ -1,6 +1,8 @@
 // The command line against a running component that it was not compiled with.
 #include "boat.hpp"
 
+#include <ise/service/service_host.hpp>
+
 #include <support/catch.hpp>
 #include <support/program.hpp>
 

@@ -5,6 +5,8 @@
 
 #include <support/catch.hpp>
 
+#include <nlohmann/json.hpp>
+
 using namespace communication_test;
 using Catch::Contains;
 
@@ -315,5 +317,81 @@ TEST_CASE("communication: a page that is restarted shows the track that it misse
     CHECK(page->state().track().size() >= 2);
     CHECK(page->statistics().duplicates == 0);
     REQUIRE(page->state().position());
-    CHECK(page->state().position()->from.measured_at == *it.seen->current);
+    // The newest measurement, also where it came as history: here of a link that says nothing about when it was received.
+    CHECK(page->state().position()->latitude_deg == Approx(28.15 + it.boat.sequence * 1e-6).epsilon(1e-9));
+}
+
+TEST_CASE("communication: a page with an archive shows its track at once after a crash, and asks only for what came meanwhile") {
+    usual it;
+    auto disk = database::open("memory:page-archive", {}).value(); // outlives the page
+    web_server* page = nullptr;
+    auto start = [&](ise::node& node) {
+        web_server_options options;
+        options.headless = true;
+        options.telemetry = {std::string(communication_role)};
+        options.archive.file = "memory:page-archive";
+        page = &node.start<web_server>("shore/page", names_test::everywhere(), std::move(options));
+    };
+    auto& process = it.names.start("pages", "pages", start);
+    it.world.run_for(20s);
+    it.settle();
+    it.world.run_for(3s); // and it is on the disk
+    auto kept = it.boat.sequence;
+    REQUIRE(page->statistics().received == kept);
+    auto track = page->state().track().size();
+    auto sailed = page->state().sailed_m();
+    auto current = *page->state().position();
+    process.crash();
+    it.crash(one);
+    it.crash(two);
+
+    it.names.start("pages", "pages", start);
+    it.world.run_for(2s);
+    CHECK(page->statistics().received == 0); // nobody is there who could tell anything
+    CHECK(page->state().track().size() == track);
+    CHECK(page->state().sailed_m() == Approx(sailed));
+    REQUIRE(page->state().position());
+    CHECK(page->state().position()->from.measured_at == current.from.measured_at);
+    CHECK(page->state().position()->from.source == current.from.source);
+
+    it.start_node(one);
+    it.start_node(two);
+    it.sends_every_second({link_id::xbee, link_id::gprs});
+    REQUIRE(it.until([&] { return it.boat.sequence >= kept + 5; }));
+    it.settle();
+    REQUIRE(it.until([&] { return page->statistics().received >= it.boat.sequence - kept; }));
+    CHECK(page->statistics().received == it.boat.sequence - kept);
+    CHECK(page->statistics().duplicates == 0);
+    CHECK(page->state().track().size() > track);
+}
+
+TEST_CASE("communication: a page that follows the role shows each link, and which node tells of it") {
+    usual it;
+    web_server* page = nullptr;
+    it.names.start("pages", "pages", [&](ise::node& node) {
+        web_server_options options;
+        options.headless = true;
+        options.telemetry = {std::string(communication_role)};
+        page = &node.start<web_server>("shore/page", names_test::everywhere(), std::move(options));
+    });
+    auto feed = [&](const std::string& source) -> nlohmann::json {
+        auto state = nlohmann::json::parse(page->state().snapshot({}, {}).data)["state"];
+        for (auto& one : state["feeds"])
+            if (one["source"] == source) return one;
+        return {{"connected", nullptr}};
+    };
+    auto heard = [&](const std::string& source) { return nlohmann::json::parse(page->state().snapshot({}, {}).data)["state"]["heard"].value(source, 0ull); };
+    REQUIRE(it.until([&] { return feed("xbee")["connected"] == true && feed("gprs")["connected"] == true; }));
+    CHECK(feed("communication")["link"] == false);
+    CHECK(feed("communication")["detail"] == "one, backed by two");
+    auto before = heard("gprs");
+    CHECK(before > 0);
+    REQUIRE(it.until([&] { return heard("gprs") > before; })); // also where the xbee brings every packet first
+    it.crash("shore/gprs");
+    REQUIRE(it.until([&] { return feed("gprs")["connected"] == false; }));
+    CHECK(feed("xbee")["connected"] == true);
+    it.crash(one);
+    REQUIRE(it.until([&] { return feed("communication")["detail"] == "two, without the other one"; }));
+    it.crash(two);
+    REQUIRE(it.until([&] { return feed("communication")["connected"] == false; }));
 }

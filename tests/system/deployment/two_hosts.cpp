@@ -7,7 +7,8 @@
 
 namespace deployment_test {
 
-two_hosts::two_hosts() {
+two_hosts::two_hosts(const networks* apart) : apart_(apart) {
+    if (apart_) name_server_ = "tcp://" + networks::address("boat") + ":0";
     std::string pattern = (std::filesystem::temp_directory_path() / "ise-hosts-XXXXXX").string();
     if (!::mkdtemp(pattern.data())) throw std::runtime_error("no temporary folder");
     folder_ = pattern;
@@ -30,6 +31,14 @@ two_hosts::~two_hosts() {
     std::filesystem::remove_all(folder_, ignored);
 }
 
+std::vector<std::string> two_hosts::on(const std::string& host, std::vector<std::string> words) const {
+    if (!apart_) return words;
+    words.front() = ISE_BINARY_DIR "/bin/" + words.front();
+    auto all = apart_->inside(host);
+    all.insert(all.end(), words.begin(), words.end());
+    return all;
+}
+
 void two_hosts::install(const std::string& program) {
     std::filesystem::create_symlink(std::string(ISE_BINARY_DIR "/bin/") + program, folder_ / "programs" / program);
 }
@@ -37,7 +46,7 @@ void two_hosts::install(const std::string& program) {
 void two_hosts::start_name_server() {
     std::vector<std::string> words{"ise_name_server", "--listen", name_server_, "--log-level", "error"};
     if (name_server_.ends_with(":0")) words.push_back("--fresh");
-    names_ = std::make_unique<ise_test::program>(words);
+    names_ = std::make_unique<ise_test::program>(on("boat", words));
     auto line = names_->read_line();
     INFO(line);
     REQUIRE(line.find("tcp://") != std::string::npos);
@@ -54,7 +63,11 @@ void two_hosts::open(const std::string& host) {
     std::vector<std::string> words{"ise_instantiation_server", "--programs", (folder_ / "programs").string(), "--state", (folder_ / ("state-" + host)).string(),
                                    "--name", host, "--name-server", name_server_, "--allow-path", (folder_ / "ports").string()};
     if (!std::getenv("ISE_TEST_LOG")) words.insert(words.end(), {"--log-level", "error"});
-    servers_[host] = std::make_unique<ise_test::program>(words);
+    if (apart_) {
+        auto port = ":" + std::to_string(port_of(host));
+        words.insert(words.end(), {"--listen", "tcp://127.0.0.1" + port, "--advertise", "tcp://" + networks::address(host) + port, "--allow-address", networks::address(host)});
+    }
+    servers_[host] = std::make_unique<ise_test::program>(on(host, words));
     auto line = servers_[host]->read_line();
     INFO(line);
     REQUIRE(line.find("ise/host/" + host) != std::string::npos);
@@ -69,7 +82,7 @@ void two_hosts::crash(const std::string& host) {
 
 ise_test::ran two_hosts::ise(std::vector<std::string> words) {
     words.insert(words.begin(), {"ise", "--name-server", name_server_});
-    return ise_test::run_program(std::move(words));
+    return ise_test::run_program(on("shore", std::move(words)));
 }
 
 std::string two_hosts::done(std::vector<std::string> words) {

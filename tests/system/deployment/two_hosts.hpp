@@ -1,5 +1,7 @@
 // Two instantiation servers, "boat" and "shore", and a name server: all of them processes that a test may kill.
 #pragma once
+#include "networks.hpp"
+
 #include <support/catch.hpp>
 #include <support/program.hpp>
 
@@ -17,7 +19,9 @@ using nlohmann::json;
 
 class two_hosts {
 public:
-    two_hosts();
+    /// Both on this machine's own network, or each on its own: then the command line runs on "shore", the name server on "boat",
+    /// and the instantiation servers, which listen on loopback only, are reached through tunnels.
+    explicit two_hosts(const networks* apart = nullptr);
     ~two_hosts();
     two_hosts(const two_hosts&) = delete;
     two_hosts& operator=(const two_hosts&) = delete;
@@ -47,9 +51,14 @@ public:
     /// Files that were left in the folders of the servers, but for their own state.
     std::vector<std::string> left_behind() const;
     const std::filesystem::path& folder() const { return folder_; }
+    /// The port at which the instantiation server of a host listens, where they are apart.
+    static int port_of(const std::string& host) { return host == "boat" ? 7501 : 7502; }
     const std::string& name_server() const { return name_server_; }
 
 private:
+    std::vector<std::string> on(const std::string& host, std::vector<std::string> words) const;
+
+    const networks* apart_;
     std::filesystem::path folder_;
     std::string name_server_ = "tcp://127.0.0.1:0";
     std::unique_ptr<ise_test::program> names_;

@@ -2,6 +2,8 @@
 // usage: host_vessel (NAME_SERVER|-|call|follow) ENDPOINT
 #include "vessel.hpp"
 
+#include <ise/service/service_host.hpp>
+
 #include <cstdio>
 
 namespace {

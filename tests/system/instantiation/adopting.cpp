@@ -131,7 +131,7 @@ TEST_CASE("an instantiation server refuses what would make it unsafe") {
         CHECK(ran.exit_code == 1);
         return ran.err;
     };
-    CHECK_THAT(refused({"--listen", "tcp://0.0.0.0:0"}), Contains("does not listen on tcp://0.0.0.0:0") && Contains("cannot ask for credentials"));
+    CHECK_THAT(refused({"--listen", "tcp://0.0.0.0:0"}), Contains("could be told by anybody to start programs") && Contains("nobody may listen on tcp://0.0.0.0:0 without credentials") && Contains("--key"));
     CHECK_THAT(refused({}, "/nowhere/at/all"), Contains("cannot read the folder /nowhere/at/all"));
     here.open();
     CHECK_THAT(refused({}), Contains("another instantiation server uses the folder"));

@@ -1,7 +1,10 @@
 // Starting components through the command line: what succeeds, and what is refused with which words.
 #include "host.hpp"
 
+#include <ise/service/service_host.hpp>
+
 #include <fstream>
+#include <sys/mount.h>
 
 using namespace host_test;
 using Catch::Contains;
@@ -212,4 +215,31 @@ TEST_CASE("the shell completes types and instances by asking for them") {
     CHECK(offered("stop ") == "sea/one\n");
     CHECK(offered("logs --lines 3 sea") == "sea/one\n");
     CHECK_THAT(offered("start --"), Contains("--set") && Contains("--restart"));
+}
+
+TEST_CASE("what cannot be written down is not started, and what runs goes on") {
+    host here;
+    std::filesystem::create_directories(here.state_folder());
+    if (::mount("none", here.state_folder().c_str(), "tmpfs", 0, "size=64k") != 0) {
+        WARN("skipped: a full disk takes root");
+        return;
+    }
+    struct mounted { // nothing of it may run any more
+        host& of;
+        ~mounted() {
+            of.close();
+            ::umount2(of.state_folder().c_str(), MNT_DETACH);
+        }
+    } guard{here};
+    here.open();
+    here.start("sea/one");
+    auto filling = here.state_folder() / "filling";
+    std::ofstream(filling) << std::string(100'000, 'x');
+    auto refused = here.ise({"start", "trouble", "sea/two", "--timeout", "120s"});
+    CHECK(refused.exit_code == 1);
+    CHECK_THAT(refused.err, Contains("it could not be written down") && Contains("No space left on device"));
+    CHECK(here.state("sea/one")["state"] == "ready");
+    CHECK(here.told({"call", "sea/one", "ask"})["answer"] == 7);
+    std::filesystem::remove(filling);
+    CHECK(here.start("sea/two")["state"] == "ready");
 }

@@ -16,7 +16,9 @@ struct trouble_options {
     double answer = 7;
     int children = 0;
     bool silent = false;
+    bool stuck = false;
     std::string say;
+    std::string meets, other;
     std::string failing;
     std::string file;
     std::vector<std::string> words;
@@ -40,6 +42,8 @@ inline constexpr ise::request_response<say_request, ise::nothing> say{"say"};
 /// It does not hear SIGTERM any more; to be called when the program has put its handler in, which it tells by "started".
 inline constexpr ise::request_response<question, ise::nothing> deafen{"deafen"};
 inline constexpr ise::request_response<exit_request, ise::nothing> leave{"leave"};
+/// It fails by an exception soon after.
+inline constexpr ise::request_response<say_request, ise::nothing> fail{"fail"};
 
 // Runs until it is ended; SIGTERM does not do it.
 [[noreturn]] void stay() {
@@ -59,6 +63,11 @@ public:
 private:
     ise::task<> run() override {
         if (!options_.say.empty()) print(options_.say);
+        if (!options_.meets.empty()) {
+            if (auto* made = std::fopen(options_.meets.c_str(), "w")) std::fclose(made);
+            while (::access(options_.other.c_str(), F_OK) != 0) co_await sleep(10ms);
+            ::unlink(options_.other.c_str()); // of each the other's: nothing is left behind
+        }
         if (!options_.failing.empty()) throw ise::error(ise::errc::io_failed, options_.failing);
         for (int child = 0; child < options_.children; ++child)
             if (::fork() == 0) {
@@ -75,7 +84,23 @@ private:
             return ise::nothing();
         });
         provide(leave, [](exit_request rq) -> ise::nothing { ::_exit(rq.code); });
-        if (!options_.silent) co_await ready();
+        provide(fail, [this](say_request rq) {
+            spawn("failing", give_up(rq.text));
+            return ise::nothing();
+        });
+        if (options_.silent) co_return;
+        co_await ready();
+        struct leaving { // a thread that does not come back
+            bool stuck;
+            ~leaving() {
+                while (stuck) ::pause();
+            }
+        } guard{options_.stuck};
+        co_await sleep_till(ise::time_point::max());
+    }
+    ise::task<> give_up(std::string why) {
+        co_await sleep(1ms); // the answer goes first
+        throw ise::error(ise::errc::io_failed, why);
     }
     static void print(const std::string& text) {
         std::puts(text.c_str());
@@ -85,21 +110,26 @@ private:
     trouble_options options_;
 };
 
-} // namespace
-
-int main(int count, char** words) {
+std::vector<ise::component_type> types() {
     ise::component_type type("trouble", "what can go wrong", "sea/trouble");
     auto options = std::make_shared<trouble_options>();
     type.parameters.add("answer", options->answer, "what it answers").range(0, 10).unit("m").changeable();
     type.parameters.add("children", options->children, "processes that it starts and forgets").range(0, 8);
     type.parameters.add("silent", options->silent, "never becomes ready");
+    type.parameters.add("stuck", options->stuck, "does not end when it is stopped");
+    type.parameters.add("meets", options->meets, "a file that it makes, and is ready only when there is the other").kind(ise::parameter_kind::path);
+    type.parameters.add("other", options->other, "that file").kind(ise::parameter_kind::path);
     type.parameters.add("say", options->say, "printed at the start");
     type.parameters.add("failing", options->failing, "why it fails before it is ready");
     type.parameters.add("file", options->file, "a file").kind(ise::parameter_kind::path);
     type.parameters.add("word", options->words, "words");
     type.provides(ask).provides(say).provides(leave).reads("TROUBLE_FLAG");
     type.makes<trouble>(options);
-    std::vector<ise::component_type> types;
-    types.push_back(std::move(type));
-    return ise::main(count, words, std::move(types), "1");
+    std::vector<ise::component_type> made;
+    made.push_back(std::move(type));
+    return made;
 }
+
+} // namespace
+
+int main(int count, char** words) { return ise::main(count, words, types, "1"); }

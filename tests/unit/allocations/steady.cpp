@@ -128,3 +128,22 @@ TEST_CASE("packets of varying size are decoded into the memory of those before t
     CAPTURE(counted);
     CHECK(counted <= now_and_then);
 }
+
+TEST_CASE("a burst that nobody may drop allocates nothing, a packet at a time or many in a stretch") {
+    fixture f;
+    auto shots = f.boat.publish(pictures);
+    f.meet();
+    const std::size_t size = GENERATE(std::size_t{40}, std::size_t{1000}, std::size_t{3000});
+    constexpr int burst = 60;
+    auto taken = f.all.run(f.shore, f.there.subscribe(pictures, ise::subscribe_options::lossless(128)));
+    blob shot;
+    shot.content.assign(size, 1);
+    auto counted = f.count([&] {
+        for (int i = 0; i < burst; ++i) shots(shot);
+        for (int got = 0; got < burst;) {
+            f.all.run_until([&] { return taken.try_next() && ++got > 0; });
+        }
+    });
+    CAPTURE(size, counted);
+    CHECK(counted <= now_and_then);
+}

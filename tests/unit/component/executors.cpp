@@ -2,6 +2,7 @@
 #include "sea.hpp"
 
 #include <ise/core/real/environment.hpp>
+#include <ise/service/service_host.hpp>
 
 #include <asio/co_spawn.hpp>
 #include <asio/detached.hpp>

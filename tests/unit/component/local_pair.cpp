@@ -1,5 +1,7 @@
 #include <ise/ise.hpp>
 
+#include <ise/service/service_host.hpp>
+
 #include <fmt/format.h>
 
 #include <support/catch.hpp>

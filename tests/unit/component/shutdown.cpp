@@ -1,5 +1,7 @@
 #include "sea.hpp"
 
+#include <ise/service/link.hpp>
+
 #include <asio/this_coro.hpp>
 
 using namespace sea;

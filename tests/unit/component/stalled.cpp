@@ -2,6 +2,7 @@
 #include "sea.hpp"
 
 #include <ise/core/real/environment.hpp>
+#include <ise/service/service_host.hpp>
 
 #include <condition_variable>
 #include <future>

@@ -31,6 +31,7 @@ public:
     ise::result<std::unique_ptr<ise::stream>> open_serial(ise::loop&, const ise::serial_options&) override { return no(); }
     ise::result<ise::pseudo_terminal> open_pseudo_terminal(ise::loop&, const std::string&) override { return no(); }
     ise::result<std::string> read_file(const std::string&, std::size_t) override { return no(); }
+    ise::result<std::string> read_secret(const std::string&, std::size_t) override { return no(); }
     std::vector<std::string> interface_addresses() const override { return {}; }
 
 private:

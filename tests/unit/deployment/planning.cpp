@@ -213,6 +213,44 @@ TEST_CASE("down ends everything in the opposite order, what the file does not kn
     CHECK(plan_down(two().made(), in.hosts).steps.size() == 3);
 }
 
+TEST_CASE("a step waits for those of the components that its own comes after, and for no others") {
+    harbour in;
+    auto file = at_sea("[components.a]\ntype='boat'\nhost='boat'\nafter=[]\n[components.b]\ntype='boat'\nhost='shore'\nafter=[]\n[components.c]\ntype='boat'\nhost='boat'\nafter=['a','b']\n"
+                       "[components.d]\ntype='boat'\nhost='boat'\nafter='c'\n");
+    using numbers = std::vector<std::size_t>;
+    auto after = [](const step_plan& of) {
+        std::vector<numbers> all;
+        for (const auto& one : of.steps) all.push_back(one.after);
+        return all;
+    };
+    CHECK(after(in.up(file)) == std::vector<numbers>{{}, {}, {0, 1}, {2}});
+    in.carry_out(file);
+    in.instance("sea/a").state = in.instance("sea/d").state = instance_state::failed;
+    CHECK(after(in.up(file)) == std::vector<numbers>{{}, {0}}); // through what is as it should be
+    CHECK(after(plan_down(file.made(), in.hosts)) == std::vector<numbers>{{}, {0}, {1}, {1}});
+}
+
+TEST_CASE("what moves is stopped before it is started, and what the file does not know any more before everything") {
+    harbour in;
+    in.carry_out(at_sea("[components.boat]\ntype='boat'\nhost='boat'\n[components.old]\ntype='boat'\nhost='shore'\n"));
+    auto plan = in.up(at_sea("[components.boat]\ntype='boat'\nhost='shore'\nafter=[]\n"));
+    REQUIRE(plan.steps.size() == 3);
+    CHECK(plan.steps[1].after == std::vector<std::size_t>{0});
+    CHECK(plan.steps[2].after == std::vector<std::size_t>{0, 1});
+}
+
+TEST_CASE("some components are planned with those that they come after, and nothing else is touched") {
+    harbour in;
+    auto file = at_sea("[components.a]\ntype='boat'\nhost='boat'\nafter=[]\n[components.b]\ntype='boat'\nhost='boat'\nafter='a'\n[components.c]\ntype='boat'\nhost='boat'\nafter='b'\n");
+    in.carry_out(at_sea("[components.old]\ntype='boat'\nhost='boat'\n"));
+    auto only = [&](std::vector<std::string> names) { return harbour::lines(plan_up(in.completed(file), in.hosts, names)); };
+    CHECK(only({"b"}) == "start sea/a on boat\nstart sea/b on boat\n");
+    CHECK(only({"sea/a"}) == "start sea/a on boat\n");
+    CHECK_THAT(only({"bb"}), Contains("there is no component 'bb' in it; did you mean 'b'?") && !Contains("start"));
+    in.carry_out(file);
+    CHECK(harbour::lines(plan_down(file.made(), in.hosts, {"b"})) == "stop sea/b on boat\n");
+}
+
 TEST_CASE("a file is checked against what the hosts have") {
     harbour in;
     auto text = in.wrong(at_sea(R"([components.a]

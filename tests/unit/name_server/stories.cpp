@@ -1,5 +1,11 @@
 #include "system.hpp"
 
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <functional>
+
 using namespace names_test;
 
 TEST_CASE("names: a component on another host is found, called and listened to, whatever protocol it was started with") {
@@ -163,6 +169,44 @@ TEST_CASE("names: who lost a component is told when its next life is there, howe
     CHECK(it.world.run_until([&] { return heard > 0; }, 800ms));
     CHECK(it.world.run_until([&] { return answered; }, 2s)); // it pauses for a second between its calls
     CHECK(caller.running());
+}
+
+TEST_CASE("names: over a slow way to the server, the next lives are found while many ask") {
+    names_test::system it;
+    constexpr std::size_t many = 4;
+    auto& process = it.start("boat", "doublers", [](ise::node& node) {
+        for (std::size_t n = 0; n < many; ++n)
+            node.start<names_test::doubler>(fmt::format("a/{}", n), names_test::everywhere(fmt::format("tcp://0.0.0.0:{}", 7401 + n)));
+    });
+    it.world.net().between("shore", "ns").latency = 200ms;
+    std::array<bool, many> answered{};
+    it.start_body("shore", "caller", [&](ise::component& self) -> ise::task<> {
+        auto ask = [](ise::component& from, std::string path, bool& heard) -> ise::task<> {
+            auto doubler = from.at(path);
+            for (;;) {
+                auto got = co_await doubler.try_call(twice, number{4}, 1s);
+                heard = got.has_value();
+                co_await from.sleep(10ms);
+            }
+        };
+        for (std::size_t n = 0; n < many; ++n) self.spawn("asks", ask(self, fmt::format("a/{}", n), answered[n]));
+        for (;;) { // and one is in a hurry
+            try {
+                co_await self.find("a/0", 100ms);
+            } catch (const ise::error&) {
+            }
+            co_await self.sleep(100ms);
+        }
+    });
+    auto all = [&] { return std::ranges::all_of(answered, std::identity()); };
+    REQUIRE(it.world.run_until(all, 10s));
+    it.world.net().partition("shore", "ns"); // the server is missed once
+    process.crash();
+    it.world.run_for(5s);
+    process.restart(); // at the same endpoints, where the former lives are not any more
+    it.world.net().heal("shore", "ns");
+    answered = {};
+    CHECK(it.world.run_until(all, 30s));
 }
 
 TEST_CASE("names: a server that restarts is whole within two leases, and nobody's sessions notice") {

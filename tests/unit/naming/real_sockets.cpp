@@ -1,6 +1,7 @@
 #include <ise/component/node.hpp>
 #include <ise/core/real/environment.hpp>
 #include <ise/name_server/name_server.hpp>
+#include <ise/service/service_host.hpp>
 
 #include <support/catch.hpp>
 

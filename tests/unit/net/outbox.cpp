@@ -176,6 +176,42 @@ TEST_CASE("a big message goes in pieces between which small ones pass") {
     CHECK(out.pending_bytes() == 0);
 }
 
+TEST_CASE("no more messages are begun at once than a receiver takes") {
+    std::vector<std::uint64_t> whole;
+    auto take = [&whole](const std::vector<written>& frames, ise::wire::reassembly& at) {
+        for (const auto& frame : frames) {
+            if (frame.type != frame_type::piece) continue;
+            ise::wire::frame piece;
+            piece.header.type = frame.type;
+            piece.header.flags = frame.flags;
+            piece.header.id = frame.id;
+            piece.body = frame.body;
+            auto got = at.take(piece);
+            INFO((got ? std::string() : got.error().message()));
+            REQUIRE(got);
+            if (*got) whole.push_back((*got)->header.id);
+        }
+        return !frames.empty();
+    };
+    outbox box;
+    SECTION("by number") {
+        for (std::uint64_t id = 1; id <= 200; ++id) request(box, id, t0 + 1h, 300'000);
+        ise::wire::reassembly receiver(256 << 20);
+        while (take(write(box), receiver)) {}
+        CHECK(whole.size() == 200);
+    }
+    SECTION("by bytes, also where some are given up half way") {
+        box.limit_messages(1 << 20);
+        for (std::uint64_t id = 1; id <= 20; ++id) request(box, id, t0 + 1h, 500'000);
+        ise::wire::reassembly receiver(1 << 20);
+        REQUIRE(take(write(box), receiver));
+        CHECK(box.withdraw(1));
+        CHECK(box.withdraw(7));
+        while (take(write(box), receiver)) {}
+        CHECK(whole.size() == 18);
+    }
+}
+
 TEST_CASE("a request that is given up: unwritten it is not sent, half sent it is abandoned") {
     outbox out;
     request(out, 1, t0 + 5s);
@@ -287,4 +323,30 @@ TEST_CASE("a source that goes takes its packets along, and half sent ones are ab
     CHECK(rest[0].flags == ise::wire::flag::abandoned);
     CHECK(out.empty());
     CHECK(out.pending_bytes() == 0);
+}
+
+TEST_CASE("frames that are whole already leave as they are, with the number of who gets them") {
+    struct frames final : ise::net::publication_source {
+        std::size_t size = 0;
+        bool addressed = false;
+        ise::shared_bytes made;
+        bool take(outbox& out, std::size_t) override {
+            ise::buffer content;
+            for (std::uint8_t fill = 1; fill <= 3; ++fill)
+                ise::wire::put_frame(content, frame_type::packet, 0, 30, [&](ise::buffer& body) { std::fill_n(body.grow(size), size, static_cast<std::byte>(fill)); });
+            made = ise::shared_bytes(std::move(content));
+            out.put_frames(made, addressed ? 30 : 31, addressed);
+            return false;
+        }
+    } news;
+    news.size = GENERATE(std::size_t{1}, std::size_t{20'000}); // copied; referred to
+    news.addressed = GENERATE(true, false);
+    outbox out;
+    out.add(news);
+    ping(out, 10);
+    auto sent = write(out);
+    std::uint64_t id = news.addressed ? 30 : 31;
+    REQUIRE(ids_of(sent) == std::vector<std::uint64_t>{10, id, id, id});
+    for (std::size_t i = 1; i <= 3; ++i) CHECK(sent[i].body == ise::bytes(news.size, static_cast<std::byte>(i)));
+    CHECK(ise::wire::read_header(news.made.view().data()).id == 30); // others hold them too
 }

@@ -161,3 +161,27 @@ TEST_CASE("the newest report of each kind is what is known, whatever came when a
     later.received_at = moment + 5s;
     CHECK(known.take(later));
 }
+
+TEST_CASE("Signal K: who connects is greeted, and told what the paths beyond the specification mean") {
+    auto made = signalk::identity("A-Tirma", "");
+    CHECK(made == signalk::identity("A-Tirma", ""));
+    CHECK(made != signalk::identity("B-Tirma", ""));
+    REQUIRE(made.starts_with("urn:mrn:signalk:uuid:"));
+    CHECK(signalk::is_uuid(made.substr(21)));
+    CHECK(signalk::identity("A-Tirma", "705f5f1a-efaf-44aa-9cb8-a0fd6305567c") ==
+          "urn:mrn:signalk:uuid:705f5f1a-efaf-44aa-9cb8-a0fd6305567c");
+    CHECK_FALSE(signalk::is_uuid("705F5F1A-efaf-44aa-9cb8-a0fd6305567c"));
+    CHECK_FALSE(signalk::is_uuid("705f5f1a-efaf-14aa-9cb8-a0fd6305567c"));
+    CHECK_FALSE(signalk::is_uuid("705f5f1a-efaf-44aa-9cb8-a0fd6305567"));
+    auto hello = nlohmann::json::parse(signalk::hello(made, moment));
+    CHECK(hello["self"] == "vessels." + made);
+    CHECK(hello["timestamp"] == "2017-09-04T08:05:06.789Z");
+    CHECK(hello["version"].is_string());
+    auto about = nlohmann::json::parse(signalk::about("A-Tirma", moment))["updates"][0];
+    CHECK(about["values"][0]["path"] == "");
+    CHECK(about["values"][0]["value"]["name"] == "A-Tirma");
+    bool found = false;
+    for (const auto& meta : about["meta"])
+        if (meta["path"] == "communication.links.xbee.rssi") found = meta["value"]["units"] == "dBm";
+    CHECK(found);
+}

@@ -1,5 +1,7 @@
 #include "examples.hpp"
 
+#include <ise/packet/archive.hpp>
+
 #include <support/catch.hpp>
 
 #include <cereal/archives/portable_binary.hpp>

@@ -1,5 +1,6 @@
 #include "examples.hpp"
 
+#include <ise/packet/archive.hpp>
 #include <ise/packet/schema.hpp>
 #include <support/catch.hpp>
 

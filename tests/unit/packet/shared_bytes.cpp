@@ -50,3 +50,23 @@ TEST_CASE("a room that was begun and left is empty the next time") {
     auto& room = maker.room();
     CHECK(room.empty());
 }
+
+TEST_CASE("what lies side by side joins, and nothing else does") {
+    ise::shared_bytes_maker maker;
+    auto first = make(maker, 10, 1), second = make(maker, 20, 2), big = make(maker, 100'000, 3);
+    auto all = first;
+    CHECK_FALSE(all.join(big));
+    CHECK_FALSE(second.join(first));
+    REQUIRE(all.join(second));
+    CHECK(all.size() == 30);
+    CHECK(holds(all.behind(10), 20, 2));
+    all.truncate(10);
+    CHECK(holds(all, 10, 1));
+}
+
+TEST_CASE("a chunk that somebody holds a part of is not used again") {
+    ise::shared_bytes_maker maker;
+    auto kept = make(maker, 100, 1);
+    for (int i = 0; i < 10'000; ++i) REQUIRE(holds(make(maker, 100, 2), 100, 2));
+    CHECK(holds(kept, 100, 1));
+}

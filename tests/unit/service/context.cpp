@@ -3,6 +3,7 @@
 #include <support/catch.hpp>
 
 #include <asio/dispatch.hpp>
+#include <asio/io_context.hpp>
 #include <asio/post.hpp>
 #include <asio/strand.hpp>
 

@@ -1,3 +1,5 @@
+#include <ise/packet/archive.hpp>
+
 #include <support/boat_services.hpp>
 #include <support/catch.hpp>
 #include <support/sim_parties.hpp>

@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <map>
 #include <random>
 
@@ -127,6 +128,34 @@ TEST_CASE("a call whose session is lost while it runs is answered on the next on
     REQUIRE(call->get());
     CHECK(call->get()->reason == "done");
     CHECK(runs == 1);
+}
+
+TEST_CASE("a call that may have run and finds no room on the next session says so") {
+    sim_parties sea;
+    auto& boat = sea.add("boat", quick());
+    auto crowded = quick();
+    crowded.max_unsent_bytes = 50'000;
+    auto& shore = sea.add("shore", crowded);
+    int runs = 0;
+    boat.provide(helm, [&](set_mode) -> ise::task<mode_set> {
+        ++runs;
+        co_await ise::sleep_for(boat.on, 1h);
+        co_return mode_set{};
+    });
+    auto there = shore.at(boat.listen("udp://10.0.0.1:7400"));
+    std::vector<std::shared_ptr<started<ise::result<mode_set>>>> calls;
+    for (int n = 1; n <= 3; ++n) { // each has left before the next comes
+        calls.push_back(start(shore.on, try_helm(there, std::string(40'000, 'x'), 30min)));
+        REQUIRE(sea.run_until([&] { return runs == n; }));
+    }
+    shore.services->sessions().begin()->second->wire().close(ise::failure(errc::peer_lost, "cut"));
+    REQUIRE(sea.run_until([&] { return std::ranges::any_of(calls, &started<ise::result<mode_set>>::done); }));
+    for (const auto& call : calls) {
+        if (!call->done) continue;
+        REQUIRE_FALSE(call->get());
+        CHECK(call->get().error().code() == errc::overloaded);
+        CHECK(call->get().error().executed() == execution::unknown);
+    }
 }
 
 TEST_CASE("a call that is given up after its session was lost is cancelled at the provider, over the next session") {

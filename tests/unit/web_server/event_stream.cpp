@@ -197,14 +197,59 @@ TEST_CASE("events that fit the queue wait and arrive together, none lost") {
     CHECK(sink->texts[1] == "event: update\ndata: one\n\nevent: update\ndata: two\n\n");
 }
 
+TEST_CASE("clients that know nothing share one snapshot, and learn what came after it") {
+    std::vector<std::string> asked;
+    atirma::sse_channel channel([&](std::string_view last) {
+        asked.emplace_back(last);
+        return atirma::page_event{"life:" + std::to_string(asked.size()), "snapshot", "since " + std::string(last)};
+    });
+    std::vector<std::shared_ptr<slow_sink>> sinks;
+    auto add = [&](std::string_view last) {
+        sinks.push_back(std::make_shared<slow_sink>());
+        REQUIRE(channel.add(sinks.back(), last));
+        return sinks.back();
+    };
+    add("");
+    add("");
+    CHECK(asked == std::vector<std::string>{""});
+    CHECK(channel.statistics().shared == 1);
+    channel.publish({"life:2", "update", "moved"});
+    auto late = add("another-life:77"); // what another life of the source had told is not known here
+    CHECK(late->texts.at(0) == sinks.at(0)->texts.at(0));
+    late->take();
+    CHECK(late->texts.at(1) == "id: life:2\nevent: snapshot\ndata: since life:1\n\n");
+    auto knows = add("life:2");
+    CHECK(has(knows->texts.at(0), "data: since life:2\n"));
+    channel.tick();
+    add("");
+    CHECK(asked.back().empty()); // made anew: what came since would grow and grow
+}
+
+TEST_CASE("a client that fell behind is told what it lacks, not everything") {
+    std::string asked;
+    atirma::sse_limits limits;
+    limits.max_queued_bytes = 60;
+    atirma::sse_channel channel([&](std::string_view last) { return asked = last, atirma::page_event{"a:9", "snapshot", ""}; }, limits);
+    auto sink = std::make_shared<slow_sink>();
+    channel.add(sink, "a:1");
+    sink->take();
+    channel.publish({"a:2", "update", "it was given this"});
+    channel.publish({"a:3", "update", "and this waits"});
+    channel.publish({"a:4", "update", "this is too much"});
+    sink->take();
+    CHECK(asked == "a:2");
+}
+
 TEST_CASE("a client that takes nothing for several ticks is dropped") {
-    atirma::sse_channel channel([](std::string_view) { return atirma::page_event{"", "snapshot", ""}; });
+    atirma::sse_limits limits;
+    limits.max_stuck_ticks = 3;
+    atirma::sse_channel channel([](std::string_view) { return atirma::page_event{"", "snapshot", ""}; }, limits);
     auto stuck = std::make_shared<slow_sink>();
     channel.add(stuck, "");
     channel.tick();
     channel.tick();
     CHECK(channel.clients() == 1);
-    channel.tick();
+    CHECK(channel.tick() == 1);
     CHECK(channel.clients() == 0);
     CHECK(stuck->closed);
     CHECK(channel.statistics().dropped_slow == 1);

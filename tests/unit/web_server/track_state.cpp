@@ -224,19 +224,34 @@ TEST_CASE("hostile texts and numbers of reports stay bounded and harmless") {
     CHECK_FALSE(state.apply(many, start).has_value());
 }
 
-TEST_CASE("the track is offered as GPX and KML with escaped names") {
-    atirma::track_options options;
-    options.boat = "A<b>&\"c\"";
-    atirma::track_state state(options);
-    state.apply(atirma::waypoints_update{{start, start, "xbee", false}, {{28.16, -15.452, "<script>"}}, std::nullopt, false}, start);
+TEST_CASE("a rough fix is in the track, and the current position only where nothing better is fresh") {
+    auto rough = [](std::chrono::milliseconds after) {
+        auto made = fix(after, 28.5, -15.5);
+        made.from.source = "iridium";
+        made.circular_error_m = 4000;
+        return made;
+    };
+    atirma::track_state state;
     state.apply(fix(0s, 28.0, -15.0), start);
-    state.apply(fix(20min, 28.1, -15.0), start + 20min);
-    auto gpx = state.gpx();
-    CHECK(gpx.find("<name>A&lt;b&gt;&amp;&quot;c&quot;</name>") != std::string::npos);
-    CHECK(gpx.find("<script>") == std::string::npos);
-    CHECK(gpx.find("<trkpt lat=\"28.0000000\" lon=\"-15.0000000\"><time>2026-09-21T14:13:20Z</time>") != std::string::npos);
-    CHECK(gpx.find("</trkseg>\n<trkseg>") != std::string::npos); // nothing was heard for twenty minutes
-    auto kml = state.kml();
-    CHECK(kml.find("<gx:coord>-15.0000000 28.1000000 0</gx:coord>") != std::string::npos);
-    CHECK(atirma::track_state().gpx().find("</gpx>") != std::string::npos);
+    CHECK_FALSE(parsed(state.apply(rough(30s), start + 30s))["state"].contains("position"));
+    CHECK(state.position()->latitude_deg == 28.0);
+    CHECK(state.track().size() == 2);
+    CHECK(parsed(state.apply(rough(5min), start + 5min))["state"].contains("position")); // stale_after has passed
+    CHECK(state.position()->circular_error_m == 4000);
+    state.apply(fix(6min, 28.01, -15.0), start + 6min);
+    CHECK(state.position()->latitude_deg == 28.01);
+}
+
+TEST_CASE("how a link is doing is told once, and when it was heard last with it") {
+    atirma::track_state state;
+    atirma::feed_update told{"gprs", true, start, "", true, start - 3s};
+    CHECK(parsed(state.apply(told, start))["state"]["heard"]["gprs"] == (start - 3s).time_since_epoch().count());
+    told.last_heard = start - 1s;
+    told.since = start + 1s;
+    CHECK_FALSE(state.apply(told, start)); // the next status tells it
+    auto status = json::parse(state.status(start).data)["state"];
+    CHECK(status["heard"]["gprs"] == (start - 1s).time_since_epoch().count());
+    CHECK(status["feeds"][0]["since"] == start.time_since_epoch().count());
+    told.connected = false;
+    CHECK(state.apply(told, start));
 }

@@ -1,0 +1,104 @@
+#include "command_button.hpp"
+
+#include "theme.hpp"
+
+#include <components/gui_client/track_store.hpp>
+#include <components/gui_client/words.hpp>
+
+#include <QMenu>
+
+#include <algorithm>
+
+namespace atirma::console {
+
+command_button::command_button(operator_actions& actions, QWidget* parent) : QToolButton(parent), actions_(actions) {
+    setObjectName("command");
+    setPopupMode(QToolButton::InstantPopup);
+    setToolButtonStyle(Qt::ToolButtonTextOnly);
+    auto* menu = new QMenu(this);
+    menu->setObjectName("command_menu");
+    setMenu(menu);
+    connect(menu, &QMenu::aboutToShow, this, &command_button::fill_menu);
+    hide();
+}
+
+void command_button::ask_for(authority_action what, const std::string& to, bool confirmed) {
+    change_authority change;
+    change.request.action = what;
+    change.request.to = to;
+    change.request.confirmed = confirmed;
+    actions_.act(std::move(change));
+}
+
+void command_button::fill_menu() {
+    auto* to = menu();
+    to->clear();
+    const auto& holder = seen_.state.holder;
+    auto name = console::text(operator_label(holder));
+    if (seen_.mine()) {
+        for (const auto& who : seen_.state.asked_by)
+            connect(to->addAction(tr("Hand over to %1, who asks for it").arg(console::text(operator_label(who)))),
+                    &QAction::triggered, this, [this, who] { ask_for(authority_action::hand_over, who); });
+        for (const auto& who : others_)
+            if (std::ranges::count(seen_.state.asked_by, who) == 0)
+                connect(to->addAction(tr("Hand over to %1").arg(console::text(operator_label(who)))), &QAction::triggered, this,
+                        [this, who] { ask_for(authority_action::hand_over, who); });
+        if (!to->isEmpty()) to->addSeparator();
+        connect(to->addAction(tr("Give it up")), &QAction::triggered, this,
+                [this] { ask_for(authority_action::release); });
+    } else if (holder.empty()) {
+        connect(to->addAction(tr("Take the command over the boat")), &QAction::triggered, this,
+                [this] { ask_for(authority_action::take); });
+    } else {
+        auto* ask = to->addAction(tr("Ask %1 for it").arg(name));
+        ask->setEnabled(std::ranges::count(seen_.state.asked_by, seen_.self) == 0);
+        connect(ask, &QAction::triggered, this, [this] { ask_for(authority_action::ask); });
+        connect(to->addAction(tr("Take it against the will of %1…").arg(name)), &QAction::triggered, this,
+                [this, name] {
+                    if (actions_.confirmed(tr("Take the command from %1?").arg(name),
+                                           tr("Whatever %1 does at this moment ends. Ask first where there is time.")
+                                               .arg(name)))
+                        ask_for(authority_action::take, {}, true);
+                });
+    }
+    if (seen_.state.since != utc_time()) {
+        to->addSeparator();
+        auto* told = to->addAction(tr("%1 UTC: %2").arg(console::text(iso_time(seen_.state.since).substr(11, 5)),
+                                                        console::text(seen_.state.how)));
+        told->setEnabled(false);
+    }
+}
+
+void command_button::show_snapshot(const snapshot& seen) {
+    const auto& t = colours();
+    seen_ = seen.authority;
+    others_.clear();
+    for (const auto& one : *seen.present)
+        if (one.console && !one.self) others_.push_back(one.path);
+    setVisible(seen_.known);
+    if (!seen_.known) return;
+    const auto& holder = seen_.state.holder;
+    QColor ink = t.ink2, back = t.field;
+    QString words = tr("nobody commands");
+    if (seen_.changing) words = tr("asking…");
+    else if (seen_.mine() && !seen_.state.asked_by.empty()) {
+        words = tr("%1 asks for the command").arg(console::text(operator_label(seen_.state.asked_by.front())));
+        ink = t.warn, back = t.warn_back;
+    } else if (seen_.mine()) {
+        words = tr("you command");
+        ink = t.good;
+    } else if (!holder.empty()) {
+        words = tr("%1 commands").arg(console::text(operator_label(holder)));
+        ink = t.warn, back = t.warn_back;
+    }
+    setText(words);
+    setToolTip(seen_.problem.empty() ? tr("Who may tell the boat what to do; click to change that")
+                                     : console::text(seen_.problem));
+    auto sheet = QStringLiteral(
+                     "QToolButton { color: %1; background: %2; border: 0; border-radius: 10px; padding: 2px 10px; "
+                     "min-height: 16px; font-weight: 600; } QToolButton::menu-indicator { image: none; }")
+                     .arg(ink.name(), back.name());
+    if (styleSheet() != sheet) setStyleSheet(sheet);
+}
+
+} // namespace atirma::console

@@ -1,0 +1,80 @@
+#include "chart_view.hpp"
+#include "console_window.hpp"
+#include "limits_dialog.hpp"
+#include "mission_panel.hpp"
+
+#include <QAction>
+#include <QCloseEvent>
+#include <QSplitter>
+#include <QTabWidget>
+
+#include <algorithm>
+
+// What the window keeps over a start.
+namespace atirma::console {
+
+void console_window::recall() {
+    const auto& kept = remembered_;
+    began_ = now();
+    if (!kept.geometry.isEmpty()) restoreGeometry(kept.geometry); // brings it back onto a screen that is there
+    if (!kept.split.isEmpty()) split_->restoreState(kept.split);
+    if (!kept.tab.isEmpty()) show_tab(kept.tab);
+    if (kept.draft_edited) draft_.restore(kept.draft);
+    follow_->setChecked(kept.follow);
+    chart_->set_follow(kept.follow);
+    chart_->set_tail(kept.tail_s);
+    if (kept.chart_centre) chart_->place(*kept.chart_centre, kept.metres_per_pixel);
+}
+
+console_memory console_window::memory() const {
+    auto made = remembered_;
+    made.night = options_.night;
+    made.shown = shown_units();
+    if (told_component_) {
+        bool settled = now() - began_ > std::chrono::minutes(10); // before, the cause may only not be known yet
+        std::erase_if(made.acknowledged, [&](const auto& kept) {
+            return settled || std::ranges::any_of(seen_->alarms, [&](const auto& it) { return it.key == kept.key; });
+        });
+        for (const auto& one : seen_->alarms)
+            if (one.acknowledged && made.acknowledged.size() < alarm_book::max_alarms)
+                made.acknowledged.push_back({one.key, one.how});
+    }
+    made.draft_edited = draft_.edited();
+    made.draft = draft_.edited() ? draft_.points() : std::vector<waypoint>();
+    made.geometry = saveGeometry();
+    made.split = split_->saveState();
+    made.tab = tabs_->currentWidget()->property("tab").toString();
+    made.follow = chart_->following();
+    made.tail_s = chart_->tail();
+    if (chart_->placed()) {
+        made.chart_centre = chart_->projection().centre;
+        made.metres_per_pixel = chart_->projection().metres_per_pixel;
+    }
+    return made;
+}
+
+void console_window::keep() {
+    auto trouble = settings_.save(memory());
+    if (!trouble.isEmpty() && !std::exchange(settings_failed_, true)) say(trouble); // once is enough
+    if (trouble.isEmpty()) settings_failed_ = false;
+}
+
+void console_window::closeEvent(QCloseEvent* event) {
+    keep();
+    QMainWindow::closeEvent(event);
+}
+
+void console_window::set_units(const units& chosen) {
+    use_units(chosen);
+    mission_->forget();
+    refresh();
+}
+
+void console_window::edit_limits() {
+    limits_dialog dialog(remembered_.limits, this);
+    if (dialog.exec() != QDialog::Accepted) return;
+    remembered_.limits = dialog.limits();
+    if (actions_.act(set_limits{dialog.limits()})) say(tr("The console calls by the new limits"));
+}
+
+} // namespace atirma::console

@@ -1,0 +1,98 @@
+#include "limits_dialog.hpp"
+
+#include "theme.hpp"
+
+#include <QDialogButtonBox>
+#include <QDoubleSpinBox>
+#include <QFormLayout>
+#include <QLabel>
+#include <QPushButton>
+
+namespace atirma::console {
+
+limits_dialog::limits_dialog(const alarm_limits& now, QWidget* parent) : QDialog(parent) {
+    setObjectName("limits");
+    setWindowTitle(tr("When this console calls you"));
+    auto* column = new QVBoxLayout(this);
+    auto* form = new QFormLayout;
+    form->setHorizontalSpacing(18);
+    form->setVerticalSpacing(7);
+    auto add = [&](const char* name, const QString& words, const QString& tip, double low, double high,
+                   const QString& unit) {
+        auto* box = new QDoubleSpinBox(this);
+        box->setObjectName(name);
+        box->setRange(low, high);
+        box->setDecimals(0);
+        box->setSuffix(" " + unit);
+        box->setToolTip(tip);
+        box->setButtonSymbols(QAbstractSpinBox::NoButtons);
+        box->setMinimumWidth(110);
+        form->addRow(words, box);
+        connect(box, &QDoubleSpinBox::valueChanged, this, &limits_dialog::check);
+        return box;
+    };
+    no_data_ = add("limit_no_data", tr("Nothing heard from the boat for"),
+                   tr("Over any link; at least five periods of its telemetry"), 5, 86400, tr("s"));
+    link_silent_ = add("limit_link_silent", tr("One link silent for"),
+                       tr("While others go on; at least five periods of its telemetry"), 5, 86400, tr("s"));
+    proxy_lost_ = add("limit_proxy_lost", tr("A link's proxy not reached for"), tr("On the shore's network"), 1, 3600,
+                      tr("s"));
+    battery_low_ = add("limit_battery_low", tr("Battery low below"), tr("A warning"), 0, 100, "%");
+    battery_critical_ = add("limit_battery_critical", tr("Battery critical below"), tr("Not above the limit before"),
+                            0, 100, "%");
+    off_track_ = add("limit_off_track", tr("Off track by"), tr("In Auto and Return, to either side of the leg"), 5,
+                     10000, tr("m"));
+    modem_hot_ = add("limit_modem_hot", tr("Modem on shore warmer than"),
+                     tr("At 60 °C it begins to hold back what it sends"), 20, 100, tr("°C"));
+    duty_ = add("limit_duty", tr("Duty cycle used up to"), tr("At 100 % the modem falls silent"), 1, 100, "%");
+    column->addLayout(form);
+    trouble_ = new QLabel(this);
+    trouble_->setObjectName("limits_trouble");
+    trouble_->setStyleSheet(QStringLiteral("color: %1").arg(colours().bad.name()));
+    column->addWidget(trouble_);
+    auto* buttons = new QDialogButtonBox(this);
+    accept_ = buttons->addButton(tr("Use these"), QDialogButtonBox::AcceptRole);
+    accept_->setObjectName("limits_accept");
+    accept_->setProperty("role", "primary");
+    buttons->addButton(tr("Cancel"), QDialogButtonBox::RejectRole);
+    auto* usual = buttons->addButton(tr("As delivered"), QDialogButtonBox::ResetRole);
+    connect(buttons, &QDialogButtonBox::accepted, this, &QDialog::accept);
+    connect(buttons, &QDialogButtonBox::rejected, this, &QDialog::reject);
+    connect(usual, &QPushButton::clicked, this, [this] { show_limits(alarm_limits()); });
+    column->addWidget(buttons);
+    show_limits(now);
+}
+
+void limits_dialog::show_limits(const alarm_limits& all) {
+    no_data_->setValue(all.no_data_s);
+    link_silent_->setValue(all.link_silent_s);
+    proxy_lost_->setValue(all.proxy_lost_s);
+    battery_low_->setValue(all.battery_low_percent);
+    battery_critical_->setValue(all.battery_critical_percent);
+    off_track_->setValue(all.off_track_m);
+    modem_hot_->setValue(all.modem_hot_c);
+    duty_->setValue(all.duty_percent);
+    check();
+}
+
+void limits_dialog::check() {
+    bool good = battery_critical_->value() <= battery_low_->value();
+    trouble_->setText(good ? QString() : tr("Critical lies above low: the battery would never be only low"));
+    trouble_->setVisible(!good);
+    accept_->setEnabled(good);
+}
+
+alarm_limits limits_dialog::limits() const {
+    alarm_limits made;
+    made.no_data_s = no_data_->value();
+    made.link_silent_s = link_silent_->value();
+    made.proxy_lost_s = proxy_lost_->value();
+    made.battery_low_percent = static_cast<unsigned>(battery_low_->value());
+    made.battery_critical_percent = static_cast<unsigned>(battery_critical_->value());
+    made.off_track_m = off_track_->value();
+    made.modem_hot_c = static_cast<int>(modem_hot_->value());
+    made.duty_percent = static_cast<unsigned>(duty_->value());
+    return made;
+}
+
+} // namespace atirma::console

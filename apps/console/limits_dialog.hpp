@@ -1,0 +1,29 @@
+#pragma once
+#include <components/gui_client/alarm.hpp>
+
+#include <QDialog>
+
+class QDoubleSpinBox;
+class QLabel;
+class QPushButton;
+
+namespace atirma::console {
+
+/// When the operator is called. Figures that contradict each other cannot be accepted.
+class limits_dialog : public QDialog {
+    Q_OBJECT
+public:
+    explicit limits_dialog(const alarm_limits& now, QWidget* parent = nullptr);
+    alarm_limits limits() const;
+
+private:
+    void show_limits(const alarm_limits& all);
+    void check();
+
+    QDoubleSpinBox *no_data_, *link_silent_, *proxy_lost_, *battery_low_, *battery_critical_, *off_track_, *modem_hot_,
+        *duty_;
+    QLabel* trouble_;
+    QPushButton* accept_;
+};
+
+} // namespace atirma::console

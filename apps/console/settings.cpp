@@ -1,0 +1,146 @@
+#include "settings.hpp"
+
+#include "mission_draft.hpp"
+
+#include <QDir>
+#include <QFile>
+#include <QFileInfo>
+#include <QSettings>
+#include <QStandardPaths>
+
+#include <algorithm>
+#include <cmath>
+
+namespace atirma::console {
+namespace {
+
+constexpr int format_version = 1;
+
+/// A number within its range, or what was there before.
+template <class Number>
+void read(const QSettings& from, const QString& key, Number& into, double low, double high) {
+    bool good = false;
+    double value = from.value(key).toDouble(&good);
+    if (good && value >= low && value <= high) into = static_cast<Number>(value);
+}
+
+template <class Enum>
+void read_choice(const QSettings& from, const QString& key, Enum& into, const QStringList& names) {
+    auto place = names.indexOf(from.value(key).toString());
+    if (place >= 0) into = static_cast<Enum>(place);
+}
+
+const QStringList speeds{"kn", "m/s", "km/h"}, distances{"nautical", "metric"}, places{"minutes", "decimal"},
+    severities{"notice", "warning", "critical"};
+
+QString name_in(const QStringList& names, auto value) { return names[static_cast<int>(value)]; }
+
+void read_limits(const QSettings& from, alarm_limits& limits) {
+    read(from, "alarms/no_data_s", limits.no_data_s, 5, 86400);
+    read(from, "alarms/link_silent_s", limits.link_silent_s, 5, 86400);
+    read(from, "alarms/proxy_lost_s", limits.proxy_lost_s, 1, 3600);
+    read(from, "alarms/battery_low_percent", limits.battery_low_percent, 0, 100);
+    read(from, "alarms/battery_critical_percent", limits.battery_critical_percent, 0, 100);
+    read(from, "alarms/off_track_m", limits.off_track_m, 5, 10000);
+    read(from, "alarms/modem_hot_c", limits.modem_hot_c, 20, 100);
+    read(from, "alarms/duty_percent", limits.duty_percent, 1, 100);
+}
+
+std::optional<waypoint> place_of(const QString& words) {
+    auto parts = words.split(' ');
+    if (parts.size() != 2) return std::nullopt;
+    bool north = false, east = false;
+    waypoint at{parts[0].toDouble(&north), parts[1].toDouble(&east)};
+    if (!north || !east || !(std::abs(at.latitude_deg) <= 90) || !(std::abs(at.longitude_deg) <= 180))
+        return std::nullopt;
+    return at;
+}
+
+QString words_of(const waypoint& at) {
+    return QStringLiteral("%1 %2").arg(at.latitude_deg, 0, 'f', 8).arg(at.longitude_deg, 0, 'f', 8);
+}
+
+} // namespace
+
+QString settings_file::usual() {
+    auto folder = QStandardPaths::writableLocation(QStandardPaths::GenericConfigLocation);
+    return folder.isEmpty() ? QString() : folder + "/atirma/console.ini";
+}
+
+console_memory settings_file::load(QString& trouble) const {
+    console_memory made;
+    if (path_.isEmpty() || !QFile::exists(path_)) return made;
+    if (QFile file(path_); !file.open(QIODevice::ReadOnly)) {
+        trouble = QObject::tr("%1 cannot be read (%2): the console begins as new").arg(path_, file.errorString());
+        return made;
+    }
+    QSettings from(path_, QSettings::IniFormat);
+    if (from.status() != QSettings::NoError || from.value("version").toInt() != format_version) {
+        trouble = QObject::tr("%1 is not the settings of this console: it begins as new").arg(path_);
+        return made;
+    }
+    if (from.contains("look/night")) made.night = from.value("look/night").toBool();
+    read_choice(from, "units/speed", made.shown.speed, speeds);
+    read_choice(from, "units/distance", made.shown.distance, distances);
+    read_choice(from, "units/place", made.shown.place, places);
+    read_limits(from, made.limits);
+    for (const auto& line : from.value("alarms/acknowledged").toStringList()) {
+        auto how = severities.indexOf(line.section(' ', 0, 0));
+        auto key = line.section(' ', 1);
+        if (how < 0 || key.isEmpty() || made.acknowledged.size() >= alarm_book::max_alarms) continue;
+        made.acknowledged.push_back({key.toStdString(), static_cast<severity>(how)});
+    }
+    made.draft_edited = from.value("mission/edited").toBool();
+    for (const auto& line : from.value("mission/waypoints").toStringList())
+        if (auto at = place_of(line); at && made.draft.size() < mission_draft::most) made.draft.push_back(*at);
+    made.geometry = from.value("window/geometry").toByteArray();
+    made.split = from.value("window/split").toByteArray();
+    made.tab = from.value("window/tab").toString();
+    made.follow = from.value("chart/follow", true).toBool();
+    read(from, "chart/tail_s", made.tail_s, 0, 1e7);
+    made.chart_centre = place_of(from.value("chart/centre").toString());
+    read(from, "chart/metres_per_pixel", made.metres_per_pixel, 0.02, 400);
+    return made;
+}
+
+QString settings_file::save(const console_memory& memory) {
+    if (path_.isEmpty() || saved_ == memory) return {};
+    if (auto folder = QFileInfo(path_).absolutePath(); !QDir().mkpath(folder))
+        return QObject::tr("The settings cannot be kept: there is no folder %1").arg(folder);
+    QSettings to(path_, QSettings::IniFormat);
+    to.setValue("version", format_version);
+    if (memory.night) to.setValue("look/night", *memory.night);
+    to.setValue("units/speed", name_in(speeds, memory.shown.speed));
+    to.setValue("units/distance", name_in(distances, memory.shown.distance));
+    to.setValue("units/place", name_in(places, memory.shown.place));
+    const auto& limits = memory.limits;
+    to.setValue("alarms/no_data_s", limits.no_data_s);
+    to.setValue("alarms/link_silent_s", limits.link_silent_s);
+    to.setValue("alarms/proxy_lost_s", limits.proxy_lost_s);
+    to.setValue("alarms/battery_low_percent", limits.battery_low_percent);
+    to.setValue("alarms/battery_critical_percent", limits.battery_critical_percent);
+    to.setValue("alarms/off_track_m", limits.off_track_m);
+    to.setValue("alarms/modem_hot_c", limits.modem_hot_c);
+    to.setValue("alarms/duty_percent", limits.duty_percent);
+    QStringList alarms, waypoints;
+    for (const auto& one : memory.acknowledged)
+        alarms << name_in(severities, one.how) + " " + QString::fromStdString(one.key);
+    to.setValue("alarms/acknowledged", alarms);
+    to.setValue("mission/edited", memory.draft_edited);
+    for (const auto& at : memory.draft) waypoints << words_of(at);
+    to.setValue("mission/waypoints", waypoints);
+    to.setValue("window/geometry", memory.geometry);
+    to.setValue("window/split", memory.split);
+    to.setValue("window/tab", memory.tab);
+    to.setValue("chart/follow", memory.follow);
+    to.setValue("chart/tail_s", memory.tail_s);
+    if (memory.chart_centre) to.setValue("chart/centre", words_of(*memory.chart_centre));
+    to.setValue("chart/metres_per_pixel", memory.metres_per_pixel);
+    to.sync(); // by way of a new file beside it
+    if (to.status() != QSettings::NoError)
+        return QObject::tr("The settings cannot be kept: %1 cannot be written").arg(path_);
+    saved_ = memory;
+    return {};
+}
+
+} // namespace atirma::console

@@ -1,0 +1,237 @@
+#include "carrier.hpp"
+
+#include <asio/this_coro.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace ise::cli {
+namespace {
+
+using namespace std::chrono_literals;
+namespace host_services = instantiation::services;
+using deployment::action;
+using instantiation::start_request;
+
+// Beside what a component may take by its own terms: a name that has to come free, another try as before.
+constexpr duration besides = 30s;
+constexpr duration longest_stop = 90s;
+constexpr std::size_t at_once = 8; // an instantiation server bounds how many are started within a short time
+
+} // namespace
+
+carrier::carrier(context& in, fleet& there) : in_(in), there_(there), scope_(in.self.on(), [this](const std::string&, std::exception_ptr thrown) {
+    if (!why_ && !is_cancellation(thrown)) why_.emplace(exit_code::failed, "unexpected", ise::describe(thrown));
+}) {}
+
+carrier::~carrier() { in_.ctrl_c.leave(); }
+
+task<> carrier::carry_out(std::vector<deployment::step> steps, manner how) {
+    how_ = how;
+    for (auto& one : steps) {
+        jobs_.emplace_back();
+        jobs_.back().what = std::move(one);
+    }
+    in_.ctrl_c.care(in_.self.on(), [this] { on_interrupt(); });
+    std::exception_ptr cancelled;
+    try {
+        for (;;) {
+            bool some = begin_some();
+            if (begun_ > 0) co_await wait_for_change();
+            else if (!some) break;
+        }
+        if (why_ || interrupted_) co_await give_up();
+        for (auto& one : jobs_)
+            if (!how_.forget && one.what.what == action::stop) co_await forget(one.what);
+    } catch (...) {
+        cancelled = std::current_exception();
+    }
+    in_.ctrl_c.leave();
+    scope_.stop();
+    co_await asio::this_coro::reset_cancellation_state();
+    co_await scope_.join();
+    if (cancelled) std::rethrow_exception(cancelled);
+}
+
+bool carrier::may_begin(const job& one) const {
+    if (one.now != phase::waiting) return false;
+    return std::ranges::all_of(one.what.after, [&](std::size_t before) {
+        auto now = jobs_[before].now;
+        return now == phase::done || (how_.all && now == phase::failed);
+    });
+}
+
+bool carrier::begin_some() {
+    if (interrupted_ || (why_ && !how_.all)) return false;
+    bool some = false;
+    for (std::size_t number = 0; number < jobs_.size() && begun_ < at_once; ++number) {
+        auto& one = jobs_[number];
+        if (!may_begin(one)) continue;
+        one.now = phase::begun;
+        some = true;
+        ++begun_;
+        one.cancel = scope_.spawn("step", carry_out_one(number));
+    }
+    return some;
+}
+
+task<> carrier::carry_out_one(std::size_t number) {
+    auto& one = jobs_[number];
+    std::optional<problem> why;
+    std::string outcome;
+    struct ending { // also where it is given up
+        carrier& of;
+        job& one;
+        ~ending() {
+            if (one.now == phase::begun) one.now = phase::failed; // it did not come to its end
+            one.cancel = nullptr;
+            --of.begun_;
+            if (of.changed_) of.changed_->resume();
+        }
+    } guard{*this, one};
+    try {
+        co_await tell(number, "begun", "");
+        outcome = co_await act(one);
+        one.now = phase::done;
+        done_.push_back(number);
+        co_await tell(number, "done", outcome);
+    } catch (const problem& thrown) {
+        why = thrown;
+    } catch (const error& thrown) {
+        why.emplace(thrown.why());
+    }
+    if (!why || interrupted_) co_return;
+    auto text = how_.all ? std::string(why->what()) : fmt::format("step {} of {} failed: {}", number + 1, jobs_.size(), why->what());
+    if (!why_) why_.emplace(why->code(), why->name(), text, why->advice());
+    if (why->code() != exit_code::no_output) co_await tell(number, "failed", how_.all ? why->what() : "");
+}
+
+task<std::string> carrier::act(job& one) {
+    auto what = one.what;
+    auto began = in_.self.now();
+    if (what.what == action::stop) {
+        auto ended = co_await stop(what.server, what.path, how_.forget);
+        co_return ended.ended.reason;
+    }
+    if (what.what == action::start) {
+        auto server = there_.servers.at(what.server);
+        auto request = what.request;
+        auto told = co_await server.try_call(host_services::start, std::move(request), limit_of(what));
+        if (!told) throw problem(told.error());
+        auto instance = started(*told);
+        co_return ready_text(instance, began);
+    }
+    auto told = co_await change_to(what.server, what.request);
+    auto instance = started(told.outcome);
+    one.former = std::move(told.former);
+    if (told.way == instantiation::change_way::restarted) co_return ready_text(instance, began);
+    co_return std::string("changed while it runs");
+}
+
+// What is being stopped or changed comes to its end; what is being started is given up, which ends it.
+void carrier::on_interrupt() {
+    interrupted_ = true;
+    note(in_.set, how_.undo ? "interrupted: what was done is undone; Ctrl-C once more leaves it as it is" : "interrupted: what was done stays");
+    for (auto& one : jobs_)
+        if (one.now != phase::waiting && one.cancel && one.what.what == action::start) one.cancel->emit(asio::cancellation_type::terminal);
+    if (changed_) changed_->resume();
+}
+
+task<> carrier::wait_for_change() {
+    waiter<> told(in_.self.on(), [&told] { told.resume(); });
+    struct listed {
+        carrier& of;
+        ~listed() { of.changed_ = nullptr; }
+    } listing{*this};
+    changed_ = &told;
+    co_await told.wait();
+}
+
+task<> carrier::give_up() {
+    if (interrupted_ && !why_) {
+        auto left = std::ranges::count_if(jobs_, [](const job& one) { return one.now == phase::waiting; });
+        why_.emplace(exit_code::interrupted, "interrupted", fmt::format("interrupted: {} of {} steps were done, {} not begun", done_.size(), jobs_.size(), left));
+    }
+    std::string text = why_->what();
+    bool anything = !done_.empty() || interrupted_;
+    if (!how_.undo || !anything) {
+        if (!done_.empty() && !how_.all) text += "\nwhat was done before stays (--keep)";
+        throw problem(why_->code(), why_->name(), text, why_->advice());
+    }
+    bool whole = true;
+    for (auto& one : jobs_) // given up while it was started: nothing is to be kept of it
+        if (interrupted_ && one.now == phase::failed && one.what.what == action::start) co_await forget(one.what);
+    for (auto number = done_.rbegin(); number != done_.rend(); ++number) {
+        bool undone = co_await undo(jobs_[*number]);
+        whole = whole && undone;
+    }
+    text += whole ? "\nwhat was done before was undone" : "\nwhat was done before was undone in part: ise ps, ise diff";
+    throw problem(why_->code(), why_->name(), text, why_->advice());
+}
+
+task<bool> carrier::undo(job& one) {
+    std::string trouble;
+    try {
+        co_await undo_one(one);
+    } catch (const problem& thrown) {
+        trouble = thrown.what();
+    }
+    auto number = static_cast<std::size_t>(&one - jobs_.data());
+    co_await tell(number, trouble.empty() ? "undone" : "not undone", trouble);
+    co_return trouble.empty();
+}
+
+task<> carrier::undo_one(const job& one) {
+    const auto& what = one.what;
+    if (what.what == action::start) {
+        auto ended = co_await stop(what.server, what.path, true);
+    } else if (what.what == action::stop) {
+        if (!what.alive) co_return;
+        auto server = there_.servers.at(what.server);
+        instantiation::restart_request request{what.path};
+        auto told = co_await server.try_call(host_services::restart, std::move(request), limit_of(what));
+        if (!told) throw problem(told.error());
+        started(*told);
+    } else {
+        auto told = co_await change_to(what.server, *one.former);
+        started(told.outcome);
+    }
+}
+
+task<instantiation::change_response> carrier::change_to(std::string server, start_request to) {
+    auto who = there_.servers.at(server);
+    instantiation::change_request request;
+    auto limit = 4 * to.terms.ready_within + to.terms.grace + besides;
+    request.to = std::move(to);
+    auto told = co_await who.try_call(host_services::change, std::move(request), std::min(limit, in_.left()));
+    if (!told) throw problem(told.error());
+    co_return std::move(*told);
+}
+
+task<instantiation::ended_response> carrier::stop(std::string server, std::string path, bool forget) {
+    auto who = there_.servers.at(server);
+    instantiation::stop_request request;
+    request.path = path;
+    request.forget = forget;
+    auto told = co_await who.try_call(host_services::stop, std::move(request), std::min(longest_stop, in_.left()));
+    if (!told) throw problem(told.error());
+    co_return std::move(*told);
+}
+
+/// Of what has ended, and is not needed to undo anything any more.
+task<> carrier::forget(const deployment::step& what) {
+    std::string trouble;
+    try {
+        auto ended = co_await stop(what.server, what.path, true);
+    } catch (const problem& thrown) {
+        trouble = thrown.what();
+    }
+    if (!trouble.empty() && !interrupted_) note(in_.set, fmt::format("{} on {} is not forgotten: {}", what.path, what.server, trouble));
+}
+
+duration carrier::limit_of(const deployment::step& what) const {
+    return std::min(3 * what.request.terms.ready_within + what.request.terms.grace + besides, in_.left());
+}
+
+} // namespace ise::cli

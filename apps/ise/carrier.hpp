@@ -1,0 +1,74 @@
+#pragma once
+#include "deployments.hpp"
+
+#include <ise/core/task_scope.hpp>
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace ise::cli {
+
+/// Carries the steps of a plan out, several at a time where none has to wait for the other, and tells what happens while it
+/// happens.
+class carrier {
+public:
+    carrier(context& in, fleet& there);
+    ~carrier();
+    carrier(const carrier&) = delete;
+    carrier& operator=(const carrier&) = delete;
+
+    struct manner {
+        bool undo = true;
+        bool all = false;
+        bool forget = false;
+    };
+    /// All of them. Where one fails, or Ctrl-C is pressed, nothing more is begun, and with `undo` what was done is undone, in
+    /// the opposite order; then throws problem with the reason. With `all` the others are done even where some fail (all of
+    /// them to their end: what has to wait for a failed one is done after it). With `forget` nothing is kept of what is stopped.
+    /// Cancellation: terminal; what is being done is given up.
+    task<> carry_out(std::vector<deployment::step> steps, manner how);
+
+private:
+    enum class phase : std::uint8_t { waiting, begun, done, failed };
+    struct job {
+        deployment::step what;
+        phase now = phase::waiting;
+        std::optional<instantiation::start_request> former; ///< of what was changed
+        asio::cancellation_signal* cancel = nullptr;        ///< while it is begun
+    };
+
+    bool may_begin(const job& one) const;
+    bool begin_some(); // whether there was any
+    task<> carry_out_one(std::size_t number);
+    task<std::string> act(job& one);
+    void on_interrupt();
+    task<> wait_for_change();
+    task<> give_up();
+    task<bool> undo(job& one);
+    task<> undo_one(const job& one);
+    task<> forget(const deployment::step& what);
+
+    task<instantiation::change_response> change_to(std::string server, instantiation::start_request to);
+    task<instantiation::ended_response> stop(std::string server, std::string path, bool forget);
+    duration limit_of(const deployment::step& what) const;
+    std::string ready_text(const instantiation::instance_text& what, time_point began) const;
+    task<> tell(std::size_t number, std::string state, std::string outcome);
+    task<> say(std::string text);
+
+    context& in_;
+    fleet& there_;
+    manner how_;
+    std::vector<job> jobs_;
+    std::vector<std::size_t> done_; // in the order in which they were
+    std::size_t begun_ = 0;
+    std::optional<problem> why_;    // of the first that failed
+    bool interrupted_ = false;
+    waiter<>* changed_ = nullptr;
+    std::string unsaid_;            // while something is being written
+    bool saying_ = false;
+    task_scope scope_;
+};
+
+} // namespace ise::cli

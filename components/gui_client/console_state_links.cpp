@@ -1,0 +1,97 @@
+#include <components/gui_client/console_state.hpp>
+
+#include <components/gui_client/words.hpp>
+
+#include <fmt/format.h>
+
+// What is known of the ways to the boat: proxies, communication nodes, and who has the authority.
+namespace atirma::console {
+
+link_view* console_state::link_at(const std::string& path) {
+    auto found = links_.find(path);
+    if (found != links_.end()) return &found->second;
+    if (links_.size() >= options_.max_links) return nullptr;
+    link_view made;
+    made.path = path;
+    made.link = link_of_path(path);
+    return &links_.emplace(path, std::move(made)).first->second;
+}
+
+void console_state::on_xbee(const std::string& path, const xbee_local& local, utc_time now) {
+    auto* link = link_at(path);
+    if (!link) return;
+    link->xbee = local;
+    link->xbee_at = now;
+}
+
+void console_state::on_xbee_answer(const std::string& path, std::string text) {
+    if (auto* link = link_at(path)) link->xbee_answer = std::move(text);
+}
+
+void console_state::on_lost(const std::string& path, std::uint64_t packets) {
+    if (auto* link = link_at(path)) link->lost += packets;
+}
+
+void console_state::on_link(const std::string& path, bool connected, std::string trouble, utc_time now) {
+    auto* link = link_at(path);
+    if (!link) return;
+    if (link->connected != connected || link->since == utc_time()) link->since = now;
+    link->connected = connected;
+    link->trouble = std::move(trouble);
+}
+
+void console_state::takes_commands(const std::string& path) {
+    if (auto* link = link_at(path)) link->takes_commands = true;
+}
+
+void console_state::on_account(const std::string& path, const iridium_account& account) {
+    if (auto* link = link_at(path)) link->account = account;
+}
+
+void console_state::stands_for_all(const std::string& path) {
+    auto* link = link_at(path);
+    if (!link) return;
+    link->all_links = true;
+    link->takes_commands = true;
+    link->link.reset();
+}
+
+void console_state::on_node(const std::string& path, bool connected, std::string trouble,
+                            const communication_state* told, utc_time now) {
+    auto known = nodes_.find(path);
+    if (known == nodes_.end()) {
+        if (nodes_.size() >= options_.max_links) return;
+        known = nodes_.emplace(path, node_view()).first;
+        known->second.path = path;
+        known->second.told_at = now; // from now on it is waited for
+    }
+    auto& node = known->second;
+    node.connected = connected;
+    node.trouble = std::move(trouble);
+    if (!told) return;
+    node.state = *told;
+    node.told_at = now;
+}
+
+void console_state::on_authority(const authority_state& told, utc_time now) {
+    // After a fail-over the other node may not have heard of the newest change yet.
+    if (authority_.known && told.epoch < authority_.state.epoch) return;
+    bool was_mine = authority_.mine();
+    authority_.known = true;
+    authority_.state = told;
+    if (was_mine && !authority_.mine() && !authority_.changing)
+        alarms_.tell("authority:lost", severity::warning,
+                     fmt::format("The command over the boat was given up here: {}", told.how), now);
+    auto waiting = authority_.mine() && !told.asked_by.empty();
+    alarms_.set("authority:asked", waiting, severity::notice,
+                waiting ? fmt::format("{} asks for the command over the boat", operator_label(told.asked_by.front()))
+                        : std::string(),
+                now);
+}
+
+void console_state::asks_authority(bool under_way, std::string problem) {
+    authority_.changing = under_way;
+    authority_.problem = std::move(problem);
+}
+
+} // namespace atirma::console

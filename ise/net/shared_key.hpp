@@ -1,0 +1,42 @@
+#pragma once
+#include <ise/core/bytes.hpp>
+#include <ise/core/environment.hpp>
+#include <ise/core/result.hpp>
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace ise {
+
+/// A secret that all nodes of a system know. Whoever proves that he knows it is let in (FORMAT.md, section 5).
+class shared_key {
+public:
+    using digest = std::array<std::uint8_t, 32>;
+    static constexpr std::size_t least_bytes = 32; ///< what can be guessed offline is no key
+    static constexpr std::size_t most_bytes = 1024;
+
+    /// The content of a file that only its owner reads, without the blanks and line ends around it: 32 to 1,024 bytes
+    /// (`openssl rand -hex 32`). Errors: errc::unauthorized (too many may read it), errc::io_failed, errc::invalid_argument.
+    static result<std::shared_ptr<const shared_key>> load(environment& env, const std::string& file);
+    /// The same of a text; `from` says in errors where it came from.
+    static result<std::shared_ptr<const shared_key>> make(std::string_view text, std::string_view from);
+    ~shared_key();
+    shared_key(const shared_key&) = delete;
+    shared_key& operator=(const shared_key&) = delete;
+
+    /// HMAC-SHA-256 of the label, a zero byte and the transcript.
+    digest prove(std::string_view label, bytes_view transcript) const;
+    /// Compares in a time that depends on nothing but the lengths.
+    static bool equal(std::span<const std::uint8_t> wanted, std::span<const std::uint8_t> given) noexcept;
+
+private:
+    explicit shared_key(std::string_view secret) : secret_(secret) {}
+
+    std::string secret_;
+};
+
+} // namespace ise

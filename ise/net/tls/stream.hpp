@@ -1,0 +1,27 @@
+#pragma once
+#include <ise/core/error.hpp>
+#include <ise/core/loop.hpp>
+#include <ise/core/result.hpp>
+#include <ise/core/stream.hpp>
+#include <ise/net/tls/identity.hpp>
+
+#include <memory>
+#include <optional>
+
+namespace ise::net::tls {
+
+/// A stream in TLS over another one. It is of the memory BIOs of OpenSSL and not asio::ssl::stream, which can neither write
+/// what goes at once without losing the rest, nor lie over a stream of the virtual world.
+class secure_stream : public stream {
+public:
+    /// Why there is no session, where credentials or TLS itself are the reason: of either side, or of what the peer said.
+    virtual std::optional<failure> verdict() const = 0;
+};
+
+/// Of the side that was called: shakes hands in its first read.
+std::unique_ptr<secure_stream> answer(loop& on, std::unique_ptr<stream> below, std::shared_ptr<identity> with);
+
+/// Of the side that calls `to`: shakes hands at once. Errors as tls::connect.
+task<result<std::unique_ptr<stream>>> greet(loop& on, std::unique_ptr<stream> below, std::shared_ptr<identity> with, endpoint to);
+
+} // namespace ise::net::tls

@@ -1,0 +1,58 @@
+#pragma once
+#include <ise/core/ring.hpp>
+#include <ise/packet/shared_bytes.hpp>
+
+#include <cstdint>
+
+namespace ise {
+
+/// The packets that wait for one subscriber, as frames (`packet_frame`). Those that were published one after the other
+/// lie one behind the other in memory: they wait, and leave, as one stretch, however many they are.
+class waiting_packets {
+public:
+    struct stretch {
+        shared_bytes frames;
+        std::size_t packets = 0;
+        std::uint32_t skipped = 0; ///< by the rate limit, before the first of them
+        bool addressed = false;    ///< they bear the number of this subscription
+
+        std::size_t cost() const noexcept { return frames.size() + packets * item_bytes; }
+    };
+    /// What holding a packet costs beside its frame.
+    static constexpr std::size_t item_bytes = 40;
+
+    bool empty() const noexcept { return packets_ == 0; }
+    std::size_t size() const noexcept { return packets_; }
+    std::size_t cost() const noexcept { return cost_; }
+
+    void push(const shared_bytes& frame, std::uint32_t skipped, bool addressed) {
+        ++packets_;
+        cost_ += frame.size() + item_bytes;
+        if (!stretches_.empty() && skipped == 0) {
+            auto& last = stretches_[stretches_.size() - 1];
+            if (last.addressed == addressed && last.frames.join(frame)) {
+                ++last.packets;
+                return;
+            }
+        }
+        stretches_.push_back({frame, 1, skipped, addressed});
+    }
+
+    /// The oldest; only where there is one.
+    const stretch& front() const noexcept { return stretches_.front(); }
+    /// Takes the first `most` packets of the oldest stretch.
+    stretch pop(std::size_t most);
+    /// Takes one packet, which is dropped: what was skipped before it stands before the next one, or is returned.
+    std::uint32_t drop(stretch& dropped);
+    /// From now on they go to another number.
+    void readdress() noexcept {
+        for (std::size_t place = 0; place < stretches_.size(); ++place) stretches_[place].addressed = false;
+    }
+
+private:
+    ring<stretch> stretches_;
+    std::size_t packets_ = 0;
+    std::size_t cost_ = 0;
+};
+
+} // namespace ise

@@ -1,0 +1,125 @@
+// What an operator tells the boat.
+#include "console_desk.hpp"
+
+using namespace console_test;
+
+TEST_CASE("console: a mission is uploaded, read back and compared, also over lossy air") {
+    sea it(11);
+    desk console(it.world, "desk", at_the_proxy());
+    REQUIRE(it.until([&] { return works(console); }));
+    double loss = GENERATE(0.0, 0.3);
+    it.user([loss](ise::component& self) -> ise::task<> {
+        xbee_air_request lossy;
+        lossy.extra_loss = loss;
+        auto air = sea::air(self);
+        co_await air.call(services::air_control, lossy, 5s);
+    });
+    upload_mission mission;
+    mission.points = triangle;
+    REQUIRE(console.port->act(mission));
+    REQUIRE(it.until([&] { return is_running(console.see()->upload.phase); }));
+    REQUIRE(it.until([&] { return !is_running(console.see()->upload.phase); }, 30min));
+    INFO(console.see()->upload.text);
+    CHECK(console.see()->upload.phase == upload_phase::verified);
+    CHECK(same(it.boat().pilot().list(), triangle));
+    CHECK(same(console.see()->mission.points, triangle));
+    CHECK(console.see()->upload.done == triangle.size());
+}
+
+TEST_CASE("console: an upload is cancelled between two waypoints, and says what the boat has") {
+    sea it;
+    desk console(it.world, "desk", at_the_proxy());
+    REQUIRE(it.until([&] { return works(console); }));
+    upload_mission mission;
+    mission.points = triangle;
+    REQUIRE(console.port->act(mission));
+    REQUIRE(it.until([&] { return console.see()->upload.done == 1; }, 10min));
+    REQUIRE(console.port->act(cancel_upload()));
+    REQUIRE(it.until([&] { return console.see()->upload.phase == upload_phase::cancelled; }, 10min));
+    CHECK(console.see()->upload.text.find("of 4 waypoints") != std::string::npos);
+    it.world.run_for(10s); // what was under way has arrived, or has not
+    auto sent = it.boat().pilot().list().size();
+    CHECK(sent < triangle.size());
+    REQUIRE(it.until([&] { return console.see()->mission.complete && console.see()->mission.points.size() == sent; },
+                     5min));
+}
+
+TEST_CASE("console: an upload that hangs on a dead link is cancelled at once, and the next one is taken") {
+    sea it;
+    desk console(it.world, "desk", at_the_proxy());
+    REQUIRE(it.until([&] { return works(console); }));
+    auto air = [&](bool up) {
+        it.user([up](ise::component& self) -> ise::task<> {
+            xbee_air_request change;
+            change.up = up;
+            auto there = sea::air(self);
+            co_await there.call(services::air_control, change, 5s);
+        });
+    };
+    air(false);
+    upload_mission mission;
+    mission.points = triangle;
+    REQUIRE(console.port->act(mission));
+    REQUIRE(it.until([&] { return is_running(console.see()->upload.phase); }));
+    it.world.run_for(30s);
+    REQUIRE(is_running(console.see()->upload.phase)); // it waits for the boat
+    REQUIRE(console.port->act(cancel_upload()));
+    REQUIRE(it.until([&] { return console.see()->upload.phase == upload_phase::cancelled; }, 10s));
+    CHECK(console.see()->upload.text.find("not known yet") != std::string::npos);
+    air(true);
+    REQUIRE(console.port->act(mission));
+    REQUIRE(it.until([&] { return console.see()->upload.phase == upload_phase::verified; }, 30min));
+    CHECK(same(it.boat().pilot().list(), triangle));
+}
+
+TEST_CASE("console: the boat is sent to a place, and goes on with its list afterwards") {
+    sea it;
+    desk console(it.world, "desk", at_the_proxy());
+    REQUIRE(it.until([&] { return works(console) && console.see()->mission.complete; }, 5min));
+    auto before = console.see()->mission;
+    REQUIRE(console.port->act(set_mode(sailing_mode::hold)));
+    REQUIRE(it.until([&] { return it.boat().pilot().mode() == sailing_mode::hold; }));
+    sail_to there;
+    there.point = {28.1570, -15.4510};
+    REQUIRE(console.port->act(there));
+    REQUIRE(it.until([&] { return it.boat().pilot().mode() == sailing_mode::automatic; }, 5min));
+    auto list = it.boat().pilot().list();
+    REQUIRE(list.size() == before.points.size() + 1);
+    CHECK(same({list[before.active]}, {there.point}));
+    CHECK(it.boat().pilot().active() == before.active);
+}
+
+TEST_CASE("console: a parameter is pending while it is under way, then the boat's word stands") {
+    sea it;
+    desk console(it.world, "desk", at_the_proxy());
+    REQUIRE(it.until([&] { return works(console); }));
+    auto tack = [&] { return console.see()->parameters[static_cast<std::size_t>(parameter_id::time_to_next_tack)]; };
+    give_command set;
+    set.command.kind = command_kind::set_parameter;
+    set.command.parameter = parameter_id::time_to_next_tack;
+    set.command.value = 45;
+    REQUIRE(console.port->act(set));
+    REQUIRE(it.until([&] { return tack().pending == 45.0f; }));
+    REQUIRE(it.until([&] { return tack().confirmed == 45.0f && !tack().pending; }));
+    CHECK(it.boat().pilot().parameter(parameter_id::time_to_next_tack) == 45.0f);
+    set.command.value = 99999;
+    REQUIRE(console.port->act(set));
+    REQUIRE(it.until([&] { return !tack().problem.empty(); }));
+    CHECK(tack().confirmed == 45.0f);
+    CHECK(console.last_command()->phase == command_phase::refused);
+}
+
+TEST_CASE("console: the modem's power is set, and a value that is none is refused with the reason") {
+    sea it;
+    desk console(it.world, "desk", at_the_proxy());
+    REQUIRE(it.until([&] { return works(console); }));
+    set_xbee_parameter power;
+    power.path = "tcp://shore:7411";
+    power.name = "power_level";
+    power.value = 1;
+    REQUIRE(console.port->act(power));
+    REQUIRE(it.until([&] { return console.see()->links[0].xbee && console.see()->links[0].xbee->power_level == 1; }));
+    power.value = 9;
+    REQUIRE(console.port->act(power));
+    REQUIRE(it.until([&] { return console.see()->links[0].xbee_answer.find("not 9") != std::string::npos; }));
+}

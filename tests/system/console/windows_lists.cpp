@@ -1,0 +1,214 @@
+// The lists of the console's window, its looks, and what comes from other threads.
+#include "desk.hpp"
+
+#include <apps/console/theme.hpp>
+
+#include <QComboBox>
+#include <QDoubleSpinBox>
+#include <QFile>
+#include <QPlainTextEdit>
+#include <QStatusBar>
+#include <QTemporaryDir>
+
+#include <thread>
+
+using namespace console_test;
+
+TEST_CASE("console windows: an alarm is shown until it is acknowledged") {
+    desk it;
+    auto* strip = it.window->findChild<QWidget*>("alarm_strip");
+    REQUIRE(strip);
+    CHECK_FALSE(strip->isVisible());
+    navigation n;
+    n.mode = sailing_mode::automatic;
+    n.in_irons = true;
+    n.waypoint_count = 3;
+    it.now += 2s;
+    it.hear(n);
+    power p;
+    p.battery_percent = 14;
+    it.hear(p);
+    it.show();
+    REQUIRE(strip->isVisible());
+    CHECK(it.find<QLabel>("alarm_text").text().contains("In irons"));
+    CHECK(it.find<QLabel>("alarm_text").text().contains("+ 1 more"));
+    it.window->show_tab("alarms");
+    it.show();
+    it.picture("alarms");
+    CHECK(it.find<QTableWidget>("alarm_table").rowCount() == 2);
+    it.find("acknowledge_first").click();
+    REQUIRE(it.last<acknowledge_alarm>());
+    CHECK(it.last<acknowledge_alarm>()->key == "irons");
+    it.state.acknowledge("irons");
+    it.show();
+    CHECK(it.find<QLabel>("alarm_text").text().contains("battery"));
+    it.find("acknowledge_all").click();
+    CHECK(it.last<acknowledge_alarm>()->key.empty());
+    it.state.acknowledge("");
+    it.show();
+    CHECK_FALSE(strip->isVisible());
+    CHECK(it.find<QTableWidget>("alarm_table").item(0, 2)->text() == "acknowledged");
+}
+
+TEST_CASE("console windows: a parameter shows what is confirmed, what is under way and what was refused") {
+    desk it;
+    it.window->show_tab("boat");
+    it.find<QDoubleSpinBox>("wanted_forbidden_angle_upwind").setValue(48);
+    it.find("set_forbidden_angle_upwind").click();
+    REQUIRE(it.last<give_command>());
+    auto command = it.last<give_command>()->command;
+    CHECK(command.parameter == parameter_id::forbidden_angle_upwind);
+    CHECK(command.value == 48.0f);
+    it.state.asked(77, xbee_path, command, it.now);
+    it.show();
+    CHECK(it.find<QLabel>("confirmed_forbidden_angle_upwind").text().contains("55"));
+    CHECK(it.find<QLabel>("state_forbidden_angle_upwind").text().contains("under way"));
+    it.picture("boat");
+    it.state.on_outcome(77, command_phase::refused, std::nullopt, "not now", it.now);
+    it.show();
+    CHECK(it.find<QLabel>("state_forbidden_angle_upwind").text().contains("not now"));
+}
+
+TEST_CASE("console windows: the modem's power is chosen on its card") {
+    desk it;
+    it.window->show_tab("links");
+    it.show();
+    auto& power = it.find<QComboBox>("power of " + text(xbee_path));
+    CHECK(power.currentIndex() == 4);
+    Q_EMIT power.activated(1);
+    REQUIRE(it.last<set_xbee_parameter>());
+    CHECK(it.last<set_xbee_parameter>()->path == xbee_path);
+    CHECK(it.last<set_xbee_parameter>()->value == 1);
+    it.picture("links");
+}
+
+TEST_CASE(
+    "console windows: the inspector shows fields and bytes, the log everybody's commands, the last list who is there") {
+    desk it;
+    it.window->show_tab("packets");
+    it.show();
+    auto& packets = it.find<QTableWidget>("packet_table");
+    REQUIRE(packets.rowCount() > 100);
+    packets.selectRow(0);
+    auto details = it.find<QPlainTextEdit>("packet_details").toPlainText();
+    CHECK(details.contains("rounded waypoint 1"));
+    CHECK(details.contains("0000  01 08"));
+    it.picture("packets");
+    boat_command hold;
+    hold.kind = command_kind::set_mode;
+    hold.mode = sailing_mode::hold;
+    it.state.asked(5, xbee_path, hold, it.now - 40s);
+    it.state.on_status(xbee_path, status(5, telecommand_stage::acknowledged, ack_code::done, "hold"), it.now - 37s);
+    it.state.on_status(xbee_path, status(6, telecommand_stage::sent, std::nullopt, "arrived at the boat's modem"),
+                       it.now - 3s);
+    it.window->show_tab("log");
+    it.show();
+    auto& log = it.find<QTableWidget>("command_table");
+    REQUIRE(log.rowCount() == 2);
+    CHECK(log.item(0, 3)->text() == "other");
+    CHECK(log.item(1, 1)->text() == "mode Hold");
+    CHECK(log.item(1, 2)->text().contains("done"));
+    CHECK(it.find<QLabel>("last_command").toolTip().contains("mode Hold: done"));
+    it.picture("log");
+    it.window->show_tab("who");
+    it.show();
+    CHECK(it.find<QLabel>("present_head").text().contains("ben"));
+    CHECK(it.find<QTableWidget>("present_table").rowCount() == 5);
+    it.picture("who");
+}
+
+TEST_CASE("console windows: both palettes, and both sizes that it is made for") {
+    for (auto size : {QSize(1280, 800), QSize(1024, 600)}) {
+        desk it(true, size);
+        CHECK(it.window->minimumSizeHint().width() <= 1024);
+        CHECK(it.window->minimumSizeHint().height() <= 600);
+        auto corner = [&] {
+            return it.window->chart().grab().toImage().pixelColor(60, it.window->chart().height() / 2);
+        };
+        auto day = corner();
+        auto name = QStringLiteral("%1x%2").arg(size.width()).arg(size.height());
+        it.picture("day-" + name);
+        if (size.width() > 1100) CHECK(it.window->chart().width() > size.width() / 2);
+        auto ink = [&] { return it.find<QTableWidget>("mission_table").item(0, 3)->foreground().color(); };
+        auto day_ink = ink();
+        it.window->set_night(true);
+        CHECK(corner() != day);
+        CHECK(colours().dark);
+        CHECK(ink() != day_ink);
+        it.picture("night-" + name);
+        it.window->set_night(false);
+        CHECK(corner() == day);
+    }
+}
+
+TEST_CASE("console windows: the chart follows the boat until it is moved by hand") {
+    desk it;
+    auto& chart = it.window->chart();
+    REQUIRE(chart.following());
+    auto before = chart.projection().centre;
+    it.mouse(QEvent::MouseButtonPress, {300, 300}, Qt::LeftButton, Qt::LeftButton);
+    it.mouse(QEvent::MouseMove, {340, 300}, Qt::NoButton, Qt::LeftButton);
+    it.mouse(QEvent::MouseButtonRelease, {340, 300}, Qt::LeftButton, Qt::NoButton);
+    CHECK_FALSE(chart.following());
+    CHECK(chart.projection().centre.longitude_deg < before.longitude_deg);
+    auto held = chart.projection().to_place({100, 80});
+    chart.projection().zoom(3, {100, 80});
+    CHECK(chart.projection().to_pixels(held).x() == Approx(100).margin(0.1));
+    CHECK(chart.projection().to_pixels(held).y() == Approx(80).margin(0.1));
+    chart.set_follow(true);
+    auto shown =
+        chart.projection().to_pixels({28.1532 + 239 * 2.2e-5, -15.4481 - 239 * 1.25e-5 + 2e-4 * std::sin(239 / 9.0)});
+    CHECK(shown.x() == Approx(chart.width() / 2.0).margin(1));
+}
+
+TEST_CASE("console windows: packets are recorded each once, and a file that cannot be written is said") {
+    QTemporaryDir folder;
+    console_state state;
+    talker boat;
+    recorder it;
+    CHECK_FALSE(it.start(folder.path() + "/no/such/folder.csv").isEmpty());
+    CHECK_FALSE(it.running());
+    REQUIRE(it.start(folder.path() + "/packets.csv").isEmpty());
+    for (int i = 0; i < 3; ++i) {
+        state.on_telemetry(xbee_path, boat.say(at(28.1, -15.4), t0 + i * 1s), t0 + i * 1s);
+        CHECK(it.take(*state.view(t0)).isEmpty());
+        CHECK(it.take(*state.view(t0)).isEmpty());
+    }
+    CHECK(it.written() == 3);
+    for (int i = 0; i < 700; ++i) state.on_telemetry(xbee_path, boat.say(at(28.1, -15.4), t0 + 10s + i * 1s), t0 + 10s);
+    it.take(*state.view(t0));
+    CHECK(it.missed() == 200); // the console keeps 500
+    it.stop();
+    QFile file(folder.path() + "/packets.csv");
+    REQUIRE(file.open(QIODevice::ReadOnly));
+    auto lines = file.readAll().split('\n');
+    CHECK(lines.size() == 1 + 503 + 1);
+    CHECK(lines[1].contains(",xbee,7,1,0,location,0101"));
+    CHECK_FALSE(write_file(folder.path() + "/no/such.gpx", "x").isEmpty());
+}
+
+TEST_CASE("console windows: snapshots of another thread are shown, and none after the window is gone") {
+    desk it(false);
+    auto port = std::make_shared<operator_port>();
+    it.window->attach(port);
+    std::thread([&] {
+        for (int i = 0; i < 50; ++i) {
+            it.state.on_telemetry(xbee_path, it.talk.say(at(28.15, -15.45), t0 + i * 1s), t0 + i * 1s);
+            port->publish(it.state.view(t0 + i * 1s));
+        }
+    }).join();
+    it.now = t0 + 50s;
+    QApplication::processEvents();
+    CHECK(it.find<value_tile>("sog").value() == "2.3");
+    it.window.reset();
+    port->publish(it.state.view(t0));
+    QApplication::processEvents();
+    CHECK(port->latest()->track->size() == 50);
+}
+
+TEST_CASE("console windows: a click that nobody takes is said") {
+    desk it;
+    it.takes = false;
+    it.find("do_ping").click();
+    CHECK(it.window->statusBar()->currentMessage().contains("Nothing was given"));
+}
