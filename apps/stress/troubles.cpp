@@ -48,6 +48,52 @@ deed telling(director::job begin, director::job end = {}) {
 
 } // namespace
 
+std::string_view describe(trouble what) noexcept {
+    switch (what) {
+        case trouble::carrier_down: return "the carrier is down";
+        case trouble::carrier_drops: return "the carrier drops its connections";
+        case trouble::carrier_half_open: return "the carrier leaves its connections half open";
+        case trouble::carrier_moves: return "the boat gets another address";
+        case trouble::carrier_slow: return "the carrier takes seconds";
+        case trouble::air_noise: return "noise on the XBee's band";
+        case trouble::air_off: return "the XBee is switched off";
+        case trouble::sky_closed: return "no satellite in sight";
+        case trouble::sky_fails: return "most Iridium sessions break off";
+        case trouble::gateway_down: return "Iridium's gateway is down";
+        case trouble::nodes_parted: return "the communication nodes do not see each other";
+        case trouble::primary_killed: return "the primary communication node is killed";
+        case trouble::secondary_killed: return "the secondary communication node is killed";
+        case trouble::names_restarted: return "the name server is killed";
+        case trouble::xbee_proxy_crashed: return "the XBee proxy crashes";
+        case trouble::gprs_proxy_crashed: return "the GPRS proxy crashes";
+        case trouble::iridium_proxy_crashed: return "the Iridium proxy crashes";
+        case trouble::page_crashed: return "the page's server crashes";
+        case trouble::boat_killed: return "the boat's computer loses its power";
+        case trouble::operator_away: return "an operator leaves";
+    }
+    return "unknown";
+}
+
+std::optional<link_id> felt_over(trouble what) noexcept {
+    using enum trouble;
+    switch (what) {
+        case carrier_down:
+        case carrier_drops:
+        case carrier_half_open:
+        case carrier_moves:
+        case carrier_slow:
+        case gprs_proxy_crashed: return link_id::gprs;
+        case air_noise:
+        case air_off:
+        case xbee_proxy_crashed: return link_id::xbee;
+        case sky_closed:
+        case sky_fails:
+        case gateway_down:
+        case iridium_proxy_crashed: return link_id::iridium;
+        default: return std::nullopt;
+    }
+}
+
 deed deed_of(trouble what) {
     using enum trouble;
     switch (what) {

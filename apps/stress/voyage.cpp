@@ -1,5 +1,7 @@
 #include "voyage.hpp"
 
+#include <ise/service/service_host.hpp>
+
 #include <components/xbee_link/services.hpp>
 
 #include <fmt/format.h>

@@ -1,15 +1,10 @@
 #include "mission.hpp"
 
-#include "processes.hpp"
+#include "script.hpp"
 #include "serial_wire.hpp"
 
 #include <apps/stress/wire_relay.hpp>
-#include <components/boat_simulator/services.hpp>
 #include <components/gui_client/gui_client.hpp>
-#include <components/http/stream_http_client.hpp>
-
-#include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <map>
@@ -20,158 +15,11 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr const char* script_path = "atirma/script";
-constexpr int samples_wanted = 40;
 constexpr ise::duration shortest_long = 20min; // what is shorter has a plan of its own
 // A modem's bytes wait in the pseudo-terminal of a proxy that is dead already, or open no port yet.
 constexpr ise::duration before_death = 1s, after_birth = 2s;
 
-struct event {
-    ise::duration at{};
-    std::function<void()> what;
-};
-
 } // namespace
-
-/// Does what the plan says, when it says it.
-class mission::script final : public ise::component {
-public:
-    explicit script(mission& of) : of_(of) {}
-
-private:
-    ise::task<> run() override;
-    ise::task<bool> see_the_boat();
-    ise::task<> learn();
-    void begin(const fault& what);
-    void end(const fault& what);
-    void take_sample();
-    bool nothing_owed();
-    std::vector<event> timetable();
-
-    mission& of_;
-    std::map<trouble, std::size_t> open_;
-};
-
-ise::task<> mission::script::run() {
-    bool there = co_await see_the_boat();
-    if (!there) {
-        of_.trouble_ = "no telemetry reached the operators: the deployment did not come up";
-        of_.ask(task::over);
-        co_return;
-    }
-    // The plan begins now, and its times are told from the beginning of everything.
-    auto first = of_.elapsed();
-    auto& plan = of_.told_.plan;
-    for (auto& one : plan.faults) one.at += first;
-    for (auto& person : of_.told_.people)
-        for (auto& one : person.orders) one.at += first;
-    plan.length += first;
-    for (std::size_t i = 0; i < operators; ++i) of_.told_.people[i].may_begin = true;
-    for (auto& next : timetable()) {
-        co_await sleep_till(of_.began_ + next.at);
-        next.what();
-    }
-    co_await sleep_till(of_.began_ + plan.length);
-    auto ended = of_.elapsed();
-    for (bool calm = nothing_owed(); !calm && of_.elapsed() - ended < of_.options_.longest_calm; calm = nothing_owed())
-        co_await sleep(1s);
-    of_.told_.calm = of_.elapsed() - ended;
-    co_await learn();
-    of_.ask(task::over);
-}
-
-ise::task<bool> mission::script::see_the_boat() {
-    auto nodes = at(std::string(communication_role));
-    auto until = now() + of_.options_.longest_start;
-    while (now() < until) {
-        track_request any;
-        any.max_packets = 1;
-        auto page = co_await nodes.try_call(services::track, any, 5s);
-        if (page && !page->packets.empty()) co_return true;
-        co_await sleep(500ms);
-    }
-    co_return false;
-}
-
-/// What only others know in the end: the boat how far it sailed, the page what it has shown.
-ise::task<> mission::script::learn() {
-    try {
-        auto truths = co_await at("atirma/boat").subscribe(services::truth, ise::subscribe_options::latest());
-        auto truth = co_await truths.next();
-        if (truth) of_.told_.sailed_m = static_cast<double>(truth->distance_sailed_m);
-    } catch (const ise::error& problem) {
-        if (problem.code() == ise::errc::cancelled) throw;
-    }
-    if (of_.options_.page.empty()) co_return;
-    stream_http_client client(on());
-    http_exchange ask;
-    ask.url = "http://" + of_.options_.page + "/api/status";
-    auto answer = co_await client.exchange(ask, 20s);
-    auto told = nlohmann::json::parse(answer ? answer->body : std::string(), nullptr, false);
-    if (told.is_discarded() || !told.contains("packets")) {
-        of_.trouble_ = "the page does not tell what it has shown";
-        co_return;
-    }
-    const auto& packets = told["packets"];
-    of_.told_.page.received = packets.value("received", std::uint64_t{0});
-    of_.told_.page.duplicates = packets.value("duplicates", std::uint64_t{0});
-    of_.told_.page.malformed = packets.value("malformed", std::uint64_t{0});
-}
-
-std::vector<event> mission::script::timetable() {
-    std::vector<event> all;
-    const auto& plan = of_.told_.plan;
-    for (const auto& one : plan.faults) {
-        all.push_back({one.at, [this, one] { begin(one); }});
-        if (one.length.count() > 0) all.push_back({one.at + one.length, [this, one] { end(one); }});
-    }
-    for (int i = 1; i < samples_wanted; ++i)
-        all.push_back({plan.length / samples_wanted * i, [this] { take_sample(); }});
-    std::erase_if(all, [&](const auto& one) { return one.at < of_.elapsed(); });
-    std::stable_sort(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.at < b.at; });
-    return all;
-}
-
-void mission::script::begin(const fault& what) {
-    auto at = of_.elapsed();
-    auto& told = of_.told_;
-    open_[what.what] = told.episodes.size();
-    told.episodes.push_back({at, what.length.count() > 0 ? ise::duration(-1ns) : at, std::string(describe(what.what)),
-                             felt_over(what.what), what.what == trouble::boat_killed});
-    auto doing = deed_of(what.what);
-    if (what.what == trouble::operator_away) of_.ask(task::leave);
-    else if (!doing.process.empty()) of_.options_.say("kill " + doing.process);
-    if (doing.begin) of_.director_->let(doing.begin);
-}
-
-void mission::script::end(const fault& what) {
-    of_.told_.episodes[open_.at(what.what)].until = of_.elapsed();
-    auto doing = deed_of(what.what);
-    if (what.what == trouble::operator_away) of_.ask(task::come);
-    else if (!doing.process.empty()) of_.options_.say("start " + doing.process);
-    if (doing.end) of_.director_->let(doing.end);
-}
-
-/// Of the processes that the first console sees; this one keeps a ledger of everything, and is no part of it.
-void mission::script::take_sample() {
-    sample one;
-    one.at = of_.elapsed();
-    std::set<std::uint64_t> processes;
-    auto consoles = of_.consoles();
-    for (const auto& console : consoles) {
-        auto shown = console->latest()->present;
-        if (!shown) continue;
-        for (const auto& there : *shown) processes.insert(there.process_id);
-    }
-    processes.erase(env().identity().process_id);
-    measure(one, processes);
-    of_.told_.samples.push_back(one);
-}
-
-bool mission::script::nothing_owed() {
-    auto verdict = of_.judge();
-    return verdict.missing.size() == verdict.excused && verdict.only_on_one == 0 &&
-           std::ranges::all_of(verdict.subscribers, [](const auto& one) { return one.second.missed == 0; });
-}
 
 mission::mission(ise::node& in, mission_options options)
     : node_(in), options_(std::move(options)), began_(in.env().now()) {
@@ -236,8 +84,8 @@ void mission::start_lines() {
     };
     auto make = [this, time] { return tap_gprs(book_, time, numbers_); };
     if (!options_.carrier_tcp.empty())
-        node_.start<wire_relay>("atirma/wire/gprs-tcp", beside_script(), "tcp://127.0.0.1:0", options_.carrier_tcp, make,
-                                listening);
+        node_.start<wire_relay>("atirma/wire/gprs-tcp", beside_script(), "tcp://127.0.0.1:0", options_.carrier_tcp,
+                                make, listening);
     if (!options_.carrier_udp.empty())
         node_.start<datagram_wire>("atirma/wire/gprs-udp", beside_script(), "udp://127.0.0.1:0", options_.carrier_udp,
                                    make, listening);
@@ -258,16 +106,18 @@ void mission::start_operator(std::size_t which) {
 
 void mission::stop_operator(std::size_t which) {
     const auto& name = told_.people[which].name;
-    std::array paths{"atirma/desk/" + name, "atirma/console/" + name};
+    const std::vector<std::string> paths{"atirma/desk/" + name, "atirma/console/" + name};
     for (const auto& path : paths) node_.stop(path);
-    auto gone = [&] {
-        return std::ranges::none_of(node_.components(), [&](const auto& one) {
-            return std::ranges::count(paths, one.path) != 0 && one.state < ise::component_state::stopped;
-        });
-    };
     // The lock is free meanwhile; what is asked for stays in the queue.
     std::unique_lock lock(mutex_);
-    while (!gone()) asked_.wait_for(lock, 20ms);
+    while (!has_stopped(paths)) asked_.wait_for(lock, 20ms);
+}
+
+bool mission::has_stopped(const std::vector<std::string>& paths) const {
+    const auto all = node_.components();
+    return std::ranges::none_of(all, [&](const auto& one) {
+        return std::ranges::count(paths, one.path) != 0 && one.state < ise::component_state::stopped;
+    });
 }
 
 bool mission::sail() {
@@ -280,10 +130,12 @@ bool mission::sail() {
     for (std::size_t i = 0; i < operators; ++i) start_operator(i);
     for (;;) {
         std::unique_lock lock(mutex_);
-        asked_.wait(lock, [this] { return !tasks_.empty() || node_.all_stopped(); });
-        if (tasks_.empty()) {
-            trouble_ = "it was ended before its time";
-            return false;
+        while (tasks_.empty()) {
+            if (has_stopped({script_path})) { // it asks for its end, but where it failed
+                trouble_ = "the script failed before its time; the log says why";
+                return false;
+            }
+            asked_.wait_for(lock, 200ms);
         }
         auto next = tasks_.front();
         tasks_.pop();

@@ -40,9 +40,10 @@ public:
     mission(ise::node& in, mission_options options);
     ~mission();
 
-    /// Until the script is over and nothing is owed any more; blocks. False: it did not come so far, `trouble()` says why.
+    /// Until the script is over and nothing is owed any more; blocks. False: it did not come so far, and `why()`
+    /// says why.
     bool sail();
-    const std::string& trouble() const noexcept { return trouble_; }
+    const std::string& why() const noexcept { return trouble_; }
 
     // After `sail()`, and once the node has stopped.
     account story();
@@ -55,6 +56,7 @@ private:
     void start_lines();
     void start_operator(std::size_t which);
     void stop_operator(std::size_t which);
+    bool has_stopped(const std::vector<std::string>& paths) const;
     ise::component_options beside_script() const;
     ise::duration elapsed() const;
     void ask(task what);

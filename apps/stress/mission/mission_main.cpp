@@ -89,7 +89,7 @@ int main(int argc, char** argv) {
         node->stop();
         node->wait();
         if (!whole) {
-            complain(sea.trouble());
+            complain(sea.why());
             return 1;
         }
         auto proof = sea.judge();

@@ -14,6 +14,10 @@
 #include <fmt/format.h>
 
 #include <csignal>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <unistd.h>
 
 using Catch::Contains;
 using ise_test::program;
@@ -51,10 +55,11 @@ public:
     void start_proxy() {
         std::filesystem::create_directories(folder_);
         proxy_ = std::make_unique<program>(
-            std::vector<std::string>{"atirma", "run", "--log-level", "error", "iridium-proxy", "--imei", imei, "--webhook",
-                                     "", "--database", folder_ + "/iridium.db", "--imap", host_.imaps(), "--smtp",
-                                     host_.smtps(), "--mail-user", "boat", "--mail-from", "boat@example.org", "--mail-to",
-                                     "shore@example.org", "--send-by", "mail", "--ca-file", host_.certificate()},
+            std::vector<std::string>{
+                "atirma", "run", "--log-level", "error", "iridium-proxy", "--imei", imei, "--webhook", "",
+                "--database", folder_ + "/iridium.db", "--imap", host_.imaps(), "--smtp", host_.smtps(), "--mail-user",
+                "boat", "--mail-from", "boat@example.org", "--mail-to", "shore@example.org", "--send-by", "mail",
+                "--ca-file", host_.certificate()},
             variables_);
         auto line = proxy_->read_line();
         INFO(line);
@@ -135,7 +140,8 @@ public:
 
 private:
     mail_host host_;
-    std::string folder_ = fmt::format("{}/ise-iridium-mail-{}", std::filesystem::temp_directory_path().string(), ::getpid());
+    std::string folder_ =
+        fmt::format("{}/ise-iridium-mail-{}", std::filesystem::temp_directory_path().string(), ::getpid());
     start_options variables_;
     std::unique_ptr<program> names_, proxy_;
     ise_test::real_parties all_;
@@ -150,7 +156,8 @@ ise::bytes place(std::uint32_t sequence) {
     packet_header header;
     header.boot = 7;
     header.sequence = sequence;
-    header.measured_at = utc_time(std::chrono::sys_days(std::chrono::year(2026) / 11 / 21)) + std::chrono::seconds(sequence);
+    header.measured_at =
+        utc_time(std::chrono::sys_days(std::chrono::year(2026) / 11 / 21)) + std::chrono::seconds(sequence);
     return encode_telemetry(header, at);
 }
 
@@ -166,7 +173,7 @@ ise::bytes answer_to(std::uint32_t id) {
 
 } // namespace
 
-TEST_CASE("Iridium by mail as processes: positions come, a telecommand goes and is answered, also over a killed proxy") {
+TEST_CASE("Iridium by mail as processes: positions come, a telecommand is answered, also over a killed proxy") {
     if (auto why = mail_host::missing()) {
         WARN("skipped: " << *why);
         return;

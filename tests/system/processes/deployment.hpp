@@ -58,7 +58,8 @@ public:
 
     /// As a person does it.
     ise_test::ran call(const std::string& whom, const std::string& service, const std::string& request) {
-        return ise_test::run_program({"ise", "--wait", "--timeout", "60s", "call", whom, service, request}, variables());
+        return ise_test::run_program({"ise", "--wait", "--timeout", "60s", "call", whom, service, request},
+                                     variables());
     }
     /// The next packet.
     std::string next_of(const std::string& whom, const std::string& service) {

@@ -53,10 +53,11 @@ private:
     std::string next_line() {
         std::optional<std::error_code> outcome;
         std::size_t size = 0;
-        asio::async_read_until(socket_, asio::dynamic_buffer(text_), '\n', [&](std::error_code problem, std::size_t got) {
+        auto told = [&](std::error_code problem, std::size_t got) {
             outcome = problem;
             size = got;
-        });
+        };
+        asio::async_read_until(socket_, asio::dynamic_buffer(text_), '\n', told);
         loop_.restart();
         loop_.run_for(patience);
         if (!outcome) { // the stream has fallen silent
@@ -87,9 +88,11 @@ class three_links : public deployment {
 public:
     three_links() {
         run_atirma("air", "xbee-link", {"--shore-port", file("shore"), "--boat-port", file("boat")});
-        auto gprs = endpoint_in(run_atirma("gprs", "gprs-proxy", {"--boat-listen", "tcp://127.0.0.1:0"}, "tcp://"), "tcp");
-        auto carrier = endpoint_in(
-            run_atirma("carrier", "gprs-link", {"--boat-listen", "tcp://127.0.0.1:0", "--proxy-tcp", gprs}, "tcp://"), "tcp");
+        auto said = run_atirma("gprs", "gprs-proxy", {"--boat-listen", "tcp://127.0.0.1:0"}, "tcp://");
+        auto gprs = endpoint_in(said, "tcp");
+        said = run_atirma("carrier", "gprs-link", {"--boat-listen", "tcp://127.0.0.1:0", "--proxy-tcp", gprs},
+                          "tcp://");
+        auto carrier = endpoint_in(said, "tcp");
         asio::io_context any;
         asio::ip::tcp::acceptor free(any, {asio::ip::make_address("127.0.0.1"), 0});
         auto hook = free.local_endpoint().port();
@@ -102,8 +105,8 @@ public:
                    {"--imei", "300234010753370", "--database", file("iridium.db"), "--webhook",
                     fmt::format("tcp://127.0.0.1:{}", hook), "--send-by", "none", "--store", "atirma/communication"});
         run_atirma("boat", "boat-simulator",
-                   {"--serial", file("boat"), "--gprs", carrier, "--gprs-period", "2", "--iridium-serial", file("iridium"),
-                    "--iridium-period", "5"});
+                   {"--serial", file("boat"), "--gprs", carrier, "--gprs-period", "2", "--iridium-serial",
+                    file("iridium"), "--iridium-period", "5"});
         run_atirma("xbee", "xbee-proxy", {"--serial", file("shore")});
         run_atirma("node", "communication-node", {"--file", file("node.db")});
         page_ = run_atirma("page", "web-server", {"--telemetry", "atirma/communication", "--port", "0"}, "http://");

@@ -34,7 +34,7 @@ ise_test::ran demo(std::vector<std::string> options) {
 
 } // namespace
 
-TEST_CASE("demo: a minute's mission on the real clock, with links and processes failing, proves that nothing was lost") {
+TEST_CASE("demo: a minute's mission on the real clock, with links and processes failing, loses nothing") {
     folder out;
     auto told = demo({"--mission", "stress", "--for", "60s", "--seed", "3", "--speedup", "4", "--port", "0", "--out",
                       out.at.string()});
