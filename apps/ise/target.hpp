@@ -4,6 +4,7 @@
 
 #include <ise/component/learn.hpp>
 #include <ise/naming/services.hpp>
+#include <ise/service/resolver.hpp>
 
 #include <string>
 #include <vector>

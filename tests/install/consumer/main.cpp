@@ -3,6 +3,7 @@
 #include <ise/service/service_host.hpp>
 
 #include <asio/executor_work_guard.hpp>
+#include <asio/io_context.hpp>
 
 #include <cstdio>
 #include <thread>

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include <csignal>
+#include <thread>
 
 using Catch::Contains;
 using cli_test::harbour;
