@@ -4,6 +4,7 @@
 #include <apps/stress/report.hpp>
 
 #include <ise/core/real/environment.hpp>
+#include <ise/naming/services.hpp>
 
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
