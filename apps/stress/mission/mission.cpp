@@ -21,12 +21,12 @@ constexpr ise::duration before_death = 1s, after_birth = 2s;
 
 } // namespace
 
-mission::mission(ise::node& in, mission_options options)
-    : node_(in), options_(std::move(options)), began_(in.env().now()) {
+mission::mission(ise::environment& world, ise::node_options terms, mission_options options)
+    : options_(std::move(options)), began_(world.now()), node_(std::make_unique<ise::node>(world, std::move(terms))) {
     told_.seed = options_.seed;
     told_.virtual_clock = false;
     told_.wind = options_.wind;
-    told_.began = in.env().wall();
+    told_.began = world.wall();
     told_.plan = options_.length < shortest_long ? make_short_plan(options_.seed, options_.length)
                                                  : make_plan(options_.seed, options_.length);
     // Two processes of one machine cannot be parted.
@@ -43,7 +43,7 @@ mission::mission(ise::node& in, mission_options options)
 
 mission::~mission() = default;
 
-ise::duration mission::elapsed() const { return node_.env().now() - began_; }
+ise::duration mission::elapsed() const { return node_->env().now() - began_; }
 
 ise::component_options mission::beside_script() const {
     ise::component_options made;
@@ -70,7 +70,7 @@ void mission::start_lines() {
             if (which == "shore") return tap_shore_xbee(book_, time);
             return tap_iridium(book_, time);
         };
-        node_.start<serial_wire>("atirma/wire/" + one.which, beside_script(), one.link, one.device, make);
+        node_->start<serial_wire>("atirma/wire/" + one.which, beside_script(), one.link, one.device, make);
     }
     // Both ends of both: `ready` is said when all of them are there.
     auto where = std::make_shared<std::map<std::string, std::string>>();
@@ -84,11 +84,11 @@ void mission::start_lines() {
     };
     auto make = [this, time] { return tap_gprs(book_, time, numbers_); };
     if (!options_.carrier_tcp.empty())
-        node_.start<wire_relay>("atirma/wire/gprs-tcp", beside_script(), "tcp://127.0.0.1:0", options_.carrier_tcp,
-                                make, listening);
+        node_->start<wire_relay>("atirma/wire/gprs-tcp", beside_script(), "tcp://127.0.0.1:0", options_.carrier_tcp,
+                                 make, listening);
     if (!options_.carrier_udp.empty())
-        node_.start<datagram_wire>("atirma/wire/gprs-udp", beside_script(), "udp://127.0.0.1:0", options_.carrier_udp,
-                                   make, listening);
+        node_->start<datagram_wire>("atirma/wire/gprs-udp", beside_script(), "udp://127.0.0.1:0", options_.carrier_udp,
+                                    make, listening);
 }
 
 void mission::start_operator(std::size_t which) {
@@ -99,33 +99,40 @@ void mission::start_operator(std::size_t which) {
         std::lock_guard lock(mutex_);
         consoles_[which] = options.port;
     }
-    node_.start<console::gui_client>("atirma/console/" + name, beside_script(), options);
-    node_.start<operator_seat>("atirma/desk/" + name, beside_script(), told_.people[which], book_,
-                               [this] { return elapsed(); }, options.port);
+    node_->start<console::gui_client>("atirma/console/" + name, beside_script(), options);
+    node_->start<operator_seat>("atirma/desk/" + name, beside_script(), told_.people[which], book_,
+                                [this] { return elapsed(); }, options.port);
 }
 
 void mission::stop_operator(std::size_t which) {
     const auto& name = told_.people[which].name;
     const std::vector<std::string> paths{"atirma/desk/" + name, "atirma/console/" + name};
-    for (const auto& path : paths) node_.stop(path);
+    for (const auto& path : paths) node_->stop(path);
     // The lock is free meanwhile; what is asked for stays in the queue.
     std::unique_lock lock(mutex_);
     while (!has_stopped(paths)) asked_.wait_for(lock, 20ms);
 }
 
 bool mission::has_stopped(const std::vector<std::string>& paths) const {
-    const auto all = node_.components();
+    const auto all = node_->components();
     return std::ranges::none_of(all, [&](const auto& one) {
         return std::ranges::count(paths, one.path) != 0 && one.state < ise::component_state::stopped;
     });
 }
 
 bool mission::sail() {
+    bool whole = work();
+    node_->stop();
+    node_->wait();
+    return whole;
+}
+
+bool mission::work() {
     ise::component_options alone;
     alone.listens = false;
     alone.registers = false;
-    node_.start<script>(script_path, alone, *this);
-    director_ = &node_.start<director>("atirma/director", beside_script());
+    node_->start<script>(script_path, alone, *this);
+    director_ = &node_->start<director>("atirma/director", beside_script());
     start_lines();
     for (std::size_t i = 0; i < operators; ++i) start_operator(i);
     for (;;) {
@@ -147,13 +154,14 @@ bool mission::sail() {
     return trouble_.empty();
 }
 
-ledger::verdict mission::judge() {
+void mission::judge() {
     std::array<std::set<packet_key>, 2> disks;
     for (std::size_t i = 0; i < disks.size(); ++i) {
         auto disk = database::open_to_read(options_.stores.at(i));
         disks[i] = keys_on(disk.value());
     }
-    return book_.judge(disks, told_.plan.length, excuse_for_xbee(told_.episodes, before_death, after_birth));
+    judged_ = disks[0];
+    proof_ = book_.judge(disks, told_.plan.length, excuse_for_xbee(told_.episodes, before_death, after_birth));
 }
 
 account mission::story() {
@@ -161,6 +169,7 @@ account mission::story() {
     for (std::size_t i = 0; i < operators; ++i) made.consoles.push_back(view_of(told_.people[i].name, *consoles_[i]));
     auto disk = database::open_to_read(options_.stores.at(0));
     made.packets = packets_on(disk.value());
+    std::erase_if(made.packets, [&](const auto& one) { return !judged_.contains(key_of(one.boot, one.sequence)); });
     return made;
 }
 

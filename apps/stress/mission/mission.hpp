@@ -10,6 +10,7 @@
 #include <memory>
 #include <mutex>
 #include <queue>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -37,7 +38,8 @@ struct mission_options {
 /// told; here are those who read along on the boat's wires, the operators, the script, and what is known in the end.
 class mission {
 public:
-    mission(ise::node& in, mission_options options);
+    /// `world` outlives it.
+    mission(ise::environment& world, ise::node_options terms, mission_options options);
     ~mission();
 
     /// Until the script is over and nothing is owed any more; blocks. False: it did not come so far, and `why()`
@@ -45,14 +47,17 @@ public:
     bool sail();
     const std::string& why() const noexcept { return trouble_; }
 
-    // After `sail()`, and once the node has stopped.
+    // After `sail()`.
     account story();
-    ledger::verdict judge();
+    /// Of the instant at which nothing was owed any more, or at which it waited no longer: the boat sails on.
+    const ledger::verdict& proof() const noexcept { return proof_; }
 
 private:
     class script;
     enum class task { leave, come, over };
 
+    bool work();
+    void judge();
     void start_lines();
     void start_operator(std::size_t which);
     void stop_operator(std::size_t which);
@@ -62,19 +67,20 @@ private:
     void ask(task what);
     std::array<std::shared_ptr<console::operator_port>, operators> consoles();
 
-    ise::node& node_;
     mission_options options_;
     account told_;
     ledger book_;
+    ledger::verdict proof_;
+    std::set<packet_key> judged_; ///< what was on the primary's disk at that instant
     gprs_numbers numbers_;
     std::array<std::shared_ptr<console::operator_port>, operators> consoles_;
-    std::vector<database> disks_;
     std::string trouble_;
     ise::time_point began_;
     director* director_ = nullptr;
     std::mutex mutex_;
     std::condition_variable asked_;
     std::queue<task> tasks_; ///< for the thread in `sail()`: a component cannot start another one
+    std::unique_ptr<ise::node> node_; ///< its components use everything above
 };
 
 } // namespace atirma::stress

@@ -84,16 +84,13 @@ int main(int argc, char** argv) {
         terms.name = "mission";
         terms.name_server = options.names;
         terms.log = ise::log_to_stderr(ise::log_level::error);
-        auto node = std::make_unique<ise::node>(world, std::move(terms));
-        stress::mission sea(*node, std::move(options));
+        stress::mission sea(world, std::move(terms), std::move(options));
         bool whole = sea.sail();
-        node->stop();
-        node->wait();
         if (!whole) {
             complain(sea.why());
             return 1;
         }
-        auto proof = sea.judge();
+        const auto& proof = sea.proof();
         const auto told = sea.story();
         const stress::findings found(told);
         write(folder / "report.md", stress::make_report(told, found, proof));
