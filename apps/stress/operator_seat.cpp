@@ -18,7 +18,7 @@ void rethrow_if_cancelled(const ise::failure& why) {
 } // namespace
 
 operator_seat::~operator_seat() {
-    if (follower_) self_.seen = follower_->seen;
+    if (follower_ && !has_left_) self_.seen = follower_->seen; // killed; else somebody may sit here again already
 }
 
 ise::task<> operator_seat::run() {
@@ -39,6 +39,7 @@ ise::task<> operator_seat::run() {
         co_await std::move(working);
     } catch (...) { // he leaves, and takes along what he has seen
         self_.seen = follower_->seen;
+        has_left_ = true;
         throw;
     }
 }

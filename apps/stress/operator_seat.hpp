@@ -58,6 +58,7 @@ private:
     ledger& book_;
     stopwatch time_;
     std::shared_ptr<console::operator_port> console_;
+    bool has_left_ = false;
     bool at_console_ = false; // one telecommand at a time
     ise::remote nodes_;
     std::unique_ptr<telemetry_follower> follower_;
