@@ -104,7 +104,9 @@ task<> carrier::carry_out_one(std::size_t number) {
     if (!why || interrupted_) co_return;
     auto text = how_.all ? std::string(why->what()) : fmt::format("step {} of {} failed: {}", number + 1, jobs_.size(), why->what());
     if (!why_) why_.emplace(why->code(), why->name(), text, why->advice());
-    if (why->code() != exit_code::no_output) co_await tell(number, "failed", how_.all ? why->what() : "");
+    std::string told;
+    if (how_.all) told = why->what();
+    if (why->code() != exit_code::no_output) co_await tell(number, "failed", told);
 }
 
 task<std::string> carrier::act(job& one) {

@@ -47,10 +47,10 @@ struct type_description {
 
     // Compiled once: what a vector of a tree is made of costs every file of a user.
     type_description();
-    type_description(const type_description&);
-    type_description(type_description&&) noexcept;
-    type_description& operator=(const type_description&);
-    type_description& operator=(type_description&&) noexcept;
+    type_description(const type_description&); ///< a copy of its own
+    type_description(type_description&&) noexcept; ///< takes it over
+    type_description& operator=(const type_description&); ///< a copy of its own
+    type_description& operator=(type_description&&) noexcept; ///< takes it over
     ~type_description();
 };
 

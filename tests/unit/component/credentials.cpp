@@ -57,7 +57,7 @@ struct port {
 
 } // namespace
 
-TEST_CASE("nodes with the same key talk, whether it comes from options or from ISE_KEY; others are told why not") {
+TEST_CASE("nodes with the same key talk, whether it comes from options or from ISE_KEY, and others are told why not") {
     port at;
     auto& boat_process = at.world.host("boat").start_process("boat");
     boat_process.set_variable("ISE_KEY", "key");

@@ -267,13 +267,17 @@ TEST_CASE("key: an initiator's own proof is none of a responder, reflected to it
         while (found.empty()) {
             auto got = co_await from.read_some(asio::buffer(into));
             if (got.problem) co_return;
-            auto to = parser.prepare();
-            std::copy_n(into.begin(), got.bytes, to.begin());
-            parser.commit(got.bytes);
-            for (;;) {
-                auto frame = parser.next();
-                if (!frame || !*frame) break;
-                if ((*frame)->header.type == frame_type::proof) found.push_back(ise::wire::read_body<ise::wire::credentials>((*frame)->body).value());
+            for (std::size_t fed = 0; fed < got.bytes;) {
+                auto to = parser.prepare();
+                auto count = std::min(to.size(), got.bytes - fed);
+                std::copy_n(into.begin() + static_cast<std::ptrdiff_t>(fed), count, to.begin());
+                parser.commit(count);
+                fed += count;
+                for (;;) {
+                    auto frame = parser.next();
+                    if (!frame || !*frame) break;
+                    if ((*frame)->header.type == frame_type::proof) found.push_back(ise::wire::read_body<ise::wire::credentials>((*frame)->body).value());
+                }
             }
         }
     };
