@@ -40,7 +40,8 @@ ise::task<> wire_relay::connect(std::shared_ptr<wire> what) {
 
 struct datagram_wire::ends {
     ise::component& self;
-    std::unique_ptr<ise::datagram_socket> near, far;
+    std::unique_ptr<ise::datagram_socket> near;
+    std::shared_ptr<ise::datagram_socket> far; ///< one for each caller: who calls anew shall be seen to do so
     std::unique_ptr<tap> by;
     ise::endpoint onward;
     std::optional<ise::endpoint> caller;
@@ -50,9 +51,8 @@ ise::task<> datagram_wire::run() {
     auto onward = ise::endpoint::parse(onward_).value();
     auto between = std::make_shared<ends>(ends{*this, nullptr, nullptr, make_(), std::move(onward), {}});
     between->near = std::move(env().open_datagram(on(), ise::endpoint::parse(listen_).value()).value());
-    between->far = std::move(env().open_datagram(on(), ise::endpoint::parse("udp://0.0.0.0:0").value()).value());
     if (on_listening_) on_listening_(between->near->where());
-    spawn("inward", inward(between));
+    const auto anywhere = ise::endpoint::parse("udp://0.0.0.0:0").value();
     for (;;) {
         auto [problem, got] = co_await between->near->receive();
         if (problem == asio::error::operation_aborted) co_return;
@@ -60,21 +60,25 @@ ise::task<> datagram_wire::run() {
             co_await sleep(pause);
             continue;
         }
-        between->caller = got.peer;
+        if (between->caller != got.peer) {
+            if (between->far) between->far->close();
+            between->far = std::move(env().open_datagram(on(), anywhere).value());
+            between->caller = got.peer;
+            spawn("inward", inward(between, between->far));
+        }
         between->by->wrote(got.content);
         between->far->try_send(between->onward, got.content); // or it is lost, as datagrams are
     }
 }
 
-ise::task<> datagram_wire::inward(std::shared_ptr<ends> between) {
+ise::task<> datagram_wire::inward(std::shared_ptr<ends> between, std::shared_ptr<ise::datagram_socket> far) {
     for (;;) {
-        auto [problem, got] = co_await between->far->receive();
+        auto [problem, got] = co_await far->receive();
         if (problem == asio::error::operation_aborted) co_return;
         if (problem) {
             co_await between->self.sleep(pause);
             continue;
         }
-        if (!between->caller) continue;
         between->by->read(got.content);
         between->near->try_send(*between->caller, got.content);
     }

@@ -37,7 +37,7 @@ public:
 private:
     struct ends;
     ise::task<> run() override;
-    static ise::task<> inward(std::shared_ptr<ends> between);
+    static ise::task<> inward(std::shared_ptr<ends> between, std::shared_ptr<ise::datagram_socket> far);
 
     std::string listen_, onward_;
     wire_relay::tap_maker make_;
