@@ -14,6 +14,7 @@ namespace atirma {
 namespace {
 
 constexpr std::size_t most_turned_away = 32; // at a time; beyond it they are just closed
+constexpr std::size_t most_dropped = 1 << 20;  // bytes of a request that was refused
 
 std::string_view reason_of(int status) noexcept {
     switch (status) {
@@ -133,6 +134,12 @@ ise::task<> webhook_server::converse(std::unique_ptr<ise::stream> stream) {
                 line.until(ise::saturating_add(loop_.now(), limits_.request_time));
                 co_await line.write_all(text);
                 line.line().shutdown_write();
+                // Closed on what was not read, the system would take the answer back.
+                for (std::size_t dropped = 0; dropped < most_dropped;) {
+                    auto got = co_await line.read_some(asio::buffer(buffer));
+                    if (got.problem) break;
+                    dropped += got.bytes;
+                }
                 co_return;
             }
             rest = rest.subspan(*used);

@@ -79,9 +79,10 @@ TEST_CASE("a message of the boat comes through real mail servers byte for byte")
     shore s;
     auto starts_tls = s.sending();
     starts_tls.server = s.host.smtp();
-    REQUIRE(shore::wrong(s.send(s.sending(), session_mail(1))) == "");
-    REQUIRE(shore::wrong(s.send(starts_tls, session_mail(2))) == "");
     imap_mailbox box(s.transfers, s.reading());
+    REQUIRE(shore::wrong(s.send(s.sending(), session_mail(1))) == "");
+    REQUIRE(s.receive(box, 1).size() == 1); // servers deliver in any order
+    REQUIRE(shore::wrong(s.send(starts_tls, session_mail(2))) == "");
     auto mails = s.receive(box, 2);
     REQUIRE(mails.size() == 2);
     for (std::size_t i = 0; i < 2; ++i) {
