@@ -74,9 +74,9 @@ std::string exchange(const ise::endpoint& with, std::string_view text, bool fini
     asio::ip::tcp::socket socket(context);
     socket.connect({asio::ip::make_address(with.host), with.port});
     asio::write(socket, asio::buffer(text));
-    if (finish) socket.shutdown(asio::ip::tcp::socket::shutdown_send);
-    std::string answer;
     std::error_code ended;
+    if (finish) socket.shutdown(asio::ip::tcp::socket::shutdown_send, ended); // nonsense may have been cut off before it
+    std::string answer;
     asio::read(socket, asio::dynamic_buffer(answer), ended);
     return answer;
 }
