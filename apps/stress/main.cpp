@@ -20,15 +20,6 @@ namespace stress = atirma::stress;
 
 void complain(const std::string& what) { std::fputs(("atirma_stress: " + what + "\n").c_str(), stderr); }
 
-void write(const std::filesystem::path& file, const std::string& content) {
-    std::ofstream out(file, std::ios::binary | std::ios::trunc);
-    out << content;
-    out.close();
-    if (!out)
-        throw std::runtime_error(
-            fmt::format("{} cannot be written: is the disk full, or the folder read-only?", file.string()));
-}
-
 std::string read(const std::string& file) {
     std::ifstream in(file, std::ios::binary);
     if (!in) throw std::runtime_error(fmt::format("the wind file {} cannot be read", file));
@@ -97,11 +88,11 @@ int main(int argc, char** argv) {
         auto proof = sea.judge();
         const auto told = sea.story();
         stress::findings found(told);
-        write(folder / "report.md", stress::make_report(told, found, proof));
-        write(folder / "track.svg", stress::make_picture(told, found));
-        write(folder / "track.gpx", stress::make_gpx(found));
-        write(folder / "events.log", sea.log());
-        write(folder / "machine.md", machine);
+        stress::write_file(folder / "report.md", stress::make_report(told, found, proof));
+        stress::write_file(folder / "track.svg", stress::make_picture(told, found));
+        stress::write_file(folder / "track.gpx", stress::make_gpx(found));
+        stress::write_file(folder / "events.log", sea.log());
+        stress::write_file(folder / "machine.md", machine);
         bool good = stress::holds(told, proof);
         fmt::print("{}: {} ({:.1f} s of processor time); {}\n", stress::length_text(told.plan.length),
                    good ? "the proof holds" : "THE PROOF DOES NOT HOLD", processor_s() - began_s,

@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <fstream>
 #include <iterator>
+#include <stdexcept>
 
 namespace atirma::stress {
 namespace {
@@ -236,6 +238,15 @@ std::string make_report(const account& of, const findings& found, const ledger::
     say_samples(out, of);
     say_complaints(out, of);
     return std::move(out.all);
+}
+
+void write_file(const std::filesystem::path& file, const std::string& content) {
+    std::ofstream out(file, std::ios::binary | std::ios::trunc);
+    out << content;
+    out.close();
+    if (!out)
+        throw std::runtime_error(
+            fmt::format("{} cannot be written: is the disk full, or the folder read-only?", file.string()));
 }
 
 } // namespace atirma::stress

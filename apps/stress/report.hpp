@@ -1,6 +1,9 @@
 #pragma once
 #include "findings.hpp"
 
+#include <filesystem>
+#include <string>
+
 namespace atirma::stress {
 
 /// report.md: the same run gives the same text, byte for byte, whatever machine and compiler.
@@ -12,5 +15,8 @@ bool holds(const account& of, const ledger::verdict& proof);
 std::string make_picture(const account& of, const findings& found);
 /// track.gpx: the course and every fix.
 std::string make_gpx(const findings& found);
+
+/// A file of the report, whole. Throws std::runtime_error where it cannot be written, with what may be the reason.
+void write_file(const std::filesystem::path& file, const std::string& content);
 
 } // namespace atirma::stress

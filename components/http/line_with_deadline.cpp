@@ -1,6 +1,9 @@
 #include <components/http/line_with_deadline.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/error.hpp>
+
+#include <array>
 
 namespace atirma {
 
@@ -37,6 +40,15 @@ ise::task<std::error_code> line_with_deadline::write_all(std::string_view conten
         }
     }
     co_return std::error_code();
+}
+
+ise::task<> line_with_deadline::drop_rest(std::size_t most) {
+    std::array<std::byte, 4096> room;
+    for (std::size_t dropped = 0; dropped < most;) {
+        auto got = co_await read_some(asio::buffer(room));
+        if (got.problem) break;
+        dropped += got.bytes;
+    }
 }
 
 } // namespace atirma

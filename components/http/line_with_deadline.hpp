@@ -2,6 +2,7 @@
 #include <ise/core/loop.hpp>
 #include <ise/core/stream.hpp>
 
+#include <cstddef>
 #include <memory>
 #include <string_view>
 
@@ -20,6 +21,10 @@ public:
     ise::task<ise::transfer> read_some(asio::mutable_buffer into);
     /// Writes all of it; `content` stays valid as long. Cancellation: terminal, part of it may have gone.
     ise::task<std::error_code> write_all(std::string_view content);
+
+    /// Reads until the other side closes, the deadline, or `most` bytes, and keeps nothing: whoever closes on bytes that were
+    /// not read may take back what it has written. Cancellation: terminal.
+    ise::task<> drop_rest(std::size_t most);
 
     bool late() const noexcept { return late_; }
     ise::stream& line() noexcept { return *line_; }

@@ -134,12 +134,7 @@ ise::task<> webhook_server::converse(std::unique_ptr<ise::stream> stream) {
                 line.until(ise::saturating_add(loop_.now(), limits_.request_time));
                 co_await line.write_all(text);
                 line.line().shutdown_write();
-                // Closed on what was not read, the system would take the answer back.
-                for (std::size_t dropped = 0; dropped < most_dropped;) {
-                    auto got = co_await line.read_some(asio::buffer(buffer));
-                    if (got.problem) break;
-                    dropped += got.bytes;
-                }
+                co_await line.drop_rest(most_dropped);
                 co_return;
             }
             rest = rest.subspan(*used);

@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <limits>
 
 namespace atirma::iridium {
 namespace {
@@ -102,12 +103,7 @@ ise::task<> directip_server::serve(std::unique_ptr<ise::stream> stream) {
     auto unsent = co_await line.write_all(ise::as_text(answer));
     if (unsent) note("the confirmation could not be sent: " + unsent.message(), peer);
     line.line().shutdown_write();
-    // The other side reads it and closes; closing first could take the answer away from it.
-    std::array<std::byte, 64> rest;
-    for (;;) {
-        auto got = co_await line.read_some(asio::buffer(rest));
-        if (got.problem) co_return;
-    }
+    co_await line.drop_rest(std::numeric_limits<std::size_t>::max()); // the other side reads it and closes, or the time is over
 }
 
 void directip_server::note(std::string_view what, const std::string& peer) {

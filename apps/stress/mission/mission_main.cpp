@@ -12,22 +12,12 @@
 #include <csignal>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 
 namespace {
 
 namespace stress = atirma::stress;
 
 void complain(const std::string& what) { std::fputs(("atirma_mission: " + what + "\n").c_str(), stderr); }
-
-void write(const std::filesystem::path& file, const std::string& content) {
-    std::ofstream out(file, std::ios::binary | std::ios::trunc);
-    out << content;
-    out.close();
-    if (!out)
-        throw std::runtime_error(
-            fmt::format("{} cannot be written: is the disk full, or the folder read-only?", file.string()));
-}
 
 /// "boat=LINK=DEVICE".
 stress::mission_options::line line_of(const std::string& text) {
@@ -93,9 +83,9 @@ int main(int argc, char** argv) {
         const auto& proof = sea.proof();
         const auto told = sea.story();
         const stress::findings found(told);
-        write(folder / "report.md", stress::make_report(told, found, proof));
-        write(folder / "track.svg", stress::make_picture(told, found));
-        write(folder / "track.gpx", stress::make_gpx(found));
+        stress::write_file(folder / "report.md", stress::make_report(told, found, proof));
+        stress::write_file(folder / "track.svg", stress::make_picture(told, found));
+        stress::write_file(folder / "track.gpx", stress::make_gpx(found));
         bool good = stress::holds(told, proof);
         fmt::print("over {} on the real clock: {}; {}\n", stress::length_text(told.plan.length),
                    good ? "the proof holds" : "THE PROOF DOES NOT HOLD", (folder / "report.md").string());
