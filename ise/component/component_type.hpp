@@ -72,7 +72,7 @@ result<std::pair<std::string, std::int32_t>> parse_role(std::string_view text);
 ///     PROGRAM --describe                     what there is, as JSON, for instantiation servers
 ///     PROGRAM run TYPE [--path=PATH] [--listen=ENDPOINT]... [--advertise=ENDPOINT]... [--name-server=ENDPOINT]
 ///                      [--role=ROLE=PRIORITY]... [--log-level=LEVEL] [--key=FILE] [--tls=FOLDER]
-///                      [--demand-credentials=yes|no] [--PARAMETER=VALUE]...
+///                      [--demand-credentials=yes|no] [--poll=MICROSECONDS] [--PARAMETER=VALUE]...
 ///
 /// until SIGINT or SIGTERM. A parameter that is not given is taken from the environment: ISE_PARAMETER_WIND_SPEED for
 /// --wind-speed. Gives the exit code: 0 ended as asked, 1 it failed, 2 wrong arguments; says why on standard error. For `main`: `return ise::main(count, words, types, "1.0");`

@@ -14,6 +14,18 @@ class service_host;
 /// Asks for all.
 struct health_request {};
 
+/// How many took less than this, and not less than that of the one before.
+struct duration_count {
+    std::uint64_t below_ns = 0; ///< the end of a bucket, a quarter of a doubling wide (service_meter.hpp)
+    std::uint64_t count = 0;    ///< since the component began
+};
+
+/// Packets that a publication did not send, by the reason.
+struct drop_count {
+    std::string reason;         ///< "replaced", "overrun", "too_many_bytes", "too_large"; "ended": subscribers, not packets
+    std::uint64_t count = 0;    ///< since it began
+};
+
 /// A service that a component provides, at work.
 struct service_load {
     /// As it is described.
@@ -21,6 +33,13 @@ struct service_load {
     std::uint64_t running = 0;     ///< of request-response: handlers that run now
     std::uint64_t subscribers = 0; ///< of a subscription: now, those included that are away for a while
     std::uint64_t published = 0;   ///< of a subscription: packets since it began
+    std::uint64_t waiting = 0;     ///< requests that no handler is free for, or packets that wait to be sent: now
+    std::uint64_t calls = 0;       ///< of request-response: begun since the component began
+    std::uint64_t overloaded = 0;  ///< of request-response: refused, as too many waited
+    std::uint64_t expired = 0;     ///< of request-response: refused, as their deadline came before a handler was free
+    std::vector<duration_count> waited;  ///< of request-response: for a handler, every call; empty buckets are left out
+    std::vector<duration_count> handled; ///< of request-response: by a handler, of a sample of the calls
+    std::vector<drop_count> drops;       ///< of a subscription: reasons that occurred
 };
 
 /// What waits to be sent over a session, published packets apart.
@@ -38,6 +57,8 @@ struct health_text {
     std::uint64_t packets_dropped = 0; ///< since it began, by the policies of slow subscribers
     std::vector<service_load> services; ///< provided
     std::vector<session_load> sessions; ///< now
+    std::uint64_t calls_expired = 0;    ///< of those refused: their deadline came before a handler was free
+    std::uint64_t calls_overloaded = 0; ///< of those refused: beyond a limit
 };
 
 /// Every component provides it.

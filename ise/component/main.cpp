@@ -1,6 +1,7 @@
 // environment-boundary: what a program's own main would do: its streams, its real environment
 #include <ise/component/component_type.hpp>
 
+#include <ise/component/poll_window.hpp>
 #include <ise/component/program_words.hpp>
 #include <ise/core/real/environment.hpp>
 #include <ise/packet/json.hpp>
@@ -17,6 +18,7 @@ namespace {
 constexpr int failed = 1;
 constexpr int wrong_arguments = 2;
 
+using detail::parse_poll_window;
 using detail::program_words;
 using wrong = detail::wrong_words;
 
@@ -50,7 +52,11 @@ bool take_common(program_words& to, const std::string& name, const std::string& 
     else if (name == "key") to.node.security.key_file = value;
     else if (name == "tls") to.node.security.tls_folder = value;
     else if (name == "demand-credentials") to.node.security.demanded = yes_or_no(name, value);
-    else if (name == "log-level") to.node.log = log_to_stderr(level_of(value));
+    else if (name == "poll") {
+        auto window = parse_poll_window(value);
+        if (!window) throw wrong("--poll: " + window.error().message());
+        to.node.poll = *window;
+    } else if (name == "log-level") to.node.log = log_to_stderr(level_of(value));
     else return false;
     return true;
 }
@@ -58,7 +64,8 @@ bool take_common(program_words& to, const std::string& name, const std::string& 
 std::string usage(const std::string& program, const std::vector<component_type>& types, bool shares) {
     auto text = fmt::format("usage: {0} run TYPE [--path=PATH] [--listen=ENDPOINT]... [--advertise=ENDPOINT]...\n"
                             "           [--role=ROLE=PRIORITY]... [--name-server=ENDPOINT] [--log-level=LEVEL]\n"
-                            "           [--key=FILE] [--tls=FOLDER] [--demand-credentials=yes|no] [--PARAMETER=VALUE]...\n"
+                            "           [--key=FILE] [--tls=FOLDER] [--demand-credentials=yes|no] [--poll=MICROSECONDS]\n"
+                            "           [--PARAMETER=VALUE]...\n"
                             "       {0} --describe | --version | --help\n", program);
     if (shares) text += fmt::format("       {} host --control=ENDPOINT... [--name-server=ENDPOINT] [--log-level=LEVEL]\n", program);
     for (const auto& type : types) {
@@ -68,7 +75,8 @@ std::string usage(const std::string& program, const std::vector<component_type>&
     }
     text += "\nA parameter that is not given is taken from the environment: ISE_PARAMETER_WIND_SPEED for --wind-speed.\n";
     text += "Credentials: --key or ISE_KEY names the file of a key that both sides prove, --tls or ISE_TLS a folder with ca.pem, certificate.pem\n"
-            "and key.pem for tls://; with --demand-credentials=yes nothing is listened on beyond this host without one of both.\n";
+            "and key.pem for tls://; with --demand-credentials=yes nothing is listened on beyond this host without one of both.\n"
+            "--poll or ISE_POLL_US: for how long the component's thread looks for what comes next before it sleeps, while that pays.\n";
     return text + "Exit codes: 0 ended as asked, 1 failed, 2 wrong arguments.\n";
 }
 

@@ -2,6 +2,7 @@
 
 #include <ise/component/left_behind.hpp>
 #include <ise/component/node_state.hpp>
+#include <ise/component/poll_window.hpp>
 #include <ise/naming/lease_registrar.hpp>
 #include <ise/naming/services.hpp>
 
@@ -46,6 +47,7 @@ node::node(environment& env, node_options options) {
         if (!at) throw error(at.error().code(), "ISE_NAME_SERVER: " + at.error().message());
         options.name_server = std::move(*at);
     }
+    options.poll = detail::poll_window_of(options.poll, env);
     auto credentials = security::load(env, options.security).value();
     state_ = std::make_shared<state>(env, std::move(options), std::move(credentials));
     auto setup = [held = state_] {

@@ -27,6 +27,10 @@ struct node_options {
     bool use_names = true;                     ///< false: components are reached by endpoint only
     duration lease = std::chrono::seconds(2);  ///< of the names
     duration grace = std::chrono::seconds(2);  ///< for coroutines and sessions to end when stopped
+    /// How long the thread of a component looks for what comes next before it sleeps: what comes meanwhile is found without
+    /// waking anybody, for a core that is kept busy. As long as that pays: where nothing comes in that time, or others
+    /// need the core, it sleeps and tries again later (docs/embedding.md). Else ISE_POLL_US, else not at all; at most 1 s.
+    std::optional<duration> poll;
     service_options services;                  ///< limits and times of sessions, calls and subscriptions
     log_sink log = log_to_stderr();            ///< where everything of the node logs to
     /// Where its credentials lie, which are loaded when it is made; what is empty comes from ISE_KEY and ISE_TLS.
@@ -82,8 +86,8 @@ struct component_status {
 /// where they say so; in the virtual world nothing blocks and `stopped()` is awaited instead.
 class node {
 public:
-    /// `env` outlives the node. Throws errc::invalid_argument where ISE_NAME_SERVER is no endpoint, and what
-    /// security::load fails with where the credentials cannot be used.
+    /// `env` outlives the node. Throws errc::invalid_argument where ISE_NAME_SERVER is no endpoint or `poll` no time to
+    /// look for, and what security::load fails with where the credentials cannot be used.
     explicit node(environment& env, node_options options = node_options());
     /// Stops what still runs, and waits for a bounded time: three times the grace and a little. A component whose thread
     /// does not come back to its loop in that time is named in the log and left behind: nothing more of it runs once

@@ -101,8 +101,11 @@ void node::state::let_go(const component_runner& which) {
 
 std::shared_ptr<loop_share> node::state::loop_for(const std::string& path, const component_options& wanted) {
     if (wanted.executor) return std::make_shared<loop_share>(env.adopt(*wanted.executor, wanted.one_thread), true);
-    if (wanted.together_with.empty())
-        return std::make_shared<loop_share>(env.make_loop(path.empty() ? "component" : path.substr(path.rfind('/') + 1)), false);
+    if (wanted.together_with.empty()) {
+        auto made = env.make_loop(path.empty() ? "component" : path.substr(path.rfind('/') + 1));
+        if (*options.poll > duration{}) made->poll(*options.poll);
+        return std::make_shared<loop_share>(std::move(made), false);
+    }
     auto other = find(wanted.together_with);
     if (!other || other->over())
         throw error(errc::invalid_argument, fmt::format("'{}' shall share the loop of '{}', which this node does not run{}", path,

@@ -124,6 +124,13 @@ result<void> read_value(const parameter& of, const std::string& text, std::int64
 result<void> read_value(const parameter& of, const std::string& text, std::uint64_t& into) { return read_whole(of, text, into); }
 
 std::string show_value(double value) { return fmt::format("{}", value); }
+result<void> refuse_value(const parameter& of, const std::string& text) { return refused(of, text); }
+
+std::string parameter_name(std::string_view field) {
+    std::string name;
+    for (char letter : field) name += letter == '_' ? '-' : letter >= 'A' && letter <= 'Z' ? static_cast<char>(letter - 'A' + 'a') : letter;
+    return name;
+}
 
 } // namespace detail
 
@@ -168,6 +175,12 @@ parameter_set::declared parameter_set::add(std::string name, bool& into, std::st
         into = text == "true";
         return result<void>();
     });
+}
+
+parameter_set::declared parameter_set::operator[](std::string_view name) {
+    auto found = known(name);
+    if (!found) throw error(found.error());
+    return declared(declared_[place_of(**found)]);
 }
 
 const parameter* parameter_set::find(std::string_view name) const noexcept {
@@ -218,8 +231,8 @@ result<void> parameter_set::may_change(std::string_view name, const std::string&
     std::vector<std::string> others;
     for (const auto& one : declared_)
         if (one.changeable) others.push_back(one.name);
-    return failure(errc::invalid_argument, fmt::format("parameter '{}' cannot be changed while the component runs, {}", (*found)->name,
-                                                       others.empty() ? "and no other of it can" : fmt::format("only {}", fmt::join(others, ", "))));
+    return failure(errc::invalid_argument, fmt::format("parameter '{}' cannot be changed while the component runs, {}: it is given at a start", (*found)->name,
+                                                       others.empty() ? "and neither can its others" : fmt::format("only {}", fmt::join(others, ", "))));
 }
 
 result<void> parameter_set::change(std::string_view name, const std::string& value) {

@@ -1,5 +1,6 @@
 #pragma once
 #include <ise/core/result.hpp>
+#include <ise/packet/bounded.hpp>
 
 #include <cstdint>
 #include <functional>
@@ -51,6 +52,8 @@ result<void> read_value(const parameter& of, const std::string& text, double& in
 result<void> read_value(const parameter& of, const std::string& text, std::int64_t& into);
 result<void> read_value(const parameter& of, const std::string& text, std::uint64_t& into);
 std::string show_value(double value);
+result<void> refuse_value(const parameter& of, const std::string& text);
+std::string parameter_name(std::string_view field);
 } // namespace detail
 
 /// The parameters of one component, bound to the variables that hold their values. The variables outlive it.
@@ -69,6 +72,7 @@ public:
             if (kind == parameter_kind::hexadecimal) what_->minimum = what_->maximum = std::nullopt;
             return *this;
         }
+        declared& described(std::string text) { return what_->description = std::move(text), *this; }
         declared& preset(std::string text) { return what_->preset = std::move(text), *this; }
         /// Also while the component runs, which hears of it: component_type::makes. Throws errc::invalid_argument for a
         /// parameter that may be given several times.
@@ -101,6 +105,39 @@ public:
             return add(std::move(made), [&into](const parameter& of, const std::string& text) { return read<wide>(of, text, into); });
         }
     }
+
+    /// A number that brings its range and its unit along.
+    template <class T, auto Minimum, auto Maximum, unit_text Unit>
+    declared add(std::string name, bounded<T, Minimum, Maximum, Unit>& into, std::string description) {
+        using limited = bounded<T, Minimum, Maximum, Unit>;
+        parameter made;
+        made.name = std::move(name);
+        made.description = std::move(description);
+        made.unit = std::string(limited::unit);
+        made.minimum = static_cast<double>(limited::minimum);
+        made.maximum = static_cast<double>(limited::maximum);
+        made.kind = std::is_floating_point_v<T> ? parameter_kind::number : parameter_kind::integer;
+        if constexpr (std::is_floating_point_v<T>) made.preset = detail::show_value(static_cast<double>(into.value()));
+        else made.preset = std::to_string(into.value());
+        return add(std::move(made), [&into](const parameter& of, const std::string& text) {
+            using wide = std::conditional_t<std::is_floating_point_v<T>, double, std::conditional_t<std::is_signed_v<T>, std::int64_t, std::uint64_t>>;
+            T value{};
+            auto got = read<wide>(of, text, value);
+            if (!got) return got;
+            if (!limited::allows(value)) return detail::refuse_value(of, text); // range() was made wider
+            into = limited(value);
+            return got;
+        });
+    }
+    /// Every field of a packet, by its name: `wind_speed_mps` is "wind-speed-mps". Numbers, `bounded` numbers, bools, texts and
+    /// lists of texts are parameters; another field does not compile. `operator[]` refines one.
+    template <reflectable Options>
+    void add_fields(Options& of) {
+        for_each_field(of, [this](std::string_view name, auto& field) { this->add(detail::parameter_name(name), field, std::string()); });
+    }
+    /// Refines what was declared before: `set["wind-speed"].described("of the wind").changeable()`. Throws errc::invalid_argument
+    /// where there is none of that name.
+    declared operator[](std::string_view name);
 
     /// Checks and stores; a parameter that may be given many times takes one more value. errc::invalid_argument names
     /// the parameter and what is allowed, or for an unknown one those that there are.

@@ -1,10 +1,12 @@
 #include <ise/core/inproc_stream.hpp>
 
-#include <ise/core/byte_queue.hpp>
+#include <ise/core/object_stream.hpp>
 #include <ise/core/waiter.hpp>
 
 #include <asio/error.hpp>
 
+#include <algorithm>
+#include <cstring>
 #include <mutex>
 
 namespace ise {
@@ -12,29 +14,46 @@ namespace {
 
 class side;
 
-// One direction. The two sides meet here and nowhere else; each wakes the other through the gate of its loop,
-// at most once for each time that the other said that it waits.
+// What an exceptional burst took beyond this is given back.
+constexpr std::size_t kept_capacity = 256 * 1024;
+
+// One direction. The two sides meet here and nowhere else; each wakes the other, at most once for each time that the other
+// said that it waits: through the gate of its loop, or, on the same loop, in the present turn. There no lock is needed.
 class channel {
 public:
-    explicit channel(std::size_t capacity) : content_(capacity) {}
+    explicit channel(std::size_t capacity) : capacity_(capacity) {}
 
     void join(const std::shared_ptr<side>& reader, const std::shared_ptr<side>& writer);
+    bool on_one_loop() const noexcept { return one_loop_; }
 
     // For the reader. `would_block`: nothing yet, and the reader will be woken.
     transfer read(std::span<std::byte> into);
-    void refuse(); // nobody will read any more
+    std::error_code take(bytes& content, ring<passed_object>& beside); // all of it, into what is empty
+    bool wait();                                                      // false: there is more, or the end
+    void refuse();                                                    // nobody will read any more
 
     // For the writer. `would_block`: full.
     transfer write(std::span<const asio::const_buffer> from);
+    transfer pass(std::span<const asio::const_buffer> from, ring<passed_object>& beside);
     std::error_code writable(); // `would_block`: no, and the writer will be woken
     void end();                 // nothing more will be written
 
 private:
+    std::unique_lock<std::mutex> hold() { return one_loop_ ? std::unique_lock<std::mutex>() : std::unique_lock(mutex_); }
+    std::size_t weight() const noexcept { return content_.size() - begin_ + weight_beside_; }
+    void append(const asio::const_buffer& piece, std::size_t most);
+    void drop_content() noexcept;
     void wake_reader(std::unique_lock<std::mutex> held);
+    void post_to_reader();
     void wake_writer(std::unique_lock<std::mutex> held);
 
     std::mutex mutex_;
-    byte_queue content_;
+    const std::size_t capacity_;
+    bytes content_;
+    std::size_t begin_ = 0; // what lies before was read
+    ring<passed_object> beside_;
+    std::size_t weight_beside_ = 0;
+    bool one_loop_ = false;
     bool ended_ = false;
     bool refused_ = false;
     bool reader_waits_ = false;
@@ -44,10 +63,10 @@ private:
 };
 
 // What a stream's coroutines hold on to: the stream itself may be destroyed under them.
-class side {
+class side : public std::enable_shared_from_this<side> {
 public:
     side(loop& owner, std::shared_ptr<channel> in, std::shared_ptr<channel> out)
-        : gate_(owner.gate()), incoming(std::move(in)), outgoing(std::move(out)),
+        : incoming(std::move(in)), outgoing(std::move(out)), on(owner), gate(owner.gate()),
           readable(owner, [this] { readable.resume({asio::error::operation_aborted, 0}); }),
           writable(owner, [this] { writable.resume({asio::error::operation_aborted, 0}); }) {}
 
@@ -59,40 +78,70 @@ public:
         writable.resume({asio::error::operation_aborted, 0});
     }
 
-private:
-    std::shared_ptr<loop_gate> gate_;
+    // Something has come, or the end. In a turn.
+    void wake() {
+        if (!passing) return readable.resume({});
+        auto user = receiver.lock();
+        if (!user || closed) return;
+        auto problem = incoming->take(content, beside);
+        if (problem == asio::error::would_block) return;
+        if (problem) {
+            over = true;
+            return readable.resume({problem, 0});
+        }
+        user->on_passed(content, beside);
+        content.clear();
+        if (content.capacity() > kept_capacity) content = {};
+        if (!beside.empty()) beside.clear();
+        if (!incoming->wait()) wake_later(); // others have their turn before
+    }
+    void wake_later() {
+        on.later([self = shared_from_this()] { self->wake(); });
+    }
 
-public:
-    const std::shared_ptr<loop_gate>& gate() const noexcept { return gate_; }
-
-    bool closed = false;
-    std::shared_ptr<channel> incoming, outgoing;
+    const std::shared_ptr<channel> incoming, outgoing;
+    loop& on;
+    const std::shared_ptr<loop_gate> gate;
     waiter<transfer> readable, writable;
+    bool closed = false;
+    bool passing = false; // what comes goes to the receiver
+    bool over = false;    // it was given everything
+    std::weak_ptr<object_stream::user> receiver;
+    bytes content; // while it is being handed over
+    ring<passed_object> beside;
 };
 
 void channel::join(const std::shared_ptr<side>& reader, const std::shared_ptr<side>& writer) {
     reader_ = reader;
     writer_ = writer;
-    reader_gate_ = reader->gate();
-    writer_gate_ = writer->gate();
+    reader_gate_ = reader->gate;
+    writer_gate_ = writer->gate;
+    one_loop_ = reader_gate_ == writer_gate_;
 }
 
 void channel::wake_reader(std::unique_lock<std::mutex> held) {
     if (!std::exchange(reader_waits_, false)) return;
-    held.unlock();
-    if (reader_gate_ == writer_gate_) { // the waker is on the same loop
-        if (auto reader = reader_.lock()) reader->readable.resume({});
+    if (held) held.unlock();
+    if (one_loop_) {
+        // Not from within the writer: it may be in the middle of anything.
+        auto reader = reader_.lock();
+        if (reader && !reader->passing) reader->wake();
+        else if (reader) reader->on.later([held = std::move(reader)] { held->wake(); });
         return;
     }
+    post_to_reader();
+}
+
+void channel::post_to_reader() {
     reader_gate_->post([weak = reader_] {
-        if (auto reader = weak.lock()) reader->readable.resume({});
+        if (auto reader = weak.lock()) reader->wake();
     });
 }
 
 void channel::wake_writer(std::unique_lock<std::mutex> held) {
     if (!std::exchange(writer_waits_, false)) return;
-    held.unlock();
-    if (reader_gate_ == writer_gate_) {
+    if (held) held.unlock();
+    if (one_loop_) {
         if (auto writer = writer_.lock()) writer->writable.resume({});
         return;
     }
@@ -101,44 +150,105 @@ void channel::wake_writer(std::unique_lock<std::mutex> held) {
     });
 }
 
+void channel::drop_content() noexcept {
+    content_.clear();
+    begin_ = 0;
+}
+
 transfer channel::read(std::span<std::byte> into) {
-    std::unique_lock held(mutex_);
-    if (content_.empty()) {
+    auto held = hold();
+    const auto count = std::min(into.size(), content_.size() - begin_);
+    if (count == 0) {
         if (ended_) return {asio::error::eof, 0};
         reader_waits_ = true;
         return {asio::error::would_block, 0};
     }
-    const auto count = content_.pop(into);
+    std::memcpy(into.data(), content_.data() + begin_, count);
+    begin_ += count;
+    if (begin_ == content_.size()) {
+        drop_content();
+    } else if (begin_ > content_.size() / 2) {
+        content_.erase(content_.begin(), content_.begin() + static_cast<std::ptrdiff_t>(begin_));
+        begin_ = 0;
+    }
     // A writer that waits is woken for a good piece of room, not for each byte.
-    if (content_.room() >= content_.limit() / 4) wake_writer(std::move(held));
+    if (weight() <= capacity_ - capacity_ / 4) wake_writer(std::move(held));
     return {{}, count};
 }
 
+std::error_code channel::take(bytes& content, ring<passed_object>& beside) {
+    auto held = hold();
+    if (content_.empty()) {
+        if (ended_) return asio::error::eof;
+        reader_waits_ = true;
+        return asio::error::would_block;
+    }
+    if (begin_ > 0) content_.erase(content_.begin(), content_.begin() + static_cast<std::ptrdiff_t>(begin_));
+    begin_ = 0;
+    std::swap(content, content_);
+    std::swap(beside, beside_);
+    weight_beside_ = 0;
+    wake_writer(std::move(held));
+    return {};
+}
+
+bool channel::wait() {
+    auto held = hold();
+    reader_waits_ = content_.empty() && !ended_;
+    return reader_waits_;
+}
+
 void channel::refuse() {
+    ring<passed_object> dropped; // outside of the lock
     std::unique_lock held(mutex_);
     refused_ = true;
-    content_.clear();
+    drop_content();
+    std::swap(dropped, beside_);
+    weight_beside_ = 0;
     reader_waits_ = false;
     wake_writer(std::move(held));
 }
 
+void channel::append(const asio::const_buffer& piece, std::size_t most) {
+    const auto* from = static_cast<const std::byte*>(piece.data());
+    content_.insert(content_.end(), from, from + std::min(piece.size(), most));
+}
+
 transfer channel::write(std::span<const asio::const_buffer> from) {
-    std::unique_lock held(mutex_);
+    auto held = hold();
     if (refused_ || ended_) return {asio::error::broken_pipe, 0};
-    std::size_t wanted = 0, moved = 0;
+    const auto before = content_.size();
+    std::size_t wanted = 0;
     for (const auto& piece : from) {
         wanted += piece.size();
-        moved += content_.push({static_cast<const std::byte*>(piece.data()), piece.size()});
+        append(piece, capacity_ - std::min(capacity_, weight()));
     }
+    const auto moved = content_.size() - before;
     if (moved == 0) return {wanted > 0 ? make_error_code(asio::error::would_block) : std::error_code{}, 0};
     wake_reader(std::move(held));
     return {{}, moved};
 }
 
+transfer channel::pass(std::span<const asio::const_buffer> from, ring<passed_object>& beside) {
+    auto held = hold();
+    if (refused_ || ended_) return {asio::error::broken_pipe, 0};
+    if (weight() >= capacity_) return {asio::error::would_block, 0};
+    const auto before = content_.size();
+    for (const auto& piece : from) append(piece, piece.size());
+    const auto moved = content_.size() - before;
+    if (!beside.empty()) {
+        for (std::size_t place = 0; place < beside.size(); ++place) weight_beside_ += beside[place].weight();
+        if (beside_.empty()) std::swap(beside, beside_);
+        while (!beside.empty()) beside_.push_back(beside.pop_front());
+    }
+    wake_reader(std::move(held));
+    return {{}, moved};
+}
+
 std::error_code channel::writable() {
-    std::lock_guard held(mutex_);
+    auto held = hold();
     if (refused_ || ended_) return asio::error::broken_pipe;
-    if (content_.room() > 0) return {};
+    if (weight() < capacity_) return {};
     writer_waits_ = true;
     return asio::error::would_block;
 }
@@ -147,10 +257,12 @@ void channel::end() {
     std::unique_lock held(mutex_);
     ended_ = true;
     writer_waits_ = false;
-    wake_reader(std::move(held));
+    if (!std::exchange(reader_waits_, false)) return;
+    held.unlock();
+    post_to_reader(); // its loop may be gone: the gate knows
 }
 
-class inproc_stream final : public stream {
+class inproc_stream final : public object_stream {
 public:
     inproc_stream(std::shared_ptr<side> state, std::string peer) : side_(std::move(state)), peer_(std::move(peer)) {}
     ~inproc_stream() override { side_->close(); }
@@ -161,6 +273,17 @@ public:
         if (side_->closed) return {asio::error::operation_aborted, 0};
         return side_->outgoing->write(from);
     }
+
+    void use(std::weak_ptr<user> receiver) override {
+        side_->receiver = std::move(receiver);
+        side_->passing = true;
+        side_->wake_later();
+    }
+    transfer pass(std::span<const asio::const_buffer> content, ring<passed_object>& beside) override {
+        if (side_->closed) return {asio::error::operation_aborted, 0};
+        return side_->outgoing->pass(content, beside);
+    }
+    bool on_one_loop() const noexcept override { return side_->outgoing->on_one_loop(); }
 
     task<std::error_code> wait_writable() override { return wait(side_); }
 
@@ -173,9 +296,12 @@ private:
         const std::span<std::byte> room(static_cast<std::byte*>(into.data()), into.size());
         for (;;) {
             if (state->closed) co_return transfer{asio::error::operation_aborted, 0};
+            if (state->over) co_return transfer{asio::error::eof, 0};
             if (room.empty()) co_return transfer{};
-            auto taken = state->incoming->read(room);
-            if (taken.problem != asio::error::would_block) co_return taken;
+            if (!state->passing) {
+                auto taken = state->incoming->read(room);
+                if (taken.problem != asio::error::would_block) co_return taken;
+            }
             auto woken = co_await state->readable.wait();
             if (woken.problem) co_return woken;
         }

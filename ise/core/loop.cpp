@@ -200,6 +200,7 @@ loop::turn::turn(loop& owner) : loop_(owner) {
     if (loop_.depth_++ == 0) {
         loop_.turn_time_ = loop_.environment_.now();
         loop_.turn_posted_ = false;
+        if (loop_.watcher_) loop_.watcher_->on_turn(loop_.turn_time_);
     }
 }
 

@@ -25,6 +25,14 @@ public:
     virtual void arm(time_point at) = 0;
 };
 
+/// What wants to know that a loop has something to do: a real one may look for what follows instead of sleeping.
+class idle_watcher {
+public:
+    virtual ~idle_watcher() = default;
+    /// A turn begins, at `now`. On the loop.
+    virtual void on_turn(time_point now) = 0;
+};
+
 /// A callback at a time. Belongs to one loop and is used on it only; destroying it disarms it.
 class timer {
 public:
@@ -88,6 +96,8 @@ public:
 
     void use_alarm(std::unique_ptr<alarm> wake) { alarm_ = std::move(wake); }
     void on_alarm();
+    /// Outlives the loop, or is taken off again by a null.
+    void use_watcher(idle_watcher* watcher) noexcept { watcher_ = watcher; }
 
     const executor_type& get_executor() const noexcept { return executor_; }
     ise::environment& env() noexcept { return environment_; }
@@ -158,6 +168,7 @@ private:
     executor_type executor_;
     std::function<bool()> running_here_;
     std::unique_ptr<alarm> alarm_;
+    idle_watcher* watcher_ = nullptr;
     std::vector<timer*> heap_;
     std::vector<ready_function> ready_, spare_ready_;
     std::vector<std::shared_ptr<flushable>> outputs_, spare_outputs_;
@@ -178,6 +189,9 @@ class loop_host {
 public:
     virtual ~loop_host() = default;
     virtual ise::loop& loop() noexcept = 0;
+    /// Lets it look for events for up to `window` before it sleeps, as long as that pays. Only a thread of its own does
+    /// that: a program polls its own executors as it likes, and in the virtual world nothing sleeps. At most once; thread-safe.
+    virtual void poll([[maybe_unused]] duration window) {}
     /// Ends the loop: nothing runs on it any more, its thread has been waited for, and what was suspended there is
     /// destroyed, all while what that refers to still stands. The loop and its executor stay as husks until the host is
     /// destroyed, so that what was made on them (sockets, timers) can be destroyed in between. Any number of times; not

@@ -39,7 +39,8 @@ result<void> held_name::take(const naming::grant& answer, time_point now, durati
             return {};
         case verdict::taken: {
             auto holder = answer.held_by.empty() ? naming::holder() : answer.held_by.front();
-            if (!other || other->epoch != holder.epoch) other = holder;
+            // A server that was restarted counts them anew.
+            if (!other || other->epoch != holder.epoch || holder.renewals < other->renewals) other = holder;
             if (holder.renewals >= other->renewals + 2) return failure(errc::name_taken, answer.reason);
             not_before = saturating_add(now, lease / 5);
             obstacle = answer.reason;

@@ -63,7 +63,7 @@ std::span<const asio::const_buffer> batch::remaining() {
     return views_;
 }
 
-void batch::visit_unwritten(const std::function<void(const wire::frame_header&, bytes_view)>& visit) const {
+void batch::visit_unwritten(const std::function<void(const wire::frame&)>& visit) {
     std::size_t segment_at = 0; // where the segment begins in the whole
     std::size_t frame_at = 0;   // where the next frame does
     auto look = [&](bytes_view content) {
@@ -72,7 +72,9 @@ void batch::visit_unwritten(const std::function<void(const wire::frame_header&, 
             auto rest = content.subspan(frame_at - segment_at);
             auto header = wire::read_header(rest.data());
             std::size_t size = wire::frame_header::size + header.length;
-            if (frame_at >= written_ && size <= rest.size()) visit(header, rest.subspan(wire::frame_header::size, header.length));
+            passed_object object;
+            if ((header.flags & wire::flag::beside) && !beside_.empty()) object = beside_.pop_front();
+            if (frame_at >= written_ && size <= rest.size()) visit({header, rest.subspan(wire::frame_header::size, header.length), object ? &object : nullptr});
             frame_at += size;
         }
         segment_at += content.size();
@@ -86,6 +88,8 @@ void batch::clear() {
     recycle(adopted_);
     segments_.clear();
     owners_.clear();
+    if (!beside_.empty()) beside_.clear();
+    beside_weight_ = 0;
     staged_ = shared_bytes_ = written_ = 0;
 }
 

@@ -1,5 +1,7 @@
 #pragma once
 #include <ise/core/bytes.hpp>
+#include <ise/core/passed_object.hpp>
+#include <ise/core/ring.hpp>
 #include <ise/packet/buffer.hpp>
 #include <ise/packet/shared_bytes.hpp>
 #include <ise/wire/frame.hpp>
@@ -25,7 +27,17 @@ public:
     /// Takes over a whole buffer as content and gives back an empty one with room.
     void adopt(buffer& content);
 
+    /// The object of the frame that was put last, which travels beside the bytes.
+    void pass(passed_object object) {
+        beside_weight_ += object.weight();
+        beside_.push_back(std::move(object));
+    }
+    /// Those of all frames, in their order.
+    ring<passed_object>& beside() noexcept { return beside_; }
+
     std::size_t bytes() const noexcept { return shared_bytes_ + staging_.size(); }
+    /// The same with what travels beside.
+    std::size_t weight() const noexcept { return bytes() + beside_weight_; }
     bool empty() const noexcept { return bytes() == 0; }
     bool done() const noexcept { return written_ == bytes(); }
     std::size_t left() const noexcept { return bytes() - written_; }
@@ -35,8 +47,9 @@ public:
     void advance(std::size_t count) noexcept { written_ += count; }
     void clear();
 
-    /// The frames of which no byte was written: `visit(header, body)`; a body that does not lie in one piece is passed over.
-    void visit_unwritten(const std::function<void(const wire::frame_header&, bytes_view)>& visit) const;
+    /// The frames of which no byte was written: a body that does not lie in one piece is passed over.
+    /// What has objects is written whole or not at all; they may be taken.
+    void visit_unwritten(const std::function<void(const wire::frame&)>& visit);
 
 private:
     struct segment {
@@ -52,6 +65,8 @@ private:
     std::vector<segment> segments_;
     std::vector<shared_bytes> owners_;
     std::vector<asio::const_buffer> views_;
+    ring<passed_object> beside_;
+    std::size_t beside_weight_ = 0;
     std::size_t staged_ = 0; // bytes of the staging buffer that lie in segments
     std::size_t shared_bytes_ = 0;
     std::size_t written_ = 0;

@@ -35,6 +35,7 @@ connection::connection(loop& on, std::unique_ptr<stream> transport, session_term
     parser_.set_max_frame_bytes(terms_.we_accept.max_frame_bytes);
     datagrams_ = dynamic_cast<datagram_stream*>(transport_.get());
     if (datagrams_) outbox_.use(*datagrams_);
+    if (terms_.features & wire::feature::objects) objects_ = dynamic_cast<object_stream*>(transport_.get());
     outbox_.limit_messages(terms_.peer_accepts.max_message_bytes);
     parser_.release(); // a greeting is larger than what follows on an idle connection
     last_heard_ = last_sent_ = on_.now();
@@ -72,7 +73,9 @@ task<> connection::read([[maybe_unused]] std::shared_ptr<connection> held) {
 // What came with the handshake.
 bool connection::begin_to_take() {
     loop::turn in(on_);
-    return taken(take_frames());
+    const bool more = taken(take_frames());
+    if (more && objects_) objects_->use(std::shared_ptr<object_stream::user>(shared_from_this(), this));
+    return more;
 }
 
 // Whether to go on reading.
@@ -139,11 +142,46 @@ void connection::on_message(bytes_view message) {
     if (!state && open_) end_for(state.error());
 }
 
+// From within the process: it is taken where it lies.
+void connection::on_passed(bytes_view content, ring<passed_object>& beside) {
+    if (!open_) return;
+    counts_.bytes_in += content.size();
+    loop::turn in(on_);
+    last_heard_ = on_.now();
+    beside_ = &beside;
+    result<void> state;
+    auto receiver = user_.lock();
+    wire::frame received;
+    while (open_ && state && parser_.pending() == 0 && parser_.take(received, content)) state = take_whole(received, receiver.get());
+    // A part of a frame, or none: as if it had been read.
+    while (open_ && state && !content.empty()) {
+        auto room = parser_.prepare();
+        const auto count = std::min(room.size(), content.size());
+        std::copy_n(content.begin(), count, room.begin());
+        parser_.commit(count);
+        content = content.subspan(count);
+        state = take_frames();
+    }
+    beside_ = nullptr;
+    taken(state);
+}
+
+result<void> connection::take_whole(wire::frame& received, user* receiver) {
+    ++counts_.frames_in;
+    received.object = nullptr;
+    passed_object object;
+    if (beside_ && (received.header.flags & wire::flag::beside)) {
+        if (beside_->empty()) return failure(errc::protocol_error, "a packet was to come beside its frame, and did not");
+        object = beside_->pop_front();
+        received.object = &object;
+    }
+    return take(received, receiver);
+}
+
 result<void> connection::take_frames() {
     auto receiver = user_.lock(); // once for all that came
     for (wire::frame received; parser_.take(received);) {
-        ++counts_.frames_in;
-        auto taken = take(received, receiver.get());
+        auto taken = take_whole(received, receiver.get());
         if (!taken) return taken;
         if (!open_) return {};
     }
@@ -238,7 +276,7 @@ void connection::write_out() {
             if (finishing_) transport_->shutdown_write();
             return;
         }
-        auto wrote = transport_->try_write(batch_->remaining());
+        auto wrote = objects_ ? objects_->pass(batch_->remaining(), batch_->beside()) : transport_->try_write(batch_->remaining());
         if (wrote.problem == asio::error::would_block) {
             blocked_ = true;
             // Not from within this: where there is room again already it would go on writing.
@@ -329,12 +367,12 @@ void connection::say_goodbye() {
     wire::put_frame(outbox_.control(), frame_type::goodbye, 0, 0, [&](buffer& body) { encode(goodbye, body); });
 }
 
-void connection::take_unwritten(const std::function<void(const wire::frame_header&, bytes_view)>& visit) {
+void connection::take_unwritten(const std::function<void(const wire::frame&)>& visit) {
     if (batch_)
-        batch_->visit_unwritten([&](const wire::frame_header& header, bytes_view body) {
-            if (header.type == frame_type::request) visit(header, body);
+        batch_->visit_unwritten([&](const wire::frame& one) {
+            if (one.header.type == frame_type::request) visit(one);
         });
-    outbox_.take_unwritten([&](std::uint64_t, wire::frame_header header, bytes_view body) { visit(header, body); });
+    outbox_.take_unwritten(visit);
 }
 
 void connection::close(failure cause) {

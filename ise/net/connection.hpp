@@ -1,5 +1,6 @@
 #pragma once
 #include <ise/core/loop.hpp>
+#include <ise/core/object_stream.hpp>
 #include <ise/core/result.hpp>
 #include <ise/core/stream.hpp>
 #include <ise/core/task_scope.hpp>
@@ -48,8 +49,10 @@ struct session_terms {
 /// is written in a turn leaves in one gathered write, and there is a writer coroutine only while the socket is full.
 /// Whatever breaks (a write as well as a read) ends it for both directions, once, with its cause. Lives on one
 /// loop; shared by its coroutines and its user.
-/// Over datagrams, packets of subscriptions are messages of their own beside the stream (`lossy()`).
-class connection final : public std::enable_shared_from_this<connection>, public flushable, public datagram_stream::user {
+/// Over datagrams, packets of subscriptions are messages of their own beside the stream (`lossy()`). Within a process
+/// packets need no bytes: objects travel beside their frames (`passes_objects()`), and what is written is handed over where
+/// it lies; the reader only waits for the end.
+class connection final : public std::enable_shared_from_this<connection>, public flushable, public datagram_stream::user, public object_stream::user {
 public:
     /// Who understands the frames. Called inside a turn of the loop; a frame's body is valid during the call only.
     class user {
@@ -90,13 +93,15 @@ public:
 
     /// Sends what waits for at most `grace`, tells the peer why, then closes.
     void finish(failure why, duration grace);
-    /// Requests of which no byte was written, for the user's `on_closed`: `visit(header, body)`.
-    void take_unwritten(const std::function<void(const wire::frame_header&, bytes_view)>& visit);
+    /// Requests of which no byte was written, for the user's `on_closed`, who may take their objects.
+    void take_unwritten(const std::function<void(const wire::frame&)>& visit);
     /// Ends it now. The first cause stays.
     void close(failure cause);
     bool open() const noexcept { return open_; }
     /// Packets may be lost and come late; everything else arrives, whole and in order.
     bool lossy() const noexcept { return datagrams_ != nullptr; }
+    /// Whether both sides are in one process and agreed to hand packets over as they are.
+    bool passes_objects() const noexcept { return objects_ != nullptr; }
     /// Only where `!open()`.
     const failure& cause() const noexcept { return *cause_; }
 
@@ -120,12 +125,14 @@ private:
     bool taken(const result<void>& state);
     task<> write(std::shared_ptr<connection> held);
     result<void> take_frames();
+    result<void> take_whole(wire::frame& received, user* receiver);
     result<void> take(const wire::frame& received, user* receiver);
     result<void> take_own(const wire::frame& received, user* receiver);
     result<void> answers_bounded() const;
     static failure too_many_answers();
     void on_heard() override { last_heard_ = on_.now(); }
     void on_message(bytes_view message) override;
+    void on_passed(bytes_view content, ring<passed_object>& beside) override;
     void on_room() override { written(); }
     void on_sign() override;
     void end_for(const failure& wrong);
@@ -137,6 +144,8 @@ private:
     loop& on_;
     std::unique_ptr<stream> transport_;
     datagram_stream* datagrams_ = nullptr; // the same, where it is one
+    object_stream* objects_ = nullptr;     // the same, where it is one and objects were agreed on
+    ring<passed_object>* beside_ = nullptr; // of the frames that are being taken
     session_terms terms_;
     std::shared_ptr<vital_signs> signs_;
     std::string peer_name_;

@@ -1,6 +1,7 @@
 #include <ise/net/handshake.hpp>
 
 #include <ise/core/limits.hpp>
+#include <ise/core/object_stream.hpp>
 #include <ise/net/authentication.hpp>
 #include <ise/net/tls/stream.hpp>
 #include <ise/packet/codec.hpp>
@@ -71,11 +72,15 @@ public:
         co_return result<void>();
     }
 
-    /// What the transport carries sets a limit of its own.
+    /// What the transport carries sets a limit of its own, and may do more than others.
     wire::limits fitting(wire::limits offered) const {
         if (auto* datagrams = dynamic_cast<datagram_stream*>(transport_.get()))
             offered.max_message_bytes = std::min(offered.max_message_bytes, datagrams->max_message_bytes());
         return offered;
+    }
+
+    std::uint64_t fitting(std::uint64_t features) const {
+        return dynamic_cast<object_stream*>(transport_.get()) ? features | wire::feature::objects : features;
     }
 
     authentication& keys() noexcept { return keys_; }
@@ -168,6 +173,7 @@ std::optional<failure> unspeakable(const wire::hello& theirs) {
 task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<stream> transport, wire::hello mine, time_point deadline, const shared_key* key) {
     greeting with(on, std::move(transport), deadline, key);
     mine.accepts = with.fitting(mine.accepts);
+    mine.features = with.fitting(mine.features);
     mine.authentication = with.keys().offer();
     auto sent = co_await with.send(frame_type::hello, mine);
     if (!sent) co_return sent.error();
@@ -223,7 +229,7 @@ task<result<std::shared_ptr<connection>>> respond(loop& on, std::unique_ptr<stre
         co_return failure(answer.error().code(), fmt::format("{} was rejected: {}", with.peer(), answer.error().message()));
     }
     answer->version = std::min(wire::newest_version, theirs->newest);
-    answer->features &= theirs->features;
+    answer->features = with.fitting(answer->features) & theirs->features;
     answer->accepts = with.fitting(answer->accepts);
     auto sent = co_await with.send(frame_type::welcome, *answer);
     if (!sent) co_return sent.error();

@@ -64,8 +64,18 @@ void outbox::end_call() {
         message.payload = message.owner.view();
     }
     message.id = next_piece_id_++;
-    big_bytes_ += message.size();
-    big_calls_.all.push_back(std::move(message));
+    big_calls_.add(std::move(message));
+}
+
+void outbox::end_call(passed_object packet) {
+    beside_weight_ += packet.weight();
+    beside_.push_back(std::move(packet));
+}
+
+passed_object outbox::take_beside() {
+    auto first = beside_.pop_front();
+    beside_weight_ -= first.weight();
+    return first;
 }
 
 void outbox::add(publication_source& source) {
@@ -81,7 +91,6 @@ void outbox::remove(publication_source& source) noexcept {
         if (message.source != &source) return false;
         if (message.begun) put_abandoned(message);
         big_packets_.ends(message);
-        big_bytes_ -= message.size() - message.sent;
         return true;
     });
     source.in_pieces_ = 0;
@@ -105,8 +114,7 @@ void outbox::put_packet(publication_source& from, frame_header header, bytes_vie
         message.source = &from;
         message.id = next_piece_id_++;
         ++from.in_pieces_;
-        big_bytes_ += size;
-        big_packets_.all.push_back(std::move(message));
+        big_packets_.add(std::move(message));
         return;
     }
     auto& staging = filling_->staging();
@@ -120,6 +128,15 @@ void outbox::put_packet(publication_source& from, frame_header header, bytes_vie
     wire::store_header(at, header);
     at = std::copy(head.begin(), head.end(), at + frame_header::size);
     if (payload.size() > 0) std::memcpy(at, payload.view().data(), payload.size());
+}
+
+void outbox::put_object(frame_header header, bytes_view head, passed_object packet) {
+    assert(filling_);
+    header.flags |= wire::flag::beside;
+    header.length = static_cast<std::uint32_t>(head.size());
+    wire::put_header(filling_->staging(), header);
+    filling_->staging().append(head);
+    filling_->pass(std::move(packet));
 }
 
 void outbox::put_frames(shared_bytes frames, std::uint64_t id, bool addressed) {
@@ -164,10 +181,16 @@ bool outbox::fill(batch& out, time_point now) {
 void outbox::fill_calls(batch& out, time_point now) {
     std::size_t at = calls_taken_;
     std::size_t expired = 0;
-    while (at < calls_.size() && at - calls_taken_ < batch_limit_) {
+    const std::size_t weight_before = beside_weight_;
+    while (at < calls_.size() && at - calls_taken_ + (weight_before - beside_weight_) < batch_limit_) {
         auto header = wire::read_header(calls_.data() + at);
         std::size_t size = frame_header::size + header.length;
-        if (is_request(header) && !stamp(calls_.data() + at + frame_header::size, now)) {
+        const bool late = is_request(header) && !stamp(calls_.data() + at + frame_header::size, now);
+        if (header.flags & wire::flag::beside) {
+            auto object = take_beside();
+            if (!late) out.pass(std::move(object));
+        }
+        if (late) {
             // An expired frame becomes a cancel of itself: harmless, and the others keep their places.
             ++expired;
             detail::store_little(calls_.data() + at + 4, static_cast<std::uint8_t>(frame_type::cancel));
@@ -231,7 +254,7 @@ bool outbox::may_begin(const big_messages& among, const big_message& one) const 
 
 void outbox::fill_pieces(big_messages& from, batch& out, time_point now) {
     // One piece of each in turn.
-    for (std::size_t round = from.all.size(); round > 0 && out.bytes() < batch_limit_; --round) {
+    for (std::size_t round = from.all.size(); round > 0 && out.weight() < batch_limit_; --round) {
         big_message message = from.all.pop_front();
         if (!message.begun && !may_begin(from, message)) {
             from.all.push_back(std::move(message));
@@ -240,14 +263,14 @@ void outbox::fill_pieces(big_messages& from, batch& out, time_point now) {
         if (!message.begun && message.deadline != time_point::max()) {
             // The buffer is this message's own: only the constness of shared owners is in the way.
             if (!stamp(const_cast<std::byte*>(message.payload.data()), now)) {
-                big_bytes_ -= message.size();
+                from.ends(message);
                 continue;
             }
         }
         if (!message.begun) from.begins(message);
         std::size_t before = message.sent;
         put_piece(message, out);
-        big_bytes_ -= message.sent - before;
+        from.unsent_bytes -= message.sent - before;
         if (message.sent == message.size()) from.ends(message);
         if (message.sent < message.size()) {
             from.all.push_back(std::move(message));
@@ -259,7 +282,7 @@ void outbox::fill_pieces(big_messages& from, batch& out, time_point now) {
 
 void outbox::fill_publications(batch& out) {
     filling_ = &out;
-    while (!sources_.empty() && out.bytes() < batch_limit_) {
+    while (!sources_.empty() && out.weight() < batch_limit_) {
         auto* source = sources_.pop_front();
         source->pending_ = false;
         bool more = source->take(*this, quantum);
@@ -282,18 +305,19 @@ void outbox::feed_lane() {
     }
 }
 
-void outbox::take_unwritten(const std::function<void(std::uint64_t, frame_header, bytes_view)>& visit) {
+void outbox::take_unwritten(const std::function<void(const wire::frame&)>& visit) {
     // One that was withdrawn is not the caller's any more: it finds no call of that id.
     for (std::size_t at = calls_taken_; at < calls_.size();) {
         auto header = wire::read_header(calls_.data() + at);
         bytes_view body(calls_.data() + at + frame_header::size, header.length);
-        if (header.type == frame_type::request) visit(header.id, header, body);
+        passed_object object;
+        if (header.flags & wire::flag::beside) object = take_beside();
+        if (header.type == frame_type::request) visit({header, body, object ? &object : nullptr});
         at += frame_header::size + header.length;
     }
     for (std::size_t i = 0; i < big_calls_.all.size(); ++i) {
         const auto& message = big_calls_.all[i];
-        big_bytes_ -= message.size() - message.sent;
-        if (message.header.type == frame_type::request && !message.begun) visit(message.header.id, message.header, message.payload);
+        if (message.header.type == frame_type::request && !message.begun) visit({message.header, message.payload});
     }
     calls_.clear();
     calls_taken_ = 0;
@@ -306,7 +330,6 @@ bool outbox::withdraw(std::uint64_t request_id) {
         if (message.header.id != request_id || message.header.type != frame_type::request) return false;
         if (message.begun) put_abandoned(message);
         big_calls_.ends(message);
-        big_bytes_ -= message.size() - message.sent;
         return big = true;
     });
     if (big) return true;

@@ -67,12 +67,16 @@ public:
     /// service's introduction) therefore goes into `control()`.
     buffer& begin_call();
     void end_call();
+    /// The frame has its packet beside it (`wire::flag::beside`).
+    void end_call(passed_object packet);
 
     void add(publication_source& source);
     void remove(publication_source& source) noexcept;
     /// For sources: a packet frame. `head` is the part of the body before the shared payload.
     void put_packet(publication_source& from, wire::frame_header header, bytes_view head,
                     const shared_bytes& payload);
+    /// For sources: a packet frame, `head` is its body, with the packet beside it.
+    void put_object(wire::frame_header header, bytes_view head, passed_object packet);
     /// For sources, where there is no lane: whole frames, one behind the other, each a packet that need not go in pieces.
     /// Where they do not bear it already (`addressed`), `id` is written into each.
     void put_frames(shared_bytes frames, std::uint64_t id, bool addressed);
@@ -87,11 +91,12 @@ public:
     bool empty() const noexcept;
     /// Whether neither control frames nor calls and replies wait.
     bool calls_drained() const noexcept { return control_.empty() && calls_.size() == calls_taken_ && big_calls_.all.empty(); }
-    std::size_t pending_bytes() const noexcept { return control_.size() + (calls_.size() - calls_taken_) + big_bytes_; }
-    std::size_t pending_call_bytes() const noexcept { return (calls_.size() - calls_taken_) + big_bytes_; }
+    /// Bytes that wait, as far as they are here: packets that their sources still hold are not.
+    std::size_t pending_bytes() const noexcept { return control_.size() + pending_call_bytes() + big_packets_.unsent_bytes; }
+    std::size_t pending_call_bytes() const noexcept { return (calls_.size() - calls_taken_) + big_calls_.unsent_bytes + beside_weight_; }
 
-    /// Takes the requests that were never begun to be written: `visit(call id, payload and head of the body)`.
-    void take_unwritten(const std::function<void(std::uint64_t, wire::frame_header, bytes_view)>& visit);
+    /// Takes the requests that were never begun to be written; the body holds head and packet.
+    void take_unwritten(const std::function<void(const wire::frame&)>& visit);
     /// A request that was given up: true if the peer will never have it whole, so that it need not be told. One of
     /// which pieces were written already is abandoned.
     bool withdraw(std::uint64_t request_id);
@@ -116,12 +121,19 @@ private:
         ring<big_message> all;
         std::size_t begun = 0;
         std::uint64_t begun_bytes = 0;
+        std::size_t unsent_bytes = 0;
 
+        void add(big_message one) {
+            unsent_bytes += one.size();
+            all.push_back(std::move(one));
+        }
         void begins(const big_message& one) noexcept {
             ++begun;
             begun_bytes += one.size();
         }
+        /// It is through, or given up.
         void ends(const big_message& one) noexcept {
+            unsent_bytes -= one.size() - one.sent;
             if (!one.begun) return;
             --begun;
             begun_bytes -= one.size();
@@ -132,6 +144,7 @@ private:
     void fill_calls(batch& out, time_point now);
     void fill_pieces(big_messages& from, batch& out, time_point now);
     void fill_publications(batch& out);
+    passed_object take_beside();
     static void put_piece(big_message& message, batch& out);
     void put_abandoned(const big_message& message);
 
@@ -139,13 +152,14 @@ private:
     buffer calls_;
     std::size_t calls_taken_ = 0;
     std::size_t call_start_ = 0;
+    ring<passed_object> beside_; // of the frames in calls_ that have one
+    std::size_t beside_weight_ = 0;
     big_messages big_calls_;
     big_messages big_packets_;
     ring<publication_source*> sources_;
     std::size_t batch_limit_ = batch_bytes;
     batch* filling_ = nullptr; // during fill_publications
     packet_lane* lane_ = nullptr;
-    std::size_t big_bytes_ = 0;
     std::uint64_t most_message_bytes_ = std::numeric_limits<std::uint64_t>::max();
     std::uint64_t next_piece_id_ = 1;
 };

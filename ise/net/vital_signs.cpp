@@ -1,5 +1,6 @@
 #include <ise/net/vital_signs.hpp>
 
+#include <ise/core/object_stream.hpp>
 #include <ise/net/datagram_stream.hpp>
 #include <ise/packet/buffer.hpp>
 #include <ise/wire/frame.hpp>
@@ -11,11 +12,14 @@
 namespace ise::net {
 
 vital_signs::vital_signs(stream& transport, duration heartbeat, time_point now)
-    : transport_(transport), datagrams_(dynamic_cast<datagram_stream*>(&transport)), heartbeat_(heartbeat), sent_(now.time_since_epoch().count()) {}
+    : transport_(transport), datagrams_(dynamic_cast<datagram_stream*>(&transport)), heartbeat_(heartbeat), sent_(now.time_since_epoch().count()) {
+    const auto* objects = dynamic_cast<object_stream*>(&transport);
+    on_one_loop_ = objects && objects->on_one_loop();
+}
 
 void vital_signs::claim() noexcept {
     if (held_) return;
-    while (claimed_.exchange(true, std::memory_order_acquire)) std::this_thread::yield();
+    while (!on_one_loop_ && claimed_.exchange(true, std::memory_order_acquire)) std::this_thread::yield();
     held_ = true;
 }
 
@@ -26,6 +30,7 @@ void vital_signs::release(time_point sent) noexcept {
 }
 
 void vital_signs::show(time_point now) {
+    if (on_one_loop_) return;
     // The connection itself sends at each heartbeat; it gets some time for that.
     auto overdue = time_point(duration(sent_.load(std::memory_order_relaxed))) + heartbeat_ + heartbeat_ / 4;
     if (now < overdue) return;

@@ -46,6 +46,7 @@ private:
     const duration heartbeat_;
     std::atomic<duration::rep> sent_;
     std::atomic<bool> claimed_{false};
+    bool on_one_loop_ = false; // the peer waits for the same loop, and nobody else may touch the stream
     bool held_ = false;   // by the connection
     bool broken_ = false; // changed while it is claimed
 };

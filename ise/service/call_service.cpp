@@ -22,8 +22,9 @@ task<bool> call_worker::next() {
         asio::use_awaitable);
 }
 
-void call_worker::begin(incoming_call call) {
+void call_worker::begin(incoming_call call, time_point began) {
     call_ = std::move(call);
+    began_ = began;
     busy_ = true;
     caller_ = call_.from;
     context_ = service_.context_of_call(call_);
@@ -33,6 +34,7 @@ void call_worker::begin(incoming_call call) {
 
 incoming_call call_worker::finish() {
     deadline_.disarm();
+    if (began_ != time_point::max()) service_.meter_.handled(host_.env().now() - began_);
     busy_ = false;
     caller_.reset();
     return std::exchange(call_, {});
@@ -50,9 +52,9 @@ void call_worker::give_up() {
     if (busy_ && cancel_) cancel_->emit(asio::cancellation_type::terminal);
 }
 
-void call_worker::answer(function_ref<void(buffer&)> write_response) {
+void call_worker::answer(outgoing_packet response) {
     auto call = finish();
-    if (call.from) call_service::reply(call, write_response);
+    if (call.from) call_service::reply(call, response);
 }
 
 void call_worker::answer(const failure& why) {
@@ -65,14 +67,24 @@ call_service::call_service(service_host& host, std::string name, const packet_ty
 
 call_service::~call_service() = default;
 
-void call_service::serve(incoming_call call, bytes_view request) {
+void call_service::serve(incoming_call call, incoming_packet request) {
     if (stopped_) {
         refuse(call, failure(errc::cancelled, fmt::format("'{}' is not provided any more", name_)));
         return;
     }
+    request.adapt = call.adapt;
+    const bool measured = meter_.samples(host_.on().now());
+    auto began = measured ? host_.env().now() : time_point::max();
     try {
-        if (serve_now(call, request)) return;
-        if (may_begin(*call.from) && begin(call, request)) return;
+        if (serve_now(call, request)) {
+            meter_.begins();
+            if (measured) meter_.handled(host_.env().now() - began);
+            return;
+        }
+        if (may_begin(*call.from) && begin(call, request, began)) {
+            meter_.begins();
+            return;
+        }
     } catch (const error& thrown) {
         refuse(call, thrown.why());
         return;
@@ -82,10 +94,16 @@ void call_service::serve(incoming_call call, bytes_view request) {
     }
     // A new worker takes the request from the queue as soon as its coroutine has come up.
     bool more_workers = workers_.size() < options_.concurrent && may_begin(*call.from);
-    waiting_.push(waiting_call{std::move(call), bytes(request.begin(), request.end())});
+    waiting_.push(waiting_call{std::move(call), request.keep(), measured ? began : host_.env().now()});
     while (auto beyond = waiting_.overflow(options_.waiting, options_.waiting_bytes))
-        refuse(beyond->call, failure(errc::overloaded, fmt::format("'{}' has {} requests of {} bytes waiting", name_, waiting_.size(), waiting_.bytes_held())));
+        refuse_overloaded(beyond->call, failure(errc::overloaded, fmt::format("'{}' has {} requests of {} bytes waiting", name_, waiting_.size(), waiting_.bytes_held())));
     if (more_workers) add_worker();
+}
+
+void call_service::refuse_overloaded(const incoming_call& call, const failure& why) {
+    meter_.refused_overloaded();
+    host_.counts().refused(why.code());
+    refuse(call, why);
 }
 
 bool call_service::may_begin(const session& from) const {
@@ -95,16 +113,12 @@ bool call_service::may_begin(const session& from) const {
     return static_cast<std::size_t>(theirs) < most;
 }
 
-bool call_service::begin(incoming_call& call, bytes_view request) {
+bool call_service::begin(incoming_call& call, incoming_packet& request, time_point began) {
     if (idle_.empty()) return false;
     auto* worker = idle_.back();
-    if (call.adapt) {
-        worker->load((*call.adapt)(request));
-    } else {
-        worker->load(request);
-    }
+    worker->load(request);
     idle_.pop_back();
-    worker->begin(std::move(call));
+    worker->begin(std::move(call), began);
     return true;
 }
 
@@ -144,12 +158,18 @@ void call_service::idle(call_worker& worker) {
         auto found = waiting_.pop([this](const session& from) { return may_begin(from); });
         if (!found) return;
         auto& next = *found;
-        if (next.call.deadline <= host_.on().now()) {
+        auto now = host_.env().now(); // the turn may have lasted
+        if (next.call.deadline <= now) {
+            meter_.refused_expired();
+            host_.counts().refused(errc::timed_out);
             refuse(next.call, failure(errc::timed_out, fmt::format("'{}' was too busy to begin in time", name_)));
             continue;
         }
         try {
-            begin(next.call, next.request);
+            incoming_packet request(next.request);
+            request.adapt = next.call.adapt;
+            begin(next.call, request, now);
+            meter_.begins(now - next.since);
             return;
         } catch (const error& thrown) {
             refuse(next.call, thrown.why());
@@ -191,7 +211,7 @@ call_context call_service::context_of_call(const incoming_call& call) const {
     return made;
 }
 
-void call_service::reply(const incoming_call& call, function_ref<void(buffer&)> write_response) { call.from->reply(call.id, write_response); }
+void call_service::reply(const incoming_call& call, outgoing_packet response) { call.from->reply(call.id, response); }
 void call_service::refuse(const incoming_call& call, const failure& why) { call.from->refuse(call.id, why); }
 
 } // namespace ise

@@ -24,8 +24,8 @@ std::optional<failure> check_kind(const remote& provider, const dynamic_contract
 result<dynamic_packet> response_of(const call_outcome& outcome, const schema& type) {
     if (outcome.why) return *outcome.why;
     try {
-        if (outcome.adapt) return dynamic_packet(type, (*outcome.adapt)(outcome.response));
-        return dynamic_packet(type, bytes(outcome.response.begin(), outcome.response.end()));
+        const auto raw = outcome.response->bytes();
+        return dynamic_packet(type, bytes(raw.begin(), raw.end()));
     } catch (const error& unfit) {
         // The provider answered, and so it ran.
         return failure(unfit.code(), unfit.what(), execution::unknown);
@@ -38,12 +38,13 @@ task<result<dynamic_packet>> submit(std::shared_ptr<link> to, std::string servic
         [](auto handler, std::shared_ptr<link> over, std::string name, std::shared_ptr<const packet_types> packets, bytes body, duration limit) {
             auto& on = over->host().on();
             auto executor = asio::get_associated_executor(handler, on.get_executor());
-            auto& call = detail::begin_call(*over, service_key{name, packets.get()}, limit, executor, asio::get_associated_cancellation_slot(handler));
+            auto& call = detail::begin_call(std::move(over), service_key{name, packets.get()}, limit, executor, asio::get_associated_cancellation_slot(handler));
             auto type = packets->schemas[role::response];
             call.done = [handler = std::move(handler), type, &on](const call_outcome& outcome) mutable {
                 on.later([handler = std::move(handler), got = response_of(outcome, type)]() mutable { handler(std::move(got)); });
             };
-            over->submit(call, [&](buffer& out) { out.append(bytes_view(body)); });
+            const bytes_view raw(body);
+            detail::submit(call, outgoing_packet::of_bytes(raw));
         },
         asio::use_awaitable, std::move(to), std::move(service), std::move(types), std::move(request), deadline);
 }
@@ -94,7 +95,7 @@ public:
     received<dynamic_packet> take() {
         while (auto* waiting = waiting_packet()) {
             try {
-                auto packet = counted<dynamic_packet>::make(read(types_->schemas[role::published], *waiting));
+                auto packet = counted<dynamic_packet>::make(read(types_->schemas[role::published], waiting->bytes()));
                 return received<dynamic_packet>(std::move(packet), take_packet());
             } catch (const error& unreadable) {
                 drop_undecodable(unreadable);

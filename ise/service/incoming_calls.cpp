@@ -68,6 +68,7 @@ result<void> incoming_calls::on_request(const wire::frame& received) {
     }
     auto& host = session_.host();
     if (slot_of(id) >= host.options().max_calls_per_session) {
+        host.counts().refused(errc::overloaded);
         refuse(id, failure(errc::overloaded, fmt::format("more than {} calls of one session at once (max_calls_per_session)", host.options().max_calls_per_session)));
         return {};
     }
@@ -75,6 +76,7 @@ result<void> incoming_calls::on_request(const wire::frame& received) {
     auto unsent = session_.wire().out().pending_call_bytes();
     if (unsent > 2 * host.options().max_unsent_bytes) return failure(errc::overloaded, "does not take its replies");
     if (unsent > host.options().max_unsent_bytes) {
+        host.counts().refused(errc::overloaded);
         refuse(id, failure(errc::overloaded, fmt::format("{} bytes of replies wait for being taken (max_unsent_bytes)", unsent)));
         return {};
     }
@@ -82,18 +84,20 @@ result<void> incoming_calls::on_request(const wire::frame& received) {
     head.deadline = saturating_add(host.on().now(), duration(remaining));
     auto& of = *bindings_[number];
     if (of.now == state::refused) {
-        ++host.counts().calls_refused;
+        host.counts().refused(of.why.code());
         refuse(id, of.why);
     } else if (of.now == state::comparing) {
-        if (of.held.size() >= limit::held_requests || held_bytes_ + body.size() > limit::held_bytes) {
+        incoming_packet request(body, received.object);
+        if (of.held.size() >= limit::held_requests || held_bytes_ + request.size() > limit::held_bytes) {
+            host.counts().refused(errc::overloaded);
             refuse(id, failure(errc::overloaded, fmt::format("{} requests wait for the schemas of '{}' (held_requests, held_bytes)", of.held.size(), of.name)));
         } else {
-            held_bytes_ += body.size();
+            held_bytes_ += request.size();
             ++held_;
-            of.held.push_back(held_request{head, bytes(body.begin(), body.end())});
+            of.held.push_back(held_request{head, request.keep()});
         }
     } else {
-        serve(of, head, body);
+        serve(of, head, incoming_packet(body, received.object));
     }
     return {};
 }
@@ -140,8 +144,9 @@ void incoming_calls::compare(std::uint32_t number, std::vector<std::uint64_t> fi
             held_bytes_ -= request.request.size();
             --held_;
             if (of.now == state::ready) {
-                serve(of, request.head, request.request);
+                serve(of, request.head, incoming_packet(request.request));
             } else {
+                session_.host().counts().refused(of.why.code());
                 refuse(request.head.id, of.why);
             }
         }
@@ -163,10 +168,11 @@ void incoming_calls::compare(std::uint32_t number, std::vector<std::uint64_t> fi
     session_.schemas().need(std::move(fingerprints), told, [decide](const failure& why) { decide(why); });
 }
 
-void incoming_calls::serve(binding& of, const request_head& head, bytes_view request) {
+void incoming_calls::serve(binding& of, const request_head& head, incoming_packet request) {
     auto& host = session_.host();
     if (head.deadline <= host.on().now()) {
-        ++host.counts().calls_refused; // expired on the way: nobody waits any more
+        host.counts().refused(errc::timed_out); // expired on the way: nobody waits any more
+        of.service->meter().refused_expired();
         return;
     }
     if (head.number != 0 && seen_before(of, head)) return;
@@ -178,7 +184,7 @@ void incoming_calls::serve(binding& of, const request_head& head, bytes_view req
     call.trace = head.trace;
     call.adapt = of.request.get();
     ++host.counts().calls_served;
-    of.service->serve(std::move(call), request);
+    of.service->serve(std::move(call), std::move(request));
 }
 
 void incoming_calls::occupy(binding& of, const request_head& head, bool elsewhere) {
@@ -210,7 +216,7 @@ bool incoming_calls::seen_before(binding& of, const request_head& head) {
             return true;
         case reply_window::state::forgotten: break;
     }
-    ++session_.host().counts().calls_refused;
+    session_.host().counts().refused(errc::peer_lost);
     refuse(head.id, failure(errc::peer_lost, fmt::format("'{}' may have been executed before the session was lost; its answer is not kept any more", of.name), execution::unknown));
     return true;
 }
@@ -262,7 +268,7 @@ void incoming_calls::on_session_end() {
     }
 }
 
-void incoming_calls::reply(std::uint64_t id, function_ref<void(buffer&)> write_response) {
+void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
     auto slot = slot_of(id);
     if (slot >= running_.size() || running_[slot].id != id || !running_[slot].of) return;
     auto& of = *running_[slot].of;
@@ -275,12 +281,17 @@ void incoming_calls::reply(std::uint64_t id, function_ref<void(buffer&)> write_r
         return;
     }
     buffer kept;
+    if (number != 0) kept.reserve(256); // most are smaller
     buffer& out = number == 0 ? wire.out().begin_call() : kept;
     std::size_t start = out.size();
+    passed_object object;
     std::optional<failure> problem;
     try {
-        wire::put_frame(out, wire::frame_type::reply, 0, id, write_response);
-        auto size = out.size() - start - wire::frame_header::size;
+        if (wire.passes_objects() && response.is_object()) object = response.pass();
+        wire::put_frame(out, wire::frame_type::reply, object ? wire::flag::beside : std::uint8_t{0}, id, [&](buffer& body) {
+            if (!object) response.write(body);
+        });
+        auto size = out.size() - start - wire::frame_header::size + object.weight();
         auto most = wire.terms().peer_accepts.max_message_bytes;
         if (size > most) problem.emplace(errc::too_large, fmt::format("the response of '{}' has {} bytes, its caller accepts {}", of.name, size, most), execution::unknown);
     } catch (const std::exception& thrown) {
@@ -296,7 +307,8 @@ void incoming_calls::reply(std::uint64_t id, function_ref<void(buffer&)> write_r
         answer_numbered(number, kept.view());
         return;
     }
-    wire.out().end_call();
+    if (object) wire.out().end_call(std::move(object));
+    else wire.out().end_call();
     wire.written();
 }
 

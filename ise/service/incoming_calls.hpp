@@ -1,10 +1,10 @@
 #pragma once
-#include <ise/core/function_ref.hpp>
 #include <ise/core/task_scope.hpp>
 #include <ise/core/waiter.hpp>
-#include <ise/packet/adapt.hpp>
+#include <ise/service/carried_packet.hpp>
 #include <ise/service/context.hpp>
 #include <ise/service/contract.hpp>
+#include <ise/service/service_meter.hpp>
 #include <ise/service/waiting_calls.hpp>
 #include <ise/wire/frame.hpp>
 #include <ise/wire/messages.hpp>
@@ -35,17 +35,17 @@ protected:
     friend class call_service;
     /// The loop of the coroutine: `next()`, handle, `answer…`, until it returns false.
     virtual task<> run() = 0;
-    /// Decodes a request for the next turn; may throw.
-    virtual void load(bytes_view request) = 0;
+    /// Takes a request for the next turn; may throw.
+    virtual void load(incoming_packet& request) = 0;
 
     /// Waits for the next call; false: no more will come.
     task<bool> next();
-    void answer(function_ref<void(buffer&)> write_response);
+    void answer(outgoing_packet response);
     void answer(const failure& why);
     const call_context& context() const noexcept { return context_; }
 
 private:
-    void begin(incoming_call call);
+    void begin(incoming_call call, time_point began);
     incoming_call finish();
     void expire();
 
@@ -55,6 +55,7 @@ private:
     asio::cancellation_signal* cancel_ = nullptr; // of its coroutine
     timer deadline_;
     incoming_call call_;
+    time_point began_ = time_point::max(); // max: it is not measured
     call_context context_;
     std::shared_ptr<session> caller_; // context_ borrows its name
     bool busy_ = false;
@@ -76,17 +77,19 @@ public:
     const std::string& name() const noexcept { return name_; }
     const packet_types& types() const noexcept { return types_; }
 
-    void serve(incoming_call call, bytes_view request);
-    static void reply(const incoming_call& call, function_ref<void(buffer&)> write_response);
+    void serve(incoming_call call, incoming_packet request);
+    static void reply(const incoming_call& call, outgoing_packet response);
     static void refuse(const incoming_call& call, const failure& why);
     /// Requests of a session that ended, or that the caller gave up.
     void withdraw(const session& from, std::uint64_t id);
     void stop();
     std::size_t running() const noexcept { return workers_.size() - idle_.size(); }
+    std::size_t waiting() const noexcept { return waiting_.size(); }
+    service_meter& meter() noexcept { return meter_; }
 
 protected:
     /// Answers at once, without a coroutine: for handlers that are plain functions. False: a worker is needed.
-    virtual bool serve_now(const incoming_call& call, bytes_view request) = 0;
+    virtual bool serve_now(const incoming_call& call, incoming_packet& request) = 0;
     virtual std::unique_ptr<call_worker> make_worker() = 0;
     call_context context_of_call(const incoming_call& call) const;
     service_host& host() noexcept { return host_; }
@@ -94,7 +97,8 @@ protected:
 private:
     friend class call_worker;
     void idle(call_worker& worker);
-    bool begin(incoming_call& call, bytes_view request); // false: no worker is idle
+    bool begin(incoming_call& call, incoming_packet& request, time_point began); // false: no worker is idle
+    void refuse_overloaded(const incoming_call& call, const failure& why);
     void add_worker();
 
     // One session never has every handler, where there are several: the others' calls go on.
@@ -107,6 +111,7 @@ private:
     std::vector<std::unique_ptr<call_worker>> workers_;
     std::vector<call_worker*> idle_;
     waiting_calls waiting_;
+    service_meter meter_;
     bool stopped_ = false;
 };
 
@@ -124,7 +129,7 @@ public:
     void on_session_end();
 
     /// Answers a request.
-    void reply(std::uint64_t id, function_ref<void(buffer&)> write_response);
+    void reply(std::uint64_t id, outgoing_packet response);
     void refuse(std::uint64_t id, const failure& why);
     /// Sends an answer that was made before, or for another session: a whole frame, whose id is replaced.
     void send_answer(std::uint64_t id, bytes_view frame);
@@ -142,7 +147,7 @@ private:
     };
     struct held_request {
         request_head head;
-        bytes request;
+        kept_packet request;
     };
     struct binding {
         std::string name;
@@ -162,7 +167,7 @@ private:
     void bind(binding& made, const std::vector<std::uint64_t>& fingerprints);
     void compare(std::uint32_t number, std::vector<std::uint64_t> fingerprints);
     void forget(std::uint64_t id) noexcept;
-    void serve(binding& of, const request_head& head, bytes_view request);
+    void serve(binding& of, const request_head& head, incoming_packet request);
     bool seen_before(binding& of, const request_head& head);
     void occupy(binding& of, const request_head& head, bool elsewhere);
     void answer_numbered(std::uint64_t number, bytes_view frame);

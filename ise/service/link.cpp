@@ -51,8 +51,14 @@ std::string link::obstacle() const {
     return names ? names->trouble() : std::string();
 }
 
-void link::submit(pending_call& call, function_ref<void(buffer&)> write_request) {
-    call.owner = shared_from_this();
+void link::submit(pending_call& call, outgoing_packet request) {
+    if (host_.on().abandoned()) { // nothing would ever complete it: whoever waits is unwound, as everywhere then
+        if (call.slot.is_connected()) call.slot.clear();
+        host_.on().delist(call);
+        auto dropped = std::move(call.done);
+        auto owner = std::move(call.owner);
+        return;
+    }
     if (call.deadline <= host_.on().now()) {
         host_.calls().fail(call, failure(errc::timed_out, fmt::format("'{}' at {} was called after its deadline", call.service, name_)));
         return;
@@ -60,7 +66,7 @@ void link::submit(pending_call& call, function_ref<void(buffer&)> write_request)
     call.alarm.arm(call.deadline);
     try {
         if (session_ && session_->open()) {
-            if (session_->send(call, write_request)) return;
+            if (session_->send(call, request)) return;
             host_.calls().fail(call, failure(errc::overloaded, fmt::format("too many calls are pending at {}", name_)));
             return;
         }
@@ -74,7 +80,7 @@ void link::submit(pending_call& call, function_ref<void(buffer&)> write_request)
             host_.calls().fail(call, failure(errc::overloaded, fmt::format("{} calls wait for a session with {}", waiting_.size(), name_)));
             return;
         }
-        write_request(call.waiting);
+        call.waiting = request.keep();
     } catch (const error& thrown) {
         host_.calls().fail(call, thrown.why());
         return;
@@ -84,12 +90,10 @@ void link::submit(pending_call& call, function_ref<void(buffer&)> write_request)
     wake();
 }
 
-void link::requeue(pending_call& call, bytes_view request) {
+void link::requeue(pending_call& call, kept_packet request) {
     call.sent_on = nullptr;
     call.number = call.sent_to = 0;
-    buffer kept(request.size()); // it may lie in the record itself
-    kept.append(request);
-    call.waiting = std::move(kept);
+    call.waiting = std::move(request);
     waiting_.push_back(&call);
 }
 
@@ -210,13 +214,14 @@ void link::send_waiting() {
             continue;
         }
         auto began = call->number != 0 ? execution::unknown : execution::not_executed; // it was sent once before
-        buffer request = std::move(call->waiting);
-        call->waiting = buffer();
+        auto request = std::exchange(call->waiting, {});
         try {
-            bool sent = session_->send(*call, [&](buffer& out) { out.append(request.view()); });
+            bool sent = session_->send(*call, outgoing_packet(request));
             if (!sent) host_.calls().fail(*call, failure(errc::overloaded, fmt::format("too many calls are pending at {}", name_), began));
         } catch (const error& thrown) {
             host_.calls().fail(*call, failure(thrown.code(), thrown.why().message(), began));
+        } catch (const std::exception& thrown) { // of a packet with functions of its own
+            host_.calls().fail(*call, failure(errc::malformed, thrown.what(), began));
         }
     }
 }

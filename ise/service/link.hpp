@@ -1,5 +1,4 @@
 #pragma once
-#include <ise/core/function_ref.hpp>
 #include <ise/core/endpoint.hpp>
 #include <ise/core/loop.hpp>
 #include <ise/core/task.hpp>
@@ -37,8 +36,8 @@ public:
     link(service_host& host, const std::shared_ptr<session>& peer);
     ~link();
 
-    /// Starts a call: `write_request` appends the request packet. Its outcome comes later, even on refusal.
-    void submit(pending_call& call, function_ref<void(buffer&)> write_request);
+    /// Starts a call. Its outcome comes later, even on refusal.
+    void submit(pending_call& call, outgoing_packet request);
 
     void attach(subscriber_core& subscriber);
     void detach(subscriber_core& subscriber) noexcept;
@@ -58,7 +57,7 @@ public:
 
     // For sessions and the call desk.
     void on_session_end(session& ended, const failure& cause);
-    void requeue(pending_call& call, bytes_view request);
+    void requeue(pending_call& call, kept_packet request);
     /// One that may have been executed, but can be sent again by its number.
     void repeat(pending_call& call);
     std::uint64_t next_call_number() noexcept { return next_call_number_++; }

@@ -69,7 +69,7 @@ void call_desk::end(pending_call& call, const call_outcome& outcome) {
     auto owner = std::move(call.owner); // lives until the completion has run
     call.sent_on = nullptr;
     call.waiting.clear();
-    if (call.waiting.capacity() > kept_capacity) call.waiting = buffer();
+    if (call.waiting.raw.capacity() > kept_capacity) call.waiting.raw = buffer();
     call.number = call.sent_to = 0;
     free_.push_back(&call);
     done(outcome);

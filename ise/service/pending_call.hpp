@@ -1,8 +1,7 @@
 #pragma once
 #include <ise/core/error.hpp>
 #include <ise/core/loop.hpp>
-#include <ise/packet/adapt.hpp>
-#include <ise/packet/buffer.hpp>
+#include <ise/service/carried_packet.hpp>
 #include <ise/service/context.hpp>
 #include <ise/service/contract.hpp>
 
@@ -18,12 +17,10 @@ class call_desk;
 class session;
 class link;
 
-/// How a call ended: a failure, or the response's bytes (valid during the call only) and, if the provider's
-/// packet differs from ours, what adapts them.
+/// How a call ended: a failure, or the response (valid during the call only).
 struct call_outcome {
     const failure* why = nullptr;
-    bytes_view response;
-    const adapter* adapt = nullptr;
+    incoming_packet* response = nullptr;
 };
 
 /// One call from its beginning to its outcome. Pooled: steady calling allocates none of these.
@@ -43,7 +40,7 @@ struct pending_call final : suspended {
     std::shared_ptr<link> owner;         ///< where it goes on waiting
     session* sent_on = nullptr;          ///< the session it was written to
     std::uint64_t id = 0;                ///< on that session
-    buffer waiting;                      ///< the encoded request, while there is no session, or where it may be sent again
+    kept_packet waiting;                 ///< the request, while there is no session, or where it may be sent again
     std::uint64_t number = 0;            ///< by which it is sent again, once it was sent where that is possible
     std::uint64_t sent_to = 0;           ///< the provider's life that may have executed it
 

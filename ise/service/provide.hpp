@@ -16,12 +16,6 @@ namespace detail {
 /// What a handler's exception becomes for the caller.
 failure failure_of(const std::exception_ptr& thrown);
 
-template <class Request>
-Request decode_request(bytes_view raw, const adapter* adapt) {
-    if (adapt) return decode<Request>((*adapt)(raw));
-    return decode<Request>(raw);
-}
-
 /// A handler that is a coroutine: `task<Response>(Request)` or `task<Response>(Request, const call_context&)`.
 template <class Request, class Response, class Handler>
 class coroutine_service final : public call_service {
@@ -35,7 +29,7 @@ private:
         worker(coroutine_service& of, service_host& host) : call_worker(of, host), service_(of) {}
 
     private:
-        void load(bytes_view request) override { decode_into(request_.emplace(), request); }
+        void load(incoming_packet& request) override { request.take_into(request_.emplace()); }
 
         task<> run() override {
             for (;;) {
@@ -45,7 +39,7 @@ private:
                 try {
                     auto handling = start();
                     auto response = co_await std::move(handling);
-                    answer([&](buffer& out) { encode(response, out); });
+                    answer(outgoing_packet(response));
                 } catch (...) {
                     problem = failure_of(std::current_exception());
                 }
@@ -68,7 +62,7 @@ private:
         std::optional<Request> request_;
     };
 
-    bool serve_now(const incoming_call&, bytes_view) override { return false; }
+    bool serve_now(const incoming_call&, incoming_packet&) override { return false; }
     std::unique_ptr<call_worker> make_worker() override { return std::make_unique<worker>(*this, host()); }
 
     Handler handler_;
@@ -82,11 +76,12 @@ public:
         : call_service(host, std::move(name), types, {}), handler_(std::move(handler)) {}
 
 private:
-    bool serve_now(const incoming_call& call, bytes_view raw) override {
-        auto request = decode_request<Request>(raw, call.adapt);
+    bool serve_now(const incoming_call& call, incoming_packet& came) override {
+        Request request{};
+        came.take_into(request);
         auto response = answer(call, std::move(request));
         if (response) {
-            reply(call, [&](buffer& out) { encode(*response, out); });
+            reply(call, outgoing_packet(*response));
         } else {
             refuse(call, response.error());
         }

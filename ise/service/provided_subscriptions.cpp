@@ -49,7 +49,7 @@ result<void> provided_subscriptions::on_subscribe(const wire::frame& received) {
     made.publication = publication;
     by_id_.emplace(id, std::move(made));
     if (terms->service.fingerprints == ours.fingerprints) {
-        admit(id, std::move(*terms), nullptr);
+        admit(id, std::move(*terms), nullptr, session_.wire().passes_objects() && (received.header.flags & wire::flag::objects));
         return {};
     }
     auto fingerprints = terms->service.fingerprints;
@@ -57,7 +57,7 @@ result<void> provided_subscriptions::on_subscribe(const wire::frame& received) {
     session_.schemas().need(
         std::move(fingerprints),
         [this, id, shared](const std::vector<schema>& theirs) {
-            if (by_id_.contains(id)) admit(id, std::move(*shared), &theirs);
+            if (by_id_.contains(id)) admit(id, std::move(*shared), &theirs, false);
         },
         [this, id](const failure& why) {
             if (by_id_.contains(id)) refuse(id, why); // else it has left
@@ -65,7 +65,7 @@ result<void> provided_subscriptions::on_subscribe(const wire::frame& received) {
     return {};
 }
 
-void provided_subscriptions::admit(std::uint64_t id, wire::subscribe terms, const std::vector<schema>* theirs) {
+void provided_subscriptions::admit(std::uint64_t id, wire::subscribe terms, const std::vector<schema>* theirs, bool takes_objects) {
     auto& made = by_id_.at(id);
     auto& publication = *made.publication;
     const auto& ours = publication.types();
@@ -92,7 +92,7 @@ void provided_subscriptions::admit(std::uint64_t id, wire::subscribe terms, cons
     answer.fingerprints = ours.fingerprints;
     result<provided_subscription*> who = failure(errc::refused, {});
     try {
-        who = publication.subscribe(session_, terms, request.get(), answer);
+        who = publication.subscribe(session_, terms, request.get(), takes_objects, answer);
     } catch (const error& thrown) {
         who = thrown.why();
     } catch (const std::exception& thrown) {

@@ -19,19 +19,24 @@ public:
     /// Made by `component::publish`.
     explicit publication(std::shared_ptr<publication_core> core) : core_(std::move(core)) {}
 
-    /// Publishes to all. The packet is encoded before this returns.
-    void operator()(const packet_type& packet) const { core().publish(shared(packet)); }
+    /// Publishes to all. It is encoded before this returns; or copied once, for the subscribers of this process, who share
+    /// that copy.
+    void operator()(const packet_type& packet) const { core().publish(made(packet)); }
+    /// The same with a packet that is given away: for those it is moved and not copied.
+    void operator()(packet_type&& packet) const { core().publish(made(std::move(packet))); }
 
     /// Publishes to those subscribers for which `wants(const subscriber_info&)` holds: a watch that was narrowed down, a
     /// snapshot for who has just come. The others count it as skipped, not as lost.
     template <class Wants>
     void to_some(const packet_type& packet, Wants wants) const {
-        core().publish_to(shared(packet), wants);
+        core().publish_to(made(packet), wants);
     }
 
     /// Publishes when every lossless subscriber has room. Cancellation: terminal, the packet is not published.
-    /// The packet is encoded before this returns.
-    task<> send(const packet_type& packet) const { return send_when_room(held(), shared(packet)); }
+    /// The packet is encoded, or copied, before this returns.
+    task<> send(const packet_type& packet) const { return send_when_room(held(), made(packet)); }
+    /// The same with a packet that is given away: `co_await out.send(std::move(packet))`.
+    task<> send(packet_type&& packet) const { return send_when_room(held(), made(std::move(packet))); }
 
     /// Publishes if every lossless subscriber has room; else it does nothing, returns false, and `send` is to be
     /// awaited. For publishing much in one go: nothing is suspended as long as there is room.
@@ -52,10 +57,20 @@ private:
         return core_;
     }
     publication_core& core() const { return *held(); }
-    shared_bytes shared(const packet_type& packet) const {
-        return core().share([&packet](buffer& out) { encode(packet, out); });
+    template <class Packet>
+    published_packet made(Packet&& packet) const {
+        published_packet made;
+        if constexpr (travels_as_object<packet_type>) {
+            if (core().wants_object()) {
+                made.object = share_packet<packet_type>(std::forward<Packet>(packet));
+                return made;
+            }
+        }
+        made.frame = core().share([&packet](buffer& out) { encode(packet, out); });
+        made.has_frame = true;
+        return made;
     }
-    static task<> send_when_room(std::shared_ptr<publication_core> core, shared_bytes packet) {
+    static task<> send_when_room(std::shared_ptr<publication_core> core, published_packet packet) {
         if (!core->has_room()) co_await core->wait_for_room();
         core->publish(std::move(packet));
     }

@@ -22,7 +22,7 @@ constexpr std::size_t written_at_once = 64 * 1024;
 
 } // namespace
 
-provided_subscription::provided_subscription(publication_core& of, const wire::subscribe& terms, subscriber_info info)
+provided_subscription::provided_subscription(publication_core& of, const wire::subscribe& terms, subscriber_info info, bool takes_objects)
     : publication_(of), policy_(terms.policy), depth_(std::clamp<std::uint32_t>(terms.depth, 1, limit::subscription_depth)), credit_(terms.credit),
       min_interval_(static_cast<std::int64_t>(std::min<std::uint64_t>(terms.min_interval_ns, std::int64_t{1} << 62))),
       info_(std::move(info)) {
@@ -30,6 +30,7 @@ provided_subscription::provided_subscription(publication_core& of, const wire::s
     auto& env = of.host().env();
     for (std::size_t half = 0; half < ticket_.size(); half += 8) detail::store_little(reinterpret_cast<std::byte*>(&ticket_[half]), env.random());
     if (policy_ == overflow::lossless) ++publication_.lossless_;
+    take_objects(takes_objects);
 }
 
 provided_subscription::~provided_subscription() {
@@ -37,6 +38,35 @@ provided_subscription::~provided_subscription() {
     if (session_) session_->subscriber_bytes() -= queue_.cost();
     if (session_) session_->wire().out().remove(*this);
     if (policy_ == overflow::lossless) --publication_.lossless_;
+    if (takes_objects_) --publication_.object_takers_;
+}
+
+void provided_subscription::take_objects(bool wanted) noexcept {
+    if (wanted == takes_objects_) return;
+    takes_objects_ = wanted;
+    if (wanted) ++publication_.object_takers_;
+    else --publication_.object_takers_;
+    if (!wanted) write_objects();
+}
+
+// It came back over another way, which takes bytes only.
+void provided_subscription::write_objects() {
+    std::uint32_t carried = 0; // by packets that cannot be written
+    waiting_packets written;
+    while (!queue_.empty()) {
+        auto next = queue_.pop(std::numeric_limits<std::size_t>::max());
+        next.skipped += std::exchange(carried, 0);
+        try {
+            if (next.object) next.frames = publication_.frame_of(std::exchange(next.object, {}), next.sequence);
+            written.push(std::move(next));
+        } catch (const std::exception& thrown) {
+            publication_.host().log().warning(thrown.what(), {{"service", publication_.name()}, {"peer", info_.peer}});
+            carried = next.skipped;
+            ++dropped_;
+        }
+    }
+    skipped_ += carried;
+    queue_ = std::move(written);
 }
 
 void provided_subscription::attach(session& over, std::uint64_t id) {
@@ -98,13 +128,15 @@ void provided_subscription::grant(std::uint64_t total) {
     wake();
 }
 
-bool provided_subscription::full(const shared_bytes& frame) const noexcept {
+bool provided_subscription::full(std::size_t more) const noexcept {
     if (queue_.size() >= depth_) return true;
     auto held = session_ ? session_->subscriber_bytes() : queue_.cost();
-    return !queue_.empty() && held + frame.size() > publication_.host().options().max_subscriber_bytes;
+    return !queue_.empty() && held + more > publication_.host().options().max_subscriber_bytes;
 }
 
-bool provided_subscription::offer(const shared_bytes& frame) {
+bool provided_subscription::offer(const published_packet& packet) {
+    const bool object = takes_objects_ && packet.object;
+    const auto size = object ? packet.object.weight : packet.frame.size();
     if (min_interval_ > duration{}) {
         auto now = publication_.host().on().now();
         if (now < next_allowed_) {
@@ -113,21 +145,25 @@ bool provided_subscription::offer(const shared_bytes& frame) {
         }
         next_allowed_ = saturating_add(now, min_interval_);
     }
-    while (full(frame)) {
+    while (full(size)) {
         if (policy_ == overflow::lossless || policy_ == overflow::disconnect) return false;
-        drop_oldest();
+        auto& losses = publication_.losses_;
+        drop_oldest(queue_.size() < depth_ ? losses.too_many_bytes : policy_ == overflow::keep_latest ? losses.replaced : losses.overrun);
     }
-    queue_.push(frame, std::exchange(skipped_, 0), packet_frame::id_of(frame.view().data()) == id_);
+    const auto skipped = std::exchange(skipped_, 0);
+    if (object) queue_.push(packet.object, packet.sequence, skipped);
+    else queue_.push(packet.frame, skipped, packet_frame::id_of(packet.frame.view().data()) == id_);
     if (queue_.size() >= depth_ && full_since_ == time_point::max()) full_since_ = publication_.host().on().now();
     if (!session_) return true;
-    session_->subscriber_bytes() += frame.size() + waiting_packets::item_bytes;
+    session_->subscriber_bytes() += size + waiting_packets::item_bytes;
     if (queue_.size() == 1) wake(); // else it is awake, or waits for credit
     if (policy_ == overflow::lossless && queue_.cost() >= written_at_once && may_send()) session_->wire().written_much();
     return true;
 }
 
 // What was skipped before it is told with the next one.
-void provided_subscription::drop_oldest() {
+void provided_subscription::drop_oldest(std::uint64_t& reason) {
+    ++reason;
     waiting_packets::stretch dropped;
     skipped_ += queue_.drop(dropped);
     popped(dropped);
@@ -143,8 +179,8 @@ bool provided_subscription::take(net::outbox& out, std::size_t quantum) {
     std::size_t taken = 0;
     while (!queue_.empty() && may_send() && taken < quantum) {
         const auto& next = queue_.front();
-        const auto size = packet_frame::size_of(next.frames.view().data());
-        if (together && size <= shared_bytes_maker::small_bytes && next.skipped == 0) {
+        const auto size = next.object ? next.object.weight + packet_frame::head_bytes : packet_frame::size_of(next.frames.view().data());
+        if (together && !next.object && size <= shared_bytes_maker::small_bytes && next.skipped == 0) {
             auto packets = pop(policy_ == overflow::lossless ? credit_ - sent_ : next.packets);
             sent_ += packets.packets;
             taken += packets.frames.size();
@@ -154,27 +190,50 @@ bool provided_subscription::take(net::outbox& out, std::size_t quantum) {
         if (size - packet_frame::head_bytes + 12 > largest) {
             publication_.host().log().warning("a packet is larger than its subscriber accepts", {{"service", publication_.name()}, {"peer", info_.peer},
                                               {"bytes", std::to_string(size - packet_frame::head_bytes)}});
-            drop_oldest();
+            drop_oldest(publication_.losses_.too_large);
             continue;
         }
-        put_alone(out);
+        if (next.object) put_object(out);
+        else put_alone(out);
         taken += size;
-        if (size > net::outbox::whole_bytes) break; // goes in pieces: the rest waits for it
+        if (size > net::outbox::whole_bytes && !wire.passes_objects()) break; // goes in pieces: the rest waits for it
     }
     if (policy_ == overflow::lossless) publication_.room_made();
     return !queue_.empty() && may_send();
 }
 
+namespace {
+
+// The head of a packet's frame that is put together for one subscriber.
+struct packet_head {
+    packet_head(std::uint64_t id, std::uint64_t sequence, std::uint32_t skipped) {
+        detail::store_little(body.data(), sequence);
+        detail::store_little(body.data() + 8, skipped);
+        header.type = wire::frame_type::packet;
+        header.flags = skipped ? wire::flag::skipped : std::uint8_t{0};
+        header.id = id;
+        size = skipped ? 12 : 8;
+    }
+    bytes_view view() const noexcept { return bytes_view(body).first(size); }
+
+    wire::frame_header header;
+    std::array<std::byte, 12> body;
+    std::size_t size;
+};
+
+} // namespace
+
+void provided_subscription::put_object(net::outbox& out) {
+    auto next = pop(1);
+    packet_head head(id_, next.sequence, next.skipped);
+    out.put_object(head.header, head.view(), next.object.pass());
+    ++sent_;
+}
+
 void provided_subscription::put_alone(net::outbox& out) {
     auto next = pop(1);
-    std::array<std::byte, 12> head;
-    detail::store_little(head.data(), packet_frame::sequence_of(next.frames.view().data()));
-    detail::store_little(head.data() + 8, next.skipped);
-    wire::frame_header header;
-    header.type = wire::frame_type::packet;
-    header.flags = next.skipped ? wire::flag::skipped : std::uint8_t{0};
-    header.id = id_;
-    out.put_packet(*this, header, bytes_view(head).first(next.skipped ? 12 : 8), next.frames.behind(packet_frame::head_bytes));
+    packet_head head(id_, packet_frame::sequence_of(next.frames.view().data()), next.skipped);
+    out.put_packet(*this, head.header, head.view(), next.frames.behind(packet_frame::head_bytes));
     ++sent_;
 }
 
@@ -191,12 +250,25 @@ shared_bytes publication_core::share(function_ref<void(buffer&)> write_packet) {
     return maker_.share();
 }
 
-void publication_core::begin_packet(const shared_bytes& frame) {
-    packet_frame::stamp(shared_bytes_maker::open(frame), frame.size(), usual_id_, ++sequence_);
+void publication_core::begin_packet(published_packet& packet) {
+    packet.sequence = sequence_ + 1;
+    if (packet.has_frame) {
+        packet_frame::stamp(shared_bytes_maker::open(packet.frame), packet.frame.size(), usual_id_, packet.sequence);
+    } else if (object_takers_ < all_.size()) {
+        packet.frame = frame_of(packet.object, packet.sequence);
+        packet.has_frame = true;
+    }
+    ++sequence_;
     ++host_.counts().packets_published;
 }
 
-void publication_core::publish(shared_bytes packet) {
+shared_bytes publication_core::frame_of(const shared_packet& object, std::uint64_t sequence) {
+    auto frame = share([&](buffer& out) { object.write(out); });
+    packet_frame::stamp(shared_bytes_maker::open(frame), frame.size(), usual_id_, sequence);
+    return frame;
+}
+
+void publication_core::publish(published_packet packet) {
     begin_packet(packet);
     std::vector<std::uint64_t> too_slow;
     for (auto& who : all_)
@@ -205,7 +277,7 @@ void publication_core::publish(shared_bytes packet) {
     if (!too_slow.empty()) end_too_slow(too_slow);
 }
 
-void publication_core::publish_to(shared_bytes packet, function_ref<bool(const subscriber_info&)> wants) {
+void publication_core::publish_to(published_packet packet, function_ref<bool(const subscriber_info&)> wants) {
     begin_packet(packet);
     std::vector<std::uint64_t> too_slow;
     for (auto& who : all_) {
@@ -219,12 +291,26 @@ void publication_core::publish_to(shared_bytes packet, function_ref<bool(const s
 }
 
 // The last value is the newest for who comes now, also where later ones were for some only.
-shared_bytes publication_core::last_frame() {
-    const auto whole = last_->view();
-    if (packet_frame::sequence_of(whole.data()) == sequence_) return *last_;
-    auto frame = share([&](buffer& out) { out.append(whole.subspan(packet_frame::head_bytes)); });
-    packet_frame::stamp(shared_bytes_maker::open(frame), frame.size(), usual_id_, sequence_);
-    return frame;
+std::optional<published_packet> publication_core::last_packet(bool as_object) {
+    if (!last_) return std::nullopt;
+    published_packet made;
+    made.sequence = sequence_;
+    if (as_object && last_->object) {
+        made.object = last_->object;
+        return made;
+    }
+    try {
+        if (!last_->has_frame) last_->frame = frame_of(last_->object, last_->sequence);
+        last_->has_frame = made.has_frame = true;
+        made.frame = last_->frame;
+        if (last_->sequence == sequence_) return made;
+        made.frame = share([&](buffer& out) { out.append(last_->frame.view().subspan(packet_frame::head_bytes)); });
+        packet_frame::stamp(shared_bytes_maker::open(made.frame), made.frame.size(), usual_id_, sequence_);
+        return made;
+    } catch (const std::exception& thrown) { // of a packet with functions of its own
+        host_.log().warning(thrown.what(), {{"service", name_}});
+        return std::nullopt;
+    }
 }
 
 // Once the packet has been offered to all: the user is called back, and may publish.
@@ -232,8 +318,15 @@ void publication_core::end_too_slow(const std::vector<std::uint64_t>& numbers) {
     for (auto number : numbers) {
         auto found = std::find_if(all_.begin(), all_.end(), [&](const auto& who) { return who.info_.number == number; });
         if (found == all_.end()) continue;
+        ++losses_.ended;
         end(*found, failure(errc::overloaded, fmt::format("the subscriber of '{}' did not take {} packets in time", name_, found->queue_.size())));
     }
+}
+
+std::size_t publication_core::queued() const noexcept {
+    std::size_t sum = 0;
+    for (const auto& who : all_) sum += who.queued();
+    return sum;
 }
 
 bool publication_core::has_room() const noexcept {
@@ -272,6 +365,7 @@ void publication_core::end_stalled() {
     for (;;) {
         auto found = std::ranges::find_if(all_, [&](const auto& who) { return !who.has_room() && who.full_since_ <= since; });
         if (found == all_.end()) return;
+        ++losses_.ended;
         host_.tell(peer_trouble::broken, fmt::format("a lossless subscriber of '{}' held up its publisher (longest_stall) and was ended", name_), found->info_.peer);
         end(*found, failure(errc::overloaded, fmt::format("the subscriber of '{}' took nothing for as long as it may hold up the publisher (longest_stall)", name_)));
     }
@@ -290,7 +384,7 @@ void publication_core::room_made() {
     for (auto* room : waiting_) room->resume();
 }
 
-result<provided_subscription*> publication_core::subscribe(session& from, const wire::subscribe& terms, const adapter* adapt,
+result<provided_subscription*> publication_core::subscribe(session& from, const wire::subscribe& terms, const adapter* adapt, bool takes_objects,
                                                            wire::subscribed& answer) {
     if (stopped_) return *stopped_;
     answer.incarnation = host_.self().incarnation;
@@ -303,13 +397,15 @@ result<provided_subscription*> publication_core::subscribe(session& from, const 
                 old->forget_provided(who.id_);
             }
             who.credit_ = terms.credit;
+            who.take_objects(takes_objects);
             // What was sent and did not arrive is a gap that the sequence tells.
             answer.ticket = who.ticket();
             answer.first_sequence = wanted.next_sequence;
             answer.resumed = true;
             // Over datagrams the latest packet is sent until it has arrived, on whatever session.
             bool missed = wanted.next_sequence <= sequence_ && who.queue_.empty();
-            if (from.wire().lossy() && terms.last_value && last_ && missed) who.offer(last_frame());
+            if (from.wire().lossy() && terms.last_value && missed)
+                if (auto last = last_packet(takes_objects)) who.offer(*last);
             return &who;
         }
     }
@@ -322,13 +418,13 @@ result<provided_subscription*> publication_core::subscribe(session& from, const 
         if (!decided) return decided.error();
         response = std::move(*decided);
     }
-    auto& who = all_.emplace_back(*this, terms, std::move(info));
+    auto& who = all_.emplace_back(*this, terms, std::move(info), takes_objects);
     answer.ticket = who.ticket();
     answer.response.assign(reinterpret_cast<const std::uint8_t*>(response.data()),
                            reinterpret_cast<const std::uint8_t*>(response.data()) + response.size());
-    bool with_last = terms.last_value && last_;
-    answer.first_sequence = with_last ? sequence_ : sequence_ + 1;
-    if (with_last) who.offer(last_frame());
+    auto last = terms.last_value ? last_packet(takes_objects) : std::nullopt;
+    answer.first_sequence = last ? sequence_ : sequence_ + 1;
+    if (last) who.offer(*last);
     return &who;
 }
 

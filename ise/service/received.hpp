@@ -8,7 +8,7 @@
 namespace ise {
 
 /// A published packet as a subscriber holds it: points to a const packet, shared, never copied; may be kept for any time
-/// and on any thread. Empty once the subscription has ended.
+/// and on any thread. Where the publisher is in the same process it is the very packet that was published there. Empty once the subscription has ended.
 template <class Packet>
 class received {
 public:
@@ -26,6 +26,13 @@ public:
     std::shared_ptr<const Packet> share() const {
         if (!packet_) return nullptr;
         return {std::make_shared<counted<Packet>>(packet_), packet_.get()};
+    }
+
+    /// The packet by value, and this one is empty: moved where nobody else holds it, else a copy. Only where there is one.
+    Packet take() {
+        auto held = std::exchange(packet_, {});
+        if (held.alone()) return std::move(*held);
+        return *held;
     }
 
     /// Packets that were published since the one before and did not arrive; `unknown_gap` after a restart.

@@ -18,9 +18,10 @@ task<result<void>> remote::connect(duration deadline) const {
 
 namespace detail {
 
-pending_call& begin_call(link& to, service_key service, duration deadline, const asio::any_io_executor& caller, asio::cancellation_slot slot) {
-    auto& host = to.host();
+pending_call& begin_call(std::shared_ptr<link> to, service_key service, duration deadline, const asio::any_io_executor& caller, asio::cancellation_slot slot) {
+    auto& host = to->host();
     auto& call = host.calls().open();
+    call.owner = std::move(to);
     call.service.assign(service.name);
     call.types = service.types;
     call.deadline = saturating_add(host.on().now(), deadline > duration{} ? deadline : host.options().default_deadline);
@@ -49,7 +50,7 @@ void complete_elsewhere(const asio::any_io_executor& waiting, unique_function<vo
 
 loop& loop_of(link& to) noexcept { return to.host().on(); }
 
-void submit(link& to, pending_call& call, function_ref<void(buffer&)> write_request) { to.submit(call, write_request); }
+void submit(pending_call& call, outgoing_packet request) { call.owner->submit(call, request); }
 
 } // namespace detail
 } // namespace ise

@@ -1,5 +1,4 @@
 #pragma once
-#include <ise/core/function_ref.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/service/pending_call.hpp>
 #include <ise/service/stream_of.hpp>
@@ -15,8 +14,9 @@ class link;
 
 namespace detail {
 
-/// Everything of a call that needs no types: opens the record, fits deadline and trace to the caller's context.
-pending_call& begin_call(link& to, service_key service, duration deadline, const asio::any_io_executor& caller, asio::cancellation_slot slot);
+/// Everything of a call that needs no types: opens the record, which keeps `to`, and fits deadline and trace to the
+/// caller's context.
+pending_call& begin_call(std::shared_ptr<link> to, service_key service, duration deadline, const asio::any_io_executor& caller, asio::cancellation_slot slot);
 /// A failure where `to` is used on another thread than its component's.
 std::optional<failure> check_place(link& to, service_key service);
 /// Runs what `check_place` has refused on the executor of whoever waits; where it has none, on the system's.
@@ -24,22 +24,18 @@ void complete_elsewhere(const asio::any_io_executor& waiting, unique_function<vo
 /// The component's.
 loop& loop_of(link& to) noexcept;
 /// Starts a call that was begun.
-void submit(link& to, pending_call& call, function_ref<void(buffer&)> write_request);
+void submit(pending_call& call, outgoing_packet request);
 
 template <class Response>
 result<Response> response_of(const call_outcome& outcome) {
     if (outcome.why) return *outcome.why;
-    if (outcome.adapt) {
-        try {
-            return decode<Response>((*outcome.adapt)(outcome.response));
-        } catch (const error& unfit) {
-            return failure(unfit.code(), unfit.what(), execution::unknown);
-        }
+    result<Response> got{Response{}};
+    try {
+        outcome.response->take_into(*got);
+    } catch (const error& unfit) { // the provider answered, and so it ran
+        got = failure(unfit.code(), unfit.what(), execution::unknown);
     }
-    auto decoded = try_decode<Response>(outcome.response);
-    // The provider answered, and so it ran.
-    if (!decoded) return failure(decoded.error().code(), decoded.error().message(), execution::unknown);
-    return decoded;
+    return got;
 }
 
 } // namespace detail
@@ -71,7 +67,7 @@ public:
         using response = typename Contract::response_type;
         return asio::async_initiate<const asio::use_awaitable_t<>, void(std::exception_ptr, response)>(
             [](auto handler, std::shared_ptr<link> to, service_key key, typename Contract::request_type packet, duration limit) {
-                start<response>(std::move(handler), *to, key, packet, limit, [](auto& waiting, result<response>& got) {
+                start<response>(std::move(handler), std::move(to), key, packet, limit, [](auto& waiting, result<response>& got) {
                     if (got) {
                         waiting(std::exception_ptr(), std::move(*got));
                     } else {
@@ -95,7 +91,7 @@ public:
         using response = typename Contract::response_type;
         return asio::async_initiate<Token, void(result<response>)>(
             [](auto handler, std::shared_ptr<link> to, service_key key, typename Contract::request_type packet, duration limit) {
-                start<response>(std::move(handler), *to, key, packet, limit,
+                start<response>(std::move(handler), std::move(to), key, packet, limit,
                                 [](auto& waiting, result<response>& got) { waiting(std::move(got)); });
             },
             token, link_, service.key(), std::move(request), deadline);
@@ -118,8 +114,8 @@ public:
 
 private:
     template <class Response, class Handler, class Request, class Deliver>
-    static void start(Handler handler, link& to, service_key key, const Request& packet, duration limit, Deliver deliver) {
-        if (auto misplaced = detail::check_place(to, key)) {
+    static void start(Handler handler, std::shared_ptr<link> to, service_key key, Request& packet, duration limit, Deliver deliver) {
+        if (auto misplaced = detail::check_place(*to, key)) {
             // Not on the component's thread: nothing of it may be touched; the handler's own executor completes it.
             asio::any_io_executor executor = asio::get_associated_executor(handler, asio::any_io_executor());
             detail::complete_elsewhere(executor, [handler = std::move(handler), deliver, why = std::move(*misplaced)]() mutable {
@@ -128,13 +124,13 @@ private:
             });
             return;
         }
-        auto& on = detail::loop_of(to);
+        auto& on = detail::loop_of(*to);
         auto executor = asio::get_associated_executor(handler, on.get_executor());
-        auto& call = detail::begin_call(to, key, limit, executor, asio::get_associated_cancellation_slot(handler));
+        auto& call = detail::begin_call(std::move(to), key, limit, executor, asio::get_associated_cancellation_slot(handler));
         call.done = [handler = std::move(handler), deliver, &on](const call_outcome& outcome) mutable {
             on.later([handler = std::move(handler), deliver, got = detail::response_of<Response>(outcome)]() mutable { deliver(handler, got); });
         };
-        detail::submit(to, call, [&](buffer& out) { encode(packet, out); });
+        detail::submit(call, outgoing_packet(packet));
     }
 
     template <class Contract>

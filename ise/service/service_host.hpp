@@ -24,10 +24,19 @@ namespace ise {
 struct service_counts {
     std::uint64_t calls_served = 0;
     std::uint64_t calls_refused = 0;      ///< expired, unknown, mismatched or beyond a limit
+    std::uint64_t calls_expired = 0;      ///< of these: their deadline came before a handler was free
+    std::uint64_t calls_overloaded = 0;   ///< of these: beyond a limit
     std::uint64_t packets_published = 0;
     std::uint64_t packets_dropped = 0;    ///< by the policies of slow subscribers
     std::uint64_t sessions_accepted = 0;
     std::uint64_t sessions_rejected = 0;
+
+    /// A call was not begun.
+    void refused(errc why) noexcept {
+        ++calls_refused;
+        if (why == errc::timed_out) ++calls_expired;
+        if (why == errc::overloaded) ++calls_overloaded;
+    }
 };
 
 /// What a peer can cause as often as it likes: each kind is logged at a bounded rate.

@@ -96,7 +96,7 @@ reply_window& session::replies() {
     return *replies_;
 }
 
-bool session::send(pending_call& call, function_ref<void(buffer&)> write_request) {
+bool session::send(pending_call& call, outgoing_packet request) {
     if (connection_->out().pending_call_bytes() > host_.options().max_unsent_bytes) return false;
     if (free_slots_.empty()) {
         auto most = std::min(connection_->terms().peer_accepts.max_calls, 1u << 20);
@@ -114,6 +114,11 @@ bool session::send(pending_call& call, function_ref<void(buffer&)> write_request
     if (numbered) flags |= wire::flag::numbered;
     if (numbered && call.number == 0) call.number = call.owner->next_call_number();
 
+    passed_object object;
+    if (connection_->passes_objects() && request.is_object()) {
+        object = request.pass();
+        flags |= wire::flag::beside;
+    }
     auto& out = connection_->out().begin_call();
     std::size_t start = out.size();
     try {
@@ -125,14 +130,14 @@ bool session::send(pending_call& call, function_ref<void(buffer&)> write_request
                 body.append(call.trace.parent);
             }
             if (numbered) body.append(call.number);
+            if (object) return;
             auto packet = body.size();
-            write_request(body);
+            request.write(body);
             if (!numbered) return;
-            buffer copy(body.size() - packet);
-            copy.append(body.view().subspan(packet));
-            call.waiting = std::move(copy);
+            call.waiting.clear();
+            call.waiting.raw.append(body.view().subspan(packet));
         });
-        auto size = out.size() - start - wire::frame_header::size;
+        auto size = out.size() - start - wire::frame_header::size + object.weight();
         auto most = connection_->terms().peer_accepts.max_message_bytes;
         if (size > most)
             throw error(errc::too_large, fmt::format("the request of '{}' has {} bytes, {} accepts {}{}", call.service, size, peer_name(), most, connection_->lossy() ? " over udp: split it, or use tcp" : ""));
@@ -145,7 +150,8 @@ bool session::send(pending_call& call, function_ref<void(buffer&)> write_request
     slots_[at].service = number;
     call.sent_on = this;
     call.sent_to = peer().incarnation;
-    connection_->out().end_call();
+    if (object) connection_->out().end_call(std::move(object));
+    else connection_->out().end_call();
     connection_->written();
     return true;
 }
@@ -175,13 +181,14 @@ result<void> session::on_reply(const wire::frame& received) {
     }
     auto& service = *introduced_[slots_[at].service];
     if (service.adapting) {
-        held_reply_bytes_ += received.body.size();
+        incoming_packet response(received.body, received.object);
+        held_reply_bytes_ += response.size();
         if (service.held.size() >= limit::held_replies || held_reply_bytes_ > limit::held_bytes)
             return failure(errc::overloaded, fmt::format("{} replies of '{}' wait for its schema (held_replies, held_bytes)", service.held.size(), service.name));
-        service.held.emplace_back(received.header.id, bytes(received.body.begin(), received.body.end()));
+        service.held.emplace_back(received.header.id, response.keep());
         return {};
     }
-    complete(received.header.id, service, received.body);
+    complete(received.header.id, service, incoming_packet(received.body, received.object));
     return {};
 }
 
@@ -202,7 +209,7 @@ result<void> session::on_answers(const wire::frame& received) {
         for (auto& [id, response] : std::exchange(waited.held, {})) {
             held_reply_bytes_ -= response.size();
             if (!problem) {
-                complete(id, waited, response);
+                complete(id, waited, incoming_packet(response));
             } else if (auto* call = take_slot(id)) {
                 host_.calls().fail(*call, failure(problem->code(), fmt::format("the response of '{}' from {}: {}", waited.name, peer_name(), problem->message()), execution::unknown));
             }
@@ -222,15 +229,15 @@ result<void> session::on_answers(const wire::frame& received) {
     return {};
 }
 
-void session::complete(std::uint64_t id, introduced& service, bytes_view response) {
+void session::complete(std::uint64_t id, introduced& service, incoming_packet response) {
     auto* call = take_slot(id);
     if (!call) {
         ++host_.calls().late_replies;
         return;
     }
     call_outcome outcome;
-    outcome.response = response;
-    outcome.adapt = service.response.get();
+    response.adapt = service.response.get();
+    outcome.response = &response;
     host_.calls().end(*call, outcome);
 }
 
@@ -260,7 +267,8 @@ void session::subscribe(subscriber_core& subscriber) {
     host_.schemas().add_own(subscriber.types());
     subscribers_.emplace(id, &subscriber);
     subscriber.on_sent(*this, id);
-    wire::put_frame(connection_->out().begin_call(), frame_type::subscribe, 0, id, [&](buffer& body) { encode(terms, body); });
+    const std::uint8_t flags = connection_->passes_objects() && subscriber.takes_objects() ? wire::flag::objects : std::uint8_t{0};
+    wire::put_frame(connection_->out().begin_call(), frame_type::subscribe, flags, id, [&](buffer& body) { encode(terms, body); });
     connection_->out().end_call();
     connection_->written();
 }
@@ -299,7 +307,8 @@ result<void> session::on_packet(const wire::frame& received) {
     auto left_out = skipped ? detail::load_little<std::uint32_t>(body.data() + 8) : 0;
     auto found = subscribers_.find(received.header.id);
     if (found == subscribers_.end()) return {};
-    return found->second->on_packet(sequence, left_out, body.subspan(skipped ? 12 : 8));
+    incoming_packet packet(body.subspan(skipped ? 12 : 8), received.object);
+    return found->second->on_packet(sequence, left_out, packet);
 }
 
 result<void> session::on_ended(const wire::frame& received) {
@@ -344,7 +353,8 @@ void session::on_closed(const failure& cause) {
     auto owner = owner_.lock();
     if (broke_rules(cause.code())) host_.tell(peer_trouble::broken, fmt::format("a session was ended: {}", cause.message()), peer_name());
     // Requests of which no byte was written go on waiting; the others may have run.
-    connection_->take_unwritten([&](const wire::frame_header& header, bytes_view body) {
+    connection_->take_unwritten([&](const wire::frame& unwritten) {
+        const auto& header = unwritten.header;
         auto* call = take_slot(header.id);
         if (!call) return; // given up
         bool ours = owner && call->owner == owner; // one over another link to this session ends with it
@@ -352,7 +362,7 @@ void session::on_closed(const failure& cause) {
             owner->repeat(*call); // an earlier session may have carried it
         } else if (ours) {
             std::size_t head = 12 + (header.flags & wire::flag::traced ? 16 : 0) + (header.flags & wire::flag::numbered ? 8 : 0);
-            owner->requeue(*call, body.subspan(head));
+            owner->requeue(*call, incoming_packet(unwritten.body.subspan(head), unwritten.object).keep());
         } else {
             host_.calls().fail(*call, failure(errc::peer_lost, fmt::format("'{}': the session ended before it was called: {}", call->service, cause.message())));
         }

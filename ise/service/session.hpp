@@ -1,5 +1,4 @@
 #pragma once
-#include <ise/core/function_ref.hpp>
 #include <ise/net/connection.hpp>
 #include <ise/service/incoming_calls.hpp>
 #include <ise/service/pending_call.hpp>
@@ -36,14 +35,14 @@ public:
 
     /// Sends a request; false where too much is pending (the call is untouched). Throws what writing it throws, and
     /// errc::too_large where the peer would not take it.
-    bool send(pending_call& call, function_ref<void(buffer&)> write_request);
+    bool send(pending_call& call, outgoing_packet request);
     /// Calls of this side that are not answered yet.
     std::size_t pending_calls() const noexcept { return slots_.size() - free_slots_.size(); }
     /// Nobody waits for this call any more.
     void abandon(pending_call& call);
 
     /// Answers a call of the peer.
-    void reply(std::uint64_t id, function_ref<void(buffer&)> write_response) { incoming_.reply(id, write_response); }
+    void reply(std::uint64_t id, outgoing_packet response) { incoming_.reply(id, response); }
     void refuse(std::uint64_t id, const failure& why) { incoming_.refuse(id, why); }
     incoming_calls& incoming() noexcept { return incoming_; }
     /// What the peer was answered, over this session and those before.
@@ -79,7 +78,7 @@ private:
         const packet_types* types;
         std::unique_ptr<adapter> response;   // where the peer's response differs from ours
         bool adapting = false;               // its schema was asked for; replies wait
-        std::vector<std::pair<std::uint64_t, bytes>> held;
+        std::vector<std::pair<std::uint64_t, kept_packet>> held;
     };
     struct slot {
         pending_call* call = nullptr;
@@ -96,7 +95,7 @@ private:
     result<void> on_subscribed(const wire::frame& received);
     result<void> on_packet(const wire::frame& received);
     result<void> on_ended(const wire::frame& received);
-    void complete(std::uint64_t id, introduced& service, bytes_view response);
+    void complete(std::uint64_t id, introduced& service, incoming_packet response);
 
     service_host& host_;
     std::shared_ptr<net::connection> connection_;

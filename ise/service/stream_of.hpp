@@ -90,9 +90,12 @@ public:
 
     received<packet_type> take() {
         while (auto* waiting = waiting_packet()) {
+            if constexpr (travels_as_object<packet_type>) {
+                if (auto shared = waiting->template shared<packet_type>()) return received<packet_type>(std::move(shared), take_packet());
+            }
             auto& packet = cells_.unheld();
             try {
-                decode_into(*packet, *waiting);
+                decode_into(*packet, waiting->bytes());
             } catch (const error& unreadable) {
                 drop_undecodable(unreadable);
                 continue;
@@ -108,6 +111,8 @@ private:
     void take_response(bytes_view raw) override {
         if (!raw.empty()) decode_into(response, raw);
     }
+
+    bool knows_type() const noexcept override { return travels_as_object<packet_type>; }
 
     received_cells<packet_type> cells_;
 };

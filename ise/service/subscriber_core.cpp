@@ -171,7 +171,10 @@ void subscriber_core::establish(const wire::subscribed& answer) {
         return;
     }
     answer_.resume();
-    for (auto& [sequence, skipped, packet] : std::exchange(held_, {})) [[maybe_unused]] auto taken = on_packet(sequence, skipped, packet);
+    for (auto& [sequence, skipped, kept] : std::exchange(held_, {})) {
+        incoming_packet packet(kept);
+        [[maybe_unused]] auto taken = on_packet(sequence, skipped, packet);
+    }
 }
 
 void subscriber_core::on_refused(const failure& why) {
@@ -195,7 +198,7 @@ void subscriber_core::on_session_end(const failure& cause) {
     if (link_->peer_only()) on_refused(cause);
 }
 
-result<void> subscriber_core::on_packet(std::uint64_t sequence, std::uint32_t skipped, bytes_view packet) {
+result<void> subscriber_core::on_packet(std::uint64_t sequence, std::uint32_t skipped, incoming_packet& packet) {
     // The rule: it is the next one, and there is room for it.
     if (sequence == next_sequence_ && established_ && skipped == 0 && !adapter_ && queue_.size() < capacity()) [[likely]] {
         ++next_sequence_;
@@ -205,16 +208,18 @@ result<void> subscriber_core::on_packet(std::uint64_t sequence, std::uint32_t sk
     return on_other_packet(sequence, skipped, packet);
 }
 
-void subscriber_core::keep(bytes_view packet) {
-    queue_.push(packet, std::exchange(lost_before_, 0));
+void subscriber_core::keep(incoming_packet& packet) {
+    const auto lost = std::exchange(lost_before_, 0);
+    if (packet.object()) queue_.push(std::move(*packet.object()), lost);
+    else queue_.push(packet.bytes(), lost);
     ++counts_.received;
     packet_.resume();
 }
 
-result<void> subscriber_core::on_other_packet(std::uint64_t sequence, std::uint32_t skipped, bytes_view packet) {
+result<void> subscriber_core::on_other_packet(std::uint64_t sequence, std::uint32_t skipped, incoming_packet& packet) {
     if (!established_) {
         if (held_.size() >= capacity()) held_.erase(held_.begin());
-        held_.emplace_back(sequence, skipped, bytes(packet.begin(), packet.end()));
+        held_.emplace_back(sequence, skipped, packet.keep());
         return {};
     }
     if (sequence < next_sequence_ && session_ && session_->wire().lossy()) {
@@ -242,7 +247,9 @@ result<void> subscriber_core::on_other_packet(std::uint64_t sequence, std::uint3
     }
     if (adapter_) { // now, as the next session may have another one
         try {
-            keep((*adapter_)(packet));
+            packet.adapt = adapter_.get();
+            incoming_packet adapted(packet.bytes(), nullptr);
+            keep(adapted);
         } catch (const error& unreadable) {
             count_undecodable(unreadable);
             lost_before_ = gap_of(lost_before_, 1);
@@ -256,10 +263,9 @@ result<void> subscriber_core::on_other_packet(std::uint64_t sequence, std::uint3
 
 task<> subscriber_core::wait_for_packet() { return packet_.wait(); }
 
-const bytes_view* subscriber_core::waiting_packet() noexcept {
+incoming_packet* subscriber_core::waiting_packet() noexcept {
     if (queue_.empty()) return nullptr;
-    front_ = queue_.front();
-    return &front_;
+    return &front_.emplace(queue_.front());
 }
 
 void subscriber_core::drop_oldest() {

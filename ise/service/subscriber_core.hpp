@@ -83,20 +83,23 @@ public:
     wire::subscribe terms() const;
     /// The unsubscribe packet: the user's own, if there is one, with its defaults.
     const bytes& farewell() const noexcept { return farewell_; }
+    bool takes_objects() const noexcept { return knows_type(); }
     void on_sent(session& over, std::uint64_t id);
     result<void> on_subscribed(wire::subscribed answer);
     void on_refused(const failure& why);
-    result<void> on_packet(std::uint64_t sequence, std::uint32_t skipped, bytes_view packet);
+    result<void> on_packet(std::uint64_t sequence, std::uint32_t skipped, incoming_packet& packet);
     void on_session_end(const failure& cause);
     void on_ended(const failure& why);
     std::uint64_t id() const noexcept { return id_; }
 
 protected:
     virtual void take_response(bytes_view response) = 0;
+    /// Whether it can take packets as objects of its type, where the provider is in this process.
+    virtual bool knows_type() const noexcept { return false; }
 
-    /// The oldest packet that nobody has taken, as it is published here; null where there is none. Valid until it is
+    /// The oldest packet that nobody has taken, as it is published here, or the object; null where there is none. Valid until it is
     /// taken, or anything else arrives.
-    const bytes_view* waiting_packet() noexcept;
+    incoming_packet* waiting_packet() noexcept;
     /// It was decoded: takes it, and says how many packets were lost before it.
     std::uint64_t take_packet();
     /// It is no such packet: it is lost, and the next one tells of that.
@@ -109,8 +112,8 @@ protected:
     subscribe_options options_;
 
 private:
-    result<void> on_other_packet(std::uint64_t sequence, std::uint32_t skipped, bytes_view packet);
-    void keep(bytes_view packet);
+    result<void> on_other_packet(std::uint64_t sequence, std::uint32_t skipped, incoming_packet& packet);
+    void keep(incoming_packet& packet);
     void finish(failure why);
     void drop_oldest();
     void count_undecodable(const error& why);
@@ -134,7 +137,7 @@ private:
     std::optional<wire::resumption> resume_;
     std::uint64_t next_sequence_ = 0;
     packet_queue queue_;
-    bytes_view front_;
+    std::optional<incoming_packet> front_;
     std::uint64_t lost_before_ = 0; // the next packet that arrives
     std::uint64_t gap_ = 0;         // before the next packet that is taken, besides what it says itself
     std::uint64_t consumed_ = 0;
@@ -142,7 +145,7 @@ private:
     std::uint64_t granted_at_first_ = 0;
     bool established_ = false;
     bool comparing_ = false;   // the schema of the published packet was asked for
-    std::vector<std::tuple<std::uint64_t, std::uint32_t, bytes>> held_;
+    std::vector<std::tuple<std::uint64_t, std::uint32_t, kept_packet>> held_;
 };
 
 } // namespace ise

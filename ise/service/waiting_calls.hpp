@@ -1,6 +1,7 @@
 #pragma once
 #include <ise/core/bytes.hpp>
 #include <ise/core/function_ref.hpp>
+#include <ise/service/carried_packet.hpp>
 #include <ise/service/incoming_call.hpp>
 
 #include <deque>
@@ -13,7 +14,8 @@ namespace ise {
 /// A request that no handler is free for.
 struct waiting_call {
     incoming_call call;
-    bytes request;
+    kept_packet request;
+    time_point since; ///< it waits
 };
 
 /// The requests of one service that wait for a handler. The sessions take turns, so that one that asks much is served no

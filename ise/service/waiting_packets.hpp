@@ -1,5 +1,6 @@
 #pragma once
 #include <ise/core/ring.hpp>
+#include <ise/packet/packet_object.hpp>
 #include <ise/packet/shared_bytes.hpp>
 
 #include <cstdint>
@@ -7,7 +8,8 @@
 namespace ise {
 
 /// The packets that wait for one subscriber, as frames (`packet_frame`). Those that were published one after the other
-/// lie one behind the other in memory: they wait, and leave, as one stretch, however many they are.
+/// lie one behind the other in memory: they wait, and leave, as one stretch, however many they are. For a subscriber within the
+/// process they wait as objects, each a stretch of its own.
 class waiting_packets {
 public:
     struct stretch {
@@ -15,8 +17,10 @@ public:
         std::size_t packets = 0;
         std::uint32_t skipped = 0; ///< by the rate limit, before the first of them
         bool addressed = false;    ///< they bear the number of this subscription
+        shared_packet object;      ///< in place of the frame
+        std::uint64_t sequence = 0; ///< of the object
 
-        std::size_t cost() const noexcept { return frames.size() + packets * item_bytes; }
+        std::size_t cost() const noexcept { return frames.size() + object.weight + packets * item_bytes; }
     };
     /// What holding a packet costs beside its frame.
     static constexpr std::size_t item_bytes = 40;
@@ -35,7 +39,17 @@ public:
                 return;
             }
         }
-        stretches_.push_back({frame, 1, skipped, addressed});
+        stretches_.push_back({frame, 1, skipped, addressed, {}, 0});
+    }
+    void push(stretch whole) {
+        packets_ += whole.packets;
+        cost_ += whole.cost();
+        stretches_.push_back(std::move(whole));
+    }
+    void push(const shared_packet& object, std::uint64_t sequence, std::uint32_t skipped) {
+        ++packets_;
+        cost_ += object.weight + item_bytes;
+        stretches_.push_back({{}, 1, skipped, false, object, sequence});
     }
 
     /// The oldest; only where there is one.

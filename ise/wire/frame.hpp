@@ -1,5 +1,6 @@
 #pragma once
 #include <ise/core/bytes.hpp>
+#include <ise/core/passed_object.hpp>
 #include <ise/packet/buffer.hpp>
 
 #include <cstddef>
@@ -51,6 +52,8 @@ inline constexpr std::uint8_t skipped = 1;    ///< packet: the body carries a co
 inline constexpr std::uint8_t last = 1;       ///< piece: the message is complete
 inline constexpr std::uint8_t abandoned = 2;  ///< piece: the sender gave the message up
 inline constexpr std::uint8_t stalled = 1;    ///< pong: the component is busy; its node answers for it
+inline constexpr std::uint8_t objects = 1;    ///< subscribe: packets may come beside (`feature::objects`)
+inline constexpr std::uint8_t beside = 128;   ///< request, reply, packet: the packet comes beside the stream (`feature::objects`)
 } // namespace flag
 
 /// Stands before every body: 16 bytes, little-endian.
@@ -88,6 +91,7 @@ inline frame_header read_header(const std::byte* from) noexcept {
 struct frame {
     frame_header header;
     bytes_view body;
+    passed_object* object = nullptr; ///< the packet, where it came beside the stream instead of at the body's end
 };
 
 /// Writes a frame whose body is what `append` appends to the buffer.

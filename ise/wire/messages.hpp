@@ -18,7 +18,8 @@ namespace feature {
 inline constexpr std::uint64_t pieces = 1;  ///< big messages travel in pieces
 inline constexpr std::uint64_t schemas = 2; ///< schema texts are answered
 inline constexpr std::uint64_t resume = 4;  ///< subscriptions can be resumed by ticket
-inline constexpr std::uint64_t all = pieces | schemas | resume;
+inline constexpr std::uint64_t objects = 8; ///< within one process: packets as the objects that they are
+inline constexpr std::uint64_t all = pieces | schemas | resume; ///< over every transport
 } // namespace feature
 
 /// Who speaks.

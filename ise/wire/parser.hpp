@@ -32,13 +32,19 @@ public:
 
     /// The next frame where it is whole and sound; where not, `next()` says what is the matter. For many in a row.
     bool take(frame& found) noexcept {
-        if (end_ - begin_ < frame_header::size) return false;
-        const std::byte* at = storage_.data() + begin_;
-        found.header = read_header(at);
+        bytes_view rest(storage_.data() + begin_, end_ - begin_);
+        if (!take(found, rest)) return false;
+        begin_ = end_ - rest.size();
+        return true;
+    }
+    /// The same where the bytes lie elsewhere; what is left in `from` in the end goes into `prepare()`.
+    bool take(frame& found, bytes_view& from) const noexcept {
+        if (from.size() < frame_header::size) return false;
+        found.header = read_header(from.data());
         const std::size_t whole = frame_header::size + found.header.length;
-        if (!sound(found.header) || end_ - begin_ < whole) [[unlikely]] return false;
-        found.body = bytes_view(at + frame_header::size, found.header.length);
-        begin_ += whole;
+        if (!sound(found.header) || from.size() < whole) [[unlikely]] return false;
+        found.body = from.subspan(frame_header::size, found.header.length);
+        from = from.subspan(whole);
         return true;
     }
 

@@ -25,12 +25,14 @@ inline const std::filesystem::path& certificates() {
 
 /// What differs between transports, as the table of FORMAT.md has it.
 struct as_streams {
+    static constexpr int calls_beside_big = 2; ///< that are answered, at least, while a big message is on its way
     static constexpr bool lossless = true;             ///< may be asked for
     static constexpr bool calls_are_repeated = false;  ///< on the next session
     static constexpr std::size_t big_message = 8 << 20;
     static constexpr std::uint64_t message_limit = 16 << 20; // as these components say
 };
 struct as_datagrams {
+    static constexpr int calls_beside_big = 2;
     static constexpr bool lossless = false;
     static constexpr bool calls_are_repeated = true;
     static constexpr std::size_t big_message = (1 << 20) - 1024;
@@ -76,6 +78,7 @@ struct local : real_world, as_streams {
     std::string where() const { return fmt::format("local://@ise-conformance-{}", ::getpid()); }
 };
 struct in_process : real_world, as_streams {
+    static constexpr int calls_beside_big = 1; // it is handed over at once, as it is
     std::string where() const { return "inproc://conformance"; }
 };
 struct udp : real_world, as_datagrams {

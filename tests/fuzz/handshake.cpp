@@ -61,7 +61,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         if (key) std::abort(); // nobody says 32 right bytes by chance
         const auto& terms = (*got)->terms();
         if (terms.version != 1 || terms.peer_accepts.max_frame_bytes < ise::wire::smallest_frame_limit) std::abort();
-        if (terms.peer_accepts.heartbeat_ns < 20'000'000 || (terms.features & ~mine.features) != 0) std::abort();
+        if (terms.peer_accepts.heartbeat_ns < 20'000'000 || (terms.features & ~(mine.features | ise::wire::feature::objects)) != 0) std::abort();
         (*got)->close(ise::failure(ise::errc::cancelled, "enough"));
     } else if (got.error().message().empty()) {
         std::abort();

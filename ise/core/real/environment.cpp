@@ -2,6 +2,7 @@
 
 #include <ise/core/executor.hpp>
 #include <ise/core/inproc.hpp>
+#include <ise/core/real/poller.hpp>
 #include <ise/core/real/sockets.hpp>
 
 #include <asio/executor_work_guard.hpp>
@@ -88,8 +89,8 @@ public:
 // A thread with an io_context of its own.
 class thread_loop final : public loop_host {
 public:
-    thread_loop(environment& environment, const std::string& name, std::shared_ptr<loop_count> among)
-        : counted_(std::move(among)), context_(std::make_unique<ending_context>(1)),
+    thread_loop(environment& environment, const std::string& name, std::shared_ptr<loop_count> among, std::shared_ptr<real::poll_seats> seats)
+        : counted_(std::move(among)), seats_(std::move(seats)), context_(std::make_unique<ending_context>(1)),
           loop_(std::make_unique<ise::loop>(environment, context_->get_executor(),
                                             [executor = context_->get_executor()] { return executor.running_in_this_thread(); })),
           work_(asio::make_work_guard(*context_)) {
@@ -111,6 +112,7 @@ public:
         thread_.join();
         loop_->abandon();
         loop_->use_alarm(nullptr);
+        if (poller_) poller_->stop();
         context_->restart();
         context_->poll();
         context_->shutdown(); // and what waits for sockets and the like
@@ -118,8 +120,18 @@ public:
 
     ise::loop& loop() noexcept override { return *loop_; }
 
+    void poll(duration window) override {
+        asio::post(*context_, [this, window] {
+            if (loop_->abandoned() || poller_) return;
+            poller_ = std::make_unique<real::poller>(loop_->env(), *context_, window, seats_);
+            loop_->use_watcher(poller_.get());
+        });
+    }
+
 private:
     counted counted_; // to the very end
+    std::shared_ptr<real::poll_seats> seats_;
+    std::unique_ptr<real::poller> poller_; // its handlers end with the context
     std::unique_ptr<ending_context> context_;
     std::unique_ptr<ise::loop> loop_;
     asio::executor_work_guard<asio::io_context::executor_type> work_;
@@ -178,6 +190,7 @@ task<result<std::unique_ptr<stream>>> given(result<std::unique_ptr<stream>> outc
 struct real_environment::state {
     process_identity identity = this_process();
     std::shared_ptr<loop_count> loops = std::make_shared<loop_count>();
+    std::shared_ptr<real::poll_seats> poll_seats = std::make_shared<real::poll_seats>();
     inproc_registry inproc;
     std::mutex random_mutex;
     // Tickets and incarnations must not be guessed: each is drawn from the kernel, a batch at a time.
@@ -216,7 +229,7 @@ std::optional<std::string> real_environment::variable(const std::string& name) c
 }
 
 std::unique_ptr<loop_host> real_environment::make_loop(const std::string& name) {
-    return std::make_unique<thread_loop>(*this, name, state_->loops);
+    return std::make_unique<thread_loop>(*this, name, state_->loops, state_->poll_seats);
 }
 
 std::unique_ptr<loop_host> real_environment::adopt(asio::any_io_executor executor, bool one_thread) {

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <memory>
+#include <mutex>
 #include <optional>
 
 namespace ise::real {
@@ -19,26 +20,41 @@ constexpr int kernel_buffer_bytes = 1 << 20;
 
 endpoint as_endpoint(const udp::endpoint& at) { return {protocol::udp, at.address().to_string(), at.port(), {}}; }
 
+using received = std::pair<std::error_code, datagram>;
+
+/// What Asio completes a receive with, for the handler that waits for it: `take(problem, bytes)` makes the datagram.
+template <class Handler, class Take>
+struct receive_handler {
+    using executor_type = asio::associated_executor_t<Handler>;
+    using cancellation_slot_type = asio::associated_cancellation_slot_t<Handler>;
+
+    executor_type get_executor() const noexcept { return asio::get_associated_executor(handler); }
+    cancellation_slot_type get_cancellation_slot() const noexcept { return asio::get_associated_cancellation_slot(handler); }
+    void operator()(std::error_code problem, std::size_t count) { handler(take(problem, count)); }
+
+    Handler handler;
+    Take take;
+};
+
 class udp_socket final : public datagram_socket {
 public:
     udp_socket(loop& on, udp::socket socket, endpoint where) : on_(on), socket_(std::move(socket)), where_(std::move(where)) {}
 
-    task<std::pair<std::error_code, datagram>> receive() override {
+    task<received> receive() override {
         if (room_.empty()) room_.resize(largest_datagram);
-        udp::endpoint from;
-        auto [problem, count] = co_await socket_.async_receive_from(asio::buffer(room_), from, as_tuple);
-        datagram received;
-        received.peer = as_endpoint(from);
-        if (!problem) received.content.assign(room_.begin(), room_.begin() + static_cast<std::ptrdiff_t>(count));
-        co_return std::pair(problem, std::move(received));
+        // No frame of its own, as for streams.
+        return asio::async_initiate<const asio::use_awaitable_t<>, void(received)>(
+            [](auto handler, udp_socket& self) {
+                auto take = [&self](std::error_code problem, std::size_t count) { return self.take(problem, count); };
+                self.socket_.async_receive_from(asio::buffer(self.room_), self.sender_, receive_handler<decltype(handler), decltype(take)>{std::move(handler), take});
+            },
+            asio::use_awaitable, std::ref(*this));
     }
 
     std::error_code try_send(const endpoint& to, bytes_view content) override {
         std::error_code problem;
-        auto address = asio::ip::make_address(to.host, problem);
-        if (problem) address = named(to, problem);
-        if (problem) return problem;
-        socket_.send_to(asio::buffer(content.data(), content.size()), udp::endpoint(address, to.port), 0, problem);
+        auto address = address_of(to, problem);
+        if (!problem) socket_.send_to(asio::buffer(content.data(), content.size()), address, 0, problem);
         return problem;
     }
 
@@ -49,6 +65,32 @@ public:
     endpoint where() const override { return where_; }
 
 private:
+    // Most datagrams go where the last one went, and come from where it came from: its address is turned into text, or
+    // read from it, once.
+    struct peer {
+        udp::endpoint address;
+        endpoint named;
+    };
+
+    received take(std::error_code problem, std::size_t count) {
+        received made;
+        made.first = problem;
+        if (problem) return made;
+        if (sender_ != came_from_.address) came_from_ = {sender_, as_endpoint(sender_)};
+        made.second.peer = came_from_.named;
+        made.second.content.assign(room_.begin(), room_.begin() + static_cast<std::ptrdiff_t>(count));
+        return made;
+    }
+
+    udp::endpoint address_of(const endpoint& to, std::error_code& problem) {
+        std::lock_guard lock(sending_);
+        if (to == went_to_.named) return went_to_.address;
+        auto address = asio::ip::make_address(to.host, problem);
+        if (problem) return {named(to, problem), to.port};
+        went_to_ = {udp::endpoint(address, to.port), to};
+        return went_to_.address;
+    }
+
     struct lookup {
         explicit lookup(loop& on) : resolver(on.get_executor()) {}
         udp::resolver resolver;
@@ -85,7 +127,11 @@ private:
     loop& on_;
     udp::socket socket_;
     endpoint where_;
-    bytes room_;
+    bytes room_;            // of the receive that waits
+    udp::endpoint sender_;  // its datagram's
+    peer came_from_;
+    std::mutex sending_; // signs of life are sent from another thread
+    peer went_to_;
     std::shared_ptr<lookup> lookup_;
 };
 

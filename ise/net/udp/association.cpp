@@ -126,7 +126,7 @@ std::optional<transfer> association::read(asio::mutable_buffer into) {
     }
     got.bytes = channel_.in().read(std::span(static_cast<std::byte*>(into.data()), into.size()));
     if (got.bytes > 0) {
-        if (!gone_) soon(); // more may be sent
+        if (!gone_ && channel_.in().room_grew()) soon(); // the peer may send more
         return got;
     }
     if (!channel_.in().ended() && !gone_) return {};

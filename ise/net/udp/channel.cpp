@@ -5,24 +5,24 @@ namespace {
 
 using wire::chunk_type;
 
-std::optional<acknowledgement> read_ack(bytes_view content) {
-    if (content.size() < 16 || content.size() % 8 != 0) return {};
+bool read_ack(bytes_view content, acknowledgement& read) {
+    if (content.size() < 16 || content.size() % 8 != 0) return false;
     auto largest = detail::load_little<std::uint64_t>(content.data());
-    acknowledgement read;
+    read.runs.clear();
     read.delayed = std::chrono::microseconds(detail::load_little<std::uint32_t>(content.data() + 8));
     std::uint64_t run = detail::load_little<std::uint32_t>(content.data() + 12);
-    if (largest == ~std::uint64_t{0} || run == 0 || run > largest + 1) return {};
+    if (largest == ~std::uint64_t{0} || run == 0 || run > largest + 1) return false;
     auto begin = largest + 1 - run;
     read.runs.emplace_back(begin, largest + 1);
     for (std::size_t at = 16; at < content.size(); at += 8) {
         std::uint64_t gap = detail::load_little<std::uint32_t>(content.data() + at);
         run = detail::load_little<std::uint32_t>(content.data() + at + 4);
-        if (gap == 0 || run == 0 || gap > begin || run > begin - gap) return {};
+        if (gap == 0 || run == 0 || gap > begin || run > begin - gap) return false;
         auto end = begin - gap;
         begin = end - run;
         read.runs.emplace_back(begin, end);
     }
-    return read;
+    return true;
 }
 
 std::optional<std::uint64_t> read_u64(bytes_view content) {
@@ -56,11 +56,9 @@ bool channel::take_chunks(wire::chunk_reader& chunks, time_point now, events& ha
         auto value = read_u64(one->content);
         if (one->type != chunk_type::ack && one->type != chunk_type::room) wants_ack = true; // unknown ones as well
         switch (one->type) {
-            case chunk_type::ack: {
-                auto ack = read_ack(one->content);
-                if (!ack || !sender_.on_ack(*ack, now)) return false;
+            case chunk_type::ack:
+                if (!read_ack(one->content, heard_) || !sender_.on_ack(heard_, now)) return false;
                 break;
-            }
             case chunk_type::content:
                 if (!value || !receiver_.take_content(*value, one->content.subspan(8))) return false;
                 break;

@@ -49,6 +49,7 @@ private:
     std::uint64_t next_number_ = 0;
     sender sender_;
     receiver receiver_;
+    acknowledgement heard_; // keeps its room
     incoming_messages messages_;
     bool messages_taken_ = false;
     std::uint64_t ignored_ = 0;

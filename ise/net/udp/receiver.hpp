@@ -23,6 +23,8 @@ public:
     bool fresh(std::uint64_t number) const noexcept { return number >= floor_ && !came_.contains(number); }
     void note(std::uint64_t number, bool wants_ack, time_point now);
 
+    /// So much was read that the sender should know.
+    bool room_grew() const noexcept { return room_grew_; }
     bool ack_pending() const noexcept { return pending_acks_ > 0 || room_grew_; }
     bool ack_due(time_point now) const noexcept { return ack_at_ <= now; }
     time_point ack_at() const noexcept { return ack_at_; }

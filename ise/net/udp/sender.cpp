@@ -1,6 +1,7 @@
 #include <ise/net/udp/sender.hpp>
 
 #include <algorithm>
+#include <utility>
 
 namespace ise::net::udp {
 namespace {
@@ -40,7 +41,7 @@ void sender::put_content(wire::data_writer& out, std::uint64_t begin, std::uint6
 }
 
 bool sender::fill(wire::data_writer& out) {
-    filling_ = record();
+    filling_ = std::exchange(spare_, record());
     // Where both wait, messages go first in every other datagram: a long reply does not hold up all that is published.
     messages_first_ = !messages_first_;
     if (messages_first_) messages_.fill(out, filling_.fragments);
@@ -163,7 +164,10 @@ void sender::find_lost(time_point now) {
 }
 
 void sender::forget_old() {
-    while (!records_.empty() && !records_.front().outstanding) records_.pop_front();
+    for (; !records_.empty() && !records_.front().outstanding; records_.pop_front()) {
+        spare_.content = std::move(records_.front().content);
+        spare_.content.clear();
+    }
 }
 
 time_point sender::time_out_at() const noexcept {

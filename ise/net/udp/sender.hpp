@@ -96,6 +96,7 @@ private:
     outgoing_messages messages_;
     congestion network_;
     record filling_;
+    record spare_; // empty, with room
     std::deque<record> records_;
     std::size_t outstanding_ = 0;
     std::uint64_t next_number_ = 0;    // after the last that was sent

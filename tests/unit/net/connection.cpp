@@ -33,24 +33,29 @@ struct listener final : ise::net::connection::user {
     }
 };
 
+void fails(const std::string& name, std::exception_ptr thrown) { FAIL(name << ": " << ise::describe(thrown)); }
+
 // One side is a real connection, the other the raw end of its stream.
 struct scripted {
     ise::sim::world world;
     ise::sim::process& env = world.host("shore").start_process("shore");
     std::unique_ptr<ise::loop_host> host = env.make_loop("main");
     ise::loop& on = host->loop();
-    ise::task_scope scope{on, [](const std::string& name, std::exception_ptr thrown) { FAIL(name << ": " << ise::describe(thrown)); }};
+    std::unique_ptr<ise::loop_host> peer_host = env.make_loop("peer"); // as a peer elsewhere, whose ears do not stall with us
+    ise::task_scope scope{on, fails};
+    ise::task_scope ears{peer_host->loop(), fails};
     std::unique_ptr<ise::stream> mine, theirs;
     std::shared_ptr<ise::net::connection> connection;
     std::shared_ptr<listener> user = std::make_shared<listener>();
     ise::bytes heard; ///< by the scripted peer
 
-    explicit scripted(std::size_t capacity = 256 * 1024) { std::tie(mine, theirs) = ise::make_inproc_pair(on, on, "pair", capacity); }
+    explicit scripted(std::size_t capacity = 256 * 1024) { std::tie(mine, theirs) = ise::make_inproc_pair(on, peer_host->loop(), "pair", capacity); }
     ~scripted() {
         if (connection) connection->close(ise::failure(errc::cancelled, "the test is over"));
         if (theirs) theirs->close();
         scope.stop();
-        CHECK(world.run_until([&] { return scope.size() == 0; }));
+        ears.stop();
+        CHECK(world.run_until([&] { return scope.size() == 0 && ears.size() == 0; }));
     }
     void begin(ise::wire::limits ours = {}, ise::wire::limits peers = {}) {
         ise::net::session_terms terms;
@@ -60,7 +65,7 @@ struct scripted {
         connection = std::make_shared<ise::net::connection>(on, std::move(mine), terms, ise::wire::parser(1 << 20));
         connection->start(scope, user);
     }
-    void listen() { scope.spawn("the peer's ears", hear(*theirs, heard)); }
+    void listen() { ears.spawn("the peer's ears", hear(*theirs, heard)); }
     static ise::task<> hear(ise::stream& from, ise::bytes& into) {
         for (;;) {
             std::array<std::byte, 4096> room;

@@ -240,7 +240,7 @@ TEST_CASE("unwritten requests are handed back, begun ones are not") {
     request(out, 2, t0 + 5s, 1'000'000);
     request(out, 3, t0 + 5s);
     std::vector<std::uint64_t> back;
-    out.take_unwritten([&](std::uint64_t id, ise::wire::frame_header, ise::bytes_view) { back.push_back(id); });
+    out.take_unwritten([&](const ise::wire::frame& one) { back.push_back(one.header.id); });
     CHECK(back == std::vector<std::uint64_t>{3, 2});
     CHECK(out.empty());
     CHECK(out.pending_bytes() == 0);
@@ -254,9 +254,9 @@ TEST_CASE("a batch tells which frames were never begun") {
     REQUIRE(out.fill(one, t0));
     auto unwritten = [&] {
         std::vector<std::uint64_t> ids;
-        one.visit_unwritten([&](const ise::wire::frame_header& header, ise::bytes_view body) {
-            CHECK(body.size() == header.length);
-            ids.push_back(header.id);
+        one.visit_unwritten([&](const ise::wire::frame& unwritten) {
+            CHECK(unwritten.body.size() == unwritten.header.length);
+            ids.push_back(unwritten.header.id);
         });
         return ids;
     };
@@ -306,6 +306,31 @@ TEST_CASE("a subscription's packets stay behind its message in pieces, others do
     REQUIRE(last != order.end());
     CHECK(std::vector<std::string>(last + 1, order.end()) == std::vector<std::string>{"1", "1"});
     CHECK(std::find(order.begin(), last, "1") == last);
+}
+
+TEST_CASE("what waits is counted by class: packets that go in pieces are no replies") {
+    constexpr std::size_t size = 400'000;
+    outbox out;
+    source packets(1);
+    packets.put(size);
+    packets.put(size);
+    out.add(packets);
+    request(out, 2, ise::time_point::max(), size);
+    const auto of_request = out.pending_call_bytes();
+    CHECK(of_request > size);
+
+    write(out); // a piece of the request, and the first of the packets is taken
+    CHECK(out.pending_call_bytes() < of_request);
+    CHECK(out.pending_bytes() > out.pending_call_bytes() + size / 2);
+
+    REQUIRE(out.withdraw(2));
+    CHECK(out.pending_call_bytes() == 0);
+    CHECK(out.pending_bytes() > size / 2);
+
+    out.remove(packets);
+    while (!write(out).empty()) {}
+    CHECK(out.pending_bytes() == 0);
+    CHECK(out.empty());
 }
 
 TEST_CASE("a source that goes takes its packets along, and half sent ones are abandoned") {

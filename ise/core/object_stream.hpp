@@ -1,0 +1,33 @@
+#pragma once
+#include <ise/core/passed_object.hpp>
+#include <ise/core/ring.hpp>
+#include <ise/core/stream.hpp>
+
+#include <memory>
+
+namespace ise {
+
+/// A stream within one process: beside its bytes it can carry objects as they are, and hand both over without a coroutine
+/// that reads.
+class object_stream : public stream {
+public:
+    class user {
+    public:
+        /// What the other side wrote, each `pass` whole and with its objects, in order. Called inside a turn of the loop;
+        /// objects that are left are dropped.
+        virtual void on_passed(bytes_view content, ring<passed_object>& beside) = 0;
+
+    protected:
+        ~user() = default;
+    };
+
+    /// From now on everything that comes goes to `receiver`; `read_some` only completes with the end.
+    virtual void use(std::weak_ptr<user> receiver) = 0;
+    /// Writes all of it, and then `beside` is empty; or nothing, `would_block`, where too much waits already. What waits
+    /// may exceed the capacity by one such write.
+    virtual transfer pass(std::span<const asio::const_buffer> content, ring<passed_object>& beside) = 0;
+    /// Both sides are on one loop.
+    virtual bool on_one_loop() const noexcept = 0;
+};
+
+} // namespace ise

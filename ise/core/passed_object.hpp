@@ -1,0 +1,72 @@
+#pragma once
+#include <cstddef>
+#include <memory>
+#include <new>
+#include <type_traits>
+#include <utility>
+
+namespace ise {
+
+/// What a `passed_object` knows of the type that it holds: one constant for each, whose address tells them apart. Layers
+/// that can do more with an object derive from it.
+struct object_type {
+    void (*relocate)(void* from, void* to) noexcept; ///< moves it, and destroys what is left at `from`
+    void (*destroy)(void* at) noexcept;
+
+    template <class T>
+    static constexpr object_type of() {
+        return {[](void* from, void* to) noexcept {
+                    ::new (to) T(std::move(*static_cast<T*>(from)));
+                    static_cast<T*>(from)->~T();
+                },
+                [](void* at) noexcept { static_cast<T*>(at)->~T(); }};
+    }
+};
+
+/// An object on its way from one owner to the next, who may be on another thread; or none. Move-only, without an allocation.
+class passed_object {
+public:
+    /// What is larger, or cannot be moved for sure, is held by a pointer.
+    static constexpr std::size_t most_bytes = 64;
+    template <class T>
+    static constexpr bool fits = sizeof(T) <= most_bytes && alignof(T) <= alignof(std::max_align_t) && std::is_nothrow_move_constructible_v<T>;
+
+    passed_object() noexcept = default;
+    /// `weight`: the bytes that it counts for where bytes are bounded.
+    template <class T>
+        requires fits<T>
+    passed_object(const object_type& type, T value, std::size_t weight) noexcept : type_(&type), weight_(weight) {
+        ::new (static_cast<void*>(storage_)) T(std::move(value));
+    }
+    passed_object(passed_object&& other) noexcept { take(other); }
+    passed_object& operator=(passed_object&& other) noexcept {
+        if (this == &other) return *this;
+        reset();
+        take(other);
+        return *this;
+    }
+    ~passed_object() { reset(); }
+
+    explicit operator bool() const noexcept { return type_ != nullptr; }
+    /// Null where there is none.
+    const object_type* type() const noexcept { return type_; }
+    std::size_t weight() const noexcept { return weight_; }
+    void* at() noexcept { return storage_; }
+    const void* at() const noexcept { return storage_; }
+
+private:
+    void reset() noexcept {
+        if (const auto* held = std::exchange(type_, nullptr)) held->destroy(storage_);
+    }
+    void take(passed_object& other) noexcept {
+        type_ = std::exchange(other.type_, nullptr);
+        weight_ = std::exchange(other.weight_, 0);
+        if (type_) type_->relocate(other.storage_, storage_);
+    }
+
+    const object_type* type_ = nullptr;
+    std::size_t weight_ = 0;
+    alignas(std::max_align_t) std::byte storage_[most_bytes];
+};
+
+} // namespace ise

@@ -1,0 +1,52 @@
+#pragma once
+#include <ise/core/loop.hpp>
+#include <ise/core/real/poll_policy.hpp>
+
+#include <asio/io_context.hpp>
+
+#include <atomic>
+#include <memory>
+
+namespace ise::real {
+
+/// The loops of a process that may look for events at the same time: no more than it has cores.
+class poll_seats {
+public:
+    bool take() noexcept;
+    void give_back() noexcept { taken_.fetch_sub(1, std::memory_order_relaxed); }
+
+private:
+    std::atomic<int> taken_{0};
+};
+
+/// Keeps a thread that runs an io_context from sleeping while that pays (`poll_policy`): as long as a handler of it is
+/// queued, Asio asks the system for events without waiting.
+///
+/// Lifetime: outlives the handlers of the context. Used on the context's thread, or when that has ended.
+class poller final : public idle_watcher {
+public:
+    /// `context` is run by one thread.
+    poller(environment& world, asio::io_context& context, duration window, std::shared_ptr<poll_seats> seats);
+    ~poller() override;
+
+    void on_turn(time_point now) override;
+    /// For good.
+    void stop() noexcept;
+
+private:
+    void post_look();
+    void look();
+    void leave() noexcept;
+    bool preempted() noexcept;
+
+    environment& world_;
+    asio::io_context& context_;
+    poll_policy policy_;
+    std::shared_ptr<poll_seats> seats_;
+    long preemptions_ = 0; // of this thread, when last counted
+    bool seated_ = false;
+    bool queued_ = false;
+    bool stopped_ = false;
+};
+
+} // namespace ise::real
