@@ -19,6 +19,14 @@ constexpr duration besides = 30s;
 constexpr duration longest_stop = 90s;
 constexpr std::size_t at_once = 8; // an instantiation server bounds how many are started within a short time
 
+// Of what was asked of an instantiation server. One that is lost meanwhile says neither that it is done nor that it is not.
+problem failed_at(action what, const std::string& path, const std::string& server, const failure& why) {
+    if (why.executed() != execution::unknown || code_of(why.code()) != exit_code::not_reached) return problem(why);
+    return {exit_code::not_reached, std::string(ise::name_of(why.code())),
+            fmt::format("the instantiation server of {} did not come to tell whether it did {} {}: {}", server, deployment::name_of(what), path, why.message()),
+            fmt::format("is ise_instantiation_server running on {}? Started again it takes over what it had begun; then ise up goes on from there, and ise down ends it", server)};
+}
+
 } // namespace
 
 carrier::carrier(context& in, fleet& there) : in_(in), there_(there), scope_(in.self.on(), [this](const std::string&, std::exception_ptr thrown) {
@@ -120,7 +128,7 @@ task<std::string> carrier::act(job& one) {
         auto server = there_.servers.at(what.server);
         auto request = what.request;
         auto told = co_await server.try_call(host_services::start, std::move(request), limit_of(what));
-        if (!told) throw problem(told.error());
+        if (!told) throw failed_at(what.what, what.path, what.server, told.error());
         auto instance = started(*told);
         co_return ready_text(instance, began);
     }
@@ -205,9 +213,10 @@ task<instantiation::change_response> carrier::change_to(std::string server, star
     auto who = there_.servers.at(server);
     instantiation::change_request request;
     auto limit = 4 * to.terms.ready_within + to.terms.grace + besides;
+    auto path = to.path;
     request.to = std::move(to);
     auto told = co_await who.try_call(host_services::change, std::move(request), std::min(limit, in_.left()));
-    if (!told) throw problem(told.error());
+    if (!told) throw failed_at(action::change, path, server, told.error());
     co_return std::move(*told);
 }
 
@@ -217,7 +226,7 @@ task<instantiation::ended_response> carrier::stop(std::string server, std::strin
     request.path = path;
     request.forget = forget;
     auto told = co_await who.try_call(host_services::stop, std::move(request), std::min(longest_stop, in_.left()));
-    if (!told) throw problem(told.error());
+    if (!told) throw failed_at(action::stop, path, server, told.error());
     co_return std::move(*told);
 }
 

@@ -2,8 +2,6 @@
 
 #include "text.hpp"
 
-#include <ise/deployment/reading.hpp>
-
 #include <nlohmann/json.hpp>
 
 #include <fmt/format.h>
@@ -51,7 +49,7 @@ task<result<deployment::host_state>> ask(context& in, host_server host) {
 
 } // namespace
 
-deployment::deployment read_file(context& in, const deployment_options& options) {
+deployment::reading read_what_there_is(context& in, const deployment_options& options) {
     deployment::settings given;
     for (const auto& text : options.set) {
         auto equals = text.find('=');
@@ -59,7 +57,11 @@ deployment::deployment read_file(context& in, const deployment_options& options)
         given.emplace_back(text.substr(0, equals), text.substr(equals + 1));
     }
     auto read = [&](const std::string& path) { return in.self.env().read_file(path, most_file_bytes); };
-    auto told = deployment::read_deployment(options.file, read, given);
+    return deployment::read_deployment(options.file, read, given);
+}
+
+deployment::deployment read_file(context& in, const deployment_options& options) {
+    auto told = read_what_there_is(in, options);
     refuse(options.file, told.problems);
     return std::move(told.made);
 }

@@ -3,6 +3,7 @@
 #include "hosts.hpp"
 
 #include <ise/deployment/planning.hpp>
+#include <ise/deployment/reading.hpp>
 
 #include <map>
 #include <string>
@@ -15,6 +16,9 @@ struct fleet {
     std::map<std::string, remote> servers; ///< by name
     std::vector<deployment::host_state> hosts;
 };
+
+/// The file, and all that is wrong with it as far as it tells by itself; problem(usage) only where the command line is wrong.
+deployment::reading read_what_there_is(context& in, const deployment_options& options);
 
 /// The file; problem(usage) with all that is wrong with it, each on a line with its place.
 deployment::deployment read_file(context& in, const deployment_options& options);

@@ -1,5 +1,6 @@
 #include "findings.hpp"
 
+#include "service_activity.hpp"
 #include "text.hpp"
 
 #include <fmt/format.h>
@@ -25,6 +26,8 @@ bool is_near(const std::string& endpoint) {
 }
 
 class examination {
+    using before_life = std::map<std::uint64_t, const health_text*>::const_iterator;
+
 public:
     examination(const std::vector<surveyed>& before, duration apart, const std::string& here) : apart_(apart), here_(here) {
         for (const auto& one : before)
@@ -42,6 +45,14 @@ public:
         if (!one.health) return;
         clock(one);
         traffic(*one.health, one.about->packets_dropped);
+    }
+
+    /// It was there at the first look, and is not at the second.
+    void missed(const surveyed& then) {
+        path_ = then.name.path;
+        if (then.about) add(severity::note, "left", "it went away while this looked", "nothing, if somebody stopped it; ise ps tells, if a host had started it");
+        else add(severity::error, "lost", fmt::format("it did not answer, and then its name went with its lease: {}", then.trouble),
+                 fmt::format("is {} stopped, swapped out or dead, or cut off from the name server? ise ps tells, if a host had started it", holder_of(then.name)));
     }
 
     std::vector<finding> take() { return std::move(found_); }
@@ -100,17 +111,26 @@ private:
     }
 
     void traffic(const health_text& now, std::uint64_t dropped) {
-        auto then = before_.find(now.incarnation);
+        before_life then = before_.find(now.incarnation);
         auto grown = [&](std::uint64_t health_text::* count) { return then == before_.end() ? 0 : now.*count - std::min(now.*count, then->second->*count); };
         if (auto more = grown(&health_text::packets_dropped); more > 0) {
-            add(severity::warning, "drops_packets", fmt::format("it dropped {} packet{} within {} for subscribers that do not take them in time{}", more, more == 1 ? "" : "s", show_duration(apart_), slow_readers(now)),
+            add(severity::warning, "drops_packets", fmt::format("it dropped {} packet{} within {} for subscribers that do not take them in time{}{}", more, more == 1 ? "" : "s", show_duration(apart_), reasons(then, now, true), slow_readers(now)),
                 "subscribe with a rate limit (--every), with --latest, or with a greater depth; ise describe shows who is connected");
         } else if (dropped > 0) {
             add(severity::note, "dropped_packets", fmt::format("it has dropped {} packet{} since it began, and none now", dropped, dropped == 1 ? "" : "s"), "nothing, unless the number grows: ise top");
         }
         if (auto more = grown(&health_text::calls_refused); more > 0) {
-            add(severity::warning, "overloaded", fmt::format("it refused {} call{} within {} ({} running): they were beyond its limits, too late, or did not fit", more, more == 1 ? "" : "s", show_duration(apart_), running(now)),
-                "its callers' errors tell which: call less often or with longer deadlines, raise serve_options of the service, or offload what computes");
+            auto beyond = grown(&health_text::calls_overloaded), late = grown(&health_text::calls_expired);
+            std::string why;
+            auto tell = [&](std::uint64_t count, const char* what) { if (count > 0) why += fmt::format("{}{} {}", why.empty() ? "" : ", ", count, what); };
+            tell(beyond, "beyond its limits");
+            tell(late, "too late to begin");
+            tell(more - std::min(more, beyond + late), "unknown, of packets that do not fit, or not kept any more");
+            bool busy = beyond + late > 0;
+            add(severity::warning, busy ? "overloaded" : "refuses_calls",
+                fmt::format("it refused {} call{} within {}: {}{}{}", more, more == 1 ? "" : "s", show_duration(apart_), why, reasons(then, now, false), running(now)),
+                busy ? "call less often or with longer deadlines, raise serve_options of the service, or offload what computes; ise top shows its times"
+                     : "its callers' errors tell which; ise describe shows what it provides, ise type diff what does not fit");
         } else if (now.calls_refused > 0) {
             add(severity::note, "refused_calls", fmt::format("it has refused {} call{} since it began, and none now", now.calls_refused, now.calls_refused == 1 ? "" : "s"), "nothing, unless the number grows: ise top");
         }
@@ -122,8 +142,19 @@ private:
     static std::string running(const health_text& now) {
         std::string text;
         for (const auto& one : now.services)
-            if (one.running > 0 && !is_own_service(one.name)) text += fmt::format("{}{} of '{}'", text.empty() ? "" : ", ", one.running, one.name);
-        return text.empty() ? "no handler is" : text;
+            if (one.running > 0 && !is_own_service(one.name)) text += fmt::format("{}{} of '{}' ({} waiting)", text.empty() ? "; now running: " : ", ", one.running, one.name, one.waiting);
+        return text;
+    }
+
+    // ": 12 of 'samples' (replaced)"
+    std::string reasons(before_life then, const health_text& now, bool publications) const {
+        std::string text;
+        if (then == before_.end()) return text;
+        for (const auto& service : service_activities(*then->second, now, 1))
+            for (const auto& loss : service.losses)
+                if (service.publishes == publications && loss.meanwhile > 0)
+                    text += fmt::format("{}{} of '{}' ({})", text.empty() ? ": " : ", ", loss.meanwhile, service.name, loss.reason);
+        return text;
     }
 
     static std::string slow_readers(const health_text& now) {
@@ -148,6 +179,8 @@ std::string_view name_of(severity of) noexcept { return of == severity::error ? 
 std::vector<finding> examine(const std::vector<surveyed>& before, const std::vector<surveyed>& now, duration apart, const std::string& here) {
     examination looks(before, apart, here);
     for (const auto& one : now) looks.look_at(one);
+    for (const auto& one : before)
+        if (std::ranges::none_of(now, [&](const surveyed& other) { return other.name.path == one.name.path; })) looks.missed(one);
     auto found = looks.take();
     auto services = examine_services(now);
     found.insert(found.end(), std::make_move_iterator(services.begin()), std::make_move_iterator(services.end()));

@@ -24,7 +24,7 @@ std::vector<std::string> names_of(const std::vector<naming::listed_name>& listed
 task<std::vector<host_server>> hosts_there(context& in, std::string name) {
     auto listed = co_await listed_names(in, std::string(hosts_path));
     if (listed.empty())
-        throw problem(exit_code::not_reached, "no_such_name", "no instantiation server is registered", "start one on each host: ise_instantiation_server --programs FOLDER");
+        throw problem(exit_code::not_reached, "no_such_name", "no instantiation server is registered", "start one on each host: ise_instantiation_server --programs FOLDER; a name server that was just restarted learns within a lease, some seconds, who is there");
     std::vector<host_server> found;
     for (const auto& one : listed)
         if (name.empty() || host_name_of(one.path) == name) found.push_back({host_name_of(one.path), in.self.at(one.path)});

@@ -5,6 +5,7 @@
 #include <ise/naming/services.hpp>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <set>
@@ -36,7 +37,7 @@ void note_nothing(const context& in, const std::string& prefix, const std::vecto
         }
     auto near = nearest(prefix, std::vector<std::string>(prefixes.begin(), prefixes.end()));
     for (auto& one : near) one = fmt::format("'{}'", one);
-    note(in.set, fmt::format("no component is registered under '{}'{}", prefix, near.empty() ? "" : fmt::format("; did you mean {}?", enumerate(near))));
+    note(in.set, fmt::format("no component is registered under '{}'{}", prefix, near.empty() ? "" : fmt::format("; did you mean {}?", fmt::join(near, " or "))));
 }
 
 std::string names_are(std::size_t count) { return fmt::format("{} name{}", count, count == 1 ? " is" : "s are"); }

@@ -39,8 +39,16 @@ std::string as_page(const context& in, const std::vector<parameter_text>& all) {
     return rows.text(in.out.width());
 }
 
+/// What was said against it, without the service by which we asked.
+problem said_against(const failure& why) {
+    auto text = why.message();
+    bool answered = why.code() == errc::refused || why.code() == errc::invalid_argument || why.code() == errc::handler_failed;
+    if (auto end = text.find(": "); answered && text.starts_with("'ise.") && end != text.npos) text.erase(0, end + 2);
+    return problem(failure(why.code(), std::move(text), why.executed()));
+}
+
 problem without_parameters(const std::string& name, const failure& why) {
-    if (why.code() != errc::no_such_service) return problem(why);
+    if (why.code() != errc::no_such_service) return said_against(why);
     return {exit_code::not_reached, "no_such_service", fmt::format("'{}' tells of no parameters", name),
             "those of programs built on ise::main do, and what was launched with component_type::live()"};
 }
@@ -76,7 +84,7 @@ task<> set(context& in, remote who, param_options options) {
         request.path = path;
         request.settings.push_back({options.parameter, *options.value});
         auto told = co_await starter->server.try_call(instantiation::services::set, std::move(request), in.left());
-        if (!told) throw problem(told.error());
+        if (!told) throw said_against(told.error());
     } else {
         change_parameters_request request;
         request.settings.push_back({options.parameter, *options.value});

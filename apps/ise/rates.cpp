@@ -35,7 +35,9 @@ void compare(activity& made, const surveyed& then, const surveyed& now) {
         made.out_bps = rate(out, out_before);
     }
     made.dropped = grown(now.about->packets_dropped, then.about->packets_dropped);
-    if (now.health && then.health) made.refused = grown(now.health->calls_refused, then.health->calls_refused);
+    if (!now.health || !then.health) return;
+    made.refused = grown(now.health->calls_refused, then.health->calls_refused);
+    made.services = service_activities(*then.health, *now.health, seconds);
 }
 
 } // namespace

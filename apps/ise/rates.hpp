@@ -1,4 +1,5 @@
 #pragma once
+#include "service_activity.hpp"
 #include "surveyed.hpp"
 
 #include <optional>
@@ -18,6 +19,7 @@ struct activity {
     std::uint64_t running = 0;         ///< handlers, now
     std::uint64_t unsent_bytes = 0;    ///< now
     duration round_trip{};             ///< the longest of its sessions; zero: none was measured
+    std::vector<service_activity> services; ///< it was seen twice in the same life
     bool answered = true;
     bool has_health = false;           ///< else it tells no refusals, handlers and queues
 };

@@ -6,6 +6,7 @@
 #include <ise/service/service_host.hpp>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 namespace ise::cli {
 namespace {
@@ -41,8 +42,15 @@ task<std::string> advice_for_name(context& in, std::string name) {
     if (known.empty()) co_return std::string("no component is registered");
     auto near = nearest(name, known);
     for (auto& one : near) one = quoted(one);
-    if (!near.empty()) co_return fmt::format("did you mean {}?", enumerate(near));
+    if (!near.empty()) co_return fmt::format("did you mean {}?", fmt::join(near, " or "));
     co_return fmt::format("{} registered: ise list", names_are(known.size()));
+}
+
+// Somebody who accepts and says nothing that is ISE's.
+std::string advice_for_endpoint(errc why) {
+    if (why == errc::timed_out || why == errc::protocol_error)
+        return "somebody listens there who does not speak ISE: another protocol (a web page, a database), or a component that is stopped; ise list tells the endpoints of components";
+    return "is the component running there? --wait waits for it until the timeout";
 }
 
 std::string services_there(const component_text& about) {
@@ -87,8 +95,7 @@ task<remote> reach(context& in, std::string name) {
         if (!at) throw problem(exit_code::usage, "usage", at.error().message());
         auto who = in.self.at(*at);
         auto got = co_await connect(in, who);
-        if (!got) throw problem(failure(got.error().code(), fmt::format("{} is not reached: {}", name, got.error().message())),
-                                "is the component running there? --wait waits for it until the timeout");
+        if (!got) throw problem(failure(got.error().code(), fmt::format("{} is not reached: {}", name, got.error().message())), advice_for_endpoint(got.error().code()));
         co_return who;
     }
     check_name(name);
@@ -106,6 +113,8 @@ task<remote> reach(context& in, std::string name) {
         if (found.error().code() == errc::no_such_name) {
             in.until = std::max(in.until, in.self.now() + std::chrono::seconds(1));
             advice = co_await advice_for_name(in, name);
+        } else if (found.error().code() == errc::name_server_lost) {
+            advice = "it knows everybody again within a lease, which is a few seconds: try again, or --wait waits for the component until the timeout";
         }
         throw problem(found.error(), advice);
     }

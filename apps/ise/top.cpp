@@ -6,6 +6,7 @@
 #include "survey.hpp"
 #include "table.hpp"
 #include "text.hpp"
+#include "top_services.hpp"
 
 #include <nlohmann/json.hpp>
 
@@ -19,7 +20,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr std::size_t most_rows = 10; // of connections: the slowest
+constexpr std::size_t most_rows = 10; // of services: the busiest; of connections: the slowest
 
 std::string show_rate(const std::optional<double>& hz) { return hz ? fmt::format("{:.1f}", *hz) : "-"; }
 std::string show_bytes_rate(const std::optional<double>& bps) { return bps ? show_bytes(static_cast<std::uint64_t>(*bps)) : "-"; }
@@ -79,6 +80,7 @@ std::string as_json(const std::vector<activity>& all, const std::vector<connecti
         row["calls_refused"] = one.has_health ? ordered_json(one.refused_ever) : ordered_json();
         row["calls_refused_now"] = number(one.refused);
         row["round_trip_s"] = seconds(one.round_trip);
+        row["services"] = services_json(one);
         components.push_back(std::move(row));
     }
     told["components"] = std::move(components);
@@ -129,7 +131,7 @@ task<> top(context& in, top_options options) {
             text = as_json(seen, connections_of(now), in.self.wall());
         } else {
             auto ending = on.live() ? "TOO SLOW: packets that slow subscribers did not take, ever and now; q ends\n" : tables + 1 == options.count ? "" : "\n";
-            text = on.page(as_table(seen, in.out.width()) + connections_table(connections_of(now), in.out.width(), most_rows) +
+            text = on.page(as_table(seen, in.out.width()) + services_table(seen, in.out.width(), most_rows) + connections_table(connections_of(now), in.out.width(), most_rows) +
                            show_age(in, now) + ending);
         }
         co_await in.out.write(in.self, std::move(text));

@@ -59,7 +59,7 @@ task<> up(context& in, deployment_options options) {
 
 task<> down(context& in, deployment_options options) {
     auto wanted = read_file(in, options);
-    auto there = co_await ask_hosts(in, wanted, true);
+    auto there = co_await ask_hosts(in, wanted, false); // what is just starting is not waited for: it ends anyway
     auto plan = deployment::plan_down(wanted, there.hosts, options.only);
     refuse(options.file, plan.problems);
     auto steps = plan.steps.size();
@@ -92,7 +92,7 @@ task<> diff(context& in, deployment_options options) {
         text = told.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
     } else {
         for (const auto& one : made.plan.steps) text += printable(deployment::as_text(one, true), true) + "\n";
-        if (text.empty()) text = fmt::format("{} is as {} describes it: {} components\n", made.wanted.name.text, options.file, made.wanted.components.size());
+        if (text.empty()) text = fmt::format("{} is as {} describes it: {} component{}\n", made.wanted.name.text, options.file, made.wanted.components.size(), made.wanted.components.size() == 1 ? "" : "s");
     }
     co_await in.out.write(in.self, std::move(text));
 }

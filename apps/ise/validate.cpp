@@ -8,6 +8,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <tuple>
+
 namespace ise::cli {
 namespace {
 
@@ -29,11 +32,16 @@ task<asked> ask_if_there(context& in, const deployment::deployment& of) {
     co_return made;
 }
 
+const char* many(std::size_t count) { return count == 1 ? "" : "s"; }
+
 } // namespace
 
 task<> validate(context& in, deployment_options options) {
-    auto wanted = read_file(in, options);
-    std::vector<deployment::problem> wrong;
+    auto read = read_what_there_is(in, options);
+    auto& wanted = read.made;
+    auto& wrong = read.problems;
+    if (wanted.components.empty()) refuse(options.file, wrong); // there is nothing to ask about
+    bool readable = wrong.empty();
     bool checked = false;
     std::vector<const type_text*> types(wanted.components.size(), nullptr);
     asked told;
@@ -47,8 +55,10 @@ task<> validate(context& in, deployment_options options) {
         for (std::size_t at = 0; at < types.size(); ++at)
             if (const auto* state = deployment::state_of(wanted, wanted.components[at].host.text, told.there.hosts)) types[at] = state->type(wanted.components[at].type.text);
     }
-    auto sorted = deployment::order_of(wanted, types);
+    deployment::ordering sorted;
+    if (readable) sorted = deployment::order_of(wanted, types);
     wrong.insert(wrong.end(), sorted.problems.begin(), sorted.problems.end());
+    std::ranges::stable_sort(wrong, {}, [](const deployment::problem& one) { return std::tuple(one.at.file, one.at.line, one.at.column); });
     refuse(options.file, wrong);
     std::string text;
     if (in.set.json) {
@@ -62,7 +72,7 @@ task<> validate(context& in, deployment_options options) {
         made["order"] = std::move(order);
         text = made.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
     } else {
-        text = fmt::format("{} is well formed: {} with {} components on {} hosts{}\n", options.file, wanted.name.text, wanted.components.size(), wanted.hosts.size(),
+        text = fmt::format("{} is well formed: {} with {} component{} on {} host{}{}\n", options.file, wanted.name.text, wanted.components.size(), many(wanted.components.size()), wanted.hosts.size(), many(wanted.hosts.size()),
                            checked ? ", all of types and with parameters that there are" : "");
     }
     co_await in.out.write(in.self, std::move(text));

@@ -25,6 +25,12 @@ std::string as_argument(const parameter& of, const value& from) {
     return from.plain();
 }
 
+std::string without_server(const std::string& name, const std::vector<std::string>& there) {
+    auto told = advice(name, there, "there is none");
+    return fmt::format("no instantiation server '{}' is registered; {} start it on that host: ise_instantiation_server --name {} --programs FOLDER", name,
+                       told.ends_with('?') ? told + " Else" : told + ";", name);
+}
+
 class checker {
 public:
     explicit checker(std::vector<problem>& problems) : problems_(problems) {}
@@ -81,12 +87,12 @@ void complete(deployment& of, const std::vector<host_state>& hosts, std::vector<
     for (const auto& one : hosts) servers.push_back(one.server);
     for (const auto& host : of.hosts)
         if (used.contains(host.name.text) && !state_of(of, host.name.text, hosts))
-            problems.push_back({host.name.at, fmt::format("no instantiation server '{}' is registered; {}; start it on that host: ise_instantiation_server --name {} --programs FOLDER", host.server,
-                                                          advice(host.server, servers, "there is none"), host.server)});
+            problems.push_back({host.name.at, without_server(host.server, servers)});
     checker check(problems);
     for (auto& one : of.components) {
         const auto* state = state_of(of, one.host.text, hosts);
         if (!state) continue;
+        if (one.type.text.empty()) continue; // was told when the file was read
         if (const auto* type = state->type(one.type.text)) {
             check.check(one, *type);
             continue;

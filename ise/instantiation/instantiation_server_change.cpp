@@ -28,8 +28,9 @@ std::string said(const std::string& message, std::string_view service) {
         std::vector<std::string> others;
         for (const auto& each : type.parameters)
             if (each.changeable) others.push_back(each.name);
-        throw error(errc::invalid_argument, fmt::format("parameter '{}' of '{}' cannot be changed while it runs, {}", one.what, which.plan.path,
-                                                        others.empty() ? "and no other of it can" : fmt::format("only {}", fmt::join(others, ", "))));
+        throw error(errc::invalid_argument, fmt::format("parameter '{}' of '{}' cannot be changed while it runs, {}: to start it again with another value, "
+                                                        "write that into its deployment file and ise up, or ise stop and ise start it",
+                                                        one.what, which.plan.path, others.empty() ? "and neither can its others" : fmt::format("only {}", fmt::join(others, ", "))));
     }
     throw error(errc::refused, fmt::format("'{}' does not run: {}", which.plan.path, which.watch.reason()));
 }

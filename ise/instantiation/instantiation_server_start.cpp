@@ -9,6 +9,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr duration one_question = 1s;
+constexpr duration first_question = 6s; // a name server that has just been started again is tried again after a pause
 constexpr duration longest_wait_for_name = 6s; // a lease, and the time to find out
 constexpr std::size_t shown_lines = 12;
 
@@ -109,7 +110,7 @@ void instantiation_server::check_rate() {
 
 task<> instantiation_server::check_name(std::string path) {
     naming::describe_request question{path};
-    auto told = co_await names_.try_call(naming::describe, std::move(question), one_question);
+    auto told = co_await names_.try_call(naming::describe, std::move(question), first_question);
     if (!told) {
         if (told.error().code() == errc::no_such_name) co_return;
         throw error(errc::name_server_lost, fmt::format("whether '{}' is free, and when it is ready, only the name server can tell: {}", path, told.error().message()));

@@ -212,16 +212,24 @@ TEST_CASE("hosts that are not there, and files that are none, are told with thei
     two_hosts in;
     auto nowhere = in.ise({"up", in.file("a.toml", "name='sea'\n[hosts.moon]\nserver='shoer'\n[components.x]\ntype='trouble'\n")});
     CHECK(nowhere.exit_code == 2);
-    CHECK_THAT(nowhere.err, Contains("a.toml:2:8: no instantiation server 'shoer' is registered; did you mean 'shore'?"));
+    CHECK_THAT(nowhere.err, Contains("a.toml:2:8: no instantiation server 'shoer' is registered; did you mean 'shore'? Else start it on that host: ise_instantiation_server"));
     auto none = in.ise({"up", in.folder().string() + "/none.toml"});
     CHECK(none.exit_code == 2);
     CHECK_THAT(none.err, Contains("none.toml"));
     auto broken = in.ise({"validate", "--offline", in.file("b.toml", "name = 'sea\n"), "--json"});
     CHECK(broken.exit_code == 2);
     CHECK_THAT(broken.err, Contains(R"("error":"bad_deployment")") && Contains("b.toml:1:"));
+    // Some of its mistakes are told by the file alone, others by the host.
+    auto three = in.ise({"validate", in.file("d.toml", sea(component("one", "boat", "restart = 'sometimes'\nparameters = { anwser = 1 }\n") +
+                                                           "[components.two]\ntype = 'truoble'\nhost = 'boat'\nafter = 'on'\n"))});
+    CHECK(three.exit_code == 2);
+    CHECK_THAT(three.err, Contains("d.toml:8:11: the restart policy of component 'one' is never, on-failure or always, not 'sometimes'"));
+    CHECK_THAT(three.err, Contains("type 'trouble' has no parameter 'anwser'; did you mean 'answer'?"));
+    CHECK_THAT(three.err, Contains("host 'boat' has no component type 'truoble'; did you mean 'trouble'?"));
+    CHECK_THAT(three.err, Contains("there is no component 'on'; did you mean 'one'?"));
     auto well = in.ise({"validate", in.file("c.toml", sea(component("one", "boat")))});
     CHECK(well.exit_code == 0);
-    CHECK_THAT(well.out, Contains("c.toml is well formed: sea with 1 components on 2 hosts, all of types"));
+    CHECK_THAT(well.out, Contains("c.toml is well formed: sea with 1 component on 2 hosts, all of types"));
 }
 
 TEST_CASE("a file is validated without anybody to ask") {
