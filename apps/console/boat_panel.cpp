@@ -44,6 +44,7 @@ boat_panel::boat_panel(operator_actions& actions, QWidget* parent) : QWidget(par
     outer->setContentsMargins(0, 2, 0, 0);
     auto* area = new QScrollArea(this);
     area->setWidgetResizable(true);
+    area->setAccessibleName(tr("Boat"));
     area->setFrameShape(QFrame::NoFrame);
     area->setHorizontalScrollBarPolicy(Qt::ScrollBarAlwaysOff);
     auto* inside = new QWidget;
@@ -82,7 +83,9 @@ QWidget* boat_panel::make_parameters() {
         made.wanted->setButtonSymbols(QAbstractSpinBox::NoButtons);
         made.wanted->setToolTip(
             tr("%1 to %2").arg(in_units(info.minimum, info.unit), in_units(info.maximum, info.unit)));
+        made.wanted->setAccessibleName(tr("New: %1").arg(name->text()));
         auto* set = new QPushButton(tr("Set"), box);
+        set->setAccessibleName(tr("Set %1").arg(name->text()));
         set->setObjectName("set_" + text(std::string(name_of(info.id))));
         made.state = new QLabel(box);
         made.state->setObjectName("state_" + text(std::string(name_of(info.id))));
@@ -121,6 +124,7 @@ QWidget* boat_panel::make_periods() {
         periods_[i] = new QLabel("–", box);
         auto* choice = new choice_box(box);
         choice->setObjectName("period_" + text(std::string(name_of(link))));
+        choice->setAccessibleName(tr("Telemetry over %1 every").arg(text(label(link))));
         choice->addItem(tr("change…"), -1.0);
         for (double seconds : {0.0, 1.0, 2.0, 5.0, 10.0, 30.0, 60.0, 300.0, 600.0, 1800.0, 3600.0})
             choice->addItem(seconds == 0   ? tr("off")

@@ -133,6 +133,8 @@ void chart_view::contextMenuEvent(QContextMenuEvent* event) {
     QPointF at = by_key ? QPointF(width() / 2.0, height() / 2.0) : QPointF(event->pos());
     auto there = projection_.to_place(at);
     pressed_at_.reset();
+    asked_ = there; // it is marked until all is answered
+    update();
     QMenu menu(this);
     menu.setObjectName("chart_menu");
     auto* head = menu.addAction(place_text(there));
@@ -151,6 +153,8 @@ void chart_view::contextMenuEvent(QContextMenuEvent* event) {
         moved();
     });
     menu.exec(by_key ? mapToGlobal(at.toPoint()) : event->globalPos());
+    asked_.reset();
+    update();
 }
 
 } // namespace atirma::console

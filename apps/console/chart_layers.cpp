@@ -2,6 +2,7 @@
 #include "theme.hpp"
 
 #include <components/gui_client/freshness.hpp>
+#include <components/gui_client/mission.hpp>
 
 #include <QPainter>
 #include <QPainterPath>
@@ -88,16 +89,19 @@ void chart_view::paint_mission(QPainter& to) const {
     bool sails = seen_->boat.sailing && (seen_->boat.sailing->value.mode == sailing_mode::automatic);
     if (active < points.size() && sails) {
         auto at = boat_place();
-        if (points.size() > 1) {
-            auto from = active > 0 ? active - 1 : points.size() - 1;
+        auto from = active > 0 ? active - 1 : points.size() - 1;
+        auto goal = line[static_cast<int>(active)];
+        bool on_leg = points.size() > 1 && (!at || lies_on_leg(points[from], points[active], *at,
+                                                               seen_->boat.sailing->value.cross_track_error_m));
+        if (on_leg) {
             to.setPen(QPen(t.leg, 2));
-            to.drawLine(line[static_cast<int>(from)], line[static_cast<int>(active)]);
+            to.drawLine(line[static_cast<int>(from)], goal);
         }
-        if (at) {
+        if (at) { // it was sent there from somewhere: that is its leg then
             QColor thin = t.leg;
-            thin.setAlpha(140);
-            to.setPen(QPen(thin, 1.2, Qt::DotLine));
-            to.drawLine(projection_.to_pixels(*at), line[static_cast<int>(active)]);
+            thin.setAlpha(on_leg ? 140 : 255);
+            to.setPen(on_leg ? QPen(thin, 1.2, Qt::DotLine) : QPen(thin, 2));
+            to.drawLine(projection_.to_pixels(*at), goal);
         }
     }
     for (std::size_t i = 0; i < points.size(); ++i) {
@@ -132,6 +136,18 @@ void chart_view::paint_draft(QPainter& to) const {
         to.setPen(chosen ? t.card : t.draft);
         to.drawText(QRectF(at.x() - 14, at.y() - 9, 28, 18), Qt::AlignCenter, QString::number(i + 1));
     }
+}
+
+void chart_view::paint_asked(QPainter& to) const {
+    if (!asked_) return;
+    auto at = projection_.to_pixels(*asked_);
+    to.setPen(QPen(colours().draft, 2, Qt::DashLine));
+    if (auto from = boat_place()) to.drawLine(projection_.to_pixels(*from), at);
+    to.setPen(QPen(colours().draft, 2.5));
+    to.setBrush(colours().card);
+    to.drawEllipse(at, 9, 9);
+    to.setBrush(colours().draft);
+    to.drawEllipse(at, 3, 3);
 }
 
 void chart_view::paint_boat(QPainter& to) const {

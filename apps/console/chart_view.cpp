@@ -2,6 +2,7 @@
 
 #include "theme.hpp"
 
+#include <components/gui_client/freshness.hpp>
 #include <components/gui_client/mission.hpp>
 
 #include <QPainter>
@@ -35,6 +36,10 @@ void chart_view::show_snapshot(std::shared_ptr<const snapshot> seen, utc_time no
             zoom(0.6); // some of the coast beside them
         }
     }
+    auto at = boat_place();
+    setAccessibleDescription(
+        at ? tr("The boat at %1, %2").arg(place_text(*at), text(age_text(age_s(now_, seen_->boat.position->measured_at))))
+           : tr("No boat heard yet"));
     update();
 }
 
@@ -129,6 +134,7 @@ void chart_view::paintEvent(QPaintEvent*) {
     paint_track(to);
     paint_mission(to);
     if (draft_.edited() || edit_) paint_draft(to);
+    paint_asked(to);
     paint_boat(to);
     paint_measure(to);
     paint_scale(to);

@@ -74,6 +74,8 @@ private:
     void paint_track(QPainter& to) const;
     void paint_mission(QPainter& to) const;
     void paint_draft(QPainter& to) const;
+    /// The place that the operator is asked about.
+    void paint_asked(QPainter& to) const;
     void paint_boat(QPainter& to) const;
     // chart_furniture.cpp
     void paint_scale(QPainter& to) const;
@@ -94,6 +96,7 @@ private:
     std::optional<std::size_t> dragged_;
     bool panned_ = false;
     std::vector<waypoint> measured_;
+    std::optional<waypoint> asked_;
 };
 
 } // namespace atirma::console

@@ -148,6 +148,7 @@ QWidget* console_window::make_side() {
     tabs_ = new QTabWidget(side);
     tabs_->setObjectName("tabs");
     tabs_->setDocumentMode(true);
+    tabs_->tabBar()->setAccessibleName(tr("Lists"));
     tabs_->tabBar()->setDrawBase(false);
     tabs_->tabBar()->setExpanding(false);
     tabs_->tabBar()->setElideMode(Qt::ElideNone);
@@ -186,10 +187,11 @@ void console_window::make_chart_tools() {
         auto* made = new QToolButton(chart_);
         made->setText(words);
         made->setToolTip(tip);
+        made->setAccessibleName(tip); // the words are a sign
         made->setFixedSize(32, 30);
         made->setCursor(Qt::ArrowCursor);
         made->setStyleSheet("padding: 0; font-size: 15px;");
-        made->setFocusPolicy(Qt::NoFocus);
+        made->setFocusPolicy(Qt::TabFocus); // a click leaves the keys to the chart
         connect(made, &QToolButton::clicked, this, act);
         column->addWidget(made);
         return made;

@@ -115,21 +115,45 @@ void console_window::make_menus() {
     auto* help = menuBar()->addMenu(tr("&Alarms and help"));
     add(help, tr("Acknowledge &all alarms"), QKeySequence("Ctrl+K"), [this] { actions_.act(acknowledge_alarm()); });
     add(help, tr("Alarm &limits…"), QKeySequence("Ctrl+L"), [this] { edit_limits(); });
-    add(help, tr("&Keys and mouse"), QKeySequence("Shift+F1"), [this] {
-        QMessageBox::information(
-            this, tr("Keys and mouse"),
-            tr("<table cellspacing=4><tr><td>drag, arrows</td><td>move the chart</td></tr>"
-               "<tr><td>wheel, + −</td><td>nearer, farther</td></tr>"
-               "<tr><td>F · M · Home</td><td>follow the boat · measure · all in sight</td></tr>"
-               "<tr><td>Ctrl+E</td><td>edit waypoints: click adds, drag moves, Del removes</td></tr>"
-               "<tr><td>Ctrl+U · Ctrl+B</td><td>upload · read back</td></tr>"
-               "<tr><td>Ctrl+1 … 5</td><td>Auto, Hold, Station, Return, Manual</td></tr>"
-               "<tr><td>Ctrl+T · Ctrl+G · Ctrl+P</td><td>tack · gybe · ping</td></tr>"
-               "<tr><td>right click, menu key</td><td>sail here, measure, add a waypoint</td></tr>"
-               "<tr><td>Ctrl+K · Ctrl+L</td><td>acknowledge all alarms · alarm limits</td></tr>"
-               "<tr><td>F1 … F7</td><td>the lists at the right</td></tr>"
-               "<tr><td>Ctrl+N · F11</td><td>night colours · full screen</td></tr></table>"));
-    });
+    add(help, tr("&Keys and mouse"), QKeySequence("Shift+F1"), [this] { show_keys(); });
+}
+
+// Made of the menus themselves: no key is forgotten.
+void console_window::show_keys() {
+    auto row = [](const QString& key, const QString& does) {
+        return QStringLiteral("<tr><td><b>%1</b></td><td>%2</td></tr>")
+            .arg(key.toHtmlEscaped().replace(' ', "&nbsp;"), does.toHtmlEscaped().replace(' ', "&nbsp;"));
+    };
+    auto table = [](const QString& title, const QString& rows) {
+        return QStringLiteral("<p><b>%1</b></p><table cellpadding=1>%2</table>").arg(title.toHtmlEscaped(), rows);
+    };
+    auto keys_of = [&](const QMenu* menu) {
+        QString rows;
+        for (const auto* one : menu->actions())
+            if (!one->shortcut().isEmpty())
+                rows += row(one->shortcut().toString(QKeySequence::NativeText),
+                            QString(one->text()).remove('&').remove(QChar(0x2026)));
+        return table(QString(menu->title()).remove('&'), rows);
+    };
+    auto more = table(tr("Chart"), row(tr("Arrows, drag"), tr("move")) + row(tr("Wheel"), tr("nearer, farther")) +
+                                       row(tr("Right click"), tr("sail here, measure")) +
+                                       row(tr("Menu key"), tr("the same")) +
+                                       row(tr("Editing"), tr("click, drag, Del")) +
+                                       row(tr("Tab"), tr("to the next part")));
+    QList<QMenu*> menus;
+    for (const auto* entry : menuBar()->actions())
+        if (entry->menu()) menus << entry->menu();
+    QString words = QStringLiteral("<table><tr>");
+    for (const auto& column : {QList<int>{0, 3, 4}, {1}, {2, -1}}) { // three columns of one height: they fit a tablet
+        words += QStringLiteral("<td>");
+        for (int n : column)
+            if (n < menus.size()) words += n < 0 ? more : keys_of(menus[n]);
+        words += QStringLiteral("</td><td width=16></td>");
+    }
+    QMessageBox box(this);
+    box.setWindowTitle(tr("Keys and mouse"));
+    box.setText(words + "</tr></table>");
+    box.exec();
 }
 
 void console_window::make_units(QMenu* to) {

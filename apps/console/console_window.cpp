@@ -34,14 +34,15 @@ console_window::console_window(operator_actions::sink act, window_options option
     options_.night = options_.night || remembered_.night.value_or(false);
     use_units(remembered_.shown);
     use_theme(options_.night);
+    // Made in the order in which Tab comes by: Qt 6.4 loses parts where one within another is put in order later.
+    auto* strip = make_alarm_strip();
     chart_ = new chart_view(draft_, this);
     instruments_ = new instrument_panel(this);
-    helm_ = new helm_bar(actions_, this);
     auto* middle = new QWidget(this);
     auto* column = new QVBoxLayout(middle);
     column->setContentsMargins(8, 6, 8, 7);
     column->setSpacing(6);
-    column->addWidget(make_alarm_strip());
+    column->addWidget(strip);
     auto* split = split_ = new QSplitter(Qt::Horizontal, middle);
     split->setHandleWidth(8);
     split->addWidget(chart_);
@@ -51,6 +52,7 @@ console_window::console_window(operator_actions::sink act, window_options option
     split->setChildrenCollapsible(false);
     split->setSizes({780, 468});
     column->addWidget(split, 1);
+    helm_ = new helm_bar(actions_, this);
     column->addWidget(helm_);
     setCentralWidget(middle);
     make_menus();

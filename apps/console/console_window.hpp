@@ -77,6 +77,7 @@ private:
     void make_chart_tools();
     void make_menus();
     void make_units(QMenu* to);
+    void show_keys();
     // console_memory.cpp
     void recall();
     void keep();

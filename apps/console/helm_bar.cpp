@@ -56,6 +56,7 @@ helm_bar::helm_bar(operator_actions& actions, QWidget* parent) : QWidget(parent)
     link_ = new choice_box(this);
     link_->setObjectName("link_choice");
     link_->setToolTip(tr("The link that carries commands"));
+    link_->setAccessibleName(tr("The link that carries commands"));
     link_->addItem(tr("Best link"), QString());
     link_->setMinimumWidth(96);
     connect(link_, &QComboBox::activated, this,

@@ -90,6 +90,7 @@ actuator_gauge::actuator_gauge(const QString& label, double low, double high, QW
       low_(low),
       high_(high) {
     setToolTip(tr("%1: the bar is where it stands, the mark what was commanded").arg(label));
+    setAccessibleName(label);
     setSizePolicy(QSizePolicy::Expanding, QSizePolicy::Fixed);
 }
 
@@ -98,6 +99,9 @@ void actuator_gauge::show_values(double commanded, double actual, freshness how,
     actual_ = actual;
     how_ = how;
     age_s_ = age_seconds;
+    setAccessibleDescription(how == freshness::none ? tr("unknown")
+                                                    : tr("%1°, commanded %2°, %3")
+                                                          .arg(whole(actual), whole(commanded), text(age_text(age_seconds))));
     update();
 }
 
@@ -130,7 +134,7 @@ void actuator_gauge::paintEvent(QPaintEvent*) {
             QPolygonF({{wanted, bar.top() - 1}, {wanted - 4.5, bar.top() - 8}, {wanted + 4.5, bar.top() - 8}}));
         to.setFont(font_of(11, QFont::DemiBold));
         to.setPen(t.ink_of(how_));
-        auto words = QStringLiteral("%1° → %2°").arg(whole(actual_), whole(commanded_));
+        auto words = QStringLiteral("%1 → %2°").arg(whole(actual_), whole(commanded_));
         to.drawText(QRectF(9, 4, box.width() - 18, 15), Qt::AlignRight | Qt::AlignVCenter, words);
     }
     to.setPen(QPen(t.ink3, 1));

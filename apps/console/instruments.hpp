@@ -44,6 +44,8 @@ protected:
 private:
     void paint_ring(QPainter& to, double radius) const;
     void paint_wind(QPainter& to, double radius) const;
+    void paint_speeds(QPainter& to, double radius) const;
+    bool apparent_holds() const;
     void paint_middle(QPainter& to, double radius) const;
 
     boat_view boat_;

@@ -9,15 +9,14 @@
 #include <map>
 #include <string>
 
-class QComboBox;
-class QGridLayout;
 class QLabel;
-class QProgressBar;
 class QVBoxLayout;
 
 namespace atirma::console {
 
-/// One way to the boat: when it was heard, how well, what it costs; of an XBee the modem and its power.
+class link_details;
+
+/// One way to the boat: when it was heard, how well, what it costs; and what only its kind of link has.
 class link_card : public QFrame {
     Q_OBJECT
 public:
@@ -25,19 +24,12 @@ public:
     void show_link(const link_view& link, const boat_view& boat, utc_time now);
 
 private:
-    QLabel* field(const QString& name, const QString& tip);
-    void show_modem(const link_view& link, utc_time now);
-
     std::string path_;
     operator_actions& actions_;
-    QGridLayout* grid_;
-    int fields_ = 0;
+    QVBoxLayout* column_;
     QLabel *head_, *state_;
-    QLabel *heard_, *rssi_, *packets_, *lost_, *queue_, *traffic_, *boat_side_, *commands_;
-    QWidget* modem_ = nullptr;
-    QLabel *temperature_, *failed_, *retries_, *answer_;
-    QProgressBar* duty_;
-    QComboBox* power_;
+    QLabel *heard_, *signal_, *packets_, *lost_, *queue_, *traffic_, *boat_side_, *commands_;
+    link_details* details_ = nullptr; ///< once its proxy has told
 };
 
 /// A communication node: whether it keeps what comes, and who backs it.

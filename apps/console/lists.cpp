@@ -26,18 +26,26 @@ QColor colour_of(command_phase phase) {
 command_list::command_list(QWidget* parent) : QWidget(parent) {
     table_ =
         make_table({tr("UTC"), tr("Command"), tr("State"), tr("By"), tr("Link"), tr("Word")}, "command_table", this);
-    table_->setColumnWidth(0, 70);
-    table_->setColumnWidth(1, 128);
-    table_->setColumnWidth(2, 76);
-    table_->setColumnWidth(3, 44);
-    table_->setColumnWidth(4, 52);
-    column_of(this)->addWidget(table_);
+    table_->setColumnWidth(0, 68);
+    table_->setColumnWidth(1, 132);
+    table_->setColumnWidth(2, 70);
+    table_->setColumnWidth(3, 84);
+    table_->setColumnWidth(4, 50);
+    table_->setAccessibleName(tr("Telecommands"));
+    empty_ = new QLabel(tr("Nobody has told the boat anything yet"), this);
+    empty_->setAlignment(Qt::AlignCenter);
+    empty_->setProperty("role", "small");
+    auto* column = column_of(this);
+    column->addWidget(table_, 1);
+    column->addWidget(empty_, 1);
 }
 
 void command_list::show_snapshot(const snapshot& seen, utc_time) {
     if (shown_ == seen.commands) return;
     shown_ = seen.commands;
     const auto& t = colours();
+    table_->setVisible(!shown_->empty());
+    empty_->setVisible(shown_->empty());
     table_->setRowCount(static_cast<int>(shown_->size()));
     int row = 0;
     for (auto it = shown_->rbegin(); it != shown_->rend(); ++it, ++row) {
@@ -66,6 +74,7 @@ present_list::present_list(QWidget* parent) : QWidget(parent) {
     column->addWidget(head_);
     table_ =
         make_table({tr("Component"), tr("State"), tr("Host"), tr("Process"), tr("Seen for")}, "present_table", this);
+    table_->setAccessibleName(tr("Components"));
     table_->setColumnWidth(0, 206);
     table_->setColumnWidth(1, 72);
     table_->setColumnWidth(2, 62);
@@ -115,6 +124,7 @@ alarm_list::alarm_list(std::function<void(const std::string&)> acknowledge, QWid
     table_->horizontalHeader()->setSectionResizeMode(1, QHeaderView::Stretch);
     table_->setColumnWidth(2, 96);
     table_->setWordWrap(true);
+    table_->setAccessibleName(tr("Alarms"));
     column->addWidget(table_, 1);
     column->addWidget(empty_);
     auto* line = new QHBoxLayout;

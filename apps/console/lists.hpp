@@ -22,6 +22,7 @@ public:
 
 private:
     QTableWidget* table_;
+    QLabel* empty_;
     std::shared_ptr<const std::vector<command_entry>> shown_;
 };
 

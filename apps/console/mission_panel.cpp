@@ -28,6 +28,8 @@ mission_panel::mission_panel(mission_draft& draft, operator_actions& actions, QW
     column->addWidget(state_);
     table_ = new QTableWidget(0, 4, this);
     table_->setObjectName("mission_table");
+    table_->setAccessibleName(tr("Waypoints"));
+    table_->setTabKeyNavigation(false);
     table_->setHorizontalHeaderLabels({tr("Latitude °"), tr("Longitude °"), tr("Leg"), tr("On the boat")});
     table_->horizontalHeader()->setSectionResizeMode(QHeaderView::Stretch);
     for (int n = 0; n < 4; ++n)
@@ -66,6 +68,7 @@ mission_panel::mission_panel(mission_draft& draft, operator_actions& actions, QW
     auto* line = new QHBoxLayout;
     progress_ = new QProgressBar(this);
     progress_->setTextVisible(false);
+    progress_->setAccessibleName(tr("Upload"));
     progress_->setMaximumWidth(110);
     progress_text_ = new QLabel(this);
     progress_text_->setObjectName("upload_state");
@@ -105,6 +108,7 @@ QPushButton* mission_panel::button(const QString& name, const QString& label, co
     auto* made = new QPushButton(label, this);
     made->setObjectName(name);
     made->setToolTip(tip);
+    if (label.size() == 1) made->setAccessibleName(tip); // an arrow
     made->setMinimumWidth(30);
     return made;
 }

@@ -16,6 +16,7 @@ namespace atirma::console {
 
 packet_list::packet_list(QWidget* parent) : QWidget(parent) {
     table_ = make_table({tr("UTC"), tr("Kind"), tr("Link"), tr("Boot:seq"), tr("Bytes")}, "packet_table", this);
+    table_->setAccessibleName(tr("Packets"));
     table_->setColumnWidth(0, 70);
     table_->setColumnWidth(1, 110);
     table_->setColumnWidth(2, 56);
@@ -23,6 +24,8 @@ packet_list::packet_list(QWidget* parent) : QWidget(parent) {
     details_ = new QPlainTextEdit(this);
     details_->setObjectName("packet_details");
     details_->setReadOnly(true);
+    details_->setTabChangesFocus(true);
+    details_->setAccessibleName(tr("Fields and bytes of the packet"));
     details_->setLineWrapMode(QPlainTextEdit::NoWrap);
     details_->setPlaceholderText(tr("Choose a packet to see its fields and bytes"));
     QFont fixed("DejaVu Sans Mono");

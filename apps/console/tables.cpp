@@ -13,6 +13,7 @@ namespace atirma::console {
 QTableWidget* make_table(const QStringList& heads, const QString& name, QWidget* parent) {
     auto* made = new QTableWidget(0, static_cast<int>(heads.size()), parent);
     made->setObjectName(name);
+    made->setTabKeyNavigation(false); // Tab leaves the table; arrows move within it
     made->setHorizontalHeaderLabels(heads);
     made->horizontalHeader()->setStretchLastSection(true);
     made->horizontalHeader()->setDefaultAlignment(Qt::AlignLeft | Qt::AlignVCenter);

@@ -12,13 +12,13 @@ namespace {
 theme make_day() {
     theme t;
     t.page = QColor("#e9eff3"), t.card = QColor("#ffffff"), t.field = QColor("#f4f7f9"), t.ink = QColor("#10263a"),
-    t.ink2 = QColor("#43596c"), t.ink3 = QColor("#617588"), t.line = QColor("#d5dfe7");
+    t.ink2 = QColor("#43596c"), t.ink3 = QColor("#586b7d"), t.line = QColor("#d5dfe7");
     t.accent = QColor("#0b62a4"), t.good = QColor("#14774a"), t.warn = QColor("#8a5a00"),
     t.warn_back = QColor("#fff0cc"), t.bad = QColor("#a8221b"), t.bad_back = QColor("#ffe1dc"),
     t.notice_back = QColor("#e3eefa");
     t.sea = QColor("#cfe3ee"), t.shore1 = QColor("#dfeef5"), t.shore2 = QColor("#d9eaf3"),
     t.shore3 = QColor("#d4e6f0"), t.land = QColor("#f3ead3"), t.coast = QColor("#a48f63"),
-    t.place = QColor("#6d5d3a"), t.sea_text = QColor("#40708c"), t.graticule = QColor("#a9c7d8");
+    t.place = QColor("#6d5d3a"), t.sea_text = QColor("#38657e"), t.graticule = QColor("#a9c7d8");
     t.route = QColor("#51708a"), t.leg = QColor("#c8431a"), t.draft = QColor("#7a3fb0"), t.no_go = QColor("#e7a79f"),
     t.true_wind = QColor("#a85f06"), t.apparent_wind = QColor("#0a7a6d"), t.hull = QColor("#d9481c"),
     t.deck = QColor("#ffe9d9");
@@ -56,6 +56,8 @@ QString style_sheet(const theme& t) {
     return QStringLiteral(R"(
 QWidget { color: %1; }
 QMainWindow, QDialog, QScrollArea, QScrollArea > QWidget > QWidget { background: %2; }
+QScrollArea { border: 2px solid transparent; border-radius: 9px; }
+QScrollArea:focus { border-color: %7; }
 QFrame#card, QWidget#card { background: %3; border: 1px solid %4; border-radius: 9px; }
 QLabel { background: transparent; }
 QLabel[role="small"] { color: %6; }
@@ -70,13 +72,15 @@ QMenu::separator { height: 1px; background: %4; margin: 4px 8px; }
 QPushButton, QToolButton { background: %8; border: 1px solid %4; border-radius: 7px; padding: 5px 11px; min-height: 18px; }
 QPushButton:hover, QToolButton:hover { border-color: %7; }
 QPushButton:pressed, QToolButton:pressed { background: %4; }
-QPushButton:focus, QToolButton:focus, QComboBox:focus, QLineEdit:focus, QDoubleSpinBox:focus { border: 1px solid %7; }
 QPushButton:checked, QToolButton:checked { background: %7; border-color: %7; color: %3; }
 QPushButton:disabled, QToolButton:disabled { color: %6; background: transparent; }
 QPushButton[role="primary"] { background: %7; color: %3; border-color: %7; font-weight: 600; }
 QPushButton[role="primary"]:disabled { background: %4; color: %6; border-color: %4; }
 QPushButton[role="danger"] { color: %9; }
+QPushButton:focus, QToolButton:focus { border: 2px solid %7; padding: 4px 10px; }
+QPushButton:checked:focus, QToolButton:checked:focus, QPushButton[role="primary"]:focus { border-color: %1; }
 QComboBox, QLineEdit, QDoubleSpinBox { background: %8; border: 1px solid %4; border-radius: 7px; padding: 3px 8px; min-height: 20px; selection-background-color: %7; selection-color: %3; }
+QComboBox:focus, QLineEdit:focus, QDoubleSpinBox:focus { border: 2px solid %7; padding: 2px 7px; }
 QComboBox::drop-down { border: 0; width: 22px; }
 QComboBox::down-arrow { image: none; }
 QComboBox QAbstractItemView { background: %3; border: 1px solid %4; selection-background-color: %7; selection-color: %3; }
@@ -85,7 +89,9 @@ QTabBar { background: transparent; }
 QTabBar::tab { background: transparent; color: %5; padding: 5px 6px; margin-right: 1px; border: 1px solid transparent; border-radius: 7px; font-size: 12px; }
 QTabBar::tab:selected { background: %3; color: %1; font-weight: 600; border: 1px solid %4; }
 QTabBar::tab:hover:!selected { color: %7; }
+QTabBar::tab:selected:focus { border: 2px solid %7; padding: 4px 5px; }
 QTableView, QPlainTextEdit, QTextEdit { background: %3; alternate-background-color: %8; border: 1px solid %4; border-radius: 9px; gridline-color: %4; selection-background-color: %10; selection-color: %1; }
+QTableView:focus, QPlainTextEdit:focus { border: 2px solid %7; }
 QTableView::item { padding: 2px 5px; }
 QHeaderView { background: transparent; border: 0; }
 QHeaderView::section { background: %3; color: %6; border: 0; border-bottom: 1px solid %4; padding: 4px 5px; }

@@ -45,6 +45,14 @@ void wind_dial::show_boat(const boat_view& boat, utc_time now) {
     now_ = now;
     wind_how_ = freshness_of(boat.breeze, value_kind::breeze, boat, now);
     sailing_how_ = freshness_of(boat.sailing, value_kind::sailing, boat, now);
+    auto whole = [](float value) { return QString::number(static_cast<double>(value), 'f', 0); };
+    QString said = tr("no heading");
+    if (boat.sailing) said = tr("Heading %1°").arg(whole(boat.sailing->value.heading_deg));
+    if (boat.breeze)
+        said += tr(", true wind from %1°").arg(whole(boat.breeze->value.true_direction_deg));
+    if (boat.breeze && apparent_holds())
+        said += tr(", apparent wind at %1° from the bow").arg(whole(boat.breeze->value.apparent_angle_deg));
+    setAccessibleDescription(said);
     update();
 }
 
@@ -68,6 +76,7 @@ void wind_dial::paintEvent(QPaintEvent*) {
     paint_wind(to, radius);
     paint_ring(to, radius);
     paint_middle(to, radius);
+    paint_speeds(to, radius);
 }
 
 void wind_dial::paint_ring(QPainter& to, double radius) const {
@@ -102,6 +111,13 @@ void wind_dial::paint_ring(QPainter& to, double radius) const {
     }
 }
 
+// It was measured from the bow: with a newer heading it says nothing any more, while the true wind still does.
+bool wind_dial::apparent_holds() const {
+    if (!boat_.breeze || !boat_.sailing) return false;
+    auto apart = boat_.sailing->measured_at - boat_.breeze->measured_at;
+    return std::chrono::abs(apart) <= std::chrono::seconds(15);
+}
+
 void wind_dial::paint_wind(QPainter& to, double radius) const {
     if (!boat_.breeze || wind_how_ == freshness::none) return;
     const auto& t = colours();
@@ -118,8 +134,8 @@ void wind_dial::paint_wind(QPainter& to, double radius) const {
     if (downwind > 0) pie(to, radius, from + 180 - downwind, 2 * downwind);
     if (wind_how_ == freshness::stale) to.setOpacity(0.4);
     arrow(to, radius, from, 30, t.true_wind);
-    arrow(to, radius * 0.66, static_cast<double>(w.apparent_angle_deg), 20,
-          t.apparent_wind); // further in: the two often lie close together
+    // Further in: the two often lie close together.
+    if (apparent_holds()) arrow(to, radius * 0.66, static_cast<double>(w.apparent_angle_deg), 20, t.apparent_wind);
     if (sailing_how_ != freshness::stale) to.setOpacity(1);
 }
 
@@ -155,14 +171,21 @@ void wind_dial::paint_middle(QPainter& to, double radius) const {
     to.setPen(QPen(t.accent, 2.6, Qt::SolidLine, Qt::RoundCap));
     to.drawLine(QPointF(0, 0), QPointF(0, size * 0.2));
     to.restore();
+}
+
+// In the corners below the dial, where no arrow comes.
+void wind_dial::paint_speeds(QPainter& to, double radius) const {
     if (!boat_.breeze || wind_how_ == freshness::none) return;
-    to.setFont(font_of(10, QFont::DemiBold));
+    const auto& t = colours();
+    to.setFont(font_of(11, QFont::DemiBold));
     auto speed = [](float mps) { return QString::number(speed_value(static_cast<double>(mps)), 'f', 0); };
-    QRectF left(-radius * 0.86, radius * 0.1, radius * 0.6, 16), right(radius * 0.26, radius * 0.1, radius * 0.6, 16);
+    double low = radius + 14 - 13;
+    QRectF box(-radius - 14, low, 2 * radius + 28, 14);
     to.setPen(t.true_wind);
-    to.drawText(left, Qt::AlignCenter, "T " + speed(boat_.breeze->value.true_speed_mps));
+    to.drawText(box, Qt::AlignLeft | Qt::AlignBottom, "T " + speed(boat_.breeze->value.true_speed_mps));
     to.setPen(t.apparent_wind);
-    to.drawText(right, Qt::AlignCenter, "A " + speed(boat_.breeze->value.apparent_speed_mps));
+    to.drawText(box, Qt::AlignRight | Qt::AlignBottom,
+                apparent_holds() ? "A " + speed(boat_.breeze->value.apparent_speed_mps) : QStringLiteral("A –"));
 }
 
 } // namespace atirma::console

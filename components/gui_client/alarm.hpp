@@ -13,7 +13,7 @@ enum class severity : std::uint8_t { notice, warning, critical };
 /// When the operator is called.
 struct alarm_limits {
     double no_data_s = 60;          ///< nothing heard over any link; five periods where the boat tells more rarely
-    double link_silent_s = 120;     ///< nothing over a link that was heard before; five periods if that is longer
+    double link_silent_s = 60;      ///< nothing over a link that was heard before; five periods if that is longer
     double proxy_lost_s = 5;
     unsigned battery_low_percent = 20;
     unsigned battery_critical_percent = 10;

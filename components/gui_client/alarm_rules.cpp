@@ -66,9 +66,13 @@ void console_state::watch_links(utc_time now) {
         auto name = label(link);
         bool lost = !link.connected && link.since != utc_time() && age_s(now, link.since) > limits.proxy_lost_s;
         alarms_.set("proxy:" + path, lost, severity::warning, fmt::format("{}: {} is not reached", name, path), now);
-        bool port = link.connected && link.xbee && !link.xbee->trouble.empty();
-        alarms_.set("port:" + path, port, severity::warning,
-                    fmt::format("{}: {}", name, link.xbee ? link.xbee->trouble : ""), now);
+        // A boat that does not call is told by its silence; one that calls and is not kept is told here.
+        auto trouble = link.xbee                          ? link.xbee->trouble
+                       : link.gprs && link.gprs->connected ? link.gprs->trouble
+                       : link.account                      ? link.account->trouble
+                                                           : std::string();
+        alarms_.set("port:" + path, link.connected && !trouble.empty(), severity::warning,
+                    fmt::format("{}: {}", name, trouble), now);
         bool silent = false;
         if (link.last_heard && link.link) {
             double period = expected_period_s(value_kind::position, *link.link, boat_.settings);

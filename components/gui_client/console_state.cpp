@@ -177,6 +177,7 @@ std::shared_ptr<const snapshot> console_state::view(utc_time now) {
     }
     made->alarms = alarms_.list();
     made->track = track_.points();
+    made->track_bytes = track_.bytes();
     made->commands = commands_.entries();
     if (!shared_packets_)
         shared_packets_ =

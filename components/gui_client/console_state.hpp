@@ -32,7 +32,8 @@ public:
     void on_status(const std::string& path, const telecommand_status& status, utc_time now);
     void on_xbee(const std::string& path, const xbee_local& local, utc_time now);
     void on_xbee_answer(const std::string& path, std::string text);
-    void on_account(const std::string& path, const iridium_account& account);
+    void on_gprs(const std::string& path, const gprs_state& told, utc_time now);
+    void on_account(const std::string& path, const iridium_account& account, utc_time now);
     void on_lost(const std::string& path, std::uint64_t packets);
     /// A proxy is reached, or not and why.
     void on_link(const std::string& path, bool connected, std::string trouble, utc_time now);

@@ -44,8 +44,18 @@ void console_state::takes_commands(const std::string& path) {
     if (auto* link = link_at(path)) link->takes_commands = true;
 }
 
-void console_state::on_account(const std::string& path, const iridium_account& account) {
-    if (auto* link = link_at(path)) link->account = account;
+void console_state::on_gprs(const std::string& path, const gprs_state& told, utc_time now) {
+    auto* link = link_at(path);
+    if (!link) return;
+    link->gprs = told;
+    link->told_at = now;
+}
+
+void console_state::on_account(const std::string& path, const iridium_account& account, utc_time now) {
+    auto* link = link_at(path);
+    if (!link) return;
+    link->account = account;
+    link->told_at = now;
 }
 
 void console_state::stands_for_all(const std::string& path) {

@@ -40,7 +40,7 @@ ise::task<> gui_client::run() {
     require(services::authority);
     require(services::communication);
     for (const auto& path : options_.proxies)
-        follow(path, {"telemetry", "telecommand", "telecommand_state", "xb_local"});
+        follow(path, {"telemetry", "telecommand", "telecommand_state", "xb_local", "gprs_state", "iridium_account"});
     if (options_.name_server) spawn("names", watch_names());
     // At first only some of what is there has been heard: nobody is called for the rest.
     for (auto settled = now() + settles;;) {

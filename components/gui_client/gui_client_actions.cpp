@@ -52,7 +52,8 @@ ise::task<command_phase> gui_client::execute(give_command what, const bool* stop
     const auto& links = state_->links();
     auto via = what.via;
     if (role_followed_) { // the nodes record it, and know the links
-        if (auto chosen = links.find(via); chosen != links.end()) request.via = chosen->second.link;
+        auto chosen = links.find(via); // the role itself is all of them: its link is that of the newest packet only
+        if (chosen != links.end() && !chosen->second.all_links) request.via = chosen->second.link;
         via = options_.communication;
     } else if (via.empty()) {
         via = choose_link(links, state_->boat().settings, clock());

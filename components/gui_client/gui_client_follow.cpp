@@ -69,8 +69,12 @@ void gui_client::follow(const std::string& path, const std::set<std::string>& se
         self.state_->on_xbee(of, local, self.clock());
     };
     if (fresh("xb_local")) spawn("modem of " + path, follow_value(path, services::xb_local, modem));
+    auto carrier = [](gui_client& self, const std::string& of, const gprs_state& told) {
+        self.state_->on_gprs(of, told, self.clock());
+    };
+    if (fresh("gprs_state")) spawn("carrier of " + path, follow_value(path, services::gprs, carrier));
     auto account = [](gui_client& self, const std::string& of, const iridium_account& told) {
-        self.state_->on_account(of, told);
+        self.state_->on_account(of, told, self.clock());
     };
     if (fresh("iridium_account")) spawn("account of " + path, follow_value(path, services::iridium_account, account));
 }

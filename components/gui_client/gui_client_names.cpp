@@ -10,7 +10,8 @@ constexpr std::size_t most_present = 500; // that are shown
 bool is_of_interest(const std::string& service) {
     return service == services::telemetry.name() || service == services::telecommand.name() ||
            service == services::telecommand_state.name() || service == services::xb_local.name() ||
-           service == services::iridium_account.name() || service == services::communication.name();
+           service == services::gprs.name() || service == services::iridium_account.name() ||
+           service == services::communication.name();
 }
 } // namespace
 

@@ -29,6 +29,13 @@ double bearing_deg(const waypoint& a, const waypoint& b) noexcept {
     return degrees < 0 ? degrees + 360 : degrees;
 }
 
+bool lies_on_leg(const waypoint& from, const waypoint& to, const waypoint& boat, float cross_track_error_m) noexcept {
+    constexpr double tolerance_m = 40; // place and error come in packets of their own
+    double off = (bearing_deg(from, boat) - bearing_deg(from, to)) * radians;
+    double across = distance_m(from, boat) * std::sin(off);
+    return std::abs(across - static_cast<double>(cross_track_error_m)) <= tolerance_m;
+}
+
 std::vector<mission_difference> compare(const std::vector<waypoint>& on_boat, const std::vector<waypoint>& here) {
     std::vector<mission_difference> all(std::max(on_boat.size(), here.size()));
     for (std::size_t i = 0; i < all.size(); ++i) {

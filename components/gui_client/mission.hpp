@@ -11,6 +11,10 @@ double distance_m(const waypoint& a, const waypoint& b) noexcept;
 /// True bearing from `a` to `b`, 0 <= x < 360.
 double bearing_deg(const waypoint& a, const waypoint& b) noexcept;
 
+/// Whether a boat that tells this cross-track error (right of the leg is positive) may be sailing from `from` to `to`:
+/// one that was sent to a waypoint from the middle of the sea sails another leg.
+bool lies_on_leg(const waypoint& from, const waypoint& to, const waypoint& boat, float cross_track_error_m) noexcept;
+
 enum class difference : std::uint8_t { same, moved, only_here, only_on_boat };
 
 /// One place of two lists.

@@ -41,6 +41,10 @@ std::shared_ptr<const std::vector<track_point>> track_store::points() {
     return shared_;
 }
 
+std::size_t track_store::bytes() const noexcept {
+    return (points_.capacity() + (shared_ ? shared_->capacity() : 0)) * sizeof(track_point);
+}
+
 void track_store::thin() {
     auto half = points_.size() / 2;
     std::vector<track_point> kept;

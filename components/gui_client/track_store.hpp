@@ -19,6 +19,8 @@ public:
     std::size_t size() const noexcept { return points_.size(); }
     /// The same object until something changes.
     std::shared_ptr<const std::vector<track_point>> points();
+    /// What the track takes now, `points()` included: at most 3 · `most` points, as a full vector doubles.
+    std::size_t bytes() const noexcept;
 
 private:
     void thin();

@@ -1,6 +1,7 @@
 #pragma once
 #include <components/boat/communication.hpp>
 #include <components/gui_client/alarm.hpp>
+#include <components/gprs_proxy/services.hpp>
 #include <components/iridium_proxy/services.hpp>
 #include <components/xbee_proxy/services.hpp>
 
@@ -75,7 +76,9 @@ struct link_view {
     std::optional<xbee_local> xbee;
     std::optional<utc_time> xbee_at;
     std::string xbee_answer;             ///< to the last change of its modem's parameters
+    std::optional<gprs_state> gprs;      ///< of a GPRS proxy: by which way the boat is there
     std::optional<iridium_account> account; ///< of an Iridium proxy: what it costs
+    std::optional<utc_time> told_at;     ///< `gprs` or `account`
 };
 
 /// A communication node, as it tells of itself.
@@ -190,6 +193,7 @@ struct snapshot {
     alarm_limits limits;
     // Shared with the snapshots before, as long as nothing has changed.
     std::shared_ptr<const std::vector<track_point>> track;       ///< in the order of time
+    std::size_t track_bytes = 0; ///< that it takes in memory, here and where it is kept
     std::shared_ptr<const std::vector<command_entry>> commands;  ///< oldest first
     std::shared_ptr<const std::vector<std::shared_ptr<const raw_packet>>> packets; ///< oldest first
     std::shared_ptr<const std::vector<present_component>> present; ///< by path

@@ -129,6 +129,27 @@ TEST_CASE("console: two consoles agree on the boat, on who commands it and on wh
     check_same(a, b);
 }
 
+TEST_CASE("console: a telecommand to the nodes' role takes the link that is alive, whichever brought the newest packet") {
+    crew it(5);
+    auto anna = it.console("anna");
+    it.sends_every_second({link_id::gprs});
+    it.boat.over(link_id::xbee).up = false;
+    it.world.run_for(2min);
+    it.boat.over(link_id::xbee).up = true; // its last words come late, and it hears nothing any more
+    it.sends_every_second({link_id::xbee});
+    it.world.run_for(3s);
+    it.boat.over(link_id::xbee).up = false;
+    it.sends_every_second({link_id::gprs});
+    give_command asks;
+    asks.command.kind = command_kind::get_parameter;
+    asks.via = std::string(communication_role);
+    asks.valid_s = 120;
+    REQUIRE(anna->act(asks));
+    REQUIRE(it.until([&] { return last_of(*anna->latest()) && is_over(last_of(*anna->latest())->phase); }, 5min));
+    CHECK(last_of(*anna->latest())->phase == command_phase::done);
+    CHECK(last_of(*anna->latest())->link == link_id::gprs);
+}
+
 TEST_CASE("console: one that starts late has the track and the last position from the nodes, with their true age") {
     crew it(9);
     auto anna = it.console("anna");

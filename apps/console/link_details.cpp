@@ -1,0 +1,161 @@
+#include "link_details.hpp"
+
+#include "tables.hpp"
+#include "theme.hpp"
+
+#include <components/gui_client/freshness.hpp>
+#include <components/gui_client/words.hpp>
+
+#include <QGridLayout>
+#include <QLabel>
+
+namespace atirma::console {
+namespace {
+
+QString ago(const std::optional<utc_time>& then, utc_time now) {
+    if (!then) return QStringLiteral("–");
+    auto age = text(age_text(age_s(now, *then)));
+    return age == "now" ? age : QLabel::tr("%1 ago").arg(age);
+}
+
+/// What the proxy told before it was lost is old, and says so.
+QString old_mark(const link_view& link, utc_time now) {
+    if (!link.told_at || age_s(now, *link.told_at) < 30) return {};
+    return QStringLiteral(" <span style='color:%1'>· %2</span>")
+        .arg(colours().warn.name(), QLabel::tr("told %1").arg(ago(link.told_at, now)));
+}
+
+QString in_words(iridium_stage stage) {
+    switch (stage) {
+        case iridium_stage::waiting: return QLabel::tr("waits ashore");
+        case iridium_stage::sending: return QLabel::tr("goes to the gateway");
+        case iridium_stage::at_gateway: return QLabel::tr("at the gateway, until the boat's next session");
+        case iridium_stage::delivered: return QLabel::tr("with the boat, not answered yet");
+        case iridium_stage::acknowledged: return QLabel::tr("acknowledged");
+        case iridium_stage::failed: return QLabel::tr("failed");
+        case iridium_stage::expired: return QLabel::tr("expired");
+    }
+    return QString::number(static_cast<int>(stage));
+}
+
+} // namespace
+
+value_grid::value_grid(QWidget* of) : of_(of), grid_(new QGridLayout) {
+    grid_->setContentsMargins(0, 0, 0, 0);
+    grid_->setHorizontalSpacing(8);
+    grid_->setVerticalSpacing(3);
+    grid_->setColumnStretch(1, 1);
+    grid_->setColumnStretch(3, 1);
+}
+
+QLabel* value_grid::small(const QString& words, QWidget* parent) {
+    auto* made = new QLabel(words, parent);
+    made->setProperty("role", "small");
+    made->setFont(font_of(11));
+    return made;
+}
+
+QLabel* value_grid::add(const QString& name, const QString& tip, bool wide) {
+    if (wide && column_ > 0) ++row_, column_ = 0;
+    auto* label = small(name, of_);
+    auto* value = new QLabel(of_);
+    for (auto* each : {label, value}) each->setToolTip(tip);
+    value->setAccessibleDescription(name);
+    grid_->addWidget(label, row_, column_, Qt::AlignLeft | (wide ? Qt::AlignTop : Qt::AlignVCenter));
+    grid_->addWidget(value, row_, column_ + 1, 1, wide ? 3 : 1);
+    if (wide) value->setWordWrap(true);
+    column_ = wide ? 4 : column_ + 2;
+    if (column_ > 2) ++row_, column_ = 0;
+    return value;
+}
+
+link_details* link_details::make(const link_view& link, operator_actions& actions, QWidget* parent) {
+    if (link.xbee) return new xbee_details(link.path, actions, parent);
+    if (link.gprs) return new gprs_details(parent);
+    if (link.account) return new iridium_details(parent);
+    return nullptr;
+}
+
+gprs_details::gprs_details(QWidget* parent) : link_details(parent) {
+    value_grid values(this);
+    way_ = values.add(tr("Boat calls from"), tr("Its address in the carrier's network, and since when"), true);
+    way_->setObjectName("gprs_way");
+    safe_ = values.add(tr("Acknowledged"), tr("The boat sends again what is not acknowledged; that is done once it is "
+                                              "safe on shore"));
+    safe_->setObjectName("gprs_safe");
+    behind_ = values.add(tr("Behind"), tr("Packets that the boat has told of and that are not acknowledged; in "
+                                          "brackets those that came and are not safe on shore yet"));
+    behind_->setObjectName("gprs_behind");
+    again_ = values.add(tr("Sent again"), tr("Packets that came a second time, and were dropped"));
+    given_up_ = values.add(tr("Given up"), tr("Packets that the boat had no room for any more: lost on this link"));
+    calls_ = values.add(tr("Calls"), tr("How often the boat has called; in brackets how often from another address "
+                                        "while it was still there by one"));
+    half_open_ = values.add(tr("Half open"), tr("Ways that were given up since the boat was silent there"));
+    setLayout(values.layout());
+}
+
+void gprs_details::show_link(const link_view& link, utc_time now) {
+    if (!link.gprs) return;
+    const auto& t = colours();
+    const auto& g = *link.gprs;
+    auto from = text(g.from).replace("://", " ").toHtmlEscaped();
+    QString way = tr("it has not called yet");
+    if (g.connected) way = from + (g.connected_since ? tr(", since %1").arg(clock_of(*g.connected_since)) : QString());
+    else if (!g.from.empty())
+        way = tr("<span style='color:%1'>not there</span>; last %2, heard %3")
+                  .arg(t.bad.name(), from, ago(g.last_heard, now));
+    way_->setText(way + old_mark(link, now));
+    safe_->setText(tr("%1 of %2").arg(g.acknowledged).arg(g.announced));
+    auto behind = g.announced > g.acknowledged ? g.announced - g.acknowledged : 0;
+    behind_->setText(QStringLiteral("<span style='color:%1'>%2</span> (%3)")
+                         .arg((behind > 20 ? t.warn : t.ink).name())
+                         .arg(behind)
+                         .arg(g.not_safe_yet));
+    again_->setText(QString::number(g.resends + g.duplicates));
+    given_up_->setText(QStringLiteral("<span style='color:%1'>%2</span>")
+                           .arg((g.given_up ? t.bad : t.ink).name())
+                           .arg(g.given_up));
+    calls_->setText(QStringLiteral("%1 (%2)").arg(g.logins).arg(g.moves));
+    half_open_->setText(QString::number(g.half_open));
+}
+
+iridium_details::iridium_details(QWidget* parent) : link_details(parent) {
+    value_grid values(this);
+    session_ = values.add(tr("Last session"), tr("Of the boat with the gateway, as that tells"));
+    session_->setObjectName("iridium_session");
+    place_ = values.add(tr("Seen there"), tr("How exactly the gateway knew then where the boat was"));
+    today_ = values.add(tr("Credits today"), tr("From the boat + to the boat; one for each 50 bytes begun"));
+    today_->setObjectName("iridium_today");
+    month_ = values.add(tr("This month"), tr("Credits, both ways"));
+    budget_ = values.add(tr("Budget left"), tr("Of today, for telecommands: beyond it they wait for tomorrow"));
+    budget_->setObjectName("iridium_budget");
+    again_ = values.add(tr("Came again"), tr("Messages that the gateway told twice, and that were dropped"));
+    queue_ = values.add(tr("Telecommands"), tr("Those that are not decided, in the order in which they go"), true);
+    queue_->setObjectName("iridium_queue");
+    setLayout(values.layout());
+}
+
+void iridium_details::show_link(const link_view& link, utc_time now) {
+    if (!link.account) return;
+    const auto& t = colours();
+    const auto& a = *link.account;
+    session_->setText(ago(a.last_session_at, now) + old_mark(link, now));
+    place_->setText(a.estimate_cep_km ? tr("within %1 km").arg(*a.estimate_cep_km, 0, 'g', 2) : QStringLiteral("–"));
+    today_->setText(QStringLiteral("%1 + %2").arg(a.today.mo_credits).arg(a.today.mt_credits));
+    month_->setText(QString::number(a.this_month.mo_credits + a.this_month.mt_credits));
+    budget_->setText(!a.daily_budget ? tr("no limit")
+                                     : QStringLiteral("<span style='color:%1'>%2</span>")
+                                           .arg((a.budget_left.value_or(0) == 0 ? t.bad : t.ink).name(),
+                                                tr("%1 of %2").arg(a.budget_left.value_or(0)).arg(*a.daily_budget)));
+    again_->setText(QString::number(a.duplicate_messages));
+    constexpr std::size_t most = 3;
+    QStringList waiting;
+    for (const auto& one : a.queue) {
+        if (waiting.size() == static_cast<qsizetype>(most)) break;
+        waiting << tr("%1: %2").arg(text(std::string(name_of(one.kind))).replace('_', ' '), in_words(one.stage));
+    }
+    if (a.queue.size() > most) waiting << tr("and %1 more").arg(a.queue.size() - most);
+    queue_->setText(waiting.isEmpty() ? tr("none waits") : waiting.join(QStringLiteral("<br>")));
+}
+
+} // namespace atirma::console

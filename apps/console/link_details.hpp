@@ -1,0 +1,74 @@
+#pragma once
+#include "actions.hpp"
+
+#include <components/gui_client/view.hpp>
+
+#include <QWidget>
+
+#include <memory>
+#include <string>
+
+class QComboBox;
+class QGridLayout;
+class QLabel;
+class QProgressBar;
+
+namespace atirma::console {
+
+/// Names of values beside their values, two to a line; a screen reader hears both.
+class value_grid {
+public:
+    explicit value_grid(QWidget* of);
+    /// A value of its own name; `wide`: it has the line for itself.
+    QLabel* add(const QString& name, const QString& tip, bool wide = false);
+    QGridLayout* layout() const noexcept { return grid_; }
+    static QLabel* small(const QString& words, QWidget* parent);
+
+private:
+    QWidget* of_;
+    QGridLayout* grid_;
+    int row_ = 0, column_ = 0;
+};
+
+/// What only one kind of link has, below what all have.
+class link_details : public QWidget {
+public:
+    using QWidget::QWidget;
+    virtual void show_link(const link_view& link, utc_time now) = 0;
+    /// For what the proxy of `link` tells; nothing where it tells nothing of its own yet.
+    static link_details* make(const link_view& link, operator_actions& actions, QWidget* parent);
+};
+
+/// The modem on shore: power, duty cycle, heat, what failed.
+class xbee_details final : public link_details {
+public:
+    xbee_details(std::string path, operator_actions& actions, QWidget* parent);
+    void show_link(const link_view& link, utc_time now) override;
+
+private:
+    QComboBox* power_;
+    QProgressBar* duty_;
+    QLabel *temperature_, *failed_, *retries_, *answer_;
+};
+
+/// The carrier's network: by which way the boat calls, what it waits for.
+class gprs_details final : public link_details {
+public:
+    explicit gprs_details(QWidget* parent);
+    void show_link(const link_view& link, utc_time now) override;
+
+private:
+    QLabel *way_, *safe_, *behind_, *again_, *given_up_, *calls_, *half_open_;
+};
+
+/// The satellites: when there was a session, what waits, what it costs.
+class iridium_details final : public link_details {
+public:
+    explicit iridium_details(QWidget* parent);
+    void show_link(const link_view& link, utc_time now) override;
+
+private:
+    QLabel *session_, *place_, *today_, *month_, *budget_, *again_, *queue_;
+};
+
+} // namespace atirma::console
