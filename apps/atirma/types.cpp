@@ -52,7 +52,7 @@ component_type boat_simulator_type() {
     set.add("gprs-period", options->gprs_period_s, "of telemetry there, 0: none").range(0, 86400).unit("s");
     set.add("gprs-memory", options->uplink.capacity, "packets that it keeps until they are acknowledged").range(1, 1e6);
     set.add("memory", options->memory_file, "file of what its computer keeps over a loss of power (SQLite); empty: it begins anew each time").kind(parameter_kind::path);
-    set.add("boot", options->boot, "number of this life of the boat; 0: from the clock");
+    set.add("boot", options->boot, "number of this life of the boat; 0: drawn, or one more than the last where it has a memory");
     type.provides(services::scene_control).provides(services::truth);
     type.makes<boat_simulator>(options);
     return type;

@@ -46,6 +46,11 @@ std::set<packet_key> keys_on(database& disk) {
     return made;
 }
 
+std::uint64_t commands_on(database& disk) {
+    auto rows = disk.query("SELECT COUNT(*) FROM commands");
+    return static_cast<std::uint64_t>(rows.value().at(0).integer(0));
+}
+
 std::vector<telemetry_packet> packets_on(database& disk) {
     auto rows = disk.query(
         "SELECT boot, sequence, measured, link, received, history, raw FROM packets ORDER BY measured, boot, sequence");

@@ -56,6 +56,7 @@ struct account {
     std::map<std::string, std::uint64_t> complaints; ///< warnings and errors, with how often they came
     ise::duration calm{};          ///< after the end, until nothing was owed any more
     shown_page page;
+    std::uint64_t recorded = 0;    ///< telecommands in the primary node's record
     double sailed_m = 0;
     std::vector<telemetry_packet> packets; ///< of the primary node's disk, in the order of the boat's measurements
 };
@@ -72,5 +73,7 @@ waypoint short_range_node();
 /// The packets on a node's disk, in the order of the boat's measurements; and which they are.
 std::vector<telemetry_packet> packets_on(database& disk);
 std::set<packet_key> keys_on(database& disk);
+/// How many telecommands are on record there.
+std::uint64_t commands_on(database& disk);
 
 } // namespace atirma::stress

@@ -1,6 +1,22 @@
 #include "ledger.hpp"
 
+#include <cstdlib>
+#include <new>
+
 namespace atirma::stress {
+
+std::pmr::memory_resource* ledger::apart() {
+    struct uncounted final : std::pmr::memory_resource {
+        void* do_allocate(std::size_t bytes, std::size_t) override {
+            if (void* block = std::malloc(bytes)) return block; // of maps and sets of plain values: aligned enough
+            throw std::bad_alloc();
+        }
+        void do_deallocate(void* block, std::size_t, std::size_t) override { std::free(block); }
+        bool do_is_equal(const memory_resource& other) const noexcept override { return this == &other; }
+    };
+    static uncounted resource;
+    return &resource;
+}
 
 ledger::entry& ledger::at(link_id over, packet_key which) {
     auto& e = entries_[which];
@@ -28,12 +44,6 @@ void ledger::shown(const std::string& who, packet_key which) {
     if (!s.known.insert(which).second) ++s.twice;
 }
 
-std::size_t ledger::blocks() const noexcept {
-    auto all = entries_.size();
-    for (const auto& [who, s] : subscribers_) all += s.known.size();
-    return all;
-}
-
 ledger::verdict ledger::judge(std::span<const std::set<packet_key>> disks, ise::duration until,
                               const excuses& excuse) const {
     verdict made;
@@ -45,6 +55,7 @@ ledger::verdict ledger::judge(std::span<const std::set<packet_key>> disks, ise::
                 ++made.only_on_one;
                 break;
             }
+    for (auto which : all) made.unheard += !entries_.contains(which);
     bool nothing_lost = true;
     for (const auto& [which, e] : entries_) {
         auto& counts = made.links[static_cast<std::size_t>(e.link)];
@@ -67,7 +78,7 @@ ledger::verdict ledger::judge(std::span<const std::set<packet_key>> disks, ise::
         for (auto which : s.known) told.unknown += !all.contains(which);
         if (told.twice + told.missed + told.unknown > 0) shown_well = false;
     }
-    made.holds = nothing_lost && shown_well && made.only_on_one == 0 && !entries_.empty();
+    made.holds = nothing_lost && shown_well && made.only_on_one == 0 && made.unheard == 0 && !entries_.empty();
     return made;
 }
 

@@ -8,6 +8,7 @@
 #include <array>
 #include <functional>
 #include <map>
+#include <memory_resource>
 #include <set>
 #include <span>
 #include <string>
@@ -34,7 +35,9 @@ public:
     void acknowledged(link_id over, packet_key which, ise::duration at);
     void arrived(packet_key which, ise::duration at); ///< over XBee
 
-    /// One subscriber of the role: call it for every packet that it is shown.
+    /// One subscriber of the role, who is judged also if nothing was ever shown to him.
+    void expect(const std::string& who) { subscribers_[who]; }
+    /// Call it for every packet that a subscriber is shown.
     void shown(const std::string& who, packet_key which);
 
     struct missing_packet {
@@ -53,6 +56,7 @@ public:
         std::vector<missing_packet> missing;
         std::uint64_t excused = 0;     ///< of these
         std::uint64_t only_on_one = 0; ///< on one disk and not on the other
+        std::uint64_t unheard = 0;     ///< on a disk, and never seen on a wire: who read along missed it
         std::map<std::string, audience> subscribers;
         bool holds = false;
     };
@@ -61,16 +65,16 @@ public:
     /// `disks`: what each communication node's store holds. Packets that were owed after `until` are not judged.
     verdict judge(std::span<const std::set<packet_key>> disks, ise::duration until, const excuses& excuse = {}) const;
 
-    const std::map<packet_key, entry>& entries() const noexcept { return entries_; }
-    /// On the heap: a ledger forgets nothing, and is no part of what it looks at.
-    std::size_t blocks() const noexcept;
+    const std::pmr::map<packet_key, entry>& entries() const noexcept { return entries_; }
 
 private:
     entry& at(link_id over, packet_key which);
+    /// A ledger forgets nothing, and is no part of what it looks at: its memory does not come by operator new.
+    static std::pmr::memory_resource* apart();
 
-    std::map<packet_key, entry> entries_;
+    std::pmr::map<packet_key, entry> entries_{apart()};
     struct subscriber {
-        std::set<packet_key> known;
+        std::pmr::set<packet_key> known{apart()};
         std::uint64_t twice = 0;
     };
     std::map<std::string, subscriber> subscribers_;

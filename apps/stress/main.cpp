@@ -3,9 +3,12 @@
 #include "report.hpp"
 #include "voyage.hpp"
 
+#include <components/gui_client/console_state.hpp>
+
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <ctime>
@@ -43,6 +46,41 @@ long open_descriptors() {
     return none ? 0 : static_cast<long>(std::distance(begin, std::filesystem::directory_iterator()));
 }
 
+/// What only this machine knows: machine.md.
+class costs {
+public:
+    void take(ise::duration at, std::size_t tracks, double spent_s) {
+        auto heap = stress::heap_now();
+        blocks_.push_back(static_cast<std::size_t>(std::max<std::int64_t>(0, heap.blocks)));
+        kib_.push_back(static_cast<std::size_t>(std::max<std::int64_t>(0, heap.bytes - std::int64_t(tracks))) / 1024);
+        most_tracks_kib_ = std::max(most_tracks_kib_, tracks / 1024);
+        descriptors_.push_back(static_cast<std::size_t>(open_descriptors()));
+        rows_ += fmt::format("| {} | {:.2f} | {} | {} | {} | {} | {} |\n", stress::clock_text(at), spent_s,
+                             blocks_.back(), kib_.back(), tracks / 1024, resident_kib(), descriptors_.back());
+    }
+    std::string text(double sailing_s) const {
+        return fmt::format(
+            "# What this run cost here\nNot part of the report: it differs from machine to machine. The heap is without the "
+            "ledger, which forgets nothing; what is resident is with it, and with the virtual disks.\n\n- heap blocks: "
+            "{}\n- heap KiB, without the consoles' tracks: {}\n- consoles' tracks: {} KiB at most, of {} KiB that two full "
+            "ones may take: they grow until they are full\n- descriptors: {}\n\n| virtual | processor s | heap blocks | heap "
+            "KiB | tracks KiB | resident KiB | descriptors |\n|---|---:|---:|---:|---:|---:|---:|\n{}\nThe sailing took {:.1f} s "
+            "of one processor, {} allocations.\n",
+            stress::flatness(blocks_), stress::flatness(kib_), most_tracks_kib_, full_tracks_kib(),
+            stress::flatness(descriptors_), rows_, sailing_s, stress::heap_now().allocations);
+    }
+
+private:
+    /// As `track_store::bytes` says.
+    static std::size_t full_tracks_kib() {
+        return stress::operators * 3 * atirma::console::state_options().max_track *
+               sizeof(atirma::console::track_point) / 1024;
+    }
+    std::size_t most_tracks_kib_ = 0;
+    std::vector<std::size_t> blocks_, kib_, descriptors_;
+    std::string rows_;
+};
+
 } // namespace
 
 int main(int argc, char** argv) {
@@ -64,10 +102,7 @@ int main(int argc, char** argv) {
         std::filesystem::create_directories(out);
         const std::filesystem::path folder(out);
         const double began_s = processor_s();
-        std::string machine =
-            "# What this run cost here\nNot part of the report: it differs from machine to machine.\n\n"
-            "| virtual | processor s | heap blocks, without the ledger's | heap KiB, with them | resident KiB | "
-            "descriptors |\n|---|---:|---:|---:|---:|---:|\n";
+        costs machine;
         stress::voyage_options options;
         options.seed = seed;
         options.length = std::chrono::minutes(static_cast<long>(hours * 60 + 0.5));
@@ -75,16 +110,12 @@ int main(int argc, char** argv) {
             options.wind_csv = read(wind);
             atirma::simulator::parse_wind_csv(options.wind_csv, wind).value(); // what is wrong is said here
         }
-        options.on_sample = [&](ise::duration at, std::size_t own) {
-            auto heap = stress::heap_now();
-            machine += fmt::format("| {} | {:.2f} | {} | {} | {} | {} |\n", stress::clock_text(at),
-                                   processor_s() - began_s, heap.blocks - static_cast<std::int64_t>(own),
-                                   heap.bytes / 1024, resident_kib(), open_descriptors());
+        options.on_sample = [&](ise::duration at, std::size_t tracks) {
+            machine.take(at, tracks, processor_s() - began_s);
         };
         stress::voyage sea(std::move(options));
         sea.sail();
-        machine += fmt::format("\nThe sailing took {:.1f} s of one processor, {} allocations.\n",
-                               processor_s() - began_s, stress::heap_now().allocations);
+        const double sailing_s = processor_s() - began_s;
         auto proof = sea.judge();
         const auto told = sea.story();
         stress::findings found(told);
@@ -92,7 +123,7 @@ int main(int argc, char** argv) {
         stress::write_file(folder / "track.svg", stress::make_picture(told, found));
         stress::write_file(folder / "track.gpx", stress::make_gpx(found));
         stress::write_file(folder / "events.log", sea.log());
-        stress::write_file(folder / "machine.md", machine);
+        stress::write_file(folder / "machine.md", machine.text(sailing_s));
         bool good = stress::holds(told, proof);
         fmt::print("{}: {} ({:.1f} s of processor time); {}\n", stress::length_text(told.plan.length),
                    good ? "the proof holds" : "THE PROOF DOES NOT HOLD", processor_s() - began_s,

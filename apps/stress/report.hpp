@@ -11,6 +11,10 @@ std::string make_report(const account& of, const findings& found, const ledger::
 /// Whether everything is proved: nothing lost, nothing shown twice, and the page counts the same.
 bool holds(const account& of, const ledger::verdict& proof);
 
+/// In words, whether something that was counted over time grows: over the last half never more than a little above the
+/// first half, which had all kinds of trouble as well.
+std::string flatness(const std::vector<std::size_t>& all);
+
 /// track.svg: the track coloured by link, on the coast; below it, when each link and each server was there.
 std::string make_picture(const account& of, const findings& found);
 /// track.gpx: the course and every fix.

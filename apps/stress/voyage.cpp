@@ -39,6 +39,7 @@ voyage::voyage(voyage_options options) : options_(std::move(options)), world_(op
     for (std::size_t i = 0; i < operators; ++i) {
         told_.people[i].name = i == 0 ? "ana" : "ben";
         told_.people[i].index = i;
+        book_.expect(told_.people[i].name);
         for (const auto& one : told_.plan.orders)
             if (one.by == i) told_.people[i].orders.push_back(one);
     }
@@ -93,14 +94,23 @@ void voyage::start_names() {
         });
 }
 
+/// What the script has still to do waits in the world too, and is counted.
+void voyage::later(ise::duration at, std::function<void()> what) {
+    ++still_to_come_;
+    world_.at(at, [this, what = std::move(what)] {
+        --still_to_come_;
+        what();
+    });
+}
+
 void voyage::schedule() {
     for (const auto& one : told_.plan.faults) {
-        world_.at(one.at, [this, one] { begin(one); });
-        if (one.length.count() > 0) world_.at(one.at + one.length, [this, one] { end(one); });
+        later(one.at, [this, one] { begin(one); });
+        if (one.length.count() > 0) later(one.at + one.length, [this, one] { end(one); });
     }
     for (int i = 0; i <= samples_wanted; ++i) {
         auto at = options_.length / samples_wanted * i;
-        world_.at(at, [this, at] { take_sample(at); });
+        later(at, [this, at] { take_sample(at); });
     }
     world_.after(5s, [this] { watch_range(); });
 }
@@ -157,7 +167,7 @@ void voyage::end(const fault& what) {
 void voyage::take_sample(ise::duration when) {
     sample one;
     one.at = when;
-    one.waiting = world_.engine().waiting();
+    one.waiting = world_.engine().waiting() - still_to_come_;
     for (const auto& [path, here] : places_) {
         if (here.component) one.sessions += here.component->services().sessions().size();
         else one.whole = false;
@@ -175,7 +185,10 @@ void voyage::take_sample(ise::duration when) {
         one.xbee_queued = sails->boat()->queued(link_id::xbee);
     one.gprs_waiting = numbers_.size();
     told_.samples.push_back(one);
-    if (options_.on_sample) options_.on_sample(when, book_.blocks());
+    std::size_t tracks = 0;
+    for (const auto& console : consoles_)
+        if (auto shown = console ? console->latest() : nullptr) tracks += shown->track_bytes;
+    if (options_.on_sample) options_.on_sample(when, tracks);
 }
 
 void voyage::sail() {
@@ -189,7 +202,9 @@ void voyage::sail() {
 /// of an instant.
 bool voyage::nothing_owed() {
     auto verdict = judge();
-    return verdict.missing.size() == verdict.excused && verdict.only_on_one == 0 &&
+    const auto* page = at<web_server>("atirma/page");
+    return verdict.missing.size() == verdict.excused && verdict.only_on_one == 0 && page &&
+           page->statistics().received >= keys_on(disk(0)).size() &&
            std::ranges::all_of(verdict.subscribers, [](const auto& one) { return one.second.missed == 0; });
 }
 
@@ -210,6 +225,7 @@ account voyage::story() {
         made.sailed_m = static_cast<double>(sails->boat()->location_now().distance_sailed_m);
     for (std::size_t i = 0; i < operators; ++i) made.consoles.push_back(view_of(told_.people[i].name, *consoles_[i]));
     made.packets = packets_on(disk(0));
+    made.recorded = commands_on(disk(0));
     return made;
 }
 

@@ -26,8 +26,9 @@ struct voyage_options {
     ise::duration length = std::chrono::hours(10);
     std::string wind_csv;          ///< the content of a recorded series; empty: seeded
     double xbee_range_m = 2000;    ///< from the beach; beyond, nothing is heard
-    /// Called with each sample, for what only this machine can measure; `own`: heap blocks of the ledger, which grows.
-    std::function<void(ise::duration at, std::size_t own)> on_sample;
+    /// Called with each sample, for what only this machine can measure; `tracks`: bytes that the
+    /// consoles' tracks take.
+    std::function<void(ise::duration at, std::size_t tracks)> on_sample;
 };
 
 /// The whole deployment of A-Tirma on the virtual clock, its troubles by the plan, and everything that the report
@@ -66,6 +67,7 @@ private:
     void start_shore();
     void start_people();
     void schedule();
+    void later(ise::duration at, std::function<void()> what);
     void begin(const fault& what);
     void end(const fault& what);
     void down(const std::string& path);
@@ -92,7 +94,7 @@ private:
     std::map<std::string, place> places_;
     std::map<trouble, std::size_t> open_; // episodes that are not over
     bool names_fresh_ = true, out_of_range_ = false;
-    std::size_t range_episode_ = 0, boat_lives_ = 0;
+    std::size_t range_episode_ = 0, boat_lives_ = 0, still_to_come_ = 0;
     ise::sim::world world_;
     director* director_ = nullptr;
 };

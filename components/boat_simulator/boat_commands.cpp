@@ -17,7 +17,7 @@ ise::result<acknowledgement> simulated_boat::on_packet(link_id link, ise::bytes_
         return command.error();
     }
     auto ack = execute(*command, link);
-    queue(link, encode_acknowledgement(ack));
+    queue_answer(link, ack);
     return ack;
 }
 

@@ -49,6 +49,15 @@ void boat_simulator::change(const boat_simulator_options& now) {
     }
 }
 
+/// A boat counts its starts, where it has a memory. One that has none draws a number, never 0 nor that of its life
+/// before: the clock's second would be the same again where it is started again at once.
+std::uint16_t boat_simulator::drawn_boot() {
+    for (;;) {
+        auto number = static_cast<std::uint16_t>(env().random());
+        if (number != 0 && !(boat_ && boat_->boot() == number)) return number;
+    }
+}
+
 void boat_simulator::make_boat() {
     in_range("the speedup", options_.speedup, 0.1, 1000);
     simulator::boat_options made;
@@ -66,9 +75,7 @@ void boat_simulator::make_boat() {
         if (period_s != 0) in_range("the period of telemetry over GPRS in seconds", period_s, 0.5, 86400);
         made.telemetry_period_s[static_cast<std::size_t>(link_id::gprs)] = period_s;
     }
-    // A boat counts its starts; where it has nowhere to keep the number, it takes the second, never 0.
-    auto second = std::chrono::duration_cast<std::chrono::seconds>(utc.time_since_epoch()).count();
-    made.boot = options_.boot != 0 ? options_.boot : static_cast<std::uint16_t>(second % 65535 + 1);
+    made.boot = options_.boot != 0 ? options_.boot : drawn_boot();
     wind_ = std::make_shared<simulator::scene_wind>(make_wind());
     if (!options_.memory_file.empty()) open_memory(made);
     boat_ = std::make_unique<simulator::simulated_boat>(std::move(made), wind_);

@@ -22,7 +22,7 @@ struct boat_simulator_options {
     bool gusts = true;                       ///< about that wind, by the seed
     std::uint64_t seed = 1;
     double speedup = 1;                      ///< 0.1 … 1000: of the boat's model time, never of deadlines
-    std::uint16_t boot = 0;                  ///< 0: from the clock, so that it differs each time it starts
+    std::uint16_t boot = 0;                  ///< 0: drawn, so that it differs each time it starts
     xbee::port_options port;                 ///< the boat's own modem; an empty device: it has no radio
     std::uint64_t shore_address = 0x0013A20040000001; ///< of the shore's modem
     iridium_uplink_options iridium;          ///< the boat's 9602; an empty device: it has none
@@ -52,6 +52,7 @@ private:
     ise::task<> run() override;
     std::shared_ptr<const simulator::wind_source> make_wind();
     void make_boat();
+    std::uint16_t drawn_boot();
     void sail();
     void open_memory(simulator::boat_options& made);
     void remember();

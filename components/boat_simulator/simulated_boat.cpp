@@ -160,12 +160,19 @@ void simulated_boat::say(std::string text) {
 }
 
 void simulated_boat::queue(link_id link, ise::bytes raw) {
-    auto& packets = queues_[static_cast<std::size_t>(link)];
-    if (packets.size() >= max_queued) {
-        packets.pop_front();
+    put(link, queues_[static_cast<std::size_t>(link)].telemetry, max_queued, std::move(raw));
+}
+
+void simulated_boat::queue_answer(link_id link, const acknowledgement& answer) {
+    put(link, queues_[static_cast<std::size_t>(link)].answers, max_answers, encode_acknowledgement(answer));
+}
+
+void simulated_boat::put(link_id link, std::deque<ise::bytes>& to, std::size_t most, ise::bytes raw) {
+    if (to.size() >= most) {
+        to.pop_front();
         ++links_[static_cast<std::size_t>(link)].dropped;
     }
-    packets.push_back(std::move(raw));
+    to.push_back(std::move(raw));
 }
 
 packet_header simulated_boat::next_header() {
@@ -174,14 +181,14 @@ packet_header simulated_boat::next_header() {
 }
 
 std::vector<ise::bytes> simulated_boat::take_packets(link_id link) {
-    auto& packets = queues_[static_cast<std::size_t>(link)];
-    std::vector<ise::bytes> out(std::make_move_iterator(packets.begin()), std::make_move_iterator(packets.end()));
-    packets.clear();
+    std::vector<ise::bytes> out;
+    for (out.reserve(queued(link)); queued(link) > 0;) out.push_back(take_packet(link));
     return out;
 }
 
 ise::bytes simulated_boat::take_packet(link_id link) {
-    auto& packets = queues_[static_cast<std::size_t>(link)];
+    auto& waiting = queues_[static_cast<std::size_t>(link)];
+    auto& packets = waiting.answers.empty() ? waiting.telemetry : waiting.answers;
     if (packets.empty()) return {};
     ise::bytes raw = std::move(packets.front());
     packets.pop_front();

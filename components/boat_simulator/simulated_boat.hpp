@@ -54,6 +54,7 @@ struct outgoing_packet {
 class simulated_boat {
 public:
     static constexpr std::size_t max_queued = 128;      ///< packets a link; the oldest is dropped and counted
+    static constexpr std::size_t max_answers = 32;      ///< acknowledgements a link; the same
     static constexpr std::size_t remembered_commands = 256;
 
     /// Throws `ise::error` (invalid_argument) without a wind.
@@ -64,12 +65,15 @@ public:
     /// When it next has something to send, or a step to make; call `advance` then (or later, or more often).
     model_time next_event() const;
 
-    /// The packets for one link, oldest first.
+    /// The packets for one link: acknowledgements, for which somebody waits, then telemetry; each oldest first.
     std::vector<ise::bytes> take_packets(link_id link);
     /// The same one by one, for a sender that goes at its own pace. Empty bytes if there is none.
     ise::bytes take_packet(link_id link);
     double telemetry_period_s(link_id link) const { return schedule_.period_s(link); } ///< 0 is off
-    std::size_t queued(link_id link) const { return queues_[static_cast<std::size_t>(link)].size(); }
+    std::size_t queued(link_id link) const {
+        const auto& waiting = queues_[static_cast<std::size_t>(link)];
+        return waiting.answers.size() + waiting.telemetry.size();
+    }
 
     /// A packet that arrived over a link: a telecommand is executed and its acknowledgement queued on the same link.
     /// Anything else is `malformed`, and counted. A boat that is starting hears nothing.
@@ -108,6 +112,8 @@ private:
     void emit_waypoints(link_id link);
     void say(std::string text);
     void queue(link_id link, ise::bytes raw);
+    void queue_answer(link_id link, const acknowledgement& answer);
+    void put(link_id link, std::deque<ise::bytes>& to, std::size_t most, ise::bytes raw);
     packet_header next_header();
     acknowledgement decide(const telecommand& command, link_id from);
 
@@ -118,7 +124,10 @@ private:
     telemetry_schedule schedule_;
     boat_state state_;
     actuators set_;
-    std::array<std::deque<ise::bytes>, link_count> queues_;
+    struct waiting_packets {
+        std::deque<ise::bytes> answers, telemetry;
+    };
+    std::array<waiting_packets, link_count> queues_;
     std::array<link_status, link_count> links_;
     std::deque<acknowledgement> acknowledged_;
     double now_s_ = 0, up_again_s_ = -1, irons_s_ = 0, distance_m_ = 0, booted_s_ = 0, charge_ah_ = 17;

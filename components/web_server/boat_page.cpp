@@ -32,7 +32,11 @@ T value_or_throw(ise::result<T> result) {
 } // namespace
 
 boat_page::boat_page(ise::component& self, boat_source source, track_options options, track_archive* archive)
-    : self_(self), source_(std::move(source)), archive_(archive), state_(named(std::move(options), source_)), feed_(state_) {}
+    : self_(self),
+      source_(std::move(source)),
+      archive_(archive),
+      state_(named(std::move(options), source_)),
+      feed_(state_) {}
 
 utc_ms boat_page::clock() const { return std::chrono::floor<std::chrono::milliseconds>(self_.wall()); }
 
@@ -41,13 +45,19 @@ void boat_page::restore() {
     const auto& id = source_.id;
     if (auto entered = archive_->enter(id, source_.name); !entered) throw ise::error(entered.error());
     auto recent = clock() - restored_whole;
-    for (const auto& fix : value_or_throw(archive_->fixes(id, utc_ms{}, recent, most_restored))) state_.restore(fix.point, fix.link);
-    for (const auto& fix : value_or_throw(archive_->fixes(id, recent, utc_ms::max(), 100 * most_restored))) state_.restore(fix.point, fix.link);
+    for (const auto& fix : value_or_throw(archive_->fixes(id, utc_ms{}, recent, most_restored)))
+        state_.restore(fix.point, fix.link);
+    for (const auto& fix : value_or_throw(archive_->fixes(id, recent, utc_ms::max(), 100 * most_restored)))
+        state_.restore(fix.point, fix.link);
     state_.restore_sailed(value_or_throw(archive_->sailed_m(id)));
     for (const auto& packet : value_or_throw(archive_->newest(id))) feed_.restore(packet, clock());
     for (const auto& [link, at] : value_or_throw(archive_->heard(id))) state_.restore_heard(link, at);
-    state_.on_point = [this](const track_point& point, const std::string& link) { archive_->keep(source_.id, point, link); };
-    feed_.on_new = [this](const telemetry_packet& packet, std::string_view kind) { archive_->keep(source_.id, packet, kind); };
+    state_.on_point = [this](const track_point& point, const std::string& link) {
+        archive_->keep(source_.id, point, link);
+    };
+    feed_.on_new = [this](const telemetry_packet& packet, std::string_view kind) {
+        archive_->keep(source_.id, packet, kind);
+    };
 }
 
 void boat_page::follow() {
@@ -61,7 +71,8 @@ void boat_page::follow() {
 void boat_page::offer(http_server& server, bool first, std::vector<std::pair<std::string, sse_channel*>>& streams) {
     auto under = [&](const std::string& prefix) {
         auto path = prefix + "/events";
-        streams_.push_back(&server.events(path, [this](std::string_view last) { return state_.snapshot(clock(), last); }));
+        streams_.push_back(
+            &server.events(path, [this](std::string_view last) { return state_.snapshot(clock(), last); }));
         streams.emplace_back(path, streams_.back());
         offer_downloads(server, prefix, state_, archive_, [this] { return clock(); });
     };
@@ -141,7 +152,10 @@ void boat_page::show_health(const communication_state& node) {
     told.source = "communication";
     told.link = false;
     told.connected = true;
-    told.detail = fmt::format("{}{}", short_name(node.node), node.peer.empty() ? "" : node.peer_lives ? ", backed by " + short_name(node.peer) : ", without the other one");
+    told.detail = fmt::format("{}{}", short_name(node.node),
+                              node.peer.empty() ? ""
+                              : node.peer_lives ? ", backed by " + short_name(node.peer)
+                                                : ", without the other one");
     show_feed(std::move(told));
 }
 
@@ -177,7 +191,8 @@ ise::task<> boat_page::follow_estimates(std::string path) {
 
 void boat_page::watch() {
     for (const auto& [path, follower] : followers_)
-        if (follower->connected() || links_[path]) show_connection(path, follower->connected(), follower->connected() ? "" : "it is not reached");
+        if (follower->connected() || links_[path])
+            show_connection(path, follower->connected(), follower->connected() ? "" : "it is not reached");
 }
 
 void boat_page::show_connection(const std::string& path, bool connected, std::string detail) {

@@ -14,8 +14,8 @@
 
 namespace atirma {
 
-/// One boat on the page: follows its telemetry, its links' health and its rough Iridium fixes, keeps its state, and tells
-/// who watches it. On the loop of the component that it belongs to, which outlives it.
+/// One boat on the page: follows its telemetry, its links' health and its rough Iridium fixes, keeps its state, and
+/// tells who watches it. On the loop of the component that it belongs to, which outlives it.
 class boat_page {
 public:
     /// `archive` may be null.
@@ -25,7 +25,8 @@ public:
     void restore();
     /// Starts to follow, as coroutines of the component.
     void follow();
-    /// Its address, streams and downloads; `first`: also under the addresses without a boat. Adds its streams to `streams`.
+    /// Its address, streams and downloads; `first`: also under the addresses without a boat. Adds its streams to
+    /// `streams`.
     void offer(http_server& server, bool first, std::vector<std::pair<std::string, sse_channel*>>& streams);
     /// The streams of `offer` are gone.
     void withdraw() noexcept { streams_.clear(); }

@@ -18,7 +18,9 @@ std::string_view trimmed(std::string_view text) {
     return text;
 }
 
-[[noreturn]] void refuse(std::string why) { throw ise::error(ise::errc::invalid_argument, "web server: " + std::move(why)); }
+[[noreturn]] void refuse(std::string why) {
+    throw ise::error(ise::errc::invalid_argument, "web server: " + std::move(why));
+}
 
 } // namespace
 
@@ -46,7 +48,8 @@ boat_source parse_boat(std::string_view text) {
         }
     }
     if (made.name.empty() || made.telemetry.empty())
-        refuse(fmt::format("a boat is told as NAME=PATH[,PATH], such as \"Vela=vela/communication\", not \"{}\"", text));
+        refuse(
+            fmt::format("a boat is told as NAME=PATH[,PATH], such as \"Vela=vela/communication\", not \"{}\"", text));
     return made;
 }
 
@@ -58,7 +61,9 @@ void name_boats(std::vector<boat_source>& boats) {
         if (std::ranges::find(of_the_page, boat->id) != of_the_page.end())
             refuse(fmt::format("no boat can be called \"{}\": /{} is a part of the page", boat->name, boat->id));
         auto same = std::find_if(boats.begin(), boat, [&](const boat_source& other) { return other.id == boat->id; });
-        if (same != boat) refuse(fmt::format("the boats \"{}\" and \"{}\" have the same address, /{}: name one otherwise", same->name, boat->name, boat->id));
+        if (same != boat)
+            refuse(fmt::format("the boats \"{}\" and \"{}\" have the same address, /{}: name one otherwise", same->name,
+                               boat->name, boat->id));
     }
 }
 

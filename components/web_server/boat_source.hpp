@@ -9,11 +9,12 @@ namespace atirma {
 struct boat_source {
     std::string name;
     std::string id;                     ///< in its addresses: a-z, 0-9, '-'; see `address_of`
-    std::vector<std::string> telemetry; ///< paths of the proxies whose `telemetry` is shown, or the role of the communication nodes
+    std::vector<std::string>
+        telemetry; ///< paths of the proxies whose `telemetry` is shown, or the role of the communication nodes
 };
 
-/// "Vela II=vela/communication" or "Vela=vela/shore/xbee,vela/shore/gprs". Throws ise::error (invalid_argument) for a text
-/// that is no such thing.
+/// "Vela II=vela/communication" or "Vela=vela/shore/xbee,vela/shore/gprs". Throws ise::error (invalid_argument) for a
+/// text that is no such thing.
 boat_source parse_boat(std::string_view text);
 
 /// "Vela II" → "vela-ii". Empty where no letter or digit is left.

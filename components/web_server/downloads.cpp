@@ -48,14 +48,18 @@ public:
             auto text = query_value(asked.query, name);
             if (text.empty()) continue;
             auto time = parse_time(text);
-            if (!time) return refused(400, fmt::format("{} takes a time such as 2026-11-21T10:00:00Z, or milliseconds since 1970", name));
+            if (!time)
+                return refused(
+                    400, fmt::format("{} takes a time such as 2026-11-21T10:00:00Z, or milliseconds since 1970", name));
             *into = *time;
         }
-        if (now < rests_until_ && now + 1h > rests_until_) return refused(503, "Many downloads are wanted right now: try again in some seconds");
+        if (now < rests_until_ && now + 1h > rests_until_)
+            return refused(503, "Many downloads are wanted right now: try again in some seconds");
         auto made = format == "ndjson" ? telemetry(when) : track(format, when);
         made.content_type = type;
         if (auto took = clock_() - now; archive_ && took > quick) rests_until_ = now + rest_after * took;
-        if (kept_.size() >= most_kept) kept_.erase(std::ranges::min_element(kept_, {}, [](const auto& one) { return one.second.at; }));
+        if (kept_.size() >= most_kept)
+            kept_.erase(std::ranges::min_element(kept_, {}, [](const auto& one) { return one.second.at; }));
         kept_[key] = {made, now};
         return made;
     }
@@ -103,9 +107,10 @@ private:
             auto message = parse_telemetry(packet.raw);
             if (!message) continue;
             auto body = std::visit([](const auto& one) { return ise::to_json(one); }, message->body);
-            made.body += fmt::format("{{\"measured_at\":\"{}\",\"received_at\":\"{}\",\"link\":\"{}\",\"boot\":{},\"sequence\":{},\"history\":{},\"kind\":\"{}\",\"packet\":{}}}\n",
-                                     iso_8601(packet.measured_at), iso_8601(packet.received_at), name_of(packet.link), packet.boot, packet.sequence,
-                                     packet.history, name_of(message->body), body);
+            made.body += fmt::format("{{\"measured_at\":\"{}\",\"received_at\":\"{}\",\"link\":\"{}\",\"boot\":{},"
+                                     "\"sequence\":{},\"history\":{},\"kind\":\"{}\",\"packet\":{}}}\n",
+                                     iso_8601(packet.measured_at), iso_8601(packet.received_at), name_of(packet.link),
+                                     packet.boot, packet.sequence, packet.history, name_of(message->body), body);
         }
         made.download_as = file_name("ndjson");
         return made;
@@ -122,7 +127,12 @@ private:
     utc_ms rests_until_{};
 };
 
-int hex(char c) { return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : c >= 'A' && c <= 'F' ? c - 'A' + 10 : -1; }
+int hex(char c) {
+    return c >= '0' && c <= '9'   ? c - '0'
+           : c >= 'a' && c <= 'f' ? c - 'a' + 10
+           : c >= 'A' && c <= 'F' ? c - 'A' + 10
+                                  : -1;
+}
 
 } // namespace
 
@@ -136,7 +146,9 @@ std::string query_value(std::string_view query, std::string_view name) {
         std::string value;
         for (std::size_t i = 0; i < part.size(); ++i) {
             bool coded = part[i] == '%' && i + 2 < part.size() && hex(part[i + 1]) >= 0 && hex(part[i + 2]) >= 0;
-            value += coded ? static_cast<char>(hex(part[i + 1]) * 16 + hex(part[i + 2])) : part[i] == '+' ? ' ' : part[i];
+            value += coded            ? static_cast<char>(hex(part[i + 1]) * 16 + hex(part[i + 2]))
+                     : part[i] == '+' ? ' '
+                                      : part[i];
             if (coded) i += 2;
         }
         return value;
@@ -155,18 +167,21 @@ std::optional<utc_ms> parse_time(std::string_view text) {
     if (text.find('-') == std::string_view::npos) {
         std::int64_t value = 0;
         auto read = std::from_chars(text.data(), text.data() + text.size(), value);
-        if (read.ec != std::errc() || read.ptr != text.data() + text.size() || value > 253'402'300'799'999) return std::nullopt;
+        if (read.ec != std::errc() || read.ptr != text.data() + text.size() || value > 253'402'300'799'999)
+            return std::nullopt;
         return utc_ms(std::chrono::milliseconds(value));
     }
     if (text.ends_with('Z')) text.remove_suffix(1);
     auto year = digits(0, 4), month = digits(5, 2), day = digits(8, 2);
     if (!year || !month || !day || text.size() < 10 || text[4] != '-' || text[7] != '-') return std::nullopt;
-    std::chrono::year_month_day date{std::chrono::year(*year), std::chrono::month(static_cast<unsigned>(*month)), std::chrono::day(static_cast<unsigned>(*day))};
+    std::chrono::year_month_day date{std::chrono::year(*year), std::chrono::month(static_cast<unsigned>(*month)),
+                                     std::chrono::day(static_cast<unsigned>(*day))};
     if (!date.ok()) return std::nullopt;
     utc_ms at = std::chrono::sys_days(date);
     if (text.size() == 10) return at;
     auto hours = digits(11, 2), minutes = digits(14, 2);
-    if (!hours || !minutes || *hours > 23 || *minutes > 59 || (text[10] != 'T' && text[10] != ' ') || text[13] != ':') return std::nullopt;
+    if (!hours || !minutes || *hours > 23 || *minutes > 59 || (text[10] != 'T' && text[10] != ' ') || text[13] != ':')
+        return std::nullopt;
     at += std::chrono::hours(*hours) + std::chrono::minutes(*minutes);
     if (text.size() == 16) return at;
     auto seconds = digits(17, 2);
@@ -178,10 +193,12 @@ std::optional<utc_ms> parse_time(std::string_view text) {
     return at + std::chrono::milliseconds(*ms);
 }
 
-void offer_downloads(http_server& server, const std::string& prefix, const track_state& state, track_archive* archive, std::function<utc_ms()> clock) {
+void offer_downloads(http_server& server, const std::string& prefix, const track_state& state, track_archive* archive,
+                     std::function<utc_ms()> clock) {
     auto shelf = std::make_shared<download_shelf>(state, archive, std::move(clock));
     auto offer = [&](const std::string& name, const std::string& format, const std::string& type) {
-        server.get(prefix + name, [shelf, format, type](const http_request& asked) { return shelf->take(format, type, asked); });
+        server.get(prefix + name,
+                   [shelf, format, type](const http_request& asked) { return shelf->take(format, type, asked); });
     };
     offer("/track.gpx", "gpx", "application/gpx+xml");
     offer("/track.kml", "kml", "application/vnd.google-earth.kml+xml");

@@ -1,7 +1,9 @@
 // The only file that sees RESTinio.
 #include <components/web_server/http_server.hpp>
 
+#include <components/web_server/http_answers.hpp>
 #include <components/web_server/room_for_sockets.hpp>
+#include <components/web_server/tracked_socket.hpp>
 
 #include <ise/core/error.hpp>
 
@@ -12,50 +14,11 @@
 #include <restinio/null_logger.hpp>
 
 #include <map>
-#include <set>
 #include <unordered_map>
 
 namespace atirma {
 
 namespace {
-
-// RESTinio leaves its connections open when it stops, so the server keeps track of its sockets itself.
-struct socket_registry {
-    std::set<asio::ip::tcp::socket*> sockets;
-
-    std::size_t open() const noexcept {
-        std::size_t count = 0;
-        for (const auto* socket : sockets) count += socket->is_open() ? 1 : 0;
-        return count;
-    }
-    void close_all() noexcept {
-        for (auto* socket : sockets) {
-            std::error_code ignored;
-            socket->shutdown(asio::ip::tcp::socket::shutdown_both, ignored);
-            socket->close(ignored);
-        }
-    }
-};
-
-/// A socket that enters itself in a registry. RESTinio makes the first ones itself and gives no place for an
-/// argument, so those take the registry that is `current` while the server is constructed; others are moved from them.
-class tracked_socket : public asio::ip::tcp::socket {
-public:
-    static inline thread_local std::shared_ptr<socket_registry> current;
-
-    explicit tracked_socket(asio::io_context& context) : asio::ip::tcp::socket(context), registry_(current) { enter(); }
-    tracked_socket(tracked_socket&& other) : asio::ip::tcp::socket(std::move(other)), registry_(other.registry_) { enter(); }
-    tracked_socket& operator=(tracked_socket&&) = delete;
-    ~tracked_socket() {
-        if (registry_) registry_->sockets.erase(this);
-    }
-
-private:
-    void enter() {
-        if (registry_) registry_->sockets.insert(this);
-    }
-    std::shared_ptr<socket_registry> registry_;
-};
 
 /// A connection that RESTinio closed (the client left, a time limit passed) takes its stream along.
 struct connection_watch {
@@ -67,8 +30,9 @@ struct connection_watch {
     }
 };
 
-struct server_traits : restinio::traits_t<restinio::asio_timer_manager_t, restinio::null_logger_t,
-                                          restinio::default_request_handler_t, restinio::noop_strand_t, tracked_socket> {
+struct server_traits
+    : restinio::traits_t<restinio::asio_timer_manager_t, restinio::null_logger_t, restinio::default_request_handler_t,
+                         restinio::noop_strand_t, tracked_socket> {
     using connection_state_listener_t = connection_watch;
 };
 using restinio_server = restinio::http_server_t<server_traits>;
@@ -95,62 +59,6 @@ private:
     std::optional<stream_response> response_;
 };
 
-template <class Response>
-Response& with_security_headers(Response& response, bool framed = false) {
-    std::string policy = "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors ";
-    response.append_header("Content-Security-Policy", policy + (framed ? "*" : "'self'"));
-    response.append_header("X-Content-Type-Options", "nosniff");
-    response.append_header("Referrer-Policy", "no-referrer");
-    response.append_header("Cross-Origin-Opener-Policy", "same-origin");
-    response.append_header("Permissions-Policy", "geolocation=(), camera=(), microphone=()");
-    return response;
-}
-
-std::string_view reason_of(int status) {
-    switch (status) {
-        case 200: return "OK";
-        case 304: return "Not Modified";
-        case 400: return "Bad Request";
-        case 404: return "Not Found";
-        case 405: return "Method Not Allowed";
-        case 500: return "Internal Server Error";
-        case 503: return "Service Unavailable";
-    }
-    return status < 400 ? "OK" : "Error";
-}
-
-std::string error_page(int status, std::string_view what) {
-    return fmt::format("<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" "
-                       "content=\"width=device-width\"><title>{0} {1}</title><h1>{0} {1}</h1><p>{2}</p>"
-                       "<p><a href=\"/\">To the boat's position</a></p></html>\n",
-                       status, reason_of(status), what);
-}
-
-/// "gzip" stands in the list and is not forbidden by q=0.
-bool takes_gzip(std::string_view accepted) {
-    for (std::size_t at = 0; at <= accepted.size();) {
-        auto end = std::min(accepted.find(',', at), accepted.size());
-        auto part = accepted.substr(at, end - at);
-        at = end + 1;
-        while (!part.empty() && part.front() == ' ') part.remove_prefix(1);
-        if (part.substr(0, 4) != "gzip") continue;
-        auto weight = part.find("q=");
-        return weight == std::string_view::npos || part.find_first_of("123456789", weight) != std::string_view::npos;
-    }
-    return false;
-}
-
-bool lists_etag(std::string_view if_none_match, std::string_view etag) {
-    return if_none_match == "*" || if_none_match.find(etag) != std::string_view::npos;
-}
-
-/// A name that stands safely between the quotes of a header.
-std::string safe_file_name(std::string_view name) {
-    std::string safe;
-    for (char c : name) safe += (std::isalnum(static_cast<unsigned char>(c)) || c == '.' || c == '-' || c == '_') ? c : '_';
-    return safe;
-}
-
 } // namespace
 
 struct http_server::implementation : std::enable_shared_from_this<implementation> {
@@ -166,7 +74,8 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
     using headers = std::vector<std::pair<std::string, std::string>>;
 
     /// Every answer that is no stream goes through here.
-    void reply(const restinio::request_handle_t& request, int status, body_view body, const headers& extra = {}, bool framed = false) {
+    void reply(const restinio::request_handle_t& request, int status, body_view body, const headers& extra = {},
+               bool framed = false) {
         auto line = restinio::http_status_line_t(restinio::http_status_code_t(static_cast<std::uint16_t>(status)),
                                                  std::string(reason_of(status)));
         auto response = request->create_response<restinio::user_controlled_output_t>(std::move(line));
@@ -177,19 +86,23 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
         response.set_content_length(body.size()); // of a 304 too: what a 200 would have
         if (status != 304 && request->header().method() != restinio::http_method_head() && body.size() != 0) {
             if (body.owned) response.append_body(restinio::writable_item_t(std::move(body.owned)));
-            else response.append_body(restinio::writable_item_t(restinio::const_buffer(body.borrowed.data(), body.borrowed.size())));
+            else
+                response.append_body(
+                    restinio::writable_item_t(restinio::const_buffer(body.borrowed.data(), body.borrowed.size())));
         }
         response.done();
     }
 
     void fail(const restinio::request_handle_t& request, int status, std::string_view what, headers extra = {}) {
         extra.emplace_back("Cache-Control", "no-store");
-        reply(request, status, {"text/html; charset=utf-8", std::make_shared<const std::string>(error_page(status, what)), {}}, extra);
+        reply(request, status,
+              {"text/html; charset=utf-8", std::make_shared<const std::string>(error_page(status, what)), {}}, extra);
     }
 
     void send_asset(const restinio::request_handle_t& request, const asset& file, bool framed) {
         const auto& header = request->header();
-        bool packed = !file.gzip.empty() && takes_gzip(header.get_field_or(restinio::http_field::accept_encoding, std::string()));
+        bool packed =
+            !file.gzip.empty() && takes_gzip(header.get_field_or(restinio::http_field::accept_encoding, std::string()));
         // The compressed form is another representation, so it has another tag.
         std::string tag(file.etag);
         if (packed) tag.insert(tag.size() - 1, "-gz");
@@ -211,8 +124,10 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
         }
         headers extra = {{"Cache-Control", "no-store"}};
         if (!made.download_as.empty())
-            extra.emplace_back("Content-Disposition", fmt::format("attachment; filename=\"{}\"", safe_file_name(made.download_as)));
-        reply(request, made.status, {made.content_type, std::make_shared<const std::string>(std::move(made.body)), {}}, extra);
+            extra.emplace_back("Content-Disposition",
+                               fmt::format("attachment; filename=\"{}\"", safe_file_name(made.download_as)));
+        reply(request, made.status, {made.content_type, std::make_shared<const std::string>(std::move(made.body)), {}},
+              extra);
     }
 
     std::pair<const asset*, bool> find_file(const std::string& path) const {
@@ -226,7 +141,8 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
         if (request->header().method() == restinio::http_method_head())
             return reply(request, 200, {"text/event-stream", nullptr, {}}, {{"Cache-Control", "no-store"}});
         if (stopped || channel.clients() >= options.limits.streams.max_clients)
-            return fail(request, 503, "Too many people are watching right now. Try again in a minute.", {{"Retry-After", "30"}});
+            return fail(request, 503, "Too many people are watching right now. Try again in a minute.",
+                        {{"Retry-After", "30"}});
         // A page that opens a new stream by itself cannot set the header, so `?last=` stands for it.
         auto last_seen = request->header().get_field_or("Last-Event-ID", std::string());
         std::string_view query(request->header().query().data(), request->header().query().size());
@@ -309,8 +225,10 @@ std::unique_ptr<restinio_server> http_server::implementation::make_server() {
     std::error_code bad_address;
     auto address = asio::ip::make_address(options.address, bad_address);
     if (bad_address)
-        throw ise::error(ise::errc::invalid_argument,
-                         fmt::format("web server: \"{}\" is no numeric IP address; use such as 127.0.0.1, 0.0.0.0 or ::", options.address));
+        throw ise::error(
+            ise::errc::invalid_argument,
+            fmt::format("web server: \"{}\" is no numeric IP address; use such as 127.0.0.1, 0.0.0.0 or ::",
+                        options.address));
     // Connections may live on in the loop for a turn after this object: they hold it weakly.
     auto weak = weak_from_this();
     auto watch = std::make_shared<connection_watch>();
@@ -378,7 +296,8 @@ sse_channel& http_server::events(std::string path, sse_channel::snapshot_source 
 void http_server::listen() {
     auto& self = *self_;
     if (self.server) return;
-    if (auto poor = make_room_for_sockets(self.options.limits.max_connections); !poor.empty() && self.options.log) self.options.log(poor);
+    if (auto poor = make_room_for_sockets(self.options.limits.max_connections); !poor.empty() && self.options.log)
+        self.options.log(poor);
     auto server = self.make_server();
     try {
         server->open_sync();
@@ -386,7 +305,8 @@ void http_server::listen() {
         self.bound_port = 0;
         // Asio 1.22's own category does not compare with std::errc; the system's does, and the numbers are the same.
         std::error_code code(why.code().value(), std::system_category());
-        auto cause = ise::io_failure(fmt::format("web server: cannot listen on {} port {}", self.options.address, self.options.port), code);
+        auto cause = ise::io_failure(
+            fmt::format("web server: cannot listen on {} port {}", self.options.address, self.options.port), code);
         throw ise::error(cause);
     }
     self.server = std::move(server);

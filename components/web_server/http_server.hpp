@@ -16,7 +16,8 @@ namespace atirma {
 
 /// What a stranger can cost the server at most.
 struct http_limits {
-    std::size_t max_connections = 4000;          ///< more are closed at once; `listen` raises the process's limit of open files as far as it may
+    std::size_t max_connections =
+        4000; ///< more are closed at once; `listen` raises the process's limit of open files as far as it may
     std::size_t max_url_bytes = 2048;
     std::size_t max_header_fields = 64;
     std::size_t max_header_value_bytes = 4096;
@@ -31,7 +32,8 @@ struct http_options {
     std::string address = "127.0.0.1"; ///< numeric, IPv4 or IPv6
     std::uint16_t port = 8080;         ///< 0: the system chooses, see `http_server::port`
     http_limits limits;
-    /// Told about handlers that threw (the client only sees "500") and limits of the system that are too low, one line each.
+    /// Told about handlers that threw (the client only sees "500") and limits of the system that are too low, one line
+    /// each.
     std::function<void(std::string_view)> log;
 };
 

@@ -20,7 +20,8 @@ std::string make_room_for_sockets([[maybe_unused]] std::size_t sockets) {
     now.rlim_cur = now.rlim_max == RLIM_INFINITY ? wanted : std::min(wanted, now.rlim_max);
     bool raised = ::setrlimit(RLIMIT_NOFILE, &now) == 0;
     if (raised && now.rlim_cur >= wanted) return {};
-    return fmt::format("this process may open {} files, too few for {} viewers: raise the limit (ulimit -Hn, or LimitNOFILE= of systemd)",
+    return fmt::format("this process may open {} files, too few for {} viewers: raise the limit (ulimit -Hn, or "
+                       "LimitNOFILE= of systemd)",
                        static_cast<std::uint64_t>(now.rlim_cur), sockets);
 #else
     return {};

@@ -52,11 +52,12 @@ struct sse_channel::implementation : std::enable_shared_from_this<implementation
         client->wrote_since_tick = true;
         client->stuck_ticks = 0;
         // Both weakly: the sink keeps the callback, and the client keeps the sink.
-        client->sink->write(std::move(text), [weak = weak_from_this(), weak_client = std::weak_ptr(client)](std::error_code failed) {
-            auto self = weak.lock();
-            auto written = weak_client.lock();
-            if (self && written) self->on_written(written, failed);
-        });
+        client->sink->write(std::move(text),
+                            [weak = weak_from_this(), weak_client = std::weak_ptr(client)](std::error_code failed) {
+                                auto self = weak.lock();
+                                auto written = weak_client.lock();
+                                if (self && written) self->on_written(written, failed);
+                            });
     }
 
     void on_written(const client_ptr& client, std::error_code failed) {
@@ -186,7 +187,8 @@ std::size_t sse_channel::tick() {
     for (const auto& client : now) {
         if (client->gone) continue;
         if (client->writing) {
-            if (++client->stuck_ticks >= self_->limits.max_stuck_ticks) self_->forget(client, self_->statistics.dropped_slow);
+            if (++client->stuck_ticks >= self_->limits.max_stuck_ticks)
+                self_->forget(client, self_->statistics.dropped_slow);
         } else if (!std::exchange(client->wrote_since_tick, false)) {
             self_->write(client, comment);
             client->wrote_since_tick = false; // a comment each quiet tick

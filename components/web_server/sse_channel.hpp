@@ -43,8 +43,8 @@ struct sse_statistics {
 };
 
 /// One stream of server-sent events to any number of clients. Each new client first receives a snapshot; a slow
-/// one never slows another, and holds a bounded amount of memory. Clients that know nothing share the text of one snapshot,
-/// made once a tick, and are then told what came since. No thread of its own: everything, the sinks'
+/// one never slows another, and holds a bounded amount of memory. Clients that know nothing share the text of one
+/// snapshot, made once a tick, and are then told what came since. No thread of its own: everything, the sinks'
 /// callbacks included, happens on the thread of the server's `io_context`.
 class sse_channel {
 public:

@@ -65,7 +65,8 @@ void telemetry_feed::restore(const telemetry_packet& packet, utc_ms now) {
     if (message && seen_.first_time(packet.boot, packet.sequence)) show(packet, *message, now);
 }
 
-std::vector<page_event> telemetry_feed::show(const telemetry_packet& packet, const telemetry_message& message, utc_ms now) {
+std::vector<page_event> telemetry_feed::show(const telemetry_packet& packet, const telemetry_message& message,
+                                             utc_ms now) {
     std::vector<page_event> events;
     report_origin from;
     from.measured_at = packet.measured_at;

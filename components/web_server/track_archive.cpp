@@ -72,7 +72,8 @@ ise::result<std::unique_ptr<track_archive>> track_archive::open(const archive_op
 }
 
 ise::result<void> track_archive::enter(const std::string& boat, const std::string& name) {
-    auto done = self_->db.execute("INSERT INTO boat (id, name) VALUES (?, ?) ON CONFLICT (id) DO UPDATE SET name = excluded.name", {boat, name});
+    auto done = self_->db.execute(
+        "INSERT INTO boat (id, name) VALUES (?, ?) ON CONFLICT (id) DO UPDATE SET name = excluded.name", {boat, name});
     if (!done) return done.error();
     return {};
 }
@@ -85,7 +86,8 @@ void track_archive::keep(const std::string& boat, const track_point& point, cons
 void track_archive::keep(const std::string& boat, const telemetry_packet& packet, std::string_view kind) {
     auto& self = *self_;
     self.packets.push_back({boat, std::string(kind), packet});
-    if (!packet.history && packet.received_at != utc_time()) keep_heard(boat, std::string(name_of(packet.link)), packet.received_at);
+    if (!packet.history && packet.received_at != utc_time())
+        keep_heard(boat, std::string(name_of(packet.link)), packet.received_at);
     self.bound_what_waits();
 }
 
@@ -140,29 +142,33 @@ ise::result<void> track_archive::implementation::write() {
         auto known = db.query("SELECT 1 FROM fix WHERE boat = ? AND at = ?", {row.boat, number(p.at)});
         if (!known) return known.error();
         auto done = db.execute("INSERT OR REPLACE INTO fix VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                               {row.boat, number(p.at), p.latitude_deg, p.longitude_deg, maybe(p.speed_mps), maybe(p.course_deg), maybe(p.heading_deg),
-                                maybe(p.heel_deg), maybe(p.wind_speed_mps), maybe(p.wind_direction_deg), maybe(p.circular_error_m), row.link});
+                               {row.boat, number(p.at), p.latitude_deg, p.longitude_deg, maybe(p.speed_mps),
+                                maybe(p.course_deg), maybe(p.heading_deg), maybe(p.heel_deg), maybe(p.wind_speed_mps),
+                                maybe(p.wind_direction_deg), maybe(p.circular_error_m), row.link});
         if (!done) return done.error();
         new_fixes += known->empty() ? 1 : 0;
     }
     for (const auto& row : packets) {
         const auto& p = row.packet;
-        auto done = db.execute("INSERT OR IGNORE INTO telemetry VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                               {row.boat, std::int64_t{p.boot}, std::int64_t{p.sequence}, static_cast<std::int64_t>(p.link), row.kind,
-                                number(p.measured_at), number(p.received_at), std::int64_t{p.history}, p.raw});
+        auto done =
+            db.execute("INSERT OR IGNORE INTO telemetry VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                       {row.boat, std::int64_t{p.boot}, std::int64_t{p.sequence}, static_cast<std::int64_t>(p.link),
+                        row.kind, number(p.measured_at), number(p.received_at), std::int64_t{p.history}, p.raw});
         if (!done) return done.error();
         new_packets += static_cast<std::uint64_t>(*done);
     }
     for (const auto& [where, at] : heard) {
-        auto done = db.execute("INSERT INTO heard VALUES (?, ?, ?) ON CONFLICT (boat, link) DO UPDATE SET at = max(at, excluded.at)",
-                               {where.first, where.second, number(at)});
+        auto done = db.execute(
+            "INSERT INTO heard VALUES (?, ?, ?) ON CONFLICT (boat, link) DO UPDATE SET at = max(at, excluded.at)",
+            {where.first, where.second, number(at)});
         if (!done) return done.error();
     }
     for (const auto& [where, seen] : cursors) {
         auto done = db.execute("DELETE FROM followed WHERE boat = ? AND feed = ?", {where.first, where.second});
         for (auto one = seen.begin(); done && one != seen.end(); ++one)
-            done = db.execute("INSERT INTO followed VALUES (?, ?, ?, ?)", {where.first, where.second, static_cast<std::int64_t>(one->first),
-                                                                           static_cast<std::int64_t>(one->second)});
+            done = db.execute("INSERT INTO followed VALUES (?, ?, ?, ?)",
+                              {where.first, where.second, static_cast<std::int64_t>(one->first),
+                               static_cast<std::int64_t>(one->second)});
         if (!done) return done.error();
     }
     for (const auto& [boat, sailed] : trips) {
@@ -183,15 +189,21 @@ ise::result<void> track_archive::implementation::write() {
     return {};
 }
 
-ise::result<std::vector<archived_fix>> track_archive::fixes(const std::string& boat, utc_ms from, utc_ms until, std::size_t max) {
+ise::result<std::vector<archived_fix>> track_archive::fixes(const std::string& boat, utc_ms from, utc_ms until,
+                                                            std::size_t max) {
     auto& db = self_->db;
-    auto found = db.query("SELECT min(at), max(at), count(*) FROM fix WHERE boat = ? AND at >= ? AND at < ?", {boat, number(from), number(until)});
+    auto found = db.query("SELECT min(at), max(at), count(*) FROM fix WHERE boat = ? AND at >= ? AND at < ?",
+                          {boat, number(from), number(until)});
     if (!found) return found.error();
     auto span = found->at(0).integer(1) - found->at(0).integer(0), count = found->at(0).integer(2);
-    auto step = count <= static_cast<std::int64_t>(max) ? std::int64_t{1} : span / static_cast<std::int64_t>(std::max<std::size_t>(max, 1)) + 1;
-    auto rows = db.query("SELECT min(at), latitude_deg, longitude_deg, speed_mps, course_deg, heading_deg, heel_deg, wind_speed_mps, wind_direction_deg, "
-                         "circular_error_m, link FROM fix WHERE boat = ? AND at >= ? AND at < ? GROUP BY at / ? ORDER BY at",
-                         {boat, number(from), number(until), step});
+    auto step = count <= static_cast<std::int64_t>(max)
+                    ? std::int64_t{1}
+                    : span / static_cast<std::int64_t>(std::max<std::size_t>(max, 1)) + 1;
+    auto rows =
+        db.query("SELECT min(at), latitude_deg, longitude_deg, speed_mps, course_deg, heading_deg, heel_deg, "
+                 "wind_speed_mps, wind_direction_deg, "
+                 "circular_error_m, link FROM fix WHERE boat = ? AND at >= ? AND at < ? GROUP BY at / ? ORDER BY at",
+                 {boat, number(from), number(until), step});
     if (!rows) return rows.error();
     std::vector<archived_fix> all;
     all.reserve(rows->size());
@@ -200,8 +212,10 @@ ise::result<std::vector<archived_fix>> track_archive::fixes(const std::string& b
         made.point.at = time_of(row.integer(0));
         made.point.latitude_deg = row.real(1);
         made.point.longitude_deg = row.real(2);
-        std::optional<double>* values[] = {&made.point.speed_mps, &made.point.course_deg, &made.point.heading_deg, &made.point.heel_deg,
-                                           &made.point.wind_speed_mps, &made.point.wind_direction_deg, &made.point.circular_error_m};
+        std::optional<double>* values[] = {&made.point.speed_mps,       &made.point.course_deg,
+                                           &made.point.heading_deg,     &made.point.heel_deg,
+                                           &made.point.wind_speed_mps,  &made.point.wind_direction_deg,
+                                           &made.point.circular_error_m};
         for (std::size_t i = 0; i < std::size(values); ++i) *values[i] = maybe(row, 3 + i);
         made.link = row.text(10);
         all.push_back(std::move(made));
@@ -209,10 +223,12 @@ ise::result<std::vector<archived_fix>> track_archive::fixes(const std::string& b
     return all;
 }
 
-ise::result<std::vector<telemetry_packet>> track_archive::telemetry(const std::string& boat, utc_ms from, utc_ms until, std::size_t max) {
-    auto rows = self_->db.query("SELECT boot, sequence, link, measured_at, received_at, history, raw FROM telemetry WHERE boat = ? "
-                                "AND measured_at >= ? AND measured_at < ? ORDER BY measured_at, boot, sequence LIMIT ?",
-                                {boat, number(from), number(until), static_cast<std::int64_t>(max)});
+ise::result<std::vector<telemetry_packet>> track_archive::telemetry(const std::string& boat, utc_ms from, utc_ms until,
+                                                                    std::size_t max) {
+    auto rows = self_->db.query(
+        "SELECT boot, sequence, link, measured_at, received_at, history, raw FROM telemetry WHERE boat = ? "
+        "AND measured_at >= ? AND measured_at < ? ORDER BY measured_at, boot, sequence LIMIT ?",
+        {boat, number(from), number(until), static_cast<std::int64_t>(max)});
     if (!rows) return rows.error();
     std::vector<telemetry_packet> all;
     for (const auto& row : *rows) all.push_back(packet_of(row));
@@ -223,8 +239,10 @@ ise::result<std::vector<telemetry_packet>> track_archive::newest(const std::stri
     std::vector<telemetry_packet> all;
     for (auto name : telemetry_kinds) {
         std::string kind(name);
-        auto rows = self_->db.query("SELECT boot, sequence, link, measured_at, received_at, history, raw FROM telemetry WHERE boat = ? AND kind = ? "
-                                    "ORDER BY measured_at DESC LIMIT ?", {boat, kind, kind == "waypoints" ? newest_of_a_kind : 1});
+        auto rows = self_->db.query("SELECT boot, sequence, link, measured_at, received_at, history, raw FROM "
+                                    "telemetry WHERE boat = ? AND kind = ? "
+                                    "ORDER BY measured_at DESC LIMIT ?",
+                                    {boat, kind, kind == "waypoints" ? newest_of_a_kind : 1});
         if (!rows) return rows.error();
         for (const auto& row : *rows) all.push_back(packet_of(row));
     }
@@ -236,7 +254,8 @@ ise::result<track_cursor> track_archive::cursor(const std::string& boat, const s
     auto rows = self_->db.query("SELECT store, position FROM followed WHERE boat = ? AND feed = ?", {boat, feed});
     if (!rows) return rows.error();
     track_cursor seen;
-    for (const auto& row : *rows) seen[static_cast<std::uint64_t>(row.integer(0))] = static_cast<std::uint64_t>(row.integer(1));
+    for (const auto& row : *rows)
+        seen[static_cast<std::uint64_t>(row.integer(0))] = static_cast<std::uint64_t>(row.integer(1));
     return seen;
 }
 

@@ -17,13 +17,13 @@ namespace atirma {
 
 /// What is kept, and for how long. README.md has the schema.
 struct archive_options {
-    std::string file;                              ///< of SQLite; "memory:NAME" is a virtual disk; empty: nothing is kept
+    std::string file; ///< of SQLite; "memory:NAME" is a virtual disk; empty: nothing is kept
     std::chrono::hours keep_fixes{24 * 365};       ///< older ones are deleted
     std::chrono::hours keep_whole{24 * 7};         ///< of older fixes one a `coarse` stays
     std::chrono::seconds coarse{60};
     std::chrono::hours keep_telemetry{24 * 30};    ///< older packets are deleted, but for the newest of each kind
-    std::size_t max_rows = 3'000'000;              ///< of fixes, and of telemetry, all boats together: beyond it the oldest go
-    std::size_t max_waiting = 50'000;              ///< rows in memory while the disk takes none; beyond it the oldest are given up
+    std::size_t max_rows = 3'000'000; ///< of fixes, and of telemetry, all boats together: beyond it the oldest go
+    std::size_t max_waiting = 50'000; ///< rows in memory while the disk takes none; beyond it the oldest are given up
 };
 
 /// Counted since it was opened, but for the numbers of rows.
@@ -44,9 +44,9 @@ struct archived_fix {
 
 /// The tracks and the telemetry of the boats on disk (SQLite), so that a restart of the page loses nothing.
 ///
-/// What is given to `keep` waits in memory until `commit` writes it, all or nothing. A disk that is full costs nothing but
-/// what `archive_statistics` tells: the page goes on, and what waits is written when there is room. Each call blocks for
-/// as long as the disk takes. Not thread-safe.
+/// What is given to `keep` waits in memory until `commit` writes it, all or nothing. A disk that is full costs nothing
+/// but what `archive_statistics` tells: the page goes on, and what waits is written when there is room. Each call
+/// blocks for as long as the disk takes. Not thread-safe.
 class track_archive {
 public:
     /// Errors: io_failed (with the file and SQLite's words), invalid_argument (written by a newer program).
@@ -59,8 +59,8 @@ public:
     void keep(const std::string& boat, const telemetry_packet& packet, std::string_view kind);
     /// A link that was heard then, as somebody else tells.
     void keep_heard(const std::string& boat, const std::string& link, utc_ms at);
-    /// How far a provider was followed (`telemetry_follower::seen`), and what the page says of the whole voyage: written
-    /// with what was kept before, and never ahead of it.
+    /// How far a provider was followed (`telemetry_follower::seen`), and what the page says of the whole voyage:
+    /// written with what was kept before, and never ahead of it.
     void keep_cursor(const std::string& boat, const std::string& feed, const track_cursor& seen);
     void keep_trip(const std::string& boat, double sailed_m);
 
@@ -71,7 +71,8 @@ public:
     /// What waits is not among them. Errors of this and of all below: io_failed.
     ise::result<std::vector<archived_fix>> fixes(const std::string& boat, utc_ms from, utc_ms until, std::size_t max);
     /// Packets in the order of measurement, `from` <= measured_at < `until`; at most `max`.
-    ise::result<std::vector<telemetry_packet>> telemetry(const std::string& boat, utc_ms from, utc_ms until, std::size_t max);
+    ise::result<std::vector<telemetry_packet>> telemetry(const std::string& boat, utc_ms from, utc_ms until,
+                                                         std::size_t max);
     /// The newest packets of each kind, oldest first: what the page shows comes from these.
     ise::result<std::vector<telemetry_packet>> newest(const std::string& boat);
     ise::result<track_cursor> cursor(const std::string& boat, const std::string& feed);

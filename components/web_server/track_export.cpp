@@ -40,11 +40,13 @@ std::string name_of(const track_waypoint& point, std::size_t index) {
 std::string iso_8601(utc_ms at) {
     auto seconds = std::chrono::floor<std::chrono::seconds>(at);
     auto rest_ms = (at - seconds).count();
-    auto text = fmt::format("{:%Y-%m-%dT%H:%M:%S}", fmt::gmtime(static_cast<std::time_t>(seconds.time_since_epoch().count())));
+    auto text =
+        fmt::format("{:%Y-%m-%dT%H:%M:%S}", fmt::gmtime(static_cast<std::time_t>(seconds.time_since_epoch().count())));
     return rest_ms == 0 ? text + "Z" : fmt::format("{}.{:03}Z", text, rest_ms);
 }
 
-std::string to_gpx(std::string_view boat, const std::vector<track_point>& track, const std::vector<track_waypoint>& waypoints) {
+std::string to_gpx(std::string_view boat, const std::vector<track_point>& track,
+                   const std::vector<track_waypoint>& waypoints) {
     std::string out;
     auto to = std::back_inserter(out);
     fmt::format_to(to,
@@ -53,8 +55,8 @@ std::string to_gpx(std::string_view boat, const std::vector<track_point>& track,
     if (!waypoints.empty()) {
         fmt::format_to(to, "<rte><name>{} course</name>\n", xml(boat));
         for (std::size_t i = 0; i < waypoints.size(); ++i)
-            fmt::format_to(to, "<rtept lat=\"{:.7f}\" lon=\"{:.7f}\"><name>{}</name></rtept>\n", waypoints[i].latitude_deg,
-                           waypoints[i].longitude_deg, name_of(waypoints[i], i));
+            fmt::format_to(to, "<rtept lat=\"{:.7f}\" lon=\"{:.7f}\"><name>{}</name></rtept>\n",
+                           waypoints[i].latitude_deg, waypoints[i].longitude_deg, name_of(waypoints[i], i));
         out += "</rte>\n";
     }
     if (!track.empty()) {
@@ -72,7 +74,8 @@ std::string to_gpx(std::string_view boat, const std::vector<track_point>& track,
     return out += "</gpx>\n";
 }
 
-std::string to_kml(std::string_view boat, const std::vector<track_point>& all, const std::vector<track_waypoint>& waypoints) {
+std::string to_kml(std::string_view boat, const std::vector<track_point>& all,
+                   const std::vector<track_waypoint>& waypoints) {
     std::vector<track_point> track;
     std::ranges::copy_if(all, std::back_inserter(track), [](const track_point& point) { return !is_rough(point); });
     std::string out;
@@ -84,36 +87,41 @@ std::string to_kml(std::string_view boat, const std::vector<track_point>& all, c
                    "<Style id=\"track\"><LineStyle><color>ff2a7fff</color><width>3</width></LineStyle></Style>\n",
                    xml(boat));
     for (std::size_t i = 0; i < waypoints.size(); ++i)
-        fmt::format_to(to, "<Placemark><name>{}</name><Point><coordinates>{:.7f},{:.7f}</coordinates></Point></Placemark>\n",
-                       name_of(waypoints[i], i), waypoints[i].longitude_deg, waypoints[i].latitude_deg);
+        fmt::format_to(
+            to, "<Placemark><name>{}</name><Point><coordinates>{:.7f},{:.7f}</coordinates></Point></Placemark>\n",
+            name_of(waypoints[i], i), waypoints[i].longitude_deg, waypoints[i].latitude_deg);
     if (!track.empty()) {
         fmt::format_to(to, "<Placemark><name>{} track</name><styleUrl>#track</styleUrl><gx:Track>\n", xml(boat));
         for (const auto& point : track) fmt::format_to(to, "<when>{}</when>\n", iso_8601(point.at));
-        for (const auto& point : track) fmt::format_to(to, "<gx:coord>{:.7f} {:.7f} 0</gx:coord>\n", point.longitude_deg, point.latitude_deg);
+        for (const auto& point : track)
+            fmt::format_to(to, "<gx:coord>{:.7f} {:.7f} 0</gx:coord>\n", point.longitude_deg, point.latitude_deg);
         const auto& last = track.back();
         fmt::format_to(to,
                        "</gx:Track></Placemark>\n"
                        "<Placemark><name>{}</name><description>Last position, {}</description>"
-                       "<TimeStamp><when>{}</when></TimeStamp><Point><coordinates>{:.7f},{:.7f}</coordinates></Point></Placemark>\n",
+                       "<TimeStamp><when>{}</when></TimeStamp><Point><coordinates>{:.7f},{:.7f}</coordinates></Point></"
+                       "Placemark>\n",
                        xml(boat), iso_8601(last.at), iso_8601(last.at), last.longitude_deg, last.latitude_deg);
     }
     for (const auto& point : all)
         if (is_rough(point))
             fmt::format_to(to,
-                           "<Placemark><name>Rough fix</name><description>Within about {:.0f} m</description><TimeStamp><when>{}</when></TimeStamp>"
+                           "<Placemark><name>Rough fix</name><description>Within about {:.0f} "
+                           "m</description><TimeStamp><when>{}</when></TimeStamp>"
                            "<Point><coordinates>{:.7f},{:.7f}</coordinates></Point></Placemark>\n",
                            *point.circular_error_m, iso_8601(point.at), point.longitude_deg, point.latitude_deg);
     return out += "</Document></kml>\n";
 }
 
 std::string to_csv(const std::vector<track_point>& track, const std::vector<std::string>& links) {
-    std::string out = "time_utc,latitude_deg,longitude_deg,speed_mps,course_deg,heading_deg,heel_deg,wind_speed_mps,wind_direction_deg,"
+    std::string out = "time_utc,latitude_deg,longitude_deg,speed_mps,course_deg,heading_deg,heel_deg,wind_speed_mps,"
+                      "wind_direction_deg,"
                       "circular_error_m,link\r\n";
     auto to = std::back_inserter(out);
     for (const auto& point : track) {
         fmt::format_to(to, "{},{:.7f},{:.7f}", iso_8601(point.at), point.latitude_deg, point.longitude_deg);
-        for (const auto& value : {point.speed_mps, point.course_deg, point.heading_deg, point.heel_deg, point.wind_speed_mps,
-                                  point.wind_direction_deg, point.circular_error_m}) {
+        for (const auto& value : {point.speed_mps, point.course_deg, point.heading_deg, point.heel_deg,
+                                  point.wind_speed_mps, point.wind_direction_deg, point.circular_error_m}) {
             if (value) fmt::format_to(to, ",{:.2f}", *value);
             else out += ',';
         }
@@ -122,9 +130,11 @@ std::string to_csv(const std::vector<track_point>& track, const std::vector<std:
     return out;
 }
 
-std::string to_geojson(std::string_view boat, const std::vector<track_point>& track, const std::vector<track_waypoint>& waypoints,
-                       const std::vector<std::string>& links) {
-    auto place = [](const auto& at) { return json::array({rounded(at.longitude_deg, 7), rounded(at.latitude_deg, 7)}); };
+std::string to_geojson(std::string_view boat, const std::vector<track_point>& track,
+                       const std::vector<track_waypoint>& waypoints, const std::vector<std::string>& links) {
+    auto place = [](const auto& at) {
+        return json::array({rounded(at.longitude_deg, 7), rounded(at.latitude_deg, 7)});
+    };
     auto feature = [](json geometry, json properties) {
         return json{{"type", "Feature"}, {"geometry", std::move(geometry)}, {"properties", std::move(properties)}};
     };
@@ -133,7 +143,9 @@ std::string to_geojson(std::string_view boat, const std::vector<track_point>& tr
     for (const auto& point : track) {
         if (is_rough(point)) {
             features.push_back(feature({{"type", "Point"}, {"coordinates", place(point)}},
-                                       {{"kind", "rough fix"}, {"time", iso_8601(point.at)}, {"circular_error_m", rounded(*point.circular_error_m, 0)},
+                                       {{"kind", "rough fix"},
+                                        {"time", iso_8601(point.at)},
+                                        {"circular_error_m", rounded(*point.circular_error_m, 0)},
                                         {"link", point.source < links.size() ? links[point.source] : std::string()}}));
             continue;
         }
@@ -148,10 +160,13 @@ std::string to_geojson(std::string_view boat, const std::vector<track_point>& tr
     for (std::size_t i = 0; i < lines.size(); ++i) // a line has two places at least
         if (lines[i].size() == 1) lines[i].push_back(lines[i][0]), times[i].push_back(times[i][0]);
     for (std::size_t i = 0; i < waypoints.size(); ++i)
-        features.push_back(feature({{"type", "Point"}, {"coordinates", place(waypoints[i])}},
-                                   {{"kind", "waypoint"}, {"name", waypoints[i].name.empty() ? fmt::format("WP{}", i + 1) : waypoints[i].name}}));
-    features.insert(features.begin(), feature({{"type", "MultiLineString"}, {"coordinates", std::move(lines)}},
-                                              {{"kind", "track"}, {"name", std::string(boat)}, {"coordTimes", std::move(times)}}));
+        features.push_back(
+            feature({{"type", "Point"}, {"coordinates", place(waypoints[i])}},
+                    {{"kind", "waypoint"},
+                     {"name", waypoints[i].name.empty() ? fmt::format("WP{}", i + 1) : waypoints[i].name}}));
+    features.insert(features.begin(),
+                    feature({{"type", "MultiLineString"}, {"coordinates", std::move(lines)}},
+                            {{"kind", "track"}, {"name", std::string(boat)}, {"coordTimes", std::move(times)}}));
     return to_text({{"type", "FeatureCollection"}, {"features", std::move(features)}}) + "\n";
 }
 

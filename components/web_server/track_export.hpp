@@ -12,19 +12,21 @@ namespace atirma {
 inline constexpr double rough_fix_m = 200;
 
 /// GPX 1.1: the waypoints as a route, the track in segments that end where nothing was heard for ten minutes.
-std::string to_gpx(std::string_view boat, const std::vector<track_point>& track, const std::vector<track_waypoint>& waypoints);
+std::string to_gpx(std::string_view boat, const std::vector<track_point>& track,
+                   const std::vector<track_waypoint>& waypoints);
 
 /// KML 2.2 for globes: the track with its times, the waypoints, and the last position.
-std::string to_kml(std::string_view boat, const std::vector<track_point>& track, const std::vector<track_waypoint>& waypoints);
+std::string to_kml(std::string_view boat, const std::vector<track_point>& track,
+                   const std::vector<track_waypoint>& waypoints);
 
 /// RFC 4180 with a header line: time_utc (ISO 8601), then the page's columns with their units in the names; what is not
 /// known is empty.
 std::string to_csv(const std::vector<track_point>& track, const std::vector<std::string>& links);
 
-/// GeoJSON (RFC 7946): the track as a MultiLineString with the times beside it (`coordTimes`), rough fixes and waypoints
-/// as points.
-std::string to_geojson(std::string_view boat, const std::vector<track_point>& track, const std::vector<track_waypoint>& waypoints,
-                       const std::vector<std::string>& links);
+/// GeoJSON (RFC 7946): the track as a MultiLineString with the times beside it (`coordTimes`), rough fixes and
+/// waypoints as points.
+std::string to_geojson(std::string_view boat, const std::vector<track_point>& track,
+                       const std::vector<track_waypoint>& waypoints, const std::vector<std::string>& links);
 
 /// "2026-11-21T10:00:00Z", with milliseconds where there are any.
 std::string iso_8601(utc_ms at);

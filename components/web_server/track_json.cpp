@@ -5,10 +5,15 @@
 namespace atirma {
 
 namespace {
-json maybe(const std::optional<double>& value, int decimals) { return value ? json(rounded(*value, decimals)) : json(); }
+json maybe(const std::optional<double>& value, int decimals) {
+    return value ? json(rounded(*value, decimals)) : json();
+}
 
 json begin(const report_origin& from) {
-    return {{"measured_at", to_json(from.measured_at)}, {"received_at", to_json(from.received_at)}, {"source", from.source}, {"history", from.history}};
+    return {{"measured_at", to_json(from.measured_at)},
+            {"received_at", to_json(from.received_at)},
+            {"source", from.source},
+            {"history", from.history}};
 }
 } // namespace
 
@@ -70,7 +75,9 @@ json to_json(const waypoints_update& update) {
     auto out = begin(update.from);
     json points = json::array();
     for (const auto& point : update.points)
-        points.push_back({{"latitude_deg", rounded(point.latitude_deg, 7)}, {"longitude_deg", rounded(point.longitude_deg, 7)}, {"name", point.name}});
+        points.push_back({{"latitude_deg", rounded(point.latitude_deg, 7)},
+                          {"longitude_deg", rounded(point.longitude_deg, 7)},
+                          {"name", point.name}});
     out["points"] = std::move(points);
     out["active"] = update.active ? json(*update.active) : json();
     out["closed"] = update.closed;
@@ -84,7 +91,11 @@ json to_json(const mode_update& update) {
 }
 
 json to_json(const feed_update& update) {
-    return {{"source", update.source}, {"connected", update.connected}, {"since", to_json(update.since)}, {"detail", update.detail}, {"link", update.link}};
+    return {{"source", update.source},
+            {"connected", update.connected},
+            {"since", to_json(update.since)},
+            {"detail", update.detail},
+            {"link", update.link}};
 }
 
 json track_columns() {
@@ -93,9 +104,17 @@ json track_columns() {
 }
 
 json to_json(const track_point& point) {
-    return {to_json(point.at), rounded(point.latitude_deg, 6), rounded(point.longitude_deg, 6), maybe(point.speed_mps, 2),
-            maybe(point.course_deg, 0), maybe(point.heading_deg, 0), maybe(point.heel_deg, 0), maybe(point.wind_speed_mps, 1),
-            maybe(point.wind_direction_deg, 0), maybe(point.circular_error_m, 0), point.source};
+    return {to_json(point.at),
+            rounded(point.latitude_deg, 6),
+            rounded(point.longitude_deg, 6),
+            maybe(point.speed_mps, 2),
+            maybe(point.course_deg, 0),
+            maybe(point.heading_deg, 0),
+            maybe(point.heel_deg, 0),
+            maybe(point.wind_speed_mps, 1),
+            maybe(point.wind_direction_deg, 0),
+            maybe(point.circular_error_m, 0),
+            point.source};
 }
 
 } // namespace atirma

@@ -29,20 +29,23 @@ bool earlier(const track_point& point, utc_ms at) noexcept { return point.at < a
 
 double distance_m(double lat1, double lon1, double lat2, double lon2) noexcept {
     double dlat = (lat2 - lat1) * radians_per_degree, dlon = (lon2 - lon1) * radians_per_degree;
-    double a = std::pow(std::sin(dlat / 2), 2) +
-               std::cos(lat1 * radians_per_degree) * std::cos(lat2 * radians_per_degree) * std::pow(std::sin(dlon / 2), 2);
+    double a = std::pow(std::sin(dlat / 2), 2) + std::cos(lat1 * radians_per_degree) *
+                                                     std::cos(lat2 * radians_per_degree) *
+                                                     std::pow(std::sin(dlon / 2), 2);
     return 2 * mean_earth_radius_m * std::asin(std::sqrt(std::min(1.0, a)));
 }
 
 double bearing_deg(double lat1, double lon1, double lat2, double lon2) noexcept {
     double a = lat1 * radians_per_degree, b = lat2 * radians_per_degree, dlon = (lon2 - lon1) * radians_per_degree;
-    double angle = std::atan2(std::sin(dlon) * std::cos(b), std::cos(a) * std::sin(b) - std::sin(a) * std::cos(b) * std::cos(dlon));
+    double angle = std::atan2(std::sin(dlon) * std::cos(b),
+                              std::cos(a) * std::sin(b) - std::sin(a) * std::cos(b) * std::cos(dlon));
     double degrees = std::fmod(angle / radians_per_degree + 360, 360);
     return degrees < 360 ? degrees : 0;
 }
 
 const track_point* track_line::before(utc_ms at) const noexcept {
-    auto after = std::upper_bound(points_.begin(), points_.end(), at, [](utc_ms t, const track_point& p) { return t < p.at; });
+    auto after =
+        std::upper_bound(points_.begin(), points_.end(), at, [](utc_ms t, const track_point& p) { return t < p.at; });
     return after == points_.begin() ? nullptr : &*std::prev(after);
 }
 

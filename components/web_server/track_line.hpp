@@ -9,16 +9,19 @@
 namespace atirma {
 
 /// Great-circle distance on a sphere of the earth's mean radius.
-double distance_m(double from_latitude_deg, double from_longitude_deg, double to_latitude_deg, double to_longitude_deg) noexcept;
+double distance_m(double from_latitude_deg, double from_longitude_deg, double to_latitude_deg,
+                  double to_longitude_deg) noexcept;
 /// Initial bearing of that great circle, 0 <= x < 360.
-double bearing_deg(double from_latitude_deg, double from_longitude_deg, double to_latitude_deg, double to_longitude_deg) noexcept;
+double bearing_deg(double from_latitude_deg, double from_longitude_deg, double to_latitude_deg,
+                   double to_longitude_deg) noexcept;
 
 /// One fix of the track, with what was known beside it.
 struct track_point {
     utc_ms at;
     double latitude_deg = 0;
     double longitude_deg = 0;
-    std::optional<double> speed_mps, course_deg, heading_deg, heel_deg, wind_speed_mps, wind_direction_deg, circular_error_m;
+    std::optional<double> speed_mps, course_deg, heading_deg, heel_deg, wind_speed_mps, wind_direction_deg,
+        circular_error_m;
     std::uint32_t source = 0;    ///< index into the state's list of links
     std::uint64_t revision = 0;  ///< of the state when it was added or last changed
     double sailed_m = 0;         ///< along the track up to here; thinning does not change it

@@ -36,9 +36,9 @@ struct track_statistics {
 /// Pure: no clock, no I/O, one thread. Times are passed in.
 ///
 /// The newest measurement wins, whatever order reports arrive in: an older one (history, or a slower link) fills the
-/// track and never moves the current position backwards; a rough fix is the current position only where no other is known
-/// that is fresh. Each `apply` returns the event to publish, or nothing where
-/// the page would not change. Clients that hand back an event's id get only what came later.
+/// track and never moves the current position backwards; a rough fix is the current position only where no other is
+/// known that is fresh. Each `apply` returns the event to publish, or nothing where the page would not change. Clients
+/// that hand back an event's id get only what came later.
 class track_state {
 public:
     explicit track_state(track_options options = track_options());

@@ -21,7 +21,9 @@ utc_ms web_server::clock() const { return std::chrono::floor<std::chrono::millis
 /// What stands before and after a life of the component: the first boat, of which nothing is known.
 void web_server::forget_boats() {
     boats_.clear();
-    boats_.push_back(std::make_unique<boat_page>(*this, boat_source{options_.track.boat, address_of(options_.track.boat), options_.telemetry}, options_.track, nullptr));
+    boats_.push_back(std::make_unique<boat_page>(
+        *this, boat_source{options_.track.boat, address_of(options_.track.boat), options_.telemetry}, options_.track,
+        nullptr));
 }
 
 void web_server::make_boats() {
@@ -30,7 +32,8 @@ void web_server::make_boats() {
     for (const auto& text : options_.more_boats) sources.push_back(parse_boat(text));
     name_boats(sources);
     boats_.clear();
-    for (auto& source : sources) boats_.push_back(std::make_unique<boat_page>(*this, std::move(source), options_.track, archive_.get()));
+    for (auto& source : sources)
+        boats_.push_back(std::make_unique<boat_page>(*this, std::move(source), options_.track, archive_.get()));
 }
 
 ise::task<> web_server::run() {
@@ -52,7 +55,8 @@ ise::task<> web_server::run() {
         if (!opened) throw ise::error(opened.error());
         archive_ = std::move(*opened);
     }
-    options_.track.epoch = fmt::format("{:x}", env().random()); // no client shall take up where another life of this server ended
+    options_.track.epoch =
+        fmt::format("{:x}", env().random()); // no client shall take up where another life of this server ended
     make_boats();
     for (auto& boat : boats_) boat->restore();
     if (!options_.headless) listen();
@@ -84,24 +88,29 @@ void web_server::keep() {
     for (auto& boat : boats_) boat->keep_progress();
     auto kept = archive_->commit(clock());
     if (!kept && !disk_failed_)
-        log().warning("the track cannot be kept; the page goes on, and tries again", {{"cause", kept.error().message()}});
-    if (kept && disk_failed_) log().info("the track is kept again", {{"given_up", std::to_string(archive_->statistics().given_up)}});
+        log().warning("the track cannot be kept; the page goes on, and tries again",
+                      {{"cause", kept.error().message()}});
+    if (kept && disk_failed_)
+        log().info("the track is kept again", {{"given_up", std::to_string(archive_->statistics().given_up)}});
     disk_failed_ = !kept;
 }
 
 void web_server::tick() {
     for (auto& [path, stream] : streams_)
         if (auto dropped = stream->tick())
-            log().info("viewers were dropped: they took nothing for a minute; they may come back and go on where they were",
-                       {{"stream", path}, {"viewers", std::to_string(dropped)}});
+            log().info(
+                "viewers were dropped: they took nothing for a minute; they may come back and go on where they were",
+                {{"stream", path}, {"viewers", std::to_string(dropped)}});
 }
 
 void web_server::listen() {
     auto executor = on().get_executor();
     const auto* context = ise::executor_cast<asio::io_context::executor_type>(executor);
     if (!context)
-        throw ise::error(ise::errc::invalid_argument, "the web server needs a loop on an asio::io_context of one thread: start it without an executor, "
-                                                      "or headless where there is none (as in the virtual world)");
+        throw ise::error(
+            ise::errc::invalid_argument,
+            "the web server needs a loop on an asio::io_context of one thread: start it without an executor, "
+            "or headless where there is none (as in the virtual world)");
     auto http = options_.http;
     if (!http.log) http.log = [this](std::string_view line) { log().warning(line); };
     auto server = std::make_unique<http_server>(context->context(), std::move(http));
@@ -119,9 +128,12 @@ void web_server::listen() {
 std::string web_server::fleet_json() const {
     json all = json::array();
     for (const auto& boat : boats_) {
-        json one = {{"id", boat->source().id}, {"name", boat->source().name}, {"stale_after_s", options_.track.stale_after.count()}};
+        json one = {{"id", boat->source().id},
+                    {"name", boat->source().name},
+                    {"stale_after_s", options_.track.stale_after.count()}};
         if (const auto& at = boat->state().position())
-            one["position"] = {{"latitude_deg", rounded(at->latitude_deg, 6)}, {"longitude_deg", rounded(at->longitude_deg, 6)},
+            one["position"] = {{"latitude_deg", rounded(at->latitude_deg, 6)},
+                               {"longitude_deg", rounded(at->longitude_deg, 6)},
                                {"measured_at", to_json(at->from.measured_at)}};
         else one["position"] = nullptr;
         all.push_back(std::move(one));
@@ -134,14 +146,19 @@ std::string web_server::status_json() const {
     auto of_boat = [this](const boat_page& boat) {
         const auto& counted = boat.feed().statistics();
         json one;
-        one["packets"] = {{"received", counted.received}, {"duplicates", counted.duplicates}, {"malformed", counted.malformed}, {"by_type", counted.by_type}};
+        one["packets"] = {{"received", counted.received},
+                          {"duplicates", counted.duplicates},
+                          {"malformed", counted.malformed},
+                          {"by_type", counted.by_type}};
         one["links"] = boat.links();
         one["events_published"] = boat.events();
         one["position"] = nullptr;
         if (const auto& at = boat.state().position()) {
             auto age = clock() - at->from.measured_at;
-            one["position"] = {{"latitude_deg", rounded(at->latitude_deg, 7)}, {"longitude_deg", rounded(at->longitude_deg, 7)},
-                               {"measured_at", to_json(at->from.measured_at)}, {"age_s", static_cast<double>(age.count()) / 1000},
+            one["position"] = {{"latitude_deg", rounded(at->latitude_deg, 7)},
+                               {"longitude_deg", rounded(at->longitude_deg, 7)},
+                               {"measured_at", to_json(at->from.measured_at)},
+                               {"age_s", static_cast<double>(age.count()) / 1000},
                                {"stale", age > boat.state().options().stale_after}};
         }
         return one;
@@ -150,18 +167,24 @@ std::string web_server::status_json() const {
     for (const auto& boat : boats_) told["boats"][boat->source().id] = of_boat(*boat);
     if (server_) {
         auto http = server_->statistics();
-        told["http"] = {{"requests", http.requests}, {"connections", http.connections}, {"open_connections", http.open_connections},
-                        {"refused", http.connections_refused}, {"failed", http.handlers_failed}};
+        told["http"] = {{"requests", http.requests},
+                        {"connections", http.connections},
+                        {"open_connections", http.open_connections},
+                        {"refused", http.connections_refused},
+                        {"failed", http.handlers_failed}};
     }
     for (const auto& [path, stream] : streams_) {
         const auto& s = stream->statistics();
-        told["streams"][path] = {{"clients", stream->clients()}, {"accepted", s.accepted}, {"refused_full", s.refused}, {"left", s.left},
-                                 {"resynchronised", s.resynchronised}, {"events_skipped", s.events_skipped}, {"dropped_slow", s.dropped_slow}};
+        told["streams"][path] = {{"clients", stream->clients()},       {"accepted", s.accepted},
+                                 {"refused_full", s.refused},          {"left", s.left},
+                                 {"resynchronised", s.resynchronised}, {"events_skipped", s.events_skipped},
+                                 {"dropped_slow", s.dropped_slow}};
     }
     if (archive_) {
         const auto& a = archive_->statistics();
-        told["archive"] = {{"fixes", a.fixes}, {"packets", a.packets}, {"written", a.written}, {"removed", a.removed}, {"waiting", a.waiting},
-                           {"given_up", a.given_up}, {"trouble", a.trouble}};
+        told["archive"] = {{"fixes", a.fixes},     {"packets", a.packets}, {"written", a.written},
+                           {"removed", a.removed}, {"waiting", a.waiting}, {"given_up", a.given_up},
+                           {"trouble", a.trouble}};
     }
     return to_text(told);
 }

@@ -13,15 +13,15 @@ struct web_server_options {
     std::vector<std::string> telemetry;        ///< of the first boat, see `boat_source`; its name is `track.boat`
     std::vector<std::string> more_boats;       ///< each as `parse_boat` reads it: "Vela=vela/communication"
     track_options track;                       ///< its `epoch` is chosen anew at each start, `id` from the name
-    archive_options archive;                   ///< without a file nothing outlives a restart but what communication nodes keep
+    archive_options archive; ///< without a file nothing outlives a restart but what communication nodes keep
     bool headless = false;                     ///< keeps the state and opens no port: for the virtual world
     std::function<void(const std::string& url)> on_listening; ///< on the component's loop
 };
 
-/// The public tracking page: subscribes to the `telemetry` of each boat, keeps its state and track, in memory and on disk,
-/// and serves page, events and downloads. Who is not there is waited for, and the page says so. It needs a loop on an
-/// `io_context` (a thread of its own, as components have by default): else, when the port is taken, when a boat cannot be
-/// called so, or when the archive cannot be opened, `run()` ends with an error that says so.
+/// The public tracking page: subscribes to the `telemetry` of each boat, keeps its state and track, in memory and on
+/// disk, and serves page, events and downloads. Who is not there is waited for, and the page says so. It needs a loop
+/// on an `io_context` (a thread of its own, as components have by default): else, when the port is taken, when a boat
+/// cannot be called so, or when the archive cannot be opened, `run()` ends with an error that says so.
 class web_server final : public ise::component {
 public:
     explicit web_server(web_server_options options = web_server_options());

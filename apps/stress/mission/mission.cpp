@@ -36,6 +36,7 @@ mission::mission(ise::environment& world, ise::node_options terms, mission_optio
         one.name = i == 0 ? "ana" : "ben";
         one.index = i;
         one.may_begin = false;
+        book_.expect(one.name);
         for (const auto& order : told_.plan.orders)
             if (order.by == i) one.orders.push_back(order);
     }
@@ -169,6 +170,7 @@ account mission::story() {
     for (std::size_t i = 0; i < operators; ++i) made.consoles.push_back(view_of(told_.people[i].name, *consoles_[i]));
     auto disk = database::open_to_read(options_.stores.at(0));
     made.packets = packets_on(disk.value());
+    made.recorded = commands_on(disk.value());
     std::erase_if(made.packets, [&](const auto& one) { return !judged_.contains(key_of(one.boot, one.sequence)); });
     return made;
 }

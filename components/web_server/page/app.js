@@ -61,11 +61,12 @@ function render() {
   set('heel-side', u.known(v.heel) && Math.abs(v.heel) >= 0.5 ? (v.heel > 0 ? 'starboard' : 'port') : '');
 
   const up = u.known(v.heading) ? v.heading : v.course;
-  dial.show({ heading: up, apparent_angle: v.wind.apparent_angle_deg, true_direction: v.wind.true_direction_deg });
+  // Measured from the bow: beside a heading that is newer it says nothing, while the true wind still does.
+  const awa = v.wind.measured_at && v.motion_at && Math.abs(v.motion_at - v.wind.measured_at) > 15000 ? null : v.wind.apparent_angle_deg;
+  dial.show({ heading: up, apparent_angle: awa, true_direction: v.wind.true_direction_deg });
   set('tws', u.speed(v.wind.true_speed_mps));
   set('twd', u.known(v.wind.true_direction_deg) ? `from ${u.degrees(v.wind.true_direction_deg)}°` : '–');
-  set('aws', u.speed(v.wind.apparent_speed_mps));
-  const awa = v.wind.apparent_angle_deg;
+  set('aws', u.known(awa) ? u.speed(v.wind.apparent_speed_mps) : '–');
   set('awa', u.known(awa) ? `${Math.abs(Math.round(awa))}° ${awa < 0 ? 'port' : 'starboard'}` : '–');
 
   const next = s.next;

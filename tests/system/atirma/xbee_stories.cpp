@@ -205,6 +205,21 @@ TEST_CASE("atirma: a proxy that is killed and started again heals: its subscribe
     CHECK((*answer)->state == telecommand_stage::acknowledged);
 }
 
+TEST_CASE("atirma: a boat without a memory that is started again within a second is told from the one before") {
+    sea it;
+    REQUIRE(it.until([&] { return it.boat_component().boat() != nullptr; }));
+    std::set<std::uint16_t> boots;
+    auto second = std::chrono::floor<std::chrono::seconds>(it.world.elapsed());
+    for (int life = 0; life < 5; ++life) {
+        CHECK(it.boat().boot() != 0);
+        CHECK(boots.insert(it.boat().boot()).second);
+        it.boat_process().restart();
+        it.world.run_for(100ms);
+        REQUIRE(it.boat_component().boat() != nullptr);
+    }
+    CHECK(it.world.elapsed() - second < 1s);
+}
+
 TEST_CASE("atirma: the serial port vanishes and returns: the proxy says so, and telecommands wait for it") {
     sea it;
     auto& seen = it.watch();

@@ -45,6 +45,10 @@ TEST_CASE("a command that there is not is answered with the one that was meant")
     CHECK_THAT(run_program({"ise", "photosynthesis"}).err, Catch::Contains("no command 'photosynthesis'") && Catch::Contains("ise --help"));
 }
 
+TEST_CASE("a shell that there is no completion for is answered with those that there are") {
+    CHECK_THAT(run_program({"ise", "completion", "tcsh"}).err, Catch::StartsWith("ise: SHELL: 'tcsh' is none of bash, fish, zsh"));
+}
+
 TEST_CASE("what is no name of a component is refused before anybody is asked") {
     start_options options;
     options.variables = {{"ISE_NAME_SERVER", "local://@ise-test-nobody-listens-here"}};

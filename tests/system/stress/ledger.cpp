@@ -1,5 +1,6 @@
 #include <apps/stress/ledger.hpp>
 #include <apps/stress/plan.hpp>
+#include <apps/stress/report.hpp>
 
 #include <support/catch.hpp>
 
@@ -88,6 +89,46 @@ TEST_CASE("stress: a packet that is shown twice, never, or from nowhere breaks t
         CHECK(verdict.subscribers.at("ana").unknown == 1);
         CHECK_FALSE(verdict.holds);
     }
+}
+
+TEST_CASE("stress: who was to be shown everything and was shown nothing breaks the proof") {
+    ledger book;
+    book.expect("ana");
+    book.sent(link_id::gprs, 1, 1s);
+    CHECK(book.judge(both({}), 1h).holds);
+    auto verdict = book.judge(both({1}), 1h);
+    CHECK(verdict.subscribers.at("ana").missed == 1);
+    CHECK_FALSE(verdict.holds);
+}
+
+TEST_CASE("stress: a packet on the disks that nobody saw on a wire breaks the proof: who reads along is blind") {
+    ledger book;
+    book.sent(link_id::gprs, 1, 1s);
+    book.acknowledged(link_id::gprs, 1, 2s);
+    auto verdict = book.judge(both({1, 2}), 1h);
+    CHECK(verdict.unheard == 1);
+    CHECK_FALSE(verdict.holds);
+}
+
+TEST_CASE("stress: a proof about a link that brought nothing, or a page that was shown less or more, does not hold") {
+    ledger book;
+    for (packet_key n = 1; n <= link_count; ++n) {
+        auto link = static_cast<link_id>(n - 1);
+        book.sent(link, n, 1s);
+        if (link == link_id::xbee) book.arrived(n, 2s);
+        else book.acknowledged(link, n, 2s);
+    }
+    account told;
+    told.plan.length = 1h;
+    told.page.received = 3;
+    told.packets.resize(3);
+    told.consoles.emplace_back().fix = true;
+    CHECK(holds(told, book.judge(both({1, 2, 3}), 1h)));
+    told.page.received = 2;
+    CHECK_FALSE(holds(told, book.judge(both({1, 2, 3}), 1h)));
+    told.virtual_clock = false; // a real page kept what its lives before were shown
+    CHECK(holds(told, book.judge(both({1, 2, 3}), 1h)));
+    CHECK_FALSE(holds(told, book.judge(both({1, 2, 3}), 1500ms))); // nothing was owed by then
 }
 
 TEST_CASE("stress: a plan has every trouble, is the same for the same seed, and kills one process at a time") {

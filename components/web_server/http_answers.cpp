@@ -1,0 +1,60 @@
+#include <components/web_server/http_answers.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+
+namespace atirma {
+
+std::string content_security_policy(bool framed) {
+    std::string policy = "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; "
+                         "form-action 'none'; frame-ancestors ";
+    return policy + (framed ? "*" : "'self'");
+}
+
+std::string_view reason_of(int status) {
+    switch (status) {
+        case 200: return "OK";
+        case 304: return "Not Modified";
+        case 400: return "Bad Request";
+        case 404: return "Not Found";
+        case 405: return "Method Not Allowed";
+        case 500: return "Internal Server Error";
+        case 503: return "Service Unavailable";
+    }
+    return status < 400 ? "OK" : "Error";
+}
+
+std::string error_page(int status, std::string_view what) {
+    return fmt::format("<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" "
+                       "content=\"width=device-width\"><title>{0} {1}</title><h1>{0} {1}</h1><p>{2}</p>"
+                       "<p><a href=\"/\">To the boat's position</a></p></html>\n",
+                       status, reason_of(status), what);
+}
+
+bool takes_gzip(std::string_view accepted) {
+    for (std::size_t at = 0; at <= accepted.size();) {
+        auto end = std::min(accepted.find(',', at), accepted.size());
+        auto part = accepted.substr(at, end - at);
+        at = end + 1;
+        while (!part.empty() && part.front() == ' ') part.remove_prefix(1);
+        if (part.substr(0, 4) != "gzip") continue;
+        auto weight = part.find("q=");
+        return weight == std::string_view::npos || part.find_first_of("123456789", weight) != std::string_view::npos;
+    }
+    return false;
+}
+
+bool lists_etag(std::string_view if_none_match, std::string_view etag) {
+    return if_none_match == "*" || if_none_match.find(etag) != std::string_view::npos;
+}
+
+std::string safe_file_name(std::string_view name) {
+    std::string safe;
+    for (char c : name)
+        safe += (std::isalnum(static_cast<unsigned char>(c)) || c == '.' || c == '-' || c == '_') ? c : '_';
+    return safe;
+}
+
+} // namespace atirma

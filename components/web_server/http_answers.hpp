@@ -1,0 +1,31 @@
+#pragma once
+#include <string>
+#include <string_view>
+
+// What the HTTP server says, and how it reads what it is asked. Pure.
+namespace atirma {
+
+/// Nothing of another host, no script or style within the page. `framed`: any site may show it in a frame.
+std::string content_security_policy(bool framed);
+
+template <class Response>
+Response& with_security_headers(Response& response, bool framed = false) {
+    response.append_header("Content-Security-Policy", content_security_policy(framed));
+    response.append_header("X-Content-Type-Options", "nosniff");
+    response.append_header("Referrer-Policy", "no-referrer");
+    response.append_header("Cross-Origin-Opener-Policy", "same-origin");
+    response.append_header("Permissions-Policy", "geolocation=(), camera=(), microphone=()");
+    return response;
+}
+
+/// "Not Found"
+std::string_view reason_of(int status);
+/// A small page in HTML; `what` is no HTML of others.
+std::string error_page(int status, std::string_view what);
+/// "gzip" stands in the list and is not forbidden by q=0.
+bool takes_gzip(std::string_view accepted);
+bool lists_etag(std::string_view if_none_match, std::string_view etag);
+/// A name that stands safely between the quotes of a header.
+std::string safe_file_name(std::string_view name);
+
+} // namespace atirma
