@@ -7,7 +7,7 @@ import select
 import statistics
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import comb
 from pathlib import Path
 
@@ -15,7 +15,8 @@ ROOT = Path(__file__).resolve().parent.parent
 BIN = ROOT / "build" / "release" / "bin"
 PEERS = ("zeromq", "omniorb", "ice", "cyclone", "grpc", "nats")
 NAMES = {"zeromq": "ZeroMQ", "omniorb": "omniORB", "ice": "Ice", "cyclone": "Cyclone DDS", "grpc": "gRPC", "nats": "NATS",
-         "raw": "raw sockets", "asio": "bare Asio", "ise": "ISE", "ise-fast": "ISE, its fast forms"}
+         "raw": "raw sockets", "asio": "bare Asio", "ise": "ISE", "ise-fast": "ISE, its fast forms",
+         "ise-poll": "ISE, polling"}
 
 
 @dataclass(frozen=True)
@@ -41,12 +42,17 @@ class Case:
         """Whether p50 is compared; else the rate."""
         return self.work == "paced" or self.outstanding == 1 and self.work == "call"
 
+    @property
+    def in_process(self):
+        """Whether one process does both sides of ISE: on two threads, or on one loop."""
+        return self.transport in ("inproc", "oneloop")
+
     def floors(self):
-        """(program, kind), the first is 1.00."""
-        if self.transport == "inproc":
-            return [("bench_floor", "asio")] if self.work == "call" else []
+        """(program, kind), the first is 1.00. Between threads it is the local socket that two processes would have."""
+        if self.transport == "oneloop":
+            return [("bench_floor", "asio")]
         found = [("bench_floor", "raw")]
-        if self.work == "call" and self.outstanding == 1 and self.transport != "udp":
+        if self.work == "call" and self.outstanding == 1 and self.transport not in ("udp", "inproc"):
             found.append(("bench_floor", "asio"))
         return found
 
@@ -69,7 +75,7 @@ CASES = [
 ] + [
     Case("publish", transport, size, 1, subscribers)
     for transport in ("tcp", "local", "inproc") for size, subscribers in ((64, 1), (1024, 1), (65536, 1), (64, 8))
-] + [Case("call", "udp")] + [Case("paced", transport) for transport in ("tcp", "local", "inproc")]
+] + [Case("call", "oneloop", size) for size in (64, 1024, 65536)] + [Case("call", "udp")] + [Case("paced", transport) for transport in ("tcp", "local", "inproc")]
 
 
 class Failed(Exception):
@@ -82,9 +88,11 @@ class NotOffered(Exception):
 
 def run_once(program, kind, case, cores, seconds, patience=30):
     """The JSON of one run. `cores`: of the serving and of the measuring process."""
+    if program == "bench_floor" and case.transport == "inproc":
+        case = replace(case, transport="local")
     common = [case.work, "--kind", kind, *case.options()]
     measure = ["taskset", "-c", cores[1], str(BIN / program), *common, "--seconds", str(seconds), "--warmup", str(min(0.3, seconds / 3))]
-    if case.transport == "inproc":
+    if case.in_process:
         measure[2] = ",".join(sorted(set(cores)))  # its threads share what the two processes would have
         return finish(measure, seconds + patience)
     server = subprocess.Popen(["taskset", "-c", cores[0], str(BIN / program), "serve", *common],

@@ -9,7 +9,10 @@ set(ISE_ASIO_VERSION "${Asio_VERSION}")
 install(TARGETS ise EXPORT iseTargets
   ARCHIVE DESTINATION "${CMAKE_INSTALL_LIBDIR}" LIBRARY DESTINATION "${CMAKE_INSTALL_LIBDIR}"
   INCLUDES DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}")
-install(DIRECTORY "${PROJECT_SOURCE_DIR}/ise" DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}" FILES_MATCHING PATTERN "*.hpp")
+# What is not in ise::ise has no headers here either, but for the services that drive an instantiation server.
+install(DIRECTORY "${PROJECT_SOURCE_DIR}/ise" DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}" FILES_MATCHING PATTERN "*.hpp"
+  PATTERN "instantiation" EXCLUDE PATTERN "deployment" EXCLUDE)
+install(FILES "${PROJECT_SOURCE_DIR}/ise/instantiation/services.hpp" DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}/ise/instantiation")
 install(EXPORT iseTargets NAMESPACE ise:: DESTINATION "${ise_package_dir}")
 
 configure_package_config_file("${PROJECT_SOURCE_DIR}/cmake/iseConfig.cmake.in" "${PROJECT_BINARY_DIR}/package/iseConfig.cmake"

@@ -141,9 +141,9 @@ std::unique_ptr<ise::component> make_call_server(const options& asked) {
 
 void start_callers(ise::node& node, const options& asked, const ise::endpoint& server, collector& into) {
     if (asked.size_bytes == telemetry_bytes) {
-        node.start<caller<telemetry>>("bench/caller", asking(), asked, server, into);
+        node.start<caller<telemetry>>("bench/caller", beside_server(asked), asked, server, into);
     } else {
-        node.start<caller<block>>("bench/caller", asking(), asked, server, into);
+        node.start<caller<block>>("bench/caller", beside_server(asked), asked, server, into);
     }
 }
 

@@ -62,6 +62,12 @@ ise::endpoint start_server(ise::node& node, const options& asked) {
     return node.launch("bench/server", std::move(made), std::move(how)).services().listening().front();
 }
 
+ise::node_options node_options_for(const options& asked) {
+    auto made = node_options();
+    if (asked.kind == "ise-poll") made.poll = std::chrono::microseconds(50);
+    return made;
+}
+
 // Ten thousand connections need as many descriptors.
 void allow_descriptors() {
     rlimit most{};
@@ -72,7 +78,7 @@ void allow_descriptors() {
 
 void serve(const options& asked) {
     ise::real_environment env;
-    ise::node node(env, node_options());
+    ise::node node(env, node_options_for(asked));
     const auto where = start_server(node, asked);
     end_with_standard_input();
     announce(where.text());
@@ -82,8 +88,8 @@ void serve(const options& asked) {
 outcome measure(const options& asked) {
     collector found;
     ise::real_environment env;
-    ise::node node(env, node_options());
-    const auto server = asked.transport == "inproc" ? start_server(node, asked) : ise::endpoint::parse(asked.connect).value();
+    ise::node node(env, node_options_for(asked));
+    const auto server = in_process(asked) ? start_server(node, asked) : ise::endpoint::parse(asked.connect).value();
     if (asked.work == "call") start_callers(node, asked, server, found);
     else if (asked.work == "publish") start_subscribers(node, asked, server, found);
     else if (asked.work == "idle") start_idlers(node, asked, server, found);
@@ -100,8 +106,8 @@ outcome measure(const options& asked) {
 int main(int argc, char** argv) {
     try {
         auto asked = bench::parse_options(argc, argv);
-        if (asked.kind != "ise" && asked.kind != "ise-fast")
-            throw std::invalid_argument("bench_ise has the kinds ise and ise-fast, not " + asked.kind);
+        if (asked.kind != "ise" && asked.kind != "ise-fast" && asked.kind != "ise-poll")
+            throw std::invalid_argument("bench_ise has the kinds ise, ise-fast and ise-poll, not " + asked.kind);
         bench::allow_descriptors();
         if (asked.work == "names") bench::measure_names(asked);
         else if (asked.serve) bench::serve(asked);

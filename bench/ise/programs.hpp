@@ -11,7 +11,7 @@ namespace bench {
 
 /// Of kind `ise`, a program is written as the documentation writes it: handlers are coroutines, `co_await call`,
 /// `co_await send`, `co_await next`. Of kind `ise-fast` it uses what the interface offers to those in a hurry: plain
-/// functions as handlers, calls with a callback, `try_send`, `try_next`.
+/// functions as handlers, calls with a callback, `try_send`, `try_next`. Kind `ise-poll` is `ise` on nodes that poll for 50 µs.
 bool in_a_hurry(const options& asked);
 
 /// The component that serves one kind of work: the other side of a measurement.
@@ -30,6 +30,8 @@ void start_idlers(ise::node& node, const options& asked, const ise::endpoint& se
 ise::node_options node_options();
 /// For components that only ask.
 ise::component_options asking(std::string together_with = {});
+/// The same, on the server's loop where that was asked for.
+inline ise::component_options beside_server(const options& asked) { return asking(asked.transport == "oneloop" ? "bench/server" : ""); }
 
 /// When a measurement begins and ends.
 struct span {

@@ -149,7 +149,7 @@ template <class Packet>
 void start_typed_subscribers(ise::node& node, const options& asked, const ise::endpoint& server, collector& into) {
     // One thread, as the floor has one; a connection each, as if they were of different components.
     auto all = std::make_shared<tally>();
-    node.start<stopwatch>("bench/stopwatch", asking(), asked, all, into);
+    node.start<stopwatch>("bench/stopwatch", beside_server(asked), asked, all, into);
     for (std::size_t i = 0; i != asked.subscribers; ++i)
         node.start<subscriber<Packet>>("bench/subscriber-" + std::to_string(i), asking("bench/stopwatch"), asked, server, all, into);
 }
@@ -176,9 +176,9 @@ void start_subscribers(ise::node& node, const options& asked, const ise::endpoin
 
 void start_listener_of_pacer(ise::node& node, const options& asked, const ise::endpoint& server, collector& into) {
     if (asked.size_bytes == telemetry_bytes) {
-        node.start<pace_listener<telemetry>>("bench/listener", asking(), asked, server, into);
+        node.start<pace_listener<telemetry>>("bench/listener", beside_server(asked), asked, server, into);
     } else {
-        node.start<pace_listener<block>>("bench/listener", asking(), asked, server, into);
+        node.start<pace_listener<block>>("bench/listener", beside_server(asked), asked, server, into);
     }
 }
 

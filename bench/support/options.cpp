@@ -59,10 +59,10 @@ options parse_options(int argc, char** argv) {
         else if (name == "--warmup") out.warmup_seconds = to_seconds(name, value);
         else throw std::invalid_argument("unknown option: " + std::string(name));
     }
-    check_one_of("transport", out.transport, {"tcp", "local", "udp", "inproc"});
-    if (out.serve && out.transport == "inproc") throw std::invalid_argument("in process there is nothing to serve");
+    check_one_of("transport", out.transport, {"tcp", "local", "udp", "inproc", "oneloop"});
+    if (out.serve && in_process(out)) throw std::invalid_argument("in process there is nothing to serve");
     if (out.serve && out.work == "names") throw std::invalid_argument("names: one process does it all");
-    if (!out.serve && out.transport != "inproc" && out.work != "names" && out.connect.empty()) throw std::invalid_argument("--connect is missing");
+    if (!out.serve && !in_process(out) && out.work != "names" && out.connect.empty()) throw std::invalid_argument("--connect is missing");
     if (out.size_bytes < 8) throw std::invalid_argument("--size: at least 8 bytes, for a time stamp");
     return out;
 }
@@ -71,7 +71,7 @@ const char* usage() noexcept {
     return "usage: PROGRAM serve WORK [options]              prints its address, ends when its standard input ends\n"
            "       PROGRAM WORK --connect ADDRESS [options]  measures, prints one line of JSON\n"
            "WORK: call, publish, paced; bench_ise: idle, names\n"
-           "  --kind raw|asio|...            --transport tcp|local|udp|inproc\n"
+           "  --kind raw|asio|...            --transport tcp|local|udp|inproc|oneloop\n"
            "  --size BYTES                   --outstanding N   --subscribers N   --services N\n"
            "  --seconds S                    --warmup S\n"
            "See bench/README.md.\n";

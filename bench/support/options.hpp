@@ -9,7 +9,7 @@ struct options {
     bool serve = false;             ///< the other side: prints its address, ends when standard input ends
     std::string work;               ///< call, publish, paced, idle, names
     std::string kind = "raw";       ///< raw, asio; a program may know others
-    std::string transport = "tcp";  ///< tcp, local, inproc
+    std::string transport = "tcp";  ///< tcp, local, udp; inproc: two threads of one process; oneloop: one thread, one loop
     std::string connect;            ///< what the serving side printed
     std::size_t size_bytes = 64;
     std::size_t outstanding = 1;
@@ -21,6 +21,9 @@ struct options {
 
 /// Throws std::invalid_argument with a text for the user.
 options parse_options(int argc, char** argv);
+
+/// Whether one process does both sides.
+inline bool in_process(const options& asked) { return asked.transport == "inproc" || asked.transport == "oneloop"; }
 
 const char* usage() noexcept;
 

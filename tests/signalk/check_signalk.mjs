@@ -1,6 +1,6 @@
 // A simulated boat over its radio, the shore's proxy and the NMEA bridge, as real programs: a strict reader checks every
 // line that the bridge says, over TCP and UDP; gpsd shows the boat (where it is installed); and so does signalk-server
-// (after `npm install` here), once fed with Signal K deltas and once with NMEA 0183.
+// (after `npm ci` here, as tests/run does), once fed with Signal K deltas and once with NMEA 0183.
 // node check_signalk.mjs FOLDER_OF_PROGRAMS       Exits 0 only if every check held; says what was left out.
 import assert from 'node:assert/strict';
 import { spawn } from 'node:child_process';
@@ -111,7 +111,7 @@ try {
   } else left_out.push('gpsd: it is not installed');
 
   const server = join(here, 'node_modules', 'signalk-server');
-  if (existsSync(server)) {
+  if (existsSync(server) && Number(process.versions.node.split('.')[0]) >= 20) {
     const provider = (id, type, port) => ({
       id, enabled: true,
       pipeElements: [{ type: 'providers/simple', options: { logging: false, type, subOptions: { type: 'tcp', host: '127.0.0.1', port: String(port) } } }],
@@ -144,7 +144,7 @@ try {
         await running.stop();
       });
     }
-  } else left_out.push('signalk-server: run `npm install` in tests/signalk');
+  } else left_out.push(existsSync(server) ? `signalk-server: it takes node 20, and this is ${process.version}` : 'signalk-server: run `npm ci` in tests/signalk');
 } finally {
   socket.close();
   for (const one of programs.reverse()) await one.stop();

@@ -66,7 +66,9 @@ async function accessible(page, what, frame = page) {
   await check(`axe finds nothing: ${what}`, async () => {
     const found = await frame.evaluate(async () => {
       const tags = ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'wcag22aa', 'best-practice'];
-      const { violations } = await axe.run(document, { runOnly: tags, resultTypes: ['violations'] });
+      const { violations, passes } = await axe.run(document, { runOnly: tags, resultTypes: ['violations', 'passes'] });
+      const nodes = passes.reduce((sum, rule) => sum + rule.nodes.length, 0); // it did look, and at much
+      if (passes.length < 10 || nodes < 15) return [`only ${passes.length} rules held, on ${nodes} elements`];
       return violations.map(v => `${v.id} (${v.impact}): ${v.help}: ${v.nodes.slice(0, 4).map(n => `${n.target} ${n.any[0]?.message ?? ''}`).join(' | ')}`);
     });
     assert.deepEqual(found, []);
@@ -256,6 +258,51 @@ await check('a page of another site may show the small view in a frame, and not 
   await context.close();
   frames.close();
 });
+await check('axe would find what is wrong: a picture without words, a button without a name, faint letters', async () => {
+  const bad = await open({ viewport: { width: 1440, height: 900 }, colorScheme: 'light' });
+  await shown(bad, '#pill', /^Live$/);
+  const found = await bad.evaluate(async () => {
+    const faint = document.createElement('p'), button = document.createElement('button'), picture = document.createElement('img');
+    faint.textContent = 'hardly to be read';
+    faint.style.color = '#ccc';
+    faint.style.background = '#fff';
+    picture.src = 'boat.svg';
+    document.querySelector('main').prepend(faint, button, picture);
+    const { violations } = await axe.run(document, { runOnly: ['wcag2a', 'wcag2aa'] });
+    return violations.map(v => v.id);
+  });
+  for (const rule of ['button-name', 'color-contrast', 'image-alt']) assert.ok(found.includes(rule), `${rule}: ${found}`);
+  await bad.context().close();
+});
+await check('what would ask another host is stopped by the page\'s policy, and would be seen here', async () => {
+  const other = createServer((request, reply) => reply.end('')).listen(0, '127.0.0.1');
+  await once(other, 'listening');
+  const page = await open({ viewport: { width: 1440, height: 900 }, colorScheme: 'light' });
+  await shown(page, '#pill', /^Live$/);
+  const before = complaints.length;
+  let asked = 0;
+  other.on('request', () => { ++asked; });
+  const stopped = await page.evaluate(async port => {
+    const told = [];
+    document.addEventListener('securitypolicyviolation', event => told.push(event.effectiveDirective));
+    await fetch(`http://127.0.0.1:${port}/`).catch(() => {});
+    const script = document.createElement('script');
+    script.textContent = 'window.ran = true';
+    document.head.append(script);
+    const away = document.createElement('script');
+    away.src = `http://127.0.0.1:${port}/x.js`;
+    document.head.append(away);
+    await new Promise(resolve => { away.onerror = resolve; away.onload = resolve; });
+    return { told, ran: window.ran === true };
+  }, other.address().port);
+  assert.equal(stopped.ran, false);
+  assert.ok(stopped.told.includes('connect-src') && stopped.told.filter(d => d === 'script-src-elem').length === 2, `${stopped.told}`);
+  assert.equal(asked, 0);
+  await until('complaints of the browser', async () => complaints.length > before);
+  complaints.length = before; // these were wanted
+  await page.context().close();
+  other.close();
+});
 await check('nothing but this server is asked', async () => {
   const answer = await desktop.request.get(url);
   assert.match(answer.headers()['content-security-policy'], /default-src 'self'/);
@@ -274,6 +321,8 @@ await check('a phone shows everything without scrolling sideways', async () => {
     const box = await phone.locator(selector).boundingBox();
     assert.ok(box && box.width > 8 && box.x >= 0 && box.x + box.width <= 360.5, `${selector}: ${JSON.stringify(box)}`);
   }
+  const legend = await phone.locator('#legend').boundingBox(), source = await phone.locator('.leaflet-control-attribution').boundingBox();
+  assert.ok(legend.y + legend.height <= source.y + 1, 'the source of the coast lies over the legend');
 });
 await shot(phone, 'phone-live-light');
 await shot(phone, 'phone-live-light-full', true);
@@ -339,6 +388,15 @@ await check('a device without a network says so, and goes on when it is back', a
   await desktop.context().setOffline(false);
   await tell('open');
   await shown(desktop, '#pill', /^Live$/);
+});
+await check('a wind that is not told any more shows its age, and no angle from a bow that has turned since', async () => {
+  await shown(desktop, '#awa', /port|starboard/);
+  await tell('wind off');
+  await shown(desktop, '#awa', /^–$/);
+  assert.match(await text(desktop, '#twd'), /from \d{3}°/);
+  await desktop.waitForSelector('.arrow.apparent.absent', { state: 'attached' });
+  await tell('wind on');
+  await shown(desktop, '#awa', /port|starboard/);
 });
 await check('a rough fix shows its circle and says so', async () => {
   await tell('rough');

@@ -61,7 +61,7 @@ public:
         atirma::report_origin from{time_, time_, std::move(source), false};
         auto relative = std::remainder(wind_from - heading_, 360) * std::numbers::pi / 180;
         double ahead = wind_mps * std::cos(relative) + speed, across = wind_mps * std::sin(relative);
-        publish(state_.apply(atirma::wind_update{from, std::atan2(across, ahead) * 180 / std::numbers::pi, std::hypot(ahead, across), wind_from, wind_mps}, time_));
+        if (!no_wind) publish(state_.apply(atirma::wind_update{from, std::atan2(across, ahead) * 180 / std::numbers::pi, std::hypot(ahead, across), wind_from, wind_mps}, time_));
         publish(state_.apply(atirma::navigation_update{.from = from, .heading_deg = heading_, .heel_deg = -std::copysign(4 + 2.1 * wind_mps * std::abs(std::sin(relative)), std::sin(relative)), .active_waypoint = active_}, time_));
         publish(state_.apply(atirma::position_update{.from = from, .latitude_deg = latitude_, .longitude_deg = longitude_, .speed_over_ground_mps = speed, .course_over_ground_deg = cog, .circular_error_m = rough ? std::optional(420.0) : std::nullopt, .satellites = 9}, time_));
     }
@@ -75,7 +75,7 @@ public:
     }
 
     atirma::utc_ms time() const { return time_; }
-    bool rough = false;
+    bool rough = false, no_wind = false;
 
 private:
     atirma::track_state& state_;
@@ -197,6 +197,8 @@ int main(int argc, char** argv) {
             if (line == "silence") silent = true;
             if (line == "resume") silent = false;
             if (line == "rough") boat.rough = !boat.rough;
+            if (line == "wind off") boat.no_wind = true;
+            if (line == "wind on") boat.no_wind = false;
             if (line == "close") close();
             if (line == "open") open();
             if (line == "receiver off") tell_feed("xbee", false, "the proxy does not answer");

@@ -2,6 +2,7 @@
 #include <apps/ise/connections.hpp>
 #include <apps/ise/findings.hpp>
 #include <apps/ise/rates.hpp>
+#include <apps/ise/service_activity.hpp>
 #include <apps/ise/spread.hpp>
 
 #include <support/catch.hpp>
@@ -83,6 +84,16 @@ TEST_CASE("a lease that is not renewed is found before it ends") {
     CHECK(found({one}) == list{"stale_lease"});
 }
 
+TEST_CASE("who has gone between the two looks is told, and whether it answered before") {
+    auto one = well("a");
+    CHECK(found({}, {one}) == list{"left"});
+    CHECK(examine({one}, {}, 1s, "shore").front().weight == severity::note);
+    one.about.reset();
+    one.trouble = "no answer in time";
+    CHECK(found({}, {one}) == list{"lost"});
+    CHECK(examine({one}, {}, 1s, "shore").front().weight == severity::error);
+}
+
 TEST_CASE("who is silent is told apart: away, busy, stalled") {
     auto gone = well("a", "boat");
     gone.about.reset();
@@ -119,12 +130,42 @@ TEST_CASE("what grows between two looks is a warning, what has happened before a
     auto before = well("a"), now = well("a");
     now.about->packets_dropped = now.health->packets_dropped = 7;
     now.health->calls_refused = 3;
+    CHECK(found({now}, {before}) == list{"drops_packets", "refuses_calls"});
+    now.health->calls_overloaded = 2;
     CHECK(found({now}, {before}) == list{"drops_packets", "overloaded"});
+    CHECK_THAT(examine({before}, {now}, 1s, "shore").back().message, Contains("2 beyond its limits, 1 unknown"));
     auto notes = examine({now}, {now}, 1s, "shore");
     CHECK(kinds(notes) == list{"dropped_packets", "refused_calls"});
     CHECK(std::ranges::all_of(notes, [](const auto& one) { return one.weight == severity::note; }));
     now.health->sessions.push_back({"b (tcp://10.0.0.1:1)", 5'000'000});
     CHECK(found({now}, {now}) == list{"slow_peer", "dropped_packets", "refused_calls"});
+}
+
+TEST_CASE("percentiles are those of what came between two looks, also where a component forgot") {
+    using counts = std::vector<ise::duration_count>;
+    CHECK_FALSE(percentile({}, {}, 0.5));
+    counts before{{1000, 50}, {4000, 50}};
+    counts now{{1000, 50}, {2000, 98}, {4000, 51}, {9000, 1}};
+    CHECK(percentile(before, now, 0.5) == ise::duration(2000));
+    CHECK(percentile(before, now, 0.99) == ise::duration(4000));
+    CHECK(percentile(before, now, 1) == ise::duration(9000));
+    CHECK_FALSE(percentile(now, now, 0.5));
+    CHECK_FALSE(percentile(now, before, 0.5));
+    ise::health_text then, later;
+    then.services.resize(1);
+    then.services[0].name = "steer";
+    later = then;
+    later.services[0].calls = 20;
+    later.services[0].waiting = 3;
+    later.services[0].overloaded = 2;
+    later.services[0].handled = {{2000, 20}};
+    auto seen = service_activities(then, later, 2);
+    REQUIRE(seen.size() == 1);
+    CHECK(seen[0].hz == 10.0);
+    CHECK(seen[0].handled_p99 == ise::duration(2000));
+    CHECK(seen[0].loses());
+    CHECK(seen[0].losses.front().reason == "overloaded");
+    CHECK(service_activities(then, later, 0).empty());
 }
 
 TEST_CASE("services are compared where they meet") {

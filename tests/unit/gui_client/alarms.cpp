@@ -135,6 +135,24 @@ TEST_CASE("console: a lost proxy, its port, its heat and its duty cycle call the
     CHECK(find(state.view(t0 + 9s)->alarms, "proxy:" + xbee_path)->over_at);
 }
 
+TEST_CASE("console: packets of a link that cannot be kept call the operator, a boat that does not call there does not") {
+    console_state state;
+    state.on_link(gprs_path, true, "", t0);
+    gprs_state told;
+    told.trouble = "the boat has not called yet";
+    state.on_gprs(gprs_path, told, t0);
+    state.on_time(t0);
+    CHECK_FALSE(find(state.view(t0)->alarms, "port:" + gprs_path));
+    told.connected = true;
+    told.trouble = "telemetry cannot be kept: the disk is full";
+    state.on_gprs(gprs_path, told, t0 + 1s);
+    state.on_time(t0 + 1s);
+    auto alarms = state.view(t0 + 1s)->alarms;
+    REQUIRE(find(alarms, "port:" + gprs_path));
+    CHECK(find(alarms, "port:" + gprs_path)->text.find("disk is full") != std::string::npos);
+    CHECK(state.view(t0 + 1s)->links[0].told_at == t0 + 1s);
+}
+
 TEST_CASE("console: a link that falls silent while the other goes on calls the operator") {
     console_state state;
     talker boat;

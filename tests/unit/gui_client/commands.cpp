@@ -123,6 +123,15 @@ TEST_CASE("console: a list of waypoints is put together from its parts, and part
     CHECK(parts.complete_since(t0 + 8s));
 }
 
+TEST_CASE("console: a boat sails the leg that its cross-track error belongs to, and none that it was sent away from") {
+    waypoint from{28.1545, -15.4580}, to{28.1600, -15.4520}, beside{28.1573, -15.4548};
+    CHECK(lies_on_leg(from, to, beside, 8));
+    CHECK_FALSE(lies_on_leg(from, to, beside, -80));
+    waypoint afar{28.1530, -15.4480}; // sent to `to` from here: it is on its line, and far from that leg
+    CHECK_FALSE(lies_on_leg(from, to, afar, 1));
+    CHECK(lies_on_leg(afar, to, afar, 0));
+}
+
 TEST_CASE("console: two lists are compared place by place") {
     std::vector<waypoint> on_boat{{28.1, -15.4}, {28.2, -15.5}}, here = on_boat;
     CHECK(same(on_boat, here));

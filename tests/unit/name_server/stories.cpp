@@ -85,6 +85,23 @@ TEST_CASE("names: a path that is held by a living component stops the second one
     CHECK(it.epoch_of("atirma/doubler") == first);
 }
 
+TEST_CASE("names: who wants a taken name is told in time, also where the server restarts before the holder has shown that it lives") {
+    names_test::system it;
+    it.start_doubler("boat", "atirma/doubler");
+    it.world.run_for(60s); // many renewals, of which the next server knows nothing
+    ise::node* second = nullptr;
+    it.start("shore", "thief", [&](ise::node& node) {
+        second = &node;
+        node.start<doubler>("atirma/doubler", everywhere());
+    });
+    it.world.run_for(300ms); // it has asked, and waits for the holder's renewals
+    REQUIRE_FALSE(second->all_stopped());
+    it.server->crash();
+    it.restart_server();
+    CHECK(it.world.run_until([&] { return second->all_stopped(); }, 10s));
+    CHECK(it.holds("atirma/doubler"));
+}
+
 TEST_CASE("names: a component that stops takes its name with it, and the next gets a higher epoch at once") {
     names_test::system it;
     ise::node* boat = nullptr;
