@@ -85,7 +85,7 @@ command_info describe_command(const CLI::App& app) {
     return made;
 }
 
-/// Like CLI::IsMember, for people: "'tcsh' is none of bash, fish, zsh". Completion reads the choices from its name.
+/// Like CLI::IsMember, for people: "'tcsh' is none of bash, zsh, fish". Completion reads the choices from its name.
 CLI::Validator one_of(std::vector<std::string> choices) {
     auto name = "{" + CLI::detail::join(choices, ",") + "}";
     auto check = [choices = std::move(choices)](std::string& word) {
@@ -162,7 +162,7 @@ void build(CLI::App& app, places& to) {
     add_look_commands(app, to.look, to.made);
 
     auto* completion_command = app.add_subcommand("completion", "prints a completion script: eval \"$(ise completion bash)\"");
-    completion_command->add_option("SHELL", to.shell, "bash, zsh or fish")->required()->check(one_of({"bash", "fish", "zsh"}));
+    completion_command->add_option("SHELL", to.shell, "bash, zsh or fish")->required()->check(one_of({"bash", "zsh", "fish"}));
     completion_command->callback([&to, &app] { to.made.text = completion_script(cli::describe_command(app), to.shell); });
 
     auto* version_command = app.add_subcommand("version", "prints the version");

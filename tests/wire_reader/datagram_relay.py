@@ -1,5 +1,6 @@
 """A relay for datagrams between two programs that records each session, loses and repeats some, and can cut one."""
 import asyncio
+import math
 import random
 import socket
 import time
@@ -20,6 +21,14 @@ def parse_endpoint(text: str) -> tuple[str, int]:
     if scheme != "udp" or not host or not port.isdigit():
         raise ValueError(f"'{text}' is no endpoint that a relay of datagrams can serve: udp://host:port is expected")
     return host.strip("[]"), int(port)
+
+
+def place_of(data: bytes) -> float:
+    """Where a datagram of a session belongs among those that its sender sent: data count, and the rest begins or ends it."""
+    type = HEADER.unpack_from(data.ljust(HEADER.size, b"\0"))[1]
+    if DATAGRAMS.get(type) == "data":
+        return int.from_bytes(data[HEADER.size : HEADER.size + 8], "little")
+    return -1 if DATAGRAMS.get(type) in ("cookie", "opened") else math.inf
 
 
 @dataclass
@@ -93,8 +102,18 @@ class DatagramRelay:
         made = self.made(host)
         made.bind((host, 0))
         flow.sockets.append(made)
-        back = lambda data, _: self.hand_on(flow, "responder", data, lambda: self.front.sendto(data, flow.address))
-        self.loop.add_reader(made, self.read, made, back)
+        self.loop.add_reader(made, self.from_responder, flow)
+
+    def from_responder(self, flow: Flow):
+        """A provider that has just learnt of a move sends to both addresses; its order is not the one in which they are read."""
+        came: list[bytes] = []
+        read = -1
+        while len(came) > read:  # what was sent before a datagram that was read is there by then
+            read = len(came)
+            for one in flow.sockets:
+                self.read(one, lambda data, _: came.append(data))
+        for data in came if len(flow.sockets) == 1 else sorted(came, key=place_of):
+            self.hand_on(flow, "responder", data, lambda: self.front.sendto(data, flow.address))
 
     def hand_on(self, flow: Flow, sender: str, data: bytes, send):
         lost = self.draw.random() < self.loss
