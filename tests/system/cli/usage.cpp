@@ -46,7 +46,7 @@ TEST_CASE("a command that there is not is answered with the one that was meant")
 }
 
 TEST_CASE("a shell that there is no completion for is answered with those that there are") {
-    CHECK_THAT(run_program({"ise", "completion", "tcsh"}).err, Catch::StartsWith("ise: SHELL: 'tcsh' is none of bash, fish, zsh"));
+    CHECK_THAT(run_program({"ise", "completion", "tcsh"}).err, Catch::StartsWith("ise: SHELL: 'tcsh' is none of bash, zsh, fish"));
 }
 
 TEST_CASE("what is no name of a component is refused before anybody is asked") {
