@@ -102,7 +102,8 @@ int run(const settings& wanted) {
     auto security = security_of(wanted.security, env);
     for (const auto& at : where.listen) ise::instantiation::may_listen(at, ise::security::load(env, security).value()).value();
     if (!security.key_file.empty()) options.variables.emplace_back("ISE_KEY", security.key_file);
-    if (!security.tls_folder.empty()) options.variables.emplace_back("ISE_TLS", security.tls_folder);
+    options.rules.has_certificates = !security.tls_folder.empty();
+    if (options.rules.has_certificates) options.variables.emplace_back("ISE_TLS", security.tls_folder);
     options.max_instances = wanted.instances;
     options.rules.listen_addresses.insert(options.rules.listen_addresses.end(), wanted.addresses.begin(), wanted.addresses.end());
     options.rules.path_folders = wanted.paths;

@@ -9,6 +9,7 @@
 namespace ise::cli {
 namespace {
 
+using namespace std::chrono_literals;
 using instantiation::hosts_path;
 
 std::string host_name_of(const std::string& path) { return path.size() > hosts_path.size() ? path.substr(hosts_path.size() + 1) : path; }
@@ -19,12 +20,34 @@ std::vector<std::string> names_of(const std::vector<naming::listed_name>& listed
     return names;
 }
 
+// A name server that has just started learns from those who are there; until then it knows a part of the system only.
+task<bool> still_learns(context& in) {
+    auto server = co_await reach_name_server(in);
+    naming::resolve_request question{std::string(hosts_path)}; // which nobody is called
+    auto told = co_await server.try_call(naming::resolve, std::move(question), in.left());
+    co_return !told && told.error().code() == errc::name_server_lost;
+}
+
+task<std::vector<naming::listed_name>> listed_hosts(context& in) {
+    constexpr duration look_again = 100ms, until_newcomers_ask_again = 300ms;
+    auto learns = co_await still_learns(in);
+    if (learns) note(in.set, "the name server has just started: it is asked again when it knows who is there");
+    bool learned = learns;
+    while (learns && in.left() > look_again + until_newcomers_ask_again) {
+        co_await in.self.sleep(look_again);
+        learns = co_await still_learns(in);
+    }
+    if (learned) co_await in.self.sleep(std::min(in.left(), until_newcomers_ask_again));
+    auto listed = co_await listed_names(in, std::string(hosts_path));
+    co_return listed;
+}
+
 } // namespace
 
 task<std::vector<host_server>> hosts_there(context& in, std::string name) {
-    auto listed = co_await listed_names(in, std::string(hosts_path));
+    auto listed = co_await listed_hosts(in);
     if (listed.empty())
-        throw problem(exit_code::not_reached, "no_such_name", "no instantiation server is registered", "start one on each host: ise_instantiation_server --programs FOLDER; a name server that was just restarted learns within a lease, some seconds, who is there");
+        throw problem(exit_code::not_reached, "no_such_name", "no instantiation server is registered", "start one on each host: ise_instantiation_server --programs FOLDER");
     std::vector<host_server> found;
     for (const auto& one : listed)
         if (name.empty() || host_name_of(one.path) == name) found.push_back({host_name_of(one.path), in.self.at(one.path)});
@@ -79,7 +102,13 @@ task<found_instance> find_instance(context& in, std::string host, std::string pa
     }
     auto near = nearest(path, known);
     auto advice = near.empty() ? fmt::format("{} instances are known: ise ps", known.size()) : fmt::format("did you mean '{}'?", near.front());
-    throw problem(exit_code::not_reached, "no_such_name", fmt::format("no instantiation server has started '{}'", path), advice);
+    auto why = fmt::format("no instantiation server has started '{}'", path);
+    for (const auto& other : co_await listed_names(in, path)) {
+        if (other.path != path) continue;
+        why = fmt::format("'{}' runs as process {} on {}, but no instantiation server that is registered has started it", path, other.process_id, other.host_name);
+        advice = "one that was killed takes it over when it is started again with the same --state; else end the process there";
+    }
+    throw problem(exit_code::not_reached, "no_such_name", why, advice);
 }
 
 instantiation::instance_text started(const instantiation::start_response& told) {

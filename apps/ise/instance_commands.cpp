@@ -26,7 +26,7 @@ void add_start(CLI::App& app, instance_places& to, wish& made) {
     command->add_option("--set,-s", into.set, "a parameter of the type; several are allowed")->type_name("NAME=VALUE")->allow_extra_args(false);
     command->add_option("--namespace", into.name_space, "put before its path")->type_name("PREFIX");
     auto* listen = command->add_option("--listen", into.listen, "where it listens (default: in-process, local and loopback)")->type_name("ENDPOINT")->allow_extra_args(false);
-    command->add_option("--protocol", into.protocol, "listen on any endpoint of that kind")->check(CLI::IsMember({"tcp", "udp", "local"}))->excludes(listen);
+    command->add_option("--protocol", into.protocol, "listen on any endpoint of that kind")->check(CLI::IsMember({"tcp", "udp", "tls", "local"}))->excludes(listen);
     command->add_option("--env", into.variables, "an environment variable that the type reads")->type_name("NAME=VALUE")->allow_extra_args(false);
     command->add_option("--role", into.roles, "a role it serves, and its priority there; several are allowed")->type_name("ROLE=PRIORITY")->allow_extra_args(false);
     command->add_option("--process", into.process, "a process that it shares with others of its program, each on a thread of its own (default: one to itself)")->type_name("NAME");

@@ -63,9 +63,12 @@ task<std::vector<parameter_text>> ask(context& in, remote who, std::string name,
 
 /// Whoever has started it sets them, so that they hold after a restart too; null where nobody has.
 task<std::optional<host_server>> starter_of(context& in, std::string path) {
-    auto listed = co_await listed_names(in, std::string(instantiation::hosts_path));
-    if (listed.empty()) co_return std::nullopt;
-    auto all = co_await instances_there(in, "", path);
+    std::vector<found_instance> all;
+    try {
+        all = co_await instances_there(in, "", path);
+    } catch (const problem& none) {
+        if (none.name() != "no_such_name") throw;
+    }
     for (auto& one : all)
         if (one.instance.path == path && one.instance.process_id != 0) co_return one.host;
     co_return std::nullopt;

@@ -43,6 +43,15 @@ std::string summary(const deployment::deployment& of, const char* word, std::siz
     return fmt::format("{} is {}: {} component{}, {}\n", of.name.text, word, components, components == 1 ? "" : "s", done);
 }
 
+// One that a component of the file is to run on: what it runs cannot be ended.
+std::string server_that_is_missing(const deployment::deployment& of, const fleet& there) {
+    for (const auto& one : of.components) {
+        const auto* host = of.host(one.host.text);
+        if (host && !there.servers.contains(host->server)) return host->server;
+    }
+    return {};
+}
+
 } // namespace
 
 task<> up(context& in, deployment_options options) {
@@ -74,6 +83,8 @@ task<> down(context& in, deployment_options options) {
     } catch (const problem& thrown) {
         why = thrown;
     }
+    if (auto lacking = server_that_is_missing(wanted, there); !why && options.only.empty() && !lacking.empty())
+        why.emplace(exit_code::not_reached, "no_such_name", fmt::format("no instantiation server '{}' is registered, and what it had started may go on: start it again with the same --state", lacking));
     if (why) throw problem(why->code(), why->name(), fmt::format("not all of {} is down: {}", wanted.name.text, why->what()), "ise ps tells what runs; try again");
     auto text = summary(wanted, "down", steps, steps, in.set.json);
     co_await in.out.write(in.self, std::move(text));

@@ -3,6 +3,7 @@
 
 #include <ise/component/poll_window.hpp>
 #include <ise/component/program_words.hpp>
+#include <ise/component/word_of_end.hpp>
 #include <ise/core/real/environment.hpp>
 #include <ise/packet/json.hpp>
 
@@ -204,11 +205,11 @@ result<std::pair<std::string, std::int32_t>> parse_role(std::string_view text) {
 }
 
 int main(int count, const char* const* words, std::vector<component_type> types, const std::string& version) {
-    return guarded(count, words, std::move(types), nullptr, version);
+    return word_of_end::leave(guarded(count, words, std::move(types), nullptr, version));
 }
 
 int main(int count, const char* const* words, const type_maker& types, const std::string& version) {
-    return guarded(count, words, types(), types, version);
+    return word_of_end::leave(guarded(count, words, types(), types, version));
 }
 
 } // namespace ise

@@ -106,8 +106,9 @@ private:
         }
         if (made.type.text.empty() && !from.what.find("type")) wrong(from.at, fmt::format("{} has no 'type': ise start --types tells what there is", of));
         take_host(made, of, from.what.find("host") != nullptr);
-        if (!request.protocol.empty() && request.protocol != "tcp" && request.protocol != "udp" && request.protocol != "local")
-            wrong(from.what.find("protocol")->what.at, fmt::format("'protocol' of {} is tcp, udp or local, not '{}'", of, shown(request.protocol)));
+        constexpr std::string_view protocols[] = {"", "tcp", "udp", "tls", "local"};
+        if (std::ranges::find(protocols, request.protocol) == std::end(protocols))
+            wrong(from.what.find("protocol")->what.at, fmt::format("'protocol' of {} is tcp, udp, tls or local, not '{}'", of, shown(request.protocol)));
         else if (!request.protocol.empty() && !listen.empty()) wrong(from.at, fmt::format("{} has both 'protocol' and 'listen': choose one", of));
         request.type = made.type.text;
         request.path = name_space.empty() ? from.key : name_space + "/" + from.key;

@@ -1,5 +1,6 @@
 #include <ise/instantiation/catalogue.hpp>
 
+#include <ise/component/nearest.hpp>
 #include <ise/naming/services.hpp>
 #include <ise/packet/json.hpp>
 
@@ -21,6 +22,12 @@ std::string shown(std::string_view text) {
     std::string made;
     for (char letter : text.substr(0, 80)) made += static_cast<unsigned char>(letter) < 0x20 || letter == 0x7F ? '?' : letter;
     return made;
+}
+
+// What may have been meant, before all that there is.
+std::string meant(const std::string& wanted, const std::vector<std::string>& known) {
+    auto near = nearest(wanted, known);
+    return near.empty() ? "" : fmt::format("did you mean '{}'? ", near.front());
 }
 
 // "wind-speed": what follows two dashes can be nothing else.
@@ -81,7 +88,7 @@ result<void> add_arguments(launch_plan& to, const type_text& type, const start_r
         if (found == type.parameters.end()) {
             std::vector<std::string> names;
             for (const auto& known : type.parameters) names.push_back(known.name);
-            return wrong(fmt::format("type '{}' has no parameter '{}'; it has {}", type.name, shown(one.name), names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
+            return wrong(fmt::format("type '{}' has no parameter '{}'; {}it has {}", type.name, shown(one.name), meant(one.name, names), names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
         }
         auto allowed = check(*found, one.value);
         if (!allowed) return wrong(fmt::format("type '{}': {}", type.name, allowed.error().message()));
@@ -119,10 +126,26 @@ result<endpoint> allowed_endpoint(const std::string& text, const launch_rules& r
         bool plain = at->path.starts_with('@') && is_word(std::string_view(at->path).substr(1));
         return plain ? at : wrong(fmt::format("'{}' cannot be listened on: local endpoints are local://@name here, with letters, digits, - and _", shown(text)));
     }
+    if (at->kind == protocol::tls && !rules.has_certificates)
+        return wrong("tls takes certificates, and this instantiation server has none to pass on: it is started with --tls FOLDER, or ISE_TLS");
     if (std::ranges::find(rules.listen_addresses, at->host) == rules.listen_addresses.end())
         return wrong(fmt::format("'{}' cannot be listened on: the addresses that this instantiation server allows are {} (--allow-address)", shown(text),
                                  fmt::join(rules.listen_addresses, ", ")));
     return at;
+}
+
+// Any free port; with tls of an address that others know the host by, where one is allowed: certificates are seldom for loopback.
+std::string endpoint_for(const std::string& kind, const launch_rules& rules) {
+    endpoint made;
+    made.kind = kind == "tls" ? protocol::tls : kind == "udp" ? protocol::udp : protocol::tcp;
+    made.host = "127.0.0.1";
+    if (made.kind != protocol::tls) return made.text();
+    for (const auto& address : rules.listen_addresses) {
+        auto other = made;
+        other.host = address;
+        if (!within_host(other)) return other.text();
+    }
+    return made.text();
 }
 
 result<void> add_endpoints(launch_plan& to, const start_request& request, const launch_rules& rules, std::uint64_t unique) {
@@ -130,8 +153,8 @@ result<void> add_endpoints(launch_plan& to, const start_request& request, const 
     auto wanted = request.listen;
     if (!request.protocol.empty() && !wanted.empty()) return wrong("either a protocol or endpoints can be chosen, not both");
     if (request.protocol == "local") wanted.push_back(fmt::format("local://@ise-{:016x}", unique));
-    else if (request.protocol == "tcp" || request.protocol == "udp") wanted.push_back(fmt::format("{}://{}:0", request.protocol, "127.0.0.1"));
-    else if (!request.protocol.empty()) return wrong(fmt::format("the protocol is tcp, udp or local, not '{}'", shown(request.protocol)));
+    else if (request.protocol == "tcp" || request.protocol == "udp" || request.protocol == "tls") wanted.push_back(endpoint_for(request.protocol, rules));
+    else if (!request.protocol.empty()) return wrong(fmt::format("the protocol is tcp, udp, tls or local, not '{}'", shown(request.protocol)));
     if (wanted.size() > most) return wrong(fmt::format("{} endpoints are given, {} are allowed", wanted.size(), most));
     for (const auto& text : wanted) {
         auto at = allowed_endpoint(text, rules);
@@ -213,7 +236,7 @@ result<launch_plan> catalogue::plan(const start_request& request, const launch_r
     if (found == types_.end()) {
         std::vector<std::string> names;
         for (const auto& [name, type] : types_) names.push_back(name);
-        return failure(errc::no_such_name, fmt::format("there is no component type '{}' here; there {}", shown(request.type),
+        return failure(errc::no_such_name, fmt::format("there is no component type '{}' here; {}there {}", shown(request.type), meant(request.type, names),
                                                        names.empty() ? "are none" : fmt::format("are {}", fmt::join(names, ", "))));
     }
     const auto& type = found->second.about;

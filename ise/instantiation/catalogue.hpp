@@ -11,9 +11,10 @@ namespace ise::instantiation {
 
 /// What those who start components may choose, beside what a type declares.
 struct launch_rules {
-    std::vector<std::string> listen_addresses{"127.0.0.1", "::1"}; ///< of tcp and udp endpoints
+    std::vector<std::string> listen_addresses{"127.0.0.1", "::1"}; ///< of tcp, udp and tls endpoints
     std::vector<std::string> path_folders;                         ///< parameters of the kind `path` lie below one of these
     std::size_t max_arguments = 256;
+    bool has_certificates = false; ///< what is started gets them: tls endpoints are possible
 };
 
 /// What is to be run, checked: words that cannot be taken for other options than they are.

@@ -181,6 +181,7 @@ machine::end_handler instantiation_server::end_handler_of(const instance_ptr& on
 
 void instantiation_server::on_end(const instance_ptr& one, std::uint64_t life, process_end how) {
     if (life != one->life) return;
+    if (one->running) how = how_it_ended(std::move(how), one->mark, one->running->stamp(), one->output->end_file());
     one->running.reset();
     one->mark.clear();
     carry_out(one, one->watch.ended(now(), how.well(), how.text()));

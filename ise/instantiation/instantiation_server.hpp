@@ -100,6 +100,7 @@ private:
     void restore(const saved_state& before);
     void restore(const saved_instance& before, bool same_boot);
     bool adopt(const instance_ptr& one, const saved_instance& before, bool same_boot);
+    process_end how_it_ended(process_end told, const std::string& mark, const process_stamp& who, const std::string& file) const;
 
     instance_ptr find(const std::string& path) const;
     instance_ptr remember(start_request request, launch_plan plan);

@@ -1,6 +1,8 @@
 // What an instantiation server writes down, and how the next one goes on with it.
 #include <ise/instantiation/instantiation_server.hpp>
 
+#include <ise/component/word_of_end.hpp>
+
 #include <fmt/format.h>
 
 namespace ise::instantiation {
@@ -36,16 +38,31 @@ void instantiation_server::restore(const saved_instance& before, bool same_boot)
     if (over) return one->watch.adopt_over(before.state, before.reason, before.restarts);
     ++one->life;
     bool runs = before.asked.process.empty() ? adopt(one, before, same_boot) : restore_in_process(one, before);
-    if (!runs && before.state == instance_state::stopping) {
-        one->watch.adopt_over(instance_state::stopped, "ended while no instantiation server ran", before.restarts);
-        return changed(one);
+    if (!runs) {
+        auto how = how_it_ended(process_end(), before.mark, before.process, one->output->end_file());
+        auto text = fmt::format("it ended while no instantiation server ran: {}", same_boot ? how.text() : "the machine was started again");
+        if (before.state == instance_state::stopping) {
+            one->watch.adopt_over(instance_state::stopped, text, before.restarts);
+            return changed(one);
+        }
+        return carry_out(one, one->watch.adopt_ended(now(), before.restarts, how.well(), text));
     }
-    if (!runs) return carry_out(one, one->watch.adopt_ended(now(), before.restarts));
     one->mark = before.mark;
     one->adopted = true;
     one->watch.adopt(now(), before.state == instance_state::ready, before.restarts);
     carry_out(one, before.state == instance_state::stopping ? one->watch.stop(now(), one->asked.terms.grace) : supervision::act::nothing);
     if (one->watch.state() == instance_state::starting) spawn("readiness of " + before.path, follow_readiness(one, one->life));
+}
+
+/// What its parent knows, else what it has left word of: a process whose parent has gone tells nobody else.
+process_end instantiation_server::how_it_ended(process_end told, const std::string& mark, const process_stamp& who, const std::string& file) const {
+    constexpr std::size_t most = 64 << 10;
+    if (told.known) return told;
+    auto word = host_.read_file(file, most);
+    auto code = word ? word_of_end::read(*word, mark, who.pid) : std::nullopt;
+    told.known = code.has_value();
+    told.number = code.value_or(0);
+    return told;
 }
 
 /// Takes over the process that it has for itself. False: it has ended.

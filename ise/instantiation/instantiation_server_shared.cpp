@@ -2,6 +2,7 @@
 #include <ise/instantiation/instantiation_server.hpp>
 
 #include <ise/component/process_services.hpp>
+#include <ise/component/word_of_end.hpp>
 
 #include <fmt/format.h>
 
@@ -57,6 +58,9 @@ std::shared_ptr<shared_process> instantiation_server::open_process(const instanc
     order.variables = options_.variables;
     order.variables.emplace_back("ISE_NAME_SERVER", options_.name_server.text());
     order.output_file = one->output->file();
+    made->end_file = one->output->end_file();
+    host_.remove(made->end_file);
+    order.variables.emplace_back(word_of_end::variable, word_of_end::variable_for(env().identity().process_id, made->mark, made->end_file));
     order.mark = made->mark;
     processes_[name] = made;
     auto kept = try_save(); // whoever comes after a crash finds the process by its mark
@@ -80,6 +84,7 @@ machine::end_handler instantiation_server::process_end_handler(const std::shared
         auto held = weak.lock();
         if (!held) return;
         held->over = true;
+        how = how_it_ended(std::move(how), held->mark, held->running->stamp(), held->end_file);
         held->running.reset();
         host_.remove(held->control.path);
         if (auto found = processes_.find(held->name); found != processes_.end() && found->second == held) processes_.erase(found);
@@ -227,6 +232,7 @@ void instantiation_server::restore(const saved_process& before) {
     made->program = before.program;
     made->mark = before.mark;
     made->control = control_of(before.name);
+    made->end_file = output_of({}, before.name)->end_file();
     auto got = host_.adopt(on(), before.process, before.mark, process_end_handler(made));
     if (!got) return;
     made->running = std::move(*got);

@@ -1,5 +1,6 @@
 #include <ise/instantiation/instantiation_server.hpp>
 
+#include <ise/component/word_of_end.hpp>
 #include <ise/instantiation/refusal.hpp>
 
 #include <fmt/format.h>
@@ -165,6 +166,8 @@ task<> instantiation_server::launch(instance_ptr one, std::uint64_t life) {
     order.variables.insert(order.variables.end(), one->plan.variables.begin(), one->plan.variables.end());
     order.output_file = one->output->file();
     order.mark = fmt::format("{:016x}{:016x}", env().random(), env().random());
+    host_.remove(one->output->end_file());
+    order.variables.emplace_back(word_of_end::variable, word_of_end::variable_for(env().identity().process_id, order.mark, one->output->end_file()));
     one->mark = order.mark;
     one->obstacle.clear();
     auto kept = try_save(); // whoever comes after a crash finds the process by its mark

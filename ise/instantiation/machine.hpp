@@ -22,7 +22,7 @@ struct process_stamp {
 
 /// How a process ended.
 struct process_end {
-    bool known = false;     ///< false: another was its parent
+    bool known = false;     ///< false: another was its parent, and it left no word
     bool by_signal = false;
     int number = 0;         ///< exit code or signal
     std::string told;       ///< of a component in a process that goes on: what became of it

@@ -71,6 +71,7 @@ std::string output_file::last_lines(std::size_t lines) const {
 void output_file::remove() {
     host_.remove(file_);
     host_.remove(older());
+    host_.remove(end_file());
     base_ = seen_ = 0;
 }
 

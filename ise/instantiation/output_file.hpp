@@ -12,6 +12,8 @@ public:
     output_file(machine& host, std::string file, std::uint64_t max_bytes);
 
     const std::string& file() const noexcept { return file_; }
+    /// Beside it: where who prints there leaves word of its end (ise/component/word_of_end.hpp).
+    std::string end_file() const { return file_ + ".end"; }
     /// Looks at it, now and then: keeps it within its bounds, and gives what has come since the last time (as much as is
     /// given at once) if somebody wants it. `offset` jumps over what could not be kept.
     output_piece look(bool wanted);

@@ -41,7 +41,7 @@ file_handle::~file_handle() {
 
 std::string process_end::text() const {
     if (!told.empty()) return told;
-    if (!known) return "nobody could tell how";
+    if (!known) return "killed or crashed, it seems: it left no word of its exit code, and the instantiation server that had started it was gone (see `ise logs`)";
     if (by_signal) return fmt::format("signal {} ({})", number, ::strsignal(number));
     return fmt::format("exit code {}", number);
 }

@@ -49,12 +49,12 @@ void supervision::adopt(time_point now, bool was_ready, std::uint32_t restarts) 
     else become(instance_state::starting, {}, saturating_add(now, terms_.ready_within));
 }
 
-supervision::act supervision::adopt_ended(time_point now, std::uint32_t restarts) {
+supervision::act supervision::adopt_ended(time_point now, std::uint32_t restarts, bool well, const std::string& text) {
     was_ready_ = true;
     restarts_ = restarts;
     running_ = true;
     state_ = instance_state::ready;
-    return ended(now, false, "ended while no instantiation server ran");
+    return ended(now, well, text);
 }
 
 void supervision::adopt_over(instance_state state, std::string reason, std::uint32_t restarts) {

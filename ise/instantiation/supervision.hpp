@@ -26,8 +26,8 @@ public:
     act start(time_point now);
     /// It was started by an instantiation server before this one, and runs.
     void adopt(time_point now, bool was_ready, std::uint32_t restarts);
-    /// The same, but it has ended since.
-    act adopt_ended(time_point now, std::uint32_t restarts);
+    /// The same, but it has ended since; `text` is how.
+    act adopt_ended(time_point now, std::uint32_t restarts, bool well, const std::string& text);
 
     /// It was over before this instantiation server started.
     void adopt_over(instance_state state, std::string reason, std::uint32_t restarts);

@@ -52,8 +52,50 @@ TEST_CASE("what ended while no instantiation server ran follows its policy, and 
     wait_until([&] { return here.state("sea/again")["state"] == "ready"; });
     auto state = here.state("sea/never");
     CHECK(state["state"] == "failed");
-    CHECK(state["reason"] == "ended while no instantiation server ran");
+    CHECK_THAT(state["reason"].get<std::string>(), Catch::StartsWith("it ended while no instantiation server ran: killed or crashed, it seems: it left no word of its exit code"));
     CHECK(marked().size() == 3); // those of the new life
+}
+
+TEST_CASE("how a component ended that was taken over is known by its own word, and that it left none is told") {
+    host here;
+    here.open();
+    int well = here.start("sea/well", {"--restart", "on-failure"})["process_id"];
+    here.start("sea/badly");
+    int killed = here.start("sea/killed")["process_id"];
+    int shared = here.start("sea/shared", {"--process", "main"})["process_id"];
+    here.crash();
+    here.open();
+    ::kill(well, SIGTERM);
+    here.told({"call", "sea/badly", "fail", R"({"text": "no wind"})"});
+    ::kill(killed, SIGKILL);
+    ::kill(shared, SIGTERM);
+    for (const char* path : {"sea/well", "sea/badly", "sea/killed", "sea/shared"})
+        wait_until([&] { return here.state(path)["process_id"] == 0; });
+    auto what = [&](const char* path) { return here.state(path)["state"].get<std::string>() + ": " + here.state(path)["reason"].get<std::string>(); };
+    CHECK(what("sea/well") == "stopped: exit code 0");
+    CHECK(what("sea/badly") == "failed: exit code 1");
+    CHECK_THAT(what("sea/killed"), Catch::StartsWith("failed: killed or crashed, it seems: it left no word of its exit code") && Contains("`ise logs`"));
+    CHECK(what("sea/shared") == "stopped: its process 'main' ended: exit code 0");
+    here.told({"restart", "sea/badly"});
+    CHECK_FALSE(std::filesystem::exists(here.state_folder() / "sea+badly.log.end"));
+}
+
+TEST_CASE("how a component ended while no instantiation server ran is known by its own word") {
+    host here;
+    here.open();
+    int well = here.start("sea/well", {"--restart", "on-failure"})["process_id"];
+    int badly = here.start("sea/badly")["process_id"];
+    int shared = here.start("sea/shared", {"--process", "main"})["process_id"];
+    here.crash();
+    ::kill(well, SIGTERM);
+    ::kill(shared, SIGTERM);
+    here.told({"call", "sea/badly", "fail", R"({"text": "no wind"})"});
+    wait_until([&] { return !lives(well) && !lives(badly) && !lives(shared); });
+    here.open();
+    auto what = [&](const char* path) { return here.state(path)["state"].get<std::string>() + ": " + here.state(path)["reason"].get<std::string>(); };
+    CHECK(what("sea/well") == "stopped: it ended while no instantiation server ran: exit code 0");
+    CHECK(what("sea/badly") == "failed: it ended while no instantiation server ran: exit code 1");
+    CHECK(what("sea/shared") == "stopped: it ended while no instantiation server ran: exit code 0");
 }
 
 TEST_CASE("a process that was started but not written down yet is found by its mark") {

@@ -84,7 +84,7 @@ TEST_CASE("what is not allowed is refused with what is") {
         CHECK(ran.out.empty());
         return ran.err;
     };
-    CHECK_THAT(refused({"truble"}), Contains("there is no component type 'truble' here; there are trouble"));
+    CHECK_THAT(refused({"truble"}), Contains("there is no component type 'truble' here; did you mean 'trouble'? there are trouble"));
     CHECK_THAT(refused({"../ise_trouble"}), Contains("there is no component type"));
     CHECK_THAT(refused({"trouble", "--set", "answer=11"}), Contains("parameter 'answer' cannot be '11': it is a number from 0 to 10 (m)"));
     CHECK_THAT(refused({"trouble", "--set", "answer=3 --deaf=true"}), Contains("cannot be '3 --deaf=true'"));

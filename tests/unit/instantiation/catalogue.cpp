@@ -86,6 +86,7 @@ TEST_CASE("each parameter is refused with what is allowed") {
     CHECK_THAT(refusal(request({{"mark", std::string("a\0b", 3)}})), Contains("control character"));
     CHECK_THAT(refusal(request({{"speed", "1"}, {"speed", "2"}})), Contains("given twice"));
     CHECK_THAT(refusal(request({{"path", "sea/other"}})), Contains("has no parameter 'path'; it has speed, course"));
+    CHECK_THAT(refusal(request({{"sped", "1"}})), Contains("has no parameter 'sped'; did you mean 'speed'? it has speed, course"));
     CHECK_THAT(refusal(request({{"speed=1 --x", "1"}})), Contains("has no parameter"));
     CHECK_THAT(refusal(request(std::vector<argument>(300, argument{"mark", "a"}))), Contains("300 arguments"));
 }
@@ -111,13 +112,35 @@ TEST_CASE("endpoints are loopback unless the rules say otherwise") {
     CHECK_THAT(with({"local://@a/../b"}), Contains("local://@name"));
     CHECK_THAT(with({"inproc://x"}), Contains("within its own process"));
     CHECK_THAT(with({"--help"}), Contains("is no endpoint"));
+    CHECK_THAT(with({"tls://127.0.0.1:0"}), Contains("tls takes certificates, and this instantiation server has none"));
+    launch_rules certified;
+    certified.has_certificates = true;
+    CHECK(with({"tls://127.0.0.1:0"}, certified) == "it was allowed");
+    CHECK_THAT(with({"tls://0.0.0.0:0"}, certified), Contains("127.0.0.1, ::1"));
     CHECK_THAT(with(std::vector<std::string>(9, "tcp://127.0.0.1:0")), Contains("9 endpoints"));
     launch_rules open;
     open.listen_addresses.push_back("0.0.0.0");
     CHECK(with({"tcp://0.0.0.0:0"}, open) == "it was allowed");
     auto asked = request();
     asked.protocol = "carrier pigeon";
-    CHECK_THAT(refusal(asked), Contains("tcp, udp or local"));
+    CHECK_THAT(refusal(asked), Contains("tcp, udp, tls or local"));
+}
+
+TEST_CASE("tls listens on an address that others know the host by, where one is allowed") {
+    auto asked = request();
+    asked.protocol = "tls";
+    CHECK_THAT(refusal(asked), Contains("tls takes certificates"));
+    auto listens = [&](std::vector<std::string> addresses) {
+        launch_rules rules;
+        rules.has_certificates = true;
+        rules.listen_addresses.insert(rules.listen_addresses.end(), addresses.begin(), addresses.end());
+        auto made = known().plan(asked, rules, 1);
+        REQUIRE(made);
+        return made->listen.at(0).text();
+    };
+    CHECK(listens({}) == "tls://127.0.0.1:0");
+    CHECK(listens({"10.0.0.1"}) == "tls://10.0.0.1:0");
+    CHECK(listens({"fd00::1"}) == "tls://[fd00::1]:0");
 }
 
 TEST_CASE("only variables that the type reads can be set") {
@@ -135,7 +158,7 @@ TEST_CASE("only variables that the type reads can be set") {
 TEST_CASE("types and paths are named in what is refused") {
     auto asked = request();
     asked.type = "boot";
-    CHECK(refusal(asked) == "there is no component type 'boot' here; there are boat, nameless");
+    CHECK(refusal(asked) == "there is no component type 'boot' here; did you mean 'boat'? there are boat, nameless");
     asked.type = "nameless";
     CHECK_THAT(refusal(asked), Contains("give one"));
     for (const char* bad : {"/sea", "sea/", "a//b", "a b", "--help=1", "ise/host/x", "ise"}) {

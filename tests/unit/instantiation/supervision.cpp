@@ -235,10 +235,13 @@ TEST_CASE("what was adopted is watched over by its policy") {
     CHECK(one.watch.restarts() == 3);
 
     watched gone;
-    CHECK(gone.watch.adopt_ended(gone.now, 0) == act::nothing);
+    CHECK(gone.watch.adopt_ended(gone.now, 0, false, "nobody knows how") == act::nothing);
     CHECK(gone.watch.state() == state::waiting);
+    watched well;
+    well.watch.adopt_ended(well.now, 0, true, "exit code 0");
+    CHECK(well.watch.state() == state::stopped); // on failure only
     watched never(restart_policy::never);
-    never.watch.adopt_ended(never.now, 0);
+    never.watch.adopt_ended(never.now, 0, false, "nobody knows how");
     CHECK(never.watch.state() == state::failed);
     watched over;
     over.watch.adopt_over(state::stopped, "as asked", 1);

@@ -1,0 +1,61 @@
+// Commands that are given while a server has just started, or is away: a part of the system is never taken for all of it.
+#include "two_hosts.hpp"
+
+#include <system/instantiation/host.hpp>
+
+using namespace deployment_test;
+using Catch::Contains;
+using host_test::marked;
+using host_test::wait_until;
+
+namespace {
+
+constexpr const char* both = "name = 'sea'\n[hosts.boat]\n[hosts.shore]\n"
+                             "[components.one]\ntype = 'trouble'\nhost = 'boat'\n"
+                             "[components.two]\ntype = 'trouble'\nhost = 'shore'\n";
+
+// It was killed: the name server knows it until its lease has ended.
+void forget_host(two_hosts& in, const std::string& host) {
+    wait_until([&] {
+        for (const auto& one : in.told({"list"}))
+            if (one["path"] == "ise/host/" + host) return false;
+        return true;
+    });
+}
+
+} // namespace
+
+TEST_CASE("what is asked right after the name server was started again is told of the whole system") {
+    two_hosts in;
+    auto file = in.file("sea.toml", both);
+    in.up(file);
+    in.crash_name_server();
+    in.start_name_server();
+    CHECK_THAT(in.done({"diff", file}), Contains("sea is as"));
+    in.crash_name_server();
+    in.start_name_server();
+    CHECK(in.told({"ps"}).size() == 2);
+    in.crash_name_server();
+    in.start_name_server();
+    CHECK_THAT(in.done({"down", file}), Contains("sea is down: 2 components, 2 steps"));
+    CHECK(marked().empty());
+}
+
+TEST_CASE("what a killed instantiation server had started is not told to be down, and goes down when it is back") {
+    two_hosts in;
+    auto file = in.file("sea.toml", both);
+    in.up(file);
+    in.crash("boat");
+    forget_host(in, "boat");
+    auto alone = in.ise({"stop", "sea/one"});
+    CHECK(alone.exit_code == 3);
+    CHECK_THAT(alone.err, Contains("'sea/one' runs as process") && Contains("but no instantiation server that is registered has started it") && Contains("--state"));
+    auto half = in.ise({"down", file});
+    CHECK(half.exit_code == 3);
+    CHECK_THAT(half.err, Contains("not all of sea is down: no instantiation server 'boat' is registered"));
+    CHECK(marked().size() == 1); // the one on boat
+    in.open("boat");
+    in.done({"down", file});
+    CHECK(marked().empty());
+    CHECK(in.left_behind().empty());
+}
