@@ -321,3 +321,26 @@ TEST_CASE("atirma: parameters of the local modem are read and set by name") {
     CHECK(seen.local->address == 0x0013A20040000001);
     CHECK(seen.local->rssi_dbm.value_or(0) < 0);
 }
+
+TEST_CASE("atirma: the boat tells how strongly it hears the shore, once it has heard it") {
+    sea it;
+    auto& seen = it.watch();
+    std::size_t looked_at = 0;
+    auto told = [&]() -> std::optional<link_status> { // the next one of its radio
+        while (looked_at < seen.telemetry.size()) {
+            auto message = parse_telemetry(seen.telemetry[looked_at++].raw);
+            const auto* link = message ? std::get_if<link_status>(&message->body) : nullptr;
+            if (link && link->link == link_id::xbee) return *link;
+        }
+        return std::nullopt;
+    };
+    std::optional<link_status> last;
+    REQUIRE(it.until([&] { return (last = told()).has_value(); }));
+    CHECK(last->rssi_dbm == 0);
+    asked answer;
+    command(it, set_mode(9, sailing_mode::hold), 30s, answer);
+    REQUIRE(it.until([&] { return answer.has_value(); }));
+    REQUIRE(it.until([&] { return (last = told()) && last->rssi_dbm != 0; }));
+    CHECK(last->rssi_dbm == Approx(seen.local->rssi_dbm.value()).margin(30)); // as far there as back
+    CHECK(last->rssi_dbm < -20);
+}
