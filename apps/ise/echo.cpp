@@ -23,6 +23,14 @@ void append_line(std::string& text, const received<dynamic_packet>& packet, json
     text += '\n';
 }
 
+// What the provider answered to the subscription: beside the packets, so that each line of the answer stays one.
+void show_response(const settings& set, const std::string& service, const dynamic_packet& response) {
+    if (response.encoded().empty()) return; // it has nothing to say
+    auto json = response.to_json();
+    complain(set.json ? fmt::format("{{\"response\":{}}}\n", json)
+                      : fmt::format("ise: '{}' answers {}\n", printable(service), printable(json)));
+}
+
 } // namespace
 
 task<> echo(context& in, echo_options options) {
@@ -30,6 +38,7 @@ task<> echo(context& in, echo_options options) {
     terms.min_interval = options.every;
     terms.last_value = !options.no_last_value;
     auto stream = co_await open_stream(in, options.what, terms);
+    show_response(in.set, options.what.service, stream.response());
     bool over = false;
     timer end(in.self.on(), [&] {
         over = true;

@@ -23,6 +23,7 @@ ise::result<std::uint32_t> command_book::submit(ise::time_point now, utc_time wa
     made.status.id = id;
     made.status.link = options_.link;
     made.status.kind = request.command.kind;
+    made.status.asked_at = wall;
     made.command = request.command;
     made.authority = request.authority;
     made.expires = ise::saturating_add(now, std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(request.valid_s)));

@@ -1,5 +1,7 @@
 #include <components/boat_simulator/boat_simulator.hpp>
 
+#include <components/xbee/at_command.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -86,6 +88,8 @@ ise::task<> boat_simulator::run() {
     started_ = now();
     heard_at_ = started_;
     sent_ = failed_ = heard_ = 0;
+    asked_rssi_.reset();
+    rssi_dbm_ = 0;
     if (!options_.port.device.empty()) {
         port_ = std::make_unique<xbee::modem_port>(on(), log(), options_.port);
         port_->on_event = [this](const xbee::client_event& event) { on_radio_event(event); };
@@ -169,7 +173,12 @@ void boat_simulator::on_radio_event(const xbee::client_event& event) {
     } else if (const auto* packet = std::get_if<xbee::packet_received>(&event)) {
         if (!radio_on_ || packet->source != options_.shore_address) return;
         heard_at_ = now();
+        if (auto asked = port_->local_at(xbee::at("DB"))) asked_rssi_ = *asked;
         heard(link_id::xbee, packet->payload);
+    } else if (const auto* answer = std::get_if<xbee::at_outcome>(&event); answer && answer->id == asked_rssi_) {
+        asked_rssi_.reset();
+        auto level = answer->status == xbee::at_status::ok ? xbee::at_number(answer->value) : std::nullopt;
+        if (level) rssi_dbm_ = static_cast<std::int16_t>(-static_cast<int>(*level));
     }
     // The next packets go with the boat's next step: sending from within an event could go on for ever.
 }
@@ -201,69 +210,6 @@ scene boat_simulator::set_scene(const scene_request& request) {
     told.wind_from_deg = holds.from_deg;
     told.original_wind = wind_->original();
     told.radio_on = radio_on_;
-    return told;
-}
-
-link_status boat_simulator::radio_status() const {
-    link_status told;
-    told.link = link_id::xbee;
-    told.up = port_ && port_->modem_ready() && radio_on_;
-    told.queued = static_cast<std::uint16_t>(std::min<std::size_t>(boat_->queued(link_id::xbee), 65535));
-    told.sent = static_cast<std::uint32_t>(sent_);
-    told.failed = static_cast<std::uint32_t>(failed_);
-    told.last_heard_age_s = std::chrono::duration<float>(now() - heard_at_).count();
-    return told;
-}
-
-link_status boat_simulator::uplink_status() const {
-    const auto& link = uplink_->link();
-    const auto& counted = link.counters();
-    link_status told;
-    told.link = link_id::gprs;
-    told.up = uplink_->connected();
-    told.queued = static_cast<std::uint16_t>(std::min<std::size_t>(link.waiting(), 65535));
-    told.sent = static_cast<std::uint32_t>(counted.sent);
-    told.failed = static_cast<std::uint32_t>(counted.resent);
-    told.last_heard_age_s = std::chrono::duration<float>(now() - std::max(link.heard_at(), started_)).count();
-    return told;
-}
-
-ground_truth boat_simulator::truth() const {
-    auto where = boat_->location_now();
-    auto how = boat_->navigation_now();
-    auto air = boat_->true_wind();
-    ground_truth told;
-    told.at = std::chrono::floor<std::chrono::milliseconds>(wall());
-    told.model_time_s = std::chrono::duration<double>(model_now()).count();
-    told.latitude_deg = where.latitude_deg;
-    told.longitude_deg = where.longitude_deg;
-    told.speed_over_ground_mps = where.speed_over_ground_mps;
-    told.course_over_ground_deg = where.course_over_ground_deg;
-    told.distance_sailed_m = where.distance_sailed_m;
-    told.heading_deg = how.heading_deg;
-    told.heel_deg = how.heel_deg;
-    told.wind_speed_mps = static_cast<float>(air.speed_mps);
-    told.wind_from_deg = static_cast<float>(air.from_deg);
-    told.mode = how.mode;
-    told.in_irons = how.in_irons;
-    told.waypoint_index = how.waypoint_index;
-    told.waypoint_count = how.waypoint_count;
-    told.laps = how.laps;
-    told.boot = boat_->boot();
-    told.modem_ready = port_ && port_->modem_ready();
-    told.packets_sent = sent_;
-    told.packets_failed = failed_;
-    told.packets_queued = boat_->queued(link_id::xbee);
-    told.telecommands_heard = heard_ + (iridium_ ? iridium_->telecommands_heard() : 0);
-    told.packets_refused = boat_->refused_packets();
-    if (uplink_) {
-        const auto& counted = uplink_->link().counters();
-        told.gprs_connected = uplink_->connected();
-        told.gprs_waiting = uplink_->link().waiting();
-        told.gprs_acknowledged = counted.acknowledged;
-        told.gprs_resent = counted.resent;
-        told.gprs_dropped = counted.dropped;
-    }
     return told;
 }
 

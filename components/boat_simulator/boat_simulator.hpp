@@ -82,6 +82,8 @@ private:
     ise::time_point started_{};
     ise::time_point heard_at_{};
     bool radio_on_ = true;
+    std::optional<xbee::token> asked_rssi_; // of the modem, about the last packet heard
+    std::int16_t rssi_dbm_ = 0;             // 0: nothing was heard yet
     std::uint64_t sent_ = 0, failed_ = 0, heard_ = 0;
 };
 

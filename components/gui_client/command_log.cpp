@@ -41,7 +41,7 @@ void command_log::asked(command_entry entry) {
 
 const command_entry& command_log::on_status(const std::string& path, const telecommand_status& status, utc_time now) {
     shared_.reset();
-    bool from_record = status.asked_at != utc_time(); // of a communication node, which knows when it was given
+    bool from_record = status.asked_at != utc_time(); // who tells it knows when it was given
     auto* known = seek(status.id);
     if (!known) {
         command_entry entry;

@@ -50,6 +50,7 @@ telecommand_status status_of(const mt_entry& entry) {
     told.value = entry.value;
     told.text = entry.text;
     told.at = entry.changed_at;
+    told.asked_at = entry.asked_at;
     told.attempts = entry.attempts;
     return told;
 }

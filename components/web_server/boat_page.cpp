@@ -175,8 +175,10 @@ ise::task<> boat_page::follow_estimates(std::string path) {
                 if (!account) break;
                 if (!account->estimate || !account->last_session_at || account->last_session_at == last) continue;
                 last = account->last_session_at;
+                if (clock() - *last > state_.options().max_age) continue;
                 position_update fix;
-                fix.from = {*last, std::max<utc_ms>(*last, clock()), std::string(name_of(link_id::iridium)), true};
+                // A session is the boat heard over Iridium, when it was and no sooner: the account may be an old one.
+                fix.from = {*last, std::min<utc_ms>(*last, clock()), std::string(name_of(link_id::iridium)), false};
                 fix.latitude_deg = account->estimate->latitude_deg;
                 fix.longitude_deg = account->estimate->longitude_deg;
                 fix.circular_error_m = 1000 * account->estimate_cep_km.value_or(10);

@@ -134,7 +134,8 @@ std::string web_server::fleet_json() const {
         if (const auto& at = boat->state().position())
             one["position"] = {{"latitude_deg", rounded(at->latitude_deg, 6)},
                                {"longitude_deg", rounded(at->longitude_deg, 6)},
-                               {"measured_at", to_json(at->from.measured_at)}};
+                               {"measured_at", to_json(at->from.measured_at)},
+                               {"link", at->from.source}};
         else one["position"] = nullptr;
         all.push_back(std::move(one));
     }
@@ -158,6 +159,7 @@ std::string web_server::status_json() const {
             one["position"] = {{"latitude_deg", rounded(at->latitude_deg, 7)},
                                {"longitude_deg", rounded(at->longitude_deg, 7)},
                                {"measured_at", to_json(at->from.measured_at)},
+                               {"link", at->from.source},
                                {"age_s", static_cast<double>(age.count()) / 1000},
                                {"stale", age > boat.state().options().stale_after}};
         }

@@ -35,7 +35,10 @@ const xbee::at_info& parameter_named(const std::string& name) {
     if (info) return *info;
     std::string known;
     for (const auto& n : names) known += fmt::format("{}{}", known.empty() ? "" : ", ", n.name);
-    throw ise::error(ise::errc::refused, fmt::format("the modem has no parameter '{}'; there are {}, and the AT commands by their two letters", name, known));
+    auto wrong = name.empty() ? std::string("no parameter is named") : fmt::format("the modem has no parameter '{}'", name);
+    throw ise::error(ise::errc::refused,
+                     fmt::format("{}; there are {}, and the AT commands by their two letters: {{\"name\":\"{}\"}}", wrong,
+                                 known, names.front().name));
 }
 
 std::int64_t shown(at_name command, ise::bytes_view value) {

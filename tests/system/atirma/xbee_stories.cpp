@@ -287,7 +287,7 @@ TEST_CASE("atirma: parameters of the local modem are read and set by name") {
     REQUIRE(it.until([&] { return radio_works(seen); }));
     std::vector<ise::result<xbee_param>> answers;
     it.user([&answers](ise::component& self) -> ise::task<> {
-        std::vector<xbee_param_request> requests(5);
+        std::vector<xbee_param_request> requests(6);
         requests[0].name = "power_level";
         requests[0].value = 2;
         requests[1].name = "PL";
@@ -295,13 +295,14 @@ TEST_CASE("atirma: parameters of the local modem are read and set by name") {
         requests[2].value = 9;
         requests[3].name = "colour";
         requests[4].name = "temperature_c";
+        requests[5].name = ""; // as in ise call … xb_local_param '{}'
         auto proxy = sea::proxy(self);
         for (auto& request : requests) {
             auto answer = co_await proxy.try_call(services::xb_local_param, request, 10s);
             answers.push_back(std::move(answer));
         }
     });
-    REQUIRE(it.until([&] { return answers.size() == 5; }));
+    REQUIRE(it.until([&] { return answers.size() == 6; }));
     REQUIRE(answers[0]);
     CHECK(answers[0]->value == 2);
     REQUIRE(answers[1]);
@@ -312,7 +313,34 @@ TEST_CASE("atirma: parameters of the local modem are read and set by name") {
     CHECK(answers[3].error().message().find("power_level") != std::string::npos); // says what there is
     REQUIRE(answers[4]);
     CHECK(answers[4]->value == 27);
+    REQUIRE_FALSE(answers[5]);
+    CHECK(answers[5].error().code() == ise::errc::refused);
+    for (const char* word : {"no parameter is named", "temperature_c", "power_level", R"({"name":"rssi_dbm"})"})
+        CHECK(answers[5].error().message().find(word) != std::string::npos);
     REQUIRE(it.until([&] { return seen.local->power_level == 2; }));
     CHECK(seen.local->address == 0x0013A20040000001);
     CHECK(seen.local->rssi_dbm.value_or(0) < 0);
+}
+
+TEST_CASE("atirma: the boat tells how strongly it hears the shore, once it has heard it") {
+    sea it;
+    auto& seen = it.watch();
+    std::size_t looked_at = 0;
+    auto told = [&]() -> std::optional<link_status> { // the next one of its radio
+        while (looked_at < seen.telemetry.size()) {
+            auto message = parse_telemetry(seen.telemetry[looked_at++].raw);
+            const auto* link = message ? std::get_if<link_status>(&message->body) : nullptr;
+            if (link && link->link == link_id::xbee) return *link;
+        }
+        return std::nullopt;
+    };
+    std::optional<link_status> last;
+    REQUIRE(it.until([&] { return (last = told()).has_value(); }));
+    CHECK(last->rssi_dbm == 0);
+    asked answer;
+    command(it, set_mode(9, sailing_mode::hold), 30s, answer);
+    REQUIRE(it.until([&] { return answer.has_value(); }));
+    REQUIRE(it.until([&] { return (last = told()) && last->rssi_dbm != 0; }));
+    CHECK(last->rssi_dbm == Approx(seen.local->rssi_dbm.value()).margin(30)); // as far there as back
+    CHECK(last->rssi_dbm < -20);
 }

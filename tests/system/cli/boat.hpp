@@ -37,10 +37,15 @@ struct from_number {
 struct farewell {
     std::string reason = "done";
 };
+struct watch_begun {
+    std::string officer;
+    std::uint32_t from = 0;
+};
 
 inline constexpr ise::subscription<fix> position{"position"};
 inline constexpr ise::subscription<fix, from_number, ise::nothing, farewell> counted{"counted"};
 inline constexpr ise::subscription<fix> silent{"silent"};
+inline constexpr ise::subscription<fix, from_number, watch_begun> watched{"watched"};
 inline constexpr ise::request_response<set_mode, mode_set> helm{"helm"};
 inline constexpr ise::request_response<route, route_set> plan{"plan"};
 inline constexpr ise::request_response<set_mode, mode_set> never{"never"};
@@ -75,12 +80,12 @@ private:
             co_return ise::nothing{};
         });
         require(beeper);
-        ise::publication_callbacks<std::remove_const_t<decltype(silent)>> watched;
-        watched.on_subscribe = [this](const ise::nothing&, const ise::subscriber_info&) {
+        ise::publication_callbacks<std::remove_const_t<decltype(silent)>> unseen;
+        unseen.on_subscribe = [this](const ise::nothing&, const ise::subscriber_info&) {
             ++watching;
             return ise::nothing{};
         };
-        auto quiet = publish(silent, watched);
+        auto quiet = publish(silent, unseen);
         ise::publication_callbacks<std::remove_const_t<decltype(counted)>> callbacks;
         callbacks.on_subscribe = [this](const from_number& rq, const ise::subscriber_info&) {
             number_ = rq.first;
@@ -91,11 +96,17 @@ private:
             return ise::nothing{};
         };
         auto from = publish(counted, callbacks);
+        ise::publication_callbacks<std::remove_const_t<decltype(watched)>> answering;
+        answering.on_subscribe = [](const from_number& rq, const ise::subscriber_info&) {
+            return watch_begun{"Ana\xc2\x9b", rq.first};
+        };
+        auto seen = publish(watched, answering);
         auto fixes = publish(position);
         for (std::uint32_t number = 0;; ++number) {
             co_await sleep(2ms);
             fixes(fix{number, 28.15, -15.45});
             from(fix{number_++, 28.15, -15.45});
+            seen(fix{number, 28.15, -15.45});
         }
     }
     std::uint32_t number_ = 0;

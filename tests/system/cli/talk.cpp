@@ -102,7 +102,7 @@ TEST_CASE("describe tells services, packets, counts and how to try them") {
     CHECK_THAT(page.out, Contains("latitude_deg: f64") && Contains("ise call " + in.at + R"( helm '{"mode":"hold"}')") && Contains("required of others\n  beeper"));
     CHECK_THAT(page.out, !Contains("ise.describe"));
     CHECK_THAT(run_program({"ise", "describe", "--all", in.at}).out, Contains("ise.describe"));
-    CHECK(run_program({"ise", "describe", "--names", in.at}).out == "helm\nnever\nplan\nretire\ncounted\nposition\nsilent\n");
+    CHECK(run_program({"ise", "describe", "--names", in.at}).out == "helm\nnever\nplan\nretire\ncounted\nposition\nsilent\nwatched\n");
     auto json = run_program({"ise", "describe", "--json", in.at});
     CHECK(json.out.starts_with(R"({"path":"atirma/boat","state":"ready","host":")"));
     CHECK_THAT(json.out, Contains(R"({"name":"helm","kind":"request-response","provided":true,"packets":[{"role":"request","fingerprint":")"));
@@ -130,6 +130,24 @@ TEST_CASE("echo prints a packet a line and ends after as many as were wanted") {
         CHECK(few.exit_code == 3);
         CHECK_THAT(few.err, Contains("0 of 1 packets"));
     }
+}
+
+TEST_CASE("echo shows the answer to its subscription on standard error, once, and packets alone on standard output") {
+    harbour in;
+    auto ran = run_program({"ise", "echo", in.at, "watched", R"({"first":7})", "-n", "3"});
+    CHECK(ran.exit_code == 0);
+    CHECK(std::ranges::count(ran.out, '\n') == 3);
+    CHECK(ran.out.starts_with(R"({"number":)"));
+    CHECK(ran.err.starts_with("ise: 'watched' answers {\"officer\":\"Ana"));
+    CHECK_THAT(ran.err, Contains(R"("from":7})") && !Contains("\xc2\x9b"));
+    CHECK(std::ranges::count(ran.err, '\n') == 1);
+    SECTION("for programs as JSON") {
+        auto told = run_program({"ise", "--json", "echo", in.at, "watched", "-n", "1"});
+        CHECK(told.out.starts_with(R"({"number":)"));
+        CHECK(told.err.starts_with(R"({"response":{"officer":"Ana)"));
+        CHECK(told.err.ends_with("\"from\":100}}\n"));
+    }
+    SECTION("an answer without fields is none") { CHECK(run_program({"ise", "echo", in.at, "position", "-n", "1"}).err.empty()); }
 }
 
 TEST_CASE("echo ends quietly when its reader has gone, and unsubscribes with the user's packet") {

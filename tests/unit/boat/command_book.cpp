@@ -41,7 +41,9 @@ struct desk {
 
 TEST_CASE("command book: a telecommand goes from queued over sent to acknowledged, and each change is told once") {
     desk it;
+    auto asked_at = it.wall;
     it.ask(5, command_kind::tack_now);
+    it.pass(3s);
     auto first = it.due();
     REQUIRE(first);
     auto command = parse_telecommand(first->raw);
@@ -55,6 +57,8 @@ TEST_CASE("command book: a telecommand goes from queued over sent to acknowledge
     CHECK_FALSE(it.acknowledge(5, command_kind::tack_now));
     auto told = it.book.take_changes();
     REQUIRE(told.size() == 3);
+    for (const auto& each : told) CHECK(each.asked_at == asked_at); // whoever comes later is told no 1970
+    CHECK(told[2].at == asked_at + 3s);
     CHECK(told[0].state == telecommand_stage::queued);
     CHECK(told[1].state == telecommand_stage::sent);
     CHECK(told[2].state == telecommand_stage::acknowledged);

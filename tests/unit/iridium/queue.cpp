@@ -82,6 +82,7 @@ TEST_CASE("iridium: what the boat has answered over another link is called back 
     REQUIRE(due->id == 2);
     CHECK(queue.recall(start, 1, "acknowledged over gprs"));
     CHECK(status_of(*queue.find(1)).state == telecommand_stage::failed);
+    CHECK(status_of(*queue.find(1)).asked_at == start);
     CHECK_FALSE(queue.recall(start, 1, "again"));
     CHECK_FALSE(queue.recall(start, 2, "it is being given")); // to the gateway
     queue.on_outcome(start, 2, outcome(mt_outcome::kind::accepted));

@@ -1,0 +1,135 @@
+// What the page's component tells of the newest fix: over HTTP, and where a fix is the Iridium gateway's guess.
+#include <components/iridium_proxy/services.hpp>
+#include <components/storage/database.hpp>
+#include <components/web_server/web_component.hpp>
+
+#include <ise/component/node.hpp>
+#include <ise/core/real/environment.hpp>
+#include <ise/sim/world.hpp>
+
+#include <support/catch.hpp>
+
+#include <asio/ip/tcp.hpp>
+#include <nlohmann/json.hpp>
+
+#include <future>
+#include <sstream>
+
+using namespace std::chrono_literals;
+using namespace atirma;
+
+namespace {
+
+ise::node_options nameless() {
+    ise::node_options options;
+    options.use_names = false;
+    options.log = ise::log_sink();
+    return options;
+}
+
+ise::component_options without_endpoint() {
+    ise::component_options options;
+    options.listens = false;
+    return options;
+}
+
+nlohmann::json get(const std::string& port, const std::string& path) {
+    asio::ip::tcp::iostream page("127.0.0.1", port);
+    page << "GET " << path << " HTTP/1.1\r\nHost: test\r\nConnection: close\r\n\r\n" << std::flush;
+    std::stringstream all;
+    all << page.rdbuf();
+    auto answer = all.str();
+    return nlohmann::json::parse(answer.substr(answer.find("\r\n\r\n") + 4));
+}
+
+/// Tells of one session of the boat, as the Iridium proxy does.
+class proxy_alone final : public ise::component {
+public:
+    explicit proxy_alone(utc_time session) : session_(session) {}
+
+private:
+    ise::task<> run() override {
+        auto accounts = publish(services::iridium_account);
+        iridium_account account;
+        account.last_session_at = session_;
+        account.estimate = waypoint{28.1, -15.4};
+        account.estimate_cep_km = 4;
+        accounts(account);
+        co_await sleep(24h);
+    }
+    utc_time session_;
+};
+
+} // namespace
+
+TEST_CASE("page: boats.json and the status name the link that the newest fix came by") {
+    web_server_options options;
+    options.track.boat = "Vela";
+    options.archive.file = "memory:page-told";
+    options.http.port = 0;
+    auto disk = database::open(options.archive.file, {}).value(); // lives as long as this
+    auto measured = std::chrono::floor<std::chrono::milliseconds>(std::chrono::system_clock::now()) - 20s;
+    {
+        auto archive = track_archive::open(options.archive).value();
+        REQUIRE(archive->enter("vela", "Vela"));
+        for (auto [sequence, link] : {std::pair{1u, link_id::xbee}, {2u, link_id::gprs}}) {
+            telemetry_packet packet;
+            packet.link = link;
+            packet.boot = 3;
+            packet.sequence = sequence;
+            packet.measured_at = measured + std::chrono::seconds(sequence);
+            packet.received_at = packet.measured_at + 1s;
+            location fix;
+            fix.latitude_deg = 28.1;
+            fix.longitude_deg = -15.4;
+            fix.quality = fix_quality::gps;
+            packet.raw = encode_telemetry({3, sequence, packet.measured_at}, fix);
+            archive->keep("vela", packet, "location");
+        }
+        REQUIRE(archive->commit(measured));
+    }
+    std::promise<std::string> listening;
+    options.on_listening = [&](const std::string& url) { listening.set_value(url); };
+    ise::real_environment env;
+    ise::node node(env, nameless());
+    node.start<web_server>("atirma/page", without_endpoint(), options);
+    auto url = listening.get_future().get();
+    auto port = std::to_string(std::stoul(url.substr(url.rfind(':') + 1)));
+    auto fleet = get(port, "/boats.json");
+    CHECK(fleet["boats"][0]["position"]["link"] == "gprs");
+    auto status = get(port, "/api/status");
+    CHECK(status["position"]["link"] == "gprs");
+    CHECK(status["boats"]["vela"]["position"]["link"] == "gprs");
+}
+
+TEST_CASE("page: where the Iridium gateway believes the boat to be is no history, and dates from the session") {
+    ise::sim::world world;
+    auto session = std::chrono::floor<std::chrono::milliseconds>(world.wall_start) - 600s;
+    world.host("shore").start_process("proxy", [&](ise::sim::process& here) -> std::shared_ptr<void> {
+        auto node = std::make_shared<ise::node>(here, nameless());
+        ise::component_options where;
+        where.listen = {ise::endpoint::parse("tcp://0.0.0.0:7411").value()};
+        node->start<proxy_alone>("atirma/shore/iridium", where, session);
+        return node;
+    });
+    web_server* page = nullptr;
+    world.host("page").start_process("page", [&](ise::sim::process& here) -> std::shared_ptr<void> {
+        web_server_options options;
+        options.headless = true;
+        options.telemetry = {"tcp://shore:7411"};
+        auto node = std::make_shared<ise::node>(here, nameless());
+        page = &node->start<web_server>("atirma/page", without_endpoint(), options);
+        return node;
+    });
+    REQUIRE(world.run_until([&] { return page->state().position().has_value(); }, 1min));
+    const auto& from = page->state().position()->from;
+    CHECK_FALSE(from.history);
+    CHECK(from.source == "iridium");
+    CHECK(from.measured_at == session);
+    CHECK(from.received_at == session);
+    // And so the page does not say that the boat was heard just now.
+    auto told = page->state().snapshot(session + 600s).data;
+    auto state = nlohmann::json::parse(told)["state"];
+    CHECK(state["position"]["history"] == false);
+    CHECK(state["heard"]["iridium"] == session.time_since_epoch().count());
+}
