@@ -56,7 +56,7 @@ link_card::link_card(std::string path, operator_actions& actions, QWidget* paren
     column_ = column;
 }
 
-void link_card::show_link(const link_view& link, const boat_view& boat, utc_time now) {
+bool link_card::show_link(const link_view& link, const boat_view& boat, utc_time now) {
     const auto& t = colours();
     head_->setText(QStringLiteral("<span style='color:%1'>▬</span> %2")
                        .arg((link.link ? t.of(*link.link) : t.link_other).name(), text(label(link)).toHtmlEscaped()));
@@ -108,21 +108,33 @@ void link_card::show_link(const link_view& link, const boat_view& boat, utc_time
     traffic_->setText(bytes_text(link.bytes) + cost);
     boat_side_->setText(there ? QStringLiteral("%1, %2").arg(there->value.sent).arg(there->value.failed) : "–");
     commands_->setText(QString::number(link.open_commands));
+    bool grown = false;
     if (!details_) {
         details_ = link_details::make(link, actions_, this);
-        if (details_) column_->addWidget(details_);
+        grown = details_ != nullptr;
+        if (grown) column_->addWidget(details_);
     }
     if (details_) details_->show_link(link, now);
+    return grown;
+}
+
+QWidget* link_card::follow_in_tab_order(QWidget* before) {
+    for (auto* each : findChildren<QWidget*>()) {
+        if (!(each->focusPolicy() & Qt::TabFocus) || each->window() != window()) continue; // a box's list is a window
+        setTabOrder(before, each);
+        before = each;
+    }
+    return before;
 }
 
 links_panel::links_panel(operator_actions& actions, QWidget* parent) : QWidget(parent), actions_(actions) {
     auto* outer = new QVBoxLayout(this);
     outer->setContentsMargins(0, 2, 0, 0);
-    auto* area = new QScrollArea(this);
-    area->setWidgetResizable(true);
-    area->setAccessibleName(tr("Links"));
-    area->setFrameShape(QFrame::NoFrame);
-    area->setHorizontalScrollBarPolicy(Qt::ScrollBarAlwaysOff);
+    area_ = new QScrollArea(this);
+    area_->setWidgetResizable(true);
+    area_->setAccessibleName(tr("Links"));
+    area_->setFrameShape(QFrame::NoFrame);
+    area_->setHorizontalScrollBarPolicy(Qt::ScrollBarAlwaysOff);
     auto* inside = new QWidget;
     column_ = new QVBoxLayout(inside);
     column_->setContentsMargins(0, 0, 2, 0);
@@ -134,8 +146,8 @@ links_panel::links_panel(operator_actions& actions, QWidget* parent) : QWidget(p
     empty_->setProperty("role", "small");
     column_->addWidget(empty_);
     column_->addStretch(1);
-    area->setWidget(inside);
-    outer->addWidget(area);
+    area_->setWidget(inside);
+    outer->addWidget(area_);
 }
 
 void links_panel::show_snapshot(const snapshot& seen, utc_time now) {
@@ -150,6 +162,7 @@ void links_panel::show_snapshot(const snapshot& seen, utc_time now) {
         if (!link.all_links) links.push_back(&link);
     std::ranges::stable_sort(links, {}, [](const auto* of) { return of->link ? static_cast<int>(*of->link) : 100; });
     int place = 1; // below the words where there is none
+    bool grown = false;
     for (const auto* each : links) {
         const auto& link = *each;
         auto& card = cards_[link.path];
@@ -158,8 +171,12 @@ void links_panel::show_snapshot(const snapshot& seen, utc_time now) {
             column_->insertWidget(place, card);
         }
         ++place;
-        card->show_link(link, seen.boat, now);
+        grown |= card->show_link(link, seen.boat, now);
     }
+    if (!grown) return;
+    // What is made later comes last by itself, behind all other lists.
+    QWidget* before = area_;
+    for (const auto* each : links) before = cards_[each->path]->follow_in_tab_order(before);
 }
 
 } // namespace atirma::console

@@ -10,6 +10,7 @@
 #include <string>
 
 class QLabel;
+class QScrollArea;
 class QVBoxLayout;
 
 namespace atirma::console {
@@ -21,7 +22,10 @@ class link_card : public QFrame {
     Q_OBJECT
 public:
     link_card(std::string path, operator_actions& actions, QWidget* parent = nullptr);
-    void show_link(const link_view& link, const boat_view& boat, utc_time now);
+    /// True when it has got more to it than before.
+    bool show_link(const link_view& link, const boat_view& boat, utc_time now);
+    /// Has Tab come by what takes keys here after `before`; gives the last of it.
+    QWidget* follow_in_tab_order(QWidget* before);
 
 private:
     std::string path_;
@@ -51,6 +55,7 @@ public:
 
 private:
     operator_actions& actions_;
+    QScrollArea* area_;
     QVBoxLayout* column_;
     QLabel* empty_;
     std::map<std::string, link_card*> cards_;

@@ -82,6 +82,29 @@ TEST_CASE("console windows: what takes the keyboard has a name, shows that it ha
     }
 }
 
+TEST_CASE("console windows: Tab goes from the links to the power of their modem, and back") {
+    desk it;
+    it.window->activateWindow();
+    it.window->show_tab("links");
+    it.show();
+    auto& power = it.find<QComboBox>(("power of " + std::string(xbee_path)).c_str());
+    REQUIRE(power.isVisible());
+    REQUIRE(power.isEnabled());
+    auto* area = power.parentWidget();
+    while (area && area->accessibleName() != "Links") area = area->parentWidget();
+    REQUIRE(area);
+    area->setFocus(Qt::TabFocusReason);
+    REQUIRE(area->hasFocus());
+    auto press = [](Qt::Key which, Qt::KeyboardModifiers with) {
+        QKeyEvent pressed(QEvent::KeyPress, which, with);
+        QApplication::sendEvent(QApplication::focusWidget(), &pressed);
+    };
+    press(Qt::Key_Tab, Qt::NoModifier);
+    CHECK(QApplication::focusWidget() == &power);
+    press(Qt::Key_Backtab, Qt::ShiftModifier);
+    CHECK(QApplication::focusWidget() == area);
+}
+
 TEST_CASE("console windows: every key of the menus is told by Shift+F1") {
     desk it;
     QString told;
