@@ -110,7 +110,8 @@ task<> carrier::carry_out_one(std::size_t number) {
         why.emplace(thrown.why());
     }
     if (!why || interrupted_) co_return;
-    auto text = how_.all ? std::string(why->what()) : fmt::format("step {} of {} failed: {}", number + 1, jobs_.size(), why->what());
+    std::string text = why->what();
+    if (!how_.all) text = fmt::format("step {} of {} failed ({} {} on {}): {}", number + 1, jobs_.size(), deployment::name_of(one.what.what), one.what.path, one.what.server, text);
     if (!why_) why_.emplace(why->code(), why->name(), text, why->advice());
     std::string told;
     if (how_.all) told = why->what();

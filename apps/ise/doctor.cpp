@@ -1,6 +1,7 @@
 #include "look.hpp"
 
 #include "findings.hpp"
+#include "hosts.hpp"
 #include "survey.hpp"
 #include "text.hpp"
 
@@ -9,6 +10,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <tuple>
 
 namespace ise::cli {
 namespace {
@@ -45,6 +47,42 @@ std::string as_text(const std::vector<finding>& found) {
     return text;
 }
 
+finding given_up(const found_instance& of) {
+    const auto& what = of.instance;
+    finding made;
+    made.weight = what.deployment.empty() ? severity::note : severity::error; // who started it by hand was told
+    made.kind = "failed";
+    made.component = what.path;
+    made.message = fmt::format("it has failed on {} and is not started again: {}", of.host.name, what.reason);
+    made.advice = fmt::format("ise logs {0} tells what it printed last; then ise restart {0}, or ise up", what.path);
+    return made;
+}
+
+finding coming_again(const found_instance& of) {
+    finding made;
+    made.weight = severity::warning;
+    made.kind = "waiting";
+    made.component = of.instance.path;
+    made.message = fmt::format("it ended on {} and is about to be started again ({} times so far): {}", of.host.name, of.instance.restarts, of.instance.reason);
+    made.advice = fmt::format("ise logs {} tells what it printed last", of.instance.path);
+    return made;
+}
+
+// Of what does not run nobody is registered who could be asked.
+task<std::vector<finding>> examine_instances(context& in) {
+    std::vector<found_instance> all;
+    try {
+        all = co_await instances_there(in, "", "");
+    } catch (const problem&) { // none is there to have started anything, or it was found not to answer already
+    }
+    std::vector<finding> found;
+    for (const auto& one : all) {
+        if (one.instance.state == instantiation::instance_state::failed) found.push_back(given_up(one));
+        if (one.instance.state == instantiation::instance_state::waiting) found.push_back(coming_again(one));
+    }
+    co_return found;
+}
+
 task<> conclude(context& in, std::vector<finding> found, std::vector<surveyed> all) {
     auto bad = static_cast<std::size_t>(std::ranges::count_if(found, [](const finding& one) { return one.weight != severity::note; }));
     std::string text;
@@ -72,6 +110,9 @@ task<> doctor(context& in, doctor_options options) {
         in.until = saturating_add(in.self.now(), in.set.timeout);
         now = co_await survey(in, what);
         found = examine(before, now, options.interval, in.self.env().identity().host_name);
+        auto ended = co_await examine_instances(in);
+        found.insert(found.end(), ended.begin(), ended.end());
+        std::ranges::stable_sort(found, {}, [](const finding& one) { return std::tie(one.weight, one.component); });
     } catch (const problem& why) {
         if (why.code() != exit_code::not_reached) throw;
         finding lost{severity::error, "no_name_server", {}, why.what(), why.advice()};

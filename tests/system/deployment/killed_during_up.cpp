@@ -53,7 +53,7 @@ TEST_CASE("an up whose instantiation server is killed says so, undoes the rest, 
     auto ended = of.up->wait();
     INFO(ended.out << ended.err);
     CHECK(ended.exit_code != 0);
-    CHECK_THAT(ended.err, Contains("step 2 of 2 failed: the instantiation server of boat did not come to tell whether it did start sea/two") &&
+    CHECK_THAT(ended.err, Contains("step 2 of 2 failed (start sea/two on boat): the instantiation server of boat did not come to tell whether it did start sea/two") &&
                               Contains("what was done before was undone") && Contains("is ise_instantiation_server running on boat?"));
     of.in.open("boat");
     of.goes_down_and_comes_up();

@@ -142,6 +142,25 @@ TEST_CASE("what it started is undone when a deployment fails, unless it is to be
     CHECK(marked().empty());
 }
 
+TEST_CASE("the doctor tells what has failed, and what waits to be started again") {
+    two_hosts in;
+    auto file = in.file("sea.toml", sea(component("one", "boat", "restart = { policy = 'always', first-pause = '300s', longest-pause = '300s' }\n") + component("two", "shore")));
+    in.up(file);
+    for (const char* path : {"sea/one", "sea/two"}) {
+        int pid = in.state(path)["process_id"];
+        REQUIRE(pid > 1);
+        ::kill(pid, SIGKILL);
+        wait_until([&] { return in.state(path)["process_id"] == 0; });
+    }
+    auto sick = in.ise({"doctor"});
+    INFO(sick.out << sick.err);
+    CHECK(sick.exit_code == 1);
+    CHECK_THAT(sick.out, Contains("sea/one: it ended on boat and is about to be started again (0 times so far): signal 9 (Killed)"));
+    CHECK_THAT(sick.out, Contains("sea/two: it has failed on shore and is not started again: signal 9 (Killed)") && Contains("ise logs sea/two"));
+    in.done({"down", file});
+    CHECK_THAT(in.ise({"doctor"}).out, !Contains("started again"));
+}
+
 TEST_CASE("a change that fails leaves what ran before") {
     two_hosts in;
     auto before = in.file("before.toml", sea(component("one", "boat") + component("two", "boat", "after = 'one'\nparameters = { say = 'a' }\n") + component("old", "shore")));

@@ -69,7 +69,7 @@ TEST_CASE("a component of a deployment file listens on tls where its host has ce
     CHECK(here.ise({"validate", file}).exit_code == 0);
     auto refused = here.ise({"up", file});
     CHECK(refused.exit_code == 2);
-    CHECK_THAT(refused.err, Contains("sea/one") && Contains("tls takes certificates, and this instantiation server has none to pass on"));
+    CHECK_THAT(refused.err, Contains("step 1 of 1 failed (start sea/one on shore): tls takes certificates, and this instantiation server has none to pass on"));
     CHECK(marked().empty());
     CHECK(here.close() == 0);
     here.open({"--tls", mine});
