@@ -36,20 +36,20 @@ public:
 private:
     ise::task<> run() override {
         try {
-            auto peer = at(server_);
-            auto connected = co_await peer.connect(generous);
+            peer_ = at(server_);
+            auto connected = co_await peer_.connect(generous);
             connected.value();
             if (asked_.outstanding == 1) {
-                co_await one_by_one(peer);
+                co_await one_by_one();
             } else {
-                co_await many(peer);
+                co_await many();
             }
         } catch (...) {
             into_.fail(std::current_exception());
         }
     }
 
-    ise::task<> one_by_one(ise::remote peer) {
+    ise::task<> one_by_one() {
         outcome out;
         const auto times = span::after_warm_up(asked_);
         auto packet = make_packet<Packet>(asked_.size_bytes);
@@ -57,7 +57,7 @@ private:
         for (auto before = now_ns(); before < times.end_ns;) {
             const ise::request_response<Packet, Packet> service(echo_name(next));
             if (++next == asked_.services) next = 0;
-            packet = co_await peer.call(service, std::move(packet), generous);
+            packet = co_await peer_.call(service, std::move(packet), generous);
             const auto after = now_ns();
             if (before >= times.begin_ns) {
                 out.latency.add(after - before);
@@ -69,13 +69,13 @@ private:
         into_.take(std::move(out));
     }
 
-    ise::task<> many(ise::remote peer) {
+    ise::task<> many() {
         for (std::size_t i = 0; i != asked_.outstanding; ++i) {
             ++running_;
             if (in_a_hurry(asked_)) {
-                call_again(peer, make_packet<Packet>(asked_.size_bytes));
+                call_again(make_packet<Packet>(asked_.size_bytes));
             } else {
-                spawn("caller", call_repeatedly(peer));
+                spawn("caller", call_repeatedly());
             }
         }
         co_await sleep(to_duration(asked_.warmup_seconds));
@@ -91,10 +91,10 @@ private:
         into_.take(std::move(out));
     }
 
-    ise::task<> call_repeatedly(ise::remote peer) {
+    ise::task<> call_repeatedly() {
         auto packet = make_packet<Packet>(asked_.size_bytes);
         while (!done_) {
-            auto reply = co_await peer.try_call(echo<Packet>, std::move(packet), generous);
+            auto reply = co_await peer_.try_call(echo<Packet>, std::move(packet), generous);
             took(reply);
             if (!reply) break;
             packet = std::move(*reply);
@@ -102,11 +102,11 @@ private:
         --running_;
     }
 
-    void call_again(const ise::remote& peer, Packet packet) {
-        peer.try_call(echo<Packet>, std::move(packet), generous, [this, peer](ise::result<Packet> reply) {
+    void call_again(Packet packet) {
+        peer_.try_call(echo<Packet>, std::move(packet), generous, [this](ise::result<Packet> reply) {
             took(reply);
             if (reply && !done_) {
-                call_again(peer, std::move(*reply));
+                call_again(std::move(*reply));
             } else {
                 --running_;
             }
@@ -125,6 +125,7 @@ private:
 
     options asked_;
     ise::endpoint server_;
+    ise::remote peer_;
     collector& into_;
     std::uint64_t answered_ = 0;
     std::size_t running_ = 0;

@@ -10,12 +10,16 @@
 namespace ise {
 namespace {
 
-// Keeps the room of a list that was worked off for the next one, unless it was an exceptional one.
-template <class T>
-void reuse(std::vector<T>& done, std::vector<T>& spare) {
+// Works a list off; what comes meanwhile goes into `next`, an empty one, and the two change places. Keeps their room, unless
+// it was an exceptional one. False if `ended` came to hold: the rest is dropped.
+template <class T, class Do>
+bool work_off(std::vector<T>& list, std::vector<T>& next, const bool& ended, Do work) {
     constexpr std::size_t most = 1024;
-    done.clear();
-    if (done.capacity() <= most) spare = std::move(done);
+    std::swap(list, next);
+    for (auto one = next.begin(); one != next.end() && !ended; ++one) work(*one);
+    if (next.capacity() <= most) next.clear();
+    else next = std::vector<T>();
+    return !ended;
 }
 
 } // namespace
@@ -171,12 +175,6 @@ void loop::on_alarm() {
     }
 }
 
-void loop::later(ready_function ready) {
-    if (abandoned_) return;
-    ready_.push_back(std::move(ready));
-    if (depth_ == 0) post_turn();
-}
-
 void loop::flush_later(std::shared_ptr<flushable> output) {
     if (output->queued_ || abandoned_) return;
     if (depth_ == 0 && !turn_posted_) {
@@ -213,21 +211,13 @@ void loop::end_turn() {
     // What is resumed may make more ready; all of it belongs to this turn, bounded so that the sockets get
     // their share.
     for (int round = 0; round < 64 && (!ready_.empty() || !outputs_.empty()); ++round) {
-        auto ready = std::exchange(ready_, std::move(spare_ready_));
-        for (auto& resume : ready) {
-            if (abandoned_) return;
-            resume();
-        }
-        reuse(ready, spare_ready_);
-        if (ready_.empty()) {
-            auto outputs = std::exchange(outputs_, std::move(spare_outputs_));
-            for (auto& output : outputs) {
-                if (abandoned_) return;
-                output->queued_ = false;
-                output->flush();
-            }
-            reuse(outputs, spare_outputs_);
-        }
+        if (!work_off(ready_, spare_ready_, abandoned_, [](auto& resume) { resume(); })) return;
+        if (!ready_.empty()) continue;
+        auto write = [](auto& output) {
+            output->queued_ = false;
+            output->flush();
+        };
+        if (!work_off(outputs_, spare_outputs_, abandoned_, write)) return;
     }
     if (!ready_.empty() || !outputs_.empty()) post_turn();
 }

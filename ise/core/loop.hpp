@@ -109,7 +109,12 @@ public:
     bool running_here() const { return running_here_(); }
 
     /// Runs `ready` at the end of the present turn, or soon where there is none. On the loop only.
-    void later(ready_function ready);
+    template <class Ready>
+    void later(Ready&& ready) {
+        if (abandoned_) return;
+        ready_.emplace_back(std::forward<Ready>(ready));
+        if (depth_ == 0) post_turn();
+    }
     /// Flushes at the end of the present turn. Outside of turns: at once, and what follows before the loop
     /// comes round again is gathered. On the loop only.
     void flush_later(std::shared_ptr<flushable> output);

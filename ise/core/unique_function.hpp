@@ -47,14 +47,14 @@ public:
     template <class F>
         requires(!std::same_as<std::remove_cvref_t<F>, unique_function> && std::is_invocable_r_v<R, F&, A...>)
     unique_function(F&& callable) {
-        using held = std::decay_t<F>;
-        if constexpr (fits<held>) {
-            ::new (static_cast<void*>(storage_)) held(std::forward<F>(callable));
-            operations_ = &inline_operations<held>;
-        } else {
-            ::new (static_cast<void*>(storage_)) held*(new held(std::forward<F>(callable)));
-            operations_ = &heap_operations<held>;
-        }
+        hold(std::forward<F>(callable));
+    }
+    template <class F>
+        requires(!std::same_as<std::remove_cvref_t<F>, unique_function> && std::is_invocable_r_v<R, F&, A...>)
+    unique_function& operator=(F&& callable) {
+        reset();
+        hold(std::forward<F>(callable));
+        return *this;
     }
 
     unique_function(unique_function&& other) noexcept { take(other); }
@@ -71,6 +71,17 @@ public:
     R operator()(A... arguments) { return operations_->call(storage_, std::forward<A>(arguments)...); }
 
 private:
+    template <class F>
+    void hold(F&& callable) {
+        using held = std::decay_t<F>;
+        if constexpr (fits<held>) {
+            ::new (static_cast<void*>(storage_)) held(std::forward<F>(callable));
+            operations_ = &inline_operations<held>;
+        } else {
+            ::new (static_cast<void*>(storage_)) held*(new held(std::forward<F>(callable)));
+            operations_ = &heap_operations<held>;
+        }
+    }
     void reset() noexcept {
         if (auto* held = std::exchange(operations_, nullptr)) held->destroy(storage_);
     }

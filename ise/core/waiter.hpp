@@ -15,8 +15,8 @@ namespace ise {
 /// the same loop gives by `resume()`.
 ///
 /// The coroutine goes on at the end of the loop's turn, never inside `resume()`. Cancellation of the waiting
-/// coroutine calls `on_cancel`, whose owner answers with `resume()` (or lets it go on waiting). A waiter that
-/// waits should be resumed before it is destroyed; what still waits then, or when the loop ends, is destroyed
+/// coroutine calls `on_cancel`, whose owner answers with `resume()` (or lets it go on waiting); one without does not
+/// hear of it. A waiter that waits should be resumed before it is destroyed; what still waits then, or when the loop ends, is destroyed
 /// without being resumed.
 template <class... T>
 class waiter final : public suspended {
@@ -42,7 +42,7 @@ public:
     template <class Handler>
     void begin(Handler handler) {
         if (loop_.abandoned()) return; // nothing would ever resume it
-        slot_ = asio::get_associated_cancellation_slot(handler);
+        if (on_cancel_) slot_ = asio::get_associated_cancellation_slot(handler);
         cancelling_ = false;
         if (slot_.is_connected()) slot_.template emplace<cancel_operation>(this);
         handler_ = std::move(handler);

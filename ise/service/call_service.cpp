@@ -11,7 +11,7 @@
 namespace ise {
 
 call_worker::call_worker(call_service& service, service_host& host)
-    : service_(service), host_(host), wake_(host.on(), [this] { wake_.resume(false); }), deadline_(host.on(), [this] { expire(); }) {}
+    : service_(service), host_(host), wake_(host.on(), nullptr), deadline_(host.on(), [this] { expire(); }) {}
 
 task<bool> call_worker::next() {
     return asio::async_initiate<const asio::use_awaitable_t<>, void(bool)>(
@@ -25,26 +25,24 @@ task<bool> call_worker::next() {
 void call_worker::begin(incoming_call call, time_point began) {
     call_ = std::move(call);
     began_ = began;
-    busy_ = true;
-    caller_ = call_.from;
-    context_ = service_.context_of_call(call_);
+    busy_ = wanted_ = true;
+    context_ = service_.context_of_call(*call_.from, call_);
     deadline_.arm(call_.deadline);
     wake_.resume(true);
 }
 
-incoming_call call_worker::finish() {
+// Whether somebody waits for the answer.
+bool call_worker::finish() {
     deadline_.disarm();
     if (began_ != time_point::max()) service_.meter_.handled(host_.env().now() - began_);
     busy_ = false;
-    caller_.reset();
-    return std::exchange(call_, {});
+    return std::exchange(wanted_, false);
 }
 
 // The caller has been told, and so is the handler; its own outcome comes too late.
 void call_worker::expire() {
-    auto call = std::exchange(call_, {});
-    if (!call.from) return;
-    call_service::refuse(call, failure(errc::timed_out, fmt::format("'{}' did not finish before its deadline", service_.name()), execution::unknown));
+    if (!std::exchange(wanted_, false)) return;
+    call_service::refuse(*call_.from, call_, failure(errc::timed_out, fmt::format("'{}' did not finish before its deadline", service_.name()), execution::unknown));
     give_up();
 }
 
@@ -53,13 +51,13 @@ void call_worker::give_up() {
 }
 
 void call_worker::answer(outgoing_packet response) {
-    auto call = finish();
-    if (call.from) call_service::reply(call, response);
+    if (finish()) call_service::reply(*call_.from, call_, response);
+    call_.from.reset();
 }
 
 void call_worker::answer(const failure& why) {
-    auto call = finish();
-    if (call.from) call_service::refuse(call, why);
+    if (finish()) call_service::refuse(*call_.from, call_, why);
+    call_.from.reset();
 }
 
 call_service::call_service(service_host& host, std::string name, const packet_types& types, serve_options options)
@@ -67,49 +65,50 @@ call_service::call_service(service_host& host, std::string name, const packet_ty
 
 call_service::~call_service() = default;
 
-void call_service::serve(incoming_call call, incoming_packet request) {
+void call_service::serve(session& from, incoming_call call, incoming_packet request) {
     if (stopped_) {
-        refuse(call, failure(errc::cancelled, fmt::format("'{}' is not provided any more", name_)));
+        refuse(from, call, failure(errc::cancelled, fmt::format("'{}' is not provided any more", name_)));
         return;
     }
     request.adapt = call.adapt;
     const bool measured = meter_.samples(host_.on().now());
     auto began = measured ? host_.env().now() : time_point::max();
     try {
-        if (serve_now(call, request)) {
+        if (serve_now(from, call, request)) {
             meter_.begins();
             if (measured) meter_.handled(host_.env().now() - began);
             return;
         }
-        if (may_begin(*call.from) && begin(call, request, began)) {
+        call.from = from.shared_from_this();
+        if (may_begin(from) && begin(call, request, began)) {
             meter_.begins();
             return;
         }
     } catch (const error& thrown) {
-        refuse(call, thrown.why());
+        refuse(from, call, thrown.why());
         return;
     } catch (const std::exception& thrown) {
-        refuse(call, failure(errc::handler_failed, thrown.what(), execution::unknown));
+        refuse(from, call, failure(errc::handler_failed, thrown.what(), execution::unknown));
         return;
     }
     // A new worker takes the request from the queue as soon as its coroutine has come up.
-    bool more_workers = workers_.size() < options_.concurrent && may_begin(*call.from);
+    bool more_workers = workers_.size() < options_.concurrent && may_begin(from);
     waiting_.push(waiting_call{std::move(call), request.keep(), measured ? began : host_.env().now()});
     while (auto beyond = waiting_.overflow(options_.waiting, options_.waiting_bytes))
-        refuse_overloaded(beyond->call, failure(errc::overloaded, fmt::format("'{}' has {} requests of {} bytes waiting", name_, waiting_.size(), waiting_.bytes_held())));
+        refuse_overloaded(*beyond->call.from, beyond->call, failure(errc::overloaded, fmt::format("'{}' has {} requests of {} bytes waiting", name_, waiting_.size(), waiting_.bytes_held())));
     if (more_workers) add_worker();
 }
 
-void call_service::refuse_overloaded(const incoming_call& call, const failure& why) {
+void call_service::refuse_overloaded(session& to, const incoming_call& call, const failure& why) {
     meter_.refused_overloaded();
     host_.counts().refused(why.code());
-    refuse(call, why);
+    refuse(to, call, why);
 }
 
 bool call_service::may_begin(const session& from) const {
     auto most = options_.concurrent < 4 ? options_.concurrent : options_.concurrent - options_.concurrent / 4;
     if (running() < most) return true;
-    auto theirs = std::ranges::count_if(workers_, [&](const auto& worker) { return worker->caller_.get() == &from; });
+    auto theirs = std::ranges::count_if(workers_, [&](const auto& worker) { return worker->call_.from.get() == &from; });
     return static_cast<std::size_t>(theirs) < most;
 }
 
@@ -134,8 +133,8 @@ void call_service::add_worker() {
                 who.cancel_ = nullptr;
                 if (!of.host_.on().abandoned()) return;
                 auto calls = of.waiting_.take_all();
+                who.wanted_ = false;
                 auto call = std::exchange(who.call_, {});
-                auto caller = std::move(who.caller_);
             }
         } guard{*keep, who};
         co_await who.run();
@@ -144,7 +143,7 @@ void call_service::add_worker() {
     worker.cancel_ = host_.scope().spawn("handler of " + name_, body(shared_from_this(), worker), std::move(executor));
     if (worker.cancel_) return;
     workers_.pop_back();
-    for (auto& entry : waiting_.take_all()) refuse(entry.call, failure(errc::cancelled, "the component stops"));
+    for (auto& entry : waiting_.take_all()) refuse(*entry.call.from, entry.call, failure(errc::cancelled, "the component stops"));
 }
 
 void call_service::idle(call_worker& worker) {
@@ -154,7 +153,7 @@ void call_service::idle(call_worker& worker) {
         return;
     }
     idle_.push_back(&worker);
-    for (;;) {
+    while (!waiting_.empty()) {
         auto found = waiting_.pop([this](const session& from) { return may_begin(from); });
         if (!found) return;
         auto& next = *found;
@@ -162,7 +161,7 @@ void call_service::idle(call_worker& worker) {
         if (next.call.deadline <= now) {
             meter_.refused_expired();
             host_.counts().refused(errc::timed_out);
-            refuse(next.call, failure(errc::timed_out, fmt::format("'{}' was too busy to begin in time", name_)));
+            refuse(*next.call.from, next.call, failure(errc::timed_out, fmt::format("'{}' was too busy to begin in time", name_)));
             continue;
         }
         try {
@@ -172,7 +171,7 @@ void call_service::idle(call_worker& worker) {
             meter_.begins(now - next.since);
             return;
         } catch (const error& thrown) {
-            refuse(next.call, thrown.why());
+            refuse(*next.call.from, next.call, thrown.why());
         }
     }
 }
@@ -181,8 +180,8 @@ void call_service::idle(call_worker& worker) {
 void call_service::withdraw(const session& from, std::uint64_t id) {
     waiting_.withdraw(from, id);
     for (auto& worker : workers_) {
-        if (worker->call_.from.get() != &from || worker->call_.id != id) continue;
-        worker->call_ = {};
+        if (!worker->wanted_ || worker->call_.from.get() != &from || worker->call_.id != id) continue;
+        worker->wanted_ = false;
         worker->deadline_.disarm();
         worker->give_up();
         return;
@@ -191,27 +190,26 @@ void call_service::withdraw(const session& from, std::uint64_t id) {
 
 void call_service::stop() {
     stopped_ = true;
-    for (auto& entry : waiting_.take_all()) refuse(entry.call, failure(errc::cancelled, fmt::format("'{}' is not provided any more", name_)));
+    for (auto& entry : waiting_.take_all()) refuse(*entry.call.from, entry.call, failure(errc::cancelled, fmt::format("'{}' is not provided any more", name_)));
     for (auto* worker : std::exchange(idle_, {})) worker->wake_.resume(false);
     // Those who wait for a handler that runs are told now, before the sessions say goodbye.
     for (auto& worker : workers_) {
-        auto call = std::exchange(worker->call_, {});
         worker->deadline_.disarm();
-        if (call.from) refuse(call, failure(errc::cancelled, fmt::format("'{}' was stopped while it ran", name_), execution::unknown));
+        if (std::exchange(worker->wanted_, false)) refuse(*worker->call_.from, worker->call_, failure(errc::cancelled, fmt::format("'{}' was stopped while it ran", name_), execution::unknown));
         worker->give_up();
     }
 }
 
-call_context call_service::context_of_call(const incoming_call& call) const {
+call_context call_service::context_of_call(const session& from, const incoming_call& call) const {
     call_context made;
     made.service = name_;
-    made.caller = call.from->peer_name();
+    made.caller = from.peer_name();
     made.deadline = call.deadline;
     made.trace = call.trace;
     return made;
 }
 
-void call_service::reply(const incoming_call& call, outgoing_packet response) { call.from->reply(call.id, response); }
-void call_service::refuse(const incoming_call& call, const failure& why) { call.from->refuse(call.id, why); }
+void call_service::reply(session& to, const incoming_call& call, outgoing_packet response) { to.reply(call.id, response); }
+void call_service::refuse(session& to, const incoming_call& call, const failure& why) { to.refuse(call.id, why); }
 
 } // namespace ise

@@ -38,7 +38,7 @@ task<result<dynamic_packet>> submit(std::shared_ptr<link> to, std::string servic
         [](auto handler, std::shared_ptr<link> over, std::string name, std::shared_ptr<const packet_types> packets, bytes body, duration limit) {
             auto& on = over->host().on();
             auto executor = asio::get_associated_executor(handler, on.get_executor());
-            auto& call = detail::begin_call(std::move(over), service_key{name, packets.get()}, limit, executor, asio::get_associated_cancellation_slot(handler));
+            auto& call = detail::begin_call(hold(std::move(over)), service_key{name, packets.get()}, limit, executor, asio::get_associated_cancellation_slot(handler));
             auto type = packets->schemas[role::response];
             call.done = [handler = std::move(handler), type, &on](const call_outcome& outcome) mutable {
                 on.later([handler = std::move(handler), got = response_of(outcome, type)]() mutable { handler(std::move(got)); });

@@ -178,13 +178,12 @@ void incoming_calls::serve(binding& of, const request_head& head, incoming_packe
     if (head.number != 0 && seen_before(of, head)) return;
     occupy(of, head, false);
     incoming_call call;
-    call.from = session_.shared_from_this();
     call.id = head.id;
     call.deadline = head.deadline;
     call.trace = head.trace;
     call.adapt = of.request.get();
     ++host.counts().calls_served;
-    of.service->serve(std::move(call), std::move(request));
+    of.service->serve(session_, std::move(call), std::move(request));
 }
 
 void incoming_calls::occupy(binding& of, const request_head& head, bool elsewhere) {

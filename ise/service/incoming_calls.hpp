@@ -29,7 +29,6 @@ public:
 
     /// Cancels the handler that runs now.
     void give_up();
-    const incoming_call& call() const noexcept { return call_; }
 
 protected:
     friend class call_service;
@@ -38,7 +37,8 @@ protected:
     /// Takes a request for the next turn; may throw.
     virtual void load(incoming_packet& request) = 0;
 
-    /// Waits for the next call; false: no more will come.
+    /// Waits for the next call; false: no more will come. Only the service ends this wait: to hear of a cancellation costs
+    /// memory, at each call.
     task<bool> next();
     void answer(outgoing_packet response);
     void answer(const failure& why);
@@ -46,7 +46,7 @@ protected:
 
 private:
     void begin(incoming_call call, time_point began);
-    incoming_call finish();
+    bool finish();
     void expire();
 
     call_service& service_;
@@ -54,10 +54,10 @@ private:
     waiter<bool> wake_;
     asio::cancellation_signal* cancel_ = nullptr; // of its coroutine
     timer deadline_;
-    incoming_call call_;
+    incoming_call call_; // context_ borrows the name of who called
+    bool wanted_ = false; // somebody waits for the answer
     time_point began_ = time_point::max(); // max: it is not measured
     call_context context_;
-    std::shared_ptr<session> caller_; // context_ borrows its name
     bool busy_ = false;
 };
 
@@ -77,9 +77,9 @@ public:
     const std::string& name() const noexcept { return name_; }
     const packet_types& types() const noexcept { return types_; }
 
-    void serve(incoming_call call, incoming_packet request);
-    static void reply(const incoming_call& call, outgoing_packet response);
-    static void refuse(const incoming_call& call, const failure& why);
+    void serve(session& from, incoming_call call, incoming_packet request);
+    static void reply(session& to, const incoming_call& call, outgoing_packet response);
+    static void refuse(session& to, const incoming_call& call, const failure& why);
     /// Requests of a session that ended, or that the caller gave up.
     void withdraw(const session& from, std::uint64_t id);
     void stop();
@@ -89,16 +89,16 @@ public:
 
 protected:
     /// Answers at once, without a coroutine: for handlers that are plain functions. False: a worker is needed.
-    virtual bool serve_now(const incoming_call& call, incoming_packet& request) = 0;
+    virtual bool serve_now(session& from, const incoming_call& call, incoming_packet& request) = 0;
     virtual std::unique_ptr<call_worker> make_worker() = 0;
-    call_context context_of_call(const incoming_call& call) const;
+    call_context context_of_call(const session& from, const incoming_call& call) const;
     service_host& host() noexcept { return host_; }
 
 private:
     friend class call_worker;
     void idle(call_worker& worker);
     bool begin(incoming_call& call, incoming_packet& request, time_point began); // false: no worker is idle
-    void refuse_overloaded(const incoming_call& call, const failure& why);
+    void refuse_overloaded(session& to, const incoming_call& call, const failure& why);
     void add_worker();
 
     // One session never has every handler, where there are several: the others' calls go on.

@@ -23,6 +23,21 @@ constexpr duration member_patience = std::chrono::seconds(1);
 
 } // namespace
 
+void let_go_of_link::operator()(link* held) const noexcept {
+    if (--held->calls_ == 0) auto last = std::move(held->self_); // may be the last of all
+}
+
+held_link hold(const std::shared_ptr<link>& to) {
+    if (to->calls_++ == 0) to->self_ = to;
+    return held_link(to.get());
+}
+
+held_link hold(std::shared_ptr<link>&& to) {
+    auto& of = *to;
+    if (of.calls_++ == 0) of.self_ = std::move(to);
+    return held_link(&of);
+}
+
 link::link(service_host& host, std::string path, std::optional<endpoint> fixed, role_options how)
     : host_(host), path_(std::move(path)), fixed_(std::move(fixed)), name_(fixed_ ? fixed_->text() : path_),
       next_call_number_(host.next_call_range()), how_(how), pause_(host.env(), host.options().first_back_off, host.options().longest_back_off),

@@ -74,6 +74,9 @@ public:
     std::size_t subscribers() const noexcept { return subscribers_.size(); }
 
 private:
+    friend struct let_go_of_link;
+    friend held_link hold(const std::shared_ptr<link>& to);
+    friend held_link hold(std::shared_ptr<link>&& to);
     bool wanted() const noexcept { return !waiting_.empty() || !subscribers_.empty() || connectors_ > 0; }
     void wake();
     static task<> maintain(std::shared_ptr<link> self);
@@ -113,6 +116,8 @@ private:
     time_point since_{}; // the present session began
     std::uint64_t tried_life_ = 0; // the incarnation that was tried last; 0: nobody held the name
     int connectors_ = 0;
+    std::size_t calls_ = 0; // that hold it
+    std::shared_ptr<link> self_; // while there are any
     bool maintaining_ = false;
     bool moving_ = false;
     bool peer_only_ = false;

@@ -25,6 +25,12 @@ struct cancel_operation {
     }
 };
 
+// Takes the place, and the memory, of one whose call has ended. Memory that Asio itself lets go when the coroutine goes on
+// is there for its next call; what was let go before, for many calls that end together, is not.
+struct nothing_to_cancel {
+    void operator()(asio::cancellation_type) const noexcept {}
+};
+
 } // namespace
 
 pending_call::pending_call(call_desk& of) : desk(of), alarm(of.on(), [this] { desk.expire(*this); }) {}
@@ -63,7 +69,7 @@ void call_desk::end(pending_call& call, const call_outcome& outcome) {
     if (!call.done) return; // dropped: the loop has ended
     on_.delist(call);
     call.alarm.disarm();
-    if (!std::exchange(call.cancelling, false) && call.slot.is_connected()) call.slot.clear();
+    if (!std::exchange(call.cancelling, false) && call.slot.is_connected()) call.slot.emplace<nothing_to_cancel>();
     call.slot = {};
     auto done = std::move(call.done);
     auto owner = std::move(call.owner); // lives until the completion has run

@@ -17,6 +17,15 @@ class call_desk;
 class session;
 class link;
 
+/// Keeps a link for a call. All calls on their way over it have one share of it together: a share for each would cost two
+/// locked instructions a call.
+struct let_go_of_link {
+    void operator()(link* held) const noexcept;
+};
+using held_link = std::unique_ptr<link, let_go_of_link>;
+held_link hold(const std::shared_ptr<link>& to);
+held_link hold(std::shared_ptr<link>&& to);
+
 /// How a call ended: a failure, or the response (valid during the call only).
 struct call_outcome {
     const failure* why = nullptr;
@@ -37,7 +46,7 @@ struct pending_call final : suspended {
     asio::cancellation_slot slot;
     bool cancelling = false;
 
-    std::shared_ptr<link> owner;         ///< where it goes on waiting
+    held_link owner;                     ///< where it goes on waiting
     session* sent_on = nullptr;          ///< the session it was written to
     std::uint64_t id = 0;                ///< on that session
     kept_packet waiting;                 ///< the request, while there is no session, or where it may be sent again

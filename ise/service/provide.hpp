@@ -62,7 +62,7 @@ private:
         std::optional<Request> request_;
     };
 
-    bool serve_now(const incoming_call&, incoming_packet&) override { return false; }
+    bool serve_now(session&, const incoming_call&, incoming_packet&) override { return false; }
     std::unique_ptr<call_worker> make_worker() override { return std::make_unique<worker>(*this, host()); }
 
     Handler handler_;
@@ -76,22 +76,22 @@ public:
         : call_service(host, std::move(name), types, {}), handler_(std::move(handler)) {}
 
 private:
-    bool serve_now(const incoming_call& call, incoming_packet& came) override {
+    bool serve_now(session& from, const incoming_call& call, incoming_packet& came) override {
         Request request{};
         came.take_into(request);
-        auto response = answer(call, std::move(request));
+        auto response = answer(from, call, std::move(request));
         if (response) {
-            reply(call, outgoing_packet(*response));
+            reply(from, call, outgoing_packet(*response));
         } else {
-            refuse(call, response.error());
+            refuse(from, call, response.error());
         }
         return true;
     }
 
-    result<Response> answer(const incoming_call& call, Request request) {
+    result<Response> answer(const session& from, const incoming_call& call, Request request) {
         try {
             if constexpr (std::is_invocable_v<Handler&, Request, const call_context&>) {
-                auto context = context_of_call(call);
+                auto context = context_of_call(from, call);
                 return handler_(std::move(request), context);
             } else {
                 return handler_(std::move(request));

@@ -18,7 +18,7 @@ task<result<void>> remote::connect(duration deadline) const {
 
 namespace detail {
 
-pending_call& begin_call(std::shared_ptr<link> to, service_key service, duration deadline, const asio::any_io_executor& caller, asio::cancellation_slot slot) {
+pending_call& begin_call(held_link to, service_key service, duration deadline, const asio::any_io_executor& caller, asio::cancellation_slot slot) {
     auto& host = to->host();
     auto& call = host.calls().open();
     call.owner = std::move(to);

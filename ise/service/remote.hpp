@@ -16,7 +16,7 @@ namespace detail {
 
 /// Everything of a call that needs no types: opens the record, which keeps `to`, and fits deadline and trace to the
 /// caller's context.
-pending_call& begin_call(std::shared_ptr<link> to, service_key service, duration deadline, const asio::any_io_executor& caller, asio::cancellation_slot slot);
+pending_call& begin_call(held_link to, service_key service, duration deadline, const asio::any_io_executor& caller, asio::cancellation_slot slot);
 /// A failure where `to` is used on another thread than its component's.
 std::optional<failure> check_place(link& to, service_key service);
 /// Runs what `check_place` has refused on the executor of whoever waits; where it has none, on the system's.
@@ -66,8 +66,8 @@ public:
     task<typename Contract::response_type> call(const Contract& service, typename Contract::request_type request, duration deadline = duration()) const {
         using response = typename Contract::response_type;
         return asio::async_initiate<const asio::use_awaitable_t<>, void(std::exception_ptr, response)>(
-            [](auto handler, std::shared_ptr<link> to, service_key key, typename Contract::request_type packet, duration limit) {
-                start<response>(std::move(handler), std::move(to), key, packet, limit, [](auto& waiting, result<response>& got) {
+            [](auto handler, auto&& to, service_key key, typename Contract::request_type packet, duration limit) {
+                start<response>(std::move(handler), std::forward<decltype(to)>(to), key, packet, limit, [](auto& waiting, result<response>& got) {
                     if (got) {
                         waiting(std::exception_ptr(), std::move(*got));
                     } else {
@@ -90,8 +90,8 @@ public:
     auto try_call(const Contract& service, typename Contract::request_type request, duration deadline, Token&& token) const {
         using response = typename Contract::response_type;
         return asio::async_initiate<Token, void(result<response>)>(
-            [](auto handler, std::shared_ptr<link> to, service_key key, typename Contract::request_type packet, duration limit) {
-                start<response>(std::move(handler), std::move(to), key, packet, limit,
+            [](auto handler, auto&& to, service_key key, typename Contract::request_type packet, duration limit) {
+                start<response>(std::move(handler), std::forward<decltype(to)>(to), key, packet, limit,
                                 [](auto& waiting, result<response>& got) { waiting(std::move(got)); });
             },
             token, link_, service.key(), std::move(request), deadline);
@@ -113,8 +113,8 @@ public:
     task<result<void>> connect(duration deadline) const;
 
 private:
-    template <class Response, class Handler, class Request, class Deliver>
-    static void start(Handler handler, std::shared_ptr<link> to, service_key key, Request& packet, duration limit, Deliver deliver) {
+    template <class Response, class Handler, class Link, class Request, class Deliver>
+    static void start(Handler handler, Link&& to, service_key key, Request& packet, duration limit, Deliver deliver) {
         if (auto misplaced = detail::check_place(*to, key)) {
             // Not on the component's thread: nothing of it may be touched; the handler's own executor completes it.
             asio::any_io_executor executor = asio::get_associated_executor(handler, asio::any_io_executor());
@@ -126,7 +126,7 @@ private:
         }
         auto& on = detail::loop_of(*to);
         auto executor = asio::get_associated_executor(handler, on.get_executor());
-        auto& call = detail::begin_call(std::move(to), key, limit, executor, asio::get_associated_cancellation_slot(handler));
+        auto& call = detail::begin_call(hold(std::forward<Link>(to)), key, limit, executor, asio::get_associated_cancellation_slot(handler));
         call.done = [handler = std::move(handler), deliver, &on](const call_outcome& outcome) mutable {
             on.later([handler = std::move(handler), deliver, got = detail::response_of<Response>(outcome)]() mutable { deliver(handler, got); });
         };

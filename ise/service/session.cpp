@@ -164,22 +164,30 @@ void session::abandon(pending_call& call) {
     connection_->written();
 }
 
-pending_call* session::take_slot(std::uint64_t id, std::uint32_t* service) {
+session::slot* session::find_slot(std::uint64_t id) noexcept {
     auto at = static_cast<std::uint32_t>(id);
     if (at >= slots_.size() || !slots_[at].call || call_id(at, slots_[at].generation) != id) return nullptr;
-    if (service) *service = slots_[at].service;
-    ++slots_[at].generation;
-    free_slots_.push_back(at);
-    return std::exchange(slots_[at].call, nullptr);
+    return &slots_[at];
+}
+
+pending_call& session::free_slot(slot& of) {
+    ++of.generation;
+    free_slots_.push_back(static_cast<std::uint32_t>(&of - slots_.data()));
+    return *std::exchange(of.call, nullptr);
+}
+
+pending_call* session::take_slot(std::uint64_t id) {
+    auto* found = find_slot(id);
+    return found ? &free_slot(*found) : nullptr;
 }
 
 result<void> session::on_reply(const wire::frame& received) {
-    auto at = static_cast<std::uint32_t>(received.header.id);
-    if (at >= slots_.size() || !slots_[at].call || call_id(at, slots_[at].generation) != received.header.id) {
+    auto* found = find_slot(received.header.id);
+    if (!found) {
         ++host_.calls().late_replies;
         return {};
     }
-    auto& service = *introduced_[slots_[at].service];
+    auto& service = *introduced_[found->service];
     if (service.adapting) {
         incoming_packet response(received.body, received.object);
         held_reply_bytes_ += response.size();
@@ -188,7 +196,7 @@ result<void> session::on_reply(const wire::frame& received) {
         service.held.emplace_back(received.header.id, response.keep());
         return {};
     }
-    complete(received.header.id, service, incoming_packet(received.body, received.object));
+    complete(free_slot(*found), service, incoming_packet(received.body, received.object));
     return {};
 }
 
@@ -208,9 +216,12 @@ result<void> session::on_answers(const wire::frame& received) {
         waited.adapting = false;
         for (auto& [id, response] : std::exchange(waited.held, {})) {
             held_reply_bytes_ -= response.size();
-            if (!problem) {
-                complete(id, waited, incoming_packet(response));
-            } else if (auto* call = take_slot(id)) {
+            auto* call = take_slot(id);
+            if (!call) {
+                ++host_.calls().late_replies;
+            } else if (!problem) {
+                complete(*call, waited, incoming_packet(response));
+            } else {
                 host_.calls().fail(*call, failure(problem->code(), fmt::format("the response of '{}' from {}: {}", waited.name, peer_name(), problem->message()), execution::unknown));
             }
         }
@@ -229,16 +240,11 @@ result<void> session::on_answers(const wire::frame& received) {
     return {};
 }
 
-void session::complete(std::uint64_t id, introduced& service, incoming_packet response) {
-    auto* call = take_slot(id);
-    if (!call) {
-        ++host_.calls().late_replies;
-        return;
-    }
+void session::complete(pending_call& call, introduced& service, incoming_packet response) {
     call_outcome outcome;
     response.adapt = service.response.get();
     outcome.response = &response;
-    host_.calls().end(*call, outcome);
+    host_.calls().end(call, outcome);
 }
 
 result<void> session::on_error(const wire::frame& received) {
@@ -357,7 +363,7 @@ void session::on_closed(const failure& cause) {
         const auto& header = unwritten.header;
         auto* call = take_slot(header.id);
         if (!call) return; // given up
-        bool ours = owner && call->owner == owner; // one over another link to this session ends with it
+        bool ours = owner && call->owner.get() == owner.get(); // one over another link to this session ends with it
         if (ours && (header.flags & wire::flag::again)) {
             owner->repeat(*call); // an earlier session may have carried it
         } else if (ours) {
@@ -371,7 +377,7 @@ void session::on_closed(const failure& cause) {
         auto* call = slots_[at].call;
         if (!call) continue;
         take_slot(call->id);
-        if (call->number != 0 && owner && call->owner == owner && !host_.stopping()) {
+        if (call->number != 0 && owner && call->owner.get() == owner.get() && !host_.stopping()) {
             owner->repeat(*call);
             continue;
         }

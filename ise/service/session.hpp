@@ -87,7 +87,10 @@ private:
     };
 
     std::uint32_t number_of(const pending_call& call);
-    pending_call* take_slot(std::uint64_t id, std::uint32_t* service = nullptr);
+    /// Null where nobody waits for it any more.
+    slot* find_slot(std::uint64_t id) noexcept;
+    pending_call& free_slot(slot& of);
+    pending_call* take_slot(std::uint64_t id);
     result<void> on_reply(const wire::frame& received);
     result<void> on_error(const wire::frame& received);
     result<void> on_answers(const wire::frame& received);
@@ -95,7 +98,7 @@ private:
     result<void> on_subscribed(const wire::frame& received);
     result<void> on_packet(const wire::frame& received);
     result<void> on_ended(const wire::frame& received);
-    void complete(std::uint64_t id, introduced& service, incoming_packet response);
+    void complete(pending_call& call, introduced& service, incoming_packet response);
 
     service_host& host_;
     std::shared_ptr<net::connection> connection_;

@@ -437,3 +437,22 @@ TEST_CASE("a callback gets the outcome too") {
     at.all.run_until([&] { return got.has_value(); });
     CHECK(got->value().reason == "hold");
 }
+
+TEST_CASE("a remote may be dropped while its calls are on their way; the last one lets the session go") {
+    fixture at;
+    std::vector<outcome> got;
+    auto ask = [](ise::remote to, std::vector<outcome>& into) -> ise::task<> {
+        for (const char* mode : {"hold", "wait", "home"})
+            to.try_call(helm, set_mode{mode}, 20s, [&into](outcome came) { into.push_back(std::move(came)); });
+        co_return;
+    };
+    auto way = at.there.way().weak_from_this();
+    at.all.run(at.shore, ask(std::exchange(at.there, {}), got));
+    CHECK_FALSE(way.expired());
+    REQUIRE(at.all.run_until([&] { return got.size() == 2; }));
+    CHECK_FALSE(way.expired());
+    REQUIRE(at.all.run_until([&] { return got.size() == 3; }));
+    CHECK(got[2].value().reason == "wait");
+    CHECK(way.expired());
+    REQUIRE(at.all.run_until([&] { return at.boat.services->sessions().empty(); }));
+}
