@@ -1,9 +1,10 @@
 #pragma once
 #include <ise/core/error.hpp>
 
+#include <memory>
 #include <optional>
+#include <type_traits>
 #include <utility>
-#include <variant>
 
 namespace ise {
 
@@ -17,40 +18,73 @@ public:
     /// What Asio passes beside an exception: a failure that nobody looks at.
     result() : result(failure(errc::cancelled, "there is no outcome")) {}
     /// Success.
-    result(T value) : state_(std::in_place_index<0>, std::move(value)) {}
+    result(T value) : value_(std::move(value)), holds_(held::value) {}
     /// Failure.
-    result(failure why) : state_(std::in_place_index<1>, std::move(why)) {}
+    result(failure why) : why_(std::move(why)), holds_(held::failure) {}
+    /// A copy, where T can be copied.
+    result(const result& other)
+        requires std::is_copy_constructible_v<T>
+    {
+        take(other);
+    }
+    /// Takes over what the other holds.
+    result(result&& other) noexcept(std::is_nothrow_move_constructible_v<T>) { take(std::move(other)); }
+    /// The same, or a copy.
+    result& operator=(result other) noexcept(std::is_nothrow_move_constructible_v<T>) {
+        drop();
+        take(std::move(other));
+        return *this;
+    }
+    ~result() { drop(); }
 
     /// Whether there is a value.
-    bool has_value() const noexcept { return state_.index() == 0; }
+    bool has_value() const noexcept { return holds_ == held::value; }
     /// Whether there is a value.
     explicit operator bool() const noexcept { return has_value(); }
 
     /// The value, or throws the failure as `ise::error`; so do the two below.
-    T& value() & { return check(), *std::get_if<0>(&state_); }
+    T& value() & { return check(), value_; }
     /// As above.
-    const T& value() const& { return check(), *std::get_if<0>(&state_); }
+    const T& value() const& { return check(), value_; }
     /// As above; moves the value out.
-    T&& value() && { return check(), std::move(*std::get_if<0>(&state_)); }
+    T&& value() && { return check(), std::move(value_); }
 
     /// The value; only where `has_value()`, as the three below.
-    T& operator*() noexcept { return *std::get_if<0>(&state_); }
+    T& operator*() noexcept { return value_; }
     /// As above.
-    const T& operator*() const noexcept { return *std::get_if<0>(&state_); }
+    const T& operator*() const noexcept { return value_; }
     /// As above.
-    T* operator->() noexcept { return std::get_if<0>(&state_); }
+    T* operator->() noexcept { return &value_; }
     /// As above.
-    const T* operator->() const noexcept { return std::get_if<0>(&state_); }
+    const T* operator->() const noexcept { return &value_; }
 
     /// Only where `!has_value()`.
-    const failure& error() const noexcept { return *std::get_if<1>(&state_); }
+    const failure& error() const noexcept { return why_; }
 
 private:
     void check() const {
         if (!has_value()) throw ise::error(error());
     }
 
-    std::variant<T, failure> state_;
+    // By hand: std::variant costs every file of a user more than all of this.
+    enum class held : unsigned char { nothing, value, failure }; // nothing: moving a value into it has thrown
+    void drop() noexcept {
+        if (holds_ == held::value) std::destroy_at(&value_);
+        if (holds_ == held::failure) std::destroy_at(&why_);
+        holds_ = held::nothing;
+    }
+    template <class Other>
+    void take(Other&& other) {
+        if (other.holds_ == held::value) std::construct_at(&value_, std::forward<Other>(other).value_);
+        if (other.holds_ == held::failure) std::construct_at(&why_, std::forward<Other>(other).why_);
+        holds_ = other.holds_;
+    }
+
+    union {
+        T value_;
+        failure why_;
+    };
+    held holds_ = held::nothing;
 };
 
 /// Success without a value, or a failure.

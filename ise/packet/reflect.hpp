@@ -58,10 +58,23 @@ struct nowhere {
 template <class T>
 extern const nowhere<T> somewhere;
 
+// The pointer behind so many others.
+template <std::size_t>
+using any_pointer = const void*;
+template <class Before>
+struct pointer_behind;
+template <std::size_t... Before>
+struct pointer_behind<std::index_sequence<Before...>> {
+    template <class Field>
+    static constexpr Field* among(any_pointer<Before>..., Field* wanted, ...) noexcept {
+        return wanted;
+    }
+};
+
 template <class T, std::size_t I>
 constexpr auto* field_pointer() noexcept {
     return apply_fields(somewhere<T>.value, [](auto&... fields) {
-        return std::get<I>(std::tuple<decltype(&fields)...>(&fields...));
+        return pointer_behind<std::make_index_sequence<I>>::among(&fields...);
     });
 }
 

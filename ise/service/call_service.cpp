@@ -1,6 +1,8 @@
-#include <ise/service/incoming_calls.hpp>
+#include <ise/service/call_service.hpp>
+
 #include <ise/service/service_host.hpp>
 #include <ise/service/session.hpp>
+#include <ise/service/waiting_calls.hpp>
 
 #include <asio/use_awaitable.hpp>
 
@@ -61,9 +63,11 @@ void call_worker::answer(const failure& why) {
 }
 
 call_service::call_service(service_host& host, std::string name, const packet_types& types, serve_options options)
-    : host_(host), name_(std::move(name)), types_(types), options_(options) {}
+    : host_(host), name_(std::move(name)), types_(types), options_(options), waiting_(std::make_unique<waiting_calls>()) {}
 
 call_service::~call_service() = default;
+
+std::size_t call_service::waiting() const noexcept { return waiting_->size(); }
 
 void call_service::serve(session& from, incoming_call call, incoming_packet request) {
     if (stopped_) {
@@ -93,9 +97,9 @@ void call_service::serve(session& from, incoming_call call, incoming_packet requ
     }
     // A new worker takes the request from the queue as soon as its coroutine has come up.
     bool more_workers = workers_.size() < options_.concurrent && may_begin(from);
-    waiting_.push(waiting_call{std::move(call), request.keep(), measured ? began : host_.env().now()});
-    while (auto beyond = waiting_.overflow(options_.waiting, options_.waiting_bytes))
-        refuse_overloaded(*beyond->call.from, beyond->call, failure(errc::overloaded, fmt::format("'{}' has {} requests of {} bytes waiting", name_, waiting_.size(), waiting_.bytes_held())));
+    waiting_->push(waiting_call{std::move(call), request.keep(), measured ? began : host_.env().now()});
+    while (auto beyond = waiting_->overflow(options_.waiting, options_.waiting_bytes))
+        refuse_overloaded(*beyond->call.from, beyond->call, failure(errc::overloaded, fmt::format("'{}' has {} requests of {} bytes waiting", name_, waiting_->size(), waiting_->bytes_held())));
     if (more_workers) add_worker();
 }
 
@@ -132,7 +136,7 @@ void call_service::add_worker() {
             ~leaving() {
                 who.cancel_ = nullptr;
                 if (!of.host_.on().abandoned()) return;
-                auto calls = of.waiting_.take_all();
+                auto calls = of.waiting_->take_all();
                 who.wanted_ = false;
                 auto call = std::exchange(who.call_, {});
             }
@@ -143,7 +147,7 @@ void call_service::add_worker() {
     worker.cancel_ = host_.scope().spawn("handler of " + name_, body(shared_from_this(), worker), std::move(executor));
     if (worker.cancel_) return;
     workers_.pop_back();
-    for (auto& entry : waiting_.take_all()) refuse(*entry.call.from, entry.call, failure(errc::cancelled, "the component stops"));
+    for (auto& entry : waiting_->take_all()) refuse(*entry.call.from, entry.call, failure(errc::cancelled, "the component stops"));
 }
 
 void call_service::idle(call_worker& worker) {
@@ -153,8 +157,8 @@ void call_service::idle(call_worker& worker) {
         return;
     }
     idle_.push_back(&worker);
-    while (!waiting_.empty()) {
-        auto found = waiting_.pop([this](const session& from) { return may_begin(from); });
+    while (!waiting_->empty()) {
+        auto found = waiting_->pop([this](const session& from) { return may_begin(from); });
         if (!found) return;
         auto& next = *found;
         auto now = host_.env().now(); // the turn may have lasted
@@ -178,7 +182,7 @@ void call_service::idle(call_worker& worker) {
 
 // The caller is gone: nobody is answered any more.
 void call_service::withdraw(const session& from, std::uint64_t id) {
-    waiting_.withdraw(from, id);
+    waiting_->withdraw(from, id);
     for (auto& worker : workers_) {
         if (!worker->wanted_ || worker->call_.from.get() != &from || worker->call_.id != id) continue;
         worker->wanted_ = false;
@@ -190,7 +194,7 @@ void call_service::withdraw(const session& from, std::uint64_t id) {
 
 void call_service::stop() {
     stopped_ = true;
-    for (auto& entry : waiting_.take_all()) refuse(*entry.call.from, entry.call, failure(errc::cancelled, fmt::format("'{}' is not provided any more", name_)));
+    for (auto& entry : waiting_->take_all()) refuse(*entry.call.from, entry.call, failure(errc::cancelled, fmt::format("'{}' is not provided any more", name_)));
     for (auto* worker : std::exchange(idle_, {})) worker->wake_.resume(false);
     // Those who wait for a handler that runs are told now, before the sessions say goodbye.
     for (auto& worker : workers_) {

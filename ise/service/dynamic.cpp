@@ -36,15 +36,13 @@ task<result<dynamic_packet>> submit(std::shared_ptr<link> to, std::string servic
                                     duration deadline) {
     return asio::async_initiate<const asio::use_awaitable_t<>, void(result<dynamic_packet>)>(
         [](auto handler, std::shared_ptr<link> over, std::string name, std::shared_ptr<const packet_types> packets, bytes body, duration limit) {
-            auto& on = over->host().on();
-            auto executor = asio::get_associated_executor(handler, on.get_executor());
-            auto& call = detail::begin_call(hold(std::move(over)), service_key{name, packets.get()}, limit, executor, asio::get_associated_cancellation_slot(handler));
-            auto type = packets->schemas[role::response];
-            call.done = [handler = std::move(handler), type, &on](const call_outcome& outcome) mutable {
-                on.later([handler = std::move(handler), got = response_of(outcome, type)]() mutable { handler(std::move(got)); });
-            };
+            auto executor = asio::get_associated_executor(handler, asio::any_io_executor());
+            auto slot = asio::get_associated_cancellation_slot(handler);
             const bytes_view raw(body);
-            detail::submit(call, outgoing_packet::of_bytes(raw));
+            call_completion done = [handler = std::move(handler), type = packets->schemas[role::response]](const call_outcome& outcome) mutable {
+                return [handler = std::move(handler), got = response_of(outcome, type)]() mutable { handler(std::move(got)); };
+            };
+            detail::start_call(std::move(over), service_key{name, packets.get()}, limit, executor, slot, std::move(done), outgoing_packet::of_bytes(raw));
         },
         asio::use_awaitable, std::move(to), std::move(service), std::move(types), std::move(request), deadline);
 }

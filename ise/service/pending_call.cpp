@@ -78,7 +78,7 @@ void call_desk::end(pending_call& call, const call_outcome& outcome) {
     if (call.waiting.raw.capacity() > kept_capacity) call.waiting.raw = buffer();
     call.number = call.sent_to = 0;
     free_.push_back(&call);
-    done(outcome);
+    on_.later(done(outcome));
 }
 
 void call_desk::fail(pending_call& call, const failure& why) {

@@ -1,6 +1,7 @@
 #pragma once
 #include <ise/core/error.hpp>
 #include <ise/core/loop.hpp>
+#include <ise/service/call_completion.hpp>
 #include <ise/service/carried_packet.hpp>
 #include <ise/service/context.hpp>
 #include <ise/service/contract.hpp>
@@ -26,12 +27,6 @@ using held_link = std::unique_ptr<link, let_go_of_link>;
 held_link hold(const std::shared_ptr<link>& to);
 held_link hold(std::shared_ptr<link>&& to);
 
-/// How a call ended: a failure, or the response (valid during the call only).
-struct call_outcome {
-    const failure* why = nullptr;
-    incoming_packet* response = nullptr;
-};
-
 /// One call from its beginning to its outcome. Pooled: steady calling allocates none of these.
 struct pending_call final : suspended {
     explicit pending_call(call_desk& of);
@@ -41,7 +36,7 @@ struct pending_call final : suspended {
     const packet_types* types = nullptr;
     time_point deadline;
     trace_id trace;
-    unique_function<void(const call_outcome&)> done;
+    call_completion done;
     timer alarm;
     asio::cancellation_slot slot;
     bool cancelling = false;

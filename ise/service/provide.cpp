@@ -1,5 +1,7 @@
 #include <ise/service/provide.hpp>
 
+#include <ise/core/task_scope.hpp>
+
 namespace ise::detail {
 
 failure failure_of(const std::exception_ptr& thrown) {

@@ -1,6 +1,6 @@
 #pragma once
 #include <ise/packet/codec.hpp>
-#include <ise/service/incoming_calls.hpp>
+#include <ise/service/call_service.hpp>
 
 #include <asio/this_coro.hpp>
 

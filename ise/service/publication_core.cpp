@@ -3,6 +3,7 @@
 #include <ise/core/limits.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/service/packet_frame.hpp>
+#include <ise/service/provided_subscription.hpp>
 #include <ise/service/service_host.hpp>
 #include <ise/service/session.hpp>
 
@@ -241,6 +242,10 @@ publication_core::publication_core(service_host& host, std::string name, const p
     : host_(host), name_(std::move(name)), types_(types) {}
 
 publication_core::~publication_core() = default;
+
+bool publication_core::wants_object() const noexcept { return object_takers_ > 0 || all_.empty(); }
+
+std::size_t publication_core::subscribers() const noexcept { return all_.size(); }
 
 shared_bytes publication_core::share(function_ref<void(buffer&)> write_packet) {
     auto& room = maker_.room();

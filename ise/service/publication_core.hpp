@@ -4,16 +4,13 @@
 #include <ise/core/result.hpp>
 #include <ise/core/task.hpp>
 #include <ise/core/waiter.hpp>
-#include <ise/net/outbox.hpp>
 #include <ise/packet/adapt.hpp>
+#include <ise/packet/packet_object.hpp>
 #include <ise/packet/shared_bytes.hpp>
 #include <ise/service/contract.hpp>
-#include <ise/service/waiting_packets.hpp>
-#include <ise/wire/messages.hpp>
 
 #include <functional>
 #include <list>
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -23,8 +20,12 @@ namespace ise {
 
 class service_host;
 class session;
-class publication_core;
+class provided_subscription; // and what it takes to send: no user of a publication needs to know
 class provided_subscriptions;
+namespace wire {
+struct subscribe;
+struct subscribed;
+} // namespace wire
 
 /// Who subscribed, as the provider's callbacks see it.
 struct subscriber_info {
@@ -38,68 +39,6 @@ struct published_packet {
     shared_packet object;
     bool has_frame = false;
     std::uint64_t sequence = 0;
-};
-
-/// One subscriber at the provider: its queue, its policy, and the session it is reached over, if any.
-class provided_subscription final : public net::publication_source {
-public:
-    provided_subscription(publication_core& of, const wire::subscribe& terms, subscriber_info info, bool takes_objects);
-    ~provided_subscription();
-
-    void attach(session& over, std::uint64_t id);
-    /// The session is gone; packets go on being kept by the policy until it comes back or the linger is over.
-    void detach();
-    /// Its session is destroyed without having ended, as its loop has.
-    void let_go(const session& of);
-    bool attached() const noexcept { return session_ != nullptr; }
-
-    /// False: the queue is full, and the policy is to end it then.
-    bool offer(const published_packet& packet);
-    /// Whether it is given objects, where there are any; else frames.
-    void take_objects(bool wanted) noexcept;
-    /// A packet was published that is not meant for this one.
-    void pass() noexcept { ++skipped_; }
-    void grant(std::uint64_t total);
-    bool has_room() const noexcept;
-    bool take(net::outbox& out, std::size_t quantum) override;
-
-    const wire::ticket& ticket() const noexcept { return ticket_; }
-    std::uint64_t id() const noexcept { return id_; }
-    session* over() const noexcept { return session_; }
-    const subscriber_info& info() const noexcept { return info_; }
-    std::uint64_t dropped() const noexcept { return dropped_; }
-    std::size_t queued() const noexcept { return queue_.size(); }
-
-private:
-    friend class publication_core;
-    void wake();
-    waiting_packets::stretch pop(std::size_t most);
-    void popped(const waiting_packets::stretch& taken) noexcept;
-    void put_alone(net::outbox& out);
-    void drop_oldest(std::uint64_t& reason);
-    bool full(std::size_t more) const noexcept;
-    void put_object(net::outbox& out);
-    void write_objects();
-    void stop_lingering();
-    bool may_send() const noexcept;
-
-    publication_core& publication_;
-    session* session_ = nullptr;
-    std::uint64_t id_ = 0;
-    wire::ticket ticket_{};
-    bool takes_objects_ = false;
-    wire::overflow policy_;
-    std::size_t depth_;
-    std::uint64_t credit_;     // lossless: total granted
-    duration min_interval_;
-    waiting_packets queue_;
-    std::uint64_t sent_ = 0;
-    std::uint64_t dropped_ = 0;
-    std::uint32_t skipped_ = 0; // since the last packet that was queued
-    time_point next_allowed_{};
-    time_point full_since_ = time_point::max(); // lossless: nothing was taken since
-    subscriber_info info_;
-    std::unique_ptr<timer> linger_;
 };
 
 /// Packets that were not sent to a subscriber, by their reason, and subscribers that were ended.
@@ -125,7 +64,7 @@ public:
 
     /// Whether a packet that can be shared as an object should be: somebody takes it so, or nobody takes anything. Who needs
     /// a frame gets it from the object.
-    bool wants_object() const noexcept { return object_takers_ > 0 || all_.empty(); }
+    bool wants_object() const noexcept;
     /// Encodes a packet once for all subscribers, as a frame that is completed when it is published.
     shared_bytes share(function_ref<void(buffer&)> write_packet);
     /// Publishes to all subscribers; never blocks.
@@ -137,7 +76,7 @@ public:
     /// Waits until it has.
     task<> wait_for_room();
 
-    std::size_t subscribers() const noexcept { return all_.size(); }
+    std::size_t subscribers() const noexcept;
     std::uint64_t published() const noexcept { return sequence_; }
     /// Packets that wait to be sent, at all subscribers.
     std::size_t queued() const noexcept;
@@ -187,37 +126,6 @@ private:
     std::size_t object_takers_ = 0; // of all_
     publication_losses losses_;
     std::optional<failure> stopped_;
-};
-
-/// The subscriptions of one session's peer.
-class provided_subscriptions {
-public:
-    explicit provided_subscriptions(session& owner) : session_(owner) {}
-    ~provided_subscriptions();
-    provided_subscriptions(const provided_subscriptions&) = delete;
-    provided_subscriptions& operator=(const provided_subscriptions&) = delete;
-
-    result<void> on_subscribe(const wire::frame& received);
-    result<void> on_unsubscribe(const wire::frame& received);
-    result<void> on_credit(const wire::frame& received);
-    void on_session_end();
-    void forget(std::uint64_t id) { by_id_.erase(id); }
-    std::size_t size() const noexcept { return by_id_.size(); }
-    /// What is held for all of them together.
-    std::size_t& held_bytes() noexcept { return held_bytes_; }
-
-private:
-    struct entry {
-        std::shared_ptr<publication_core> publication;
-        provided_subscription* who = nullptr; // null while schemas are compared
-        std::unique_ptr<adapter> unsubscribe;
-    };
-    void admit(std::uint64_t id, wire::subscribe terms, const std::vector<schema>* theirs, bool takes_objects);
-    void refuse(std::uint64_t id, const failure& why);
-
-    session& session_;
-    std::map<std::uint64_t, entry> by_id_;
-    std::size_t held_bytes_ = 0;
 };
 
 } // namespace ise

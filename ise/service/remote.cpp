@@ -18,39 +18,50 @@ task<result<void>> remote::connect(duration deadline) const {
 
 namespace detail {
 
-pending_call& begin_call(held_link to, service_key service, duration deadline, const asio::any_io_executor& caller, asio::cancellation_slot slot) {
-    auto& host = to->host();
-    auto& call = host.calls().open();
-    call.owner = std::move(to);
-    call.service.assign(service.name);
-    call.types = service.types;
-    call.deadline = saturating_add(host.on().now(), deadline > duration{} ? deadline : host.options().default_deadline);
-    call.trace = {};
-    if (const auto* context = context_of(caller)) {
-        call.deadline = std::min(call.deadline, context->deadline);
-        call.trace = context->trace;
-    }
-    host.calls().watch(call, slot);
-    return call;
-}
-
 std::optional<failure> check_place(link& to, service_key service) {
     if (to.host().on().running_here()) return std::nullopt;
     return failure(errc::invalid_argument,
                    fmt::format("'{}' at {} was used off its component's thread: co_spawn on the component's executor, or use ise::wait", service.name, to.name()));
 }
 
-void complete_elsewhere(const asio::any_io_executor& waiting, unique_function<void()> completion) {
-    if (waiting) {
-        asio::post(waiting, std::move(completion));
-    } else {
-        asio::post(asio::system_executor(), std::move(completion));
+namespace {
+
+template <class Link>
+void start(Link&& to, service_key service, duration deadline, const asio::any_io_executor& waiting, asio::cancellation_slot slot, call_completion done,
+           outgoing_packet request) {
+    if (auto misplaced = check_place(*to, service)) {
+        auto completion = done(call_outcome{&*misplaced, nullptr});
+        if (waiting) asio::post(waiting, std::move(completion));
+        else asio::post(asio::system_executor(), std::move(completion));
+        return;
     }
+    auto& host = to->host();
+    auto& call = host.calls().open();
+    call.owner = hold(std::forward<Link>(to));
+    call.service.assign(service.name);
+    call.types = service.types;
+    call.deadline = saturating_add(host.on().now(), deadline > duration{} ? deadline : host.options().default_deadline);
+    call.trace = {};
+    if (const auto* context = context_of(waiting ? waiting : host.on().get_executor())) {
+        call.deadline = std::min(call.deadline, context->deadline);
+        call.trace = context->trace;
+    }
+    host.calls().watch(call, slot);
+    call.done = std::move(done);
+    call.owner->submit(call, request);
 }
 
-loop& loop_of(link& to) noexcept { return to.host().on(); }
+} // namespace
 
-void submit(pending_call& call, outgoing_packet request) { call.owner->submit(call, request); }
+void start_call(const std::shared_ptr<link>& to, service_key service, duration deadline, const asio::any_io_executor& waiting, asio::cancellation_slot slot,
+                call_completion done, outgoing_packet request) {
+    start(to, service, deadline, waiting, slot, std::move(done), request);
+}
+
+void start_call(std::shared_ptr<link>&& to, service_key service, duration deadline, const asio::any_io_executor& waiting, asio::cancellation_slot slot,
+                call_completion done, outgoing_packet request) {
+    start(std::move(to), service, deadline, waiting, slot, std::move(done), request);
+}
 
 } // namespace detail
 } // namespace ise

@@ -1,12 +1,17 @@
 #pragma once
 #include <ise/packet/codec.hpp>
-#include <ise/service/pending_call.hpp>
+#include <ise/service/call_completion.hpp>
+#include <ise/service/contract.hpp>
 #include <ise/service/stream_of.hpp>
 
+#include <asio/associated_cancellation_slot.hpp>
+#include <asio/associated_executor.hpp>
 #include <asio/use_awaitable.hpp>
 
 #include <exception>
 #include <memory>
+#include <optional>
+#include <string>
 
 namespace ise {
 
@@ -14,17 +19,15 @@ class link;
 
 namespace detail {
 
-/// Everything of a call that needs no types: opens the record, which keeps `to`, and fits deadline and trace to the
-/// caller's context.
-pending_call& begin_call(held_link to, service_key service, duration deadline, const asio::any_io_executor& caller, asio::cancellation_slot slot);
+/// Everything of a call that needs no types: opens the record, which keeps `to`, fits deadline and trace to the context that
+/// the executor of whoever waits carries, and sends. Off the component's thread nothing is touched and nothing sent: the
+/// call fails, on that executor or, where there is none, on the system's.
+void start_call(const std::shared_ptr<link>& to, service_key service, duration deadline, const asio::any_io_executor& waiting, asio::cancellation_slot slot,
+                call_completion done, outgoing_packet request);
+void start_call(std::shared_ptr<link>&& to, service_key service, duration deadline, const asio::any_io_executor& waiting, asio::cancellation_slot slot,
+                call_completion done, outgoing_packet request);
 /// A failure where `to` is used on another thread than its component's.
 std::optional<failure> check_place(link& to, service_key service);
-/// Runs what `check_place` has refused on the executor of whoever waits; where it has none, on the system's.
-void complete_elsewhere(const asio::any_io_executor& waiting, unique_function<void()> completion);
-/// The component's.
-loop& loop_of(link& to) noexcept;
-/// Starts a call that was begun.
-void submit(pending_call& call, outgoing_packet request);
 
 template <class Response>
 result<Response> response_of(const call_outcome& outcome) {
@@ -115,22 +118,12 @@ public:
 private:
     template <class Response, class Handler, class Link, class Request, class Deliver>
     static void start(Handler handler, Link&& to, service_key key, Request& packet, duration limit, Deliver deliver) {
-        if (auto misplaced = detail::check_place(*to, key)) {
-            // Not on the component's thread: nothing of it may be touched; the handler's own executor completes it.
-            asio::any_io_executor executor = asio::get_associated_executor(handler, asio::any_io_executor());
-            detail::complete_elsewhere(executor, [handler = std::move(handler), deliver, why = std::move(*misplaced)]() mutable {
-                result<Response> got(std::move(why));
-                deliver(handler, got);
-            });
-            return;
-        }
-        auto& on = detail::loop_of(*to);
-        auto executor = asio::get_associated_executor(handler, on.get_executor());
-        auto& call = detail::begin_call(hold(std::forward<Link>(to)), key, limit, executor, asio::get_associated_cancellation_slot(handler));
-        call.done = [handler = std::move(handler), deliver, &on](const call_outcome& outcome) mutable {
-            on.later([handler = std::move(handler), deliver, got = detail::response_of<Response>(outcome)]() mutable { deliver(handler, got); });
+        asio::any_io_executor waiting = asio::get_associated_executor(handler, asio::any_io_executor());
+        auto slot = asio::get_associated_cancellation_slot(handler);
+        call_completion done = [handler = std::move(handler), deliver](const call_outcome& outcome) mutable {
+            return [handler = std::move(handler), deliver, got = detail::response_of<Response>(outcome)]() mutable { deliver(handler, got); };
         };
-        detail::submit(call, outgoing_packet(packet));
+        detail::start_call(std::forward<Link>(to), key, limit, waiting, slot, std::move(done), outgoing_packet(packet));
     }
 
     template <class Contract>

@@ -4,7 +4,7 @@
 #include <ise/packet/codec.hpp>
 #include <ise/packet/compatibility.hpp>
 #include <ise/service/link.hpp>
-#include <ise/service/publication_core.hpp>
+#include <ise/service/provided_subscription.hpp>
 #include <ise/service/service_host.hpp>
 #include <ise/service/subscriber_core.hpp>
 #include <ise/wire/body.hpp>

@@ -229,10 +229,8 @@ struct set_codec {
         return type;
     }
 };
-template <class K, class... O>
-struct codec<std::set<K, O...>> : set_codec<std::set<K, O...>, K> {};
-template <class K, class... O>
-struct codec<std::unordered_set<K, O...>> : set_codec<std::unordered_set<K, O...>, K> {};
+template <standard_set Set>
+struct codec<Set> : set_codec<Set, typename Set::key_type> {};
 
 template <class Map, class K, class V>
 struct map_codec {
@@ -276,9 +274,7 @@ struct map_codec {
         return type;
     }
 };
-template <class K, class V, class... O>
-struct codec<std::map<K, V, O...>> : map_codec<std::map<K, V, O...>, K, V> {};
-template <class K, class V, class... O>
-struct codec<std::unordered_map<K, V, O...>> : map_codec<std::unordered_map<K, V, O...>, K, V> {};
+template <standard_map Map>
+struct codec<Map> : map_codec<Map, typename Map::key_type, typename Map::mapped_type> {};
 
 } // namespace ise::detail

@@ -1,23 +1,22 @@
 #pragma once
 #include <ise/packet/reflect.hpp>
 
-#include <cereal/access.hpp>
-
 #include <array>
 #include <chrono>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
-#include <map>
 #include <optional>
-#include <set>
 #include <string>
 #include <tuple>
 #include <type_traits>
-#include <unordered_map>
-#include <unordered_set>
 #include <utility>
 #include <variant>
 #include <vector>
+
+namespace cereal {
+class access; // its header, and <iostream> behind it, is for those who have such types
+}
 
 namespace ise {
 
@@ -56,14 +55,38 @@ struct probe_archive {
 };
 
 template <class T>
-concept member_serialize =
-    requires(T& value, probe_archive& archive) { cereal::access::member_serialize(archive, value); } ||
-    requires(T& value, probe_archive& archive) { cereal::access::member_serialize(archive, value, 0); };
+concept public_serialize =
+    requires(T& value, probe_archive& archive) { value.serialize(archive); } ||
+    requires(T& value, probe_archive& archive) { value.serialize(archive, 0); } ||
+    requires(const T& value, probe_archive& archive) { value.save(archive); } ||
+    requires(const T& value, probe_archive& archive) { value.save(archive, 0); } ||
+    requires(const T& value, const probe_archive& archive) { value.save_minimal(archive); };
+
+// Private ones (`friend class cereal::access`) are asked for by that class, where its header was included.
+template <class T, class Access = cereal::access>
+concept befriended_serialize =
+    requires(T& value, probe_archive& archive) { Access::member_serialize(archive, value); } ||
+    requires(T& value, probe_archive& archive) { Access::member_serialize(archive, value, 0); } ||
+    requires(const T& value, probe_archive& archive) { Access::member_save(archive, value); } ||
+    requires(const T& value, probe_archive& archive) { Access::member_save(archive, value, 0); } ||
+    requires(const T& value, const probe_archive& archive) { Access::member_save_minimal(archive, value); };
+
+// Where it was not, a private one is told by its name, which is ambiguous beside another one: such a type must not be taken
+// apart in one file and written by its own functions in the next.
+struct namesake {
+    void serialize();
+    void save();
+    void save_minimal();
+};
 template <class T>
-concept member_save =
-    requires(const T& value, probe_archive& archive) { cereal::access::member_save(archive, value); } ||
-    requires(const T& value, probe_archive& archive) { cereal::access::member_save(archive, value, 0); } ||
-    requires(const T& value, const probe_archive& archive) { cereal::access::member_save_minimal(archive, value); };
+struct with_namesake : T, namesake {};
+template <class T, class Access = cereal::access>
+concept unseen_serialize =
+    !requires { sizeof(Access); } && !std::is_final_v<T> &&
+    ((!requires { &with_namesake<T>::serialize; } && !requires { &T::serialize; }) ||
+     (!requires { &with_namesake<T>::save; } && !requires { &T::save; }) ||
+     (!requires { &with_namesake<T>::save_minimal; } && !requires { &T::save_minimal; }));
+
 template <class T>
 concept free_serialize = requires(T& value, probe_archive& archive) { serialize(archive, value); } ||
                          requires(T& value, probe_archive& archive) { serialize(archive, value, std::uint32_t{}); } ||
@@ -73,7 +96,17 @@ concept free_serialize = requires(T& value, probe_archive& archive) { serialize(
 /// A class that is described by its own cereal functions, be they private (`friend class cereal::access`). They win
 /// over reflection.
 template <class T>
-concept own_serialize = std::is_class_v<T> && (member_serialize<T> || member_save<T> || free_serialize<T>);
+concept own_serialize =
+    std::is_class_v<T> && (public_serialize<T> || befriended_serialize<T> || free_serialize<T> || unseen_serialize<T>);
+
+// Maps and sets of unique keys are known by what they have: naming them would take their headers.
+template <class T>
+concept of_std = full_type_name<T>().starts_with("std::");
+template <class T>
+concept standard_set = requires { typename T::key_type; typename T::insert_return_type; } &&
+                       !requires { typename T::mapped_type; } && of_std<T>;
+template <class T>
+concept standard_map = requires { typename T::mapped_type; typename T::insert_return_type; } && of_std<T>;
 
 // Standard templates and what they are made of.
 template <class T>
@@ -102,14 +135,10 @@ template <class A, class B>
 struct parts<std::pair<A, B>> : known_parts<A, B> {};
 template <class... T>
 struct parts<std::tuple<T...>> : known_parts<T...> {};
-template <class K, class V, class... O>
-struct parts<std::map<K, V, O...>> : known_parts<K, V> {};
-template <class K, class V, class... O>
-struct parts<std::unordered_map<K, V, O...>> : known_parts<K, V> {};
-template <class K, class... O>
-struct parts<std::set<K, O...>> : known_parts<K> {};
-template <class K, class... O>
-struct parts<std::unordered_set<K, O...>> : known_parts<K> {};
+template <standard_map T>
+struct parts<T> : known_parts<typename T::key_type, typename T::mapped_type> {};
+template <standard_set T>
+struct parts<T> : known_parts<typename T::key_type> {};
 template <class R, class P>
 struct parts<std::chrono::duration<R, P>> : known_parts<R> {};
 template <class R, class P>

@@ -2,6 +2,9 @@
 
 #include <support/catch.hpp>
 
+#include <memory>
+#include <stdexcept>
+
 TEST_CASE("a result holds a value or throws the failure in its place") {
     ise::result<int> good = 7;
     REQUIRE(good.has_value());
@@ -12,6 +15,54 @@ TEST_CASE("a result holds a value or throws the failure in its place") {
     CHECK(bad.error().code() == ise::errc::timed_out);
     CHECK(bad.error().executed() == ise::execution::unknown);
     CHECK_THROWS_AS(bad.value(), ise::error);
+}
+
+TEST_CASE("a result is copied, moved and assigned as what it holds, and destroys it once") {
+    auto shared = std::make_shared<int>(3);
+    auto lost = [] { return ise::result<std::shared_ptr<int>>(ise::failure(ise::errc::peer_lost, "gone with the wind, and far away")); };
+    {
+        ise::result<std::shared_ptr<int>> first = shared;
+        auto copy = first;
+        CHECK(shared.use_count() == 3);
+        auto moved = std::move(first);
+        CHECK(shared.use_count() == 3);
+        copy = lost();
+        CHECK(shared.use_count() == 2);
+        CHECK(copy.error().message() == "gone with the wind, and far away");
+        auto failed = copy;
+        CHECK(failed.error().code() == ise::errc::peer_lost);
+        copy = moved;
+        CHECK(**copy == 3);
+        failed = std::move(copy);
+        auto& same = moved;
+        moved = same;
+        CHECK(*moved == shared);
+        CHECK(shared.use_count() == 3);
+    }
+    CHECK(shared.use_count() == 1);
+    STATIC_REQUIRE_FALSE(std::is_copy_constructible_v<ise::result<std::unique_ptr<int>>>);
+    STATIC_REQUIRE(std::is_nothrow_move_constructible_v<ise::result<std::unique_ptr<int>>>);
+}
+
+namespace {
+struct heavy {
+    heavy() = default;
+    heavy(const heavy&) = default;
+    heavy(heavy&& other) : throws(other.throws) {
+        if (throws) throw std::runtime_error("too heavy");
+    }
+    bool throws = false;
+};
+} // namespace
+
+TEST_CASE("a result whose value could not be moved in has none, and can be assigned again") {
+    ise::result<heavy> to = ise::failure(ise::errc::refused, "no");
+    ise::result<heavy> from = heavy();
+    from->throws = true;
+    CHECK_THROWS_AS(to = from, std::runtime_error);
+    CHECK_FALSE(to.has_value());
+    to = ise::result<heavy>(heavy());
+    CHECK(to.has_value());
 }
 
 TEST_CASE("an error code of ISE compares with its enumerator and names itself") {

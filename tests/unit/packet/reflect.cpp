@@ -3,6 +3,12 @@
 #include <ise/packet/reflect.hpp>
 #include <support/catch.hpp>
 
+#include <list>
+#include <map>
+#include <set>
+#include <unordered_map>
+#include <unordered_set>
+
 namespace {
 struct no_default {
     explicit(false) no_default(int start) : value(start) {}
@@ -80,4 +86,20 @@ TEST_CASE("enumerators are found by name and value, flags and a chosen range inc
     CHECK(ise::enumerators<flags>() == list{{"a", 1}, {"high", 1 << 20}, {"top", std::int64_t{1} << 31}});
     CHECK(ise::enumerators<letters>() == list{{"quote", '\''}, {"comma", ','}, {"minus", '-'}});
     CHECK(ise::enumerators<far>() == list{{"one", 1000}, {"two", 1001}});
+}
+
+namespace {
+struct named_like_it { int serialize = 0; bool save = false; };
+} // namespace
+
+TEST_CASE("maps and sets of unique keys are packets by what they have, others are not") {
+    STATIC_REQUIRE(ise::packet<std::set<int>>);
+    STATIC_REQUIRE(ise::packet<std::map<std::string, example::position>>);
+    STATIC_REQUIRE(ise::packet<std::unordered_set<std::string>>);
+    STATIC_REQUIRE(ise::packet<std::unordered_map<int, std::set<char>>>);
+    STATIC_REQUIRE(ise::packet<named_like_it>);
+    STATIC_REQUIRE_FALSE(ise::packet<std::multiset<int>>);
+    STATIC_REQUIRE_FALSE(ise::packet<std::multimap<int, int>>);
+    STATIC_REQUIRE_FALSE(ise::packet<std::unordered_multiset<int>>);
+    STATIC_REQUIRE_FALSE(ise::packet<std::list<int>>);
 }
