@@ -86,7 +86,7 @@ struct telecommand_status {
     utc_time at{};                  ///< of the change
     std::uint32_t attempts = 0;     ///< times that it was given to the link
     std::string asked_by;           ///< from a communication node: the operator
-    utc_time asked_at{};            ///< from a communication node
+    utc_time asked_at{};            ///< by the clock of who tells it
     std::optional<boat_command> command; ///< from a communication node: what was asked for
     std::uint32_t authority = 0;    ///< from a communication node: the epoch that it was sent under
 };
