@@ -438,7 +438,7 @@ TEST_CASE("a callback gets the outcome too") {
     CHECK(got->value().reason == "hold");
 }
 
-TEST_CASE("a remote may be dropped while its calls are on their way; the last one lets the session go") {
+TEST_CASE("a remote may be dropped while its calls are on their way, and the last one lets the session go") {
     fixture at;
     std::vector<outcome> got;
     auto ask = [](ise::remote to, std::vector<outcome>& into) -> ise::task<> {
