@@ -16,8 +16,8 @@ namespace ise {
 ///
 /// The coroutine goes on at the end of the loop's turn, never inside `resume()`. Cancellation of the waiting
 /// coroutine calls `on_cancel`, whose owner answers with `resume()` (or lets it go on waiting); one without does not
-/// hear of it. A waiter that waits should be resumed before it is destroyed; what still waits then, or when the loop ends, is destroyed
-/// without being resumed.
+/// hear of it. A waiter that waits should be resumed before it is destroyed; what still waits then, or when the loop
+/// ends, is destroyed without being resumed.
 template <class... T>
 class waiter final : public suspended {
 public:
