@@ -247,7 +247,7 @@ result<void> connection::take_own(const wire::frame& received, user* receiver) {
             wire::frame message;
             message.header = (*whole)->header;
             if (message.header.type == frame_type::piece) return failure(errc::protocol_error, "a message in pieces holds a piece");
-            message.body = (*whole)->body;
+            message.body = (*whole)->body.view();
             return take(message, receiver);
         }
         default: return {};

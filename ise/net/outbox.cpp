@@ -164,8 +164,9 @@ void outbox::put_abandoned(const big_message& message) {
 }
 
 bool outbox::fill(batch& out, time_point now) {
-    // Requests that have expired leave nothing to write, and others may wait behind them.
-    while (out.empty() && !(lane_ ? calls_drained() : empty())) {
+    // One piece of each long message a round, and small things between them. Requests that have expired leave nothing to
+    // write, and others may wait behind them.
+    while (out.weight() < batch_limit_ && !(lane_ ? calls_drained() : empty())) {
         if (!control_.empty()) {
             out.staging().append(control_.view());
             control_.clear();
@@ -239,7 +240,8 @@ void outbox::put_piece(big_message& message, batch& out) {
         message.begun = true;
     }
     std::size_t offset = message.sent - message.head.size();
-    std::size_t count = std::min(outbox::piece_bytes, message.payload.size() - offset);
+    std::size_t count = message.payload.size() - offset;
+    if (count >= 2 * piece_bytes) count = piece_bytes; // a short rest is no piece of its own
     header.length = static_cast<std::uint32_t>(out.staging().size() - body_at + count);
     message.sent += count;
     if (message.sent == message.size()) header.flags = wire::flag::last;

@@ -49,7 +49,7 @@ class outbox {
 public:
     /// A message of up to this many bytes travels as one frame; a longer one in pieces.
     static constexpr std::size_t whole_bytes = 128 * 1024;
-    static constexpr std::size_t piece_bytes = 64 * 1024;
+    static constexpr std::size_t piece_bytes = 64 * 1024; // the last piece may have twice as many
     /// One gathered write takes about this much.
     static constexpr std::size_t batch_bytes = 256 * 1024;
     /// Or about this much, if it is less: what was moved to a write is out of the reach of priorities.

@@ -51,7 +51,6 @@ result<std::optional<assembled>> reassembly::take(const frame& piece) {
         if (begun.head.length > max_message_bytes_)
             return failure(errc::too_large, fmt::format("a message '{}' of {} bytes was announced, {} are allowed",
                                                         name_of(begun.head.type), begun.head.length, max_message_bytes_));
-        begun.body.reserve(static_cast<std::size_t>(std::min<std::uint64_t>(begun.head.length, 4 * content.size())));
         found = messages_.emplace(id, std::move(begun)).first;
     }
     auto& partial = found->second;
@@ -60,7 +59,10 @@ result<std::optional<assembled>> reassembly::take(const frame& piece) {
                                                          name_of(partial.head.type), partial.head.length));
     if (held_ + content.size() > 2 * max_message_bytes_)
         return failure(errc::too_large, fmt::format("unfinished messages hold more than {} bytes", 2 * max_message_bytes_));
-    partial.body.insert(partial.body.end(), content.begin(), content.end());
+    // Room for what was announced, as far as what has come vouches for it.
+    if (const auto size = partial.body.size() + content.size(); size > partial.body.capacity())
+        partial.body.reserve(static_cast<std::size_t>(std::min<std::uint64_t>(partial.head.length, 4 * size)));
+    partial.body.append(content);
     held_ += content.size();
     if (!(piece.header.flags & flag::last)) return std::optional<assembled>{};
     if (partial.body.size() != partial.head.length)

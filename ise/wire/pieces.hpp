@@ -10,7 +10,7 @@ namespace ise::wire {
 /// A message that came in pieces, whole again.
 struct assembled {
     frame_header header;
-    bytes body;
+    buffer body;
 };
 
 /// The head of a message's first piece: the header of the whole, its length as 64 bits.
@@ -40,7 +40,7 @@ public:
 private:
     struct message {
         piece_head head;
-        bytes body;
+        buffer body;
     };
     std::map<std::uint64_t, message> messages_; // by id of the pieces
     std::uint64_t held_ = 0;

@@ -7,6 +7,8 @@
 namespace {
 
 std::atomic<std::uint64_t> count{0};
+std::atomic<std::uint64_t> grown{0};
+std::atomic<std::uint64_t> grown_large{0};
 
 void* counted(std::size_t size, std::size_t alignment = 0) noexcept {
     ++count;
@@ -22,6 +24,15 @@ void* sure(void* made) {
 } // namespace
 
 std::uint64_t ise_test::allocations() noexcept { return count; }
+std::uint64_t ise_test::reallocations() noexcept { return grown; }
+std::uint64_t ise_test::large_reallocations() noexcept { return grown_large; }
+
+extern "C" void* __real_realloc(void*, std::size_t);
+extern "C" void* __wrap_realloc(void* old, std::size_t size) { // link.cmake
+    ++grown;
+    if (size >= 4096) ++grown_large;
+    return __real_realloc(old, size);
+}
 
 // All of them: a sanitizer brings its own, which must not meet these.
 void* operator new(std::size_t size) { return sure(counted(size)); }

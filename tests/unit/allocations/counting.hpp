@@ -5,5 +5,9 @@ namespace ise_test {
 
 /// How often operator new was called in this program so far.
 std::uint64_t allocations() noexcept;
+/// How often realloc was called, by which buffers grow.
+std::uint64_t reallocations() noexcept;
+/// The same, where it was for a page or more.
+std::uint64_t large_reallocations() noexcept;
 
 } // namespace ise_test

@@ -17,6 +17,8 @@ struct heading {
     double degrees = 0;
 };
 constexpr ise::request_response<heading, heading> turn("turn");
+constexpr ise::request_response<blob, heading> stitch("stitch");
+constexpr ise::request_response<heading, blob> look("look");
 
 constexpr int rounds = 1000;
 // A timer that comes due, a heartbeat: what is not once a round.
@@ -32,12 +34,12 @@ struct fixture {
 
     // One round after the other, each begun when the one before has ended; what the first ones set up does not count.
     template <class Round>
-    std::uint64_t count(Round round) {
+    std::uint64_t count(Round round, std::uint64_t counted() = +[] { return allocations() + reallocations(); }) {
         for (int i = 0; i < rounds; ++i) round();
-        const auto before = allocations();
+        const auto before = counted();
         REQUIRE(before > 0); // they are counted
         for (int i = 0; i < rounds; ++i) round();
-        return allocations() - before;
+        return counted() - before;
     }
 };
 
@@ -144,6 +146,27 @@ TEST_CASE("a burst that nobody may drop allocates nothing, a packet at a time or
             f.all.run_until([&] { return taken.try_next() && ++got > 0; });
         }
     });
+    CAPTURE(size, counted);
+    CHECK(counted <= 10 * now_and_then); // of 60 packets a round
+}
+
+TEST_CASE("messages that go in pieces use the memory of those before them") {
+    fixture f;
+    const std::size_t size = GENERATE(std::size_t{200'000}, std::size_t{1'000'000});
+    f.boat.provide(stitch, [](blob shot) -> heading { return {static_cast<double>(shot.content.size())}; });
+    f.boat.provide(look, [size](heading) -> blob { return {std::vector<std::uint8_t>(size, 1)}; });
+    auto shots = f.boat.publish(pictures);
+    f.meet();
+    auto taken = f.all.run(f.shore, f.there.subscribe(pictures, ise::subscribe_options::last(4)));
+    blob shot;
+    shot.content.assign(size, 1);
+    // The vectors are the user's.
+    auto counted = f.count([&] {
+        f.all.run(f.shore, f.there.call(stitch, shot, 5s));
+        f.all.run(f.shore, f.there.call(look, heading{1}, 5s));
+        shots(shot);
+        f.all.run_until([&] { return static_cast<bool>(taken.try_next()); });
+    }, large_reallocations);
     CAPTURE(size, counted);
     CHECK(counted <= now_and_then);
 }

@@ -216,7 +216,7 @@ TEST_CASE("goodbye is said behind everything that waits, also what goes in piece
     auto heard = at.heard_frames();
     REQUIRE(!heard.empty());
     CHECK(heard.back() == frame_type::goodbye);
-    CHECK(std::count(heard.begin(), heard.end(), frame_type::piece) == 5);
+    CHECK(std::count(heard.begin(), heard.end(), frame_type::piece) == 4);
     at.theirs->close();
     at.world.run_for(1s);
     CHECK(at.user->ends == 1);

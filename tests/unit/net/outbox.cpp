@@ -162,7 +162,7 @@ TEST_CASE("a big message goes in pieces between which small ones pass") {
             piece.header.flags = frame.flags;
             piece.header.id = frame.id;
             piece.body = frame.body;
-            CHECK(frame.body.size() <= outbox::piece_bytes + 100);
+            CHECK(frame.body.size() < 2 * outbox::piece_bytes + 100);
             auto taken = whole.take(piece);
             REQUIRE(taken);
             if (*taken) got = std::move(**taken);
@@ -174,6 +174,18 @@ TEST_CASE("a big message goes in pieces between which small ones pass") {
     CHECK(ise::detail::load_little<std::int64_t>(got->body.data() + 4) == std::chrono::nanoseconds(3s).count());
     CHECK(small_seen == small - 100);
     CHECK(out.pending_bytes() == 0);
+}
+
+TEST_CASE("a write takes as many pieces of a big message as it has room for, and of each one in turn") {
+    outbox out;
+    request(out, 1, t0 + 5s, 1'000'000);
+    auto alone = write(out);
+    REQUIRE(alone.size() == outbox::batch_bytes / outbox::piece_bytes);
+    request(out, 2, t0 + 5s, 1'000'000);
+    auto both = write(out);
+    REQUIRE(both.size() == 4);
+    CHECK((both[0].id != both[1].id && both[0].id == both[2].id && both[1].id == both[3].id));
+    CHECK(alone[0].id == both[0].id);
 }
 
 TEST_CASE("no more messages are begun at once than a receiver takes") {
@@ -214,6 +226,7 @@ TEST_CASE("no more messages are begun at once than a receiver takes") {
 
 TEST_CASE("a request that is given up: unwritten it is not sent, half sent it is abandoned") {
     outbox out;
+    out.limit_batch(1); // a piece a write
     request(out, 1, t0 + 5s);
     request(out, 2, t0 + 5s, 1'000'000);
     request(out, 3, t0 + 5s, 1'000'000);
@@ -286,6 +299,7 @@ TEST_CASE("publications share the connection by bytes, and are asked only when t
 
 TEST_CASE("a subscription's packets stay behind its message in pieces, others do not wait") {
     outbox out;
+    out.limit_batch(1); // a piece a write
     source pictures(1), fixes(2);
     pictures.put(500'000);
     pictures.put(10);
@@ -335,6 +349,7 @@ TEST_CASE("what waits is counted by class: packets that go in pieces are no repl
 
 TEST_CASE("a source that goes takes its packets along, and half sent ones are abandoned") {
     outbox out;
+    out.limit_batch(1); // a piece a write
     {
         source pictures(1);
         pictures.put(500'000);
