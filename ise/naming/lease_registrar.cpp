@@ -96,8 +96,15 @@ task<> lease_registrar::withdraw(std::string path) {
     holdings_.erase(found);
     gone->answered.resume();
     departures_[path] = incarnation;
-    co_await tell_departures();
+    // Where many leave at once, each would tell of all: one does, and the others wait for it.
+    const auto tried = departures_tried_;
+    while (leaves(path, incarnation) && departures_failed_ <= tried) co_await tell_departures();
     wake();
+}
+
+bool lease_registrar::leaves(const std::string& path, std::uint64_t incarnation) const noexcept {
+    auto known = departures_.find(path);
+    return known != departures_.end() && known->second == incarnation;
 }
 
 // --- the coroutine that keeps the lease ---------------------------------------------------------------------------
@@ -263,7 +270,17 @@ task<bool> lease_registrar::renew() {
     co_return true;
 }
 
+// One at a time; who comes meanwhile waits for its end, and is told how it went.
 task<bool> lease_registrar::tell_departures() {
+    if (telling_departures_) {
+        waiter<> told(host_.on(), [&told] { told.resume(); });
+        await_departures_.push_back(&told);
+        co_await told.wait();
+        std::erase(await_departures_, &told);
+        co_return departures_failed_ != departures_tried_;
+    }
+    telling_departures_ = true;
+    const auto number = ++departures_tried_;
     naming::withdraw_request request;
     request.lease_key = lease_key_;
     for (const auto& [path, incarnation] : departures_) {
@@ -271,17 +288,19 @@ task<bool> lease_registrar::tell_departures() {
         gone.path = path;
         gone.incarnation = incarnation;
         request.departures.push_back(std::move(gone));
+        if (request.departures.size() == batch_size) break;
     }
     auto told = request.departures;
     auto answer = co_await names_.try_call(naming::withdraw, std::move(request), std::max(lease_ / 3, least_patience));
+    telling_departures_ = false;
+    for (auto* other : await_departures_) other->resume();
     if (!answer) {
+        departures_failed_ = number;
         unreachable(answer.error());
         co_return false;
     }
-    for (const auto& gone : told) {
-        auto known = departures_.find(gone.path);
-        if (known != departures_.end() && known->second == gone.incarnation) departures_.erase(known);
-    }
+    for (const auto& gone : told)
+        if (leaves(gone.path, gone.incarnation)) departures_.erase(gone.path);
     co_return true;
 }
 

@@ -46,6 +46,7 @@ private:
     task<bool> tell();
     task<bool> renew();
     task<bool> tell_departures();
+    bool leaves(const std::string& path, std::uint64_t incarnation) const noexcept;
     std::vector<held_name*> next_batch();
     naming::register_request request_of(const std::vector<held_name*>& batch) const;
     void take(naming::grant answer);
@@ -65,6 +66,10 @@ private:
     std::uint64_t lease_key_;
     std::map<std::string, std::unique_ptr<held_name>> holdings_;
     std::map<std::string, std::uint64_t> departures_; // incarnations that the server has not been told to forget
+    std::uint64_t departures_tried_ = 0;  // so often it was told of some
+    std::uint64_t departures_failed_ = 0; // the last of these that was not answered
+    bool telling_departures_ = false;
+    std::vector<waiter<>*> await_departures_; // its end
     time_point renew_at_ = time_point::max();
     std::atomic<time_point> valid_until_{time_point::min()};
     std::pair<std::uint64_t, std::uint64_t> lease_known_{}; // the server's incarnation, and its number there

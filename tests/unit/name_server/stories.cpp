@@ -120,6 +120,36 @@ TEST_CASE("names: a component that stops takes its name with it, and the next ge
     CHECK(it.epoch_of("a/one") > epoch);
 }
 
+TEST_CASE("names: many components that leave at once are told of once each") {
+    constexpr int many = 600;
+    names_test::system it;
+    ise::node* boat = nullptr;
+    it.start("boat", "boat", [&](ise::node& node) {
+        boat = &node;
+        for (int i = 0; i < many; ++i) node.start<doubler>("a/" + std::to_string(i), everywhere());
+    });
+    auto registered = [&] { return it.holds("a/0") ? it.names->names()->snapshot("a").size() : 0; };
+    REQUIRE(it.world.run_until([&] { return registered() == many; }, 30s));
+    const auto before = it.world.net().delivered(ise::sim::direction::to_server);
+    boat->stop();
+    REQUIRE(it.world.run_until([&] { return it.names->names()->snapshot("a").empty(); }, 1s));
+    CHECK(boat->all_stopped());
+    CHECK(it.world.net().delivered(ise::sim::direction::to_server) - before < many * 200);
+}
+
+TEST_CASE("names: components that leave do not wait for a server that does not answer, one after the other") {
+    names_test::system it;
+    ise::node* boat = nullptr;
+    it.start("boat", "boat", [&](ise::node& node) {
+        boat = &node;
+        for (int i = 0; i < 20; ++i) node.start<doubler>("a/" + std::to_string(i), everywhere());
+    });
+    REQUIRE(it.world.run_until([&] { return it.holds("a/0") && it.holds("a/19"); }, 5s));
+    it.server->crash();
+    boat->stop();
+    CHECK(it.world.run_until([&] { return boat->all_stopped(); }, 10s));
+}
+
 TEST_CASE("names: a crashed process loses its names when its lease is over, and its next life gets them") {
     names_test::system it;
     auto& process = it.start_doubler("boat", "atirma/doubler");
