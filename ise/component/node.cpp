@@ -73,6 +73,7 @@ node::~node() {
         auto over = closed.get_future();
         auto closing = [](std::shared_ptr<state> held) -> task<> {
             held->watch.reset();
+            if (held->names) co_await held->names->farewell();
             if (held->services) {
                 held->services->stop(held->options.grace / 4);
                 held->scope->stop();

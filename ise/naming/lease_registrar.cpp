@@ -102,6 +102,11 @@ task<> lease_registrar::withdraw(std::string path) {
     wake();
 }
 
+task<> lease_registrar::farewell() {
+    const auto tried = departures_tried_;
+    while (!departures_.empty() && confirmed() && departures_failed_ <= tried) co_await tell_departures();
+}
+
 bool lease_registrar::leaves(const std::string& path, std::uint64_t incarnation) const noexcept {
     auto known = departures_.find(path);
     return known != departures_.end() && known->second == incarnation;

@@ -37,6 +37,8 @@ public:
     /// Completes when the server knows, or does not answer; then it is told as soon as it does.
     task<> withdraw(std::string path) override;
 
+    task<> farewell() override;
+
     bool confirmed() const noexcept override;
     /// The epoch of a name, 0 if it was not granted.
     std::uint64_t epoch_of(const std::string& path) const noexcept;

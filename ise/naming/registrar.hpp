@@ -38,6 +38,8 @@ public:
     /// Its state for people: "ready", "stalled"…
     virtual void set_state(const std::string& path, std::string_view state) = 0;
     virtual task<> withdraw(std::string path) = 0;
+    /// For the end of the node: completes when the server knows of all that were withdrawn, or does not answer.
+    virtual task<> farewell() = 0;
     /// Whether the lease of the granted names holds now, as far as this side knows; from any thread.
     virtual bool confirmed() const noexcept = 0;
 

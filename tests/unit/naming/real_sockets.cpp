@@ -113,3 +113,30 @@ TEST_CASE("naming: a node that ends withdraws its names") {
     second.start<doubler>("atirma/doubler");
     CHECK(ask(second, "atirma/doubler", 2) == 4);
 }
+
+TEST_CASE("naming: a node that has ended left no name behind") {
+    ise::real_environment env;
+    auto at = ise::endpoint::parse("tcp://127.0.0.1:0").value();
+    auto server = start_server(env, at);
+    auto with_names = quiet();
+    with_names.name_server = at;
+    ise::node asking(env, with_names);
+    {
+        ise::node crowd(env, with_names);
+        for (int i = 0; i < 300; ++i) {
+            ise::component_options how;
+            if (i != 0) how.together_with = "a/0";
+            crowd.start<doubler>("a/" + std::to_string(i), std::move(how));
+        }
+        CHECK(ask(asking, "a/299", 21) == 42);
+    }
+    std::promise<std::size_t> left;
+    asking.start("", [&](ise::component& self) -> ise::task<> {
+        ise::naming::list_request all;
+        all.prefix = "a";
+        auto names = self.at(at);
+        auto page = co_await names.try_call(ise::naming::list, all, 60s);
+        left.set_value(page ? page->names.size() : 9999);
+    });
+    CHECK(left.get_future().get() == 0);
+}
