@@ -14,9 +14,6 @@ namespace {
 
 class side;
 
-// What an exceptional burst took beyond this is given back.
-constexpr std::size_t kept_capacity = 256 * 1024;
-
 // One direction. The two sides meet here and nowhere else; each wakes the other, at most once for each time that the other
 // said that it waits: through the gate of its loop, or, on the same loop, in the present turn. There no lock is needed.
 class channel {
@@ -28,20 +25,19 @@ public:
 
     // For the reader. `would_block`: nothing yet, and the reader will be woken.
     transfer read(std::span<std::byte> into);
-    std::error_code take(bytes& content, ring<passed_object>& beside); // all of it, into what is empty
+    std::error_code take(buffer& content, ring<passed_object>& beside); // all of it, into what is empty
     bool wait();                                                      // false: there is more, or the end
     void refuse();                                                    // nobody will read any more
 
     // For the writer. `would_block`: full.
     transfer write(std::span<const asio::const_buffer> from);
-    transfer pass(std::span<const asio::const_buffer> from, ring<passed_object>& beside);
+    transfer pass(buffer& from, ring<passed_object>& beside);
     std::error_code writable(); // `would_block`: no, and the writer will be woken
     void end();                 // nothing more will be written
 
 private:
     std::unique_lock<std::mutex> hold() { return one_loop_ ? std::unique_lock<std::mutex>() : std::unique_lock(mutex_); }
     std::size_t weight() const noexcept { return content_.size() - begin_ + weight_beside_; }
-    void append(const asio::const_buffer& piece, std::size_t most);
     void drop_content() noexcept;
     void wake_reader(std::unique_lock<std::mutex> held);
     void post_to_reader();
@@ -49,7 +45,7 @@ private:
 
     std::mutex mutex_;
     const std::size_t capacity_;
-    bytes content_;
+    buffer content_;
     std::size_t begin_ = 0; // what lies before was read
     ring<passed_object> beside_;
     std::size_t weight_beside_ = 0;
@@ -59,11 +55,12 @@ private:
     bool reader_waits_ = false;
     bool writer_waits_ = false;
     std::weak_ptr<side> reader_, writer_;
+    side *near_reader_ = nullptr, *near_writer_ = nullptr; // on one loop: who waits is there
     std::shared_ptr<loop_gate> reader_gate_, writer_gate_;
 };
 
 // What a stream's coroutines hold on to: the stream itself may be destroyed under them.
-class side : public std::enable_shared_from_this<side> {
+class side final : public std::enable_shared_from_this<side>, public flushable {
 public:
     side(loop& owner, std::shared_ptr<channel> in, std::shared_ptr<channel> out)
         : incoming(std::move(in)), outgoing(std::move(out)), on(owner), gate(owner.gate()),
@@ -78,25 +75,22 @@ public:
         writable.resume({asio::error::operation_aborted, 0});
     }
 
-    // Something has come, or the end. In a turn.
+    // Something has come, or the end. In a turn, and not from within the writer: it may be in the middle of anything.
     void wake() {
-        if (!passing) return readable.resume({});
-        auto user = receiver.lock();
-        if (!user || closed) return;
-        auto problem = incoming->take(content, beside);
-        if (problem == asio::error::would_block) return;
-        if (problem) {
+        if (receiver) on.flush_soon(*this);
+        else readable.resume({});
+    }
+    void flush() override {
+        if (closed) return;
+        if (auto problem = incoming->take(content, beside)) {
+            if (problem == asio::error::would_block) return;
             over = true;
             return readable.resume({problem, 0});
         }
-        user->on_passed(content, beside);
-        content.clear();
-        if (content.capacity() > kept_capacity) content = {};
+        receiver->on_passed(content.view(), beside);
+        content.recycle();
         if (!beside.empty()) beside.clear();
-        if (!incoming->wait()) wake_later(); // others have their turn before
-    }
-    void wake_later() {
-        on.later([self = shared_from_this()] { self->wake(); });
+        if (!incoming->wait()) on.flush_soon(*this); // others have their turn before
     }
 
     const std::shared_ptr<channel> incoming, outgoing;
@@ -104,16 +98,17 @@ public:
     const std::shared_ptr<loop_gate> gate;
     waiter<transfer> readable, writable;
     bool closed = false;
-    bool passing = false; // what comes goes to the receiver
-    bool over = false;    // it was given everything
-    std::weak_ptr<object_stream::user> receiver;
-    bytes content; // while it is being handed over
+    bool over = false; // the receiver was given everything
+    object_stream::user* receiver = nullptr; // of all that comes
+    buffer content; // while it is being handed over
     ring<passed_object> beside;
 };
 
 void channel::join(const std::shared_ptr<side>& reader, const std::shared_ptr<side>& writer) {
     reader_ = reader;
     writer_ = writer;
+    near_reader_ = reader.get();
+    near_writer_ = writer.get();
     reader_gate_ = reader->gate;
     writer_gate_ = writer->gate;
     one_loop_ = reader_gate_ == writer_gate_;
@@ -122,14 +117,8 @@ void channel::join(const std::shared_ptr<side>& reader, const std::shared_ptr<si
 void channel::wake_reader(std::unique_lock<std::mutex> held) {
     if (!std::exchange(reader_waits_, false)) return;
     if (held) held.unlock();
-    if (one_loop_) {
-        // Not from within the writer: it may be in the middle of anything.
-        auto reader = reader_.lock();
-        if (reader && !reader->passing) reader->wake();
-        else if (reader) reader->on.later([held = std::move(reader)] { held->wake(); });
-        return;
-    }
-    post_to_reader();
+    if (one_loop_) near_reader_->wake();
+    else post_to_reader();
 }
 
 void channel::post_to_reader() {
@@ -141,10 +130,7 @@ void channel::post_to_reader() {
 void channel::wake_writer(std::unique_lock<std::mutex> held) {
     if (!std::exchange(writer_waits_, false)) return;
     if (held) held.unlock();
-    if (one_loop_) {
-        if (auto writer = writer_.lock()) writer->writable.resume({});
-        return;
-    }
+    if (one_loop_) return near_writer_->writable.resume({});
     writer_gate_->post([weak = writer_] {
         if (auto writer = weak.lock()) writer->writable.resume({});
     });
@@ -168,7 +154,7 @@ transfer channel::read(std::span<std::byte> into) {
     if (begin_ == content_.size()) {
         drop_content();
     } else if (begin_ > content_.size() / 2) {
-        content_.erase(content_.begin(), content_.begin() + static_cast<std::ptrdiff_t>(begin_));
+        content_.drop_front(begin_);
         begin_ = 0;
     }
     // A writer that waits is woken for a good piece of room, not for each byte.
@@ -176,17 +162,16 @@ transfer channel::read(std::span<std::byte> into) {
     return {{}, count};
 }
 
-std::error_code channel::take(bytes& content, ring<passed_object>& beside) {
+std::error_code channel::take(buffer& content, ring<passed_object>& beside) {
     auto held = hold();
     if (content_.empty()) {
         if (ended_) return asio::error::eof;
         reader_waits_ = true;
         return asio::error::would_block;
     }
-    if (begin_ > 0) content_.erase(content_.begin(), content_.begin() + static_cast<std::ptrdiff_t>(begin_));
-    begin_ = 0;
-    std::swap(content, content_);
-    std::swap(beside, beside_);
+    if (begin_ > 0) content_.drop_front(std::exchange(begin_, 0));
+    content = std::move(content_); // they change places
+    if (!beside_.empty()) std::swap(beside, beside_);
     weight_beside_ = 0;
     wake_writer(std::move(held));
     return {};
@@ -209,11 +194,6 @@ void channel::refuse() {
     wake_writer(std::move(held));
 }
 
-void channel::append(const asio::const_buffer& piece, std::size_t most) {
-    const auto* from = static_cast<const std::byte*>(piece.data());
-    content_.insert(content_.end(), from, from + std::min(piece.size(), most));
-}
-
 transfer channel::write(std::span<const asio::const_buffer> from) {
     auto held = hold();
     if (refused_ || ended_) return {asio::error::broken_pipe, 0};
@@ -221,7 +201,8 @@ transfer channel::write(std::span<const asio::const_buffer> from) {
     std::size_t wanted = 0;
     for (const auto& piece : from) {
         wanted += piece.size();
-        append(piece, capacity_ - std::min(capacity_, weight()));
+        const auto room = capacity_ - std::min(capacity_, weight());
+        content_.append({static_cast<const std::byte*>(piece.data()), std::min(piece.size(), room)});
     }
     const auto moved = content_.size() - before;
     if (moved == 0) return {wanted > 0 ? make_error_code(asio::error::would_block) : std::error_code{}, 0};
@@ -229,13 +210,14 @@ transfer channel::write(std::span<const asio::const_buffer> from) {
     return {{}, moved};
 }
 
-transfer channel::pass(std::span<const asio::const_buffer> from, ring<passed_object>& beside) {
+transfer channel::pass(buffer& from, ring<passed_object>& beside) {
     auto held = hold();
     if (refused_ || ended_) return {asio::error::broken_pipe, 0};
     if (weight() >= capacity_) return {asio::error::would_block, 0};
-    const auto before = content_.size();
-    for (const auto& piece : from) append(piece, piece.size());
-    const auto moved = content_.size() - before;
+    const auto moved = from.size();
+    if (content_.empty()) content_ = std::move(from); // they change places
+    else content_.append(from.view());
+    from.recycle();
     if (!beside.empty()) {
         for (std::size_t place = 0; place < beside.size(); ++place) weight_beside_ += beside[place].weight();
         if (beside_.empty()) std::swap(beside, beside_);
@@ -274,12 +256,11 @@ public:
         return side_->outgoing->write(from);
     }
 
-    void use(std::weak_ptr<user> receiver) override {
-        side_->receiver = std::move(receiver);
-        side_->passing = true;
-        side_->wake_later();
+    void use(user& receiver) override {
+        side_->receiver = &receiver;
+        side_->wake();
     }
-    transfer pass(std::span<const asio::const_buffer> content, ring<passed_object>& beside) override {
+    transfer pass(buffer& content, ring<passed_object>& beside) override {
         if (side_->closed) return {asio::error::operation_aborted, 0};
         return side_->outgoing->pass(content, beside);
     }
@@ -298,7 +279,7 @@ private:
             if (state->closed) co_return transfer{asio::error::operation_aborted, 0};
             if (state->over) co_return transfer{asio::error::eof, 0};
             if (room.empty()) co_return transfer{};
-            if (!state->passing) {
+            if (!state->receiver) {
                 auto taken = state->incoming->read(room);
                 if (taken.problem != asio::error::would_block) co_return taken;
             }

@@ -11,15 +11,14 @@ namespace ise {
 namespace {
 
 // Works a list off; what comes meanwhile goes into `next`, an empty one, and the two change places. Keeps their room, unless
-// it was an exceptional one. False if `ended` came to hold: the rest is dropped.
+// it was an exceptional one. Where `ended` comes to hold the rest is dropped.
 template <class T, class Do>
-bool work_off(std::vector<T>& list, std::vector<T>& next, const bool& ended, Do work) {
+void work_off(std::vector<T>& list, std::vector<T>& next, const bool& ended, Do work) {
     constexpr std::size_t most = 1024;
     std::swap(list, next);
     for (auto one = next.begin(); one != next.end() && !ended; ++one) work(*one);
     if (next.capacity() <= most) next.clear();
     else next = std::vector<T>();
-    return !ended;
 }
 
 } // namespace
@@ -68,7 +67,11 @@ void loop::abandon() noexcept {
         first.drop();
     }
     while (!ready_.empty()) auto dropped = std::exchange(ready_, {});
-    while (!outputs_.empty()) auto dropped = std::exchange(outputs_, {});
+    while (outputs_.listed()) {
+        auto& first = *outputs_.next->of;
+        first.entry_.leave();
+        auto dropped = std::move(first.held_);
+    }
 }
 
 void loop::enlist(suspended& entry) noexcept {
@@ -84,7 +87,7 @@ void loop::delist(suspended& entry) noexcept {
     entry.previous_ = entry.next_ = nullptr;
 }
 
-time_point loop::now() const { return depth_ > 0 ? turn_time_ : environment_.now(); }
+time_point loop::clock_now() const { return environment_.now(); }
 
 bool loop::before(const timer& a, const timer& b) noexcept {
     return a.listed_at_ != b.listed_at_ ? a.listed_at_ < b.listed_at_ : a.listed_order_ < b.listed_order_;
@@ -175,15 +178,27 @@ void loop::on_alarm() {
     }
 }
 
-void loop::flush_later(std::shared_ptr<flushable> output) {
-    if (output->queued_ || abandoned_) return;
+void loop::flush_later(flushable& output) {
+    if (output.flush_due() || abandoned_) return;
     if (depth_ == 0 && !turn_posted_) {
         post_turn();
-        output->flush();
+        output.flush();
         return;
     }
-    output->queued_ = true;
-    outputs_.push_back(std::move(output));
+    outputs_.push_back(output.entry_);
+}
+
+void loop::flush_later(std::shared_ptr<flushable> output) {
+    auto& listed = *output;
+    if (listed.flush_due()) return;
+    flush_later(listed);
+    if (listed.flush_due()) listed.held_ = std::move(output);
+}
+
+void loop::flush_soon(flushable& output) {
+    if (output.flush_due() || abandoned_) return;
+    outputs_.push_back(output.entry_);
+    if (depth_ == 0) post_turn();
 }
 
 void loop::post_turn() {
@@ -207,19 +222,24 @@ loop::turn::~turn() {
     if (--loop_.depth_ == 0) loop_.wake_for_first();
 }
 
+// Coroutines first, then one output after the other. What is resumed or flushed may make more ready, and list more; all
+// of it belongs to this turn, bounded so that the sockets get their share.
 void loop::end_turn() {
-    // What is resumed may make more ready; all of it belongs to this turn, bounded so that the sockets get
-    // their share.
-    for (int round = 0; round < 64 && (!ready_.empty() || !outputs_.empty()); ++round) {
-        if (!work_off(ready_, spare_ready_, abandoned_, [](auto& resume) { resume(); })) return;
-        if (!ready_.empty()) continue;
-        auto write = [](auto& output) {
-            output->queued_ = false;
-            output->flush();
-        };
-        if (!work_off(outputs_, spare_outputs_, abandoned_, write)) return;
+    for (int left = 256; left > 0; --left) {
+        if (!ready_.empty()) work_off(ready_, spare_ready_, abandoned_, [](auto& resume) { resume(); });
+        else if (outputs_.listed()) flush_first();
+        else return;
+        if (abandoned_) return;
     }
-    if (!ready_.empty() || !outputs_.empty()) post_turn();
+    if (!ready_.empty() || outputs_.listed()) post_turn();
+}
+
+void loop::flush_first() {
+    auto& output = *outputs_.next->of;
+    output.entry_.leave();
+    if (!output.held_) return output.flush();
+    auto held = std::move(output.held_);
+    held->flush();
 }
 
 } // namespace ise

@@ -62,19 +62,50 @@ private:
     bool armed_ = false;
 };
 
-/// Whatever has bytes to write once the turn is over.
+/// Whatever has bytes to write, or to hand over, once the turn is over. Leaves its loop's list when it is destroyed.
 class flushable {
 public:
+    flushable() = default;
+    flushable(const flushable&) = delete;
+    flushable& operator=(const flushable&) = delete;
+
     virtual void flush() = 0;
     /// Whether it is going to be flushed anyway.
-    bool flush_due() const noexcept { return queued_; }
+    bool flush_due() const noexcept { return entry_.listed(); }
 
 protected:
     ~flushable() = default;
 
 private:
     friend class loop;
-    bool queued_ = false;
+
+    /// A place in a list, or its head.
+    struct entry {
+        explicit entry(flushable* whose) noexcept : of(whose) {}
+        entry(const entry&) = delete;
+        entry& operator=(const entry&) = delete;
+        ~entry() { leave(); }
+
+        bool listed() const noexcept { return next != this; }
+        void push_back(entry& last) noexcept {
+            last.previous = previous;
+            last.next = this;
+            previous->next = &last;
+            previous = &last;
+        }
+        void leave() noexcept {
+            previous->next = next;
+            next->previous = previous;
+            previous = next = this;
+        }
+
+        flushable* const of; // null: the head
+        entry* previous = this;
+        entry* next = this;
+    };
+
+    entry entry_{this};
+    std::shared_ptr<flushable> held_; // while it is listed, by whoever asked for that
 };
 
 /// The place where one component (or several) and its connections run: an executor on which nothing runs
@@ -103,7 +134,7 @@ public:
     ise::environment& env() noexcept { return environment_; }
 
     /// Monotonic time; read once a turn, fresh outside of turns.
-    time_point now() const;
+    time_point now() const { return depth_ > 0 ? turn_time_ : clock_now(); }
 
     /// Whether the calling thread is inside this loop now.
     bool running_here() const { return running_here_(); }
@@ -117,7 +148,11 @@ public:
     }
     /// Flushes at the end of the present turn. Outside of turns: at once, and what follows before the loop
     /// comes round again is gathered. On the loop only.
+    void flush_later(flushable& output);
+    /// The same, and holds it until then.
     void flush_later(std::shared_ptr<flushable> output);
+    /// The same at the end of the present turn, or soon where there is none: never within this call.
+    void flush_soon(flushable& output);
 
     bool in_turn() const noexcept { return depth_ > 0; }
 
@@ -167,6 +202,8 @@ private:
     static bool before(const timer& a, const timer& b) noexcept;
     void wake_for_first();
     void end_turn();
+    void flush_first();
+    time_point clock_now() const;
     void post_turn();
 
     environment& environment_;
@@ -176,7 +213,7 @@ private:
     idle_watcher* watcher_ = nullptr;
     std::vector<timer*> heap_;
     std::vector<ready_function> ready_, spare_ready_;
-    std::vector<std::shared_ptr<flushable>> outputs_, spare_outputs_;
+    flushable::entry outputs_{nullptr};
     time_point turn_time_{};
     time_point alarm_at_ = time_point::max();
     std::uint64_t armed_count_ = 0;

@@ -1,9 +1,8 @@
 #pragma once
+#include <ise/core/buffer.hpp>
 #include <ise/core/passed_object.hpp>
 #include <ise/core/ring.hpp>
 #include <ise/core/stream.hpp>
-
-#include <memory>
 
 namespace ise {
 
@@ -21,11 +20,12 @@ public:
         ~user() = default;
     };
 
-    /// From now on everything that comes goes to `receiver`; `read_some` only completes with the end.
-    virtual void use(std::weak_ptr<user> receiver) = 0;
-    /// Writes all of it, and then `beside` is empty; or nothing, `would_block`, where too much waits already. What waits
-    /// may exceed the capacity by one such write.
-    virtual transfer pass(std::span<const asio::const_buffer> content, ring<passed_object>& beside) = 0;
+    /// From now on everything that comes goes to `receiver`, who lives as long as the stream and does not destroy it
+    /// from within `on_passed`; `read_some` only completes with the end.
+    virtual void use(user& receiver) = 0;
+    /// Takes all of it, and then both are empty (`content` with room of one that was taken before); or nothing,
+    /// `would_block`, where too much waits already. What waits may exceed the capacity by one such write.
+    virtual transfer pass(buffer& content, ring<passed_object>& beside) = 0;
     /// Both sides are on one loop.
     virtual bool on_one_loop() const noexcept = 0;
 };

@@ -1,6 +1,6 @@
 #pragma once
 #include <ise/net/shared_key.hpp>
-#include <ise/packet/buffer.hpp>
+#include <ise/core/buffer.hpp>
 #include <ise/wire/frame.hpp>
 #include <ise/wire/messages.hpp>
 

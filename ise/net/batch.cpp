@@ -3,20 +3,6 @@
 #include <utility>
 
 namespace ise::net {
-namespace {
-
-// A burst must not pin its memory for the life of a connection; what is filled again and again keeps it, or every
-// turn would get fresh pages from the kernel.
-constexpr std::size_t kept_capacity = 256 * 1024;
-// More are in use only where several sockets are full.
-constexpr std::size_t kept_batches = 2;
-
-void recycle(buffer& used) {
-    if (used.capacity() > kept_capacity && used.size() < used.capacity() / 4) used = buffer();
-    used.clear();
-}
-
-} // namespace
 
 void batch::close_staged() {
     if (staging_.size() == staged_) return;
@@ -41,13 +27,13 @@ void batch::refer_to(bytes_view content) {
     shared_bytes_ += content.size();
 }
 
-void batch::adopt(buffer& content) {
+void batch::adopt_behind(buffer& content) {
     std::swap(adopted_, content);
     content.clear();
     refer_to(adopted_.view());
 }
 
-std::span<const asio::const_buffer> batch::remaining() {
+std::span<const asio::const_buffer> batch::remaining_segments() {
     close_staged();
     views_.clear();
     std::size_t skip = written_;
@@ -61,6 +47,14 @@ std::span<const asio::const_buffer> batch::remaining() {
         skip = 0;
     }
     return views_;
+}
+
+buffer& batch::gather() {
+    gathered_.clear();
+    gathered_.reserve(bytes());
+    for (const auto& part : remaining_segments())
+        gathered_.append({static_cast<const std::byte*>(part.data()), part.size()});
+    return gathered_;
 }
 
 void batch::visit_unwritten(const std::function<void(const wire::frame&)>& visit) {
@@ -84,24 +78,16 @@ void batch::visit_unwritten(const std::function<void(const wire::frame&)>& visit
 }
 
 void batch::clear() {
-    recycle(staging_);
-    recycle(adopted_);
-    segments_.clear();
-    owners_.clear();
+    staging_.recycle();
+    if (!segments_.empty()) {
+        adopted_.recycle();
+        gathered_.recycle();
+        segments_.clear();
+        owners_.clear();
+        staged_ = shared_bytes_ = 0;
+    }
     if (!beside_.empty()) beside_.clear();
-    beside_weight_ = 0;
-    staged_ = shared_bytes_ = written_ = 0;
-}
-
-std::unique_ptr<batch> batch_pool::lend() {
-    if (unused_.empty()) return std::make_unique<batch>();
-    auto lent = std::move(unused_.back());
-    unused_.pop_back();
-    return lent;
-}
-
-void batch_pool::take_back(std::unique_ptr<batch> unused) {
-    if (unused_.size() < kept_batches) unused_.push_back(std::move(unused));
+    beside_weight_ = written_ = 0;
 }
 
 } // namespace ise::net

@@ -2,7 +2,7 @@
 #include <ise/core/bytes.hpp>
 #include <ise/core/passed_object.hpp>
 #include <ise/core/ring.hpp>
-#include <ise/packet/buffer.hpp>
+#include <ise/core/buffer.hpp>
 #include <ise/packet/shared_bytes.hpp>
 #include <ise/wire/frame.hpp>
 
@@ -25,7 +25,10 @@ public:
     /// Content that stays where it is; `owner` is held until it was written.
     void share(shared_bytes owner, bytes_view content);
     /// Takes over a whole buffer as content and gives back an empty one with room.
-    void adopt(buffer& content);
+    void adopt(buffer& content) {
+        if (empty()) staging_ = std::move(content); // they change places
+        else adopt_behind(content);
+    }
 
     /// The object of the frame that was put last, which travels beside the bytes.
     void pass(passed_object object) {
@@ -43,7 +46,13 @@ public:
     std::size_t left() const noexcept { return bytes() - written_; }
 
     /// What is still to be written.
-    std::span<const asio::const_buffer> remaining();
+    std::span<const asio::const_buffer> remaining() {
+        if (!segments_.empty()) return remaining_segments();
+        whole_ = asio::const_buffer(staging_.data() + written_, staging_.size() - written_);
+        return {&whole_, 1};
+    }
+    /// All of it in one buffer, whoever empties it; nothing of it was written yet.
+    buffer& whole() { return segments_.empty() ? staging_ : gather(); }
     void advance(std::size_t count) noexcept { written_ += count; }
     void clear();
 
@@ -57,14 +66,19 @@ private:
         std::size_t size = 0;
         const std::byte* data = nullptr;
     };
+    void adopt_behind(buffer& content);
+    std::span<const asio::const_buffer> remaining_segments();
+    buffer& gather();
     void close_staged();
     void refer_to(bytes_view content);
 
     buffer staging_;
     buffer adopted_;
+    buffer gathered_;
     std::vector<segment> segments_;
     std::vector<shared_bytes> owners_;
     std::vector<asio::const_buffer> views_;
+    asio::const_buffer whole_;
     ring<passed_object> beside_;
     std::size_t beside_weight_ = 0;
     std::size_t staged_ = 0; // bytes of the staging buffer that lie in segments
@@ -76,11 +90,20 @@ private:
 /// and what it grew to serves the next one.
 class batch_pool {
 public:
-    std::unique_ptr<batch> lend();
+    std::unique_ptr<batch> lend() {
+        if (unused_.empty()) return std::make_unique<batch>();
+        auto lent = std::move(unused_.back());
+        unused_.pop_back();
+        return lent;
+    }
     /// Takes an empty one back.
-    void take_back(std::unique_ptr<batch> unused);
+    void take_back(std::unique_ptr<batch> unused) {
+        if (unused_.size() < kept) unused_.push_back(std::move(unused));
+    }
 
 private:
+    static constexpr std::size_t kept = 2; // more are in use only where several sockets are full
+
     std::vector<std::unique_ptr<batch>> unused_;
 };
 

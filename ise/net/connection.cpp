@@ -45,6 +45,7 @@ connection::connection(loop& on, std::unique_ptr<stream> transport, session_term
 connection::~connection() { signs_->end(); }
 
 void connection::start(task_scope& scope, std::weak_ptr<user> receiver) {
+    known_user_ = receiver.lock().get();
     user_ = std::move(receiver);
     scope_ = &scope;
     if (datagrams_) datagrams_->use(std::shared_ptr<datagram_stream::user>(shared_from_this(), this));
@@ -74,7 +75,7 @@ task<> connection::read([[maybe_unused]] std::shared_ptr<connection> held) {
 bool connection::begin_to_take() {
     loop::turn in(on_);
     const bool more = taken(take_frames());
-    if (more && objects_) objects_->use(std::shared_ptr<object_stream::user>(shared_from_this(), this));
+    if (more && objects_) objects_->use(*this);
     return more;
 }
 
@@ -119,8 +120,7 @@ void connection::on_sign() {
     sign.header.type = frame_type::pong;
     sign.header.flags = wire::flag::stalled;
     ++counts_.frames_in;
-    auto receiver = user_.lock();
-    auto taken = take(sign, receiver.get());
+    auto taken = take(sign, receiver());
     if (!taken && open_) end_for(taken.error());
 }
 
@@ -136,8 +136,7 @@ void connection::on_message(bytes_view message) {
     if (received.header.type != frame_type::packet || received.header.length != received.body.size()) {
         state = failure(errc::protocol_error, "a message came beside the stream that is no packet");
     } else {
-        auto receiver = user_.lock();
-        state = take(received, receiver.get());
+        state = take(received, receiver());
     }
     if (!state && open_) end_for(state.error());
 }
@@ -146,13 +145,14 @@ void connection::on_message(bytes_view message) {
 void connection::on_passed(bytes_view content, ring<passed_object>& beside) {
     if (!open_) return;
     counts_.bytes_in += content.size();
-    loop::turn in(on_);
     last_heard_ = on_.now();
     beside_ = &beside;
     result<void> state;
-    auto receiver = user_.lock();
-    wire::frame received;
-    while (open_ && state && parser_.pending() == 0 && parser_.take(received, content)) state = take_whole(received, receiver.get());
+    auto* to = receiver();
+    for (wire::frame received; open_ && state && parser_.pending() == 0 && parser_.take(received, content);) {
+        auto taken = take_whole(received, to);
+        if (!taken) state = std::move(taken);
+    }
     // A part of a frame, or none: as if it had been read.
     while (open_ && state && !content.empty()) {
         auto room = parser_.prepare();
@@ -169,19 +169,17 @@ void connection::on_passed(bytes_view content, ring<passed_object>& beside) {
 result<void> connection::take_whole(wire::frame& received, user* receiver) {
     ++counts_.frames_in;
     received.object = nullptr;
-    passed_object object;
-    if (beside_ && (received.header.flags & wire::flag::beside)) {
-        if (beside_->empty()) return failure(errc::protocol_error, "a packet was to come beside its frame, and did not");
-        object = beside_->pop_front();
-        received.object = &object;
-    }
+    if (!beside_ || !(received.header.flags & wire::flag::beside)) return take(received, receiver);
+    if (beside_->empty()) return failure(errc::protocol_error, "a packet was to come beside its frame, and did not");
+    auto object = beside_->pop_front();
+    received.object = &object;
     return take(received, receiver);
 }
 
 result<void> connection::take_frames() {
-    auto receiver = user_.lock(); // once for all that came
+    auto* to = receiver();
     for (wire::frame received; parser_.take(received);) {
-        auto taken = take_whole(received, receiver.get());
+        auto taken = take_whole(received, to);
         if (!taken) return taken;
         if (!open_) return {};
     }
@@ -260,12 +258,30 @@ void connection::flush() {
     if (blocked_) return;
     signs_->claim();
     if (signs_->broken()) return close(failure(errc::peer_lost, fmt::format("{} did not take a sign of life whole", peer_name())));
-    auto& batches = on_.common<batch_pool>();
-    if (!batch_) batch_ = batches.lend();
-    write_out();
-    if (!batch_->empty()) return; // it goes on with this
-    batches.take_back(std::move(batch_));
+    if (!pass_calls()) {
+        auto& batches = on_.common<batch_pool>();
+        if (!batch_) batch_ = batches.lend();
+        write_out();
+        if (!batch_->empty()) return; // it goes on with this
+        batches.take_back(std::move(batch_));
+    }
     if (open_) signs_->release(last_sent_);
+}
+
+// Within a process calls and replies that wait alone, as most do, need no batch. The rest is `write_out`'s matter.
+bool connection::pass_calls() {
+    if (!objects_ || batch_ || finishing_ || !outbox_.calls_alone(on_.now())) return false;
+    const auto passed = objects_->pass(outbox_.calls(), outbox_.beside_calls());
+    if (passed.problem) {
+        batch_ = on_.common<batch_pool>().lend();
+        outbox_.move_calls(*batch_);
+        return false;
+    }
+    outbox_.calls_went();
+    counts_.bytes_out += passed.bytes;
+    ++counts_.frames_out_batches;
+    last_sent_ = on_.now();
+    return true;
 }
 
 void connection::write_out() {
@@ -276,8 +292,9 @@ void connection::write_out() {
             if (finishing_) transport_->shutdown_write();
             return;
         }
-        auto wrote = objects_ ? objects_->pass(batch_->remaining(), batch_->beside()) : transport_->try_write(batch_->remaining());
-        if (wrote.problem == asio::error::would_block) {
+        auto wrote = objects_ ? objects_->pass(batch_->whole(), batch_->beside())
+                              : transport_->try_write(batch_->remaining());
+        if (wrote.problem && wrote.problem == asio::error::would_block) {
             blocked_ = true;
             // Not from within this: where there is room again already it would go on writing.
             if (!std::exchange(writing_, true))
@@ -292,9 +309,9 @@ void connection::write_out() {
         }
         sent += wrote.bytes;
         counts_.bytes_out += wrote.bytes;
-        batch_->advance(wrote.bytes);
+        if (!objects_) batch_->advance(wrote.bytes);
         last_sent_ = on_.now();
-        if (batch_->done()) {
+        if (objects_ || batch_->done()) {
             batch_->clear();
             ++counts_.frames_out_batches;
         }

@@ -54,7 +54,8 @@ struct session_terms {
 /// it lies; the reader only waits for the end.
 class connection final : public std::enable_shared_from_this<connection>, public flushable, public datagram_stream::user, public object_stream::user {
 public:
-    /// Who understands the frames. Called inside a turn of the loop; a frame's body is valid during the call only.
+    /// Who understands the frames. Called inside a turn of the loop, and not destroyed from within a call; a frame's
+    /// body is valid during the call only.
     class user {
     public:
         /// A failure ends the connection: the peer broke the protocol.
@@ -76,7 +77,7 @@ public:
     /// Where frames are put; `written()` afterwards sees to it that they leave.
     outbox& out() noexcept { return outbox_; }
     void written() {
-        if (!flush_due()) on_.flush_later(shared_from_this());
+        if (!flush_due()) on_.flush_later(*this);
     }
     void flush() override;
     /// Much waits that may not be dropped: it is written now, while it is still in the processor's cache, unless the socket
@@ -119,6 +120,8 @@ public:
 
 private:
     task<> read(std::shared_ptr<connection> held);
+    // Two locked instructions less than a lock.
+    user* receiver() const noexcept { return user_.expired() ? nullptr : known_user_; }
     bool begin_to_take();
     bool take_read(const transfer& got);
     void end_for_read(const std::error_code& problem);
@@ -137,6 +140,7 @@ private:
     void on_sign() override;
     void end_for(const failure& wrong);
     void pulse();
+    bool pass_calls();
     void write_out();
     void say_goodbye();
     void report_end();
@@ -157,6 +161,7 @@ private:
     std::unique_ptr<timer> grace_; // once it finishes
     task_scope* scope_ = nullptr;
     std::weak_ptr<user> user_;
+    user* known_user_ = nullptr; // the same, while it is there
     std::unique_ptr<failure> cause_;
     connection_counts counts_;
     duration round_trip_{};

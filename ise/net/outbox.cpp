@@ -179,6 +179,27 @@ bool outbox::fill(batch& out, time_point now) {
     return !out.empty();
 }
 
+bool outbox::calls_alone(time_point now) {
+    if (calls_.empty() || calls_taken_ != 0 || calls_.size() + beside_weight_ > batch_limit_) return false;
+    if (!control_.empty() || !big_calls_.all.empty() || !big_packets_.all.empty() || !sources_.empty()) return false;
+    auto each_request = [this](auto what) {
+        for (std::size_t at = 0; at < calls_.size();) {
+            const auto header = wire::read_header(calls_.data() + at);
+            at += frame_header::size;
+            if (is_request(header) && !what(calls_.data() + at)) return false;
+            at += header.length;
+        }
+        return true;
+    };
+    return each_request([now](std::byte* body) { return deadline_of(body) > now; }) &&
+           each_request([now](std::byte* body) { return stamp(body, now); });
+}
+
+void outbox::move_calls(batch& out) {
+    out.adopt(calls_);
+    while (!beside_.empty()) out.pass(take_beside());
+}
+
 void outbox::fill_calls(batch& out, time_point now) {
     std::size_t at = calls_taken_;
     std::size_t expired = 0;

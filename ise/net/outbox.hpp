@@ -88,6 +88,15 @@ public:
     /// Moves what goes into one write to the batch; false if nothing waits.
     bool fill(batch& out, time_point now);
 
+    /// True where nothing waits but calls and replies, all of them go into one write, and none has expired: then they
+    /// have been stamped, and are written from where they lie. Whoever does that empties `calls()` and `beside_calls()`
+    /// and says so, or moves them to a batch.
+    bool calls_alone(time_point now);
+    buffer& calls() noexcept { return calls_; }
+    ring<passed_object>& beside_calls() noexcept { return beside_; }
+    void calls_went() noexcept { beside_weight_ = 0; }
+    void move_calls(batch& out);
+
     bool empty() const noexcept;
     /// Whether neither control frames nor calls and replies wait.
     bool calls_drained() const noexcept { return control_.empty() && calls_.size() == calls_taken_ && big_calls_.all.empty(); }

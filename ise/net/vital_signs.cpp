@@ -2,7 +2,7 @@
 
 #include <ise/core/object_stream.hpp>
 #include <ise/net/datagram_stream.hpp>
-#include <ise/packet/buffer.hpp>
+#include <ise/core/buffer.hpp>
 #include <ise/wire/frame.hpp>
 
 #include <algorithm>
@@ -17,10 +17,8 @@ vital_signs::vital_signs(stream& transport, duration heartbeat, time_point now)
     on_one_loop_ = objects && objects->on_one_loop();
 }
 
-void vital_signs::claim() noexcept {
-    if (held_) return;
-    while (!on_one_loop_ && claimed_.exchange(true, std::memory_order_acquire)) std::this_thread::yield();
-    held_ = true;
+void vital_signs::wait_for_claim() noexcept {
+    while (claimed_.exchange(true, std::memory_order_acquire)) std::this_thread::yield();
 }
 
 void vital_signs::release(time_point sent) noexcept {

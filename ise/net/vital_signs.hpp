@@ -25,7 +25,10 @@ public:
     // For the connection, on its loop.
 
     /// Before anything is written; nothing if it is held already. Waits at most for one small non-blocking write.
-    void claim() noexcept;
+    void claim() noexcept {
+        if (!held_ && !on_one_loop_) wait_for_claim();
+        held_ = true;
+    }
     /// Between frames. `sent`: when the peer was sent something last.
     void release(time_point sent) noexcept;
     /// After this the transport is not touched any more.
@@ -41,6 +44,8 @@ public:
     duration heartbeat() const noexcept { return heartbeat_; }
 
 private:
+    void wait_for_claim() noexcept;
+
     stream& transport_;
     datagram_stream* const datagrams_; // the same, where it is one: there a sign is a datagram of its own
     const duration heartbeat_;

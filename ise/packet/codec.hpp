@@ -1,7 +1,7 @@
 #pragma once
 #include <ise/core/bytes.hpp>
 #include <ise/core/result.hpp>
-#include <ise/packet/buffer.hpp>
+#include <ise/core/buffer.hpp>
 #include <ise/packet/concept.hpp>
 #include <ise/packet/detail/codec_cereal.hpp>
 #include <ise/packet/limits.hpp>

@@ -1,6 +1,6 @@
 #include <ise/packet/dynamic.hpp>
 
-#include <ise/packet/detail/little_endian.hpp>
+#include <ise/core/little_endian.hpp>
 #include <ise/packet/detail/walk.hpp>
 
 #include <fmt/format.h>

@@ -1,4 +1,4 @@
-#include <ise/packet/detail/little_endian.hpp>
+#include <ise/core/little_endian.hpp>
 #include <ise/packet/detail/text_forms.hpp>
 #include <ise/packet/detail/walk.hpp>
 #include <ise/packet/json.hpp>

@@ -1,6 +1,6 @@
 #pragma once
 #include <ise/core/bytes.hpp>
-#include <ise/packet/buffer.hpp>
+#include <ise/core/buffer.hpp>
 
 #include <array>
 #include <cstdint>

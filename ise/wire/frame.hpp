@@ -1,7 +1,7 @@
 #pragma once
 #include <ise/core/bytes.hpp>
 #include <ise/core/passed_object.hpp>
-#include <ise/packet/buffer.hpp>
+#include <ise/core/buffer.hpp>
 
 #include <cstddef>
 #include <cstdint>

@@ -1,5 +1,5 @@
 #pragma once
-#include <ise/packet/buffer.hpp>
+#include <ise/core/buffer.hpp>
 #include <ise/packet/type.hpp>
 
 #include <string_view>

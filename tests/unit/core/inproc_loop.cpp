@@ -2,6 +2,7 @@
 #include "inproc_threads.hpp"
 
 #include <ise/core/inproc_stream.hpp>
+#include <ise/core/object_stream.hpp>
 #include <ise/core/waiter.hpp>
 
 #include <asio/bind_cancellation_slot.hpp>
@@ -35,6 +36,22 @@ task<> wait_forever(ise::loop& on, bool& gone, bool& resumed) {
     co_await never.wait();
     resumed = true;
 }
+
+struct output final : ise::flushable {
+    std::function<void()> act;
+    explicit output(std::function<void()> what) : act(std::move(what)) {}
+    void flush() override { act(); }
+};
+
+struct taker final : ise::object_stream::user {
+    std::string got;
+    std::function<void()> meanwhile = [] {};
+    void on_passed(ise::bytes_view content, ise::ring<ise::passed_object>&) override {
+        got += ise::as_text(content);
+        meanwhile();
+        got += '|';
+    }
+};
 
 task<> read_once(ise::stream& from, ise::transfer& got, std::array<char, 8>& room) {
     got = co_await from.read_some(asio::buffer(room));
@@ -88,6 +105,102 @@ TEST_CASE("work for a loop that has ended is refused at its gate") {
     one.loop.reset();
     CHECK_FALSE(gate->post([] {}));
     one.loop = std::make_unique<ise::loop>(one.env, one.io.get_executor(), [] { return true; });
+}
+
+TEST_CASE("what is listed for a turn's end is flushed once, in order, and not when it is gone") {
+    driven one;
+    std::string log;
+    output first([&] { log += '1'; }), last([&] { log += '3'; });
+    auto gone = std::make_unique<output>([&] { log += 'x'; });
+    auto removed = std::make_unique<output>([&] { log += 'y'; });
+    output remover([&] {
+        removed.reset(); // one that the same round was to flush
+        one.loop->flush_later(first);
+        log += '2';
+    });
+    auto held = std::make_shared<output>([&] { log += 'h'; });
+    {
+        ise::loop::turn in(*one.loop);
+        one.loop->flush_later(first);
+        one.loop->flush_later(*gone);
+        one.loop->flush_later(remover);
+        one.loop->flush_later(*removed);
+        one.loop->flush_later(std::exchange(held, nullptr));
+        one.loop->flush_later(last);
+        one.loop->flush_later(first);
+        gone.reset();
+        CHECK(log.empty());
+    }
+    CHECK(log == "12h31");
+}
+
+TEST_CASE("outside of turns what flushes later does so at once, what flushes soon does not") {
+    driven one;
+    std::string log;
+    output later([&] { log += 'l'; }), soon([&] { log += 's'; });
+    SECTION("later") {
+        one.loop->flush_later(later);
+        CHECK(log == "l");
+        one.loop->flush_later(later); // gathered
+        CHECK(log == "l");
+        one.io.poll();
+        CHECK(log == "ll");
+    }
+    SECTION("soon") {
+        one.loop->flush_soon(soon);
+        CHECK(log.empty());
+        one.io.poll();
+        CHECK(log == "s");
+    }
+    SECTION("a loop that ends lets go of what is listed") {
+        auto held = std::make_shared<output>([&] { log += 'h'; });
+        std::weak_ptr<output> seen = held;
+        output ends([&] { one.loop->abandon(); });
+        {
+            ise::loop::turn in(*one.loop);
+            one.loop->flush_later(ends);
+            one.loop->flush_later(std::move(held));
+            one.loop->flush_soon(soon);
+        }
+        CHECK(seen.expired());
+        CHECK_FALSE(soon.flush_due());
+        CHECK(log.empty());
+    }
+}
+
+TEST_CASE("inproc: what is passed is taken in a turn, in order, and never from within the writer") {
+    driven one;
+    auto [first, second] = ise::make_inproc_pair(*one.loop, *one.loop, "pair", 10);
+    auto& writer = dynamic_cast<ise::object_stream&>(*first);
+    auto& reader = dynamic_cast<ise::object_stream&>(*second);
+    taker to;
+    ise::ring<ise::passed_object> none;
+    auto pass = [&](std::string_view text) {
+        ise::buffer content;
+        content.append(ise::as_bytes(text));
+        auto done = writer.pass(content, none);
+        CHECK(content.empty() == !done.problem);
+        return done;
+    };
+    REQUIRE(pass("before").bytes == 6);
+    reader.use(to);
+    CHECK(to.got.empty());
+    one.io.poll();
+    CHECK(to.got == "before|");
+    to.meanwhile = [&, left = 2]() mutable {
+        if (left-- > 0) CHECK(pass("more").bytes == 4);
+    };
+    CHECK(pass("ab").bytes == 2);
+    CHECK(pass("0123456789").bytes == 10); // beyond the room by one
+    CHECK(pass("c").problem == asio::error::would_block);
+    CHECK(to.got == "before|");
+    one.io.poll();
+    CHECK(to.got == "before|ab0123456789|more|more|");
+    CHECK(pass("lost").bytes == 4);
+    second.reset();
+    one.io.poll();
+    CHECK(to.got == "before|ab0123456789|more|more|");
+    CHECK(pass("late").problem == asio::error::broken_pipe);
 }
 
 TEST_CASE("inproc: cancelling a read loses nothing") {

@@ -23,12 +23,7 @@ struct written {
     ise::bytes body;
 };
 
-std::vector<written> frames_of(batch& from) {
-    ise::bytes all;
-    for (const auto& part : from.remaining()) {
-        auto* data = static_cast<const std::byte*>(part.data());
-        all.insert(all.end(), data, data + part.size());
-    }
+std::vector<written> frames_of(ise::bytes_view all) {
     std::vector<written> found;
     for (std::size_t at = 0; at < all.size();) {
         auto header = ise::wire::read_header(all.data() + at);
@@ -39,6 +34,14 @@ std::vector<written> frames_of(batch& from) {
         at += header.length;
     }
     return found;
+}
+std::vector<written> frames_of(batch& from) {
+    ise::bytes all;
+    for (const auto& part : from.remaining()) {
+        auto* data = static_cast<const std::byte*>(part.data());
+        all.insert(all.end(), data, data + part.size());
+    }
+    return frames_of(ise::bytes_view(all));
 }
 std::vector<written> write(outbox& from, ise::time_point now = t0) {
     batch out;
@@ -63,6 +66,15 @@ void ping(outbox& to, std::uint64_t id) {
     ise::wire::put_frame(to.control(), frame_type::ping, 0, id, [](ise::buffer&) {});
 }
 std::int64_t time_left(const written& frame) { return ise::detail::load_little<std::int64_t>(frame.body.data() + 4); }
+
+constexpr auto number = ise::object_type::of<int>();
+void request_beside(outbox& to, std::uint64_t id, ise::time_point deadline) {
+    ise::wire::put_frame(to.begin_call(), frame_type::request, ise::wire::flag::beside, id, [&](ise::buffer& body) {
+        body.append(std::uint32_t{0});
+        body.append(static_cast<std::int64_t>(deadline.time_since_epoch().count()));
+    });
+    to.end_call(ise::passed_object(number, static_cast<int>(id), 100));
+}
 
 struct source final : ise::net::publication_source {
     std::uint64_t id;
@@ -116,6 +128,64 @@ TEST_CASE("what remains of a deadline is stamped at writing, and expired request
     CHECK(time_left(frames[0]) == std::chrono::nanoseconds(3s).count());
     CHECK(time_left(frames[1]) == std::chrono::nanoseconds(7s).count());
     CHECK(out.empty());
+}
+
+TEST_CASE("calls that wait alone are stamped where they lie, and go with what is beside them") {
+    outbox out;
+    request(out, 1, t0 + 5s);
+    request_beside(out, 2, t0 + 9s);
+    REQUIRE(out.calls_alone(t0 + 2s));
+    SECTION("at once") {
+        auto frames = frames_of(out.calls().view());
+        REQUIRE(ids_of(frames) == std::vector<std::uint64_t>{1, 2});
+        CHECK(time_left(frames[0]) == std::chrono::nanoseconds(3s).count());
+        CHECK(time_left(frames[1]) == std::chrono::nanoseconds(7s).count());
+        REQUIRE(out.beside_calls().size() == 1);
+        CHECK(*static_cast<int*>(out.beside_calls().pop_front().at()) == 2);
+        out.calls().clear();
+        out.calls_went();
+    }
+    SECTION("where they cannot go: by a batch, stamped once") {
+        batch later;
+        out.move_calls(later);
+        auto frames = frames_of(later);
+        REQUIRE(ids_of(frames) == std::vector<std::uint64_t>{1, 2});
+        CHECK(time_left(frames[1]) == std::chrono::nanoseconds(7s).count());
+        CHECK(later.beside().size() == 1);
+        CHECK(later.weight() == later.bytes() + 100);
+    }
+    CHECK(out.empty());
+    CHECK(out.pending_bytes() == 0);
+    CHECK(out.pending_call_bytes() == 0);
+    CHECK_FALSE(out.calls_alone(t0));
+}
+
+TEST_CASE("calls that do not wait alone stay as they are") {
+    outbox out;
+    source news(30);
+    request(out, 1, t0 + 5s);
+    bool expired = false;
+    SECTION("control") { ping(out, 10); }
+    SECTION("a publication") { out.add(news); }
+    SECTION("a message in pieces") { request(out, 2, t0 + 5s, 200'000); }
+    SECTION("more than one write takes") { out.limit_batch(10); }
+    SECTION("one that has expired") {
+        request(out, 2, t0 + 1s);
+        expired = true;
+    }
+    SECTION("one that was withdrawn") {
+        request(out, 2, t0 + 5s);
+        CHECK(out.withdraw(2));
+        expired = true;
+    }
+    CHECK_FALSE(out.calls_alone(t0 + 2s));
+    auto frames = write(out, t0 + 2s);
+    auto found = std::find_if(frames.begin(), frames.end(),
+                              [](const auto& frame) { return frame.id == 1 && frame.type == frame_type::request; });
+    REQUIRE(found != frames.end());
+    CHECK(time_left(*found) == std::chrono::nanoseconds(3s).count());
+    if (expired) CHECK(ids_of(frames) == std::vector<std::uint64_t>{1});
+    out.remove(news);
 }
 
 TEST_CASE("many expired requests do not hide one that is good") {

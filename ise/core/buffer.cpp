@@ -1,4 +1,4 @@
-#include <ise/packet/buffer.hpp>
+#include <ise/core/buffer.hpp>
 
 #include <algorithm>
 #include <array>

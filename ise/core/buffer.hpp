@@ -1,6 +1,6 @@
 #pragma once
 #include <ise/core/bytes.hpp>
-#include <ise/packet/detail/little_endian.hpp>
+#include <ise/core/little_endian.hpp>
 
 #include <cstdint>
 #include <cstring>
@@ -61,6 +61,19 @@ public:
         requires std::is_arithmetic_v<T>
     void append(T value) {
         detail::store_little(grow(sizeof(T)), value);
+    }
+
+    /// Drops what lies before `count`; the rest moves to the front.
+    void drop_front(std::size_t count) noexcept {
+        size_ -= count;
+        std::memmove(data_, data_ + count, size_);
+    }
+    /// Empties what is going to be filled again. A burst must not pin its memory; what is filled again and again keeps
+    /// it, or each time would get fresh pages from the kernel.
+    void recycle() noexcept {
+        constexpr std::size_t kept_capacity = 256 * 1024;
+        if (capacity_ > kept_capacity && size_ > 0 && size_ < capacity_ / 4) *this = buffer();
+        clear();
     }
 
     /// Overwrites four bytes that were appended before, little-endian.
