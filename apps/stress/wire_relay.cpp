@@ -60,14 +60,14 @@ ise::task<> datagram_wire::run() {
             co_await sleep(pause);
             continue;
         }
-        if (between->caller != got.peer) {
+        if (between->caller != got->peer) {
             if (between->far) between->far->close();
             between->far = std::move(env().open_datagram(on(), anywhere).value());
-            between->caller = got.peer;
+            between->caller = got->peer;
             spawn("inward", inward(between, between->far));
         }
-        between->by->wrote(got.content);
-        between->far->try_send(between->onward, got.content); // or it is lost, as datagrams are
+        between->by->wrote(got->content);
+        between->far->try_send(between->onward, got->content); // or it is lost, as datagrams are
     }
 }
 
@@ -79,8 +79,8 @@ ise::task<> datagram_wire::inward(std::shared_ptr<ends> between, std::shared_ptr
             co_await between->self.sleep(pause);
             continue;
         }
-        between->by->read(got.content);
-        between->near->try_send(*between->caller, got.content);
+        between->by->read(got->content);
+        between->near->try_send(*between->caller, got->content);
     }
 }
 

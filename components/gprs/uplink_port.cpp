@@ -87,7 +87,7 @@ ise::task<std::string> uplink_port::serve_datagrams() {
     service();
     for (;;) {
         auto [problem, got] = co_await socket_->receive();
-        if (!problem && from_shore(got.peer)) came(got.content);
+        if (!problem && from_shore(got->peer)) came(got->content);
         if (!closing_.empty()) co_return closing_;
         if (problem == asio::error::operation_aborted) co_return std::string();
         if (problem) co_return fmt::format("the socket of the uplink broke: {}", problem.message());

@@ -30,7 +30,7 @@ ise::task<> datagram_relay::from_boats(std::shared_ptr<ise::datagram_socket> doo
             co_await ise::sleep_for(loop_, receive_pause);
             continue;
         }
-        if (auto of = flow_of(door, got.peer)) send(*of, true, std::move(got.content));
+        if (auto of = flow_of(door, got->peer)) send(*of, true, got->content);
     }
 }
 
@@ -40,7 +40,7 @@ ise::task<> datagram_relay::from_proxy(std::shared_ptr<flow> of, std::shared_ptr
         if (of->over || of->out != out) co_return;
         if (problem == asio::error::operation_aborted) co_return;
         if (problem) co_await ise::sleep_for(loop_, receive_pause);
-        else send(*of, false, std::move(got.content));
+        else send(*of, false, got->content);
     }
 }
 

@@ -89,10 +89,10 @@ ise::task<> doors::receive(std::uint64_t door, std::shared_ptr<ise::datagram_soc
         }
         gprs::way by;
         by.door = door;
-        by.peer = got.peer;
+        by.peer = got->peer;
         by.datagrams = true;
-        if (got.content.size() > largest_datagram) got.content.clear(); // told as one that makes no sense
-        on_datagram(by, got.content);
+        const bool too_large = got->content.size() > largest_datagram; // told as one that makes no sense
+        on_datagram(by, too_large ? ise::bytes_view() : got->content);
     }
 }
 

@@ -48,7 +48,6 @@ void connection::start(task_scope& scope, std::weak_ptr<user> receiver) {
     known_user_ = receiver.lock().get();
     user_ = std::move(receiver);
     scope_ = &scope;
-    if (datagrams_) datagrams_->use(std::shared_ptr<datagram_stream::user>(shared_from_this(), this));
     no_used_frames fitting;
     scope.spawn("reader of " + peer_name(), read(shared_from_this()));
     pulse();
@@ -76,6 +75,7 @@ bool connection::begin_to_take() {
     loop::turn in(on_);
     const bool more = taken(take_frames());
     if (more && objects_) objects_->use(*this);
+    if (more && datagrams_) datagrams_->use(std::shared_ptr<datagram_stream::user>(shared_from_this(), this));
     return more;
 }
 
@@ -147,6 +147,19 @@ void connection::on_passed(bytes_view content, ring<passed_object>& beside) {
     counts_.bytes_in += content.size();
     last_heard_ = on_.now();
     beside_ = &beside;
+    auto state = take_lying(content);
+    beside_ = nullptr;
+    taken(state);
+}
+
+// What came of the stream over datagrams.
+void connection::on_content(bytes_view content) {
+    if (!open_) return;
+    counts_.bytes_in += content.size();
+    taken(take_lying(content));
+}
+
+result<void> connection::take_lying(bytes_view content) {
     result<void> state;
     auto* to = receiver();
     for (wire::frame received; open_ && state && parser_.pending() == 0 && parser_.take(received, content);) {
@@ -162,8 +175,7 @@ void connection::on_passed(bytes_view content, ring<passed_object>& beside) {
         content = content.subspan(count);
         state = take_frames();
     }
-    beside_ = nullptr;
-    taken(state);
+    return state;
 }
 
 result<void> connection::take_whole(wire::frame& received, user* receiver) {

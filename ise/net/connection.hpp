@@ -50,8 +50,8 @@ struct session_terms {
 /// Whatever breaks (a write as well as a read) ends it for both directions, once, with its cause. Lives on one
 /// loop; shared by its coroutines and its user.
 /// Over datagrams, packets of subscriptions are messages of their own beside the stream (`lossy()`). Within a process
-/// packets need no bytes: objects travel beside their frames (`passes_objects()`), and what is written is handed over where
-/// it lies; the reader only waits for the end.
+/// packets need no bytes: objects travel beside their frames (`passes_objects()`). Both hand over what comes where it lies;
+/// the reader only waits for the end.
 class connection final : public std::enable_shared_from_this<connection>, public flushable, public datagram_stream::user, public object_stream::user {
 public:
     /// Who understands the frames. Called inside a turn of the loop, and not destroyed from within a call; a frame's
@@ -128,12 +128,14 @@ private:
     bool taken(const result<void>& state);
     task<> write(std::shared_ptr<connection> held);
     result<void> take_frames();
+    result<void> take_lying(bytes_view content);
     result<void> take_whole(wire::frame& received, user* receiver);
     result<void> take(const wire::frame& received, user* receiver);
     result<void> take_own(const wire::frame& received, user* receiver);
     result<void> answers_bounded() const;
     static failure too_many_answers();
     void on_heard() override { last_heard_ = on_.now(); }
+    void on_content(bytes_view content) override;
     void on_message(bytes_view message) override;
     void on_passed(bytes_view content, ring<passed_object>& beside) override;
     void on_room() override { written(); }

@@ -14,6 +14,18 @@ namespace {
 
 std::uint32_t slot_of(std::uint64_t id) noexcept { return static_cast<std::uint32_t>(id); }
 
+// Where the answers of numbered calls are encoded, before they are kept: one for all on a loop.
+struct answer_room {
+    static constexpr std::size_t most_kept = 4096;
+    buffer frame;
+
+    buffer& cleared() {
+        if (frame.capacity() > most_kept) frame = buffer();
+        frame.clear();
+        return frame;
+    }
+};
+
 } // namespace
 
 std::optional<failure> objection_to(const wire::introduction& told) {
@@ -279,9 +291,7 @@ void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
         refuse(id, failure(errc::overloaded, fmt::format("{} bytes of replies wait for being taken (max_unsent_bytes)", unsent), execution::unknown));
         return;
     }
-    buffer kept;
-    if (number != 0) kept.reserve(256); // most are smaller
-    buffer& out = number == 0 ? wire.out().begin_call() : kept;
+    buffer& out = number == 0 ? wire.out().begin_call() : session_.host().on().common<answer_room>().cleared();
     std::size_t start = out.size();
     passed_object object;
     std::optional<failure> problem;
@@ -303,7 +313,7 @@ void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
     }
     if (number != 0) {
         forget(id);
-        answer_numbered(number, kept.view());
+        answer_numbered(number, out.view());
         return;
     }
     if (object) wire.out().end_call(std::move(object));

@@ -1,12 +1,33 @@
 #include <ise/service/reply_window.hpp>
 
 #include <algorithm>
+#include <utility>
 
 namespace ise {
+namespace {
+
+// A reply that was larger leaves no room behind.
+constexpr std::size_t most_room_kept = 512;
+
+} // namespace
+
+// The first that is not below `number`.
+std::vector<reply_window::known>::iterator reply_window::reaching(std::uint64_t number) noexcept {
+    if (known_.empty() || known_.back().number < number) return known_.end();
+    // Without gaps behind it, it lies as far from the end as its number does.
+    const auto behind = known_.back().number - number;
+    if (behind < known_.size())
+        if (auto guess = known_.end() - 1 - static_cast<std::ptrdiff_t>(behind); guess->number == number) return guess;
+    return std::lower_bound(known_.begin(), known_.end(), number, [](const known& one, std::uint64_t wanted) { return one.number < wanted; });
+}
+
+reply_window::entry* reply_window::find(std::uint64_t number) noexcept {
+    auto found = reaching(number);
+    return found != known_.end() && found->number == number ? &slots_[found->slot] : nullptr;
+}
 
 reply_window::state reply_window::look(std::uint64_t number, bool again) const noexcept {
-    auto found = entries_.find(number);
-    if (found != entries_.end()) return found->second.frame ? state::answered : state::running;
+    if (const auto* found = find(number)) return found->answered ? state::answered : state::running;
     if (number < floor_ || seen_.contains(number)) return state::forgotten;
     return again && unsure_ ? state::forgotten : state::fresh;
 }
@@ -14,11 +35,15 @@ reply_window::state reply_window::look(std::uint64_t number, bool again) const n
 void reply_window::begin(std::uint64_t number, place from, time_point deadline, time_point now) {
     last_used_ = now;
     make_room(now);
-    entry made;
-    made.from = from;
-    made.to = std::move(from);
+    if (free_.empty()) {
+        free_.push_back(slots_.size());
+        slots_.emplace_back();
+    }
+    known_.insert(reaching(number), known{number, free_.back()});
+    auto& made = slots_[free_.back()];
+    free_.pop_back();
+    made.from = std::move(from);
     made.deadline = deadline;
-    entries_.emplace(number, std::move(made));
     seen_.add(number, number + 1);
     while (seen_.intervals() > max_gaps) {
         floor_ = seen_.all().begin()->second;
@@ -27,57 +52,65 @@ void reply_window::begin(std::uint64_t number, place from, time_point deadline, 
 }
 
 void reply_window::redirect(std::uint64_t number, place to) {
-    auto found = entries_.find(number);
-    if (found != entries_.end()) found->second.to = std::move(to);
+    if (auto* found = find(number)) found->redirected = std::make_unique<place>(std::move(to));
 }
 
 std::optional<reply_window::place> reply_window::origin(std::uint64_t number) const {
-    auto found = entries_.find(number);
-    if (found == entries_.end() || found->second.frame) return {};
-    return found->second.from;
+    const auto* found = find(number);
+    if (!found || found->answered) return {};
+    return found->from;
 }
 
 std::optional<reply_window::place> reply_window::finish(std::uint64_t number, bytes_view frame) {
-    auto found = entries_.find(number);
-    if (found == entries_.end() || found->second.frame) return {};
-    auto to = found->second.to;
-    found->second.frame.emplace(frame.begin(), frame.end());
+    auto* found = find(number);
+    if (!found || found->answered) return {};
+    found->frame.assign(frame.begin(), frame.end());
+    found->answered = true;
     ++replies_;
     reply_bytes_ += frame.size();
-    return to;
+    auto redirected = std::move(found->redirected);
+    return std::move(redirected ? *redirected : found->from);
 }
 
 const bytes* reply_window::answer(std::uint64_t number) const noexcept {
-    auto found = entries_.find(number);
-    return found == entries_.end() || !found->second.frame ? nullptr : &*found->second.frame;
+    const auto* found = find(number);
+    return found && found->answered ? &found->frame : nullptr;
 }
 
 void reply_window::give_up(std::uint64_t number) {
-    auto found = entries_.find(number);
-    if (found != entries_.end()) drop(found);
+    auto found = reaching(number);
+    if (found == known_.end() || found->number != number) return;
+    drop(found->slot);
+    known_.erase(found);
 }
 
-void reply_window::drop(std::map<std::uint64_t, entry>::iterator which) {
-    if (which->second.frame) {
+// Whoever calls takes it off the list of those known.
+void reply_window::drop(std::size_t slot) {
+    auto& gone = slots_[slot];
+    if (std::exchange(gone.answered, false)) {
         --replies_;
-        reply_bytes_ -= which->second.frame->size();
+        reply_bytes_ -= gone.frame.size();
     }
-    entries_.erase(which);
+    gone.from = place();
+    gone.redirected.reset();
+    if (gone.frame.capacity() > most_room_kept) gone.frame = bytes();
+    free_.push_back(slot);
 }
 
 // Replies that nobody can wait for any more go first, then the oldest; what runs stays.
 void reply_window::make_room(time_point now) {
     if (replies_ < max_replies && reply_bytes_ < max_reply_bytes) return;
-    for (auto at = entries_.begin(); at != entries_.end();) {
-        auto next = std::next(at);
-        if (at->second.frame && at->second.deadline <= now) drop(at);
-        at = next;
-    }
-    for (auto at = entries_.begin(); at != entries_.end() && (replies_ > max_replies / 2 || reply_bytes_ > max_reply_bytes / 2);) {
-        auto next = std::next(at);
-        if (at->second.frame) drop(at);
-        at = next;
-    }
+    auto drop_where = [this](auto condition) {
+        auto kept = known_.begin();
+        for (auto one : known_) {
+            const auto& content = slots_[one.slot];
+            if (content.answered && condition(content)) drop(one.slot);
+            else *kept++ = one;
+        }
+        known_.erase(kept, known_.end());
+    };
+    drop_where([&](const entry& one) { return one.deadline <= now; });
+    drop_where([&](const entry&) { return replies_ > max_replies / 2 || reply_bytes_ > max_reply_bytes / 2; });
 }
 
 std::shared_ptr<reply_window> reply_windows::of(std::uint64_t incarnation, time_point now) {

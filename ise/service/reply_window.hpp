@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <vector>
 
 namespace ise {
 
@@ -51,20 +52,30 @@ public:
 
     std::size_t replies() const noexcept { return replies_; }
     std::size_t reply_bytes() const noexcept { return reply_bytes_; }
-    std::size_t running() const noexcept { return entries_.size() - replies_; }
+    std::size_t running() const noexcept { return known_.size() - replies_; }
     time_point last_used() const noexcept { return last_used_; }
 
 private:
     struct entry {
-        place from;
-        place to;
+        place from;                        // while it runs
+        std::unique_ptr<place> redirected; // where the answer goes instead
         time_point deadline{};
-        std::optional<bytes> frame;
+        bool answered = false;
+        bytes frame;
     };
-    void drop(std::map<std::uint64_t, entry>::iterator which);
+    struct known {
+        std::uint64_t number;
+        std::size_t slot;
+    };
+    std::vector<known>::iterator reaching(std::uint64_t number) noexcept;
+    entry* find(std::uint64_t number) noexcept;
+    const entry* find(std::uint64_t number) const noexcept { return const_cast<reply_window*>(this)->find(number); }
+    void drop(std::size_t slot);
     void make_room(time_point now);
 
-    std::map<std::uint64_t, entry> entries_; // by number
+    std::vector<known> known_;      // by number: a link of the client counts up, so that new ones mostly come last
+    std::vector<entry> slots_;      // of those known, and of earlier ones, whose room waits for the next
+    std::vector<std::size_t> free_; // slots
     net::udp::interval_set seen_;
     std::uint64_t floor_ = 0; // numbers below it count as seen
     std::size_t replies_ = 0;

@@ -17,13 +17,13 @@ datagram_end::~datagram_end() { leave(); }
 
 void datagram_end::leave() { std::erase(owner_.host().datagrams, this); }
 
-std::pair<std::error_code, datagram> datagram_end::take() {
-    if (closed_) return {asio::error::operation_aborted, {}};
-    if (received_.empty()) return {asio::error::would_block, {}};
-    auto first = std::move(received_.front());
+std::pair<std::error_code, const datagram*> datagram_end::take() {
+    if (closed_) return {asio::error::operation_aborted, nullptr};
+    if (received_.empty()) return {asio::error::would_block, nullptr};
+    taken_ = std::move(received_.front());
     received_.pop_front();
-    received_bytes_ -= first.content.size();
-    return {std::error_code{}, std::move(first)};
+    received_bytes_ -= taken_.content.size();
+    return {std::error_code{}, &taken_};
 }
 
 std::error_code datagram_end::send(const endpoint& to, bytes_view content) {
@@ -92,7 +92,7 @@ namespace {
 
 class udp_socket final : public datagram_socket {
 public:
-    using received = std::pair<std::error_code, datagram>;
+    using received = std::pair<std::error_code, const datagram*>;
 
     explicit udp_socket(std::shared_ptr<datagram_end> end) : end_(std::move(end)) {}
     ~udp_socket() override { end_->close(); }
@@ -108,7 +108,7 @@ public:
 private:
     static task<received> next(std::shared_ptr<datagram_end> end) {
         if (auto fault = end->owner().begin_operation()) {
-            received failed{fault, {}};
+            received failed{fault, nullptr};
             co_return failed;
         }
         for (;;) {
@@ -116,7 +116,7 @@ private:
             if (taken.first != asio::error::would_block) co_return taken;
             auto woken = co_await end->incoming.wait();
             if (woken.problem) {
-                received ended{woken.problem, {}};
+                received ended{woken.problem, nullptr};
                 co_return ended;
             }
         }

@@ -26,7 +26,7 @@ public:
     const endpoint& at() const noexcept { return at_; }
     process& owner() noexcept { return owner_; }
 
-    std::pair<std::error_code, datagram> take(); ///< would_block: nothing yet
+    std::pair<std::error_code, const datagram*> take(); ///< would_block: nothing yet; it stays until the next
     std::error_code send(const endpoint& to, bytes_view content);
     void arrive(datagram what);
     void close();
@@ -42,6 +42,7 @@ private:
     loop& loop_;
     endpoint at_;
     std::deque<datagram> received_;
+    datagram taken_;
     std::size_t received_bytes_ = 0;
     bool closed_ = false;
 };

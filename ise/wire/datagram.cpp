@@ -70,10 +70,11 @@ data_writer::data_writer(buffer& out, std::uint64_t to, std::uint64_t number) : 
 }
 
 void data_writer::put(chunk_type type, bytes_view head, bytes_view content) {
-    out_.append(static_cast<std::uint8_t>(type));
-    out_.append(static_cast<std::uint16_t>(head.size() + content.size()));
-    out_.append(head);
-    out_.append(content);
+    auto* at = out_.grow(chunk_head_bytes + head.size() + content.size());
+    detail::store_little(at, static_cast<std::uint8_t>(type));
+    detail::store_little(at + 1, static_cast<std::uint16_t>(head.size() + content.size()));
+    std::copy(head.begin(), head.end(), at + chunk_head_bytes);
+    std::copy(content.begin(), content.end(), at + chunk_head_bytes + head.size());
 }
 
 void data_writer::put(chunk_type type, std::uint64_t value) {

@@ -13,8 +13,8 @@ using namespace ise::net::udp;
 
 struct silent_socket final : ise::datagram_socket {
     std::size_t sent = 0;
-    ise::task<std::pair<std::error_code, ise::datagram>> receive() override {
-        std::pair<std::error_code, ise::datagram> none;
+    ise::task<std::pair<std::error_code, const ise::datagram*>> receive() override {
+        std::pair<std::error_code, const ise::datagram*> none;
         co_return none;
     }
     std::error_code try_send(const ise::endpoint&, ise::bytes_view content) override {

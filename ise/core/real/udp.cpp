@@ -20,7 +20,7 @@ constexpr int kernel_buffer_bytes = 1 << 20;
 
 endpoint as_endpoint(const udp::endpoint& at) { return {protocol::udp, at.address().to_string(), at.port(), {}}; }
 
-using received = std::pair<std::error_code, datagram>;
+using received = std::pair<std::error_code, const datagram*>;
 
 /// What Asio completes a receive with, for the handler that waits for it: `take(problem, bytes)` makes the datagram.
 template <class Handler, class Take>
@@ -73,13 +73,13 @@ private:
     };
 
     received take(std::error_code problem, std::size_t count) {
-        received made;
-        made.first = problem;
-        if (problem) return made;
-        if (sender_ != came_from_.address) came_from_ = {sender_, as_endpoint(sender_)};
-        made.second.peer = came_from_.named;
-        made.second.content.assign(room_.begin(), room_.begin() + static_cast<std::ptrdiff_t>(count));
-        return made;
+        if (problem) return {problem, nullptr};
+        if (sender_ != last_sender_) {
+            last_.peer = as_endpoint(sender_);
+            last_sender_ = sender_;
+        }
+        last_.content.assign(room_.begin(), room_.begin() + static_cast<std::ptrdiff_t>(count));
+        return {{}, &last_};
     }
 
     udp::endpoint address_of(const endpoint& to, std::error_code& problem) {
@@ -129,7 +129,8 @@ private:
     endpoint where_;
     bytes room_;            // of the receive that waits
     udp::endpoint sender_;  // its datagram's
-    peer came_from_;
+    datagram last_;
+    udp::endpoint last_sender_;
     std::mutex sending_; // signs of life are sent from another thread
     peer went_to_;
     std::shared_ptr<lookup> lookup_;

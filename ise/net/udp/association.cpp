@@ -20,22 +20,37 @@ association::association(loop& on, std::shared_ptr<port> of, std::uint64_t id, s
 void association::use(std::weak_ptr<datagram_stream::user> receiver) {
     user_ = std::move(receiver);
     channel_.take_messages();
+    if (auto to = user_.lock()) hand_over(*to);
+}
+
+// It may leave while it takes.
+void association::hand_over(datagram_stream::user& receiver) {
+    auto& in = channel_.in();
+    if (in.readable()) {
+        const auto content = in.ready();
+        receiver.on_content(content);
+        in.consume(content.size());
+    }
+    if (!gone_ && in.room_grew()) soon(); // the peer may send more
 }
 
 void association::on_datagram(const endpoint& from, bytes_view body) {
-    auto self = shared_from_this();
     channel::events happened;
     if (!channel_.take(body, on_.now(), happened)) {
         // Duplicates are no reason to do anything, and who breaks a rule is told nothing.
         return;
     }
     follow(from, happened);
-    if (auto receiver = user_.lock()) receiver->on_heard();
-    for (const auto& message : happened.messages)
-        if (auto receiver = user_.lock()) receiver->on_message(message);
+    if (auto receiver = user_.lock()) {
+        receiver->on_heard();
+        for (const auto& message : happened.messages)
+            if (!left_) receiver->on_message(message);
+        if (!left_) hand_over(*receiver);
+    }
     if (channel_.in().readable() || channel_.in().ended()) readable_.resume();
-    if (channel_.out().writable()) writable_.resume();
-    soon();
+    if (gone_) return;
+    if (left_ || channel_.wanting(on_.now())) soon();
+    else rearm();
 }
 
 void association::on_sign(const endpoint& from) {
@@ -78,7 +93,6 @@ void association::send_probe(const endpoint& to, wire::chunk_type type, std::uin
 
 void association::flush() {
     if (gone_ || on_.abandoned()) return;
-    auto self = shared_from_this();
     auto now = on_.now();
     auto& out = port_->scratch();
     bool stuck = false;

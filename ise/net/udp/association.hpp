@@ -23,7 +23,7 @@ public:
     const endpoint& first_peer() const noexcept { return first_peer_; }
     const udp::channel& channel() const noexcept { return channel_; }
 
-    // For the port.
+    // For the port, which holds it meanwhile.
     void on_datagram(const endpoint& from, bytes_view body);
     void on_sign(const endpoint& from);
     /// The peer has left, or does not know us any more.
@@ -56,6 +56,7 @@ private:
     };
     void soon() { on_.flush_later(shared_from_this()); }
     void on_timer();
+    void hand_over(datagram_stream::user& receiver);
     void rearm();
     void follow(const endpoint& from, const channel::events& happened);
     void send_probe(const endpoint& to, wire::chunk_type type, std::uint64_t value);

@@ -14,6 +14,10 @@ public:
 
     void add(std::uint64_t begin, std::uint64_t end) {
         if (begin >= end) return;
+        if (!all_.empty() && all_.back().second == begin) { // the next ones, as mostly
+            all_.back().second = end;
+            return;
+        }
         auto first = reaching(begin);
         auto last = first;
         for (; last != all_.end() && last->first <= end; ++last) {

@@ -65,36 +65,41 @@ bool receiver::take_content(std::uint64_t offset, bytes_view content) {
     if (offset > room() || content.size() > room() - offset) return false;
     auto end = offset + content.size();
     if (end_ && end > *end_) return false;
-    if (end <= base_) return true; // known
+    if (end <= upto_) return true; // known
     if (offset < base_) {
         content = content.subspan(static_cast<std::size_t>(base_ - offset));
         offset = base_;
     }
-    if (got_.intervals() >= max_stream_gaps && got_.apart(offset, end)) return false;
+    if (offset > upto_ && got_.intervals() >= max_stream_gaps && got_.apart(offset, end)) return false;
     auto at = head_ + static_cast<std::size_t>(offset - base_);
     if (buffer_.size() < at + content.size()) buffer_.resize(at + content.size());
     std::memcpy(buffer_.data() + at, content.data(), content.size());
-    got_.add(offset, end);
+    if (offset > upto_) {
+        got_.add(offset, end);
+        return true;
+    }
+    upto_ = end;
+    for (; !got_.empty() && got_.all().front().first <= upto_; got_.drop_first()) upto_ = std::max(upto_, got_.all().front().second);
     return true;
 }
 
 bool receiver::take_end(std::uint64_t offset) {
     if (end_) return *end_ == offset;
-    if (offset < base_ || (!got_.empty() && got_.all().rbegin()->second > offset)) return false;
+    if (offset < upto_ || (!got_.empty() && got_.all().back().second > offset)) return false;
     end_ = offset;
     return true;
 }
 
-std::size_t receiver::available() const noexcept {
-    if (got_.empty() || got_.all().begin()->first > base_) return 0;
-    return static_cast<std::size_t>(got_.all().begin()->second - base_);
+std::size_t receiver::read(std::span<std::byte> into) {
+    auto content = ready();
+    content = content.first(std::min(into.size(), content.size()));
+    if (content.empty()) return 0;
+    std::memcpy(into.data(), content.data(), content.size());
+    consume(content.size());
+    return content.size();
 }
 
-std::size_t receiver::read(std::span<std::byte> into) {
-    auto count = std::min(into.size(), available());
-    if (count == 0) return 0;
-    std::memcpy(into.data(), buffer_.data() + head_, count);
-    got_.remove(base_, base_ + count);
+void receiver::consume(std::size_t count) {
     head_ += count;
     base_ += count;
     if (head_ == buffer_.size()) {
@@ -110,7 +115,6 @@ std::size_t receiver::read(std::span<std::byte> into) {
         room_grew_ = true;
         ack_at_ = time_point::min();
     }
-    return count;
 }
 
 void incoming_messages::drop(std::map<std::uint64_t, partial>::iterator which) {

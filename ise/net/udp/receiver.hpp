@@ -36,13 +36,15 @@ public:
     bool take_end(std::uint64_t offset);
 
     std::size_t read(std::span<std::byte> into);
-    bool readable() const noexcept { return available() > 0; }
+    bool readable() const noexcept { return upto_ > base_; }
+    /// What lies there in order; until it is consumed, or more is taken.
+    bytes_view ready() const noexcept { return bytes_view(buffer_).subspan(head_, static_cast<std::size_t>(upto_ - base_)); }
+    void consume(std::size_t count);
     /// Everything was read, and nothing follows.
     bool ended() const noexcept { return end_ && base_ == *end_; }
 
 private:
     std::uint64_t room() const noexcept { return base_ + window_; }
-    std::size_t available() const noexcept;
 
     interval_set came_;
     std::uint64_t floor_ = 0;
@@ -53,8 +55,9 @@ private:
 
     bytes buffer_; // from base_ on, with gaps
     std::size_t head_ = 0;
-    interval_set got_; // offsets at or beyond base_
     std::uint64_t base_ = 0;
+    std::uint64_t upto_ = 0; // in order
+    interval_set got_;       // offsets beyond a gap
     std::uint64_t window_ = first_window;
     std::uint64_t told_room_ = first_window;
     bool room_grew_ = false;

@@ -52,7 +52,7 @@ private:
                 co_return broken;
             }
             loop::turn in(socket->on());
-            socket->take(came.second);
+            socket->take(*came.second);
         }
     }
     static task<std::error_code> wait(std::shared_ptr<association> over) {
@@ -92,7 +92,7 @@ private:
                 co_return outcome;
             }
             loop::turn in(at->on());
-            at->take(came.second);
+            at->take(*came.second);
         }
     }
 
@@ -126,7 +126,7 @@ task<result<std::unique_ptr<stream>>> connect(loop& on, endpoint to) {
         if (came.first == asio::error::operation_aborted) co_return failure(errc::cancelled, "connecting was cancelled");
         if (came.first) co_return refused(came.first);
         loop::turn in(on);
-        socket->take(came.second);
+        socket->take(*came.second);
     }
     guard.done = true;
     std::unique_ptr<stream> made = std::make_unique<stream_end>(socket->opened(), socket);

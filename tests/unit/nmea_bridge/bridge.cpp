@@ -151,7 +151,7 @@ TEST_CASE("each report is told once, and a position that has grown old as none")
         for (;;) {
             auto [problem, one] = co_await (*socket)->receive();
             if (problem) break;
-            datagrams += ise::as_text(one.content);
+            datagrams += ise::as_text(one->content);
         }
     });
     s.world.run_for(3s);

@@ -234,15 +234,15 @@ struct router {
         for (;;) {
             auto came = co_await of.inside->receive();
             if (came.first) co_return;
-            of.client = came.second.peer;
-            of.outside.back()->try_send(of.target, came.second.content);
+            of.client = came.second->peer;
+            of.outside.back()->try_send(of.target, came.second->content);
         }
     }
     static ise::task<> from_outside(router& of, ise::datagram_socket* which) {
         for (;;) {
             auto came = co_await which->receive();
             if (came.first) co_return;
-            if (which == of.outside.back().get()) of.inside->try_send(of.client, came.second.content); // the old way is closed
+            if (which == of.outside.back().get()) of.inside->try_send(of.client, came.second->content); // the old way is closed
         }
     }
 
@@ -304,9 +304,9 @@ TEST_CASE("strangers cost no memory, get no more than they sent, and do not dist
         for (;;) {
             auto came = co_await to.receive();
             if (came.first) co_return;
-            bytes += came.second.content.size();
-            most = std::max(most, came.second.content.size());
-            kept = std::move(came.second.content);
+            bytes += came.second->content.size();
+            most = std::max(most, came.second->content.size());
+            kept = came.second->content;
         }
     };
     scope.spawn("stranger", listen(*socket, answered, longest, last));

@@ -10,8 +10,8 @@ task<> gather(ise::datagram_socket& from, std::vector<std::string>& into, std::s
     for (;;) {
         auto [problem, got] = co_await from.receive();
         if (problem) co_return;
-        into.emplace_back(ise::as_text(got.content));
-        peer = got.peer.text();
+        into.emplace_back(ise::as_text(got->content));
+        peer = got->peer.text();
     }
 }
 
