@@ -72,8 +72,8 @@ struct datagram {
 class datagram_socket {
 public:
     virtual ~datagram_socket() = default;
-    /// The next datagram, which is the socket's own: it is there until the next call, or the socket's end. Cancellation:
-    /// terminal, nothing is lost. `operation_aborted` after `close`.
+    /// The next datagram, which is the socket's own: it is there until the next call, or the socket's end.
+    /// Cancellation: terminal, nothing is lost. `operation_aborted` after `close`.
     virtual task<std::pair<std::error_code, const datagram*>> receive() = 0;
     /// Sends or drops; `asio::error::would_block` when the kernel has no room.
     virtual std::error_code try_send(const endpoint& to, bytes_view content) = 0;

@@ -50,8 +50,8 @@ struct session_terms {
 /// Whatever breaks (a write as well as a read) ends it for both directions, once, with its cause. Lives on one
 /// loop; shared by its coroutines and its user.
 /// Over datagrams, packets of subscriptions are messages of their own beside the stream (`lossy()`). Within a process
-/// packets need no bytes: objects travel beside their frames (`passes_objects()`). Both hand over what comes where it lies;
-/// the reader only waits for the end.
+/// packets need no bytes: objects travel beside their frames (`passes_objects()`). Both hand over what comes where it
+/// lies; the reader only waits for the end.
 class connection final : public std::enable_shared_from_this<connection>, public flushable, public datagram_stream::user, public object_stream::user {
 public:
     /// Who understands the frames. Called inside a turn of the loop, and not destroyed from within a call; a frame's

@@ -18,7 +18,8 @@ std::vector<reply_window::known>::iterator reply_window::reaching(std::uint64_t 
     const auto behind = known_.back().number - number;
     if (behind < known_.size())
         if (auto guess = known_.end() - 1 - static_cast<std::ptrdiff_t>(behind); guess->number == number) return guess;
-    return std::lower_bound(known_.begin(), known_.end(), number, [](const known& one, std::uint64_t wanted) { return one.number < wanted; });
+    auto below = [](const known& one, std::uint64_t wanted) { return one.number < wanted; };
+    return std::lower_bound(known_.begin(), known_.end(), number, below);
 }
 
 reply_window::entry* reply_window::find(std::uint64_t number) noexcept {

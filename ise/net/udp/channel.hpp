@@ -24,7 +24,9 @@ public:
     bool fresh(bytes_view body) const noexcept;
 
     /// Whether there is something that `next` may send, or may have to wait with.
-    bool wanting(time_point now) const noexcept { return sender_.has_content() || (receiver_.ack_pending() && receiver_.ack_due(now)); }
+    bool wanting(time_point now) const noexcept {
+        return sender_.has_content() || (receiver_.ack_pending() && receiver_.ack_due(now));
+    }
     /// Writes the next datagram; false: nothing is to be sent now.
     bool next(buffer& out, time_point now);
     /// When `next` or `on_timer` should be called again.

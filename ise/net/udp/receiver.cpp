@@ -79,7 +79,8 @@ bool receiver::take_content(std::uint64_t offset, bytes_view content) {
         return true;
     }
     upto_ = end;
-    for (; !got_.empty() && got_.all().front().first <= upto_; got_.drop_first()) upto_ = std::max(upto_, got_.all().front().second);
+    for (; !got_.empty() && got_.all().front().first <= upto_; got_.drop_first())
+        upto_ = std::max(upto_, got_.all().front().second);
     return true;
 }
 

@@ -109,20 +109,30 @@ void sender::on_arrived(record& which) {
     }
 }
 
+// The place of the first record that is not below `number`.
+std::size_t sender::reaching(std::uint64_t number) const noexcept {
+    std::size_t first = 0;
+    for (auto last = records_.size(); first < last;) {
+        auto middle = (first + last) / 2;
+        if (records_[middle].number < number) first = middle + 1;
+        else last = middle;
+    }
+    return first;
+}
+
 bool sender::on_ack(const acknowledgement& what, time_point now) {
     if (what.runs.front().second > next_number_) return false;
     bool was_used = network_.in_flight() + 3 * congestion::datagram >= network_.window();
     bool news = false;
     for (auto [begin, end] : what.runs) {
-        auto earlier = [](const record& one, std::uint64_t number) { return one.number < number; };
-        auto at = std::lower_bound(records_.begin(), records_.end(), begin, earlier);
-        for (; at != records_.end() && at->number < end; ++at) {
-            if (!at->outstanding) continue;
-            at->outstanding = false;
+        for (auto at = reaching(begin); at < records_.size() && records_[at].number < end; ++at) {
+            auto& one = records_[at];
+            if (!one.outstanding) continue;
+            one.outstanding = false;
             --outstanding_;
-            if (at->number == what.largest()) network_.sample(now - at->sent_at, what.delayed);
-            network_.on_acked(at->bytes, was_used);
-            on_arrived(*at);
+            if (one.number == what.largest()) network_.sample(now - one.sent_at, what.delayed);
+            network_.on_acked(one.bytes, was_used);
+            on_arrived(one);
             news = true;
         }
     }
@@ -156,17 +166,19 @@ void sender::lose(record& which, bool congested) {
 }
 
 void sender::find_lost(time_point now) {
-    for (auto& one : records_) {
-        if (one.number >= largest_acked_) break;
+    for (std::size_t at = 0; at < records_.size() && records_[at].number < largest_acked_; ++at) {
+        auto& one = records_[at];
         if (!one.outstanding) continue;
         if (one.number + overtaken_by < largest_acked_ || one.sent_at + network_.reordering() <= now) lose(one, true);
     }
 }
 
 void sender::forget_old() {
-    for (; !records_.empty() && !records_.front().outstanding; records_.pop_front()) {
-        spare_.content = std::move(records_.front().content);
+    while (!records_.empty() && !records_.front().outstanding) {
+        spare_ = records_.pop_front();
+        spare_.ends = false;
         spare_.content.clear();
+        spare_.fragments.clear();
     }
 }
 
@@ -178,10 +190,9 @@ time_point sender::time_out_at() const noexcept {
 time_point sender::due(time_point now) noexcept {
     auto at = time_point::max();
     if (outstanding_ > 0 || starved()) at = std::min(at, time_out_at());
-    for (const auto& one : records_) {
-        if (one.number >= largest_acked_) break;
-        if (!one.outstanding) continue;
-        at = std::min(at, saturating_add(one.sent_at, network_.reordering()));
+    for (std::size_t place = 0; place < records_.size() && records_[place].number < largest_acked_; ++place) {
+        if (!records_[place].outstanding) continue;
+        at = std::min(at, saturating_add(records_[place].sent_at, network_.reordering()));
         break;
     }
     if (has_content() && network_.window_open()) at = std::min(at, std::max(now, network_.paced_until(now)));
@@ -197,9 +208,9 @@ void sender::on_timer(time_point now) {
     if (silences_ == 2) network_.collapse();
     // The oldest goes again, in the same order; what it is takes nothing from the window.
     unsigned repeated = 0;
-    for (auto& one : records_) {
-        if (!one.outstanding) continue;
-        lose(one, false);
+    for (std::size_t at = 0; at < records_.size(); ++at) {
+        if (!records_[at].outstanding) continue;
+        lose(records_[at], false);
         if (++repeated == 2) break;
     }
     probes_ = std::max(1u, repeated);

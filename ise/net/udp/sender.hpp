@@ -1,11 +1,11 @@
 #pragma once
 #include <ise/core/result.hpp>
+#include <ise/core/ring.hpp>
 #include <ise/net/udp/congestion.hpp>
 #include <ise/net/udp/interval_set.hpp>
 #include <ise/net/udp/outgoing_messages.hpp>
 
 #include <array>
-#include <deque>
 #include <span>
 #include <vector>
 
@@ -73,6 +73,7 @@ private:
     std::uint64_t written() const noexcept { return base_ + buffered(); }
     std::size_t buffered() const noexcept { return buffer_.size() - head_; }
     void put_content(wire::data_writer& out, std::uint64_t begin, std::uint64_t end);
+    std::size_t reaching(std::uint64_t number) const noexcept;
     void on_arrived(record& which);
     void lose(record& which, bool congested);
     void find_lost(time_point now);
@@ -97,7 +98,7 @@ private:
     congestion network_;
     record filling_;
     record spare_; // empty, with room
-    std::deque<record> records_;
+    ring<record> records_; // by number
     std::size_t outstanding_ = 0;
     std::uint64_t next_number_ = 0;    // after the last that was sent
     std::uint64_t largest_acked_ = 0;  // plus one

@@ -30,7 +30,7 @@ struct fixture {
     party& shore = all.add("shore");
     ise::remote there;
 
-    void meet() { there = shore.at(boat.listen("tcp://127.0.0.1:0")); }
+    void meet(const std::string& over = "tcp://127.0.0.1:0") { there = shore.at(boat.listen(over)); }
 
     // One round after the other, each begun when the one before has ended; what the first ones set up does not count.
     template <class Round>
@@ -62,7 +62,8 @@ struct caller {
 TEST_CASE("a call and its reply allocate nothing where neither side is a coroutine") {
     fixture f;
     f.boat.provide(turn, [](heading wanted) -> heading { return wanted; });
-    f.meet();
+    const std::string over = GENERATE("tcp://127.0.0.1:0", "udp://127.0.0.1:0");
+    f.meet(over);
     caller calling{f.there};
     asio::post(f.shore.on.get_executor(), [&] { calling.call(); });
     int wanted = 0;
@@ -72,7 +73,7 @@ TEST_CASE("a call and its reply allocate nothing where neither side is a corouti
     });
     calling.enough = true;
     f.all.run_until([&] { return calling.answered > wanted; });
-    CAPTURE(counted);
+    CAPTURE(over, counted);
     CHECK(counted <= now_and_then);
 }
 

@@ -2,7 +2,9 @@
 #include <ise/service/session.hpp>
 #include <support/catch.hpp>
 
+#include <map>
 #include <memory>
+#include <random>
 
 using namespace std::chrono_literals;
 using ise::reply_window;
@@ -66,6 +68,68 @@ TEST_CASE("replies are bounded by number and by bytes, the ones nobody waits for
     }
     CHECK(window.look(99'999, false) == state::forgotten);
     CHECK(window.look(109'997, false) == state::fresh);
+}
+
+TEST_CASE("a client with several links counts in several ranges, and nothing of one is taken for another's") {
+    // What is told of each number, kept in the plainest way; few enough that nothing has to give way.
+    struct told {
+        std::uint64_t from = 0, to = 0;
+        std::optional<std::size_t> answered;
+    };
+    std::map<std::uint64_t, told> expected;
+    std::map<std::uint64_t, bool> given_up;
+    std::mt19937_64 random(4);
+    reply_window window(false);
+    std::uint64_t next[] = {1, (1ull << 40) + 1, (2ull << 40) + 1};
+    std::vector<std::uint64_t> begun;
+    for (std::uint64_t step = 0; step < 5000; ++step) {
+        const auto what = random() % 8;
+        if (what < 3 && expected.size() < 900) {
+            const auto number = next[random() % 3]++ + (random() % 16 == 0 ? 1000 : 0); // some leave gaps
+            if (!expected.contains(number) && !given_up[number]) {
+                window.begin(number, at(number + 7), later, now);
+                expected[number] = {number + 7, number + 7, {}};
+                begun.push_back(number);
+            }
+        } else if (!begun.empty()) {
+            const auto number = begun[random() % begun.size()];
+            auto known = expected.find(number);
+            const bool runs = known != expected.end() && !known->second.answered;
+            if (what < 4) {
+                window.redirect(number, at(step));
+                if (runs) known->second.to = step;
+            } else if (what < 5) {
+                window.give_up(number);
+                if (known != expected.end()) expected.erase(known);
+                given_up[number] = true;
+            } else {
+                const auto frame = frame_of(1 + random() % 2000);
+                auto to = window.finish(number, frame);
+                REQUIRE(to.has_value() == runs);
+                if (runs) REQUIRE(to->id == known->second.to);
+                if (runs) known->second.answered = frame.size();
+            }
+        }
+        if (step % 50 != 0) continue;
+        std::size_t replies = 0, reply_bytes = 0;
+        for (auto number : begun) {
+            auto known = expected.find(number);
+            auto is = known == expected.end()      ? state::forgotten
+                      : known->second.answered ? state::answered
+                                               : state::running;
+            REQUIRE(window.look(number, true) == is);
+            REQUIRE(window.origin(number).has_value() == (is == state::running));
+            REQUIRE((window.answer(number) != nullptr) == (is == state::answered));
+            if (is == state::running) REQUIRE(window.origin(number)->id == known->second.from);
+            if (is != state::answered) continue;
+            REQUIRE(window.answer(number)->size() == *known->second.answered);
+            ++replies;
+            reply_bytes += *known->second.answered;
+        }
+        REQUIRE(window.replies() == replies);
+        REQUIRE(window.reply_bytes() == reply_bytes);
+        REQUIRE(window.running() == expected.size() - replies);
+    }
 }
 
 TEST_CASE("where a window of the client may have been dropped, what it repeats is refused and what is new is not") {
