@@ -316,16 +316,18 @@ TEST_CASE("a path that is none is refused with what one looks like") {
 
 TEST_CASE("a node is destroyed while calls are pending between its components") {
     harbour here;
-    std::promise<void> serving;
+    std::promise<void> provided, serving;
     auto& provider = here.node.start("provider", [&](component& self) -> task<> {
         self.provide(echo, [&](question) -> task<reply> {
             serving.set_value();
             co_await self.sleep(1h);
             co_return reply{};
         });
+        provided.set_value();
         co_await self.sleep(1h);
     });
     auto where = here.at(provider);
+    provided.get_future().get(); // sooner, there is no such service
     here.node.start("asker", [where](component& self) -> task<> {
         auto answer = co_await ask(self, where);
     });
