@@ -278,11 +278,12 @@ task<bool> lease_registrar::renew() {
 // One at a time; who comes meanwhile waits for its end, and is told how it went.
 task<bool> lease_registrar::tell_departures() {
     if (telling_departures_) {
+        const auto awaited = departures_tried_; // the next may have begun when this goes on
         waiter<> told(host_.on(), [&told] { told.resume(); });
         await_departures_.push_back(&told);
         co_await told.wait();
         std::erase(await_departures_, &told);
-        co_return departures_failed_ != departures_tried_;
+        co_return departures_failed_ < awaited;
     }
     telling_departures_ = true;
     const auto number = ++departures_tried_;

@@ -63,66 +63,62 @@ std::int64_t ask(ise::node& node, const std::string& path, std::int64_t value) {
     return answer.get();
 }
 
+// A name server on real sockets, and what nodes need to find it.
+struct with_server {
+    ise::real_environment env;
+    ise::endpoint at = ise::endpoint::parse("tcp://127.0.0.1:0").value();
+    std::unique_ptr<ise::node> server = start_server(env, at);
+    ise::node_options names = [this] {
+        auto options = quiet();
+        options.name_server = at;
+        return options;
+    }();
+};
+
 } // namespace
 
 TEST_CASE("naming: over real sockets a component is found by its path, also after the server was restarted") {
-    ise::real_environment env;
-    auto at = ise::endpoint::parse("tcp://127.0.0.1:0").value();
-    auto server = start_server(env, at);
-    auto with_names = quiet();
-    with_names.name_server = at;
-    ise::node provider(env, with_names);
+    with_server on;
+    ise::node provider(on.env, on.names);
     provider.start<doubler>("atirma/doubler");
-    ise::node asking(env, with_names);
+    ise::node asking(on.env, on.names);
     CHECK(ask(asking, "atirma/doubler", 21) == 42);
 
-    server.reset();
-    server = start_server(env, at);
-    ise::node newcomer(env, with_names); // knows nobody from before
+    on.server.reset();
+    on.server = start_server(on.env, on.at);
+    ise::node newcomer(on.env, on.names); // knows nobody from before
     CHECK(ask(newcomer, "atirma/doubler", 4) == 8);
 }
 
 TEST_CASE("naming: a path that another node holds stops the second component with the holder's name") {
-    ise::real_environment env;
-    auto at = ise::endpoint::parse("tcp://127.0.0.1:0").value();
-    auto server = start_server(env, at);
-    auto with_names = quiet();
-    with_names.name_server = at;
-    ise::node first(env, with_names);
+    with_server on;
+    ise::node first(on.env, on.names);
     first.start<doubler>("atirma/doubler");
     CHECK(ask(first, "atirma/doubler", 1) == 2);
-    ise::node second(env, with_names);
+    ise::node second(on.env, on.names);
     second.start<doubler>("atirma/doubler");
     second.wait(); // it ends by itself
     REQUIRE(second.reports().size() == 1);
     CAPTURE(second.reports()[0].failure);
-    CHECK(second.reports()[0].failure.find("'atirma/doubler' is held by process " + std::to_string(env.identity().process_id)) != std::string::npos);
+    CHECK(second.reports()[0].failure.find("'atirma/doubler' is held by process " + std::to_string(on.env.identity().process_id)) != std::string::npos);
 }
 
 TEST_CASE("naming: a node that ends withdraws its names") {
-    ise::real_environment env;
-    auto at = ise::endpoint::parse("tcp://127.0.0.1:0").value();
-    auto server = start_server(env, at);
-    auto with_names = quiet();
-    with_names.name_server = at;
-    auto first = std::make_unique<ise::node>(env, with_names);
+    with_server on;
+    auto first = std::make_unique<ise::node>(on.env, on.names);
     first->start<doubler>("atirma/doubler");
     CHECK(ask(*first, "atirma/doubler", 1) == 2);
     first.reset();
-    ise::node second(env, with_names);
+    ise::node second(on.env, on.names);
     second.start<doubler>("atirma/doubler");
     CHECK(ask(second, "atirma/doubler", 2) == 4);
 }
 
 TEST_CASE("naming: a node that has ended left no name behind") {
-    ise::real_environment env;
-    auto at = ise::endpoint::parse("tcp://127.0.0.1:0").value();
-    auto server = start_server(env, at);
-    auto with_names = quiet();
-    with_names.name_server = at;
-    ise::node asking(env, with_names);
+    with_server on;
+    ise::node asking(on.env, on.names);
     {
-        ise::node crowd(env, with_names);
+        ise::node crowd(on.env, on.names);
         for (int i = 0; i < 300; ++i) {
             ise::component_options how;
             if (i != 0) how.together_with = "a/0";
@@ -134,7 +130,7 @@ TEST_CASE("naming: a node that has ended left no name behind") {
     asking.start("", [&](ise::component& self) -> ise::task<> {
         ise::naming::list_request all;
         all.prefix = "a";
-        auto names = self.at(at);
+        auto names = self.at(on.at);
         auto page = co_await names.try_call(ise::naming::list, all, 60s);
         left.set_value(page ? page->names.size() : 9999);
     });
