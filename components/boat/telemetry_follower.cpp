@@ -1,5 +1,7 @@
 #include <components/boat/telemetry_follower.hpp>
 
+#include <ise/component/learn.hpp>
+
 namespace atirma {
 namespace {
 
@@ -25,6 +27,9 @@ ise::task<> telemetry_follower::run() {
         }
     } guard{*this};
     stream_ = &packets;
+    std::string track(services::track.name());
+    auto keeps = co_await ise::provides(provider_, track);
+    plain_ = keeps && !*keeps; // a proxy: it keeps nothing
     missing_ = !plain_;
     look();
     for (;;) {

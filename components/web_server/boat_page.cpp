@@ -4,6 +4,8 @@
 #include <components/iridium_proxy/services.hpp>
 #include <components/web_server/downloads.hpp>
 
+#include <ise/component/learn.hpp>
+
 #include <fmt/format.h>
 
 namespace atirma {
@@ -118,10 +120,21 @@ ise::task<> boat_page::follow_telemetry(std::string path) {
     }
 }
 
+/// Whether a provider has a service; as long as it does not tell, it is asked again.
+ise::task<bool> boat_page::offers(ise::remote provider, std::string service) {
+    for (;;) {
+        auto told = co_await ise::provides(provider, service);
+        if (told) co_return *told;
+        co_await self_.sleep(2s);
+    }
+}
+
 /// What communication nodes know of each link. A proxy does not offer it: then this ends.
 ise::task<> boat_page::follow_health(std::string path) {
     auto provider = find_component(self_, path);
-    for (bool offered = true; offered;) {
+    std::string service(services::communication.name());
+    bool offered = co_await offers(provider, service);
+    while (offered) {
         try {
             auto states = co_await provider.subscribe(services::communication, ise::subscribe_options::latest());
             for (;;) {
@@ -167,7 +180,9 @@ void boat_page::look_for_estimates(const std::string& path) {
 ise::task<> boat_page::follow_estimates(std::string path) {
     auto provider = find_component(self_, path);
     std::optional<utc_time> last;
-    for (bool offered = true; offered;) {
+    std::string service(services::iridium_account.name());
+    bool offered = co_await offers(provider, service);
+    while (offered) {
         try {
             auto accounts = co_await provider.subscribe(services::iridium_account, ise::subscribe_options::latest());
             for (;;) {

@@ -45,6 +45,7 @@ public:
 
 private:
     ise::task<> follow_telemetry(std::string path);
+    ise::task<bool> offers(ise::remote provider, std::string service);
     ise::task<> follow_health(std::string path);
     ise::task<> follow_estimates(std::string path);
     void look_for_estimates(const std::string& path);

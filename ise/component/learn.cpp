@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 namespace ise {
 
 result<dynamic_contract> contract_of(const service_text& told) {
@@ -30,6 +32,13 @@ task<result<dynamic_contract>> learn(remote provider, std::string service, durat
         if (!one.name.starts_with("ise.")) known += (known.empty() ? "" : ", ") + one.name;
     }
     co_return failure(errc::no_such_service, fmt::format("{} provides no service '{}'; it provides {}", provider.name(), service, known.empty() ? "none" : known));
+}
+
+task<result<bool>> provides(remote provider, std::string service, duration deadline) {
+    describe_request question;
+    auto told = co_await provider.try_call(describe_service, question, deadline);
+    if (!told) co_return told.error();
+    co_return std::ranges::any_of(told->services, [&](const service_text& one) { return one.provided && one.name == service; });
 }
 
 } // namespace ise

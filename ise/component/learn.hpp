@@ -12,4 +12,8 @@ result<dynamic_contract> contract_of(const service_text& told);
 /// that there are; else the failures of `remote::try_call`. Cancellation: terminal.
 task<result<dynamic_contract>> learn(remote provider, std::string service, duration deadline = duration());
 
+/// Whether a component provides a service: asks it about itself, where a try would count as a call that it refused. Fails
+/// as `remote::try_call` does. Cancellation: terminal.
+task<result<bool>> provides(remote provider, std::string service, duration deadline = duration());
+
 } // namespace ise

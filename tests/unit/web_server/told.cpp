@@ -3,6 +3,7 @@
 #include <components/storage/database.hpp>
 #include <components/web_server/web_component.hpp>
 
+#include <ise/component/health.hpp>
 #include <ise/component/node.hpp>
 #include <ise/core/real/environment.hpp>
 #include <ise/sim/world.hpp>
@@ -41,6 +42,26 @@ nlohmann::json get(const std::string& port, const std::string& path) {
     auto answer = all.str();
     return nlohmann::json::parse(answer.substr(answer.find("\r\n\r\n") + 4));
 }
+
+/// Publishes telemetry and offers nothing else, as the XBee proxy for whom only follows it.
+class telemetry_alone final : public ise::component {
+    ise::task<> run() override {
+        auto packets = publish(services::telemetry);
+        telemetry_packet packet;
+        packet.boot = 3;
+        packet.measured_at = std::chrono::floor<std::chrono::milliseconds>(wall());
+        packet.received_at = packet.measured_at;
+        location fix;
+        fix.latitude_deg = 28.1;
+        fix.longitude_deg = -15.4;
+        fix.quality = fix_quality::gps;
+        for (;;) {
+            packet.raw = encode_telemetry({3, ++packet.sequence, packet.measured_at}, fix);
+            packets(packet);
+            co_await sleep(1s);
+        }
+    }
+};
 
 /// Tells of one session of the boat, as the Iridium proxy does.
 class proxy_alone final : public ise::component {
@@ -132,4 +153,30 @@ TEST_CASE("page: where the Iridium gateway believes the boat to be is no history
     auto state = nlohmann::json::parse(told)["state"];
     CHECK(state["position"]["history"] == false);
     CHECK(state["heard"]["iridium"] == session.time_since_epoch().count());
+}
+
+TEST_CASE("page: a proxy is asked what it provides, and refuses nothing") {
+    ise::sim::world world;
+    telemetry_alone* proxy = nullptr;
+    world.host("shore").start_process("proxy", [&](ise::sim::process& here) -> std::shared_ptr<void> {
+        auto node = std::make_shared<ise::node>(here, nameless());
+        ise::component_options where;
+        where.listen = {ise::endpoint::parse("tcp://0.0.0.0:7411").value()};
+        proxy = &node->start<telemetry_alone>("atirma/shore/xbee", where);
+        return node;
+    });
+    web_server* page = nullptr;
+    world.host("page").start_process("page", [&](ise::sim::process& here) -> std::shared_ptr<void> {
+        web_server_options options;
+        options.headless = true;
+        options.telemetry = {"tcp://shore:7411"};
+        auto node = std::make_shared<ise::node>(here, nameless());
+        page = &node->start<web_server>("atirma/page", without_endpoint(), options);
+        return node;
+    });
+    REQUIRE(world.run_until([&] { return page->state().position().has_value(); }, 1min));
+    world.run_for(1min);
+    auto now = ise::health_of(proxy->services());
+    CHECK(now.calls_served > 0);
+    CHECK(now.calls_refused == 0);
 }
