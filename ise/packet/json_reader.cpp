@@ -152,13 +152,17 @@ private:
         out.append(one[0]);
     }
 
+    // Also what JSON has no numbers for.
+    double real_number(const json& from, const place& at, std::string_view expected) const {
+        if (from == "NaN") return std::numeric_limits<double>::quiet_NaN();
+        if (from == "Infinity") return std::numeric_limits<double>::infinity();
+        if (from == "-Infinity") return -std::numeric_limits<double>::infinity();
+        if (!from.is_number()) wrong(at, expected, from);
+        return from.get<double>();
+    }
+
     void real(type_kind kind, const json& from, const place& at) {
-        double number = 0;
-        if (from == "NaN") number = std::numeric_limits<double>::quiet_NaN();
-        else if (from == "Infinity") number = std::numeric_limits<double>::infinity();
-        else if (from == "-Infinity") number = -std::numeric_limits<double>::infinity();
-        else if (from.is_number()) number = from.get<double>();
-        else wrong(at, "a number", from);
+        const double number = real_number(from, at, "a number");
         if (kind == type_kind::f64) return out.append(number);
         if (std::isfinite(number) && std::abs(number) > static_cast<double>(std::numeric_limits<float>::max()))
             wrong(at, "a number that fits f32", from);
@@ -180,8 +184,8 @@ private:
 
     void time(const type_description& type, const json& from, const place& at) {
         if (type.number == type_kind::f64) {
-            if (!from.is_number()) wrong(at, "a number of seconds", from);
-            return out.append(from.get<double>() * static_cast<double>(type.period_den) / static_cast<double>(type.period_num));
+            const double seconds = real_number(from, at, "a number of seconds");
+            return out.append(seconds * static_cast<double>(type.period_den) / static_cast<double>(type.period_num));
         }
         std::optional<std::int64_t> ticks;
         if (from.is_number()) ticks = detail::ticks_from_seconds(type, from.get<double>());

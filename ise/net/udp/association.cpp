@@ -19,6 +19,7 @@ association::association(loop& on, std::shared_ptr<port> of, std::uint64_t id, s
 
 void association::use(std::weak_ptr<datagram_stream::user> receiver) {
     user_ = std::move(receiver);
+    used_ = true;
     channel_.take_messages();
     if (auto to = user_.lock()) hand_over(*to);
 }
@@ -138,7 +139,8 @@ std::optional<transfer> association::read(asio::mutable_buffer into) {
         got.problem = asio::error::operation_aborted;
         return got;
     }
-    got.bytes = channel_.in().read(std::span(static_cast<std::byte*>(into.data()), into.size()));
+    // Who is handed what comes has not kept `into`: what a datagram left that broke a rule comes with the next good one.
+    if (!used_) got.bytes = channel_.in().read(std::span(static_cast<std::byte*>(into.data()), into.size()));
     if (got.bytes > 0) {
         if (!gone_ && channel_.in().room_grew()) soon(); // the peer may send more
         return got;

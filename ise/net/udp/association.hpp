@@ -76,6 +76,7 @@ private:
     std::optional<time_point> drain_until_;
     bool room_asked_ = false;
     bool cancelled_ = false;
+    bool used_ = false; // what comes is handed over
     bool left_ = false; // by its user
     bool gone_ = false; // no datagram leads anywhere
 };

@@ -18,7 +18,8 @@ public:
     /// `peer_id`: how the peer wants to be addressed.
     explicit channel(std::uint64_t peer_id) : peer_id_(peer_id) {}
 
-    /// Takes the body of a data datagram. False where nothing of it counts: a duplicate, or one that breaks a rule.
+    /// Takes the body of a data datagram. False where it counts as not received: a duplicate, or one that breaks a rule.
+    /// What stood before that in it is taken, and comes again.
     bool take(bytes_view body, time_point now, events& happened);
     /// Whether its number is one that was not seen.
     bool fresh(bytes_view body) const noexcept;

@@ -35,7 +35,15 @@ void receiver::note(std::uint64_t number, bool wants_ack, time_point now) {
 }
 
 void receiver::put_ack(wire::data_writer& out, bool alone, time_point now) {
-    if (came_.empty()) return;
+    if (!came_.empty()) put_runs(out, alone, now);
+    out.put(wire::chunk_type::room, room());
+    told_room_ = room();
+    room_grew_ = false;
+    pending_acks_ = 0;
+    ack_at_ = time_point::max();
+}
+
+void receiver::put_runs(wire::data_writer& out, bool alone, time_point now) const {
     std::array<std::byte, 16 + 8 * runs_alone> raw;
     auto limit = alone ? runs_alone : runs_beside;
     auto run = came_.all().rbegin();
@@ -53,11 +61,6 @@ void receiver::put_ack(wire::data_writer& out, bool alone, time_point now) {
         size += 8;
     }
     out.put(wire::chunk_type::ack, bytes_view(raw).first(size));
-    out.put(wire::chunk_type::room, room());
-    told_room_ = room();
-    room_grew_ = false;
-    pending_acks_ = 0;
-    ack_at_ = time_point::max();
 }
 
 bool receiver::take_content(std::uint64_t offset, bytes_view content) {
@@ -147,7 +150,7 @@ bool incoming_messages::take(bytes_view content, time_point now, std::optional<b
     if (size < wire::frame_header::size || size > wire::max_datagram_message_bytes + wire::frame_header::size) return false;
     auto count = fragments_of(size);
     if (index >= count || content.size() != std::min<std::size_t>(fragment_bytes, size - index * fragment_bytes)) return false;
-    if (number < floor_ || finished_.contains(number)) return true;
+    if ((number < floor_ && !all_.contains(number)) || finished_.contains(number)) return true;
     if (count == 1) {
         done.emplace(content.begin(), content.end());
     } else {
@@ -173,7 +176,7 @@ bool incoming_messages::take(bytes_view content, time_point now, std::optional<b
         held_ -= one.came;
         all_.erase(number);
     }
-    finished_.add(number, number + 1);
+    if (number >= floor_) finished_.add(number, number + 1);
     if (finished_.intervals() > max_finished) {
         floor_ = finished_.all().begin()->second;
         finished_.drop_first();

@@ -19,8 +19,9 @@ public:
     /// Acks wait for company at most this long.
     static constexpr duration ack_delay = std::chrono::milliseconds(5);
 
-    /// Whether a datagram of this number is to be looked at: not a duplicate, and not too old to know.
-    bool fresh(std::uint64_t number) const noexcept { return number >= floor_ && !came_.contains(number); }
+    /// Whether a datagram of this number is to be looked at: not a duplicate, not too old to know, and one that an ack
+    /// can name.
+    bool fresh(std::uint64_t number) const noexcept { return number >= floor_ && ~number != 0 && !came_.contains(number); }
     void note(std::uint64_t number, bool wants_ack, time_point now);
 
     /// So much was read that the sender should know.
@@ -47,6 +48,7 @@ public:
 
 private:
     std::uint64_t room() const noexcept { return base_ + window_; }
+    void put_runs(wire::data_writer& out, bool alone, time_point now) const;
 
     interval_set came_;
     std::uint64_t floor_ = 0;

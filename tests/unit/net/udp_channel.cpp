@@ -172,6 +172,60 @@ TEST_CASE("what breaks a rule is as if it had not come") {
     CHECK_FALSE(refused(static_cast<chunk_type>(99), packed(std::uint64_t{1}))); // of a later version
 }
 
+TEST_CASE("no datagram leaves a channel that is due and has nothing to send") {
+    using ise::wire::chunk_type;
+    auto rests = [](channel_pair& pair) {
+        ise::buffer out;
+        for (int burst = 0; burst < 64 && pair.b.channel.next(out, pair.now); ++burst) out.clear();
+        return pair.b.channel.due(pair.now) > pair.now;
+    };
+    channel_pair pair;
+    pair.take(pair.b, data_datagram(~std::uint64_t{0}, chunk_type::probe, {})); // a number that no ack can name
+    CHECK(pair.b.channel.ignored() == 1);
+    CHECK(rests(pair));
+    // So much content of datagrams that do not count that the peer should hear of more room.
+    ise::bytes content(1000);
+    for (std::uint64_t number = 0; number < 30; ++number) {
+        ise::buffer out;
+        ise::wire::data_writer writer(out, 1, number);
+        writer.put(chunk_type::content, packed(number * content.size()), content);
+        writer.put(chunk_type::content, packed(std::uint8_t{1}));
+        writer.finish();
+        pair.take(pair.b, out.to_bytes());
+    }
+    CHECK(pair.b.channel.ignored() == 31);
+    CHECK(rests(pair));
+}
+
+TEST_CASE("a big message becomes whole, however many small ones that were superseded are missing meanwhile") {
+    using namespace ise::net::udp;
+    incoming_messages in;
+    ise::time_point now{1s};
+    auto fragment = [](std::uint64_t number, std::uint32_t size, std::uint32_t index) {
+        auto made = packed(number, size, index);
+        made.resize(16 + std::min<std::size_t>(fragment_bytes, size - index * fragment_bytes));
+        return made;
+    };
+    const auto size = static_cast<std::uint32_t>(fragment_bytes + 100);
+    std::optional<ise::bytes> done;
+    REQUIRE(in.take(fragment(0, size, 0), now, done));
+    REQUIRE_FALSE(done);
+    for (std::uint64_t number = 2; number < 2000; number += 2) {
+        REQUIRE(in.take(fragment(number, 100, 0), now, done));
+        REQUIRE(done);
+        done.reset();
+    }
+    REQUIRE(in.take(fragment(0, size, 1), now, done));
+    REQUIRE(done);
+    CHECK(done->size() == size);
+    // And once only, as those that came meanwhile.
+    for (std::uint64_t number : {0, 2, 1000, 1998}) {
+        done.reset();
+        REQUIRE(in.take(fragment(number, 100, 0), now, done));
+        CHECK_FALSE(done);
+    }
+}
+
 TEST_CASE("fragments of messages that never become whole hold bounded memory, and not for ever") {
     using namespace ise::net::udp;
     incoming_messages in;

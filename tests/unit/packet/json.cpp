@@ -33,6 +33,8 @@ struct oddities {
     std::chrono::duration<std::int64_t, std::ratio<1, 3>> thirds{0};
     std::chrono::sys_time<std::chrono::nanoseconds> when{};
     std::chrono::sys_seconds far{};
+    std::chrono::duration<double> no_time{0}, no_end{0};
+    std::chrono::sys_time<std::chrono::duration<double, std::milli>> before_all{};
     std::string text_of_bytes;
 };
 } // namespace
@@ -75,6 +77,9 @@ TEST_CASE("values at the edges come back exactly") {
     o.big = std::numeric_limits<std::uint64_t>::max();
     o.low = std::numeric_limits<std::int64_t>::min();
     o.letter = '\x01';
+    o.no_time = decltype(o.no_time)(std::numeric_limits<double>::quiet_NaN());
+    o.no_end = decltype(o.no_end)(std::numeric_limits<double>::infinity());
+    o.before_all += decltype(o.no_end)(-std::numeric_limits<double>::infinity());
     o.twice = std::optional<int>();
     o.numbered = {{-1, "a"}};
     for (std::int64_t ticks : {std::numeric_limits<std::int64_t>::min(), std::int64_t{-1'500'000'001}, std::int64_t{7},
