@@ -286,23 +286,34 @@ task<bool> lease_registrar::tell_departures() {
         co_return departures_failed_ < awaited;
     }
     telling_departures_ = true;
+    auto end = [this] {
+        telling_departures_ = false;
+        for (auto* other : await_departures_) other->resume();
+    };
     const auto number = ++departures_tried_;
-    naming::withdraw_request request;
-    request.lease_key = lease_key_;
-    for (const auto& [path, incarnation] : departures_) {
-        naming::departure gone;
-        gone.path = path;
-        gone.incarnation = incarnation;
-        request.departures.push_back(std::move(gone));
-        if (request.departures.size() == batch_size) break;
+    std::vector<naming::departure> told;
+    std::optional<failure> why;
+    try {
+        for (const auto& [path, incarnation] : departures_) {
+            naming::departure gone;
+            gone.path = path;
+            gone.incarnation = incarnation;
+            told.push_back(std::move(gone));
+            if (told.size() == batch_size) break;
+        }
+        naming::withdraw_request request;
+        request.lease_key = lease_key_;
+        request.departures = told;
+        auto answer = co_await names_.try_call(naming::withdraw, std::move(request), std::max(lease_ / 3, least_patience));
+        if (!answer) why = answer.error();
+    } catch (...) { // what it would have told comes with the next try
+        end();
+        throw;
     }
-    auto told = request.departures;
-    auto answer = co_await names_.try_call(naming::withdraw, std::move(request), std::max(lease_ / 3, least_patience));
-    telling_departures_ = false;
-    for (auto* other : await_departures_) other->resume();
-    if (!answer) {
+    end();
+    if (why) {
         departures_failed_ = number;
-        unreachable(answer.error());
+        unreachable(*why);
         co_return false;
     }
     for (const auto& gone : told)

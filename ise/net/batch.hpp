@@ -27,7 +27,11 @@ public:
     /// Takes over a whole buffer as content and gives back an empty one with room.
     void adopt(buffer& content) {
         if (empty()) staging_ = std::move(content); // they change places
-        else adopt_behind(content);
+        else if (adopted_.empty()) adopt_behind(content);
+        else { // the one before is not written yet
+            staging_.append(content.view());
+            content.clear();
+        }
     }
 
     /// The object of the frame that was put last, which travels beside the bytes.
