@@ -166,6 +166,7 @@ result<void> connection::take_lying(bytes_view content) {
         auto taken = take_whole(received, to);
         if (!taken) state = std::move(taken);
     }
+    if (content.empty()) parser_.rest();
     // A part of a frame, or none: as if it had been read.
     while (open_ && state && !content.empty()) {
         auto room = parser_.prepare();

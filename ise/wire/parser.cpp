@@ -11,8 +11,6 @@ namespace {
 // An idle connection reads heartbeats only.
 constexpr std::size_t first_room = 32;
 constexpr std::size_t largest_room = 256 * 1024;
-// About one heartbeat a second: an idle connection has let go of a burst's buffer within a minute.
-constexpr unsigned small_reads_before_shrinking = 16;
 
 } // namespace
 

@@ -58,9 +58,18 @@ public:
         begin_ = end_ = 0;
         filled_ = false;
     }
+    /// What came did not need it: a few times in a row, and it gives its buffer back.
+    void rest() noexcept {
+        if (storage_.empty() || ++small_reads_ < small_reads_before_shrinking) return;
+        small_reads_ = 0;
+        release();
+    }
     void set_max_frame_bytes(std::uint32_t bytes) noexcept { max_frame_bytes_ = bytes; }
 
 private:
+    // About one heartbeat a second: an idle connection has let go of a burst's buffer within a minute.
+    static constexpr unsigned small_reads_before_shrinking = 16;
+
     bool sound(const frame_header& header) const noexcept {
         // Types up to this are known or negotiated; what is above, or 0, cannot be a frame of ISE.
         constexpr unsigned last_type = 127;

@@ -71,6 +71,18 @@ TEST_CASE("every prefix of a stream gives the frames that are whole in it") {
     }
 }
 
+TEST_CASE("a buffer that nothing needs any more is given back, unless a part of a frame lies in it") {
+    parser in(1 << 20);
+    feed(in, frames_of({200'000}), 1000);
+    REQUIRE(in.capacity() >= 200'000);
+    for (int i = 0; i < 100; ++i) in.rest();
+    CHECK(in.capacity() == 0);
+    const auto raw = frames_of({200'000, 7});
+    feed(in, ise::bytes_view(raw).first(raw.size() - 1), 1000);
+    for (int i = 0; i < 100; ++i) in.rest();
+    CHECK(feed(in, ise::bytes_view(raw).last(1), 1) == std::vector<std::size_t>{7});
+}
+
 TEST_CASE("a frame beyond the limit is refused before anything is allocated for it") {
     parser in(1000);
     auto good = frames_of({1000});
