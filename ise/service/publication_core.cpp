@@ -407,9 +407,9 @@ result<provided_subscription*> publication_core::subscribe(session& from, const 
             answer.ticket = who.ticket();
             answer.first_sequence = wanted.next_sequence;
             answer.resumed = true;
-            // Over datagrams the latest packet is sent until it has arrived, on whatever session.
+            // The latest packet may have been under way when the session ended, and none may follow for long.
             bool missed = wanted.next_sequence <= sequence_ && who.queue_.empty();
-            if (from.wire().lossy() && terms.last_value && missed)
+            if (terms.last_value && missed)
                 if (auto last = last_packet(takes_objects)) who.offer(*last);
             return &who;
         }
