@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <unordered_map>
 
 namespace ise {
 
@@ -96,20 +97,26 @@ task<> service_host::accept(std::shared_ptr<listener> from) {
         auto name = "handshake with " + stranger->peer();
         auto place = handshakes_.insert(handshakes_.end(), std::make_shared<handshake>());
         auto held = *place; // it may be over at once
+        held->host = stranger->peer();
+        held->host.resize(std::min(held->host.rfind(':'), held->host.size())); // without the port
         held->cancel = scope_.spawn(std::move(name), greet(std::move(stranger), place));
         if (scope_.stopping()) co_return;
     }
 }
 
-// Who greets at all does so at once: the oldest are those that hold places without saying anything.
+// Who comes from elsewhere than the crowd keeps its place however slow its way is; of a crowd the oldest hold theirs
+// without saying anything.
 void service_host::make_way() {
-    tell(peer_trouble::crowded, fmt::format("{} handshakes at once (max_handshakes): the oldest make way", handshakes_.size()), {});
-    for (auto& oldest : handshakes_) {
-        if (oldest->made_way || !oldest->cancel) continue;
-        oldest->made_way = true;
-        oldest->cancel->emit(asio::cancellation_type::terminal);
-        return;
-    }
+    std::unordered_map<std::string_view, std::size_t> of_host;
+    for (const auto& one : handshakes_) of_host[one->host] += !one->made_way;
+    std::shared_ptr<handshake> oldest;
+    for (const auto& one : handshakes_)
+        if (!one->made_way && one->cancel && (!oldest || of_host[one->host] > of_host[oldest->host])) oldest = one;
+    if (!oldest) return;
+    tell(peer_trouble::crowded, fmt::format("{} handshakes at once (max_handshakes), most from {}: the oldest of these make way", handshakes_.size(), oldest->host),
+         oldest->host);
+    oldest->made_way = true;
+    oldest->cancel->emit(asio::cancellation_type::terminal);
 }
 
 void service_host::tell(peer_trouble kind, std::string_view what, std::string_view peer) {

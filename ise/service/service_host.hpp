@@ -123,6 +123,7 @@ private:
     // A stranger who has not greeted yet.
     struct handshake {
         asio::cancellation_signal* cancel = nullptr;
+        std::string host; // where it comes from
         bool made_way = false;
     };
     using handshake_list = std::list<std::shared_ptr<handshake>>;

@@ -18,7 +18,7 @@ struct service_options {
     duration default_deadline = std::chrono::seconds(5); ///< of calls that give none
     duration linger = std::chrono::seconds(30);          ///< a vanished subscriber is kept for this long
     std::size_t max_sessions = 20'000;                   ///< with peers that have greeted
-    std::size_t max_handshakes = 256;                    ///< strangers at once; beyond, the oldest makes way
+    std::size_t max_handshakes = 256;                    ///< strangers at once; beyond, the oldest from the host with most makes way
     std::uint32_t max_calls_per_session = 4096;          ///< served at once for one peer
     std::uint32_t max_subscriptions_per_session = 1024;  ///< of one peer
     std::size_t max_unsent_bytes = 64u << 20;            ///< of calls and replies on one session; more are overloaded
@@ -26,7 +26,7 @@ struct service_options {
     std::size_t max_lingering = 4096;                    ///< vanished subscribers of one publication; beyond, the oldest is forgotten
     duration longest_stall = std::chrono::seconds(30);   ///< a lossless subscriber that holds up its publisher is ended then
     /// Bytes of one session that wait behind the reach of priorities and of "keep latest", in the system's send queue and
-    /// in a write that was begun: over a slow link a packet is no older than these take to drain. Fewer cost throughput.
+    /// in a write that was begun, over udp all that is under way: over a slow link a packet is no older than these take to drain. Fewer cost throughput.
     std::size_t unsent_bytes = 128 * 1024;
 };
 

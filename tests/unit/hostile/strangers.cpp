@@ -1,6 +1,8 @@
 // Who connects and does not greet as he should.
 #include "harbour.hpp"
 
+#include <deque>
+
 using namespace hostile_test;
 
 TEST_CASE("hostile: strangers who say nothing hold no place that others need") {
@@ -68,6 +70,23 @@ TEST_CASE("hostile: endless handshakes leave nothing behind") {
     at.others_do_not_notice();
     INFO(at.all_warnings());
     CHECK(at.boat.warnings.size() < 60);
+}
+
+TEST_CASE("hostile: while strangers crowd at the door, one who comes from far away gets in") {
+    harbour at;
+    at.all.world.net().between("boat", "shore").latency = 300ms;
+    auto call = start(at.shore.on, at.try_helm(at.there, 30s));
+    std::deque<std::unique_ptr<raw_peer>> crowd;
+    auto end = at.all.world.now() + 20s;
+    while (!call->done && at.all.world.now() < end) {
+        crowd.push_back(std::make_unique<raw_peer>(at.all, at.sea, at.door));
+        while (!crowd.empty() && crowd.front()->closed()) crowd.pop_front();
+        at.all.world.run_for(1ms);
+    }
+    REQUIRE(call->done);
+    CHECK(call->get());
+    CHECK(crowd.size() > 200); // they still are
+    CHECK(at.warned("max_handshakes"));
 }
 
 TEST_CASE("hostile: beyond max_sessions a peer is told so and others keep theirs") {
