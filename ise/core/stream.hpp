@@ -35,7 +35,8 @@ public:
     /// Waits until `try_write` would move something, or reports what broke.
     virtual task<std::error_code> wait_writable() = 0;
 
-    /// From now on it takes no more while this many bytes wait to be sent, where the system can tell (tcp).
+    /// From now on it takes no more while this many bytes wait to be sent, where the system can tell (tcp); over udp
+    /// while they are under way.
     virtual void limit_unsent([[maybe_unused]] std::size_t most) {}
 
     /// No more will be written; the peer reads the rest and then the end.

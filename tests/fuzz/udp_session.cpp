@@ -40,6 +40,11 @@ void into_channel(ise::bytes_view input) {
         length = std::min({length, input.size(), ise::wire::datagram_bytes - ise::wire::data_head_bytes});
         ise::bytes body(8);
         ise::detail::store_little(body.data(), flags & 1 ? number++ : std::uint64_t{flags});
+        if ((flags & 24) == 24 && length >= 8) { // any number
+            std::copy_n(input.begin(), 8, body.begin());
+            input = input.subspan(8);
+            length -= 8;
+        }
         body.insert(body.end(), input.begin(), input.begin() + static_cast<std::ptrdiff_t>(length));
         input = input.subspan(length);
         channel::events happened;
@@ -53,6 +58,8 @@ void into_channel(ise::bytes_view input) {
             if (out.size() > ise::wire::datagram_bytes || !ise::wire::read_datagram(out.view())) std::abort();
         }
         at.on_timer(now);
+        out.clear();
+        if (!at.next(out, now) && at.due(now) <= now) std::abort(); // it would be asked again without end
         if (at.messages().bytes_held() > incoming_messages::max_bytes) std::abort();
     }
 }

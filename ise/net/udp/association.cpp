@@ -196,7 +196,7 @@ void association::leave() {
     writable_.resume();
     if (gone_ || on_.abandoned()) return part(false);
     channel_.out().end();
-    if (port_->outlives_its_streams() && !channel_.out().settled()) {
+    if (!channel_.out().settled() && port_->lets_drain()) {
         drain_until_ = saturating_add(on_.now(), longest_drain);
         soon();
         return;

@@ -22,6 +22,8 @@ public:
     /// Where it was when the channel was opened.
     const endpoint& first_peer() const noexcept { return first_peer_; }
     const udp::channel& channel() const noexcept { return channel_; }
+    /// Its user has left, and it sends what is left.
+    bool drains() const noexcept { return drain_until_.has_value(); }
 
     // For the port, which holds it meanwhile.
     void on_datagram(const endpoint& from, bytes_view body);
@@ -43,6 +45,7 @@ public:
     task<> wait_writable() { return writable_.wait(); }
     bool message_wanted() noexcept;
     void put_message(std::uint64_t key, const wire::frame_header& header, bytes_view head, const shared_bytes& payload);
+    void limit_unsent(std::size_t most) noexcept { channel_.out().limit_under_way(most); }
     void shutdown_write();
     /// The user goes. What was written is still sent, where somebody is there to hear the acks.
     void leave();

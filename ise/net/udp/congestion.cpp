@@ -38,7 +38,12 @@ void congestion::on_acked(std::size_t bytes, bool window_was_used) noexcept {
     forget(bytes);
     if (!window_was_used) return; // what was not used was not proved
     window_ += window_ < threshold_ ? bytes : datagram * bytes / window_;
-    window_ = std::min(window_, largest_window);
+    window_ = std::min(window_, most_);
+}
+
+void congestion::limit(std::size_t most) noexcept {
+    most_ = std::clamp(most, smallest_window, largest_window);
+    window_ = std::min(window_, most_);
 }
 
 void congestion::on_lost(std::size_t bytes, std::uint64_t number, std::uint64_t next) noexcept {

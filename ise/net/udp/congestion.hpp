@@ -26,6 +26,8 @@ public:
     void on_lost(std::size_t bytes, std::uint64_t number, std::uint64_t next) noexcept;
     /// What was sent is not waited for any more, which says nothing about the network.
     void forget(std::size_t bytes) noexcept { in_flight_ -= bytes < in_flight_ ? bytes : in_flight_; }
+    /// From now on at most about this much is under way: on a slow way that stores all, the rest would age there.
+    void limit(std::size_t most) noexcept;
     /// Nothing was heard for several time-outs.
     void collapse() noexcept { window_ = smallest_window; }
 
@@ -44,6 +46,7 @@ public:
 
 private:
     std::size_t window_ = first_window;
+    std::size_t most_ = largest_window; // of the window
     std::size_t threshold_ = largest_window;
     std::size_t in_flight_ = 0;
     std::uint64_t recovering_until_ = 0; // losses of what was sent before are one event

@@ -144,7 +144,14 @@ void port::on_answer(const endpoint& from, const wire::datagram_view& received) 
     all_.emplace(dial_id_, dialled_);
 }
 
+bool port::lets_drain() noexcept {
+    if (!listens_ || closed_ || draining_ >= max_draining) return false;
+    ++draining_;
+    return true;
+}
+
 void port::forget(association& gone) {
+    if (all_.contains(gone.id()) && gone.drains()) --draining_;
     openings_.erase(std::pair(gone.first_peer(), gone.channel().peer_id()));
     std::erase_if(waiting_, [&](const auto& entry) { return entry.get() == &gone; });
     if (dialled_.get() == &gone) dialled_.reset();

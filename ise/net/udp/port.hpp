@@ -15,6 +15,8 @@ class port final : public std::enable_shared_from_this<port> {
 public:
     /// Channels that nobody has accepted yet; a stranger beyond asks again.
     static constexpr std::size_t max_waiting = 64;
+    /// Channels whose user has left and that still send; others end at once.
+    static constexpr std::size_t max_draining = 256;
 
     port(loop& on, std::unique_ptr<datagram_socket> socket, bool listens);
     ~port();
@@ -36,7 +38,8 @@ public:
     /// Ends everything now.
     void close();
     bool closed() const noexcept { return closed_; }
-    bool outlives_its_streams() const noexcept { return listens_ && !closed_; }
+    /// Whether a channel may still send what its user has left; until it is forgotten.
+    bool lets_drain() noexcept;
     void forget(association& gone);
 
     /// Opens a channel to `to`, asking again with growing pauses; `opened()` has it once the peer has answered.
@@ -64,6 +67,7 @@ private:
     std::map<std::uint64_t, std::shared_ptr<association>> all_; // by our id
     std::map<std::pair<endpoint, std::uint64_t>, std::shared_ptr<association>> openings_; // by what opened them
     std::deque<std::shared_ptr<association>> waiting_;
+    std::size_t draining_ = 0;
     cookie_jar jar_;
 
     // Dialling.

@@ -55,6 +55,8 @@ public:
     time_point due(time_point now) noexcept;
     void on_timer(time_point now);
 
+    /// As `congestion::limit`.
+    void limit_under_way(std::size_t most) noexcept { network_.limit(most); }
     const congestion& network() const noexcept { return network_; }
     std::uint64_t lost() const noexcept { return lost_count_; }
     std::uint64_t time_outs() const noexcept { return time_outs_; }

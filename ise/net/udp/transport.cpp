@@ -19,6 +19,7 @@ public:
     task<transfer> read_some(asio::mutable_buffer into) override { return pumped_ ? read_socket(over_, pumped_, into) : read(over_, into); }
     transfer try_write(std::span<const asio::const_buffer> from) override { return over_->write(from); }
     task<std::error_code> wait_writable() override { return wait(over_); }
+    void limit_unsent(std::size_t most) override { over_->limit_unsent(most); }
     void shutdown_write() override { over_->shutdown_write(); }
     void close() override { over_->leave(); }
     std::string peer() const override { return peer_; }
@@ -99,12 +100,11 @@ private:
     std::shared_ptr<port> port_;
 };
 
-} // namespace
-
-task<result<std::unique_ptr<stream>>> connect(loop& on, endpoint to) {
+// From a socket of one family of addresses. `problem`: what stood in the way, if the failure has a cause of that kind.
+task<result<std::unique_ptr<stream>>> connect_from(loop& on, endpoint to, std::string any_host, std::error_code& problem) {
     endpoint any;
     any.kind = protocol::udp;
-    any.host = to.host.find(':') == std::string::npos ? "0.0.0.0" : "::";
+    any.host = std::move(any_host);
     auto opened = on.env().open_datagram(on, any);
     if (!opened) co_return opened.error();
     auto socket = std::make_shared<port>(on, std::move(*opened), false);
@@ -115,11 +115,12 @@ task<result<std::unique_ptr<stream>>> connect(loop& on, endpoint to) {
             if (!done) of.close();
         }
     } guard{*socket};
-    auto refused = [&to](const std::error_code& why) {
+    auto refused = [&](const std::error_code& why) {
+        problem = why;
         return failure(errc::unreachable, fmt::format("cannot connect to {}: {}", to.text(), why.message()));
     };
-    auto problem = socket->dial(to);
-    if (problem && problem != asio::error::would_block) co_return refused(problem);
+    auto asked = socket->dial(to);
+    if (asked && asked != asio::error::would_block) co_return refused(asked);
     while (!socket->opened()) {
         auto came = co_await socket->receive();
         if (socket->dial_problem()) co_return refused(socket->dial_problem());
@@ -130,6 +131,20 @@ task<result<std::unique_ptr<stream>>> connect(loop& on, endpoint to) {
     }
     guard.done = true;
     std::unique_ptr<stream> made = std::make_unique<stream_end>(socket->opened(), socket);
+    co_return made;
+}
+
+} // namespace
+
+task<result<std::unique_ptr<stream>>> connect(loop& on, endpoint to) {
+    const bool literal_6 = to.host.find(':') != std::string::npos;
+    const std::string any_6 = "::", first = literal_6 ? any_6 : "0.0.0.0";
+    std::error_code problem;
+    auto made = co_await connect_from(on, to, first, problem);
+    if (made || literal_6 || problem != asio::error::host_not_found) co_return made;
+    // A name without an IPv4 address may have others. What the first look-up said stays true where there is no IPv6.
+    auto other = co_await connect_from(on, to, any_6, problem);
+    if (other) co_return other;
     co_return made;
 }
 

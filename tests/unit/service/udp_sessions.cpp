@@ -3,6 +3,7 @@
 #include <ise/net/udp/port.hpp>
 #include <support/boat_services.hpp>
 #include <support/catch.hpp>
+#include <support/datagram_router.hpp>
 #include <support/sim_parties.hpp>
 
 #include <fmt/format.h>
@@ -219,46 +220,6 @@ TEST_CASE("what another life of the provider may have executed is not asked of t
 
 namespace {
 
-// A router between two hosts that forgets by which port a conversation goes.
-struct router {
-    router(ise::sim::process& process, ise::endpoint to) : host(process.make_loop("main")), on(host->loop()), target(std::move(to)),
-          scope(on, [](const std::string&, std::exception_ptr) {}), inside(on.env().open_datagram(on, at("udp://0.0.0.0:9000")).value()) {
-        scope.spawn("inside", from_inside(*this));
-        forget();
-    }
-    void forget() {
-        outside.push_back(on.env().open_datagram(on, at("udp://0.0.0.0:0")).value());
-        scope.spawn("outside", from_outside(*this, outside.back().get()));
-    }
-    static ise::task<> from_inside(router& of) {
-        for (;;) {
-            auto came = co_await of.inside->receive();
-            if (came.first) co_return;
-            of.client = came.second->peer;
-            of.outside.back()->try_send(of.target, came.second->content);
-        }
-    }
-    static ise::task<> from_outside(router& of, ise::datagram_socket* which) {
-        for (;;) {
-            auto came = co_await which->receive();
-            if (came.first) co_return;
-            if (which != of.outside.back().get()) continue; // the old way is closed
-            ise::buffer on;
-            on.append(came.second->content);
-            if (of.on_answer) of.on_answer(on);
-            of.inside->try_send(of.client, on.view());
-        }
-    }
-
-    std::unique_ptr<ise::loop_host> host;
-    ise::loop& on;
-    ise::endpoint target, client;
-    ise::task_scope scope;
-    std::unique_ptr<ise::datagram_socket> inside;
-    std::vector<std::unique_ptr<ise::datagram_socket>> outside;
-    std::function<void(ise::buffer&)> on_answer; ///< may change a datagram to the client
-};
-
 // As a peer that breaks a rule behind content that is none: one byte more than its chunks have.
 void add_stray_byte(ise::buffer& datagram) {
     auto header = ise::wire::read_header(datagram.view().data());
@@ -276,7 +237,7 @@ TEST_CASE("a session goes on when a router gives the peer another address") {
     boat.provide(helm, [](set_mode asked) { return mode_set{true, asked.mode}; });
     auto out = boat.publish(position);
     auto where = boat.listen("udp://10.0.0.1:7400");
-    router between(sea.world.host("router").start_process("router"), where);
+    datagram_router between(sea.world.host("router").start_process("router"), where);
     auto there = shore.at(fmt::format("udp://{}:9000", sea.world.host("router").address()));
     REQUIRE(sea.run(shore, try_helm(there, "before", 10s)));
     auto session = shore.services->sessions().begin()->first;
@@ -294,8 +255,56 @@ TEST_CASE("a session goes on when a router gives the peer another address") {
     CHECK(shore.services->sessions().begin()->first == session);
     CHECK(boat.services->counts().sessions_accepted == 1);
     sea.stop();
-    between.scope.stop();
-    sea.run_until([&] { return between.scope.size() == 0; });
+    between.stop(sea.world);
+}
+
+TEST_CASE("an address that never answers gets nothing but the question, and the session goes on where it was") {
+    sim_parties sea;
+    auto& boat = sea.add("boat", quick());
+    auto& shore = sea.add("shore", quick());
+    boat.provide(helm, [](set_mode asked) { return mode_set{true, asked.mode}; });
+    auto where = boat.listen("udp://10.0.0.1:7400");
+    datagram_router between(sea.world.host("router").start_process("router"), where);
+    auto there = shore.at(fmt::format("udp://{}:9000", sea.world.host("router").address()));
+    REQUIRE(sea.run(shore, try_helm(there, "before", 10s)));
+
+    auto& thief = sea.world.host("thief").start_process("thief");
+    auto host = thief.make_loop("main");
+    auto socket = std::move(thief.open_datagram(host->loop(), at("udp://0.0.0.0:5000")).value());
+    std::size_t count = 0, longest = 0;
+    ise::task_scope scope(host->loop(), [](const std::string&, std::exception_ptr) {});
+    auto listen = [](ise::datagram_socket& to, std::size_t& datagrams, std::size_t& most) -> ise::task<> {
+        for (;;) {
+            auto came = co_await to.receive();
+            if (came.first) co_return;
+            ++datagrams;
+            most = std::max(most, came.second->content.size());
+        }
+    };
+    scope.spawn("thief", listen(*socket, count, longest));
+    ise::bytes stolen;
+    between.on_question = [&](ise::buffer& datagram) {
+        auto type = static_cast<ise::wire::datagram_type>(ise::wire::read_header(datagram.data()).type);
+        if (!stolen.empty() || type != ise::wire::datagram_type::data) return;
+        stolen = datagram.to_bytes();
+        datagram.clear();
+    };
+    for (int i = 0; i < 20; ++i) {
+        stolen.clear();
+        auto call = start(shore.on, try_helm(there, std::string(3000, 'x'), 10s));
+        REQUIRE(sea.run_until([&] { return !stolen.empty(); }));
+        socket->try_send(where, stolen); // from elsewhere, and before it comes again from where it should
+        REQUIRE(sea.run_until([&] { return call->done; }));
+        CHECK(call->get());
+    }
+    CHECK(count >= 20);
+    CHECK(longest <= 64);
+    CHECK(boat.services->counts().sessions_accepted == 1);
+    sea.stop();
+    between.stop(sea.world);
+    scope.stop();
+    sea.run_until([&] { return scope.size() == 0; });
+    socket.reset();
 }
 
 TEST_CASE("datagrams that break a rule behind their content harm nothing, and what they brought comes again") {
@@ -304,7 +313,7 @@ TEST_CASE("datagrams that break a rule behind their content harm nothing, and wh
     auto& shore = sea.add("shore", quick());
     boat.provide(helm, [](set_mode asked) { return mode_set{true, asked.mode}; });
     auto where = boat.listen("udp://10.0.0.1:7400");
-    router between(sea.world.host("router").start_process("router"), where);
+    datagram_router between(sea.world.host("router").start_process("router"), where);
     auto there = shore.at(fmt::format("udp://{}:9000", sea.world.host("router").address()));
     REQUIRE(sea.run(shore, try_helm(there, "greets", 10s)));
     unsigned count = 0, spoiled = 0;
@@ -323,8 +332,7 @@ TEST_CASE("datagrams that break a rule behind their content harm nothing, and wh
     CHECK(spoiled > 20);
     CHECK(boat.services->counts().sessions_accepted == 1);
     sea.stop();
-    between.scope.stop();
-    sea.run_until([&] { return between.scope.size() == 0; });
+    between.stop(sea.world);
 }
 
 TEST_CASE("strangers cost no memory, get no more than they sent, and do not disturb who is there") {
