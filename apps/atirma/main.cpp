@@ -2,6 +2,7 @@
 #include "hosting.hpp"
 #include "observer.hpp"
 
+#include <ise/component/word_of_end.hpp>
 #include <ise/core/real/environment.hpp>
 
 #include <CLI/CLI.hpp>
@@ -100,12 +101,7 @@ int observe(const common_options& common, const atirma::observer_options& option
     return (!options.page || seen->page_is_live()) && seen->boat_answered() ? 0 : 1;
 }
 
-} // namespace
-
-int main(int count, char** words) {
-    std::string_view first = count > 1 ? words[1] : "";
-    if (first == "--describe" || first == "host") // for instantiation servers
-        return ise::main(count, words, [] { return atirma::component_types(say); }, ATIRMA_VERSION);
+int obey(int count, char** words) {
     auto types = atirma::component_types(say);
     CLI::App app{"The shore side of A-Tirma, and a boat to try it with"};
     app.set_version_flag("--version", "atirma " ATIRMA_VERSION);
@@ -157,4 +153,13 @@ int main(int count, char** words) {
         complain(why.what());
         return 1;
     }
+}
+
+} // namespace
+
+int main(int count, char** words) {
+    std::string_view first = count > 1 ? words[1] : "";
+    if (first == "--describe" || first == "host") // for instantiation servers
+        return ise::main(count, words, [] { return atirma::component_types(say); }, ATIRMA_VERSION);
+    return ise::word_of_end::leave(obey(count, words)); // as ise::main does
 }

@@ -117,7 +117,7 @@ ise::task<xbee_param> local_modem::parameter(xbee_param_request request) {
         throw ise::error(ise::errc::refused, fmt::format("{} ({}) is no parameter", xbee::text(info.name), info.meaning));
     }
     auto check = [&](const xbee::at_outcome& answer) {
-        if (!answer.status) throw ise::error(ise::errc::not_connected, answer.reason, ise::execution::unknown);
+        if (!answer.status) throw ise::error(ise::errc::handler_failed, answer.reason, ise::execution::unknown);
         if (*answer.status != xbee::at_status::ok)
             throw ise::error(ise::errc::refused, fmt::format("the modem answers {} with {}", xbee::text(info.name), xbee::name_of(*answer.status)));
     };

@@ -98,8 +98,8 @@ public:
     node(const node&) = delete;
     node& operator=(const node&) = delete;
 
-    /// Starts a component under a path (empty: anonymous). Throws errc::invalid_argument for a path that is none or that is
-    /// used in this node already, errc::address_in_use and the like when it cannot listen.
+    /// Starts a component under a path (empty: anonymous). Throws errc::invalid_argument for a path that is none,
+    /// errc::name_taken for one that this node runs already, errc::address_in_use and the like when it cannot listen.
     /// errc::cancelled when it is stopped meanwhile. errc::would_block_self on an io_context of the program when the
     /// component shall share the loop of one that runs there. A start that throws leaves nothing behind.
     /// The reference is valid until the node is gone, or another component is started under the path of this one.

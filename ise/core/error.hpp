@@ -78,7 +78,7 @@ class error : public std::runtime_error {
 public:
     /// `what()` is the message of the failure.
     explicit error(failure why) : std::runtime_error(why.message()), failure_(std::move(why)) {}
-    /// Throwing this from a handler gives the caller just this code and text.
+    /// Thrown from a handler, errc::refused reaches the caller as it is; any other code as errc::handler_failed with its text.
     error(errc code, std::string message, execution state = execution::not_executed)
         : error(failure(code, std::move(message), state)) {}
 

@@ -30,8 +30,8 @@ wire::limits bounded(wire::limits offered) {
 // A stream during the handshake: closed at the deadline, so that whoever waits on it goes on.
 class greeting {
 public:
-    greeting(loop& on, std::unique_ptr<stream> transport, time_point deadline, const shared_key* key)
-        : transport_(std::move(transport)), parser_(limit::greeting_bytes), keys_(key, on.env()), alarm_(on, [this] {
+    greeting(loop& on, std::unique_ptr<stream> transport, time_point deadline, const shared_key* key, std::string_view deadline_name = {})
+        : transport_(std::move(transport)), parser_(limit::greeting_bytes, "greeting_bytes"), keys_(key, on.env()), deadline_name_(deadline_name), alarm_(on, [this] {
               late_ = true;
               transport_->close();
           }) {
@@ -95,7 +95,7 @@ public:
 
 private:
     failure broken(const std::error_code& problem) const {
-        if (late_) return {errc::timed_out, fmt::format("{} did not greet in time", peer())};
+        if (late_) return {errc::timed_out, fmt::format("{} did not greet in time{}", peer(), deadline_name_)};
         if (auto* secured = dynamic_cast<tls::secure_stream*>(transport_.get()); secured && secured->verdict())
             return {secured->verdict()->code(), fmt::format("{}: {}", peer(), secured->verdict()->message())};
         if (problem == asio::error::operation_aborted) return {errc::cancelled, "the handshake was cancelled"};
@@ -106,6 +106,7 @@ private:
     std::unique_ptr<stream> transport_;
     wire::parser parser_;
     authentication keys_;
+    std::string_view deadline_name_; // of the limit, in brackets
     timer alarm_;
     bool late_ = false;
 };
@@ -206,7 +207,7 @@ task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<str
 }
 
 task<result<std::shared_ptr<connection>>> respond(loop& on, std::unique_ptr<stream> transport, gatekeeper& gate, time_point deadline, const shared_key* key) {
-    greeting with(on, std::move(transport), deadline, key);
+    greeting with(on, std::move(transport), deadline, key, " (handshake_time)");
     auto came = co_await with.receive();
     if (!came) co_return came.error();
     if (came->header.type != frame_type::hello) co_return with.strange(*came);

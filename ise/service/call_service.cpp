@@ -99,7 +99,7 @@ void call_service::serve(session& from, incoming_call call, incoming_packet requ
     bool more_workers = workers_.size() < options_.concurrent && may_begin(from);
     waiting_->push(waiting_call{std::move(call), request.keep(), measured ? began : host_.env().now()});
     while (auto beyond = waiting_->overflow(options_.waiting, options_.waiting_bytes))
-        refuse_overloaded(*beyond->call.from, beyond->call, failure(errc::overloaded, fmt::format("'{}' has {} requests of {} bytes waiting", name_, waiting_->size(), waiting_->bytes_held())));
+        refuse_overloaded(*beyond->call.from, beyond->call, failure(errc::overloaded, fmt::format("'{}' has {} requests of {} bytes waiting (waiting, waiting_bytes)", name_, waiting_->size(), waiting_->bytes_held())));
     if (more_workers) add_worker();
 }
 

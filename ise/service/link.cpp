@@ -21,6 +21,13 @@ constexpr duration steady_session = std::chrono::seconds(5);
 // One of several members is given this long before the next is tried.
 constexpr duration member_patience = std::chrono::seconds(1);
 
+// Why a session in good order did not take a call.
+failure overloaded(session& over, const std::string& who, execution began = execution::not_executed) {
+    if (auto unsent = over.wire().out().pending_call_bytes(); unsent > over.host().options().max_unsent_bytes)
+        return {errc::overloaded, fmt::format("{} bytes of calls and replies wait for being sent to {} (max_unsent_bytes)", unsent, who), began};
+    return {errc::overloaded, fmt::format("too many calls are pending at {} (max_calls_per_session there)", who), began};
+}
+
 } // namespace
 
 void let_go_of_link::operator()(link* held) const noexcept {
@@ -82,7 +89,7 @@ void link::submit(pending_call& call, outgoing_packet request) {
     try {
         if (session_ && session_->open()) {
             if (session_->send(call, request)) return;
-            host_.calls().fail(call, failure(errc::overloaded, fmt::format("too many calls are pending at {}", name_)));
+            host_.calls().fail(call, overloaded(*session_, name_));
             return;
         }
         if (host_.stopping() || peer_only_) {
@@ -92,7 +99,7 @@ void link::submit(pending_call& call, outgoing_packet request) {
             return;
         }
         if (waiting_.size() >= limit::waiting_calls) {
-            host_.calls().fail(call, failure(errc::overloaded, fmt::format("{} calls wait for a session with {}", waiting_.size(), name_)));
+            host_.calls().fail(call, failure(errc::overloaded, fmt::format("{} calls wait for a session with {} (waiting_calls)", waiting_.size(), name_)));
             return;
         }
         call.waiting = request.keep();
@@ -232,7 +239,7 @@ void link::send_waiting() {
         auto request = std::exchange(call->waiting, {});
         try {
             bool sent = session_->send(*call, outgoing_packet(request));
-            if (!sent) host_.calls().fail(*call, failure(errc::overloaded, fmt::format("too many calls are pending at {}", name_), began));
+            if (!sent) host_.calls().fail(*call, overloaded(*session_, name_, began));
         } catch (const error& thrown) {
             host_.calls().fail(*call, failure(thrown.code(), thrown.why().message(), began));
         } catch (const std::exception& thrown) { // of a packet with functions of its own

@@ -119,7 +119,8 @@ struct handler_result<Handler, Request> {
 
 /// Makes the service that answers requests by `handler`: a coroutine `ise::task<Response>(Request)` or a plain
 /// function `Response(Request)` (or `ise::result<Response>(Request)`), either also with a second parameter
-/// `const ise::call_context&`. What it throws reaches the caller as an error with its text.
+/// `const ise::call_context&`. What it throws reaches the caller as an error with its text: an ise::error of errc::refused as
+/// it is, all else as errc::handler_failed. A failure that it returns keeps its code.
 template <class Contract, class Handler>
 std::shared_ptr<call_service> make_call_service(service_host& host, const Contract& contract, Handler handler, serve_options options = serve_options()) {
     using request = typename Contract::request_type;

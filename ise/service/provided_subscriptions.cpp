@@ -24,7 +24,9 @@ result<void> provided_subscriptions::on_subscribe(const wire::frame& received) {
     if (auto wrong = objection_to(terms->service)) return *wrong;
     auto& host = session_.host();
     if (by_id_.size() >= host.options().max_subscriptions_per_session) {
-        refuse(id, failure(errc::overloaded, fmt::format("more than {} subscriptions of one session (max_subscriptions_per_session)", host.options().max_subscriptions_per_session)));
+        failure why(errc::overloaded, fmt::format("more than {} subscriptions of one session (max_subscriptions_per_session)", host.options().max_subscriptions_per_session));
+        host.tell(peer_trouble::excess, why.message(), session_.peer_name());
+        refuse(id, why);
         return {};
     }
     if (session_.wire().lossy() && terms->policy == wire::overflow::lossless) {

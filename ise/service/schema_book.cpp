@@ -35,7 +35,7 @@ result<std::shared_ptr<const packet_types>> schema_book::keep(const std::shared_
         // Texts are compared too: defaults take no part in fingerprints.
         if (at->second == types || (at->second->kind == types->kind && at->second->schemas == types->schemas)) return at->second;
     if (kept_.size() >= limit::kept_services)
-        return failure(errc::overloaded, fmt::format("a component uses at most {} services that it learnt of at run time", limit::kept_services));
+        return failure(errc::overloaded, fmt::format("a component uses at most {} services that it learnt of at run time (kept_services)", limit::kept_services));
     kept_.emplace(key, types);
     return types;
 }

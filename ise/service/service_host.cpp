@@ -51,7 +51,7 @@ result<wire::welcome> service_host::admit(const wire::hello& caller) {
     if (stopping_) return failure(errc::cancelled, fmt::format("{} stops", me));
     if (paused_) return *paused_;
     if (sessions_.size() >= options_.max_sessions)
-        return failure(errc::overloaded, fmt::format("{} has {} sessions, no more are allowed", me, sessions_.size()));
+        return failure(errc::overloaded, fmt::format("{} has {} sessions, no more are allowed (max_sessions)", me, sessions_.size()));
     auto mine = greeting();
     wire::welcome made;
     made.self = mine.self;

@@ -48,12 +48,13 @@ enum class peer_trouble : std::uint8_t {
     broken,    ///< a session ended because the peer broke a rule, or a limit
     mismatch,  ///< types that do not fit
     callback,  ///< the user's own code threw
+    excess,    ///< a peer in good order that asks for more than it may have
 };
 /// What a peer in good order does not cause.
 constexpr bool broke_rules(errc cause) noexcept {
     return cause == errc::protocol_error || cause == errc::malformed || cause == errc::too_large || cause == errc::overloaded;
 }
-inline constexpr std::size_t peer_troubles = 7; ///< how many kinds there are
+inline constexpr std::size_t peer_troubles = 8; ///< how many kinds there are
 
 /// The services of one component: what it provides, whom it talks to. Everything on the component's loop.
 /// Lifetime: `stop()` and join the scope before destroying it.

@@ -12,7 +12,8 @@ namespace ise::wire {
 /// `prepare()`, read, `commit(n)`, then `next()` until it has nothing more. Bytes may come in pieces of any size.
 class parser {
 public:
-    explicit parser(std::uint32_t max_frame_bytes) : max_frame_bytes_(max_frame_bytes) {}
+    /// `limit`: the name of that limit, a literal, for the error beyond it.
+    explicit parser(std::uint32_t max_frame_bytes, const char* limit = "max_frame_bytes") : limit_(limit), max_frame_bytes_(max_frame_bytes) {}
 
     /// Room for the next read: as much as a started frame still needs, or a read of ordinary size.
     std::span<std::byte> prepare();
@@ -64,7 +65,10 @@ public:
         small_reads_ = 0;
         release();
     }
-    void set_max_frame_bytes(std::uint32_t bytes) noexcept { max_frame_bytes_ = bytes; }
+    void set_max_frame_bytes(std::uint32_t bytes) noexcept {
+        limit_ = "max_frame_bytes";
+        max_frame_bytes_ = bytes;
+    }
 
 private:
     // About one heartbeat a second: an idle connection has let go of a burst's buffer within a minute.
@@ -82,6 +86,7 @@ private:
     std::size_t end_ = 0;
     bool filled_ = false; // the last read filled its room: the next one gets more
     unsigned small_reads_ = 0; // in a row
+    const char* limit_;
     std::uint32_t max_frame_bytes_;
 };
 

@@ -18,7 +18,7 @@ TEST_CASE("hostile: strangers who say nothing hold no place that others need") {
     CHECK(at.boat.services->counts().sessions_rejected >= 600);
     INFO(at.all_warnings());
     CHECK(at.warned("max_handshakes"));
-    CHECK(at.warned("did not greet in time"));
+    CHECK(at.warned("did not greet in time (handshake_time)"));
     CHECK(at.boat.warnings.size() < 30); // not one for each
 }
 
@@ -35,7 +35,7 @@ TEST_CASE("hostile: a byte a second is no greeting") {
     }
     CHECK(slow.closed());
     CHECK(said <= 6); // handshake_time
-    CHECK(at.warned("did not greet in time"));
+    CHECK(at.warned("did not greet in time (handshake_time)"));
     at.others_do_not_notice();
 }
 
@@ -101,5 +101,7 @@ TEST_CASE("hostile: beyond max_sessions a peer is told so and others keep theirs
     }
     CHECK(at.boat.services->sessions().size() == 3);
     CHECK(crowd.back()->count(frame_type::reject) == 1);
+    auto why = ise::decode<ise::wire::farewell>(crowd.back()->last(frame_type::reject)->body);
+    CHECK_THAT(why.reason, Contains("max_sessions"));
     at.others_do_not_notice();
 }

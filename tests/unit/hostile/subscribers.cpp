@@ -49,6 +49,8 @@ TEST_CASE("hostile: a million subscriptions are refused beyond max_subscriptions
     auto why = ise::decode<ise::wire::farewell>(peer.last(frame_type::ended)->body);
     CHECK(static_cast<errc>(why.code) == errc::overloaded);
     CHECK_THAT(why.reason, Contains("max_subscriptions_per_session"));
+    CHECK(at.warned("max_subscriptions_per_session"));
+    CHECK(at.boat.warnings.size() < 30); // not one for each
     at.others_do_not_notice();
 }
 

@@ -34,6 +34,7 @@ auto steering(ise::loop& on, log_book& book) {
         book.deadline = context.deadline;
         if (request.mode == "fly") throw ise::error(errc::refused, "boats sail");
         if (request.mode == "sink") throw std::runtime_error("the keel is gone");
+        if (request.mode == "drift") throw ise::error(errc::not_connected, "the rudder does not answer");
         if (request.mode.starts_with("wait")) {
             try {
                 co_await ise::sleep_for(on, 10s);
@@ -49,12 +50,12 @@ auto steering(ise::loop& on, log_book& book) {
 
 struct fixture {
     sim_parties all;
-    party& boat = all.add("boat");
+    party& boat;
     party& shore = all.add("shore");
     log_book book;
     ise::remote there;
 
-    explicit fixture(ise::serve_options serving = ise::serve_options()) {
+    explicit fixture(ise::serve_options serving = ise::serve_options(), ise::service_options options = ise::service_options()) : boat(all.add("boat", options)) {
         boat.provide(helm, steering(boat.on, book), serving);
         boat.listen("tcp://0.0.0.0:7400");
         there = shore.at("tcp://boat:7400");
@@ -182,6 +183,30 @@ TEST_CASE("the caller's cancellation reaches the handler") {
     for (int i = 0; i < 3; ++i) CHECK(at.call("hold"));  // its slot and its worker serve again
 }
 
+TEST_CASE("of what a handler throws only a refusal keeps its code") {
+    fixture at;
+    auto got = at.call("drift");
+    CHECK(got.error().code() == errc::handler_failed);
+    CHECK(got.error().executed() == execution::unknown);
+    CHECK_THAT(got.error().message(), Contains("the rudder does not answer"));
+}
+
+TEST_CASE("beyond what its provider takes at once a caller is told by which limit, before and in a session") {
+    ise::service_options few;
+    few.max_calls_per_session = 2;
+    fixture at(ise::serve_options(), few);
+    bool in_session = GENERATE(false, true);
+    if (in_session) REQUIRE(at.call("hold"));
+    std::vector<std::shared_ptr<started<outcome>>> calls;
+    for (const char* mode : {"wait 1", "wait 2", "wait 3"}) calls.push_back(start(at.shore.on, try_helm(at.there, mode, 120s)));
+    at.all.run_until([&] { return calls[2]->done; });
+    CHECK(calls[2]->get().error().code() == errc::overloaded);
+    CHECK(calls[2]->get().error().executed() == execution::not_executed);
+    CHECK_THAT(calls[2]->get().error().message(), Contains("(max_calls_per_session there)"));
+    at.all.run_until([&] { return calls[0]->done && calls[1]->done; });
+    CHECK((calls[0]->get() && calls[1]->get()));
+}
+
 TEST_CASE("a call is overloaded beyond what may wait, and those that wait are served in turn") {
     ise::serve_options serving;
     serving.concurrent = 1;
@@ -192,6 +217,7 @@ TEST_CASE("a call is overloaded beyond what may wait, and those that wait are se
     for (const char* mode : {"wait 1", "wait 2", "wait 3", "wait 4"}) calls.push_back(start(at.shore.on, try_helm(at.there, mode, 120s)));
     at.all.run_until([&] { return calls[3]->done; });
     CHECK(calls[3]->get().error().code() == errc::overloaded);
+    CHECK_THAT(calls[3]->get().error().message(), Contains("(waiting, waiting_bytes)"));
     CHECK(calls[3]->get().error().executed() == execution::not_executed);
     CHECK(at.book.begun == 2); // exclusive: one at a time
     at.all.run_until([&] { return calls[2]->done; });

@@ -15,6 +15,7 @@
 using namespace boat_services;
 using namespace ise_test;
 using namespace std::chrono_literals;
+using Catch::Matchers::Contains;
 using ise::errc;
 using ise::execution;
 
@@ -155,6 +156,7 @@ TEST_CASE("a call that may have run and finds no room on the next session says s
         if (!call->done) continue;
         REQUIRE_FALSE(call->get());
         CHECK(call->get().error().code() == errc::overloaded);
+        CHECK_THAT(call->get().error().message(), Contains("(max_unsent_bytes)"));
         CHECK(call->get().error().executed() == execution::unknown);
     }
 }

@@ -5,6 +5,7 @@
 #include <random>
 
 using namespace ise::wire;
+using Catch::Matchers::Contains;
 
 namespace {
 
@@ -61,25 +62,33 @@ TEST_CASE("hostile pieces end the connection, and what they claim costs nothing"
     reassembly in(1 << 20);
     auto code = [&](const piece_of& piece) { return in.take(piece.made).error().code(); };
     SECTION("half a head") { CHECK(code(piece_of(1, 0, {}, 17)) == ise::errc::protocol_error); }
-    SECTION("too long") { CHECK(code(piece_of(1, 0, head_of(~0ull), 10)) == ise::errc::too_large); }
+    SECTION("too long") {
+        auto refused = in.take(piece_of(1, 0, head_of(~0ull), 10).made).error();
+        CHECK(refused.code() == ise::errc::too_large);
+        CHECK_THAT(refused.message(), Contains("(max_message_bytes)"));
+    }
     SECTION("more than announced") { CHECK(code(piece_of(1, 0, head_of(9), 10)) == ise::errc::protocol_error); }
     SECTION("less than announced") { CHECK(code(piece_of(1, flag::last, head_of(11), 10)) == ise::errc::protocol_error); }
     SECTION("many messages at once") {
-        std::optional<ise::errc> refused;
+        std::optional<ise::failure> refused;
         for (std::uint64_t id = 0; id < 1000 && !refused; ++id) {
             auto taken = in.take(piece_of(id, 0, head_of(1 << 20), 1).made);
-            if (!taken) refused = taken.error().code();
+            if (!taken) refused = taken.error();
         }
-        CHECK(refused == ise::errc::too_large);
+        REQUIRE(refused);
+        CHECK(refused->code() == ise::errc::too_large);
+        CHECK_THAT(refused->message(), Contains("(unfinished_messages)"));
         CHECK(in.bytes_held() == in.unfinished());
     }
     SECTION("many bytes at once") {
-        std::optional<ise::errc> refused;
+        std::optional<ise::failure> refused;
         for (std::uint64_t id = 0; id < 10 && !refused; ++id) {
             auto taken = in.take(piece_of(id, 0, head_of(1 << 20), (1 << 20) - 1).made);
-            if (!taken) refused = taken.error().code();
+            if (!taken) refused = taken.error();
         }
-        CHECK(refused == ise::errc::too_large);
+        REQUIRE(refused);
+        CHECK(refused->code() == ise::errc::too_large);
+        CHECK_THAT(refused->message(), Contains("(unfinished_messages)"));
         CHECK(in.bytes_held() <= 2u << 20);
     }
 }
