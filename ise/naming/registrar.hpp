@@ -31,7 +31,7 @@ public:
     virtual ~registrar() = default;
 
     /// Completes when the name is granted, with its epoch. errc::name_taken says who holds it. While the name server
-    /// does not answer it goes on trying, on its own, also after `deadline` (errc::name_server_lost).
+    /// does not answer, or has no room, it goes on trying, on its own, also after `deadline` (errc::name_server_lost).
     virtual task<result<std::uint64_t>> enroll(registration who, duration deadline) = 0;
     /// Services or state have changed.
     virtual void update(registration who) = 0;
