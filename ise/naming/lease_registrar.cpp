@@ -223,7 +223,6 @@ task<bool> lease_registrar::tell() {
 
 void lease_registrar::take(naming::grant answer) {
     auto& name = *holdings_.at(answer.path);
-    auto before = name.epoch;
     bool waited = !name.obstacle.empty();
     auto taken = name.take(answer, host_.on().now(), lease_);
     if (!taken) {
@@ -234,11 +233,13 @@ void lease_registrar::take(naming::grant answer) {
         host_.log().warning("the name server has an objection", {{"component", answer.path}, {"cause", answer.reason}});
     if (answer.what == verdict::wait && !waited && !name.enrolling)
         host_.log().warning("the name server has no room now for what this component tells, trying on", {{"component", answer.path}, {"cause", answer.reason}});
-    if (name.epoch == before) return;
+    // What the server knows nothing of under this lease may go to another meanwhile.
+    auto valid = name.told == 0 ? 0 : name.epoch;
+    if (std::exchange(name.shown, valid) == valid) return;
     if (name.enrolling) {
         name.answered.resume();
     } else if (on_change) {
-        on_change(name.who.path, name.epoch);
+        on_change(name.who.path, valid);
     }
 }
 

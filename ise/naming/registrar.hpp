@@ -43,7 +43,8 @@ public:
     /// Whether the lease of the granted names holds now, as far as this side knows; from any thread.
     virtual bool confirmed() const noexcept = 0;
 
-    /// Tells when a name was granted later than `enroll` waited, or again (epoch), or lost to another holder (failure).
+    /// Tells when a name was granted later than `enroll` waited, or again (epoch), has to wait until it is granted again
+    /// (0), or was lost to another holder (failure).
     std::function<void(const std::string& path, result<std::uint64_t> epoch)> on_change;
 };
 

@@ -1,8 +1,6 @@
 // Whoever can connect can claim what he likes: the others' names go on.
 #include "system.hpp"
 
-#include <algorithm>
-
 using namespace names_test;
 
 namespace {
@@ -55,14 +53,14 @@ TEST_CASE("strangers: an epoch that nobody was granted costs no component its na
         claimed = answer.has_value();
     });
     REQUIRE(it.world.run_until([&] { return claimed; }, 5s));
-    ise::component* asks = nullptr;
+    ise::component* busy = nullptr;
     it.start("shore", "shore", [&](ise::node& node) {
         late = &node;
-        asks = &node.start<doubler>("atirma/late", everywhere());
+        busy = &node.start<doubler>("atirma/late", everywhere());
     });
     REQUIRE(it.world.run_until([&] { return it.holds("atirma/late"); }, 5s));
     auto epoch = it.epoch_of("atirma/late");
-    asks->require(twice); // which it tells
+    busy->require(twice); // which it tells
     it.world.run_for(3s);
     CHECK_FALSE(late->all_stopped());
     CHECK(it.epoch_of("atirma/late") == epoch);
@@ -96,7 +94,7 @@ TEST_CASE("strangers: who comes back to a name server without room goes on tryin
     it.world.run_for(20s);
     CHECK_FALSE(at.boat->all_stopped());
     CHECK_FALSE(it.holds("atirma/doubler"));
-    if (limits.max_nodes == 2) CHECK_FALSE(at.doubles->name_confirmed()); // the node has no lease
+    CHECK_FALSE(at.doubles->name_confirmed()); // another may be granted it
 
     leaves.stop();
     REQUIRE(it.world.run_until([&] { return it.holds("atirma/doubler"); }, 5s));
