@@ -121,7 +121,8 @@ naming::grant registry::decide(node& from, naming::component_claim claim, time_p
     if (auto why = objection_to(claim, options_.limits)) return refused(path, std::move(*why));
     auto returning = claim.epoch;
     bool recovering = at < recovered_;
-    // One that no server can have granted is not taken over, nor does it count: others would be granted higher ones yet.
+    // Every later grant goes above it: one higher than all so far is believed of those only who held names before, if a
+    // clock can have given it.
     bool credible = returning <= last_epoch_ || (recovering && returning < highest_epoch);
     auto fresh = [&] { return (credible ? std::max(last_epoch_, returning) : last_epoch_) + 1; };
 
