@@ -95,7 +95,7 @@ public:
     void serve_role(const std::string& role, std::int32_t priority = 0);
     void leave_role(const std::string& role); ///< see `serve_role`
     /// Whether its name is granted and its lease holds, as far as this side knows. While the name server cannot be
-    /// reached the name is unconfirmed: sessions go on, but another may be granted it.
+    /// reached, or has no room, the name is unconfirmed: sessions go on, but another may be granted it.
     bool name_confirmed() const;
     /// Says which service of another component this one needs; visible to whoever describes it.
     template <class Contract>

@@ -24,6 +24,15 @@ naming::grant refused(const std::string& path, std::string why) {
     return made;
 }
 
+naming::grant not_yet(const std::string& path, duration retry_after, std::string why) {
+    naming::grant made;
+    made.path = path;
+    made.what = verdict::wait;
+    made.retry_after = retry_after;
+    made.reason = std::move(why);
+    return made;
+}
+
 } // namespace
 
 registry::registry(registry_options options, std::uint64_t incarnation, time_point now, wall_time wall)
@@ -73,14 +82,18 @@ naming::register_response registry::enroll(const naming::register_request& reque
     expire(at);
     naming::register_response response;
     response.server_incarnation = incarnation_;
-    auto refuse_all = [&](const std::string& why) {
-        for (const auto& claim : request.components) response.grants.push_back(refused(claim.path, why));
+    auto deny_all = [&](const naming::grant& answer) {
+        for (const auto& claim : request.components) {
+            response.grants.push_back(answer);
+            response.grants.back().path = claim.path;
+        }
         return response;
     };
-    if (auto why = objection_to(request.node, options_.limits)) return refuse_all(*why);
+    if (auto why = objection_to(request.node, options_.limits)) return deny_all(refused({}, *why));
     auto known = nodes_.find(request.node.lease_key);
     if (known == nodes_.end()) {
-        if (nodes_.size() >= options_.limits.max_nodes) return refuse_all(fmt::format("{} nodes are registered, which is max_nodes", nodes_.size()));
+        if (nodes_.size() >= options_.limits.max_nodes)
+            return deny_all(not_yet({}, patience(), fmt::format("{} nodes are registered, which is max_nodes", nodes_.size())));
         known = nodes_.try_emplace(request.node.lease_key).first;
         known->second.number = ++last_lease_;
     }
@@ -108,7 +121,10 @@ naming::grant registry::decide(node& from, naming::component_claim claim, time_p
     if (auto why = objection_to(claim, options_.limits)) return refused(path, std::move(*why));
     auto returning = claim.epoch;
     bool recovering = at < recovered_;
-    auto fresh = [&] { return std::max(last_epoch_, returning) + 1; };
+    // Every later grant goes above it: one higher than all so far is believed of those only who held names before, if a
+    // clock can have given it.
+    bool credible = returning <= last_epoch_ || (recovering && returning < highest_epoch);
+    auto fresh = [&] { return (credible ? std::max(last_epoch_, returning) : last_epoch_) + 1; };
 
     if (auto held = components_.find(path); held != components_.end()) {
         auto& holder = held->second;
@@ -117,24 +133,18 @@ naming::grant registry::decide(node& from, naming::component_claim claim, time_p
         // Of two grants of a server that ran before, the higher one is the later one, whenever its holder comes back.
         if (returning > epoch && epoch < base_epoch_) {
             auto* loser = holder.owner;
-            auto granted = accept(from, std::move(claim), returning);
+            auto granted = accept(from, std::move(claim), credible ? returning : fresh());
             if (granted.what == verdict::granted) loser->lost[path] = denied(path, verdict::superseded, components_.at(path), at);
             return granted;
         }
         return denied(path, returning != 0 ? verdict::superseded : verdict::taken, holder, at);
     }
-    if (returning == 0 && recovering) {
-        naming::grant later;
-        later.path = path;
-        later.what = verdict::wait;
-        later.retry_after = recovered_ - at;
-        later.reason = "the name server has just started: first those who held names before get them";
-        return later;
-    }
+    if (returning == 0 && recovering)
+        return not_yet(path, recovered_ - at, "the name server has just started: first those who held names before get them");
     if (returning == 0) return accept(from, std::move(claim), fresh());
     auto last = last_held_.find(path);
     bool nobody_since = recovering || (last != last_held_.end() && last->second == returning);
-    return accept(from, std::move(claim), nobody_since ? returning : fresh());
+    return accept(from, std::move(claim), credible && nobody_since ? returning : fresh());
 }
 
 naming::grant registry::accept(node& from, naming::component_claim claim, std::uint64_t epoch) {
@@ -142,11 +152,13 @@ naming::grant registry::accept(node& from, naming::component_claim claim, std::u
     auto held = components_.find(claim.path);
     std::size_t services_before = held == components_.end() ? 0 : held->second.claim.services.size();
     if (held == components_.end() && components_.size() >= limits.max_components)
-        return refused(claim.path, fmt::format("{} names are registered, which is max_components", components_.size()));
+        return not_yet(claim.path, patience(), fmt::format("{} names are registered, which is max_components", components_.size()));
+    if (from.paths.size() >= limits.max_components_per_node && !from.paths.contains(claim.path))
+        return not_yet(claim.path, patience(), fmt::format("{} names of this node are registered, which is max_components_per_node", from.paths.size()));
     if (services_ - services_before + claim.services.size() > limits.max_services)
-        return refused(claim.path, fmt::format("{} services are registered, max_services is {}", services_, limits.max_services));
+        return not_yet(claim.path, patience(), fmt::format("{} services are registered, max_services is {}", services_, limits.max_services));
 
-    if (auto why = objection_to_roles(claim)) return refused(claim.path, std::move(*why));
+    if (auto why = objection_to_roles(claim)) return not_yet(claim.path, patience(), std::move(*why));
 
     last_epoch_ = std::max(last_epoch_, epoch);
     claim.epoch = epoch;

@@ -29,8 +29,9 @@ struct registry_options {
 ///
 /// Epochs: each grant has a higher one than every grant before it, also of a server that ran before. Nothing is stored
 /// for that: counting starts at the wall clock's microseconds, which a server that grants less than a million names a
-/// second cannot overtake, and goes above every epoch that a returning holder shows. (After a clock that went back,
-/// these are what keeps the order.)
+/// second cannot overtake, and goes above every epoch that a holder shows who returns during the recovery. (After a
+/// clock that went back, these are what keeps the order.) Who shows one that neither this server nor a clock can have
+/// given gets the next one: it moves nobody else's.
 ///
 /// Time in which the server itself did not run (`advance` was not called) expires no lease: the renewals of that time
 /// still wait to be read.
@@ -87,6 +88,8 @@ private:
     time_point running_time(time_point now);
     void renew_lease(node& of, time_point at);
     void expire(time_point at);
+    /// After which who found no room may ask again: it may have been superseded meanwhile, and hears of that within a lease.
+    duration patience() const noexcept { return options_.lease / 2; }
     naming::grant decide(node& from, naming::component_claim claim, time_point at);
     naming::grant accept(node& from, naming::component_claim claim, std::uint64_t epoch);
     std::optional<std::string> objection_to_roles(const naming::component_claim& claim) const;

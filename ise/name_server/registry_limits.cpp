@@ -27,7 +27,6 @@ std::optional<std::string> objection_to(const naming::node_identity& who, const 
 
 std::optional<std::string> objection_to(const naming::component_claim& claim, const registry_limits& limits) {
     if (auto why = objection_to_path(claim.path, limits)) return why;
-    if (claim.epoch >= highest_epoch) return fmt::format("nobody was ever granted the epoch {}", claim.epoch);
     if (claim.endpoints.size() > limits.max_endpoints_per_component)
         return fmt::format("{} endpoints, max_endpoints_per_component is {}", claim.endpoints.size(), limits.max_endpoints_per_component);
     if (claim.services.size() > limits.max_services_per_component)

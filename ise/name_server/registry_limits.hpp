@@ -8,9 +8,11 @@
 
 namespace ise {
 
-/// What the name server holds at most. What goes beyond is refused by the limit's name.
+/// What the name server holds at most. A claim that goes beyond of itself is refused by the limit's name; one for which
+/// there is no room now waits.
 struct registry_limits {
     std::size_t max_components = 100'000;          ///< registered at once
+    std::size_t max_components_per_node = 50'000;  ///< under one lease, so that no other is kept out by mistake
     std::size_t max_services = 1'000'000;          ///< of all components together
     std::size_t max_services_per_component = 1024; ///< provided and required
     std::size_t max_endpoints_per_component = 64; ///< of one claim
@@ -24,8 +26,8 @@ struct registry_limits {
     schema_store_limits schemas;                   ///< of texts
 };
 
-/// Nobody was ever granted such an epoch, or a higher one.
-inline constexpr std::uint64_t highest_epoch = std::uint64_t{1} << 62;
+/// No clock gives such an epoch, or a higher one: in microseconds the year 2255.
+inline constexpr std::uint64_t highest_epoch = std::uint64_t{1} << 53;
 
 /// Why a claim cannot be taken, whatever is registered; nothing if it can.
 std::optional<std::string> objection_to(const naming::node_identity& who, const registry_limits& limits);

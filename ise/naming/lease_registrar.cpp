@@ -223,7 +223,7 @@ task<bool> lease_registrar::tell() {
 
 void lease_registrar::take(naming::grant answer) {
     auto& name = *holdings_.at(answer.path);
-    auto before = name.epoch;
+    bool waited = !name.obstacle.empty();
     auto taken = name.take(answer, host_.on().now(), lease_);
     if (!taken) {
         give_up(answer.path, taken.error());
@@ -231,11 +231,15 @@ void lease_registrar::take(naming::grant answer) {
     }
     if (answer.what == verdict::granted && !answer.reason.empty())
         host_.log().warning("the name server has an objection", {{"component", answer.path}, {"cause", answer.reason}});
-    if (name.epoch == before) return;
+    if (answer.what == verdict::wait && !waited && !name.enrolling)
+        host_.log().warning("the name server has no room now for what this component tells, trying on", {{"component", answer.path}, {"cause", answer.reason}});
+    // What the server knows nothing of under this lease may go to another meanwhile.
+    auto valid = name.told == 0 ? 0 : name.epoch;
+    if (std::exchange(name.shown, valid) == valid) return;
     if (name.enrolling) {
         name.answered.resume();
     } else if (on_change) {
-        on_change(name.who.path, name.epoch);
+        on_change(name.who.path, valid);
     }
 }
 
@@ -322,9 +326,10 @@ task<bool> lease_registrar::tell_departures() {
 }
 
 void lease_registrar::lease_granted(time_point sent_at, duration length) {
-    if (length > duration{}) lease_ = length;
-    valid_until_ = saturating_add(sent_at, lease_);
-    renew_at_ = saturating_add(sent_at, lease_ / 3);
+    bool granted = length > duration{}; // else it has no room for this node now
+    if (granted) lease_ = length;
+    valid_until_ = granted ? saturating_add(sent_at, lease_) : time_point::min();
+    renew_at_ = granted ? saturating_add(sent_at, lease_ / 3) : time_point::max();
     obstacle_.clear();
     if (std::exchange(complained_, false)) host_.log().info("the name server is back", {{"name_server", server_.text()}});
 }

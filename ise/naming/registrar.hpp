@@ -31,7 +31,7 @@ public:
     virtual ~registrar() = default;
 
     /// Completes when the name is granted, with its epoch. errc::name_taken says who holds it. While the name server
-    /// does not answer it goes on trying, on its own, also after `deadline` (errc::name_server_lost).
+    /// does not answer, or has no room, it goes on trying, on its own, also after `deadline` (errc::name_server_lost).
     virtual task<result<std::uint64_t>> enroll(registration who, duration deadline) = 0;
     /// Services or state have changed.
     virtual void update(registration who) = 0;
@@ -43,7 +43,8 @@ public:
     /// Whether the lease of the granted names holds now, as far as this side knows; from any thread.
     virtual bool confirmed() const noexcept = 0;
 
-    /// Tells when a name was granted later than `enroll` waited, or again (epoch), or lost to another holder (failure).
+    /// Tells when a name was granted later than `enroll` waited, or again (epoch), has to wait until it is granted again
+    /// (0), or was lost to another holder (failure).
     std::function<void(const std::string& path, result<std::uint64_t> epoch)> on_change;
 };
 

@@ -82,8 +82,8 @@ enum class verdict : std::uint8_t {
     granted,    ///< the path is the claimant's, under the epoch that is told
     taken,      ///< another holds it
     superseded, ///< another was granted it later than the claimant
-    wait,       ///< not now: the server has restarted and waits for those who held names before
-    refused,    ///< no such claim can be granted: the reason says why
+    wait,       ///< not now: the server has restarted and waits for those who held names before, or has no room; ask again
+    refused,    ///< no such claim can be granted, whatever is registered: the reason says why
 };
 
 /// Who has a path.
@@ -116,7 +116,7 @@ struct grant {
 struct register_response {
     /// Another one than before: the server was restarted.
     std::uint64_t server_incarnation = 0;
-    duration lease{};           ///< granted; at most what was wanted
+    duration lease{};           ///< granted; at most what was wanted. 0: none, as every claim was denied
     std::vector<grant> grants;  ///< in the order of the claims
     std::uint64_t lease_number = 0; ///< of the lease in this life of the server: another one knows nothing of what was told under the last
 };

@@ -295,10 +295,68 @@ TEST_CASE("registry: of two holders that return after a restart the later one wi
     CHECK(it.names.resolve("a", it.now).value().epoch == later.epoch);
 }
 
-TEST_CASE("registry: a claim to an epoch that nobody was granted is refused") {
+TEST_CASE("registry: who shows an epoch that nobody was granted gets the next one, and no other name suffers") {
     world it;
-    CHECK(it.claim(1, "a", ~std::uint64_t{0}).what == verdict::refused);
-    CHECK(it.claim(1, "a").what == verdict::granted);
+    auto before = it.claim(1, "a");
+    auto shown = GENERATE_COPY(before.epoch + 1, before.epoch + 1'000'000, ise::highest_epoch - 1, (std::uint64_t{1} << 62) - 1, ~std::uint64_t{0});
+    CAPTURE(shown);
+    CHECK(it.claim(9, "x", shown).epoch == before.epoch + 1);
+    CHECK(it.claim(9, "x", shown, 91).epoch == before.epoch + 2); // its next life
+    CHECK(it.claim(9, "a", shown).what == verdict::superseded);
+
+    auto after = it.claim(2, "b");
+    CHECK(after.epoch == before.epoch + 3);
+    CHECK(it.claim(2, "b", after.epoch).epoch == after.epoch); // it tells what has changed
+    it.pass(5s);
+    CHECK(it.claim(1, "a", before.epoch).epoch == before.epoch);
+    CHECK(it.claim(2, "b", after.epoch).epoch == after.epoch);
+}
+
+TEST_CASE("registry: an epoch that no clock gives is not taken over after a restart either, and one that may be right harms nobody") {
+    world first;
+    auto held = first.claim(1, "a");
+    world it(options(2s), noon + 10s);
+    auto shown = GENERATE(ise::highest_epoch - 1, ise::highest_epoch, (std::uint64_t{1} << 62) - 1, ~std::uint64_t{0});
+    CAPTURE(shown);
+    auto stranger = it.claim(9, "x", shown);
+    REQUIRE(stranger.what == verdict::granted);
+    CHECK(stranger.epoch < ise::highest_epoch);
+    CHECK(it.claim(1, "a", held.epoch).epoch == held.epoch);
+    it.pass(1s);
+    it.renew(1);
+    it.pass(1s);
+    auto later = it.claim(2, "b");
+    CHECK(later.epoch > stranger.epoch);
+    it.pass(5s);
+    CHECK(it.claim(1, "a", held.epoch).epoch == held.epoch);
+    CHECK(it.claim(2, "b", later.epoch).epoch == later.epoch);
+
+    world next(options(2s), noon + 20s); // counts by the clock again
+    CHECK(next.claim(1, "a", held.epoch).epoch == held.epoch);
+    CHECK(next.claim(2, "b", later.epoch).what == verdict::granted);
+    CHECK(next.names.resolve("b", next.now).value().epoch < ise::highest_epoch);
+}
+
+TEST_CASE("registry: who takes a name from one that a former server granted it does so under an epoch that this server vouches for") {
+    world first;
+    auto earlier = first.claim(1, "a");
+    // Its clock goes back below the later grant, not below the earlier one; the later holder is away during the recovery.
+    world second(options(), noon + 1h);
+    auto later = second.claim(2, "a");
+    auto forged = GENERATE(std::uint64_t{0}, ise::highest_epoch - 1, (std::uint64_t{1} << 62) - 1, ~std::uint64_t{0});
+    CAPTURE(forged);
+    world it(options(2s), noon + 1min);
+    REQUIRE(it.claim(1, "a", earlier.epoch).epoch == earlier.epoch);
+    it.pass(1s);
+    it.renew(1);
+    it.pass(1s);
+    it.renew(1);
+    auto last = it.names.last_epoch();
+    CHECK(it.claim(2, "a", forged == 0 ? later.epoch : forged).epoch == last + 1);
+    REQUIRE(it.renew(1).lost.size() == 1);
+    CHECK(it.renew(1).lost[0].what == verdict::superseded);
+    auto fresh = it.claim(3, "b");
+    CHECK(it.claim(3, "b", fresh.epoch).epoch == fresh.epoch);
 }
 
 TEST_CASE("registry: changes are told in order, what stays the same is none") {
@@ -377,9 +435,6 @@ TEST_CASE("registry: describes services with the schemas that they name, and for
 
 TEST_CASE("registry: what goes beyond a limit is refused by the limit's name") {
     auto with = options();
-    with.limits.max_components = 2;
-    with.limits.max_nodes = 2;
-    with.limits.max_services = 3;
     with.limits.max_services_per_component = 2;
     with.limits.max_endpoints_per_component = 1;
     with.limits.max_path_bytes = 10;
@@ -403,26 +458,74 @@ TEST_CASE("registry: what goes beyond a limit is refused by the limit's name") {
     SECTION("texts") { claim.state = std::string(21, 'x'); CHECK(refusal().find("max_text_bytes") != std::string::npos); }
     SECTION("texts of the node") { request.node.name = std::string(21, 'x'); CHECK(refusal().find("max_text_bytes") != std::string::npos); }
     SECTION("services of one") { claim.services.resize(3); CHECK(refusal().find("max_services_per_component") != std::string::npos); }
-    SECTION("services of all") {
-        claim.services.resize(2);
-        CHECK(refusal() == "granted");
-        claim.path = "b";
-        CHECK(refusal().find("max_services") != std::string::npos);
-        claim.services.resize(1);
-        CHECK(refusal() == "granted");
-    }
+}
+
+TEST_CASE("registry: who comes while there is no room waits by the limit's name, and nobody loses what it has") {
+    auto with = options();
+    with.limits.max_components = 3;
+    with.limits.max_components_per_node = 2;
+    with.limits.max_nodes = 3;
+    with.limits.max_services = 3;
+    with.limits.max_members_per_role = 1;
+    world it(with);
+    auto returning = GENERATE(std::uint64_t{0}, std::uint64_t{1}); // new, or after its lease was over
+    CAPTURE(returning);
+    auto request = it.of(1);
+    ise::naming::component_claim claim;
+    claim.path = "c";
+    claim.epoch = returning;
+    auto obstacle = [&] {
+        request.components = {claim};
+        auto answer = it.names.enroll(request, it.now).grants.at(0);
+        if (answer.what == verdict::granted) return std::string("granted");
+        CHECK(answer.what == verdict::wait);
+        CHECK(answer.retry_after > 0s);
+        CHECK(answer.retry_after < 2s); // within a lease
+        return answer.reason;
+    };
     SECTION("components") {
         it.claim(1, "a");
+        it.claim(2, "b");
+        it.claim(2, "x");
+        CHECK(obstacle().find("which is max_components") != std::string::npos);
+        it.withdraw(2, "b");
+        CHECK(obstacle() == "granted");
+    }
+    SECTION("components of a node") {
+        it.claim(1, "a");
         it.claim(1, "b");
-        claim.path = "c";
-        CHECK(refusal().find("max_components") != std::string::npos);
+        CHECK(obstacle().find("max_components_per_node") != std::string::npos);
+        CHECK(it.claim(1, "a", 0, 77).what == verdict::granted); // it has that one
+        CHECK(it.claim(2, "x").what == verdict::granted);
         it.withdraw(1, "b");
-        CHECK(refusal() == "granted");
+        CHECK(obstacle() == "granted");
+    }
+    SECTION("services") {
+        claim.services.resize(2);
+        REQUIRE(obstacle() == "granted");
+        claim.services.resize(4);
+        CHECK(obstacle().find("max_services") != std::string::npos);
+        CHECK(it.holds("c")); // under what it told before
+        CHECK(it.names.services() == 2);
+        claim.path = "b";
+        claim.services.resize(2);
+        CHECK(obstacle().find("max_services") != std::string::npos);
+        claim.services.resize(1);
+        CHECK(obstacle() == "granted");
     }
     SECTION("nodes") {
-        it.claim(2, "x");
-        it.claim(3, "y");
-        CHECK(refusal().find("max_nodes") != std::string::npos);
+        for (std::uint64_t other : {2, 3, 4}) it.claim(other, fmt::format("n{}", other));
+        CHECK(obstacle().find("max_nodes") != std::string::npos);
+        CHECK(it.names.enroll(request, it.now).lease == 0s);
+        it.withdraw(3, "n3");
+        CHECK(obstacle() == "granted");
+    }
+    SECTION("members of a role") {
+        it.serve(2, "gateway", 1);
+        claim.roles["gateway"] = 1;
+        CHECK(obstacle().find("max_members_per_role") != std::string::npos);
+        it.withdraw(2, "n2");
+        CHECK(obstacle() == "granted");
     }
 }
 
