@@ -322,7 +322,8 @@ void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
 }
 
 void incoming_calls::answer_numbered(std::uint64_t number, bytes_view frame) {
-    auto to = session_.replies().finish(number, frame);
+    auto to = session_.replies().finish(number, frame, session_.host().on().now());
+    session_.host().reply_windows().tidy(session_.host().on().now());
     auto over = to ? to->over.lock() : nullptr;
     if (over) over->incoming().send_answer(to->id, frame);
 }
