@@ -68,9 +68,9 @@ void reply_window::note(std::uint64_t number) {
     }
     if (found != ranges_.begin()) std::rotate(ranges_.begin(), found, found + 1);
     auto add = [this](range& to, std::uint64_t from) {
-        gaps_ -= to.seen.intervals();
+        auto before = to.seen.intervals();
         to.seen.add(from, from + 1);
-        gaps_ += to.seen.intervals();
+        gaps_ += to.seen.intervals() - before;
     };
     add(ranges_.front(), number);
     while (gaps_ > max_gaps) {
@@ -89,6 +89,12 @@ std::optional<reply_window::place> reply_window::origin(std::uint64_t number) co
     const auto* found = find(number);
     if (!found || found->answered) return {};
     return found->from;
+}
+
+const reply_window::place* reply_window::destination(std::uint64_t number) const noexcept {
+    const auto* found = find(number);
+    if (!found || found->answered) return nullptr;
+    return found->redirected ? found->redirected.get() : &found->from;
 }
 
 std::optional<reply_window::place> reply_window::finish(std::uint64_t number, bytes_view frame, time_point now) {

@@ -51,6 +51,8 @@ public:
     void redirect(std::uint64_t number, place to);
     /// Where a running call came in first: its handler knows it by that.
     std::optional<place> origin(std::uint64_t number) const;
+    /// Where the answer of a running call goes.
+    const place* destination(std::uint64_t number) const noexcept;
     /// Keeps the answer, a whole frame, and says where it goes.
     std::optional<place> finish(std::uint64_t number, bytes_view frame, time_point now);
     const bytes* answer(std::uint64_t number) const noexcept;

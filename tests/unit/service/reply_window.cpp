@@ -202,9 +202,9 @@ TEST_CASE("answers of all clients together are bounded, and who called least rec
     for (std::uint64_t client = 1; client <= 200; ++client) {
         auto window = windows.of(client, now + 1s);
         CHECK(window->look(4, true) == state::running);
-        CHECK(window->look(1, true) == (client > 185 ? state::answered : window->replies() == 0 ? state::forgotten : state::answered));
+        if (client <= 180) CHECK(window->look(1, true) == state::forgotten);
+        if (client > 185) CHECK(window->look(1, true) == state::answered);
     }
-    CHECK(windows.of(1, now)->replies() == 0);
     for (std::uint64_t client = 1; client <= 200; ++client) windows.of(client, now)->forget_answers();
     CHECK(windows.room() < 200'000);
 }
