@@ -289,14 +289,16 @@ bool incoming_calls::awaited(const running_call& call) {
 
 void incoming_calls::end_orphans() {
     session_.host().on().later([held = session_.shared_from_this()] {}); // its last call may go now
+    auto now = session_.host().on().now();
     auto next = time_point::max();
     for (auto& entry : running_) {
         if (!entry.of || entry.orphaned_until == time_point::max()) continue;
-        if (entry.orphaned_until > session_.host().on().now()) {
+        if (entry.orphaned_until > now) {
             next = std::min(next, entry.orphaned_until);
-        } else if (std::exchange(entry.orphaned_until, time_point::max()); !awaited(entry)) {
-            on_cancel(entry.id);
+            continue;
         }
+        entry.orphaned_until = time_point::max();
+        if (!awaited(entry)) on_cancel(entry.id);
     }
     if (next != time_point::max()) orphans_->arm(next);
 }

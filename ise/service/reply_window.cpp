@@ -67,12 +67,10 @@ void reply_window::note(std::uint64_t number) {
         found = ranges_.insert(ranges_.end(), range{key, key < sure_from_, 0, {}});
     }
     if (found != ranges_.begin()) std::rotate(ranges_.begin(), found, found + 1);
-    auto add = [this](range& to, std::uint64_t from) {
-        auto before = to.seen.intervals();
-        to.seen.add(from, from + 1);
-        gaps_ += to.seen.intervals() - before;
-    };
-    add(ranges_.front(), number);
+    auto& seen = ranges_.front().seen;
+    auto before = seen.intervals();
+    seen.add(number, number + 1);
+    gaps_ += seen.intervals() - before;
     while (gaps_ > max_gaps) {
         auto& most = *std::ranges::max_element(ranges_, {}, [](const range& one) { return one.seen.intervals(); });
         most.floor = most.seen.all().front().second;
