@@ -366,8 +366,9 @@ void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
 
 void incoming_calls::answer_numbered(std::uint64_t number, bytes_view frame) {
     auto& host = session_.host();
-    auto to = session_.replies().finish(number, frame, host.on().now());
-    host.reply_windows().tidy(host.on().now());
+    auto now = host.on().now();
+    auto to = session_.replies().finish(number, frame, now);
+    host.reply_windows().tidy(now);
     auto over = to ? to->over.lock() : nullptr;
     if (over) over->incoming().send_answer(to->id, frame);
 }
