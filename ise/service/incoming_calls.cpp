@@ -26,6 +26,10 @@ struct answer_room {
     }
 };
 
+failure replies_not_taken(std::size_t unsent, execution state) {
+    return failure(errc::overloaded, fmt::format("{} bytes of replies wait for being taken (max_unsent_bytes)", unsent), state);
+}
+
 } // namespace
 
 std::optional<failure> objection_to(const wire::introduction& told) {
@@ -80,29 +84,25 @@ result<void> incoming_calls::on_request(const wire::frame& received) {
     }
     auto& host = session_.host();
     if (slot_of(id) >= host.options().max_calls_per_session) {
-        host.counts().refused(errc::overloaded);
-        refuse(id, failure(errc::overloaded, fmt::format("more than {} calls of one session at once (max_calls_per_session)", host.options().max_calls_per_session)));
+        turn_away(head, failure(errc::overloaded, fmt::format("more than {} calls of one session at once (max_calls_per_session)", host.options().max_calls_per_session)));
         return {};
     }
     if (slot_of(id) < running_.size() && running_[slot_of(id)].of) return malformed("with the number of a call that runs");
     auto unsent = session_.wire().out().pending_call_bytes();
-    if (unsent > 2 * host.options().max_unsent_bytes) return failure(errc::overloaded, "does not take its replies");
+    if (unsent > 2 * host.options().max_unsent_bytes) return failure(errc::overloaded, fmt::format("does not take its replies: {} bytes of them wait (max_unsent_bytes)", unsent));
     if (unsent > host.options().max_unsent_bytes) {
-        host.counts().refused(errc::overloaded);
-        refuse(id, failure(errc::overloaded, fmt::format("{} bytes of replies wait for being taken (max_unsent_bytes)", unsent)));
+        turn_away(head, replies_not_taken(unsent, execution::not_executed));
         return {};
     }
 
     head.deadline = saturating_add(host.on().now(), duration(remaining));
     auto& of = *bindings_[number];
     if (of.now == state::refused) {
-        host.counts().refused(of.why.code());
-        refuse(id, of.why);
+        turn_away(head, of.why);
     } else if (of.now == state::comparing) {
         incoming_packet request(body, received.object);
         if (of.held.size() >= limit::held_requests || held_bytes_ + request.size() > limit::held_bytes) {
-            host.counts().refused(errc::overloaded);
-            refuse(id, failure(errc::overloaded, fmt::format("{} requests wait for the schemas of '{}' (held_requests, held_bytes)", of.held.size(), of.name)));
+            turn_away(head, failure(errc::overloaded, fmt::format("{} requests wait for the schemas of '{}' (held_requests, held_bytes)", of.held.size(), of.name)));
         } else {
             held_bytes_ += request.size();
             ++held_;
@@ -158,8 +158,7 @@ void incoming_calls::compare(std::uint32_t number, std::vector<std::uint64_t> fi
             if (of.now == state::ready) {
                 serve(of, request.head, incoming_packet(request.request));
             } else {
-                session_.host().counts().refused(of.why.code());
-                refuse(request.head.id, of.why);
+                turn_away(request.head, of.why);
             }
         }
     };
@@ -178,6 +177,12 @@ void incoming_calls::compare(std::uint32_t number, std::vector<std::uint64_t> fi
         decide(std::nullopt);
     };
     session_.schemas().need(std::move(fingerprints), told, [decide](const failure& why) { decide(why); });
+}
+
+// Before it is looked up what became of it, if it may have come before.
+void incoming_calls::turn_away(const request_head& head, failure why) {
+    session_.host().counts().refused(why.code());
+    refuse(head.id, head.again ? failure(why.code(), why.message(), execution::unknown) : why);
 }
 
 void incoming_calls::serve(binding& of, const request_head& head, incoming_packet request) {
@@ -205,6 +210,7 @@ void incoming_calls::occupy(binding& of, const request_head& head, bool elsewher
     running_[slot].id = head.id;
     running_[slot].number = head.number;
     running_[slot].elsewhere = elsewhere;
+    running_[slot].orphaned_until = time_point::max();
     ++running_count_;
 }
 
@@ -228,7 +234,7 @@ bool incoming_calls::seen_before(binding& of, const request_head& head) {
         case reply_window::state::forgotten: break;
     }
     session_.host().counts().refused(errc::peer_lost);
-    refuse(head.id, failure(errc::peer_lost, fmt::format("'{}' may have been executed before the session was lost; its answer is not kept any more", of.name), execution::unknown));
+    refuse(head.id, failure(errc::peer_lost, fmt::format("'{}' may have been executed before the session was lost; nobody asked for it within its linger, or its answer is not kept any more (max_replies, max_reply_bytes, max_kept_bytes, idle_caller_life)", of.name), execution::unknown));
     return true;
 }
 
@@ -266,15 +272,52 @@ void incoming_calls::forget(std::uint64_t id) noexcept {
     --running_count_;
 }
 
+void incoming_calls::orphan(std::uint64_t id) {
+    auto slot = slot_of(id);
+    if (slot >= running_.size() || running_[slot].id != id || !running_[slot].of) return;
+    auto& host = session_.host();
+    running_[slot].orphaned_until = saturating_add(host.on().now(), host.options().linger);
+    if (!orphans_) orphans_ = std::make_unique<timer>(host.on(), [this] { end_orphans(); });
+    if (!orphans_->armed()) orphans_->arm(running_[slot].orphaned_until); // the others come later
+}
+
+bool incoming_calls::awaited(const running_call& call) {
+    const auto* to = session_.replies().destination(call.number);
+    auto over = to ? to->over.lock() : nullptr;
+    return over && over->open();
+}
+
+void incoming_calls::end_orphans() {
+    session_.host().on().later([held = session_.shared_from_this()] {}); // its last call may go now
+    auto now = session_.host().on().now();
+    auto next = time_point::max();
+    for (auto& entry : running_) {
+        if (!entry.of || entry.orphaned_until == time_point::max()) continue;
+        if (entry.orphaned_until > now) {
+            next = std::min(next, entry.orphaned_until);
+            continue;
+        }
+        entry.orphaned_until = time_point::max();
+        if (!awaited(entry)) on_cancel(entry.id);
+    }
+    if (next != time_point::max()) orphans_->arm(next);
+}
+
 void incoming_calls::on_session_end() {
     auto held = session_.shared_from_this();
+    if (auto* window = session_.known_replies()) window->touch(session_.host().on().now());
     for (auto& entry : running_) {
         if (!entry.of) continue;
-        // Who numbers its calls may come back for the answer; its deadline ends what it does not come back for.
+        // Who numbers its calls may come back for the answer.
         if (entry.number == 0) {
             on_cancel(entry.id);
         } else if (entry.elsewhere) {
             forget(entry.id);
+            auto origin = session_.replies().origin(entry.number);
+            auto over = origin ? origin->over.lock() : nullptr;
+            if (over) over->incoming().orphan(origin->id);
+        } else {
+            orphan(entry.id);
         }
     }
 }
@@ -288,7 +331,7 @@ void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
     if (number == 0 && !session_.open()) return;
     auto& wire = session_.wire();
     if (auto unsent = wire.out().pending_call_bytes(); number == 0 && unsent > session_.host().options().max_unsent_bytes) {
-        refuse(id, failure(errc::overloaded, fmt::format("{} bytes of replies wait for being taken (max_unsent_bytes)", unsent), execution::unknown));
+        refuse(id, replies_not_taken(unsent, execution::unknown));
         return;
     }
     buffer& out = number == 0 ? wire.out().begin_call() : session_.host().on().common<answer_room>().cleared();
@@ -322,7 +365,10 @@ void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
 }
 
 void incoming_calls::answer_numbered(std::uint64_t number, bytes_view frame) {
-    auto to = session_.replies().finish(number, frame);
+    auto& host = session_.host();
+    auto now = host.on().now();
+    auto to = session_.replies().finish(number, frame, now);
+    host.reply_windows().tidy(now);
     auto over = to ? to->over.lock() : nullptr;
     if (over) over->incoming().send_answer(to->id, frame);
 }
@@ -331,6 +377,11 @@ void incoming_calls::send_answer(std::uint64_t id, bytes_view frame) {
     forget(id);
     if (!session_.open()) return;
     auto& wire = session_.wire();
+    auto unsent = wire.out().pending_call_bytes();
+    if (unsent > session_.host().options().max_unsent_bytes && wire::read_header(frame.data()).type == wire::frame_type::reply) {
+        refuse(id, replies_not_taken(unsent, execution::unknown));
+        return;
+    }
     buffer& out = wire.out().begin_call();
     std::size_t start = out.size();
     out.append(frame);

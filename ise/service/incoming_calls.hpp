@@ -1,4 +1,5 @@
 #pragma once
+#include <ise/core/loop.hpp>
 #include <ise/core/result.hpp>
 #include <ise/service/call_service.hpp>
 #include <ise/wire/frame.hpp>
@@ -32,6 +33,9 @@ public:
     /// Sends an answer that was made before, or for another session: a whole frame, whose id is replaced.
     void send_answer(std::uint64_t id, bytes_view frame);
 
+    /// Nobody waits for a numbered call any more: within the linger somebody may come back for it, then it is cancelled.
+    void orphan(std::uint64_t id);
+
     std::size_t running() const noexcept { return running_count_; }
 
 private:
@@ -60,20 +64,25 @@ private:
         std::uint64_t id = 0;
         std::uint64_t number = 0;
         bool elsewhere = false; // it runs for an earlier session; its answer comes here
+        time_point orphaned_until = time_point::max();
     };
 
     void bind(binding& made, const std::vector<std::uint64_t>& fingerprints);
     void compare(std::uint32_t number, std::vector<std::uint64_t> fingerprints);
+    void turn_away(const request_head& head, failure why);
     void forget(std::uint64_t id) noexcept;
     void serve(binding& of, const request_head& head, incoming_packet request);
     bool seen_before(binding& of, const request_head& head);
     void occupy(binding& of, const request_head& head, bool elsewhere);
+    bool awaited(const running_call& call);
+    void end_orphans();
     void answer_numbered(std::uint64_t number, bytes_view frame);
 
     session& session_;
     std::vector<std::unique_ptr<binding>> bindings_; // by the caller's number
     std::vector<running_call> running_;              // by the call's slot
     std::size_t running_count_ = 0;
+    std::unique_ptr<timer> orphans_; // once there are some
     std::size_t held_ = 0; // requests, of all bindings
     std::size_t held_bytes_ = 0;
 };

@@ -47,6 +47,8 @@ public:
     incoming_calls& incoming() noexcept { return incoming_; }
     /// What the peer was answered, over this session and those before.
     reply_window& replies();
+    /// The same, or null where it has numbered no call.
+    reply_window* known_replies() const noexcept { return replies_.get(); }
 
     /// Tells a subscriber of ours that its subscription is over.
     void refuse_subscription(std::uint64_t subscription, const failure& why);

@@ -7,11 +7,13 @@
 namespace {
 
 std::atomic<std::uint64_t> count{0};
+std::atomic<std::int64_t> until_refused{-1}; // negative: none is
 std::atomic<std::uint64_t> grown{0};
 std::atomic<std::uint64_t> grown_large{0};
 
 void* counted(std::size_t size, std::size_t alignment = 0) noexcept {
     ++count;
+    if (until_refused.load(std::memory_order_relaxed) >= 0 && until_refused-- == 0) return nullptr;
     if (alignment == 0) return std::malloc(size > 0 ? size : 1);
     return std::aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment);
 }
@@ -24,6 +26,8 @@ void* sure(void* made) {
 } // namespace
 
 std::uint64_t ise_test::allocations() noexcept { return count; }
+void ise_test::refuse_allocation_after(std::int64_t others) noexcept { until_refused = others; }
+void ise_test::refuse_no_allocation() noexcept { until_refused = -1; }
 std::uint64_t ise_test::reallocations() noexcept { return grown; }
 std::uint64_t ise_test::large_reallocations() noexcept { return grown_large; }
 

@@ -5,6 +5,9 @@ namespace ise_test {
 
 /// How often operator new was called in this program so far.
 std::uint64_t allocations() noexcept;
+/// The allocation that comes after this many others throws std::bad_alloc, once.
+void refuse_allocation_after(std::int64_t others) noexcept;
+void refuse_no_allocation() noexcept;
 /// How often realloc was called, by which buffers grow.
 std::uint64_t reallocations() noexcept;
 /// The same, where it was for a page or more.

@@ -115,6 +115,23 @@ TEST_CASE("hostile: replies that nobody takes are bounded and others get theirs"
     at.others_do_not_notice();
 }
 
+TEST_CASE("hostile: who takes no replies and goes on calling is ended at twice max_unsent_bytes") {
+    ise::service_options options;
+    options.max_unsent_bytes = 100'000;
+    harbour at(options);
+    raw_peer peer(at.all, at.sea, at.door, false);
+    peer.greet();
+    peer.introduce(0, "nothing_of_that_kind", helm.types().fingerprints);
+    set_mode any{"any"};
+    for (std::uint64_t call = 0; call < 20'000 && !peer.closed(); ++call) {
+        peer.request(call << 32, 0, 1h, any);
+        if (call % 100 == 0) peer.finish();
+    }
+    CHECK(at.all.world.run_until([&] { return !at.of_raw(); }, 10s));
+    CHECK(at.warned("max_unsent_bytes"));
+    at.others_do_not_notice();
+}
+
 TEST_CASE("hostile: answers to subscriptions and to their ends are bounded too") {
     ise::service_options options;
     options.max_unsent_bytes = 100'000;

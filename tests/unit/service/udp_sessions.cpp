@@ -337,6 +337,131 @@ TEST_CASE("datagrams that break a rule behind their content harm nothing, and wh
     between.stop(sea.world);
 }
 
+TEST_CASE("answers that come late, for a peer that pings and acks nothing, are bounded by max_unsent_bytes") {
+    sim_parties sea;
+    auto narrow = quick();
+    narrow.max_unsent_bytes = 1 << 20;
+    auto patient = quick();
+    patient.accepts.heartbeat_ns = 3'600'000'000'000;
+    auto& boat = sea.add("boat", narrow);
+    auto& shore = sea.add("shore", patient);
+    int runs = 0;
+    boat.provide(echo, [&](blob) -> ise::task<blob> {
+        ++runs;
+        co_await ise::sleep_for(boat.on, 1s);
+        blob answer;
+        answer.content.resize(100'000);
+        co_return answer;
+    });
+    auto where = boat.listen("udp://10.0.0.1:7400");
+    datagram_router between(sea.world.host("router").start_process("router"), where);
+    auto there = shore.at(fmt::format("udp://{}:9000", sea.world.host("router").address()));
+    auto ask = [](ise::remote from) -> ise::task<ise::result<blob>> {
+        blob little;
+        auto got = co_await from.try_call(echo, little, 10min);
+        co_return got;
+    };
+    std::vector<std::shared_ptr<started<ise::result<blob>>>> calls;
+    for (int i = 0; i < 60; ++i) calls.push_back(start(shore.on, ask(there)));
+    REQUIRE(sea.run_until([&] { return runs == 60; }));
+    between.on_answer = [](ise::buffer& datagram) { datagram.clear(); };
+    sea.world.run_for(5s);
+    std::size_t most = 0;
+    auto unsent = [&] {
+        for (const auto& [at, held] : boat.services->sessions()) most = std::max(most, at->wire().out().pending_call_bytes());
+    };
+    REQUIRE(boat.services->sessions().size() == 1);
+    unsent();
+    CHECK(most > 500'000);
+    CHECK(most < narrow.max_unsent_bytes + 110'000);
+    bool cut = GENERATE(false, true); // then all are asked for again at once
+    if (cut) shore.services->sessions().begin()->second->wire().close(ise::failure(errc::peer_lost, "cut"));
+    between.on_answer = nullptr;
+    REQUIRE(sea.run_until([&] {
+        unsent();
+        return std::ranges::all_of(calls, &started<ise::result<blob>>::done);
+    }));
+    CHECK(most < narrow.max_unsent_bytes + 110'000);
+    int answered = 0, overloaded = 0;
+    for (const auto& call : calls) {
+        const auto& got = call->get();
+        if (got) {
+            ++answered;
+            CHECK(got->content.size() == 100'000);
+            continue;
+        }
+        INFO(got.error().message());
+        CHECK(got.error().executed() == execution::unknown);
+        if (got.error().code() != errc::overloaded) continue;
+        ++overloaded;
+        CHECK_THAT(got.error().message(), Catch::Matchers::Contains("max_unsent_bytes"));
+    }
+    CHECK(answered >= 10);
+    CHECK(overloaded > 0);
+    CHECK(runs == 60);
+    sea.stop();
+    between.stop(sea.world);
+}
+
+TEST_CASE("the calls of a client that has vanished end with its linger, and their places are free") {
+    sim_parties sea;
+    auto& boat = sea.add("boat", quick());
+    auto& shore = sea.add("shore", quick());
+    auto& other = sea.add("other", quick());
+    int runs = 0, cancelled = 0;
+    ise::serve_options one;
+    one.concurrent = 1;
+    boat.provide(helm, [&](set_mode asked) -> ise::task<mode_set> {
+        mode_set answer{true, asked.mode};
+        if (asked.mode == "short") co_return answer;
+        ++runs;
+        try {
+            co_await ise::sleep_for(boat.on, 48h);
+        } catch (const std::exception&) {
+            ++cancelled;
+            throw;
+        }
+        co_return answer;
+    }, one);
+    auto where = boat.listen("udp://10.0.0.1:7400");
+    auto call = start(shore.on, try_helm(shore.at(where), "x", 24h));
+    REQUIRE(sea.run_until([&] { return runs == 1; }));
+    auto waits = start(shore.on, try_helm(shore.at(where), "y", 24h));
+    auto service = boat.services->services().find_calls("helm");
+    REQUIRE(sea.run_until([&] { return service->waiting() == 1; }));
+    sea.world.net().partition("boat", "shore");
+    sea.world.run_for(20s);
+    CHECK(cancelled == 0);
+    bool comes_back = GENERATE(false, true); // and then goes for good
+    if (comes_back) {
+        sea.world.net().heal("boat", "shore");
+        sea.world.run_for(5min);
+        CHECK(cancelled == 0);
+        CHECK(service->waiting() == 1);
+        sea.world.net().partition("boat", "shore");
+        sea.world.run_for(20s);
+        CHECK(cancelled == 0);
+    }
+    sea.world.run_for(15s);
+    CHECK(cancelled == 1);
+    CHECK(runs == 1);
+    CHECK(service->running() == 0);
+    CHECK(service->waiting() == 0);
+    auto got = sea.run(other, try_helm(other.at(where), "short", 5s));
+    CHECK(got);
+    CHECK(boat.services->sessions().size() == 1); // the one of whoever vanished is gone
+    sea.world.net().heal("boat", "shore");
+    REQUIRE(sea.run_until([&] { return call->done && waits->done; }));
+    for (const auto& told : {call, waits}) {
+        REQUIRE_FALSE(told->get());
+        CHECK(told->get().error().code() == errc::peer_lost);
+        CHECK(told->get().error().executed() == execution::unknown);
+        CHECK_THAT(told->get().error().message(), Catch::Matchers::Contains("linger"));
+    }
+    CHECK(runs == 1);
+    CHECK(sea.stop());
+}
+
 TEST_CASE("strangers cost no memory, get no more than they sent, and do not disturb who is there") {
     sim_parties sea;
     auto& boat = sea.add("boat", quick());
