@@ -157,8 +157,8 @@ void reply_window::drop_where(Condition condition) {
 }
 
 // Those that nobody can wait for any more go first, then the oldest.
-void reply_window::make_room(std::size_t bytes, time_point now) {
-    auto full = [&](std::size_t of) { return replies_ >= max_replies / of || reply_bytes_ + bytes > max_reply_bytes / of; };
+void reply_window::make_room(std::size_t more, time_point now) {
+    auto full = [&](std::size_t of) { return replies_ >= max_replies / of || reply_bytes_ + more > max_reply_bytes / of; };
     if (!full(1)) return;
     drop_where([&](const entry& one) { return one.deadline <= now; });
     drop_where([&](const entry&) { return full(2); });
