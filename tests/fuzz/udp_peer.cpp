@@ -1,11 +1,12 @@
 // A client and a provider over datagrams, each of whose datagrams is changed as the input says once they know each other:
-// the one is a hostile peer for the other. No call stays without an end, and nobody who calls afresh is harmed.
+// the one is a hostile peer for the other. No call stays without an end, and both serve and reach others as before.
 #include <ise/wire/datagram.hpp>
 #include <support/boat_services.hpp>
 #include <support/datagram_router.hpp>
 #include <support/sim_parties.hpp>
 
 #include <algorithm>
+#include <cstdio>
 #include <cstdlib>
 
 using namespace boat_services;
@@ -18,6 +19,12 @@ ise::task<ise::result<mode_set>> try_helm(ise::remote boat, std::string mode, is
     set_mode request{std::move(mode)};
     auto got = co_await boat.try_call(helm, request, limit);
     co_return got;
+}
+
+void must(bool holds, const char* what) {
+    if (holds) return;
+    std::fprintf(stderr, "udp_peer: %s\n", what);
+    std::abort();
 }
 
 /// Takes the input a few bytes at a time; zeros at its end.
@@ -90,9 +97,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     auto& shore = sea.add("shore", options);
     boat.provide(helm, [](set_mode asked) { return mode_set{true, asked.mode}; });
     auto where = boat.listen("udp://10.0.0.1:7400");
+    auto& other = sea.add("other", options);
+    other.provide(helm, [](set_mode asked) { return mode_set{true, asked.mode}; });
+    auto elsewhere = other.listen("udp://" + sea.world.host("other").address() + ":7400");
     datagram_router between(sea.world.host("router").start_process("router"), where);
     auto there = shore.at(ise::endpoint::parse("udp://" + sea.world.host("router").address() + ":9000").value());
-    if (!sea.run(shore, try_helm(there, "greets", 10s))) std::abort();
+    must(sea.run(shore, try_helm(there, "greets", 10s)).has_value(), "no session at first");
 
     if (flags & 1) between.on_question = [&](ise::buffer& datagram) { change(input, datagram); };
     if (flags & 2) between.on_answer = [&](ise::buffer& datagram) { change(input, datagram); };
@@ -102,11 +112,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         calls.push_back(start(shore.on, try_helm(there, words, 5s)));
     }
     auto ended = [&] { return std::ranges::all_of(calls, [](const auto& one) { return one->done; }); };
-    if (!sea.world.run_until(ended, 6s)) std::abort();
+    must(sea.world.run_until(ended, 6s), "a call has no end");
     between.on_question = between.on_answer = nullptr;
-    auto again = sea.run(shore, try_helm(there, "is there", 20s));
-    if (!again || again->reason != "is there") std::abort();
-    if (!sea.stop()) std::abort();
+    auto asks = sea.run(other, try_helm(other.at(where), "others", 5s));
+    must(asks && asks->reason == "others", "the provider does not answer others");
+    auto goes_on = sea.run(shore, try_helm(shore.at(elsewhere), "elsewhere", 5s));
+    must(goes_on && goes_on->reason == "elsewhere", "the client does not reach others");
+    must(sea.stop(), "something runs on");
     between.stop(sea.world);
     return 0;
 }
