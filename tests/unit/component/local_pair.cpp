@@ -6,9 +6,6 @@
 
 #include <support/catch.hpp>
 
-#include <asio/io_context.hpp>
-#include <asio/ip/udp.hpp>
-
 #include <future>
 
 namespace {
@@ -78,34 +75,6 @@ TEST_CASE("a component calls and subscribes to another over each transport") {
     node.stop();
     node.wait();
     for (const auto& report : node.reports()) CHECK(report.still_running.empty());
-}
-
-TEST_CASE("over udp a name is reached that has an IPv6 address only") {
-    asio::io_context context;
-    asio::ip::udp::resolver resolver(context);
-    const std::string name = "ip6-localhost"; // Debian's /etc/hosts has it
-    std::error_code without, with;
-    resolver.resolve(asio::ip::udp::v4(), name, "", without);
-    resolver.resolve(asio::ip::udp::v6(), name, "", with);
-    if (!without || with) {
-        WARN("skipped: " << name << " does not have an IPv6 address, and no other, here");
-        return;
-    }
-    ise::real_environment env;
-    ise::node node(env, quiet());
-    ise::component_options options;
-    options.listen = {ise::endpoint::parse("udp://[::1]:0").value()};
-    auto& provider = node.start<boat>("atirma/boat", options);
-    auto at = provider.services().listening().front();
-    at.host = name;
-    auto& asker = node.start("atirma/console", [](ise::component& self) -> ise::task<> { co_await self.sleep(1h); });
-    auto ask = [](ise::component& self, ise::endpoint where) -> ise::task<bool> {
-        auto boat = self.at(where);
-        set_mode hold{"hold"};
-        auto reply = co_await boat.call(helm, hold, 5s);
-        co_return reply.accepted;
-    };
-    CHECK(asker.wait(ask(asker, at)));
 }
 
 TEST_CASE("the short form builds the request from its fields") {
