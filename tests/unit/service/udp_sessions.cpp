@@ -222,6 +222,18 @@ TEST_CASE("what another life of the provider may have executed is not asked of t
 
 namespace {
 
+// A client that reaches its provider through a router, and has no session yet.
+struct behind_router {
+    behind_router() { boat.provide(helm, [](set_mode asked) { return mode_set{true, asked.mode}; }); }
+
+    sim_parties sea;
+    party& boat = sea.add("boat", quick());
+    party& shore = sea.add("shore", quick());
+    ise::endpoint where = boat.listen("udp://10.0.0.1:7400");
+    datagram_router between{sea.world.host("router").start_process("router"), where};
+    ise::remote there = shore.at(fmt::format("udp://{}:9000", sea.world.host("router").address()));
+};
+
 // As a peer that breaks a rule behind content that is none: one byte more than its chunks have.
 void add_stray_byte(ise::buffer& datagram) {
     auto header = ise::wire::read_header(datagram.view().data());
@@ -233,14 +245,9 @@ void add_stray_byte(ise::buffer& datagram) {
 } // namespace
 
 TEST_CASE("a session goes on when a router gives the peer another address") {
-    sim_parties sea;
-    auto& boat = sea.add("boat", quick());
-    auto& shore = sea.add("shore", quick());
-    boat.provide(helm, [](set_mode asked) { return mode_set{true, asked.mode}; });
+    behind_router all;
+    auto& [sea, boat, shore, where, between, there] = all;
     auto out = boat.publish(position);
-    auto where = boat.listen("udp://10.0.0.1:7400");
-    datagram_router between(sea.world.host("router").start_process("router"), where);
-    auto there = shore.at(fmt::format("udp://{}:9000", sea.world.host("router").address()));
     REQUIRE(sea.run(shore, try_helm(there, "before", 10s)));
     auto session = shore.services->sessions().begin()->first;
     for (int i = 0; i < 5; ++i) {
@@ -261,13 +268,8 @@ TEST_CASE("a session goes on when a router gives the peer another address") {
 }
 
 TEST_CASE("an address that never answers gets nothing but the question, and the session goes on where it was") {
-    sim_parties sea;
-    auto& boat = sea.add("boat", quick());
-    auto& shore = sea.add("shore", quick());
-    boat.provide(helm, [](set_mode asked) { return mode_set{true, asked.mode}; });
-    auto where = boat.listen("udp://10.0.0.1:7400");
-    datagram_router between(sea.world.host("router").start_process("router"), where);
-    auto there = shore.at(fmt::format("udp://{}:9000", sea.world.host("router").address()));
+    behind_router all;
+    auto& [sea, boat, shore, where, between, there] = all;
     REQUIRE(sea.run(shore, try_helm(there, "before", 10s)));
 
     auto& thief = sea.world.host("thief").start_process("thief");
@@ -310,13 +312,8 @@ TEST_CASE("an address that never answers gets nothing but the question, and the 
 }
 
 TEST_CASE("datagrams that break a rule behind their content harm nothing, and what they brought comes again") {
-    sim_parties sea;
-    auto& boat = sea.add("boat", quick());
-    auto& shore = sea.add("shore", quick());
-    boat.provide(helm, [](set_mode asked) { return mode_set{true, asked.mode}; });
-    auto where = boat.listen("udp://10.0.0.1:7400");
-    datagram_router between(sea.world.host("router").start_process("router"), where);
-    auto there = shore.at(fmt::format("udp://{}:9000", sea.world.host("router").address()));
+    behind_router all;
+    auto& [sea, boat, shore, where, between, there] = all;
     REQUIRE(sea.run(shore, try_helm(there, "greets", 10s)));
     unsigned count = 0, spoiled = 0;
     between.on_answer = [&](ise::buffer& datagram) {

@@ -81,6 +81,38 @@ private:
     utc_time session_;
 };
 
+/// A page of the virtual world that follows one provider.
+struct followed {
+    template <class Provider, class... Given>
+    Provider& provide(const std::string& path, Given... given) {
+        Provider* started = nullptr;
+        world.host("shore").start_process("proxy", [&](ise::sim::process& here) -> std::shared_ptr<void> {
+            auto node = std::make_shared<ise::node>(here, nameless());
+            ise::component_options where;
+            where.listen = {ise::endpoint::parse("tcp://0.0.0.0:7411").value()};
+            started = &node->start<Provider>(path, where, given...);
+            return node;
+        });
+        return *started;
+    }
+    /// Until it knows where the boat is.
+    web_server& follow() {
+        web_server* page = nullptr;
+        world.host("page").start_process("page", [&](ise::sim::process& here) -> std::shared_ptr<void> {
+            web_server_options options;
+            options.headless = true;
+            options.telemetry = {"tcp://shore:7411"};
+            auto node = std::make_shared<ise::node>(here, nameless());
+            page = &node->start<web_server>("atirma/page", without_endpoint(), options);
+            return node;
+        });
+        REQUIRE(world.run_until([&] { return page->state().position().has_value(); }, 1min));
+        return *page;
+    }
+
+    ise::sim::world world;
+};
+
 } // namespace
 
 TEST_CASE("page: boats.json and the status name the link that the newest fix came by") {
@@ -124,59 +156,28 @@ TEST_CASE("page: boats.json and the status name the link that the newest fix cam
 }
 
 TEST_CASE("page: where the Iridium gateway believes the boat to be is no history, and dates from the session") {
-    ise::sim::world world;
-    auto session = std::chrono::floor<std::chrono::milliseconds>(world.wall_start) - 600s;
-    world.host("shore").start_process("proxy", [&](ise::sim::process& here) -> std::shared_ptr<void> {
-        auto node = std::make_shared<ise::node>(here, nameless());
-        ise::component_options where;
-        where.listen = {ise::endpoint::parse("tcp://0.0.0.0:7411").value()};
-        node->start<proxy_alone>("atirma/shore/iridium", where, session);
-        return node;
-    });
-    web_server* page = nullptr;
-    world.host("page").start_process("page", [&](ise::sim::process& here) -> std::shared_ptr<void> {
-        web_server_options options;
-        options.headless = true;
-        options.telemetry = {"tcp://shore:7411"};
-        auto node = std::make_shared<ise::node>(here, nameless());
-        page = &node->start<web_server>("atirma/page", without_endpoint(), options);
-        return node;
-    });
-    REQUIRE(world.run_until([&] { return page->state().position().has_value(); }, 1min));
-    const auto& from = page->state().position()->from;
+    followed at;
+    auto session = std::chrono::floor<std::chrono::milliseconds>(at.world.wall_start) - 600s;
+    at.provide<proxy_alone>("atirma/shore/iridium", session);
+    auto& page = at.follow();
+    const auto& from = page.state().position()->from;
     CHECK_FALSE(from.history);
     CHECK(from.source == "iridium");
     CHECK(from.measured_at == session);
     CHECK(from.received_at == session);
     // And so the page does not say that the boat was heard just now.
-    auto told = page->state().snapshot(session + 600s).data;
+    auto told = page.state().snapshot(session + 600s).data;
     auto state = nlohmann::json::parse(told)["state"];
     CHECK(state["position"]["history"] == false);
     CHECK(state["heard"]["iridium"] == session.time_since_epoch().count());
 }
 
 TEST_CASE("page: a proxy is asked what it provides, and refuses nothing") {
-    ise::sim::world world;
-    telemetry_alone* proxy = nullptr;
-    world.host("shore").start_process("proxy", [&](ise::sim::process& here) -> std::shared_ptr<void> {
-        auto node = std::make_shared<ise::node>(here, nameless());
-        ise::component_options where;
-        where.listen = {ise::endpoint::parse("tcp://0.0.0.0:7411").value()};
-        proxy = &node->start<telemetry_alone>("atirma/shore/xbee", where);
-        return node;
-    });
-    web_server* page = nullptr;
-    world.host("page").start_process("page", [&](ise::sim::process& here) -> std::shared_ptr<void> {
-        web_server_options options;
-        options.headless = true;
-        options.telemetry = {"tcp://shore:7411"};
-        auto node = std::make_shared<ise::node>(here, nameless());
-        page = &node->start<web_server>("atirma/page", without_endpoint(), options);
-        return node;
-    });
-    REQUIRE(world.run_until([&] { return page->state().position().has_value(); }, 1min));
-    world.run_for(1min);
-    auto now = ise::health_of(proxy->services());
+    followed at;
+    auto& proxy = at.provide<telemetry_alone>("atirma/shore/xbee");
+    at.follow();
+    at.world.run_for(1min);
+    auto now = ise::health_of(proxy.services());
     CHECK(now.calls_served > 0);
     CHECK(now.calls_refused == 0);
 }
