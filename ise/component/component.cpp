@@ -102,7 +102,7 @@ task<> component::run_elsewhere(unique_function<void()> job) {
             done->thrown = std::current_exception();
         }
         done->job = {};
-        gate->post([done] {
+        gate->post([done = std::move(done)] { // this thread keeps nothing of what was thrown
             done->finished = true;
             done->wake.resume();
         });

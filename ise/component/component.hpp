@@ -228,6 +228,7 @@ private:
     }
     template <class T>
     static task<> fulfil(task<T> body, blocking_outcome<T> made) {
+        std::exception_ptr thrown;
         try {
             if constexpr (std::is_void_v<T>) {
                 co_await std::move(body);
@@ -237,8 +238,9 @@ private:
                 made.fulfil(std::move(value));
             }
         } catch (...) {
-            made.fail(std::current_exception());
+            thrown = std::current_exception();
         }
+        if (thrown) made.fail(std::move(thrown)); // behind the handler, which has a reference of its own
     }
     template <class Work>
     task<std::invoke_result_t<Work&>> offload_on(Work work) {

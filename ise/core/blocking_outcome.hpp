@@ -31,7 +31,7 @@ public:
         /// Blocks until there is an outcome; once. Throws what the other side gave.
         T get() {
             from_->ended.wait(false);
-            if (from_->problem) std::rethrow_exception(from_->problem);
+            if (from_->problem) std::rethrow_exception(std::exchange(from_->problem, nullptr));
             if constexpr (!std::is_void_v<T>) return std::move(*from_->value);
         }
 
@@ -47,7 +47,8 @@ public:
     }
 
     waiting other_end() const { return waiting(to_); }
-    /// Ends the wait; one of the two, once.
+    /// Ends the wait; one of the two, once. An exception goes over whole: who gives it keeps no reference, so that the
+    /// waiting thread alone reads and destroys it.
     template <class... V>
     void fulfil(V&&... value) {
         to_->value.emplace(std::forward<V>(value)...);

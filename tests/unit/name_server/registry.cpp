@@ -514,7 +514,7 @@ TEST_CASE("registry: who comes while there is no room waits by the limit's name,
         CHECK(obstacle() == "granted");
     }
     SECTION("nodes") {
-        for (std::uint64_t other : {2, 3, 4}) it.claim(other, fmt::format("n{}", other));
+        for (std::uint64_t other : {2u, 3u, 4u}) it.claim(other, fmt::format("n{}", other));
         CHECK(obstacle().find("max_nodes") != std::string::npos);
         CHECK(it.names.enroll(request, it.now).lease == 0s);
         it.withdraw(3, "n3");
