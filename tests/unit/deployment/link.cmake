@@ -1,3 +1,1 @@
-if(TARGET ise_deployment)
-  target_link_libraries(unit_deployment PRIVATE ise_deployment)
-endif()
+target_link_libraries(unit_deployment PRIVATE ise_deployment)

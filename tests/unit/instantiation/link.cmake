@@ -1,3 +1,1 @@
-if(TARGET ise_instantiation)
-  target_link_libraries(unit_instantiation PRIVATE ise_instantiation)
-endif()
+target_link_libraries(unit_instantiation PRIVATE ise_instantiation)
