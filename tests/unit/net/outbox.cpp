@@ -80,8 +80,8 @@ struct source final : ise::net::publication_source {
     std::uint64_t id;
     std::deque<ise::shared_bytes> waiting;
     int asked = 0;
-    explicit source(std::uint64_t number) : id(number) {}
-    void put(std::size_t size) { 
+    explicit source(std::uint64_t own_id) : id(own_id) {}
+    void put(std::size_t size) {
         ise::buffer content;
         std::fill_n(content.grow(size), size, static_cast<std::byte>(id));
         waiting.emplace_back(std::move(content));
@@ -337,9 +337,9 @@ TEST_CASE("a batch tells which frames were never begun") {
     REQUIRE(out.fill(one, t0));
     auto unwritten = [&] {
         std::vector<std::uint64_t> ids;
-        one.visit_unwritten([&](const ise::wire::frame& unwritten) {
-            CHECK(unwritten.body.size() == unwritten.header.length);
-            ids.push_back(unwritten.header.id);
+        one.visit_unwritten([&](const ise::wire::frame& frame) {
+            CHECK(frame.body.size() == frame.header.length);
+            ids.push_back(frame.header.id);
         });
         return ids;
     };
