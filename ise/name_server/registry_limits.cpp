@@ -1,13 +1,13 @@
 #include <ise/name_server/registry_limits.hpp>
 
+#include <ise/core/limits.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>
 
 namespace ise {
 namespace {
-
-constexpr std::size_t max_fingerprints = 16; // of one service; the kinds have at most five
 
 std::optional<std::string> objection_to_path(const std::string& path, const registry_limits& limits) {
     if (path.size() > limits.max_path_bytes) return fmt::format("a path of {} bytes, max_path_bytes is {}", path.size(), limits.max_path_bytes);
@@ -42,8 +42,8 @@ std::optional<std::string> objection_to(const naming::component_claim& claim, co
         std::ranges::any_of(claim.services, too_long, &naming::service_entry::name))
         return fmt::format("a type, state, endpoint or service name of more than max_text_bytes, which is {}", limits.max_text_bytes);
     for (const auto& service : claim.services)
-        if (service.fingerprints.size() > max_fingerprints)
-            return fmt::format("the service '{}' names {} packets, at most {} are accepted", service.name, service.fingerprints.size(), max_fingerprints);
+        if (service.fingerprints.size() > limit::service_fingerprints)
+            return fmt::format("the service '{}' names {} packets, service_fingerprints is {}", service.name, service.fingerprints.size(), limit::service_fingerprints);
     return std::nullopt;
 }
 

@@ -58,7 +58,7 @@ public:
 
     void value(const type_description& type, const json& from, const place& at) {
         if (out.size() > limits_.max_packet_bytes)
-            throw error(errc::too_large, fmt::format("{}: the packet grows beyond {} bytes", where(at), limits_.max_packet_bytes));
+            throw error(errc::too_large, fmt::format("{}: the packet grows beyond {} bytes (max_packet_bytes)", where(at), limits_.max_packet_bytes));
         switch (type.kind) {
             case type_kind::boolean:
                 if (!from.is_boolean()) wrong(at, "true or false", from);
@@ -268,7 +268,7 @@ private:
 
     void room(std::uint64_t more, const place& at) const {
         if (more > limits_.max_packet_bytes || out.size() > limits_.max_packet_bytes - more)
-            throw error(errc::too_large, fmt::format("{}: the packet grows beyond {} bytes", where(at), limits_.max_packet_bytes));
+            throw error(errc::too_large, fmt::format("{}: the packet grows beyond {} bytes (max_packet_bytes)", where(at), limits_.max_packet_bytes));
     }
 
     void structure(const type_description& type, const json& from, const place& at) {
@@ -279,7 +279,7 @@ private:
         for (const auto& field : type.members) {
             auto given = from.find(field.name);
             if (given != from.end()) value(field.type, *given, {&at, field.name});
-            else detail::append_preset(field, out, limits_.max_packet_bytes);
+            else detail::append_preset(field, out, detail::size_limit(limits_.max_packet_bytes, "max_packet_bytes"));
         }
     }
 
@@ -327,10 +327,10 @@ std::size_t depth_of(std::string_view text) {
 
 json parse(std::string_view text, const json_limits& limits, std::string_view packet_name) {
     if (text.size() > limits.max_text_bytes)
-        throw error(errc::too_large, fmt::format("{}: a JSON text of {} bytes, at most {} are accepted", packet_name, text.size(),
+        throw error(errc::too_large, fmt::format("{}: a JSON text of {} bytes, at most {} are accepted (max_text_bytes)", packet_name, text.size(),
                                                  limits.max_text_bytes));
     if (depth_of(text) > limits.max_depth)
-        throw error(errc::too_large, fmt::format("{}: JSON nested deeper than {} levels", packet_name, limits.max_depth));
+        throw error(errc::too_large, fmt::format("{}: JSON nested deeper than {} levels (max_depth)", packet_name, limits.max_depth));
     try {
         return json::parse(text);
     } catch (const json::exception& why) {

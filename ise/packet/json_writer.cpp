@@ -15,7 +15,7 @@ public:
     writer(detail::reader& in, json_style style) : in_(in), pretty_(style == json_style::pretty) {}
 
     bool value(const type_description& type) {
-        if (text.size() > most_) return in_.fail(fmt::format("its JSON is longer than {} bytes", most_), errc::too_large);
+        if (text.size() > max_json_bytes) return in_.fail(fmt::format("its JSON is longer than {} bytes (max_json_bytes)", max_json_bytes), errc::too_large);
         switch (type.kind) {
             case type_kind::string:
             case type_kind::opaque: {
@@ -180,7 +180,7 @@ private:
         return true;
     }
 
-    static constexpr std::size_t most_ = std::size_t{512} << 20;
+    static constexpr std::size_t max_json_bytes = std::size_t{512} << 20;
     detail::reader& in_;
     bool pretty_;
     std::size_t depth_ = 0;

@@ -345,7 +345,7 @@ void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
         });
         auto size = out.size() - start - wire::frame_header::size + object.weight();
         auto most = wire.terms().peer_accepts.max_message_bytes;
-        if (size > most) problem.emplace(errc::too_large, fmt::format("the response of '{}' has {} bytes, its caller accepts {}", of.name, size, most), execution::unknown);
+        if (size > most) problem.emplace(errc::too_large, fmt::format("the response of '{}' has {} bytes, its caller accepts {} (max_message_bytes)", of.name, size, most), execution::unknown);
     } catch (const std::exception& thrown) {
         problem.emplace(errc::handler_failed, fmt::format("the response of '{}' cannot be encoded: {}", of.name, thrown.what()), execution::unknown);
     }

@@ -189,8 +189,8 @@ bool provided_subscription::take(net::outbox& out, std::size_t quantum) {
             continue;
         }
         if (size - packet_frame::head_bytes + 12 > largest) {
-            publication_.host().log().warning("a packet is larger than its subscriber accepts", {{"service", publication_.name()}, {"peer", info_.peer},
-                                              {"bytes", std::to_string(size - packet_frame::head_bytes)}});
+            publication_.host().tell(peer_trouble::excess, fmt::format("a packet of '{}' with {} bytes is larger than its subscriber accepts: {} (max_message_bytes)",
+                                                                       publication_.name(), size - packet_frame::head_bytes, largest), info_.peer);
             drop_oldest(publication_.losses_.too_large);
             continue;
         }
@@ -455,7 +455,7 @@ void publication_core::drop(provided_subscription& who) {
     try {
         removed({}, nullptr, info);
     } catch (const std::exception& thrown) {
-        host_.log().warning(thrown.what(), {{"service", name_}, {"peer", info.peer}});
+        host_.tell(peer_trouble::callback, fmt::format("'{}': {}", name_, thrown.what()), info.peer);
     }
 }
 

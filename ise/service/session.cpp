@@ -140,7 +140,7 @@ bool session::send(pending_call& call, outgoing_packet request) {
         auto size = out.size() - start - wire::frame_header::size + object.weight();
         auto most = connection_->terms().peer_accepts.max_message_bytes;
         if (size > most)
-            throw error(errc::too_large, fmt::format("the request of '{}' has {} bytes, {} accepts {}{}", call.service, size, peer_name(), most, connection_->lossy() ? " over udp: split it, or use tcp" : ""));
+            throw error(errc::too_large, fmt::format("the request of '{}' has {} bytes, {} accepts {} (max_message_bytes){}", call.service, size, peer_name(), most, connection_->lossy() ? " over udp: split it, or use tcp" : ""));
     } catch (...) {
         out.truncate(start);
         throw;

@@ -8,7 +8,7 @@ bool reader::accept_count(std::uint64_t count, std::size_t min_element_size, std
                           std::string_view unit) {
     if (min_element_size == 0) { // or known to their own serialize only: as many as there are bytes cost nothing
         if (count > left_ && count > zero_size_budget_)
-            return fail(fmt::format("claims {} {} of no size, at most {} are accepted in one packet", count, unit,
+            return fail(fmt::format("claims {} {} of no size, at most {} are accepted in one packet (max_zero_size_elements)", count, unit,
                                     limits_->max_zero_size_elements),
                         errc::too_large);
         if (count > left_) zero_size_budget_ -= static_cast<std::size_t>(count);
@@ -18,7 +18,7 @@ bool reader::accept_count(std::uint64_t count, std::size_t min_element_size, std
                                 unit == "elements" ? "bytes are" : "are"));
     }
     if (element_memory != 0 && count > budget_ / element_memory)
-        return fail(fmt::format("its {} {} need more memory than the {} bytes that one packet may take", count, unit,
+        return fail(fmt::format("its {} {} need more memory than the {} bytes that one packet may take (max_total_bytes)", count, unit,
                                 limits_->max_total_bytes),
                     errc::too_large);
     budget_ -= static_cast<std::size_t>(count) * element_memory;
@@ -27,7 +27,7 @@ bool reader::accept_count(std::uint64_t count, std::size_t min_element_size, std
 
 bool reader::enter() {
     if (depth_left_ == 0)
-        return fail(fmt::format("is nested deeper than the {} levels that are accepted", limits_->max_depth),
+        return fail(fmt::format("is nested deeper than the {} levels that are accepted (max_depth)", limits_->max_depth),
                     errc::too_large);
     --depth_left_;
     return true;

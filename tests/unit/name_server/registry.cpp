@@ -457,6 +457,11 @@ TEST_CASE("registry: what goes beyond a limit is refused by the limit's name") {
     SECTION("endpoints") { claim.endpoints = {"a", "b"}; CHECK(refusal().find("max_endpoints_per_component") != std::string::npos); }
     SECTION("texts") { claim.state = std::string(21, 'x'); CHECK(refusal().find("max_text_bytes") != std::string::npos); }
     SECTION("texts of the node") { request.node.name = std::string(21, 'x'); CHECK(refusal().find("max_text_bytes") != std::string::npos); }
+    SECTION("packets of a service") {
+        claim.services.resize(1);
+        claim.services[0].fingerprints.resize(17);
+        CHECK(refusal().find("service_fingerprints is 16") != std::string::npos);
+    }
     SECTION("services of one") { claim.services.resize(3); CHECK(refusal().find("max_services_per_component") != std::string::npos); }
 }
 

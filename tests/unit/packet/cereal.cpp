@@ -62,6 +62,7 @@ TEST_CASE("cereal's own functions run on ISE's archive, as deep as is allowed an
     auto deep = ise::try_decode<chain>(nested(2000));
     REQUIRE_FALSE(deep.has_value());
     CHECK(deep.error().code() == ise::errc::too_large);
+    CHECK_THAT(deep.error().message(), Catch::Matchers::Contains("the 64 levels that are accepted (max_depth)"));
     ise::bytes whole = nested(3);
     for (std::size_t size = 0; size < whole.size(); ++size)
         CHECK_FALSE(ise::try_decode<chain>(ise::bytes_view(whole).first(size)).has_value());

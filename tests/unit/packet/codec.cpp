@@ -116,6 +116,7 @@ TEST_CASE("elements without size and fat elements are bounded too") {
     auto got = ise::try_decode<std::vector<empty>>(many);
     REQUIRE_FALSE(got.has_value());
     CHECK(got.error().code() == ise::errc::too_large);
+    CHECK_THAT(got.error().message(), Contains("at most 65536 are accepted in one packet (max_zero_size_elements)"));
 
     struct fat {
         std::optional<std::array<double, 4096>> table;
@@ -127,6 +128,7 @@ TEST_CASE("elements without size and fat elements are bounded too") {
     auto too_fat = ise::try_decode<std::vector<fat>>(out.view());
     REQUIRE_FALSE(too_fat.has_value());
     CHECK(too_fat.error().code() == ise::errc::too_large);
+    CHECK_THAT(too_fat.error().message(), Contains("268435456 bytes that one packet may take (max_total_bytes)"));
 }
 
 TEST_CASE("flags other than 0 and 1, unknown alternatives and doubled keys are refused") {

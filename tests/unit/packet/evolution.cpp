@@ -182,5 +182,7 @@ TEST_CASE("defaults cannot be made to grow without end by a hostile schema") {
     REQUIRE(small.has_value());
     ise::buffer out;
     out.append(std::uint32_t{1000});
-    CHECK(failure_of([&] { ise::adapt(*small, *big, out.view()); }).code() == ise::errc::too_large);
+    auto grown = failure_of([&] { ise::adapt(*small, *big, out.view()); });
+    CHECK(grown.code() == ise::errc::too_large);
+    CHECK_THAT(grown.message(), Contains("by its default values (max_total_bytes)"));
 }

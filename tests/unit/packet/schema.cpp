@@ -84,22 +84,33 @@ TEST_CASE("a schema text that is none says where and what was expected") {
         REQUIRE_FALSE(ise::schema::parse(std::string_view(whole).substr(0, size)).has_value());
 }
 
-TEST_CASE("a hostile schema text is bounded in every direction") {
+TEST_CASE("a hostile schema text is bounded in every direction, and each limit is told by its name") {
     auto repeated = [](std::string_view piece, std::size_t times) {
         std::string text;
         for (std::size_t i = 0; i < times; ++i) text += piece;
         return text;
     };
-    CHECK_THAT(refusal(repeated("vector<", 100000)), Contains("bytes, at most 262144") || Contains("nested too deep"));
-    CHECK_THAT(refusal(repeated("vector<", 1000)), Contains("nested too deep"));
-    CHECK_THAT(refusal("tuple<" + repeated("i8,", 2000) + "i8>"), Contains("at most 1024"));
-    CHECK_THAT(refusal("array<array<array<u64,200000000>,200000000>,200000000>"), Contains("too big"));
-    CHECK_THAT(refusal("array<struct{},18446744073709551615>"), Contains("too long"));
-    CHECK_THAT(refusal("struct{" + std::string(1000, 'n') + ":i8}"), Contains("at most 256"));
+    auto beyond = [](const std::string& limit) { return Contains("are accepted (" + limit + ")"); };
+    CHECK_THAT(refusal(repeated("vector<", 100000)), Contains("700000 bytes, at most 262144") && beyond("max_text_bytes"));
+    CHECK_THAT(refusal(repeated("vector<", 1000)), Contains("nested too deep: levels, at most 64") && beyond("max_depth"));
+    CHECK_THAT(refusal("tuple<" + repeated("i8,", 2000) + "i8>"), Contains("at most 1024") && beyond("max_members"));
+    CHECK_THAT(refusal("struct{" + [] {
+        std::string many;
+        for (int i = 0; i < 2000; ++i) many += "f" + std::to_string(i) + ":i8,";
+        return many;
+    }() + "z:i8}"), Contains("too many fields, at most 1024") && beyond("max_members"));
+    CHECK_THAT(refusal("enum:i32{" + [] {
+        std::string many;
+        for (int i = 0; i < 5000; ++i) many += "e" + std::to_string(i) + "=" + std::to_string(i) + ",";
+        return many;
+    }() + "z=-1}"), Contains("too many enumerators, at most 4096") && beyond("max_enumerators"));
+    CHECK_THAT(refusal("array<array<array<u64,200000000>,200000000>,200000000>"), Contains("too big") && beyond("max_min_size"));
+    CHECK_THAT(refusal("array<struct{},18446744073709551615>"), Contains("too long") && beyond("max_array_length"));
+    CHECK_THAT(refusal("struct{" + std::string(1000, 'n') + ":i8}"), Contains("at most 256") && beyond("max_name_bytes"));
     std::string fields = "struct{";
     for (int i = 0; i < 900; ++i) fields += "f" + std::to_string(i) + ":tuple<i8,i8,i8,i8,i8>,";
-    CHECK_THAT(refusal(fields + "z:i8}"), Contains("too many types"));
+    CHECK_THAT(refusal(fields + "z:i8}"), Contains("too many types") && beyond("max_types"));
     ise::schema_limits small;
     small.max_text_bytes = 10;
-    CHECK_THAT(refusal("struct{a:i32}", small), Contains("at most 10"));
+    CHECK_THAT(refusal("struct{a:i32}", small), Contains("at most 10 are accepted (max_text_bytes)"));
 }

@@ -434,6 +434,7 @@ TEST_CASE("a request beyond what the peer accepts is refused here, and the sessi
         REQUIRE_FALSE(got);
         CHECK(got.error().code() == errc::too_large);
         CHECK(got.error().executed() == execution::not_executed);
+        CHECK_THAT(got.error().message(), Contains("accepts 1048576 (max_message_bytes)"));
         CHECK(all.run(shore, push(there, 1 << 19)));
     }
     CHECK(boat.services->counts().sessions_accepted == 1);
