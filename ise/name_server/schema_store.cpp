@@ -14,8 +14,8 @@ result<void> schema_store::offer(const naming::schema_text& given) {
     if (known != texts_.end() && !known->second.text.empty()) return {};
     if (given.text.size() > limits_.max_schema_bytes)
         return failure(errc::too_large, fmt::format("a schema of {} bytes, max_schema_bytes is {}", given.text.size(), limits_.max_schema_bytes));
-    if (known == texts_.end() && texts_.size() >= limits_.max_schemas)
-        return failure(errc::too_large, fmt::format("there are {} schemas already, which is max_schemas", texts_.size()));
+    if (told_ >= limits_.max_schemas)
+        return failure(errc::too_large, fmt::format("there are {} schemas already, which is max_schemas", told_));
     if (total_bytes_ + given.text.size() > limits_.max_schema_total_bytes)
         return failure(errc::too_large, fmt::format("all schemas have {} bytes already, max_schema_total_bytes is {}", total_bytes_, limits_.max_schema_total_bytes));
     auto parsed = schema::parse(given.text);
@@ -24,6 +24,7 @@ result<void> schema_store::offer(const naming::schema_text& given) {
         return failure(errc::malformed, fmt::format("the schema of '{}' has the fingerprint {:016x}, it was sent as {:016x}", parsed->name(),
                                                     parsed->fingerprint(), given.fingerprint));
     total_bytes_ += given.text.size();
+    ++told_;
     texts_[given.fingerprint].text = given.text;
     offered_.push_back(given.fingerprint);
     return {};
@@ -42,6 +43,7 @@ void schema_store::release(const std::vector<naming::service_entry>& services) {
 
 void schema_store::erase(std::unordered_map<std::uint64_t, entry>::iterator which) {
     total_bytes_ -= which->second.text.size();
+    told_ -= !which->second.text.empty();
     texts_.erase(which);
 }
 

@@ -44,6 +44,7 @@ private:
     std::unordered_map<std::uint64_t, entry> texts_;
     std::vector<std::uint64_t> offered_;
     std::size_t total_bytes_ = 0;
+    std::size_t told_ = 0; // that have a text
 };
 
 } // namespace ise

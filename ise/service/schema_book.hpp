@@ -16,6 +16,8 @@ public:
     /// A schema that a peer sent; hashed here, never believed.
     void learn(const schema& received);
     std::optional<schema> find(std::uint64_t fingerprint) const;
+    /// Memory that is taken for whoever told of it; none for one's own.
+    std::size_t cost_of(const schema& told) const;
 
     /// Packets of a service that was learnt at run time, kept as long as this book: sessions remember a service by the
     /// address of its types. The same packets are kept once. errc::overloaded beyond a bound.
@@ -23,9 +25,13 @@ public:
 
 private:
     std::unordered_map<std::uint64_t, schema> own_;
-    std::unordered_map<std::uint64_t, schema> learnt_;
+    struct learnt {
+        schema what;
+        std::size_t cost;
+    };
+    std::unordered_map<std::uint64_t, learnt> learnt_;
     std::deque<std::uint64_t> order_; // oldest first
-    std::size_t learnt_bytes_ = 0;    // of the texts
+    std::size_t learnt_bytes_ = 0;    // of memory
     std::unordered_multimap<std::uint64_t, std::shared_ptr<const packet_types>> kept_; // by their fingerprints together
 };
 

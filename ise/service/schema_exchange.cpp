@@ -12,26 +12,36 @@ namespace ise {
 
 using wire::frame_type;
 
-std::optional<std::vector<schema>> schema_exchange::all_of(const std::vector<std::uint64_t>& fingerprints) const {
-    std::vector<schema> found;
+void schema_exchange::need(const std::vector<std::uint64_t>& fingerprints, ready then, failed otherwise) {
+    question asked{fingerprints, {}, std::move(then), std::move(otherwise)};
+    wire::schema_request unknown;
     for (auto fingerprint : fingerprints) {
-        auto known = book_.find(fingerprint);
-        if (!known) return std::nullopt;
-        found.push_back(std::move(*known));
+        asked.told.push_back(book_.find(fingerprint));
+        if (!asked.told.back()) unknown.fingerprints.push_back(fingerprint);
     }
-    return found;
+    if (unknown.fingerprints.empty()) return hand_over(asked);
+    if (open_.size() >= limit::schema_questions)
+        return asked.otherwise(failure(errc::overloaded, fmt::format("{} questions for schemas are open (schema_questions)", open_.size())));
+    open_.push_back(std::move(asked));
+    wire::put_frame(connection_.out().control(), frame_type::schema_request, 0, 0, [&](buffer& body) { encode(unknown, body); });
+    connection_.written();
 }
 
-void schema_exchange::need(const std::vector<std::uint64_t>& fingerprints, ready then, failed otherwise) {
-    if (auto known = all_of(fingerprints)) return then(*known);
-    if (open_.size() >= limit::schema_questions)
-        return otherwise(failure(errc::overloaded, fmt::format("{} questions for schemas are open (schema_questions)", open_.size())));
-    wire::schema_request asked;
-    for (auto fingerprint : fingerprints)
-        if (!book_.find(fingerprint)) asked.fingerprints.push_back(fingerprint);
-    open_.push_back(question{fingerprints, std::move(then), std::move(otherwise)});
-    wire::put_frame(connection_.out().control(), frame_type::schema_request, 0, 0, [&](buffer& body) { encode(asked, body); });
-    connection_.written();
+// Who is told may keep them as long as the session lasts, whatever the book forgets.
+void schema_exchange::hand_over(question& asked) {
+    std::vector<schema> theirs;
+    std::size_t more = 0;
+    for (auto& one : asked.told) {
+        if (!handed_over_.contains(one->fingerprint())) more += book_.cost_of(*one);
+        theirs.push_back(std::move(*one));
+    }
+    if (handed_over_bytes_ + more > limit::learnt_schema_bytes)
+        return asked.otherwise(failure(errc::overloaded, fmt::format("the schemas of this session would take {} bytes, {} are allowed (learnt_schema_bytes)",
+                                                                     handed_over_bytes_ + more, limit::learnt_schema_bytes)));
+    handed_over_bytes_ += more;
+    if (more > 0)
+        for (const auto& one : theirs) handed_over_.insert(one.fingerprint());
+    asked.then(theirs);
 }
 
 bool schema_exchange::asked_for(std::uint64_t fingerprint) const {
@@ -65,7 +75,8 @@ result<void> schema_exchange::on_answer(bytes_view body) {
     if (!answer) return answer.error();
     if (!asked_for(answer->fingerprint)) return {}; // nothing is learnt that nobody wanted to know
     std::optional<failure> problem;
-    if (book_.find(answer->fingerprint)) { // another session was told meanwhile
+    auto known = book_.find(answer->fingerprint); // another session may have been told meanwhile
+    if (known) {
     } else if (answer->text.empty()) {
         problem.emplace(errc::type_mismatch, fmt::format("the peer does not know its own schema {:016x}", answer->fingerprint));
     } else {
@@ -77,13 +88,19 @@ result<void> schema_exchange::on_answer(bytes_view body) {
                                                          parsed->fingerprint(), answer->fingerprint));
         } else {
             book_.learn(*parsed);
+            known = std::move(*parsed);
         }
     }
     // Answering may ask anew: the questions that are decided now are taken out first.
     std::vector<question> decided;
     std::erase_if(open_, [&](question& asked) {
-        bool concerned = std::find(asked.fingerprints.begin(), asked.fingerprints.end(), answer->fingerprint) != asked.fingerprints.end();
-        if (!concerned || (!problem && !all_of(asked.fingerprints))) return false;
+        bool concerned = false;
+        for (std::size_t at = 0; at < asked.told.size(); ++at) {
+            if (asked.fingerprints[at] != answer->fingerprint) continue;
+            concerned = true;
+            asked.told[at] = known;
+        }
+        if (!concerned || (!problem && !std::ranges::all_of(asked.told, [](const auto& one) { return one.has_value(); }))) return false;
         decided.push_back(std::move(asked));
         return true;
     });
@@ -91,7 +108,7 @@ result<void> schema_exchange::on_answer(bytes_view body) {
         if (problem) {
             asked.otherwise(*problem);
         } else {
-            asked.then(*all_of(asked.fingerprints));
+            hand_over(asked);
         }
     }
     return {};

@@ -84,6 +84,26 @@ std::filesystem::path authority::issue(const std::string& name, const std::strin
     return own;
 }
 
+std::filesystem::path authority::issue_below(const std::string& name, int authorities) {
+    auto own = issue(name);
+    validity valid;
+    std::string issuer = "ca", shown;
+    auto sign = [&](const std::string& request, const std::string& made, const std::string& as) {
+        run(fmt::format("ca -batch -notext -config settings {} -cert {}.pem -keyfile {}-key.pem -startdate {} -enddate {} -in {} -out {}", as, issuer, issuer,
+                        valid.from, valid.until, request, made));
+    };
+    for (int i = 1; i <= authorities; ++i) {
+        auto next = fmt::format("below{}", i);
+        run(fmt::format("req -new -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -config settings -subj /CN={0} -keyout {0}-key.pem -out {0}.csr", next));
+        sign(next + ".csr", next + ".pem", "-extensions authority");
+        shown = read_all(folder_ / (next + ".pem")) + shown;
+        issuer = next;
+    }
+    sign(name + "/request.csr", name + "/certificate.pem", "");
+    write(own / "certificate.pem", read_all(own / "certificate.pem") + shown);
+    return own;
+}
+
 void authority::revoke(const std::string& name) { run(fmt::format("ca -config settings -revoke {}/certificate.pem", name)); }
 
 std::string authority::list(const validity& valid) {

@@ -23,6 +23,8 @@ public:
     /// A folder with ca.pem, certificate.pem and key.pem; `names` is the subjectAltName.
     std::filesystem::path issue(const std::string& name, const std::string& names = everywhere, const validity& valid = validity(),
                                 const std::string& usage = "serverAuth,clientAuth");
+    /// The same, with so many authorities between this one and the certificate, which are shown with it.
+    std::filesystem::path issue_below(const std::string& name, int authorities);
     /// From the next `list()` on the certificate is in it.
     void revoke(const std::string& name);
     /// A revocation list; whoever is to look into it has it behind the authority in ca.pem.

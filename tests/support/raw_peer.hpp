@@ -1,4 +1,6 @@
 #pragma once
+#include <ise/net/connect.hpp>
+#include <ise/net/datagram_stream.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/wire/frame.hpp>
 #include <ise/wire/messages.hpp>
@@ -9,7 +11,8 @@
 
 namespace ise_test {
 
-/// A peer of the virtual world that says what it likes: bytes and frames as a script tells it.
+/// A peer of the virtual world that says what it likes: bytes and frames as a script tells it. Over udp they lie in a channel
+/// in good order; packets that come beside its stream are among what it got.
 class raw_peer {
 public:
     struct came {
@@ -17,14 +20,21 @@ public:
         ise::bytes body;
     };
 
-    /// Connects; the world runs until it has. With `reads` false it never takes a byte of what it is sent.
+    /// Connects; the world runs until it has. With `reads` false it never takes a byte of what it is sent; over udp it says
+    /// what has arrived all the same, as its system would over tcp.
     raw_peer(sim_parties& all, ise::sim::process& from, const std::string& to, bool reads = true)
         : all_(all), host_(from.make_loop("raw")) {
         auto& on = host_->loop();
-        auto connecting = start(on, from.connect(on, ise::endpoint::parse(to).value()));
+        auto connecting = start(on, ise::net::connect_until(on, ise::endpoint::parse(to).value(), on.now() + std::chrono::seconds(10)));
         if (!all_.run_until([&] { return connecting->done; })) throw std::logic_error("no connection");
         line_ = std::move(connecting->get().value());
-        if (reads) reading_ = start(on, read(*this));
+        auto* datagrams = dynamic_cast<ise::net::datagram_stream*>(line_.get());
+        if (datagrams && reads) {
+            ise::loop::turn in(on);
+            datagrams->use(std::shared_ptr<inbox>(inbox_));
+        }
+        if (datagrams) reading_ = start(on, wait_for_end(*this));
+        else if (reads) reading_ = start(on, read(*this));
     }
     ~raw_peer() {
         line_->close();
@@ -45,10 +55,11 @@ public:
         say(type, id, ise::bytes_view(body));
     }
     /// A session in good order, up to the welcome.
-    void greet(const std::string& path = "raw") {
+    void greet(const std::string& path = "raw", ise::wire::limits accepts = {}) {
         ise::wire::hello hello;
         hello.self.path = path;
         hello.self.incarnation = 1;
+        hello.accepts = accepts;
         say(ise::wire::frame_type::hello, 0, hello);
         all_.world.run_for(std::chrono::milliseconds(200));
     }
@@ -100,18 +111,49 @@ private:
             if (wrote.problem) return;
         }
     }
-    static ise::task<> read(raw_peer& self) {
-        ise::wire::parser parser(ise::wire::smallest_frame_limit);
+    // What comes over a channel.
+    struct inbox final : ise::net::datagram_stream::user {
+        explicit inbox(raw_peer& to) : self(to) {}
+        void on_heard() override {}
+        void on_content(ise::bytes_view content) override {
+            while (!content.empty()) {
+                auto room = self.parser_.prepare();
+                auto count = std::min(room.size(), content.size());
+                std::memcpy(room.data(), content.data(), count);
+                content = content.subspan(count);
+                self.take(count);
+            }
+        }
+        void on_message(ise::bytes_view message) override {
+            auto body = message.subspan(ise::wire::frame_header::size);
+            self.got.push_back({ise::wire::read_header(message.data()), ise::bytes(body.begin(), body.end())});
+        }
+        void on_sign() override {}
+        void on_room() override {}
+        raw_peer& self;
+    };
+    void take(std::size_t count) {
+        parser_.commit(count);
         for (;;) {
-            auto room = parser.prepare();
+            auto found = parser_.next();
+            if (!found || !*found) break;
+            got.push_back({(*found)->header, ise::bytes((*found)->body.begin(), (*found)->body.end())});
+        }
+    }
+    static ise::task<> read(raw_peer& self) {
+        for (;;) {
+            auto room = self.parser_.prepare();
             auto moved = co_await self.line_->read_some(asio::buffer(room.data(), room.size()));
             if (moved.problem) break;
-            parser.commit(moved.bytes);
-            for (;;) {
-                auto found = parser.next();
-                if (!found || !*found) break;
-                self.got.push_back({(*found)->header, ise::bytes((*found)->body.begin(), (*found)->body.end())});
-            }
+            self.take(moved.bytes);
+        }
+        self.ended = true;
+    }
+    // Without room nothing is taken; what comes is handed over, or stays where it is.
+    static ise::task<> wait_for_end(raw_peer& self) {
+        for (;;) {
+            auto moved = co_await self.line_->read_some(asio::mutable_buffer());
+            if (moved.problem) break;
         }
         self.ended = true;
     }
@@ -119,6 +161,8 @@ private:
     sim_parties& all_;
     std::unique_ptr<ise::loop_host> host_;
     std::unique_ptr<ise::stream> line_;
+    ise::wire::parser parser_{ise::wire::smallest_frame_limit};
+    std::shared_ptr<inbox> inbox_ = std::make_shared<inbox>(*this);
     std::shared_ptr<started<void>> reading_;
     ise::bytes unsent_;
     std::size_t sent_ = 0;

@@ -1,5 +1,7 @@
 #include <ise/net/tls/identity.hpp>
 
+#include <ise/net/tls/verdict.hpp>
+
 #include <fmt/format.h>
 
 #include <openssl/err.h>
@@ -11,8 +13,6 @@ namespace ise::net::tls {
 namespace {
 
 constexpr std::size_t largest_file = 1u << 20;
-constexpr int longest_chain = 5;
-constexpr long largest_certificates = 32 * 1024; // that a peer shows
 
 template <auto Free>
 struct freeing {

@@ -81,6 +81,7 @@ std::string objection(x509_store_ctx_st& check, const std::string& wanted_host) 
         case X509_V_ERR_IP_ADDRESS_MISMATCH: return fmt::format("{} is not for '{}', but for {}", whose, wanted_host, names_of(about));
         case X509_V_ERR_UNABLE_TO_GET_CRL: return fmt::format("{} cannot be looked up: there are revocation lists here, and none of its authority (ca.pem)", whose);
         case X509_V_ERR_CRL_HAS_EXPIRED: return fmt::format("{} cannot be looked up: the revocation list here is out of date (ca.pem)", whose);
+        case X509_V_ERR_CERT_CHAIN_TOO_LONG: return fmt::format("the chain of {} is longer than {} (longest_chain)", whose, longest_chain);
         case X509_V_ERR_INVALID_PURPOSE: return fmt::format("{} may not be used for this (extendedKeyUsage needs serverAuth and clientAuth)", whose);
         default: return fmt::format("{} is not good: {}", whose, X509_verify_cert_error_string(problem));
     }
@@ -94,6 +95,7 @@ failure failure_noted() {
         if (reason >= SSL_AD_REASON_OFFSET) return refused_by_peer(reason - SSL_AD_REASON_OFFSET);
         switch (reason) {
             case SSL_R_PEER_DID_NOT_RETURN_A_CERTIFICATE: return {errc::unauthorized, "it showed no certificate"};
+            case SSL_R_EXCESSIVE_MESSAGE_SIZE: return {errc::too_large, fmt::format("it sent more than {} bytes of certificates (largest_certificates)", largest_certificates)};
             case SSL_R_UNSUPPORTED_PROTOCOL:
             case SSL_R_VERSION_TOO_LOW: return {errc::protocol_error, "it speaks no TLS 1.3"};
             case SSL_R_HTTP_REQUEST:

@@ -14,9 +14,13 @@ using Catch::Matchers::Contains;
 using ise::errc;
 using ise::wire::frame_type;
 
-/// A provider, a peer in good order, and the place where hostile ones come from.
+/// Both ways to the boat, one after the other: the test case runs for each.
+inline std::string either() { return GENERATE(as<std::string>(), "tcp", "udp"); }
+
+/// A provider, a peer in good order, and the place where hostile ones come from, all over `protocol`.
 struct harbour {
-    explicit harbour(ise::service_options options = {}, ise::serve_options serving = {}) : boat(all.add("boat", options)) {
+    explicit harbour(const std::string& protocol, ise::service_options options = {}, ise::serve_options serving = {})
+        : datagrams(protocol == "udp"), door(protocol + "://boat:7400"), boat(all.add("boat", options)) {
         // Answers after a while; "long" only when its deadline ends it.
         boat.provide(helm, [this](set_mode asked) -> ise::task<mode_set> {
             most_at_once = std::max(most_at_once, ++at_once);
@@ -30,7 +34,7 @@ struct harbour {
             co_return done;
         }, serving);
         boat.provide(echo, [](blob given) { return given; });
-        boat.listen("tcp://0.0.0.0:7400");
+        boat.listen(protocol + "://0.0.0.0:7400");
     }
 
     static ise::task<ise::result<mode_set>> try_helm(ise::remote there, ise::duration time) {
@@ -59,13 +63,14 @@ struct harbour {
         return nullptr;
     }
 
+    const bool datagrams;
+    const std::string door;
     int at_once = 0, most_at_once = 0;
     sim_parties all;
     party& boat;
     party& shore = all.add("shore");
     ise::sim::process& sea = all.world.host("sea").start_process("sea");
-    ise::remote there = shore.at("tcp://boat:7400");
-    const std::string door = "tcp://boat:7400";
+    ise::remote there = shore.at(door);
 };
 
 } // namespace hostile_test

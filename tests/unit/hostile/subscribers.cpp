@@ -1,43 +1,11 @@
 // Sessions in good order whose subscriptions are not.
-#include "harbour.hpp"
+#include "fleet.hpp"
 
 using namespace hostile_test;
 
-namespace {
-
-struct fleet : harbour {
-    explicit fleet(ise::service_options options = {}) : harbour(options) {}
-    ise::publication<ise::subscription<fix>> fixes = boat.publish(position);
-    ise::publication<ise::subscription<blob>> images = boat.publish(pictures);
-
-    static ise::wire::subscribe terms(const ise::subscription<fix>& of = position) {
-        ise::wire::subscribe made;
-        made.service.service = of.name();
-        made.service.fingerprints = of.types().fingerprints;
-        return made;
-    }
-    void publish(int count) {
-        for (int i = 0; i < count; ++i) {
-            fix here{1.0 * i, 0, 0};
-            fixes(here);
-        }
-    }
-};
-
-// Counts what a subscriber in good order gets.
-ise::task<> count(ise::remote there, ise::subscribe_options options, std::vector<double>& into) {
-    auto packets = co_await there.subscribe(position, options);
-    for (;;) {
-        auto packet = co_await packets.next();
-        if (!packet) co_return;
-        into.push_back(packet->latitude_deg);
-    }
-}
-
-} // namespace
-
 TEST_CASE("hostile: a million subscriptions are refused beyond max_subscriptions_per_session") {
-    fleet at;
+    fleet at(either());
+    INFO(at.door);
     raw_peer peer(at.all, at.sea, at.door);
     peer.greet();
     auto terms = fleet::terms();
@@ -57,9 +25,9 @@ TEST_CASE("hostile: a million subscriptions are refused beyond max_subscriptions
 TEST_CASE("hostile: who subscribes and vanishes again and again leaves max_lingering behind") {
     ise::service_options options;
     options.max_lingering = 50;
-    fleet at(options);
-    std::vector<double> seen;
-    auto counting = start(at.shore.on, count(at.there, ise::subscribe_options::last(64), seen));
+    fleet at(either(), options);
+    INFO(at.door);
+    listener counting(at, ise::subscribe_options::last(64));
     at.all.world.run_for(1s);
     auto body = ise::encode(fleet::terms());
     for (int life = 0; life < 20; ++life) {
@@ -73,15 +41,13 @@ TEST_CASE("hostile: who subscribes and vanishes again and again leaves max_linge
     CHECK(at.fixes.subscribers() == 51);
     at.publish(3);
     at.all.world.run_for(1s);
-    CHECK(seen.size() == 3);
+    CHECK(counting.seen.size() == 3);
     at.all.world.run_for(31s);
     CHECK(at.fixes.subscribers() == 1); // the linger is over for the last of them too
-    counting->cancel.emit(asio::cancellation_type::terminal);
-    at.all.run_until([&] { return counting->done; });
 }
 
 TEST_CASE("hostile: credits beyond all bounds are no more than many") {
-    fleet at;
+    fleet at("tcp");
     raw_peer peer(at.all, at.sea, at.door);
     peer.greet();
     auto terms = fleet::terms();
@@ -105,12 +71,41 @@ TEST_CASE("hostile: credits beyond all bounds are no more than many") {
     at.others_do_not_notice();
 }
 
+TEST_CASE("hostile: over udp nobody subscribes without loss, and credits for other subscriptions mean nothing") {
+    fleet at("udp");
+    raw_peer peer(at.all, at.sea, at.door);
+    peer.greet();
+    auto terms = fleet::terms();
+    terms.policy = ise::overflow::lossless;
+    terms.credit = ~std::uint64_t{0};
+    peer.say(frame_type::subscribe, 1, terms);
+    CHECK(at.all.run_until([&] { return peer.count(frame_type::ended) == 1; }));
+    auto why = ise::decode<ise::wire::farewell>(peer.last(frame_type::ended)->body);
+    CHECK(static_cast<errc>(why.code) == errc::invalid_argument);
+    CHECK_THAT(why.reason, Contains("without loss over udp"));
+    terms.policy = ise::overflow::keep_last;
+    terms.depth = 8;
+    terms.credit = 0;
+    peer.say(frame_type::subscribe, 2, terms);
+    CHECK(at.all.run_until([&] { return peer.count(frame_type::subscribed) == 1; }));
+    for (auto total : {~std::uint64_t{0}, std::uint64_t{0}, std::uint64_t{1} << 63}) {
+        ise::buffer body;
+        body.append(total);
+        for (std::uint64_t subscription : {0, 1, 2, 3}) peer.say(frame_type::credit, subscription, body.view());
+    }
+    at.all.world.run_for(1s);
+    at.publish(5);
+    CHECK(at.all.run_until([&] { return peer.count(frame_type::packet) == 5; }));
+    CHECK(at.fixes.subscribers() == 1);
+    at.others_do_not_notice();
+}
+
 TEST_CASE("hostile: a subscriber that never reads is held no more than max_subscriber_bytes") {
     ise::service_options options;
     options.max_subscriber_bytes = 1 << 20;
-    fleet at(options);
-    std::vector<double> seen;
-    auto counting = start(at.shore.on, count(at.there, ise::subscribe_options::last(64), seen));
+    fleet at(either(), options);
+    INFO(at.door);
+    listener counting(at, ise::subscribe_options::last(64));
     raw_peer peer(at.all, at.sea, at.door, false);
     peer.greet();
     auto terms = fleet::terms();
@@ -134,10 +129,8 @@ TEST_CASE("hostile: a subscriber that never reads is held no more than max_subsc
     CHECK(most > 900'000);
     CHECK(most <= (1 << 20) + 20'000);
     CHECK(at.boat.services->counts().packets_dropped > 1000);
-    CHECK(seen.size() == 500); // another's packets are all there
+    CHECK(counting.seen.size() == 500); // another's packets are all there
     at.others_do_not_notice();
-    counting->cancel.emit(asio::cancellation_type::terminal);
-    at.all.run_until([&] { return counting->done; });
 }
 
 namespace {
@@ -152,9 +145,8 @@ ise::task<> send_all(ise::publication<ise::subscription<fix>> out, int packets, 
 } // namespace
 
 TEST_CASE("hostile: a lossless subscriber that grants nothing holds its publisher up no longer than longest_stall") {
-    fleet at;
-    std::vector<double> seen;
-    auto counting = start(at.shore.on, count(at.there, ise::subscribe_options::lossless(8), seen));
+    fleet at("tcp");
+    listener counting(at, ise::subscribe_options::lossless(8));
     at.all.world.run_for(1s);
     raw_peer peer(at.all, at.sea, at.door);
     peer.greet();
@@ -176,10 +168,28 @@ TEST_CASE("hostile: a lossless subscriber that grants nothing holds its publishe
         peer.say(frame_type::ping, 1, ise::bytes_view());
     }
     CHECK(sending->done);
-    CHECK(seen.size() == 100);
+    CHECK(counting.seen.size() == 100);
     CHECK(peer.count(frame_type::ended) == 1);
     CHECK(at.warned("longest_stall"));
     at.others_do_not_notice();
-    counting->cancel.emit(asio::cancellation_type::terminal);
-    at.all.run_until([&] { return counting->done; });
+}
+
+TEST_CASE("hostile: who accepts no packet is told of a few times, and not of each packet") {
+    fleet at(either());
+    INFO(at.door);
+    listener counting(at, ise::subscribe_options::last(1000));
+    raw_peer peer(at.all, at.sea, at.door);
+    ise::wire::limits nothing;
+    nothing.max_message_bytes = 0;
+    peer.greet("raw", nothing);
+    for (std::uint64_t id = 1; id <= 10; ++id) peer.say(frame_type::subscribe, id, fleet::terms());
+    CHECK(at.all.run_until([&] { return at.fixes.subscribers() == 11; }));
+    at.publish(500);
+    at.all.world.run_for(1s);
+    CHECK(counting.seen.size() == 500);
+    CHECK(peer.count(frame_type::packet) == 0);
+    INFO(at.all_warnings());
+    CHECK(at.warned("(max_message_bytes)"));
+    CHECK(at.boat.warnings.size() < 20);
+    at.others_do_not_notice();
 }

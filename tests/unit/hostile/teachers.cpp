@@ -1,0 +1,228 @@
+// Schemas that nobody asked for, too many of them, too big ones, and questions for schemas.
+#include "fleet.hpp"
+
+#include <ise/packet/schema.hpp>
+
+using namespace hostile_test;
+
+namespace {
+
+struct stranger_mode {
+    std::string mode;
+    int more = 0;
+};
+
+// Introduces a service with the request of its own schema, and tells that schema when it is asked for.
+struct teacher {
+    explicit teacher(harbour& of) : at(of), peer(of.all, of.sea, of.door) { peer.greet(); }
+    void teach(const std::string& text, bool asked = true) {
+        auto fingerprint = ise::schema::parse(text).value().fingerprint();
+        peer.introduce(taught++, "helm", {fingerprint, helm.types().fingerprints[1]});
+        auto questions = peer.count(frame_type::schema_request);
+        if (asked) REQUIRE(at.all.world.run_until([&] { return peer.count(frame_type::schema_request) > questions; }, 1s));
+        ise::wire::schema_answer answer;
+        answer.fingerprint = fingerprint;
+        answer.text = text;
+        peer.say(frame_type::schema, 0, answer);
+        peer.finish();
+    }
+    bool knows(const std::string& text) { return at.boat.services->schemas().find(ise::schema::parse(text).value().fingerprint()).has_value(); }
+
+    harbour& at;
+    raw_peer peer;
+    std::uint64_t taught = 0;
+};
+
+} // namespace
+
+TEST_CASE("hostile: of what peers teach without end the oldest is forgotten (learnt_schemas)") {
+    harbour at(either());
+    INFO(at.door);
+    auto small = [](int i) { return "struct{mode:string,more" + std::to_string(i) + ":i8}"; };
+    {
+        teacher first(at);
+        for (int i = 0; i < 2000; ++i) first.teach(small(i));
+        at.all.world.run_for(1s);
+        CHECK(first.knows(small(0)));
+        teacher second(at);
+        for (int i = 2000; i < 4200; ++i) {
+            second.teach(small(i));
+            if (i % 100 == 0) first.peer.say(frame_type::ping, 1, ise::bytes_view());
+        }
+        at.all.world.run_for(1s);
+        CHECK_FALSE(first.knows(small(103)));
+        CHECK(first.knows(small(105)));
+        CHECK(first.knows(small(4199)));
+        // What was agreed on by it goes on.
+        set_mode hold{"hold"};
+        auto body = ise::encode(hold);
+        body.push_back(std::byte{1});
+        ise::buffer request;
+        request.append(std::uint32_t{0});
+        request.append(std::int64_t{3'600'000'000'000});
+        request.append(ise::bytes_view(body));
+        first.peer.say(frame_type::request, 0, request.view());
+        CHECK(at.all.world.run_until([&] { return first.peer.count(frame_type::reply) == 1; }, 1s));
+    }
+    at.others_do_not_notice();
+}
+
+TEST_CASE("hostile: schemas count for the memory that they take, and a session keeps no more of them than learnt_schema_bytes") {
+    harbour at(either());
+    INFO(at.door);
+    teacher fat(at);
+    auto text = [](int i) {
+        std::string made = "struct{mode:string";
+        for (int field = 0; field < 4; ++field) {
+            made += ",f" + std::to_string(4 * i + field) + ":tuple<i8";
+            for (int one = 0; one < 1000; ++one) made += ",i8";
+            made += ">";
+        }
+        return made + "}";
+    };
+    for (int i = 0; i < 150; ++i) fat.teach(text(i));
+    at.all.world.run_for(1s);
+    CHECK_FALSE(fat.knows(text(0)));
+    CHECK(fat.knows(text(149)));
+    set_mode asked{"hold"};
+    fat.peer.request(0, 149, 1h, asked);
+    REQUIRE(at.all.world.run_until([&] { return fat.peer.count(frame_type::error) == 1; }, 1s));
+    auto why = ise::decode<ise::wire::call_failure>(fat.peer.last(frame_type::error)->body);
+    CHECK(static_cast<errc>(why.code) == errc::overloaded);
+    CHECK_THAT(why.reason, Contains("(learnt_schema_bytes)"));
+    CHECK(at.of_raw());
+    INFO(at.all_warnings());
+    CHECK(at.warned("(learnt_schema_bytes)"));
+    CHECK(at.boat.warnings.size() < 30);
+    // What it has in common with the boat costs nothing.
+    fat.peer.introduce(150, "helm", helm.types().fingerprints);
+    fat.peer.request(1, 150, 1h, asked);
+    CHECK(at.all.world.run_until([&] { return fat.peer.count(frame_type::reply) == 1; }, 1s));
+    at.others_do_not_notice();
+}
+
+TEST_CASE("hostile: whoever teaches much while another answers does not keep that other from being understood") {
+    harbour at(either());
+    INFO(at.door);
+    raw_peer older(at.all, at.sea, at.door);
+    older.greet("older");
+    const std::string first = "struct{mode:string,seen:i8}", second = "struct{accepted:bool}";
+    auto tell = [&](const std::string& text) {
+        ise::wire::schema_answer answer;
+        answer.fingerprint = ise::schema::parse(text).value().fingerprint();
+        answer.text = text;
+        older.say(frame_type::schema, 0, answer);
+        at.all.world.run_for(1s);
+    };
+    older.introduce(0, "helm", {ise::schema::parse(first).value().fingerprint(), ise::schema::parse(second).value().fingerprint()});
+    at.all.world.run_for(1s);
+    tell(first);
+    teacher busy(at);
+    for (int i = 0; i < 4096; ++i) {
+        busy.teach("struct{mode:string,more" + std::to_string(i) + ":i8}", false);
+        if (i % 100 == 0) older.say(frame_type::ping, 1, ise::bytes_view());
+    }
+    at.all.world.run_for(1s);
+    tell(second);
+    auto body = ise::encode(set_mode{"hold"});
+    body.push_back(std::byte{1});
+    ise::buffer request;
+    request.append(std::uint32_t{0});
+    request.append(std::int64_t{3'600'000'000'000});
+    request.append(ise::bytes_view(body));
+    older.say(frame_type::request, 0, request.view());
+    CHECK(at.all.world.run_until([&] { return older.count(frame_type::reply) == 1; }, 5s));
+    at.others_do_not_notice();
+}
+
+TEST_CASE("hostile: questions that are never answered are 256 (schema_questions)") {
+    harbour at(either());
+    INFO(at.door);
+    raw_peer peer(at.all, at.sea, at.door);
+    peer.greet();
+    for (std::uint64_t number = 0; number < 300; ++number) peer.introduce(number, "helm", {1000 + number, 2000 + number});
+    set_mode any{"any"};
+    for (std::uint32_t call = 0; call < 300; ++call) peer.request(call, call, 1h, any);
+    peer.finish();
+    at.all.world.run_for(1s);
+    CHECK(peer.count(frame_type::schema_request) == 256);
+    CHECK(peer.count(frame_type::error) == 300 - 256);
+    auto why = ise::decode<ise::wire::call_failure>(peer.last(frame_type::error)->body);
+    CHECK_THAT(why.reason, Contains("(schema_questions)"));
+    INFO(at.all_warnings());
+    CHECK(at.warned("(schema_questions)"));
+    CHECK(at.of_raw());
+    at.others_do_not_notice();
+}
+
+TEST_CASE("hostile: nobody is taught what he did not ask for") {
+    harbour at(either());
+    INFO(at.door);
+    raw_peer peer(at.all, at.sea, at.door);
+    peer.greet();
+    const auto& other = ise::schema_of<stranger_mode>();
+    ise::wire::schema_answer answer;
+    answer.fingerprint = other.fingerprint();
+    answer.text = other.text();
+    peer.say(frame_type::schema, 0, answer);
+    at.all.world.run_for(1s);
+    CHECK(at.of_raw());
+    CHECK_FALSE(at.boat.services->schemas().find(other.fingerprint()));
+    // Asked, it learns.
+    peer.introduce(0, "helm", {other.fingerprint(), helm.types().fingerprints[1]});
+    at.all.world.run_for(1s);
+    peer.say(frame_type::schema, 0, answer);
+    at.all.world.run_for(1s);
+    CHECK(at.boat.services->schemas().find(other.fingerprint()));
+}
+
+TEST_CASE("hostile: a question for schemas is answered once for each, and not without end") {
+    harbour at(either());
+    INFO(at.door);
+    ise::wire::schema_request asked;
+    asked.fingerprints.assign(64, helm.types().fingerprints[0]);
+    SECTION("repeated") {
+        raw_peer peer(at.all, at.sea, at.door);
+        peer.greet();
+        peer.say(frame_type::schema_request, 0, asked);
+        at.all.world.run_for(1s);
+        CHECK(peer.count(frame_type::schema) == 1);
+    }
+    SECTION("too many") {
+        raw_peer peer(at.all, at.sea, at.door);
+        peer.greet();
+        asked.fingerprints.resize(65);
+        peer.say(frame_type::schema_request, 0, asked);
+        CHECK(at.all.run_until([&] { return peer.closed(); }));
+        CHECK(at.warned("asked_schemas"));
+    }
+    SECTION("without reading the answers") {
+        raw_peer peer(at.all, at.sea, at.door, false);
+        peer.greet();
+        asked.fingerprints.resize(1);
+        for (int i = 0; i < 200'000 && !peer.closed(); ++i) {
+            peer.say(frame_type::schema_request, 0, asked);
+            if (i % 100 == 0) peer.finish();
+        }
+        CHECK(at.all.world.run_until([&] { return !at.of_raw(); }, 10s));
+        CHECK(at.warned("control_bytes"));
+    }
+    at.others_do_not_notice();
+}
+
+TEST_CASE("hostile: requests that wait for schemas that never come are bounded") {
+    harbour at(either());
+    INFO(at.door);
+    raw_peer peer(at.all, at.sea, at.door);
+    peer.greet();
+    peer.introduce(0, "helm", {77, 78});
+    set_mode big{std::string(100'000, 'x')};
+    for (std::uint64_t call = 0; call < 300; ++call) peer.request(call, 0, 1h, big);
+    peer.finish();
+    at.all.world.run_for(1s);
+    CHECK(peer.count(frame_type::error) == 300 - (16u << 20) / 100'004); // held_bytes
+    auto why = ise::decode<ise::wire::call_failure>(peer.last(frame_type::error)->body);
+    CHECK_THAT(why.reason, Contains("held_bytes"));
+    at.others_do_not_notice();
+    CHECK(at.of_raw());
+}
