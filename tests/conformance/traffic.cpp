@@ -52,7 +52,8 @@ ise::task<> subscribe(ise::remote from, ise::subscribe_options options, std::sha
 }
 
 ise::task<> read_on(ise::remote from, ise::subscribe_options options, std::shared_ptr<reading> into) {
-    co_await subscribe(from, options, into);
+    auto begun = subscribe(from, options, into);
+    co_await std::move(begun);
     for (;;) {
         auto packet = co_await into->stream->next();
         if (!packet) co_return;
