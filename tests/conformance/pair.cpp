@@ -83,11 +83,16 @@ void pair::open_through_relay() {
     there = shore.at(at);
 }
 
+void pair::run_until(const std::function<bool()>& done) {
+    const bool came_to_that = over.run_until(done);
+    REQUIRE(came_to_that);
+}
+
 void pair::cut() { close_all(shore, "cut"); }
 
 void pair::strike(fault what) {
     auto both = {&boat, &shore};
-    REQUIRE(run_until([&] { return std::ranges::none_of(both, [](auto* one) { return one->services->sessions().empty(); }); }));
+    run_until([&] { return std::ranges::none_of(both, [](auto* one) { return one->services->sessions().empty(); }); });
     auto there_now = sessions_of(both);
     switch (what) {
         case fault::cut: cut(); break;
@@ -100,7 +105,7 @@ void pair::strike(fault what) {
     if (what == fault::outage) {
         run(ise::sleep_for(shore.on, std::chrono::nanoseconds(options_.accepts.heartbeat_ns)));
     } else if (what != fault::forgotten || !has.datagrams) {
-        REQUIRE(run_until([&] { return std::ranges::none_of(there_now, [](auto& one) { return one->open(); }); }));
+        run_until([&] { return std::ranges::none_of(there_now, [](auto& one) { return one->open(); }); });
     }
     if (what == fault::outage || what == fault::partition) part(false);
 }
@@ -109,7 +114,7 @@ party& pair::next_life() {
     close_all(boat, "gone");
     boat.services->stop(std::chrono::milliseconds(100));
     boat.scope.stop();
-    REQUIRE(run_until([&] { return boat.scope.size() == 0; }));
+    run_until([&] { return boat.scope.size() == 0; });
     reborn = std::make_unique<party>(boat.env, over.loop(boat.env), "boat", options_, ise::security::load(boat.env, over.credentials).value());
     return *reborn;
 }

@@ -39,6 +39,15 @@ column of_datagrams(std::string at, std::string relay_at) {
     return made;
 }
 
+bool real_world::run_until(const std::function<bool()>& done) {
+    const auto end = env_.now() + 2min;
+    while (!done()) {
+        if (env_.now() >= end) return false;
+        context_.run_one_for(1s);
+    }
+    return true;
+}
+
 tcp::tcp() : real_world(of_streams("tcp://127.0.0.1:0", "tcp://127.0.0.1:0")) {}
 tcp6::tcp6() : real_world(of_streams("tcp://[::1]:0", "tcp://[::1]:0")) {}
 tls::tls() : real_world(of_streams("tls://127.0.0.1:0", "tcp://127.0.0.1:0")) { credentials.tls_folder = certificates().string(); }
