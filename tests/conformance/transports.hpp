@@ -1,58 +1,67 @@
 #pragma once
+#include "relay.hpp"
+
 #include <ise/core/real/environment.hpp>
+#include <ise/net/security.hpp>
 #include <ise/sim/world.hpp>
-#include <support/authority.hpp>
-#include <support/party.hpp>
 
 #include <asio/executor_work_guard.hpp>
 #include <asio/io_context.hpp>
 
-#include <fmt/format.h>
-
-#include <unistd.h>
+#include <functional>
+#include <string>
+#include <vector>
 
 /// Two components over each transport; the tests know no more than this.
 namespace conformance {
 
-using namespace ise_test;
-
-/// Credentials that are good for all of them, made once.
-inline const std::filesystem::path& certificates() {
-    static authority trusted;
-    static auto folder = trusted.issue("host");
-    return folder;
-}
-
 /// What differs between transports, as the table of FORMAT.md has it.
-struct as_streams {
-    static constexpr int calls_beside_big = 2; ///< that are answered, at least, while a big message is on its way
-    static constexpr bool lossless = true;             ///< may be asked for
-    static constexpr bool calls_are_repeated = false;  ///< on the next session
-    static constexpr std::size_t big_message = 8 << 20;
-    static constexpr std::uint64_t message_limit = 16 << 20; // as these components say
+struct column {
+    std::string at;                  ///< where the provider listens
+    std::string relay_at;            ///< and the relay before it; none within a process
+    bool datagrams = false;
+    bool lossless = true;            ///< may be asked for
+    bool calls_are_repeated = false; ///< on the next session
+    int calls_beside_big = 2;        ///< that are answered, at least, while a big message is on its way
+    std::size_t big_message = 8 << 20;
+    std::uint64_t message_limit = 16 << 20; ///< as these components say
+    std::uint64_t heartbeat_ns = 300'000'000; ///< a test waits for three
 };
-struct as_datagrams {
-    static constexpr int calls_beside_big = 2;
-    static constexpr bool lossless = false;
-    static constexpr bool calls_are_repeated = true;
-    static constexpr std::size_t big_message = (1 << 20) - 1024;
-    static constexpr std::uint64_t message_limit = 1 << 20;  // of the transport
+column of_streams(std::string at, std::string relay_at);
+column of_datagrams(std::string at, std::string relay_at);
+
+/// Where the two live, and what they go over.
+class world {
+public:
+    explicit world(column what) : has(std::move(what)) {}
+    virtual ~world() = default;
+
+    column has;
+    ise::security_options credentials;
+
+    virtual ise::environment& boat() = 0;
+    virtual ise::environment& shore() = 0;
+    /// Beside the boat: what lies between the hosts lies before it.
+    virtual ise::environment& router() = 0;
+    virtual std::unique_ptr<ise::loop_host> loop(ise::environment& of) = 0;
+    /// Whether it came to that.
+    virtual bool run_until(const std::function<bool()>& done) = 0;
+    virtual bool is_virtual() const = 0;
+    /// Between the hosts, while `apart`, nothing passes and nobody is told.
+    virtual void part(relay& between, bool apart) { apart ? between.hold() : between.go_on(); }
 };
 
-class real_world {
+/// The machine's own sockets, on one thread, the test's.
+class real_world : public world {
 public:
-    static constexpr std::uint64_t heartbeat_ns = 300'000'000; // a test waits for three
-    real_world() : work_(asio::make_work_guard(context_)) {}
-    std::unique_ptr<ise::loop_host> loop() { return env_.adopt(context_.get_executor(), true); }
-    ise::security_options credentials() const { return {}; }
-    ise::environment& env_a() { return env_; }
-    ise::environment& env_b() { return env_; }
-    bool run_until(const std::function<bool()>& done) {
-        while (!done()) context_.run_one();
-        return true;
-    }
-    std::unique_ptr<ise::loop_host> loop_a() { return loop(); }
-    std::unique_ptr<ise::loop_host> loop_b() { return loop(); }
+    explicit real_world(column what) : world(std::move(what)), work_(asio::make_work_guard(context_)) {}
+    ise::environment& boat() override { return env_; }
+    ise::environment& shore() override { return env_; }
+    ise::environment& router() override { return env_; }
+    std::unique_ptr<ise::loop_host> loop(ise::environment&) override { return env_.adopt(context_.get_executor(), true); }
+    /// Gives up after two minutes, which no test takes: one that fails should not hang.
+    bool run_until(const std::function<bool()>& done) override;
+    bool is_virtual() const override { return false; }
 
 private:
     ise::real_environment env_;
@@ -60,120 +69,66 @@ private:
     asio::executor_work_guard<asio::io_context::executor_type> work_;
 };
 
-struct tcp : real_world, as_streams {
-    std::string where() const { return "tcp://127.0.0.1:0"; }
+struct tcp : real_world {
+    tcp();
 };
-struct tcp6 : real_world, as_streams {
-    std::string where() const { return "tcp://[::1]:0"; }
+struct tcp6 : real_world {
+    tcp6();
 };
-struct tls : real_world, as_streams {
-    std::string where() const { return "tls://127.0.0.1:0"; }
-    ise::security_options credentials() const {
-        ise::security_options made;
-        made.tls_folder = certificates().string();
-        return made;
-    }
+struct tls : real_world {
+    tls();
 };
-struct local : real_world, as_streams {
-    std::string where() const { return fmt::format("local://@ise-conformance-{}", ::getpid()); }
+struct local : real_world {
+    local();
 };
-struct in_process : real_world, as_streams {
-    static constexpr int calls_beside_big = 1; // it is handed over at once, as it is
-    std::string where() const { return "inproc://conformance"; }
+struct in_process : real_world {
+    in_process();
 };
-struct udp : real_world, as_datagrams {
-    std::string where() const { return "udp://127.0.0.1:0"; }
+struct udp : real_world {
+    udp();
 };
-struct udp6 : real_world, as_datagrams {
-    std::string where() const { return "udp://[::1]:0"; }
-};
-struct virtual_world {
-    static constexpr std::uint64_t heartbeat_ns = 5'000'000'000; // lost packets are late ones there
-    ise::sim::world world{11};
-    ise::sim::process& a = world.host("boat").start_process("boat");
-    ise::sim::process& b = world.host("shore").start_process("shore");
-    virtual_world() {
-        world.net().between("boat", "shore").latency = std::chrono::milliseconds(30);
-        world.net().between("boat", "shore").loss = 0.05;
-    }
-    ise::security_options credentials() const { return {}; }
-    ise::environment& env_a() { return a; }
-    ise::environment& env_b() { return b; }
-    std::unique_ptr<ise::loop_host> loop_a() { return a.make_loop("main"); }
-    std::unique_ptr<ise::loop_host> loop_b() { return b.make_loop("main"); }
-    bool run_until(const std::function<bool()>& done) { return world.run_until(done); }
-};
-struct virtual_tcp : virtual_world, as_streams {
-    std::string where() const { return "tcp://10.0.0.1:7400"; }
-};
-struct virtual_tls : virtual_world, as_streams {
-    virtual_tls() {
-        for (const char* host : {"boat", "shore"})
-            for (const char* file : {"ca.pem", "certificate.pem", "key.pem"}) world.host(host).write_file(std::string("tls/") + file, read_all(certificates() / file));
-    }
-    std::string where() const { return "tls://10.0.0.1:7400"; }
-    ise::security_options credentials() const {
-        ise::security_options made;
-        made.tls_folder = "tls";
-        return made;
-    }
-};
-struct virtual_udp : virtual_world, as_datagrams {
-    virtual_udp() {
-        world.net().between("boat", "shore").duplicate = 0.05;
-        world.net().between("boat", "shore").reorder = 0.05;
-    }
-    std::string where() const { return "udp://10.0.0.1:7400"; }
+struct udp6 : real_world {
+    udp6();
 };
 
-/// A provider "boat" that listens, and a requester "shore".
-template <class World>
-struct pair {
-    World world;
-    party boat{world.env_a(), world.loop_a(), "boat", quick(), ise::security::load(world.env_a(), world.credentials()).value()};
-    party shore{world.env_b(), world.loop_b(), "shore", quick(), ise::security::load(world.env_b(), world.credentials()).value()};
-    ise::endpoint where;
-    ise::remote there;
+/// The virtual network between the two hosts.
+struct weather {
+    std::string name = "usual";
+    std::uint64_t seed = 11;
+    double loss = 0.05;
+    double disorder = 0.05; ///< of datagrams: that come twice, or late
+    std::uint64_t bytes_per_second = 0; ///< 0: unlimited
+};
+std::vector<weather> all_weathers();
 
-    void open() {
-        where = boat.listen(world.where());
-        there = shore.at(where);
-    }
-    ~pair() {
-        for (auto* one : {&boat, &shore}) {
-            one->services->stop(std::chrono::milliseconds(100));
-            one->scope.stop();
-        }
-        world.run_until([&] { return boat.scope.size() == 0 && shore.scope.size() == 0; });
-        CHECK(boat.escaped.empty());
-        CHECK(shore.escaped.empty());
-    }
-    bool run_until(const std::function<bool()>& done) { return world.run_until(done); }
-    template <class T>
-    T run(ise::task<T> body) {
-        auto state = start(shore.on, std::move(body));
-        REQUIRE(run_until([&] { return state->done; }));
-        if constexpr (std::is_void_v<T>) {
-            state->get();
-        } else {
-            return std::move(state->get());
-        }
-    }
-    /// The session as the requester has it, cut without a word.
-    void cut() {
-        auto session = shore.services->sessions().begin()->second;
-        session->wire().close(ise::failure(ise::errc::peer_lost, "cut"));
-    }
+class virtual_world : public world {
+public:
+    virtual_world(column what, const weather& now);
+    ise::environment& boat() override { return boat_; }
+    ise::environment& shore() override { return shore_; }
+    ise::environment& router() override { return router_; }
+    std::unique_ptr<ise::loop_host> loop(ise::environment& of) override { return of.make_loop("main"); }
+    bool run_until(const std::function<bool()>& done) override { return sea_.run_until(done); }
+    bool is_virtual() const override { return true; }
+    void part(relay&, bool apart) override { apart ? sea_.net().partition("boat", "shore") : sea_.net().heal("boat", "shore"); }
+
+protected:
+    ise::sim::world sea_;
 
 private:
-    static ise::service_options quick() {
-        ise::service_options made;
-        made.accepts.heartbeat_ns = World::heartbeat_ns;
-        made.accepts.max_message_bytes = as_streams::message_limit;
-        made.first_back_off = std::chrono::milliseconds(5);
-        made.longest_back_off = std::chrono::milliseconds(50);
-        return made;
-    }
+    ise::sim::process& boat_ = sea_.host("boat").start_process("boat");
+    ise::sim::process& shore_ = sea_.host("shore").start_process("shore");
+    ise::sim::process& router_ = sea_.host("boat").start_process("router");
+};
+
+struct virtual_tcp : virtual_world {
+    explicit virtual_tcp(const weather& now = {});
+};
+struct virtual_tls : virtual_world {
+    explicit virtual_tls(const weather& now = {});
+};
+struct virtual_udp : virtual_world {
+    explicit virtual_udp(const weather& now = {});
 };
 
 } // namespace conformance

@@ -1,0 +1,154 @@
+// The table "What is guaranteed over which transport" of ise/wire/FORMAT.md, row by row: order, loss, duplication, and
+// what a subscriber learns.
+#include "traffic.hpp"
+
+#include <algorithm>
+
+using namespace conformance;
+
+namespace {
+
+void in_order_and_counted(pair& at) {
+    auto out = at.boat.publish(position);
+    at.open();
+    out(numbered(1));
+    auto got = follow(at.shore, at.there, ise::subscribe_options::last(8));
+    at.run_until([&] { return got->any(); });
+    CHECK(got->subscribed);
+    for (int i = 2; i <= 501; ++i) {
+        out(numbered(i));
+        if (i % 25 == 0) at.run_until([&] { return got->last() == i; });
+    }
+    at.run_until([&] { return got->last() == 501; });
+    CHECK(got->packets.front() == 1); // the last value
+    got->check_exact();
+    CHECK(got->packets.size() + got->lost() == 501);
+}
+
+using watch = ise::subscription<fix, set_mode, mode_set>;
+constexpr watch watched{"watched"};
+
+ise::task<> publish_on(ise::loop& on, ise::publication<watch> to, std::shared_ptr<int> published) {
+    co_await ise::sleep_for(on, 0s);
+    for (int i = 0; i < 5; ++i) to(numbered(++*published));
+}
+ise::task<ise::stream_of<watch>> subscribe_watch(ise::remote from) {
+    ise::subscribe_options later;
+    later.last_value = false;
+    later.deadline = 1min;
+    set_mode asked{"x"};
+    auto made = co_await from.subscribe(watched, asked, later);
+    co_return made;
+}
+ise::task<double> first_of(std::shared_ptr<ise::stream_of<watch>> from) {
+    auto packet = co_await from->next();
+    co_return packet->latitude_deg - static_cast<double>(packet.lost_before());
+}
+
+// The provider publishes while it decides, and goes on at once when it has.
+void answer_first(pair& at) {
+    auto published = std::make_shared<int>(0);
+    auto out = std::make_shared<ise::publication<watch>>();
+    ise::publication_callbacks<watch> callbacks;
+    callbacks.on_subscribe = [&at, published, out](const set_mode&, const ise::subscriber_info&) -> mode_set {
+        (*out)(numbered(++*published));
+        at.boat.scope.spawn("publisher", publish_on(at.boat.on, *out, published));
+        return mode_set{true, std::to_string(*published)};
+    };
+    *out = at.boat.publish(watched, std::move(callbacks));
+    at.open();
+    for (int round = 1; round <= 10; ++round) {
+        auto got = std::make_shared<ise::stream_of<watch>>(at.run(subscribe_watch(at.there)));
+        CHECK(got->response().accepted);
+        CHECK(at.run(first_of(got)) == std::stod(got->response().reason) + 1); // the first one behind the answer came, or was counted
+    }
+}
+
+// Where datagrams are doubled, lost and overtaken on the way; streams are what they are.
+void once(pair& at) {
+    auto out = at.boat.publish(position);
+    if (at.has.relay_at.empty()) at.open();
+    else at.open_through_relay();
+    if (at.between) at.between->roughen();
+    auto got = follow(at.shore, at.there, ise::subscribe_options::last(1000));
+    at.run_until([&] { return got->subscribed; });
+    for (int i = 1; i <= 500; ++i) {
+        out(numbered(i));
+        if (i % 10 == 0) at.run_until([&] { return got->last() == i; });
+    }
+    CHECK(std::ranges::adjacent_find(got->packets, std::greater_equal<>()) == got->packets.end()); // each once, never backwards
+    got->check_exact();
+    CHECK(got->counts().received == got->packets.size());
+    if (at.has.datagrams) CHECK(got->lost() > 0); // it was rough
+    else CHECK(got->packets.size() == 500);
+}
+
+void exact_gap(pair& at) {
+    auto out = at.boat.publish(position);
+    at.open();
+    auto got = follow(at.shore, at.there, ise::subscribe_options::last(4));
+    at.run_until([&] { return out.subscribers() == 1; });
+    for (int i = 1; i <= 10; ++i) out(numbered(i));
+    at.run_until([&] { return got->last() == 10; });
+    at.cut();
+    for (int i = 11; i <= 40; ++i) out(numbered(i)); // more than is kept; some go into the dead connection
+    at.run_until([&] { return got->last() == 40; });
+    got->check_exact();
+    CHECK(got->lost() >= 26);
+    CHECK((got->counts().resumed == 1 && got->counts().restarts == 0));
+    CHECK(out.subscribers() == 1);
+}
+
+void unknown_after_restart(pair& at) {
+    auto out = at.boat.publish(position);
+    at.open();
+    auto got = follow(at.shore, at.there, ise::subscribe_options::last(4));
+    at.run_until([&] { return out.subscribers() == 1; });
+    out(numbered(100));
+    at.run_until([&] { return got->last() == 100; });
+    auto& next = at.next_life();
+    auto again = next.publish(position);
+    again(numbered(200));
+    at.listen_again();
+    at.run_until([&] { return got->last() == 200; }); // its last value
+    again(numbered(300));
+    at.run_until([&] { return got->last() == 300; });
+    CHECK(got->packets == std::vector<double>{100, 200, 300});
+    CHECK(got->gaps == std::vector<std::uint64_t>{0, ise::unknown_gap, 0});
+    CHECK((got->counts().restarts == 1 && got->counts().resumed == 0));
+}
+
+void unknown_after_linger(pair& at) {
+    auto out = at.boat.publish(position);
+    at.open();
+    auto got = follow(at.shore, at.there, ise::subscribe_options::last(4));
+    at.run_until([&] { return out.subscribers() == 1; });
+    out(numbered(1));
+    at.run_until([&] { return got->last() == 1; });
+    at.strike(fault::reset); // the provider has forgotten it before the requester knows
+    at.run_until([&] { return out.subscribers() == 0; });
+    out(numbered(2));
+    at.run_until([&] { return got->last() == 2; });
+    CHECK(got->gaps == std::vector<std::uint64_t>{0, ise::unknown_gap});
+    CHECK((got->counts().restarts == 1 && got->counts().resumed == 0));
+}
+
+} // namespace
+
+TEMPLATE_TEST_CASE("order holds within a subscription, and nothing is lost that is not counted", "", OVER_EVERY_TRANSPORT) {
+    over<TestType>(in_order_and_counted);
+}
+
+TEMPLATE_TEST_CASE("the answer precedes the first packet of a subscription", "", OVER_EVERY_TRANSPORT) { over<TestType>(answer_first); }
+
+TEMPLATE_TEST_CASE("a packet is given to its subscriber at most once", "", OVER_EVERY_TRANSPORT) { over<TestType>(once); }
+
+TEMPLATE_TEST_CASE("a subscription resumes after the session was lost, with the exact gap", "", OVER_EVERY_TRANSPORT) { over<TestType>(exact_gap); }
+
+TEMPLATE_TEST_CASE("after a restart of the provider a subscription goes on with a gap of unknown length", "", OVER_EVERY_TRANSPORT) {
+    over<TestType>(unknown_after_restart);
+}
+
+TEMPLATE_TEST_CASE("beyond the linger a subscription goes on with a gap of unknown length", "", OVER_EVERY_TRANSPORT) {
+    over<TestType>(unknown_after_linger, [](ise::service_options& options) { options.linger = 0s; });
+}
