@@ -58,6 +58,7 @@ failure io_failure(std::string_view what, const std::error_code& cause) {
     // By number: Asio's own category does not compare equal to std::errc.
     auto code = cause.value() == EADDRINUSE ? errc::address_in_use : errc::io_failed;
     auto advice = code == errc::address_in_use        ? " (`ss -lntuxp` shows by whom: end that program, or listen elsewhere)"
+                  : cause.value() == EMFILE || cause.value() == ENFILE ? " (`ulimit -n` shows how many this process may have: raise that)"
                   : cause.value() == EADDRNOTAVAIL ? " (`ip address` shows those that this host has; 0.0.0.0 means all of them)"
                                                    : "";
     return failure(code, fmt::format("{}: {}{}", what, cause.message(), advice));

@@ -72,7 +72,7 @@ task<result<std::unique_ptr<stream>>> connect_local(loop& on, endpoint to) {
     local::socket socket(on.get_executor());
     auto [problem] = co_await socket.async_connect(address_of(to), as_tuple);
     if (problem == asio::error::operation_aborted) co_return failure(errc::cancelled, "connecting was cancelled");
-    if (problem) co_return failure(errc::unreachable, fmt::format("cannot connect to {}: {}", to.text(), problem.message()));
+    if (problem) co_return connect_failure(to, problem);
     co_return as_stream(std::move(socket), to.text());
 }
 

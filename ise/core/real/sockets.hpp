@@ -6,6 +6,8 @@ namespace ise::real {
 
 task<result<std::unique_ptr<stream>>> connect_tcp(loop& on, endpoint to);
 task<result<std::unique_ptr<stream>>> connect_local(loop& on, endpoint to);
+/// Why a connection was not made; what this process itself lacks comes with what to do.
+failure connect_failure(const endpoint& to, const std::error_code& why);
 result<std::unique_ptr<listener>> listen_tcp(loop& on, const endpoint& at);
 result<std::unique_ptr<listener>> listen_local(loop& on, const endpoint& at);
 result<std::unique_ptr<datagram_socket>> open_udp(loop& on, const endpoint& at);

@@ -6,6 +6,8 @@
 
 #include <fmt/format.h>
 
+#include <cerrno>
+
 namespace ise::real {
 namespace {
 
@@ -66,6 +68,12 @@ private:
 
 } // namespace
 
+failure connect_failure(const endpoint& to, const std::error_code& why) {
+    auto what = fmt::format("cannot connect to {}", to.text());
+    if (why.value() == EMFILE || why.value() == ENFILE) return io_failure(what, why);
+    return failure(errc::unreachable, fmt::format("{}: {}", what, why.message()));
+}
+
 task<result<std::unique_ptr<stream>>> connect_tcp(loop& on, endpoint to) {
     tcp::resolver resolver(on.get_executor());
     auto flags = tcp::resolver::numeric_service;
@@ -81,7 +89,7 @@ task<result<std::unique_ptr<stream>>> connect_tcp(loop& on, endpoint to) {
         auto [problem] = co_await socket.async_connect(candidate.endpoint(), as_tuple);
         if (!problem) co_return as_stream(std::move(socket));
         if (problem == asio::error::operation_aborted) co_return failure(errc::cancelled, "connecting was cancelled");
-        if (itself) co_return failure(errc::unreachable, fmt::format("cannot connect to {}: {}", to.text(), problem.message()));
+        if (itself) co_return connect_failure(to, problem);
         tried += fmt::format("{}{}: {}", tried.empty() ? "" : ", ", as_endpoint(candidate.endpoint()).text(), problem.message());
     }
     co_return failure(errc::unreachable, fmt::format("cannot connect to {} ({})", to.text(), tried));

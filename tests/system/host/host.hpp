@@ -21,10 +21,14 @@ inline std::vector<std::string> ise_call(const std::string& at, const std::strin
     return {"ise", "--wait", "--timeout", "60s", "call", at, service, request};
 }
 
-/// Whether a connection to that port of the loopback has bytes that nobody has read yet.
+/// Any port of the loopback.
+inline std::string loopback(const std::string& scheme) { return scheme + "://127.0.0.1:0"; }
+
+/// Whether something has come to that port of the loopback that nobody has read yet.
 inline bool bytes_wait_at(const std::string& endpoint) {
     auto port = std::stoul(endpoint.substr(endpoint.rfind(':') + 1));
-    std::ifstream table("/proc/net/tcp");
+    bool udp = endpoint.starts_with("udp:");
+    std::ifstream table(udp ? "/proc/net/udp" : "/proc/net/tcp");
     std::string line;
     std::getline(table, line);
     while (std::getline(table, line)) {
@@ -32,7 +36,7 @@ inline bool bytes_wait_at(const std::string& endpoint) {
         std::string number, local, remote, state, queues;
         words >> number >> local >> remote >> state >> queues;
         bool here = std::stoul(local.substr(local.find(':') + 1), nullptr, 16) == port;
-        if (here && state == "01" && queues.substr(queues.find(':') + 1) != "00000000") return true;
+        if (here && (udp || state == "01") && queues.substr(queues.find(':') + 1) != "00000000") return true;
     }
     return false;
 }

@@ -3,8 +3,10 @@
 
 #include <asio/write.hpp>
 #include <asio/ip/tcp.hpp>
+#include <asio/ip/udp.hpp>
 
 #include <sched.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 using namespace host_test;
@@ -18,6 +20,38 @@ std::vector<std::string> with_descriptors(int most, std::vector<std::string> arg
     std::vector<std::string> made{"/bin/sh", "-c", "ulimit -n " + std::to_string(most) + " && exec \"$0\" \"$@\"", ISE_BINARY_DIR "/bin/" + arguments[0]};
     made.insert(made.end(), arguments.begin() + 1, arguments.end());
     return made;
+}
+
+// This process has all that it may open, as long as this lives.
+class no_descriptors {
+public:
+    no_descriptors() {
+        ::getrlimit(RLIMIT_NOFILE, &before_);
+        int next = ::dup(0);
+        ::close(next);
+        rlimit none = before_;
+        none.rlim_cur = static_cast<rlim_t>(next); // what is open below it stays
+        ::setrlimit(RLIMIT_NOFILE, &none);
+    }
+    ~no_descriptors() { end(); }
+    void end() { ::setrlimit(RLIMIT_NOFILE, &before_); }
+
+private:
+    rlimit before_{};
+};
+
+ise::task<ise::result<void>> connect(ise::remote to) { return to.connect(60s); }
+
+// A network of this process's own, whose loopback is up: as root, or as root of a user namespace of its own.
+bool own_network() {
+    auto user = ::geteuid(), group = ::getegid();
+    if (user == 0 ? ::unshare(CLONE_NEWNET) != 0 : ::unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) return false;
+    if (user != 0) {
+        std::ofstream("/proc/self/setgroups") << "deny";
+        std::ofstream("/proc/self/uid_map") << "0 " << user << " 1";
+        std::ofstream("/proc/self/gid_map") << "0 " << group << " 1";
+    }
+    return std::system("ip link set lo up") == 0;
 }
 
 std::size_t count_of(const std::string& text, std::string_view what) {
@@ -55,18 +89,61 @@ TEST_CASE("host: out of file descriptors a provider keeps its sessions, says wha
     CHECK(count_of(ended.err, "cannot accept") < 15); // not one for each attempt
 }
 
+TEST_CASE("host: over udp more are served than the provider has descriptors") {
+    program vessel(with_descriptors(24, vessel_at("udp://127.0.0.1:0")));
+    auto at = vessel.read_line();
+    console shore;
+    shore.follow(at);
+    std::vector<ise::remote> all;
+    for (int i = 0; i < 60; ++i) {
+        auto& party = shore.all.add("client" + std::to_string(i));
+        all.push_back(party.at(at));
+        auto connected = shore.all.run(party, connect(all.back()));
+        REQUIRE(connected);
+    }
+    CHECK(shore.answer(shore.call(at, 0, 60s)));
+    CHECK(shore.restarts == 0);
+    vessel.signal(SIGTERM);
+    auto ended = vessel.wait();
+    CHECK(ended.exit_code == 0);
+    INFO(ended.err);
+    CHECK_THAT(ended.err, !Contains("Too many open files"));
+}
+
+TEST_CASE("host: a caller that is out of file descriptors says so, and reaches its provider when it has some") {
+    auto scheme = GENERATE(as<std::string>(), "tcp", "udp");
+    INFO(scheme);
+    program vessel(vessel_at(loopback(scheme)));
+    auto at = vessel.read_line();
+    console shore;
+    no_descriptors full;
+    auto got = shore.answer(shore.call(at, 0, 1s));
+    REQUIRE_FALSE(got);
+    CHECK(got.error().code() == ise::errc::timed_out);
+    CHECK(got.error().executed() == ise::execution::not_executed);
+    CHECK_THAT(got.error().message(), Contains(at) && Contains("Too many open files") && Contains("ulimit -n"));
+    auto waits = shore.call(at, 0, 60s);
+    full.end();
+    CHECK(shore.answer(waits));
+}
+
 TEST_CASE("host: a port in use ends each program with exit code 1, who to ask and what to do") {
     asio::io_context context;
     asio::ip::tcp::acceptor taken(context, {asio::ip::make_address("127.0.0.1"), 0});
+    asio::ip::udp::socket taken_too(context, {asio::ip::make_address("127.0.0.1"), taken.local_endpoint().port()});
     auto port = std::to_string(taken.local_endpoint().port());
-    auto at = "tcp://127.0.0.1:" + port;
+    auto at = "tcp://127.0.0.1:" + port, over_udp = "udp://127.0.0.1:" + port;
     std::vector<std::string> arguments;
     SECTION("the name server") { arguments = {"ise_name_server", "--listen", at}; }
+    SECTION("the name server, over udp") { arguments = {"ise_name_server", "--listen", over_udp}; }
     SECTION("the page") {
         arguments = {"atirma", "run", "--name-server", "tcp://127.0.0.1:1", "web-server", "--address", "127.0.0.1", "--port", port};
     }
     SECTION("a component's endpoint") {
         arguments = {"atirma", "run", "--name-server", "tcp://127.0.0.1:1", "xbee-proxy", "--listen", at};
+    }
+    SECTION("a component's endpoint, over udp") {
+        arguments = {"atirma", "run", "--name-server", "tcp://127.0.0.1:1", "xbee-proxy", "--listen", over_udp};
     }
     auto ran = run_program(arguments);
     INFO(arguments[0] << " " << arguments[1] << ": " << ran.out << ran.err);
@@ -97,13 +174,14 @@ TEST_CASE("host: a full disk under what a program writes stops no service") {
 }
 
 TEST_CASE("host: an address that is taken from its interface and given back heals") {
-    if (::geteuid() != 0 || ::unshare(CLONE_NEWNET) != 0 || std::system("ip link set lo up") != 0 ||
-        std::system("ip addr add 10.99.0.1/32 dev lo") != 0) {
-        WARN("skipped: taking addresses away needs root and a network namespace of one's own");
+    auto scheme = GENERATE(as<std::string>(), "tcp", "udp");
+    INFO(scheme);
+    if (!own_network() || std::system("ip addr add 10.99.0.1/32 dev lo") != 0) {
+        ise_test::skip("taking addresses away needs a network namespace of one's own, which this user may not make");
         return;
     }
     console shore;
-    program vessel(vessel_at("tcp://10.99.0.1:0"));
+    program vessel(vessel_at(scheme + "://10.99.0.1:0"));
     auto at = vessel.read_line();
     shore.follow(at);
     shore.until([&] { return shore.heard > 5; });

@@ -9,8 +9,8 @@ namespace {
 struct console {
     std::uint64_t answered = 0, failed = 0, heard = 0, lost = 0;
 
-    void start(names_test::system& in) {
-        in.start_body("shore", "console", [this](ise::component& self) -> ise::task<> {
+    ise::sim::process& start(names_test::system& in, const std::string& name = "console") {
+        return in.start_body("shore", name, [this](ise::component& self) -> ise::task<> {
             auto doubler = co_await self.find("atirma/doubler");
             self.spawn("listens", listen(doubler, *this));
             for (;;) {
@@ -35,8 +35,10 @@ struct console {
 } // namespace
 
 TEST_CASE("host: a wall clock that is set forwards, back or before all time disturbs nothing") {
+    auto scheme = GENERATE(as<std::string>(), "tcp", "udp");
+    INFO(scheme);
     names_test::system it;
-    auto& boat = it.start_doubler("boat", "atirma/doubler");
+    auto& boat = it.start_doubler("boat", "atirma/doubler", scheme + "://0.0.0.0:0");
     console seen;
     seen.start(it);
     REQUIRE(it.world.run_until([&] { return seen.answered > 3 && seen.heard > 3; }, 10s));
@@ -49,6 +51,10 @@ TEST_CASE("host: a wall clock that is set forwards, back or before all time dist
             CHECK(it.epoch_of("atirma/doubler") == epoch); // never lost, so never granted anew
             CHECK(seen.answered >= answered + 90);
             CHECK(seen.heard >= heard + 90);
+            console late; // and who comes only now is let in
+            auto& process = late.start(it, "late");
+            CHECK(it.world.run_until([&] { return late.answered > 3 && late.heard > 3; }, 5s));
+            process.crash();
         }
     }
     CHECK(seen.failed == 0);
@@ -56,8 +62,10 @@ TEST_CASE("host: a wall clock that is set forwards, back or before all time dist
 }
 
 TEST_CASE("host: a process that was stopped for longer than its lease heals when it goes on") {
+    auto scheme = GENERATE(as<std::string>(), "tcp", "udp");
+    INFO(scheme);
     names_test::system it;
-    auto& boat = it.start_doubler("boat", "atirma/doubler");
+    auto& boat = it.start_doubler("boat", "atirma/doubler", scheme + "://0.0.0.0:0");
     console seen;
     seen.start(it);
     REQUIRE(it.world.run_until([&] { return seen.answered > 3 && seen.heard > 3; }, 10s));
