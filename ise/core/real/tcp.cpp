@@ -66,11 +66,13 @@ private:
     endpoint where_;
 };
 
+bool out_of_descriptors(const std::error_code& why) { return why.value() == EMFILE || why.value() == ENFILE; }
+
 } // namespace
 
 failure connect_failure(const endpoint& to, const std::error_code& why) {
     auto what = fmt::format("cannot connect to {}", to.text());
-    if (why.value() == EMFILE || why.value() == ENFILE) return io_failure(what, why);
+    if (out_of_descriptors(why)) return failure(errc::unreachable, io_failure(what, why).message());
     return failure(errc::unreachable, fmt::format("{}: {}", what, why.message()));
 }
 
@@ -89,7 +91,7 @@ task<result<std::unique_ptr<stream>>> connect_tcp(loop& on, endpoint to) {
         auto [problem] = co_await socket.async_connect(candidate.endpoint(), as_tuple);
         if (!problem) co_return as_stream(std::move(socket));
         if (problem == asio::error::operation_aborted) co_return failure(errc::cancelled, "connecting was cancelled");
-        if (itself) co_return connect_failure(to, problem);
+        if (itself || out_of_descriptors(problem)) co_return connect_failure(to, problem);
         tried += fmt::format("{}{}: {}", tried.empty() ? "" : ", ", as_endpoint(candidate.endpoint()).text(), problem.message());
     }
     co_return failure(errc::unreachable, fmt::format("cannot connect to {} ({})", to.text(), tried));
