@@ -9,6 +9,7 @@
 #include <asio/post.hpp>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 namespace ise {
 namespace {
