@@ -15,12 +15,12 @@ constexpr std::string_view path = "atirma/doubler", role = "atirma/gateway", spa
 constexpr auto none = static_cast<std::size_t>(-1);
 
 // What a client of a path or a role sees.
-struct watch {
+struct onlooker {
     std::uint64_t answered = 0, failed = 0, heard = 0, lost = 0;
     int unknown_gaps = 0;
     std::string holder;
 
-    static ise::task<> call(ise::component& self, std::string whom, watch& into, ise::duration deadline) {
+    static ise::task<> call(ise::component& self, std::string whom, onlooker& into, ise::duration deadline) {
         auto there = self.at(whom, ise::role_options::come_back_after(1s));
         for (;;) {
             number asked{21};
@@ -31,7 +31,7 @@ struct watch {
             co_await self.sleep(100ms);
         }
     }
-    static ise::task<> listen(ise::component& self, std::string whom, watch& into) {
+    static ise::task<> listen(ise::component& self, std::string whom, onlooker& into) {
         auto there = self.at(whom);
         ise::subscribe_options patient;
         patient.deadline = 1h;
@@ -48,7 +48,7 @@ struct watch {
 
 struct story {
     names_test::system it;
-    watch of_path, of_role, of_bystander;
+    onlooker of_path, of_role, of_bystander;
     ise::sim::process* victim = nullptr;
     ise::node* victims_node = nullptr;
     std::uint64_t granted = 0, bystanders_epoch = 0; // the highest so far
@@ -57,11 +57,11 @@ struct story {
         it.start_doubler("stander", std::string(bystander));
         member("spare", spare, 5);
         it.start_body("shore", "console", [this](ise::component& self) -> ise::task<> {
-            self.spawn("calls the path", watch::call(self, std::string(path), of_path, 20s));
-            self.spawn("listens to the path", watch::listen(self, std::string(path), of_path));
-            self.spawn("calls the role", watch::call(self, std::string(role), of_role, 20s));
-            self.spawn("calls the bystander", watch::call(self, std::string(bystander), of_bystander, 1s));
-            self.spawn("listens to the bystander", watch::listen(self, std::string(bystander), of_bystander));
+            self.spawn("calls the path", onlooker::call(self, std::string(path), of_path, 20s));
+            self.spawn("listens to the path", onlooker::listen(self, std::string(path), of_path));
+            self.spawn("calls the role", onlooker::call(self, std::string(role), of_role, 20s));
+            self.spawn("calls the bystander", onlooker::call(self, std::string(bystander), of_bystander, 1s));
+            self.spawn("listens to the bystander", onlooker::listen(self, std::string(bystander), of_bystander));
             co_await self.sleep(100h);
         });
         REQUIRE(it.world.run_until([&] { return of_role.answered > 2 && of_bystander.answered > 2 && of_bystander.heard > 2; }, 10s));
