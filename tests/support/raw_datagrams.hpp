@@ -156,6 +156,17 @@ public:
         all_.world.run_for(std::chrono::milliseconds(200));
     }
 
+    /// The largest number that the other end says has come: what it did not take is not among these.
+    std::uint64_t acked() const {
+        for (auto at = wire.got.rbegin(); at != wire.got.rend(); ++at) {
+            if (at->type != ise::wire::datagram_type::data) continue;
+            ise::wire::chunk_reader chunks(ise::bytes_view(at->body).subspan(8));
+            while (auto one = chunks.next())
+                if (one->type == ise::wire::chunk_type::ack) return ise::detail::load_little<std::uint64_t>(one->content.data());
+        }
+        return 0;
+    }
+
     raw_datagrams wire;
     const std::uint64_t theirs; ///< the id by which the other end is addressed
     std::uint64_t number = 0;   ///< of the next datagram

@@ -19,7 +19,7 @@ TEST_CASE("hostile: of the calls of one session max_calls_per_session are served
     set_mode forever{"long"};
     for (std::uint64_t call = 0; call < 5000; ++call) peer.request(call, 0, 24h, forever);
     peer.finish();
-    CHECK(at.all.world.run_until([&] { return peer.count(frame_type::error) == 5000 - 4096; }, 2s));
+    REQUIRE(at.all.world.run_until([&] { return peer.count(frame_type::error) == 5000 - 4096; }, 2s));
     CHECK(at.at_once == 4096);
     auto why = ise::decode<ise::wire::call_failure>(peer.last(frame_type::error)->body);
     CHECK_THAT(why.reason, Contains("more than 4096 calls of one session at once (max_calls_per_session)"));
@@ -36,7 +36,7 @@ TEST_CASE("hostile: of the requests that wait for schemas 256 of a service are h
     for (std::uint64_t call = 0; call < 300; ++call) peer.request(call, 0, 1h, any);
     peer.finish();
     at.all.world.run_for(1s);
-    CHECK(peer.count(frame_type::error) == 300 - 256);
+    REQUIRE(peer.count(frame_type::error) == 300 - 256);
     auto why = ise::decode<ise::wire::call_failure>(peer.last(frame_type::error)->body);
     CHECK_THAT(why.reason, Contains("256 requests wait") && Contains("held_requests"));
     at.others_do_not_notice();

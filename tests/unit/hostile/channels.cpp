@@ -1,57 +1,8 @@
 // Peers over udp that have a session, and break the rules of the datagrams that carry it.
-#include "fleet.hpp"
-
-#include <support/raw_datagrams.hpp>
+#include "strait.hpp"
 
 using namespace hostile_test;
-using ise::wire::chunk_type;
 using ise::wire::datagram_type;
-
-namespace {
-
-constexpr std::uint32_t part = 1024; // of a message
-
-struct strait : fleet {
-    explicit strait(ise::service_options options = {}) : fleet("udp", options) {
-        all.run_until([&] { return fixes.subscribers() == 1; });
-        peer.greet();
-        if (!of_raw()) throw std::logic_error("no session");
-    }
-    void go_on(ise::duration time = 20ms) {
-        publish(1);
-        ++published;
-        all.world.run_for(time);
-    }
-    void alive() { peer.put(chunk_type::probe, {}); }
-    /// The others missed nothing, and the peer's session is there or is not.
-    void nobody_noticed(bool session) {
-        all.world.run_for(100ms);
-        CHECK(counting.seen.size() == published);
-        CHECK(boat.services->counts().sessions_accepted == 2);
-        CHECK((of_raw() != nullptr) == session);
-        others_do_not_notice();
-    }
-    /// A message whose end shows whether its beginning was kept: it is no packet, which ends the session.
-    void begin_telltale(std::uint64_t number) { telltale(number, 0); }
-    bool telltale_is_kept(std::uint64_t number) {
-        telltale(number, 1);
-        go_on();
-        return warned("a message came beside the stream that is no packet");
-    }
-
-    listener counting{*this, ise::subscribe_options::last(64)};
-    std::size_t published = 0;
-    raw_channel peer{all, sea, door};
-
-private:
-    void telltale(std::uint64_t number, std::uint32_t index) {
-        ise::buffer whole;
-        ise::wire::put_frame(whole, frame_type::request, 0, 0, [](ise::buffer& to) { to.append(ise::bytes_view(ise::bytes(part))); });
-        peer.fragment(number, static_cast<std::uint32_t>(whole.size()), index, whole.view().subspan(index * part, index == 0 ? part : whole.size() - part));
-    }
-};
-
-} // namespace
 
 TEST_CASE("hostile: acks of what was never sent, and acks ahead of time, hasten and harm nobody") {
     strait at;
@@ -166,11 +117,13 @@ TEST_CASE("hostile: fragments that cannot be are as if they had not come") {
         {5, 15, 0, 15},                     {5, 0, 0, 1},                 {1, 3000, 1, part},       {1, 1 << 20, 1, part},
         {~std::uint64_t{0}, 0x8000'0000, 0, part},
     };
+    const auto taken = at.peer.number;
     for (int round = 0; round < 100; ++round)
         for (const auto& one : wrong) at.peer.fragment(one.number, one.size, one.index, ise::bytes_view(full).first(one.bytes));
     for (std::size_t size : {0, 8, 15}) at.peer.put(chunk_type::fragment, ise::bytes_view(full).first(size));
     at.go_on(1s);
     CHECK(at.of_raw());
+    CHECK(at.peer.acked() < taken);
     CHECK(at.telltale_is_kept(1)); // and harmed nothing that was there
     at.nobody_noticed(false);
 }
@@ -185,8 +138,11 @@ TEST_CASE("hostile: content beyond the room, far away or about what came before 
         at.peer.put(chunk_type::content, head, bytes);
     };
     const ise::bytes junk(1000, std::byte{0xff});
-    for (std::uint64_t far : {at.peer.offset + 32768, at.peer.offset + 32768 - 999, std::uint64_t{1} << 32, ~std::uint64_t{0}, ~std::uint64_t{0} - 999, std::uint64_t{1} << 63})
+    const auto room = at.peer.offset + 32768, taken = at.peer.number;
+    for (auto far : {room, room - 999, std::uint64_t{1} << 32, ~std::uint64_t{0}, ~std::uint64_t{0} - 999, std::uint64_t{1} << 63})
         for (int i = 0; i < 100; ++i) at_offset(far, junk);
+    at.go_on();
+    CHECK(at.peer.acked() < taken);
     for (std::uint64_t back = 0; back < at.peer.offset; back += 10) // what was taken stays as it was
         at_offset(back, ise::bytes_view(junk).first(std::min<std::uint64_t>(10, at.peer.offset - back)));
     // Single bytes with gaps between them, more than are remembered.
@@ -199,6 +155,7 @@ TEST_CASE("hostile: content beyond the room, far away or about what came before 
     at.peer.content(ping.view()); // in order, and heard
     at.go_on(1s);
     CHECK(at.of_raw());
+    CHECK(at.peer.acked() == at.peer.number - 1);
     at.nobody_noticed(true);
 }
 
