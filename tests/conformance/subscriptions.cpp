@@ -50,9 +50,11 @@ void answer_first(pair& at) {
     auto published = std::make_shared<int>(0);
     auto out = std::make_shared<ise::publication<watch>>();
     ise::publication_callbacks<watch> callbacks;
-    callbacks.on_subscribe = [&at, published, out](const set_mode&, const ise::subscriber_info&) -> mode_set {
-        (*out)(numbered(++*published));
-        at.boat.scope.spawn("publisher", publish_on(at.boat.on, *out, published));
+    callbacks.on_subscribe = [&at, published, own = std::weak_ptr(out)](const set_mode&, const ise::subscriber_info&) -> mode_set {
+        auto to = own.lock(); // it holds this callback
+        if (!to) return mode_set{false, "the test is over"};
+        (*to)(numbered(++*published));
+        at.boat.scope.spawn("publisher", publish_on(at.boat.on, *to, published));
         return mode_set{true, std::to_string(*published)};
     };
     *out = at.boat.publish(watched, std::move(callbacks));
