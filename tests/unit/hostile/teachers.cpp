@@ -12,6 +12,17 @@ struct stranger_mode {
     int more = 0;
 };
 
+// Calls the service that was introduced first, with a request that has a field of one byte more than the boat's.
+void hold_and_more(raw_peer& by) {
+    auto body = ise::encode(set_mode{"hold"});
+    body.push_back(std::byte{1});
+    ise::buffer request;
+    request.append(std::uint32_t{0});
+    request.append(std::int64_t{3'600'000'000'000});
+    request.append(ise::bytes_view(body));
+    by.say(frame_type::request, 0, request.view());
+}
+
 // Introduces a service with the request of its own schema, and tells that schema when it is asked for.
 struct teacher {
     explicit teacher(harbour& of) : at(of), peer(of.all, of.sea, of.door) { peer.greet(); }
@@ -54,14 +65,7 @@ TEST_CASE("hostile: of what peers teach without end the oldest is forgotten (lea
         CHECK(first.knows(small(105)));
         CHECK(first.knows(small(4199)));
         // What was agreed on by it goes on.
-        set_mode hold{"hold"};
-        auto body = ise::encode(hold);
-        body.push_back(std::byte{1});
-        ise::buffer request;
-        request.append(std::uint32_t{0});
-        request.append(std::int64_t{3'600'000'000'000});
-        request.append(ise::bytes_view(body));
-        first.peer.say(frame_type::request, 0, request.view());
+        hold_and_more(first.peer);
         CHECK(at.all.world.run_until([&] { return first.peer.count(frame_type::reply) == 1; }, 1s));
     }
     at.others_do_not_notice();
@@ -124,13 +128,7 @@ TEST_CASE("hostile: whoever teaches much while another answers does not keep tha
     }
     at.all.world.run_for(1s);
     tell(second);
-    auto body = ise::encode(set_mode{"hold"});
-    body.push_back(std::byte{1});
-    ise::buffer request;
-    request.append(std::uint32_t{0});
-    request.append(std::int64_t{3'600'000'000'000});
-    request.append(ise::bytes_view(body));
-    older.say(frame_type::request, 0, request.view());
+    hold_and_more(older);
     CHECK(at.all.world.run_until([&] { return older.count(frame_type::reply) == 1; }, 5s));
     at.others_do_not_notice();
 }

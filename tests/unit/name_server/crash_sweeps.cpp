@@ -132,14 +132,17 @@ struct story {
 constexpr std::array away{20ms, 700ms, 6000ms};
 constexpr ise::duration lease = 2s;
 
+// That there are where nobody is killed.
+auto events_of_coming() {
+    story undisturbed;
+    undisturbed.come();
+    return undisturbed.run(1500ms, none);
+}
+
 } // namespace
 
 TEST_CASE("crash: the name server is killed at every event while a component comes, is looked up and renews its name") {
-    auto events = [] {
-        story undisturbed;
-        undisturbed.come();
-        return undisturbed.run(1500ms, none);
-    }();
+    const auto events = events_of_coming();
     if (std::getenv("ISE_TEST_FIGURES")) std::cout << events << " events\n";
     CHECK(events > 200);
     for (std::size_t at = 0; at + 1 < events; ++at) {
@@ -162,11 +165,7 @@ TEST_CASE("crash: the name server is killed at every event while a component com
 
 TEST_CASE("crash: a component is killed at every event while it comes, is looked up and renews its name") {
     int gaps = 0;
-    auto events = [] {
-        story undisturbed;
-        undisturbed.come();
-        return undisturbed.run(1500ms, none);
-    }();
+    const auto events = events_of_coming();
     for (std::size_t at = 0; at + 1 < events; ++at) {
         INFO("killed at event " << at << " of " << events);
         story run;
