@@ -54,14 +54,22 @@ const std::error_category& error_category() noexcept {
 
 std::error_code make_error_code(errc code) noexcept { return {static_cast<int>(code), error_category()}; }
 
+namespace {
+std::string_view advice_on(int cause) {
+    switch (cause) {
+        case EADDRINUSE: return " (`ss -lntuxp` shows by whom: end that program, or listen elsewhere)";
+        case EMFILE:
+        case ENFILE: return " (`ulimit -n` shows how many this process may have: raise that)";
+        case EADDRNOTAVAIL: return " (`ip address` shows those that this host has; 0.0.0.0 means all of them)";
+        default: return "";
+    }
+}
+} // namespace
+
 failure io_failure(std::string_view what, const std::error_code& cause) {
     // By number: Asio's own category does not compare equal to std::errc.
     auto code = cause.value() == EADDRINUSE ? errc::address_in_use : errc::io_failed;
-    auto advice = code == errc::address_in_use        ? " (`ss -lntuxp` shows by whom: end that program, or listen elsewhere)"
-                  : cause.value() == EMFILE || cause.value() == ENFILE ? " (`ulimit -n` shows how many this process may have: raise that)"
-                  : cause.value() == EADDRNOTAVAIL ? " (`ip address` shows those that this host has; 0.0.0.0 means all of them)"
-                                                   : "";
-    return failure(code, fmt::format("{}: {}{}", what, cause.message(), advice));
+    return failure(code, fmt::format("{}: {}{}", what, cause.message(), advice_on(cause.value())));
 }
 
 } // namespace ise

@@ -22,8 +22,8 @@ struct json_limits {
 
 /// A packet's bytes as JSON. LAYOUT.md tells how each type is shown: enumerators by name, time points in ISO 8601
 /// (UTC), durations in seconds, chars as text, bytes and opaque types as base64, a variant as {"index": …, "value": …}.
-/// Throws `malformed` naming the field where the bytes are no such packet.
-std::string to_json(const schema& of, bytes_view packet, json_style style = json_style::compact);
+/// Throws `malformed` naming the field where the bytes are no such packet, `too_large` where the text passes `max_json_bytes`.
+std::string to_json(const schema& of, bytes_view packet, json_style style = json_style::compact, std::size_t max_json_bytes = std::size_t{512} << 20);
 
 /// JSON as a packet's bytes. Fields that are missing take the schema's defaults.
 /// Throws `malformed` with the path (`waypoints[3].latitude_deg: expected a number`); of a field that is unknown it

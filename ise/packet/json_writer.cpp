@@ -12,10 +12,10 @@ namespace ise {
 namespace {
 class writer {
 public:
-    writer(detail::reader& in, json_style style) : in_(in), pretty_(style == json_style::pretty) {}
+    writer(detail::reader& in, json_style style, std::size_t max_json_bytes) : in_(in), pretty_(style == json_style::pretty), max_json_bytes_(max_json_bytes) {}
 
     bool value(const type_description& type) {
-        if (text.size() > max_json_bytes) return in_.fail(fmt::format("its JSON is longer than {} bytes (max_json_bytes)", max_json_bytes), errc::too_large);
+        if (text.size() > max_json_bytes_) return in_.fail(fmt::format("its JSON is longer than {} bytes (max_json_bytes)", max_json_bytes_), errc::too_large);
         switch (type.kind) {
             case type_kind::string:
             case type_kind::opaque: {
@@ -180,17 +180,17 @@ private:
         return true;
     }
 
-    static constexpr std::size_t max_json_bytes = std::size_t{512} << 20;
     detail::reader& in_;
     bool pretty_;
+    std::size_t max_json_bytes_;
     std::size_t depth_ = 0;
 };
 } // namespace
 
-std::string to_json(const schema& of, bytes_view packet, json_style style) {
+std::string to_json(const schema& of, bytes_view packet, json_style style, std::size_t max_json_bytes) {
     decode_limits limits;
     detail::reader in(packet, limits);
-    writer to(in, style);
+    writer to(in, style, max_json_bytes);
     if (!to.value(of.type()) || !in.finish()) throw error(in.take_failure(of.name()));
     return std::move(to.text);
 }

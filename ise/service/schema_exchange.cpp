@@ -31,16 +31,20 @@ void schema_exchange::need(const std::vector<std::uint64_t>& fingerprints, ready
 void schema_exchange::hand_over(question& asked) {
     std::vector<schema> theirs;
     std::size_t more = 0;
+    std::vector<std::uint64_t> fresh;
     for (auto& one : asked.told) {
-        if (!handed_over_.contains(one->fingerprint())) more += book_.cost_of(*one);
+        auto fingerprint = one->fingerprint();
+        if (!handed_over_.contains(fingerprint) && std::ranges::find(fresh, fingerprint) == fresh.end()) {
+            more += book_.cost_of(*one);
+            fresh.push_back(fingerprint);
+        }
         theirs.push_back(std::move(*one));
     }
     if (handed_over_bytes_ + more > limit::learnt_schema_bytes)
         return asked.otherwise(failure(errc::overloaded, fmt::format("the schemas of this session would take {} bytes, {} are allowed (learnt_schema_bytes)",
                                                                      handed_over_bytes_ + more, limit::learnt_schema_bytes)));
     handed_over_bytes_ += more;
-    if (more > 0)
-        for (const auto& one : theirs) handed_over_.insert(one.fingerprint());
+    handed_over_.insert(fresh.begin(), fresh.end());
     asked.then(theirs);
 }
 
@@ -70,25 +74,29 @@ result<void> schema_exchange::on_request(bytes_view body) {
     return {};
 }
 
+namespace {
+result<schema> read_schema(const wire::schema_answer& told) {
+    if (told.text.empty()) return failure(errc::type_mismatch, fmt::format("the peer does not know its own schema {:016x}", told.fingerprint));
+    auto parsed = schema::parse(told.text);
+    if (parsed && parsed->fingerprint() != told.fingerprint)
+        return failure(errc::malformed, fmt::format("the peer's schema has fingerprint {:016x}, {:016x} was announced", parsed->fingerprint(),
+                                                    told.fingerprint));
+    return parsed;
+}
+} // namespace
+
 result<void> schema_exchange::on_answer(bytes_view body) {
     auto answer = wire::read_body<wire::schema_answer>(body);
     if (!answer) return answer.error();
     if (!asked_for(answer->fingerprint)) return {}; // nothing is learnt that nobody wanted to know
     std::optional<failure> problem;
     auto known = book_.find(answer->fingerprint); // another session may have been told meanwhile
-    if (known) {
-    } else if (answer->text.empty()) {
-        problem.emplace(errc::type_mismatch, fmt::format("the peer does not know its own schema {:016x}", answer->fingerprint));
-    } else {
-        auto parsed = schema::parse(answer->text);
-        if (!parsed) {
-            problem.emplace(parsed.error());
-        } else if (parsed->fingerprint() != answer->fingerprint) {
-            problem.emplace(errc::malformed, fmt::format("the peer's schema has fingerprint {:016x}, {:016x} was announced",
-                                                         parsed->fingerprint(), answer->fingerprint));
+    if (!known) {
+        if (auto read = read_schema(*answer)) {
+            book_.learn(*read);
+            known = std::move(*read);
         } else {
-            book_.learn(*parsed);
-            known = std::move(*parsed);
+            problem.emplace(read.error());
         }
     }
     // Answering may ask anew: the questions that are decided now are taken out first.

@@ -96,6 +96,14 @@ public:
             if (at->header.type == type) return &*at;
         return nullptr;
     }
+    /// What the last refusal of that type says, an error's or a farewell's; an empty message where none came.
+    ise::failure why(ise::wire::frame_type type) const {
+        auto frame = last(type);
+        auto as_failure = [](const auto& told) { return ise::failure(static_cast<ise::errc>(told.code), told.reason); };
+        if (!frame) return {ise::errc::not_connected, ""};
+        if (type == ise::wire::frame_type::error) return as_failure(ise::decode<ise::wire::call_failure>(frame->body));
+        return as_failure(ise::decode<ise::wire::farewell>(frame->body));
+    }
 
     std::vector<came> got;
     bool ended = false; ///< the provider closed

@@ -21,8 +21,7 @@ TEST_CASE("hostile: of the calls of one session max_calls_per_session are served
     peer.finish();
     REQUIRE(at.all.world.run_until([&] { return peer.count(frame_type::error) == 5000 - 4096; }, 2s));
     CHECK(at.at_once == 4096);
-    auto why = ise::decode<ise::wire::call_failure>(peer.last(frame_type::error)->body);
-    CHECK_THAT(why.reason, Contains("more than 4096 calls of one session at once (max_calls_per_session)"));
+    CHECK_THAT(peer.why(frame_type::error).message(), Contains("more than 4096 calls of one session at once (max_calls_per_session)"));
     at.others_do_not_notice();
 }
 
@@ -37,8 +36,7 @@ TEST_CASE("hostile: of the requests that wait for schemas 256 of a service are h
     peer.finish();
     at.all.world.run_for(1s);
     REQUIRE(peer.count(frame_type::error) == 300 - 256);
-    auto why = ise::decode<ise::wire::call_failure>(peer.last(frame_type::error)->body);
-    CHECK_THAT(why.reason, Contains("256 requests wait") && Contains("held_requests"));
+    CHECK_THAT(peer.why(frame_type::error).message(), Contains("256 requests wait") && Contains("held_requests"));
     at.others_do_not_notice();
 }
 

@@ -48,8 +48,7 @@ TEST_CASE("hostile: a million pending calls: those of others go on") {
     peer.finish();
     CHECK(at.all.world.run_until([&] { return peer.count(frame_type::error) == 20'000 - 6 - 64; }, 10s));
     CHECK(at.at_once == 6); // three quarters of the handlers
-    auto why = ise::decode<ise::wire::call_failure>(peer.last(frame_type::error)->body);
-    CHECK_THAT(why.reason, Contains("max_calls_per_session") || Contains("(waiting, waiting_bytes)"));
+    CHECK_THAT(peer.why(frame_type::error).message(), Contains("max_calls_per_session") || Contains("(waiting, waiting_bytes)"));
     at.others_do_not_notice();
     // Many calls of the others at once: more than there are handlers left, within a fair share of what may wait.
     std::vector<std::shared_ptr<started<ise::result<mode_set>>>> calls;
@@ -92,8 +91,7 @@ TEST_CASE("hostile: requests that wait are bounded by bytes too") {
     peer.finish();
     at.all.run_until([&] { return peer.count(frame_type::error) + peer.count(frame_type::reply) == 10; });
     CHECK(peer.count(frame_type::error) >= 6);
-    auto why = ise::decode<ise::wire::call_failure>(peer.last(frame_type::error)->body);
-    CHECK_THAT(why.reason, Contains("waiting_bytes"));
+    CHECK_THAT(peer.why(frame_type::error).message(), Contains("waiting_bytes"));
     at.others_do_not_notice();
 }
 

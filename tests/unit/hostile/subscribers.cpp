@@ -14,9 +14,9 @@ TEST_CASE("hostile: a million subscriptions are refused beyond max_subscriptions
     peer.finish();
     CHECK(at.all.run_until([&] { return peer.count(frame_type::subscribed) + peer.count(frame_type::ended) == 20'000; }));
     CHECK(at.fixes.subscribers() == 1024);
-    auto why = ise::decode<ise::wire::farewell>(peer.last(frame_type::ended)->body);
-    CHECK(static_cast<errc>(why.code) == errc::overloaded);
-    CHECK_THAT(why.reason, Contains("max_subscriptions_per_session"));
+    auto why = peer.why(frame_type::ended);
+    CHECK(why.code() == errc::overloaded);
+    CHECK_THAT(why.message(), Contains("max_subscriptions_per_session"));
     CHECK(at.warned("max_subscriptions_per_session"));
     CHECK(at.boat.warnings.size() < 30); // not one for each
     at.others_do_not_notice();
@@ -80,9 +80,9 @@ TEST_CASE("hostile: over udp nobody subscribes without loss, and credits for oth
     terms.credit = ~std::uint64_t{0};
     peer.say(frame_type::subscribe, 1, terms);
     CHECK(at.all.run_until([&] { return peer.count(frame_type::ended) == 1; }));
-    auto why = ise::decode<ise::wire::farewell>(peer.last(frame_type::ended)->body);
-    CHECK(static_cast<errc>(why.code) == errc::invalid_argument);
-    CHECK_THAT(why.reason, Contains("without loss over udp"));
+    auto why = peer.why(frame_type::ended);
+    CHECK(why.code() == errc::invalid_argument);
+    CHECK_THAT(why.message(), Contains("without loss over udp"));
     terms.policy = ise::overflow::keep_last;
     terms.depth = 8;
     terms.credit = 0;

@@ -26,9 +26,12 @@ void hold_and_more(raw_peer& by) {
 // Introduces a service with the request of its own schema, and tells that schema when it is asked for.
 struct teacher {
     explicit teacher(harbour& of) : at(of), peer(of.all, of.sea, of.door) { peer.greet(); }
-    void teach(const std::string& text, bool asked = true) {
+    void teach(const std::string& text, bool asked = true) { teach(text, asked, helm.types().fingerprints[1]); }
+    // The response is of that schema, too.
+    void teach_for_both(const std::string& text) { teach(text, true, ise::schema::parse(text).value().fingerprint()); }
+    void teach(const std::string& text, bool asked, std::uint64_t response) {
         auto fingerprint = ise::schema::parse(text).value().fingerprint();
-        peer.introduce(taught++, "helm", {fingerprint, helm.types().fingerprints[1]});
+        peer.introduce(taught++, "helm", {fingerprint, response});
         auto questions = peer.count(frame_type::schema_request);
         if (asked) REQUIRE(at.all.world.run_until([&] { return peer.count(frame_type::schema_request) > questions; }, 1s));
         ise::wire::schema_answer answer;
@@ -43,6 +46,17 @@ struct teacher {
     raw_peer peer;
     std::uint64_t taught = 0;
 };
+
+// Takes about 1 MB of the 64 MiB of learnt_schema_bytes.
+std::string fat_schema(int number) {
+    std::string made = "struct{mode:string";
+    for (int field = 0; field < 4; ++field) {
+        made += ",f" + std::to_string(4 * number + field) + ":tuple<i8";
+        for (int one = 0; one < 1000; ++one) made += ",i8";
+        made += ">";
+    }
+    return made + "}";
+}
 
 } // namespace
 
@@ -75,25 +89,16 @@ TEST_CASE("hostile: schemas count for the memory that they take, and a session k
     harbour at(either());
     INFO(at.door);
     teacher fat(at);
-    auto text = [](int i) {
-        std::string made = "struct{mode:string";
-        for (int field = 0; field < 4; ++field) {
-            made += ",f" + std::to_string(4 * i + field) + ":tuple<i8";
-            for (int one = 0; one < 1000; ++one) made += ",i8";
-            made += ">";
-        }
-        return made + "}";
-    };
-    for (int i = 0; i < 150; ++i) fat.teach(text(i));
+    for (int i = 0; i < 150; ++i) fat.teach(fat_schema(i));
     at.all.world.run_for(1s);
-    CHECK_FALSE(fat.knows(text(0)));
-    CHECK(fat.knows(text(149)));
+    CHECK_FALSE(fat.knows(fat_schema(0)));
+    CHECK(fat.knows(fat_schema(149)));
     set_mode asked{"hold"};
     fat.peer.request(0, 149, 1h, asked);
     REQUIRE(at.all.world.run_until([&] { return fat.peer.count(frame_type::error) == 1; }, 1s));
-    auto why = ise::decode<ise::wire::call_failure>(fat.peer.last(frame_type::error)->body);
-    CHECK(static_cast<errc>(why.code) == errc::overloaded);
-    CHECK_THAT(why.reason, Contains("(learnt_schema_bytes)"));
+    auto why = fat.peer.why(frame_type::error);
+    CHECK(why.code() == errc::overloaded);
+    CHECK_THAT(why.message(), Contains("(learnt_schema_bytes)"));
     CHECK(at.of_raw());
     INFO(at.all_warnings());
     CHECK(at.warned("(learnt_schema_bytes)"));
@@ -103,6 +108,19 @@ TEST_CASE("hostile: schemas count for the memory that they take, and a session k
     fat.peer.request(1, 150, 1h, asked);
     CHECK(at.all.world.run_until([&] { return fat.peer.count(frame_type::reply) == 1; }, 1s));
     at.others_do_not_notice();
+}
+
+TEST_CASE("a schema that stands twice in one service counts once") {
+    harbour at(either());
+    INFO(at.door);
+    teacher fat(at);
+    for (int i = 0; i < 50; ++i) fat.teach_for_both(fat_schema(i));
+    set_mode asked{"hold"};
+    fat.peer.request(0, 49, 1h, asked);
+    REQUIRE(at.all.world.run_until([&] { return fat.peer.count(frame_type::error) == 1; }, 1s));
+    CHECK(fat.peer.why(frame_type::error).code() == errc::type_mismatch); // both were looked at
+    INFO(at.all_warnings());
+    CHECK_FALSE(at.warned("(learnt_schema_bytes)"));
 }
 
 TEST_CASE("hostile: whoever teaches much while another answers does not keep that other from being understood") {
@@ -145,8 +163,7 @@ TEST_CASE("hostile: questions that are never answered are 256 (schema_questions)
     at.all.world.run_for(1s);
     CHECK(peer.count(frame_type::schema_request) == 256);
     REQUIRE(peer.count(frame_type::error) == 300 - 256);
-    auto why = ise::decode<ise::wire::call_failure>(peer.last(frame_type::error)->body);
-    CHECK_THAT(why.reason, Contains("(schema_questions)"));
+    CHECK_THAT(peer.why(frame_type::error).message(), Contains("(schema_questions)"));
     INFO(at.all_warnings());
     CHECK(at.warned("(schema_questions)"));
     CHECK(at.of_raw());
@@ -219,8 +236,7 @@ TEST_CASE("hostile: requests that wait for schemas that never come are bounded")
     peer.finish();
     at.all.world.run_for(1s);
     CHECK(peer.count(frame_type::error) == 300 - (16u << 20) / 100'004); // held_bytes
-    auto why = ise::decode<ise::wire::call_failure>(peer.last(frame_type::error)->body);
-    CHECK_THAT(why.reason, Contains("held_bytes"));
+    CHECK_THAT(peer.why(frame_type::error).message(), Contains("held_bytes"));
     at.others_do_not_notice();
     CHECK(at.of_raw());
 }

@@ -136,6 +136,18 @@ TEST_CASE("hostile JSON is bounded, and each limit is told by its name") {
     CHECK_THAT(refusal("[{},{},{}]", {}, *fat), Contains("beyond 268435456 bytes by its default values (max_packet_bytes)"));
 }
 
+TEST_CASE("a packet whose JSON is longer than allowed is refused, and the field is named where it was (max_json_bytes)") {
+    track sent;
+    sent.waypoints.resize(1000);
+    auto packet = ise::encode(sent);
+    auto write = [&](std::size_t most) { return ise::to_json(ise::schema_of<track>(), packet, ise::json_style::compact, most); };
+    auto whole = write(std::size_t{1} << 20);
+    CHECK(write(whole.size()) == whole);
+    auto why = failure_of([&] { write(1000); });
+    CHECK(why.code() == ise::errc::too_large);
+    CHECK_THAT(why.message(), Contains("track") && Contains("waypoints[") && Contains("longer than 1000 bytes (max_json_bytes)"));
+}
+
 TEST_CASE("JSON is nested as deep as the limit allows, and brackets in texts do not count") {
     auto nested = [](std::size_t levels) { return "{\"unknown\":" + std::string(levels - 1, '[') + std::string(levels - 1, ']') + "}"; };
     CHECK_THAT(message(nested(64)), Contains("no such field"));

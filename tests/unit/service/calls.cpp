@@ -1,6 +1,33 @@
+#include <ise/packet/archive.hpp>
 #include <support/boat_services.hpp>
 #include <support/catch.hpp>
 #include <support/sim_parties.hpp>
+
+#include <stdexcept>
+
+namespace {
+// Its own function writes it, and may fail.
+struct writing {
+    bool ink = true;
+    template <class Archive>
+    void save(Archive&) const {
+        if (!ink) throw std::runtime_error("no ink");
+    }
+    template <class Archive>
+    void load(Archive&) {}
+};
+struct page {
+    writing text;
+};
+} // namespace
+template <>
+struct ise::opaque_type<writing> {
+    static constexpr std::string_view name = "test/writing";
+    static constexpr std::uint32_t version = 1;
+};
+namespace {
+constexpr ise::request_response<boat_services::set_mode, page> scribe{"scribe"};
+} // namespace
 
 using namespace boat_services;
 using namespace ise_test;
@@ -412,6 +439,51 @@ TEST_CASE("a big request that is given up is abandoned, also the first of its se
     CHECK(served == 1);
     CHECK(at.boat.services->counts().sessions_accepted == 1);
     CHECK(at.call("hold"));
+}
+
+TEST_CASE("a response that cannot be encoded is the handler's failure, and the session stays") {
+    fixture at;
+    at.boat.provide(scribe, [](set_mode) { return page{{.ink = false}}; });
+    auto ask = [](ise::remote from) -> ise::task<ise::result<page>> {
+        set_mode any{"any"};
+        auto got = co_await from.try_call(scribe, any, 5s);
+        co_return got;
+    };
+    for (int i = 0; i < 2; ++i) {
+        auto got = at.all.run(at.shore, ask(at.there));
+        REQUIRE_FALSE(got);
+        CHECK(got.error().code() == errc::handler_failed);
+        CHECK(got.error().executed() == execution::unknown);
+        CHECK_THAT(got.error().message(), Contains("the response of 'scribe' cannot be encoded: no ink"));
+        CHECK(at.call("hold"));
+    }
+    CHECK(at.boat.services->counts().sessions_accepted == 1);
+}
+
+TEST_CASE("a response beyond what its caller accepts is an error that says so, and the session stays") {
+    ise::service_options modest;
+    modest.accepts.max_message_bytes = 1 << 20;
+    sim_parties all;
+    auto& boat = all.add("boat");
+    auto& shore = all.add("shore", modest);
+    boat.provide(echo, [](const blob& given) { return blob{std::vector<std::uint8_t>(given.content.size() * 4)}; });
+    boat.listen("tcp://0.0.0.0:7400");
+    auto ask = [](ise::remote from, std::size_t size) -> ise::task<ise::result<blob>> {
+        blob asked;
+        asked.content.assign(size, 7);
+        auto got = co_await from.try_call(echo, asked, 5s);
+        co_return got;
+    };
+    auto there = shore.at("tcp://boat:7400");
+    for (int i = 0; i < 2; ++i) {
+        auto got = all.run(shore, ask(there, 1 << 18)); // with its length it is four bytes too long
+        REQUIRE_FALSE(got);
+        CHECK(got.error().code() == errc::too_large);
+        CHECK(got.error().executed() == execution::unknown); // the handler has run
+        CHECK_THAT(got.error().message(), Contains("the response of 'echo' has 1048580 bytes, its caller accepts 1048576 (max_message_bytes)"));
+        CHECK(all.run(shore, ask(there, (1 << 18) - 1)));
+    }
+    CHECK(boat.services->counts().sessions_accepted == 1);
 }
 
 TEST_CASE("a request beyond what the peer accepts is refused here, and the session stays") {
