@@ -1,9 +1,9 @@
 #pragma once
-#include "relay.hpp"
-
 #include <ise/core/real/environment.hpp>
 #include <ise/net/security.hpp>
 #include <ise/sim/world.hpp>
+
+#include <support/relay.hpp>
 
 #include <asio/executor_work_guard.hpp>
 #include <asio/io_context.hpp>
@@ -14,6 +14,8 @@
 
 /// Two components over each transport; the tests know no more than this.
 namespace conformance {
+
+using ise_test::relay;
 
 /// What differs between transports, as the table of FORMAT.md has it.
 struct column {

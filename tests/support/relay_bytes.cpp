@@ -1,5 +1,5 @@
 // The relay of streams.
-#include "relay_kinds.hpp"
+#include <support/relay_kinds.hpp>
 
 #include <ise/core/task_scope.hpp>
 #include <ise/core/waiter.hpp>
@@ -8,7 +8,7 @@
 #include <array>
 #include <vector>
 
-namespace conformance {
+namespace ise_test {
 namespace {
 
 // A connection of the requester, and the one to the provider that goes on from there.
@@ -119,4 +119,4 @@ std::unique_ptr<relay> make_byte_relay(ise::environment& env, std::unique_ptr<is
     return std::make_unique<byte_relay>(env, std::move(host), at, to);
 }
 
-} // namespace conformance
+} // namespace ise_test

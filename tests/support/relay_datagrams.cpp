@@ -1,12 +1,12 @@
 // The relay of datagrams.
-#include "relay_kinds.hpp"
+#include <support/relay_kinds.hpp>
 
 #include <ise/core/task_scope.hpp>
 
 #include <map>
 #include <vector>
 
-namespace conformance {
+namespace ise_test {
 namespace {
 
 // What becomes of datagrams in one direction.
@@ -110,4 +110,4 @@ std::unique_ptr<relay> relay::make(ise::environment& env, std::unique_ptr<ise::l
     return (to.kind == ise::protocol::udp ? make_datagram_relay : make_byte_relay)(env, std::move(host), at, to);
 }
 
-} // namespace conformance
+} // namespace ise_test

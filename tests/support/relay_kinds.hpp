@@ -1,9 +1,9 @@
 #pragma once
-#include "relay.hpp"
+#include <support/relay.hpp>
 
-namespace conformance {
+namespace ise_test {
 
 std::unique_ptr<relay> make_byte_relay(ise::environment& env, std::unique_ptr<ise::loop_host> host, const ise::endpoint& at, const ise::endpoint& to);
 std::unique_ptr<relay> make_datagram_relay(ise::environment& env, std::unique_ptr<ise::loop_host> host, const ise::endpoint& at, const ise::endpoint& to);
 
-} // namespace conformance
+} // namespace ise_test

@@ -3,7 +3,7 @@
 
 #include <memory>
 
-namespace conformance {
+namespace ise_test {
 
 /// A router between the requester and the provider, on a loop of the test: it passes on what comes, and is where the
 /// faults of the way are made. Bytes for streams, datagrams for udp, in the real world and in the virtual one alike.
@@ -32,4 +32,4 @@ public:
     virtual bool ended() const = 0;
 };
 
-} // namespace conformance
+} // namespace ise_test
