@@ -83,6 +83,7 @@ private:
     struct component {
         naming::component_claim claim;
         node* owner = nullptr;
+        std::size_t bytes = 0; // of the claim
     };
 
     time_point running_time(time_point now);
@@ -118,6 +119,7 @@ private:
     std::map<std::string, std::set<std::string>, std::less<>> roles_; // who serves them, by path
     std::set<std::string> changed_roles_;
     std::size_t services_ = 0;
+    std::size_t claims_bytes_ = 0;
     std::uint64_t last_lease_ = 0;
     std::vector<naming::name_event> changes_;
 };

@@ -12,9 +12,10 @@ namespace ise {
 /// there is no room now waits.
 struct registry_limits {
     std::size_t max_components = 100'000;          ///< registered at once
-    std::size_t max_components_per_node = 50'000;  ///< under one lease, so that no other is kept out by mistake
+    std::size_t max_components_per_node = 50'000;  ///< under one lease, so that no other is kept out by mistake; with those that went to others until it knows
     std::size_t max_services = 1'000'000;          ///< of all components together
     std::size_t max_services_per_component = 1024; ///< provided and required
+    std::size_t max_claims_bytes = std::size_t{512} << 20; ///< memory of all claims together, without the schemas
     std::size_t max_endpoints_per_component = 64; ///< of one claim
     std::size_t max_roles_per_component = 64; ///< that it serves
     std::size_t max_members_per_role = 256; ///< that serve it
@@ -28,6 +29,9 @@ struct registry_limits {
 
 /// No clock gives such an epoch, or a higher one: in microseconds the year 2255.
 inline constexpr std::uint64_t highest_epoch = std::uint64_t{1} << 53;
+
+/// What a claim takes at most: its texts wherever they are kept, and the entries around them.
+std::size_t memory_of(const naming::component_claim& claim);
 
 /// Why a claim cannot be taken, whatever is registered; nothing if it can.
 std::optional<std::string> objection_to(const naming::node_identity& who, const registry_limits& limits);

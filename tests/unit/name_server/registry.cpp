@@ -472,6 +472,7 @@ TEST_CASE("registry: who comes while there is no room waits by the limit's name,
     with.limits.max_nodes = 3;
     with.limits.max_services = 3;
     with.limits.max_members_per_role = 1;
+    with.limits.max_claims_bytes = 10'000;
     world it(with);
     auto returning = GENERATE(std::uint64_t{0}, std::uint64_t{1}); // new, or after its lease was over
     CAPTURE(returning);
@@ -518,6 +519,23 @@ TEST_CASE("registry: who comes while there is no room waits by the limit's name,
         claim.services.resize(1);
         CHECK(obstacle() == "granted");
     }
+    SECTION("memory") {
+        claim.incarnation = 10;
+        claim.endpoints.assign(10, std::string(512, 'x'));
+        REQUIRE(obstacle() == "granted");
+        CHECK(obstacle() == "granted"); // it takes no more than before
+        claim.path = "b";
+        CHECK(obstacle().find("max_claims_bytes is 10000") != std::string::npos);
+        CHECK_FALSE(it.holds("b"));
+        claim.path = "c";
+        claim.endpoints.assign(20, std::string(512, 'x'));
+        CHECK(obstacle().find("max_claims_bytes") != std::string::npos);
+        CHECK(it.holds("c")); // as it told before
+        it.withdraw(1, "c");
+        claim.path = "b";
+        claim.endpoints.resize(10);
+        CHECK(obstacle() == "granted");
+    }
     SECTION("nodes") {
         for (std::uint64_t other : {2u, 3u, 4u}) it.claim(other, fmt::format("n{}", other));
         CHECK(obstacle().find("max_nodes") != std::string::npos);
@@ -532,6 +550,21 @@ TEST_CASE("registry: who comes while there is no room waits by the limit's name,
         it.withdraw(2, "n2");
         CHECK(obstacle() == "granted");
     }
+}
+
+TEST_CASE("registry: names that went to others count for their node until it knows") {
+    auto with = options(2s);
+    with.limits.max_components_per_node = 2;
+    world it(with);
+    REQUIRE(it.claim(1, "a", 5).what == verdict::granted);
+    REQUIRE(it.claim(2, "a", 7).what == verdict::granted);
+    REQUIRE(it.renew(1).lost.size() == 1);
+    CHECK(it.claim(1, "b", 5).what == verdict::granted);
+    auto third = it.claim(1, "c", 5);
+    CHECK(third.what == verdict::wait);
+    CHECK(third.reason.find("max_components_per_node") != std::string::npos);
+    it.withdraw(1, "a");
+    CHECK(it.claim(1, "c", 5).what == verdict::granted);
 }
 
 TEST_CASE("registry: ten thousand components with a hundred thousand services live and end") {
