@@ -69,15 +69,16 @@ private:
     // By hand: std::variant costs every file of a user more than all of this.
     enum class held : unsigned char { nothing, value, failure }; // nothing: moving a value into it has thrown
     void drop() noexcept {
-        if (holds_ == held::value) std::destroy_at(&value_);
-        if (holds_ == held::failure) std::destroy_at(&why_);
-        holds_ = held::nothing;
+        auto held_so_far = std::exchange(holds_, held::nothing); // g++ 12 warns if it is read again after one was destroyed
+        if (held_so_far == held::value) std::destroy_at(&value_);
+        else if (held_so_far == held::failure) std::destroy_at(&why_);
     }
     template <class Other>
     void take(Other&& other) {
-        if (other.holds_ == held::value) std::construct_at(&value_, std::forward<Other>(other).value_);
-        if (other.holds_ == held::failure) std::construct_at(&why_, std::forward<Other>(other).why_);
-        holds_ = other.holds_;
+        const auto held_there = other.holds_;
+        if (held_there == held::value) std::construct_at(&value_, std::forward<Other>(other).value_);
+        else if (held_there == held::failure) std::construct_at(&why_, std::forward<Other>(other).why_);
+        holds_ = held_there;
     }
 
     union {

@@ -32,13 +32,13 @@ std::optional<failure> check_place(link& to, service_key service);
 template <class Response>
 result<Response> response_of(const call_outcome& outcome) {
     if (outcome.why) return *outcome.why;
-    result<Response> got{Response{}};
     try {
+        result<Response> got{Response{}};
         outcome.response->take_into(*got);
+        return got;
     } catch (const error& unfit) { // the provider answered, and so it ran
-        got = failure(unfit.code(), unfit.what(), execution::unknown);
+        return failure(unfit.code(), unfit.what(), execution::unknown);
     }
-    return got;
 }
 
 } // namespace detail

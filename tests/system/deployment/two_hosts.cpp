@@ -2,6 +2,8 @@
 
 #include <system/instantiation/host.hpp>
 
+#include <fmt/format.h>
+
 #include <cstdlib>
 #include <fstream>
 
@@ -64,8 +66,10 @@ void two_hosts::open(const std::string& host) {
                                    "--name", host, "--name-server", name_server_, "--allow-path", (folder_ / "ports").string()};
     if (!std::getenv("ISE_TEST_LOG")) words.insert(words.end(), {"--log-level", "error"});
     if (apart_) {
-        auto port = ":" + std::to_string(port_of(host));
-        words.insert(words.end(), {"--listen", "tcp://127.0.0.1" + port, "--advertise", "tcp://" + networks::address(host) + port, "--allow-address", networks::address(host)});
+        auto port = port_of(host);
+        auto address = networks::address(host);
+        words.insert(words.end(), {"--listen", fmt::format("tcp://127.0.0.1:{}", port), "--advertise", fmt::format("tcp://{}:{}", address, port),
+                                   "--allow-address", address});
     }
     servers_[host] = std::make_unique<ise_test::program>(on(host, words));
     auto line = servers_[host]->read_line();
