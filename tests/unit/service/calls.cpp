@@ -46,6 +46,13 @@ ise::task<outcome> try_helm(ise::remote boat, std::string mode, ise::duration li
     co_return answer;
 }
 
+ise::task<ise::result<blob>> try_echo(ise::remote boat, std::size_t size, ise::duration limit = 5s) {
+    blob request;
+    request.content.assign(size, 7);
+    auto answer = co_await boat.try_call(echo, request, limit);
+    co_return answer;
+}
+
 // What the handlers of a boat saw.
 struct log_book {
     int begun = 0, cancelled = 0;
@@ -348,18 +355,10 @@ TEST_CASE("calls go on over a new session after a cut, and none runs twice") {
 
 TEST_CASE("requests of which no byte was written move to the next session") {
     fixture at;
-    constexpr ise::request_response<blob, blob> heavy("heavy");
-    at.boat.provide(heavy, [](blob given) { return given; });
+    at.boat.provide(echo, [](blob given) { return given; });
     REQUIRE(at.call("first"));
     at.all.world.net().partition("boat", "shore");
-    // Fills the socket, so that what follows is not written.
-    auto push = [](ise::remote to, ise::request_response<blob, blob> what) -> ise::task<ise::result<blob>> {
-        blob big;
-        big.content.resize(4 << 20);
-        auto got = co_await to.try_call(what, big, 60s);
-        co_return got;
-    };
-    auto big = start(at.shore.on, push(at.there, heavy));
+    auto big = start(at.shore.on, try_echo(at.there, 4 << 20, 60s)); // fills the socket, so that what follows is not written
     at.all.world.run_for(10ms);
     std::vector<std::shared_ptr<started<outcome>>> small;
     for (int i = 0; i < 5; ++i) small.push_back(start(at.shore.on, try_helm(at.there, "small" + std::to_string(i), 60s)));
@@ -377,13 +376,7 @@ TEST_CASE("a call back over the session of a request ends with that session, als
     // Back to whoever made the session, on the side that made it; its own link to the boat is `at.there`.
     ise::remote back(std::make_shared<ise::link>(*at.shore.services, at.shore.services->sessions().begin()->second));
     at.all.world.net().partition("shore", "boat");
-    auto send_big = [](ise::remote boat) -> ise::task<ise::result<blob>> {
-        blob big;
-        big.content.resize(400'000); // the socket takes no more
-        auto got = co_await boat.try_call(echo, big, 2s);
-        co_return got;
-    };
-    auto big = start(at.shore.on, send_big(at.there));
+    auto big = start(at.shore.on, try_echo(at.there, 400'000, 2s)); // the socket takes no more
     at.all.world.run_for(10ms);
     auto unwritten = start(at.shore.on, try_helm(back, "late", 10s));
     at.all.run_until([&] { return unwritten->done; });
@@ -402,13 +395,7 @@ TEST_CASE("64 MiB in flight do not hold up a 64-byte call on the same connection
     link.latency = 1ms;
     at.boat.provide(echo, [](blob given) { given.content.resize(1); return given; });
     REQUIRE(at.call("first"));
-    auto push = [](ise::remote to) -> ise::task<ise::result<blob>> {
-        blob big;
-        big.content.assign(64 << 20, 7);
-        auto got = co_await to.try_call(echo, big, 60s);
-        co_return got;
-    };
-    auto big = start(at.shore.on, push(at.there));
+    auto big = start(at.shore.on, try_echo(at.there, 64 << 20, 60s));
     at.all.world.run_for(1s);
     auto begun = at.all.world.now();
     REQUIRE(at.call(std::string(64, 'x')));
@@ -424,14 +411,8 @@ TEST_CASE("a big request that is given up is abandoned, also the first of its se
     at.all.world.net().between("boat", "shore").bandwidth_bytes_per_second = 1 << 20;
     int served = 0;
     at.boat.provide(echo, [&](blob given) { ++served; given.content.resize(1); return given; });
-    auto push = [](ise::remote to, std::size_t size, ise::duration limit) -> ise::task<ise::result<blob>> {
-        blob big;
-        big.content.assign(size, 7);
-        auto got = co_await to.try_call(echo, big, limit);
-        co_return got;
-    };
-    auto big = start(at.shore.on, push(at.there, 16 << 20, 2s));
-    auto small = start(at.shore.on, push(at.there, 16, 10s)); // overtakes it
+    auto big = start(at.shore.on, try_echo(at.there, 16 << 20, 2s));
+    auto small = start(at.shore.on, try_echo(at.there, 16, 10s)); // overtakes it
     at.all.run_until([&] { return big->done && small->done; });
     CHECK(big->get().error().code() == errc::timed_out);
     CHECK(small->get());
@@ -468,20 +449,14 @@ TEST_CASE("a response beyond what its caller accepts is an error that says so, a
     auto& shore = all.add("shore", modest);
     boat.provide(echo, [](const blob& given) { return blob{std::vector<std::uint8_t>(given.content.size() * 4)}; });
     boat.listen("tcp://0.0.0.0:7400");
-    auto ask = [](ise::remote from, std::size_t size) -> ise::task<ise::result<blob>> {
-        blob asked;
-        asked.content.assign(size, 7);
-        auto got = co_await from.try_call(echo, asked, 5s);
-        co_return got;
-    };
     auto there = shore.at("tcp://boat:7400");
     for (int i = 0; i < 2; ++i) {
-        auto got = all.run(shore, ask(there, 1 << 18)); // with its length it is four bytes too long
+        auto got = all.run(shore, try_echo(there, 1 << 18)); // with its length it is four bytes too long
         REQUIRE_FALSE(got);
         CHECK(got.error().code() == errc::too_large);
         CHECK(got.error().executed() == execution::unknown); // the handler has run
         CHECK_THAT(got.error().message(), Contains("the response of 'echo' has 1048580 bytes, its caller accepts 1048576 (max_message_bytes)"));
-        CHECK(all.run(shore, ask(there, (1 << 18) - 1)));
+        CHECK(all.run(shore, try_echo(there, (1 << 18) - 1)));
     }
     CHECK(boat.services->counts().sessions_accepted == 1);
 }
@@ -494,20 +469,14 @@ TEST_CASE("a request beyond what the peer accepts is refused here, and the sessi
     auto& shore = all.add("shore");
     boat.provide(echo, [](blob given) { return given; });
     boat.listen("tcp://0.0.0.0:7400");
-    auto push = [](ise::remote to, std::size_t size) -> ise::task<ise::result<blob>> {
-        blob big;
-        big.content.assign(size, 7);
-        auto got = co_await to.try_call(echo, big, 5s);
-        co_return got;
-    };
     auto there = shore.at("tcp://boat:7400");
     for (int i = 0; i < 2; ++i) { // before and after there is a session
-        auto got = all.run(shore, push(there, 2 << 20));
+        auto got = all.run(shore, try_echo(there, 2 << 20));
         REQUIRE_FALSE(got);
         CHECK(got.error().code() == errc::too_large);
         CHECK(got.error().executed() == execution::not_executed);
         CHECK_THAT(got.error().message(), Contains("accepts 1048576 (max_message_bytes)"));
-        CHECK(all.run(shore, push(there, 1 << 19)));
+        CHECK(all.run(shore, try_echo(there, 1 << 19)));
     }
     CHECK(boat.services->counts().sessions_accepted == 1);
 }
