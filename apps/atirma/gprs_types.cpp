@@ -4,6 +4,8 @@
 #include <components/gprs_link/gprs_link_emulator.hpp>
 #include <components/gprs_proxy/gprs_proxy.hpp>
 
+#include <fmt/format.h>
+
 namespace atirma {
 namespace {
 
@@ -12,7 +14,7 @@ using ise::component_type;
 // "ready: tcp://127.0.0.1:40112 udp://127.0.0.1:40112"
 std::string ready(const std::vector<ise::endpoint>& listening) {
     std::string line = "ready:";
-    for (const auto& at : listening) line += " " + at.text();
+    for (const auto& at : listening) line += fmt::format(" {}", at.text());
     return line;
 }
 

@@ -79,10 +79,10 @@ std::string bash_case(const command_info& program, const command_info& command, 
 std::string zsh_case(const command_info& program, const command_info& command, bool top) {
     std::string options, places;
     for (const auto& one : all_options(program, command))
-        for (const auto& name : one.names) options += quoted(name + "\n" + one.description, "'\\''", true).replace(1 + name.size(), 1, ":") + " ";
+        for (const auto& name : one.names) options += fmt::format("{} ", quoted(fmt::format("{}\n{}", name, one.description), "'\\''", true).replace(1 + name.size(), 1, 1, ':'));
     if (top) {
         std::string commands;
-        for (const auto& below : command.commands) commands += quoted(below.name + ":" + below.description, "'\\''") + " ";
+        for (const auto& below : command.commands) commands += fmt::format("{} ", quoted(fmt::format("{}:{}", below.name, below.description), "'\\''"));
         return fmt::format("        \"\") options=({}) places=(COMMAND); local -a commands=({}) ;;\n", options, commands);
     }
     for (const auto& place : command.places) places += fmt::format("\"{}\" ", completes(place) ? place_word(place) : "");

@@ -70,7 +70,7 @@ void refuse(const std::string& file, const std::vector<deployment::problem>& pro
     if (problems.empty()) return;
     constexpr std::size_t most = 20;
     auto text = fmt::format("{} cannot be used as it is:", file);
-    for (std::size_t at = 0; at < std::min(problems.size(), most); ++at) text += "\n" + problems[at].text();
+    for (std::size_t at = 0; at < std::min(problems.size(), most); ++at) text += fmt::format("\n{}", problems[at].text());
     if (problems.size() > most) text += fmt::format("\n… and {} more", problems.size() - most);
     throw problem(exit_code::usage, "bad_deployment", text);
 }

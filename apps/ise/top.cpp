@@ -53,7 +53,7 @@ std::string connections_table(std::vector<connection_line> lines, std::size_t wi
         rows.add({one.round_trip > duration{} ? show_duration(one.round_trip) : "-", one.over, show_bytes(one.bytes_to_b), show_bytes(one.bytes_to_a),
                   fmt::format("{} -> {}{}", one.a, one.b.empty() ? one.address : one.b, one.stalled ? " (stalled)" : "")});
     }
-    return "\n" + rows.text(width);
+    return fmt::format("\n{}", rows.text(width));
 }
 
 std::string as_json(const std::vector<activity>& all, const std::vector<connection_line>& lines, wall_time at) {

@@ -39,7 +39,7 @@ ise::result<http_url> parse_http_url(std::string_view url) {
     auto authority = url.substr(0, slash);
     http_url out;
     if (slash != std::string_view::npos) out.target = url.substr(slash);
-    if (out.target.starts_with('?')) out.target.insert(0, "/");
+    if (out.target.starts_with('?')) out.target = fmt::format("/{}", out.target);
     std::string_view port;
     if (authority.starts_with('[')) {
         auto end = authority.find(']');

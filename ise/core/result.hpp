@@ -18,9 +18,9 @@ public:
     /// What Asio passes beside an exception: a failure that nobody looks at.
     result() : result(failure(errc::cancelled, "there is no outcome")) {}
     /// Success.
-    result(T value) : value_(std::move(value)), holds_(held::value) {}
+    result(T value) : value_(std::move(value)), has_value_(true) {}
     /// Failure.
-    result(failure why) : why_(std::move(why)), holds_(held::failure) {}
+    result(failure why) : why_(std::move(why)) {}
     /// A copy, where T can be copied.
     result(const result& other)
         requires std::is_copy_constructible_v<T>
@@ -29,16 +29,26 @@ public:
     }
     /// Takes over what the other holds.
     result(result&& other) noexcept(std::is_nothrow_move_constructible_v<T>) { take(std::move(other)); }
-    /// The same, or a copy.
+    /// The same, or a copy. Where moving the value throws, a failure is held then: `cancelled`.
     result& operator=(result other) noexcept(std::is_nothrow_move_constructible_v<T>) {
         drop();
-        take(std::move(other));
+        if constexpr (std::is_nothrow_move_constructible_v<T>) {
+            take(std::move(other));
+        } else {
+            try {
+                take(std::move(other));
+            } catch (...) {
+                std::construct_at(&why_, errc::cancelled, "not moved");
+                has_value_ = false;
+                throw;
+            }
+        }
         return *this;
     }
     ~result() { drop(); }
 
     /// Whether there is a value.
-    bool has_value() const noexcept { return holds_ == held::value; }
+    bool has_value() const noexcept { return has_value_; }
     /// Whether there is a value.
     explicit operator bool() const noexcept { return has_value(); }
 
@@ -66,26 +76,25 @@ private:
         if (!has_value()) throw ise::error(error());
     }
 
-    // By hand: std::variant costs every file of a user more than all of this.
-    enum class held : unsigned char { nothing, value, failure }; // nothing: moving a value into it has thrown
+    // By hand: std::variant costs every file of a user more than all of this. Which of the two is there is read once each
+    // time: else g++ 12 warns that one is used that was never made.
     void drop() noexcept {
-        auto held_so_far = std::exchange(holds_, held::nothing); // g++ 12 warns if it is read again after one was destroyed
-        if (held_so_far == held::value) std::destroy_at(&value_);
-        else if (held_so_far == held::failure) std::destroy_at(&why_);
+        if (has_value_) std::destroy_at(&value_);
+        else std::destroy_at(&why_);
     }
     template <class Other>
     void take(Other&& other) {
-        const auto held_there = other.holds_;
-        if (held_there == held::value) std::construct_at(&value_, std::forward<Other>(other).value_);
-        else if (held_there == held::failure) std::construct_at(&why_, std::forward<Other>(other).why_);
-        holds_ = held_there;
+        const bool from_value = other.has_value_;
+        if (from_value) std::construct_at(&value_, std::forward<Other>(other).value_);
+        else std::construct_at(&why_, std::forward<Other>(other).why_);
+        has_value_ = from_value;
     }
 
     union {
         T value_;
         failure why_;
     };
-    held holds_ = held::nothing;
+    bool has_value_ = false;
 };
 
 /// Success without a value, or a failure.

@@ -126,7 +126,9 @@ void put_variables_in(value& into, const settings& given, std::vector<problem>& 
         }
         auto near = nearest(name, names);
         auto advice = names.empty() ? "it has none" : near.empty() ? fmt::format("it has {}", fmt::join(names, ", ")) : fmt::format("did you mean '{}'?", near.front());
-        problems.push_back({{"--set", 0, 0}, fmt::format("the file has no variable '{}'; {}", name, advice)});
+        auto& unknown = problems.emplace_back();
+        unknown.at.file = "--set";
+        unknown.what = fmt::format("the file has no variable '{}'; {}", name, advice);
     }
     std::erase_if(into.entries, [](const entry& one) { return one.key == "variables"; });
     filler(std::move(known), problems).fill(into);

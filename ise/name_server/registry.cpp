@@ -152,16 +152,16 @@ naming::grant registry::accept(node& from, naming::component_claim claim, std::u
     auto held = components_.find(claim.path);
     std::size_t services_before = held == components_.end() ? 0 : held->second.claim.services.size();
     std::size_t bytes_before = held == components_.end() ? 0 : held->second.bytes;
-    auto bytes = memory_of(claim);
+    auto claim_bytes = memory_of(claim);
     if (held == components_.end() && components_.size() >= limits.max_components)
         return not_yet(claim.path, patience(), fmt::format("{} names are registered, which is max_components", components_.size()));
     if (from.paths.size() + from.lost.size() >= limits.max_components_per_node && !from.paths.contains(claim.path) && !from.lost.contains(claim.path))
         return not_yet(claim.path, patience(), fmt::format("{} names of this node are registered or were lost, which is max_components_per_node", from.paths.size() + from.lost.size()));
     if (services_ - services_before + claim.services.size() > limits.max_services)
         return not_yet(claim.path, patience(), fmt::format("{} services are registered, max_services is {}", services_, limits.max_services));
-    if (claims_bytes_ - bytes_before + bytes > limits.max_claims_bytes)
-        return not_yet(claim.path, patience(), fmt::format("all claims take {} bytes, this one {}; max_claims_bytes is {}", claims_bytes_ - bytes_before, bytes,
-                                                           limits.max_claims_bytes));
+    if (claims_bytes_ - bytes_before + claim_bytes > limits.max_claims_bytes)
+        return not_yet(claim.path, patience(), fmt::format("all claims take {} bytes, this one {}; max_claims_bytes is {}", claims_bytes_ - bytes_before,
+                                                           claim_bytes, limits.max_claims_bytes));
     if (auto why = objection_to_roles(claim)) return not_yet(claim.path, patience(), std::move(*why));
 
     last_epoch_ = std::max(last_epoch_, epoch);
@@ -183,9 +183,9 @@ naming::grant registry::accept(node& from, naming::component_claim claim, std::u
     auto before = is_new ? naming::listed_name() : listed(entry);
     services_ += claim.services.size();
     services_ -= services_before;
-    claims_bytes_ += bytes;
+    claims_bytes_ += claim_bytes;
     claims_bytes_ -= bytes_before;
-    entry.bytes = bytes;
+    entry.bytes = claim_bytes;
     entry.claim = std::move(claim);
     entry.owner = &from;
     from.paths.insert(path);

@@ -19,12 +19,12 @@ std::optional<std::string> objection_to_path(const std::string& path, const regi
 
 std::size_t memory_of(const naming::component_claim& claim) {
     constexpr std::size_t entry = 96; // of a map or set, with an empty text
-    std::size_t bytes = sizeof claim + 3 * (entry + claim.path.size()) + claim.type.size() + claim.state.size();
-    for (const auto& endpoint : claim.endpoints) bytes += sizeof endpoint + endpoint.size();
+    std::size_t total = sizeof claim + 3 * (entry + claim.path.size()) + claim.type.size() + claim.state.size();
+    for (const auto& endpoint : claim.endpoints) total += sizeof endpoint + endpoint.size();
     for (const auto& service : claim.services)
-        bytes += sizeof service + service.name.size() + service.fingerprints.size() * (sizeof(std::uint64_t) + entry);
-    for (const auto& [role, priority] : claim.roles) bytes += 4 * entry + 3 * role.size() + claim.path.size();
-    return bytes;
+        total += sizeof service + service.name.size() + service.fingerprints.size() * (sizeof(std::uint64_t) + entry);
+    for (const auto& [role, priority] : claim.roles) total += 4 * entry + 3 * role.size() + claim.path.size();
+    return total;
 }
 
 std::optional<std::string> objection_to(const naming::node_identity& who, const registry_limits& limits) {

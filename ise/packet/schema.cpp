@@ -29,7 +29,7 @@ void make_names_plain(type_description& type) {
             bool letters = detail::is_utf8(member.name);
             for (char& c : member.name)
                 if (!detail::is_name_char(c) || (!letters && static_cast<unsigned char>(c) >= 0x80)) c = '_';
-            if (!is_name(member.name)) member.name = "_";
+            if (!is_name(member.name)) member.name.assign(1, '_'); // = "_": g++ 12 warns
         }
         make_names_plain(member.type);
     }

@@ -60,7 +60,8 @@ TEST_CASE("a result whose value could not be moved in has none, and can be assig
     ise::result<heavy> from = heavy();
     from->throws = true;
     CHECK_THROWS_AS(to = from, std::runtime_error);
-    CHECK_FALSE(to.has_value());
+    REQUIRE_FALSE(to.has_value());
+    CHECK(to.error().code() == ise::errc::cancelled);
     to = ise::result<heavy>(heavy());
     CHECK(to.has_value());
 }
