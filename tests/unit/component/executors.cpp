@@ -7,6 +7,7 @@
 #include <asio/co_spawn.hpp>
 #include <asio/detached.hpp>
 #include <asio/io_context.hpp>
+#include <fmt/format.h>
 
 #include <future>
 #include <thread>
@@ -340,7 +341,7 @@ TEST_CASE("components start and stop from many threads at once") {
     for (int who = 0; who < 3; ++who)
         threads.emplace_back([&here, who] {
             for (int n = 0; n < 10; ++n) {
-                auto path = "c" + std::to_string((who + n) % 3); // they meet
+                auto path = fmt::format("c{}", (who + n) % 3); // they meet
                 try {
                     here.node.start<beacon>(path);
                 } catch (const ise::error&) { // taken, or stopped meanwhile

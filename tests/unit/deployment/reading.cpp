@@ -1,6 +1,8 @@
 // Deployment files: what they say, and what is wrong with them, with its place.
 #include "files.hpp"
 
+#include <fmt/format.h>
+
 using namespace deployment_test;
 using namespace std::chrono_literals;
 using Catch::Contains;
@@ -175,7 +177,7 @@ TEST_CASE("variables that are not there, or made of each other, are told") {
 
 TEST_CASE("variables that double and double do not fill the memory") {
     std::string text = "[variables]\nv0='xxxxxxxxxxxxxxxx'\n";
-    for (int n = 1; n < 40; ++n) text += "v" + std::to_string(n) + "='${v" + std::to_string(n - 1) + "}${v" + std::to_string(n - 1) + "}'\n";
+    for (int n = 1; n < 40; ++n) text += fmt::format("v{0}='${{v{1}}}${{v{1}}}'\n", n, n - 1);
     CHECK_THAT(at_sea("[components.a]\ntype='${v39}'\nhost='boat'\n" + text).wrong(), Contains("bytes"));
 }
 
@@ -197,7 +199,7 @@ TEST_CASE("files that cannot be included are told where they are named") {
     CHECK_THAT(files("include='sea.toml'\n").wrong(), Contains("files include each other: sea.toml includes sea.toml"));
     CHECK_THAT(files("include=[1]\n").wrong(), Contains("'include' names files"));
     auto deep = files("include='f0'\n");
-    for (int n = 0; n < 40; ++n) deep.all["f" + std::to_string(n)] = "include='f" + std::to_string(n + 1) + "'\n";
+    for (int n = 0; n < 40; ++n) deep.all[fmt::format("f{}", n)] = fmt::format("include='f{}'\n", n + 1);
     CHECK_THAT(deep.wrong(), Contains("files one in the other"));
 }
 

@@ -7,6 +7,7 @@
 #include <support/catch.hpp>
 #include <support/shared_data.hpp>
 
+#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include <fstream>
@@ -66,7 +67,7 @@ TEST_CASE("iridium: hex, base64url and forms are read back, and refused where th
     CHECK_FALSE(parse_form("a=%4"));
     CHECK_FALSE(parse_form("a=%zz"));
     std::string many;
-    for (int i = 0; i < 65; ++i) many += "f" + std::to_string(i) + "=1&";
+    for (int i = 0; i < 65; ++i) many += fmt::format("f{}=1&", i);
     CHECK(parse_form(many).error().code() == ise::errc::too_large);
 }
 

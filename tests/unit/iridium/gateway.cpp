@@ -102,7 +102,7 @@ TEST_CASE("iridium gateway: submissions are answered with the code that fits") {
         change(what);
         return model.submit(start, what, ring).code;
     };
-    CHECK(code([](auto& s) { s.password = "x"; }) == 10);
+    CHECK(code([](auto& s) { s.password = "guessed"; }) == 10);
     CHECK(code([](auto& s) { s.imei = "300234010753371"; }) == 11);
     CHECK(code([](auto& s) { s.data = "0g"; }) == 14);
     CHECK(code([](auto& s) { s.data = std::string(542, '0'); }) == 15);
@@ -125,7 +125,7 @@ TEST_CASE("iridium gateway: it refuses strangers, and nothing works while it is 
     auto stranger = session_of(1, 10);
     stranger.imei = "300234010753371";
     CHECK(model.session(start, wall, stranger).value().mo_status == 15);
-    stranger.imei = "x";
+    stranger.imei = "none";
     CHECK(model.session(start, wall, stranger).error().code() == ise::errc::refused);
     CHECK(model.session(start, wall, session_of(1, 341)).error().code() == ise::errc::refused);
     model.session(start, wall, session_of(1, 10)).value();

@@ -2,6 +2,8 @@
 
 #include <support/catch.hpp>
 
+#include <fmt/format.h>
+
 using namespace atirma;
 
 namespace {
@@ -134,7 +136,7 @@ TEST_CASE("what is written is read back the same") {
     for (std::size_t size :
          {std::size_t{0}, std::size_t{1}, std::size_t{2}, std::size_t{3}, std::size_t{270}, std::size_t{5000}}) {
         mail_attachment one;
-        one.name = "m" + std::to_string(size) + ".sbd";
+        one.name = fmt::format("m{}.sbd", size);
         for (std::size_t i = 0; i < size; ++i) one.content.push_back(static_cast<std::byte>(i * 7));
         mail.attachments.push_back(one);
     }
