@@ -150,18 +150,18 @@ naming::grant registry::decide(node& from, naming::component_claim claim, time_p
 naming::grant registry::accept(node& from, naming::component_claim claim, std::uint64_t epoch) {
     const auto& limits = options_.limits;
     auto held = components_.find(claim.path);
-    std::size_t services_before = held == components_.end() ? 0 : held->second.claim.services.size();
-    std::size_t bytes_before = held == components_.end() ? 0 : held->second.bytes;
-    auto claim_bytes = memory_of(claim);
-    if (held == components_.end() && components_.size() >= limits.max_components)
+    bool is_new = held == components_.end();
+    auto services = services_ + claim.services.size() - (is_new ? 0 : held->second.claim.services.size());
+    auto claims_bytes = claims_bytes_ + memory_of(claim) - (is_new ? 0 : memory_of(held->second.claim));
+    auto names = from.paths.size() + from.lost.size();
+    if (is_new && components_.size() >= limits.max_components)
         return not_yet(claim.path, patience(), fmt::format("{} names are registered, which is max_components", components_.size()));
-    if (from.paths.size() + from.lost.size() >= limits.max_components_per_node && !from.paths.contains(claim.path) && !from.lost.contains(claim.path))
-        return not_yet(claim.path, patience(), fmt::format("{} names of this node are registered or were lost, which is max_components_per_node", from.paths.size() + from.lost.size()));
-    if (services_ - services_before + claim.services.size() > limits.max_services)
+    if (names >= limits.max_components_per_node && !from.paths.contains(claim.path) && !from.lost.contains(claim.path))
+        return not_yet(claim.path, patience(), fmt::format("{} names of this node are registered or were lost, which is max_components_per_node", names));
+    if (services > limits.max_services)
         return not_yet(claim.path, patience(), fmt::format("{} services are registered, max_services is {}", services_, limits.max_services));
-    if (claims_bytes_ - bytes_before + claim_bytes > limits.max_claims_bytes)
-        return not_yet(claim.path, patience(), fmt::format("all claims take {} bytes, this one {}; max_claims_bytes is {}", claims_bytes_ - bytes_before,
-                                                           claim_bytes, limits.max_claims_bytes));
+    if (claims_bytes > limits.max_claims_bytes)
+        return not_yet(claim.path, patience(), fmt::format("all claims would take {} bytes, max_claims_bytes is {}", claims_bytes, limits.max_claims_bytes));
     if (auto why = objection_to_roles(claim)) return not_yet(claim.path, patience(), std::move(*why));
 
     last_epoch_ = std::max(last_epoch_, epoch);
@@ -169,7 +169,6 @@ naming::grant registry::accept(node& from, naming::component_claim claim, std::u
     naming::grant granted;
     granted.path = claim.path;
     granted.epoch = epoch;
-    bool is_new = held == components_.end();
     auto path = claim.path;
     schemas_.use(claim.services);
     if (is_new) {
@@ -181,11 +180,8 @@ naming::grant registry::accept(node& from, naming::component_claim claim, std::u
     }
     auto& entry = held->second;
     auto before = is_new ? naming::listed_name() : listed(entry);
-    services_ += claim.services.size();
-    services_ -= services_before;
-    claims_bytes_ += claim_bytes;
-    claims_bytes_ -= bytes_before;
-    entry.bytes = claim_bytes;
+    services_ = services;
+    claims_bytes_ = claims_bytes;
     entry.claim = std::move(claim);
     entry.owner = &from;
     from.paths.insert(path);
@@ -236,7 +232,7 @@ void registry::remove(const std::string& path) {
     note(naming::name_change::removed, held->second);
     schemas_.release(held->second.claim.services);
     services_ -= held->second.claim.services.size();
-    claims_bytes_ -= held->second.bytes;
+    claims_bytes_ -= memory_of(held->second.claim);
     leave_roles(held->second);
     held->second.owner->paths.erase(held->first);
     components_.erase(held);

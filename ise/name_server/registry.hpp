@@ -83,7 +83,6 @@ private:
     struct component {
         naming::component_claim claim;
         node* owner = nullptr;
-        std::size_t bytes = 0; // of the claim
     };
 
     time_point running_time(time_point now);

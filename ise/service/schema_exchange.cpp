@@ -31,20 +31,16 @@ void schema_exchange::need(const std::vector<std::uint64_t>& fingerprints, ready
 void schema_exchange::hand_over(question& asked) {
     std::vector<schema> theirs;
     std::size_t more = 0;
-    std::vector<std::uint64_t> fresh;
+    std::unordered_set<std::uint64_t> fresh;
     for (auto& one : asked.told) {
-        auto fingerprint = one->fingerprint();
-        if (!handed_over_.contains(fingerprint) && std::ranges::find(fresh, fingerprint) == fresh.end()) {
-            more += book_.cost_of(*one);
-            fresh.push_back(fingerprint);
-        }
+        if (!handed_over_.contains(one->fingerprint()) && fresh.insert(one->fingerprint()).second) more += book_.cost_of(*one);
         theirs.push_back(std::move(*one));
     }
     if (handed_over_bytes_ + more > limit::learnt_schema_bytes)
         return asked.otherwise(failure(errc::overloaded, fmt::format("the schemas of this session would take {} bytes, {} are allowed (learnt_schema_bytes)",
                                                                      handed_over_bytes_ + more, limit::learnt_schema_bytes)));
     handed_over_bytes_ += more;
-    handed_over_.insert(fresh.begin(), fresh.end());
+    handed_over_.merge(fresh);
     asked.then(theirs);
 }
 

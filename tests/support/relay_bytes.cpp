@@ -5,7 +5,6 @@
 #include <ise/core/waiter.hpp>
 
 #include <algorithm>
-#include <array>
 #include <vector>
 
 namespace ise_test {
@@ -24,8 +23,8 @@ struct passage {
 
 class byte_relay final : public relay {
 public:
-    byte_relay(ise::environment& env, std::unique_ptr<ise::loop_host> host, const ise::endpoint& at, ise::endpoint to)
-        : env_(env), host_(std::move(host)), on_(host_->loop()), target_(std::move(to)), listener_(env.listen(on_, at).value()),
+    byte_relay(ise::environment& env, std::unique_ptr<ise::loop_host> host, const ise::endpoint& at, ise::endpoint to, std::size_t piece)
+        : piece_(piece), env_(env), host_(std::move(host)), on_(host_->loop()), target_(std::move(to)), listener_(env.listen(on_, at).value()),
           scope_(on_, [](const std::string&, std::exception_ptr) {}) {
         scope_.spawn("accept", accept(*this));
     }
@@ -69,7 +68,7 @@ private:
         of.scope_.spawn("back", carry(of, by, by->far.get(), by->near.get()));
     }
     static ise::task<> carry(byte_relay& of, std::shared_ptr<passage> by, ise::stream* from, ise::stream* to) {
-        std::array<std::byte, 16 * 1024> room;
+        ise::bytes room(of.piece_);
         for (;;) {
             auto got = co_await from->read_some(asio::buffer(room));
             while (of.held_) co_await of.healed();
@@ -102,6 +101,7 @@ private:
         co_await over.wait();
     }
 
+    std::size_t piece_;
     ise::environment& env_;
     std::unique_ptr<ise::loop_host> host_;
     ise::loop& on_;
@@ -115,8 +115,9 @@ private:
 
 } // namespace
 
-std::unique_ptr<relay> make_byte_relay(ise::environment& env, std::unique_ptr<ise::loop_host> host, const ise::endpoint& at, const ise::endpoint& to) {
-    return std::make_unique<byte_relay>(env, std::move(host), at, to);
+std::unique_ptr<relay> make_byte_relay(ise::environment& env, std::unique_ptr<ise::loop_host> host, const ise::endpoint& at, const ise::endpoint& to,
+                                       std::size_t piece) {
+    return std::make_unique<byte_relay>(env, std::move(host), at, to, piece);
 }
 
 } // namespace ise_test

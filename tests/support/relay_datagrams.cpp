@@ -107,7 +107,8 @@ std::unique_ptr<relay> make_datagram_relay(ise::environment& env, std::unique_pt
     return std::make_unique<datagram_relay>(env, std::move(host), at, to);
 }
 std::unique_ptr<relay> relay::make(ise::environment& env, std::unique_ptr<ise::loop_host> host, const ise::endpoint& at, const ise::endpoint& to) {
-    return (to.kind == ise::protocol::udp ? make_datagram_relay : make_byte_relay)(env, std::move(host), at, to);
+    if (to.kind == ise::protocol::udp) return make_datagram_relay(env, std::move(host), at, to);
+    return make_byte_relay(env, std::move(host), at, to);
 }
 
 } // namespace ise_test

@@ -26,12 +26,10 @@ void hold_and_more(raw_peer& by) {
 // Introduces a service with the request of its own schema, and tells that schema when it is asked for.
 struct teacher {
     explicit teacher(harbour& of) : at(of), peer(of.all, of.sea, of.door) { peer.greet(); }
-    void teach(const std::string& text, bool asked = true) { teach(text, asked, helm.types().fingerprints[1]); }
-    // The response is of that schema, too.
-    void teach_for_both(const std::string& text) { teach(text, true, ise::schema::parse(text).value().fingerprint()); }
-    void teach(const std::string& text, bool asked, std::uint64_t response) {
+    // With `both` the response is of that schema, too.
+    void teach(const std::string& text, bool asked = true, bool both = false) {
         auto fingerprint = ise::schema::parse(text).value().fingerprint();
-        peer.introduce(taught++, "helm", {fingerprint, response});
+        peer.introduce(taught++, "helm", {fingerprint, both ? fingerprint : helm.types().fingerprints[1]});
         auto questions = peer.count(frame_type::schema_request);
         if (asked) REQUIRE(at.all.world.run_until([&] { return peer.count(frame_type::schema_request) > questions; }, 1s));
         ise::wire::schema_answer answer;
@@ -114,7 +112,7 @@ TEST_CASE("a schema that stands twice in one service counts once") {
     harbour at(either());
     INFO(at.door);
     teacher fat(at);
-    for (int i = 0; i < 50; ++i) fat.teach_for_both(fat_schema(i));
+    for (int i = 0; i < 50; ++i) fat.teach(fat_schema(i), true, true);
     set_mode asked{"hold"};
     fat.peer.request(0, 49, 1h, asked);
     REQUIRE(at.all.world.run_until([&] { return fat.peer.count(frame_type::error) == 1; }, 1s));

@@ -1,1 +1,1 @@
-target_sources(unit_service PRIVATE ../support/relay_bytes.cpp ../support/relay_datagrams.cpp)
+target_sources(unit_service PRIVATE ../support/relay_bytes.cpp)
