@@ -1,4 +1,5 @@
 #include <support/program.hpp>
+#include <test_folders.hpp>
 
 #include <fcntl.h>
 #include <poll.h>

@@ -6,6 +6,7 @@
 #include <atomic>
 #include <csignal>
 #include <thread>
+#include <test_folders.hpp>
 
 using Catch::Contains;
 using cli_test::port;

@@ -3,6 +3,7 @@
 
 #include <support/catch.hpp>
 #include <support/program.hpp>
+#include <test_folders.hpp>
 
 using Catch::Contains;
 using cli_test::port;

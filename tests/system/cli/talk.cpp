@@ -10,6 +10,7 @@
 
 #include <csignal>
 #include <thread>
+#include <test_folders.hpp>
 
 using Catch::Contains;
 using cli_test::harbour;

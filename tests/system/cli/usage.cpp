@@ -1,6 +1,7 @@
 // The command line as a shell sees it: what needs no running component.
 #include <support/catch.hpp>
 #include <support/program.hpp>
+#include <test_folders.hpp>
 
 using ise_test::run_program;
 using ise_test::start_options;

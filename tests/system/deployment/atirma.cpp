@@ -4,6 +4,7 @@
 #include "two_hosts.hpp"
 
 #include <system/instantiation/host.hpp>
+#include <test_folders.hpp>
 
 using namespace deployment_test;
 using Catch::Contains;

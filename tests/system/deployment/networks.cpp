@@ -4,6 +4,7 @@
 #include <random>
 #include <stdexcept>
 #include <unistd.h>
+#include <test_folders.hpp>
 
 namespace deployment_test {
 namespace {

@@ -1,5 +1,6 @@
 // Parameters of running components, by the command line.
 #include "two_hosts.hpp"
+#include <test_folders.hpp>
 
 using namespace deployment_test;
 using Catch::Contains;

@@ -6,6 +6,7 @@
 
 #include <cstdlib>
 #include <fstream>
+#include <test_folders.hpp>
 
 namespace deployment_test {
 

@@ -4,6 +4,7 @@
 #include <system/instantiation/host.hpp>
 
 #include <optional>
+#include <test_folders.hpp>
 
 using namespace deployment_test;
 using Catch::Contains;

@@ -8,6 +8,7 @@
 #include <sched.h>
 #include <sys/resource.h>
 #include <unistd.h>
+#include <test_folders.hpp>
 
 using namespace host_test;
 using ise_test::program;

@@ -4,6 +4,7 @@
 #include <fstream>
 #include <iterator>
 #include <unistd.h>
+#include <test_folders.hpp>
 
 namespace host_test {
 

@@ -5,6 +5,7 @@
 
 #include <fstream>
 #include <sys/mount.h>
+#include <test_folders.hpp>
 
 using namespace host_test;
 using Catch::Contains;

@@ -16,6 +16,7 @@
 #include <unistd.h>
 #include <utility>
 #include <vector>
+#include <test_folders.hpp>
 
 using Catch::Contains;
 
