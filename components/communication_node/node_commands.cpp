@@ -11,7 +11,7 @@ using namespace std::chrono_literals;
 // Before the caller's deadline, so that "pending" still reaches it.
 ise::duration reply_margin(ise::duration left) { return std::clamp<ise::duration>(left / 5, 20ms, 800ms); }
 
-ise::error refused(std::string why) { return ise::error(ise::errc::refused, std::move(why)); }
+ise::error command_refused(std::string why) { return ise::error(ise::errc::refused, std::move(why)); }
 
 telecommand_reply reply_of(const telecommand_status& status) {
     telecommand_reply made;
@@ -92,37 +92,37 @@ ise::task<telecommand_reply> communication_node::command(telecommand_request req
         if (const auto* here = c.desk.find(request.id)) known = *here;
         else {
             auto found = c.store.command(request.id);
-            if (!found) throw refused(found.error().message());
+            if (!found) throw command_refused(found.error().message());
             known = std::move(*found);
         }
     }
     if (known && known->status.command != request.command)
-        throw refused(fmt::format("telecommand {} is {} already, asked for by {}; choose another id", request.id,
+        throw command_refused(fmt::format("telecommand {} is {} already, asked for by {}; choose another id", request.id,
                                   name_of(known->status.kind), known->status.asked_by));
     auto id = request.id;
     if (!known) {
-        if (auto good = check_request(request); !good) throw refused(good.error().message());
+        if (auto good = check_request(request); !good) throw command_refused(good.error().message());
         if (is_dangerous(request.command.kind, request.command.mode) && !request.confirmed)
-            throw refused(fmt::format(
+            throw command_refused(fmt::format(
                 "{} can lose the boat or its mission: send it again with confirmed true if it is meant",
                 request.command.kind == command_kind::set_mode ? "set_mode manual" : name_of(request.command.kind)));
         if (needs_authority(request.command.kind))
-            if (auto why = c.authority.refusal(who)) throw refused(*why);
+            if (auto why = c.authority.refusal(who)) throw command_refused(*why);
         if (request.via &&
             std::ranges::none_of(c.proxies, [&](const auto& one) { return one.health.link == *request.via; })) {
             std::string there;
             for (const auto& one : c.proxies)
                 there += fmt::format("{}{}", there.empty() ? "" : ", ", name_of(one.health.link));
-            throw refused(fmt::format("this node has no proxy for {}; it has {}", name_of(*request.via),
+            throw command_refused(fmt::format("this node has no proxy for {}; it has {}", name_of(*request.via),
                                       there.empty() ? "none" : there));
         }
         auto chosen = static_cast<std::uint32_t>(env().random()) | 1u; // never 0
         auto record = c.desk.prepare(clock(), request, chosen, who, c.authority.now().epoch, path());
-        if (!record) throw refused(record.error().message());
+        if (!record) throw command_refused(record.error().message());
         id = record->status.id;
         auto begun = begin_command(*record);
         if (!begun)
-            throw refused(
+            throw command_refused(
                 fmt::format("the telecommand cannot be recorded, and so it is not sent: {}", begun.error().message()));
     }
     auto until = deadline == ise::time_point::max() ? ise::saturating_add(now(), 30s)
@@ -148,7 +148,7 @@ ise::task<authority_state> communication_node::change_authority(authority_reques
         auto put = c.store.put(*made, change);
         disk(put ? nullptr : &put.error());
         if (!put)
-            throw refused(fmt::format("the authority stays as it is, as the change cannot be put to disk: {}",
+            throw command_refused(fmt::format("the authority stays as it is, as the change cannot be put to disk: {}",
                                       put.error().message()));
         c.authority.apply(*made, change);
         c.authorities(*made);
@@ -177,9 +177,9 @@ void communication_node::announce_authority() {
 
 record_page communication_node::record(const record_request& request) {
     if (request.max_entries < 1 || request.max_entries > 500)
-        throw refused(fmt::format("max_entries is 1 to 500, not {}", request.max_entries));
+        throw command_refused(fmt::format("max_entries is 1 to 500, not {}", request.max_entries));
     auto page = core_->store.list(request);
-    if (!page) throw refused(page.error().message());
+    if (!page) throw command_refused(page.error().message());
     return std::move(*page);
 }
 

@@ -10,14 +10,6 @@ using namespace atirma;
 
 namespace {
 
-telecommand_request set_mode(std::uint32_t id, sailing_mode mode) {
-    telecommand_request request;
-    request.id = id;
-    request.command.kind = command_kind::set_mode;
-    request.command.mode = mode;
-    return request;
-}
-
 using asked = std::optional<ise::result<telecommand_reply>>;
 
 void command(sea& it, telecommand_request request, ise::duration deadline, asked& into) {
