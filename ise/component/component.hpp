@@ -77,6 +77,16 @@ public:
         add(core);
         return publication<Contract>(core);
     }
+    // Mistakes of the kind of a service.
+    template <class... Packets, class Handler>
+    void provide(const subscription<Packets...>&, Handler&&, serve_options = serve_options()) {
+        static_assert(detail::never<Packets...>, "ise: this service is a subscription, which is published: auto out = publish(service)");
+    }
+    template <class... Packets>
+    void publish(const request_response<Packets...>&) {
+        static_assert(detail::never<Packets...>, "ise: this service is a request-response, which is provided: provide(service, handler)");
+    }
+
     /// Publishes what `make()` returns, now and every `period` until the component stops. A loop that was held up
     /// publishes once and goes on in step: times that have passed are not made up for.
     /// Throws errc::invalid_argument for a period that is none.

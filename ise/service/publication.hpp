@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <memory>
+#include <type_traits>
 
 namespace ise {
 
@@ -24,6 +25,13 @@ public:
     void operator()(const packet_type& packet) const { core().publish(made(packet)); }
     /// The same with a packet that is given away: for those it is moved and not copied.
     void operator()(packet_type&& packet) const { core().publish(made(std::move(packet))); }
+
+    /// A mistake of the packet's type.
+    template <class Other>
+        requires(!std::is_convertible_v<Other, packet_type>)
+    void operator()(const Other&) const {
+        static_assert(sizeof(Other) == 0, "ise: this publication publishes packets of another type: the one that its service names");
+    }
 
     /// Publishes to those subscribers for which `wants(const subscriber_info&)` holds: a watch that was narrowed down, a
     /// snapshot for who has just come. The others count it as skipped, not as lost.

@@ -22,8 +22,8 @@ ise::task<std::string> ask(ise::remote boat, std::string mode) {
 }
 
 ise::task<std::string> ask_by_fields(ise::remote boat, std::string mode) {
-    auto first = co_await helm(boat, mode);
-    auto answer = co_await helm.within(5s, boat, mode + " for longer than a short string has room");
+    auto first = co_await boat.call(helm, mode);
+    auto answer = co_await boat.call(helm, mode + " for longer than a short string has room", 5s);
     co_return first.reason + ", " + answer.reason;
 }
 
