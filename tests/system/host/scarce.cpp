@@ -1,16 +1,18 @@
 // What a host runs out of: descriptors, ports, room on the disk, addresses.
 #include "host.hpp"
 
+#include <support/no_descriptors.hpp>
+
 #include <asio/write.hpp>
 #include <asio/ip/tcp.hpp>
 #include <asio/ip/udp.hpp>
 
 #include <sched.h>
-#include <sys/resource.h>
 #include <unistd.h>
 #include <test_folders.hpp>
 
 using namespace host_test;
+using ise_test::no_descriptors;
 using ise_test::program;
 using ise_test::run_program;
 
@@ -22,24 +24,6 @@ std::vector<std::string> with_descriptors(int most, std::vector<std::string> arg
     made.insert(made.end(), arguments.begin() + 1, arguments.end());
     return made;
 }
-
-// This process has all that it may open, as long as this lives.
-class no_descriptors {
-public:
-    no_descriptors() {
-        ::getrlimit(RLIMIT_NOFILE, &before_);
-        int next = ::dup(0);
-        ::close(next);
-        rlimit none = before_;
-        none.rlim_cur = static_cast<rlim_t>(next); // what is open below it stays
-        ::setrlimit(RLIMIT_NOFILE, &none);
-    }
-    ~no_descriptors() { end(); }
-    void end() { ::setrlimit(RLIMIT_NOFILE, &before_); }
-
-private:
-    rlimit before_{};
-};
 
 ise::task<ise::result<void>> connect(ise::remote to) { return to.connect(60s); }
 
