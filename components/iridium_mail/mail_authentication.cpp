@@ -10,7 +10,7 @@ namespace {
 
 /// RFC 8601 without comments, in lower case, its words separated by single blanks. What stands in quotes is a sender's text
 /// and becomes one word without meaning.
-std::string plain(std::string_view text) {
+std::string without_comments(std::string_view text) {
     std::string made;
     int depth = 0;
     bool quoted = false;
@@ -70,7 +70,7 @@ bool passes(std::string_view result, std::string_view domain) {
 ise::result<void> check_authentication(const std::vector<std::string>& results, std::string_view authserv, std::string_view domain) {
     const auto wanted = lower(domain), server = lower(authserv);
     for (const auto& each : results) {
-        auto text = plain(each);
+        auto text = without_comments(each);
         std::string_view rest = text;
         auto head = trimmed(rest.substr(0, rest.find(';')));
         rest.remove_prefix(std::min(rest.find(';'), rest.size()));
