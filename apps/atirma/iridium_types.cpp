@@ -36,6 +36,7 @@ component_type proxy_type() {
     set.add("webhook-path", options->webhook_path, "path of the web hook");
     set.add("jwt-key", options->jwt_key_file, "public key or certificate (PEM): each post must carry a token of it")
         .kind(parameter_kind::path);
+    set.add("gateway-addresses", options->gateway_addresses, "addresses and networks of the gateway, 12.47.179.11,192.0.2.0/24: whoever else connects to webhook or directip is refused; beyond loopback directip needs it, and webhook needs it or jwt-key");
     set.add("directip", options->directip, "where the gateway's DirectIP connects, tcp://address:port; empty: not");
     set.add("send-by", options->send_by, "how telecommands go to the gateway")
         .one_of({"http", "directip", "mail", "none"});
@@ -49,6 +50,8 @@ component_type proxy_type() {
     set.add("mail-from", options->mail_from, "sender of mails to the gateway");
     set.add("mail-to", options->mail_to, "the gateway's address for messages");
     set.add("gateway-mail", options->gateway_mail, "who sends the gateway's mails");
+    set.add("mail-authserv", options->mail_authserv, "name of the mail server whose Authentication-Results say that a mail is the gateway's");
+    set.add("mail-unchecked", options->mail_unchecked, "believe the sender of a mail: only where nobody else can mail to the mailbox");
     set.add("ca-file", settings->ca_file, "authorities to trust (PEM) instead of the system's")
         .kind(parameter_kind::path);
     set.add("daily-budget", options->daily_budget, "credits a day (UTC) for telecommands; 0: unlimited");

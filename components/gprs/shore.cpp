@@ -8,10 +8,14 @@ namespace atirma::gprs {
 
 void shore::connected(ise::time_point now, way by) {
     ++counters_.connections;
-    if (strangers_.size() >= options_.max_strangers)
-        cut_stranger(strangers_.begin(),
-                     fmt::format("{} others wait to log in: the oldest makes room", strangers_.size()));
+    auto place = places_.take(by.peer.text()); // all wait: one makes way
     auto& made = strangers_.emplace_back();
+    place->on_displaced([this, door = by.door] {
+        auto who = std::find_if(strangers_.begin(), strangers_.end(), [&](const stranger& s) { return s.by.door == door; });
+        cut_stranger(who, fmt::format("{} connections wait to log in (max_strangers): the oldest one of the host with the most makes way",
+                                      strangers_.size()));
+    });
+    made.place = std::move(place);
     made.by = std::move(by);
     made.until = ise::saturating_add(now, options_.login_time);
 }

@@ -4,9 +4,11 @@
 
 #include <ise/core/endpoint.hpp>
 #include <ise/core/time.hpp>
+#include <ise/net/fair_places.hpp>
 
 #include <deque>
 #include <list>
+#include <memory>
 #include <set>
 #include <vector>
 
@@ -16,7 +18,7 @@ struct shore_options {
     std::string boat_id = "atirma";                      ///< whose login is taken
     ise::duration login_time = std::chrono::seconds(10); ///< a connection that has not logged in by then is cut off
     ise::duration silence = std::chrono::minutes(3);     ///< of the boat; then its way is half open, and given up
-    std::size_t max_strangers = 16;                      ///< connections without a login; the oldest makes room
+    std::size_t max_strangers = 16;                      ///< connections without a login; `ise::net::fair_places` decides
     std::size_t max_login_bytes = 1024;                  ///< that a stranger may send before he has logged in
     std::size_t max_bad_lines = 8;                       ///< one after the other, of the boat's own connection
     std::size_t max_unsafe = 4096; ///< records that wait until they are safe; further ones come again
@@ -90,7 +92,8 @@ struct shore_counters {
 /// safe.
 class shore {
 public:
-    explicit shore(shore_options options = shore_options()) : options_(std::move(options)) {}
+    explicit shore(shore_options options = shore_options())
+        : options_(std::move(options)), places_(options_.max_strangers) {}
 
     /// A connection was accepted, and ended by itself.
     void connected(ise::time_point now, way by);
@@ -130,6 +133,7 @@ private:
         ise::time_point until{};
         std::size_t bytes = 0;
         line_reader reader;
+        std::unique_ptr<ise::net::fair_places::place> place;
     };
 
     life& life_of(std::uint16_t boot);
@@ -146,6 +150,7 @@ private:
     void tell(E event) { events_.push_back(shore_event(std::move(event))); }
 
     shore_options options_;
+    ise::net::fair_places places_; // before the strangers, who hold them
     std::optional<way> boat_;
     line_reader reader_; // of the boat's connection
     std::list<stranger> strangers_; // as they came

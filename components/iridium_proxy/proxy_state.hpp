@@ -33,6 +33,7 @@ struct iridium_proxy::state {
     mt_queue queue;
     duplicate_filter seen;
     std::optional<iridium::jwt_key> key;
+    iridium::address_list gateways;
     std::unique_ptr<mt_path> path;
     std::unique_ptr<webhook_server> webhook;
     std::unique_ptr<iridium::directip_server> directip;

@@ -1,6 +1,6 @@
 #include <ise/service/service_host.hpp>
 
-#include <ise/core/sleep.hpp>
+#include <ise/net/bounded_acceptor.hpp>
 #include <ise/net/connect.hpp>
 #include <ise/net/relayed.hpp>
 #include <ise/service/publication_core.hpp>
@@ -9,8 +9,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <unordered_map>
 
 namespace ise {
 
@@ -28,7 +26,7 @@ std::vector<std::shared_ptr<session>> in_order(const std::map<session*, std::sha
 
 service_host::service_host(environment& env, loop& on, task_scope& scope, wire::identity self, service_options options, logger log, security credentials)
     : env_(env), on_(on), scope_(scope), self_(std::move(self)), options_(options), log_(std::move(log)), calls_(on), dispatcher_(schemas_),
-      credentials_(std::move(credentials)) {}
+      handshakes_(options_.max_handshakes), credentials_(std::move(credentials)) {}
 
 service_host::~service_host() { resolver_.reset(); }
 
@@ -116,47 +114,27 @@ std::vector<endpoint> service_host::listening() const {
 }
 
 task<> service_host::accept(std::shared_ptr<listener> from) {
+    net::bounded_acceptor entrance(on_, from, &handshakes_,
+                                   [this](const std::string& what, const std::string& at) { tell(peer_trouble::accepting, what, at); });
     while (!stopping_) {
-        auto [problem, stranger] = co_await from->accept();
-        if (stopping_ || problem == asio::error::operation_aborted) co_return;
-        if (problem) {
-            // Out of descriptors or memory: wait until something was freed.
-            bool descriptors = problem.value() == EMFILE || problem.value() == ENFILE; // by number, as in io_failure
-            auto what = fmt::format("cannot accept: {}{}", problem.message(),
-                                    descriptors ? "; sessions go on, new ones wait until some have ended or the limit is raised (ulimit -n)" : "");
-            tell(peer_trouble::accepting, what, from->where().text());
-            co_await sleep_for(on_, std::chrono::milliseconds(100));
-            continue;
-        }
-        if (handshakes_.size() >= options_.max_handshakes) make_way();
-        if (handshakes_.size() >= 2 * options_.max_handshakes) { // these are on their way out yet
+        auto who = co_await entrance.next();
+        if (stopping_ || !who.line) co_return;
+        if (who.refused || greeting_ >= 2 * options_.max_handshakes) { // those beyond are on their way out yet
             ++counts_.sessions_rejected;
             continue; // closes it
         }
-        auto name = "handshake with " + stranger->peer();
-        auto place = handshakes_.insert(handshakes_.end(), std::make_shared<handshake>());
-        auto held = *place; // it may be over at once
-        held->host = stranger->peer();
-        held->host.resize(std::min(held->host.rfind(':'), held->host.size())); // without the port
-        auto reached = stranger->local().value_or(from->where());
-        held->cancel = scope_.spawn(std::move(name), greet(std::move(stranger), std::move(reached), place));
+        auto peer = who.line->peer();
+        auto reached = who.line->local().value_or(from->where());
+        handshake_place held = std::move(who.place); // it may be over at once
+        auto* cancel = scope_.spawn("handshake with " + peer, greet(std::move(who.line), std::move(reached), held));
         if (scope_.stopping()) co_return;
+        if (!cancel) continue;
+        held->on_displaced([this, cancel, host = net::host_of(peer)] {
+            tell(peer_trouble::crowded,
+                 fmt::format("{} handshakes at once (max_handshakes), most from {}: the oldest of these make way", handshakes_.most(), host), host);
+            cancel->emit(asio::cancellation_type::terminal);
+        });
     }
-}
-
-// Who comes from elsewhere than the crowd keeps its place however slow its way is; of a crowd the oldest hold theirs
-// without saying anything.
-void service_host::make_way() {
-    std::unordered_map<std::string_view, std::size_t> of_host;
-    for (const auto& one : handshakes_) of_host[one->host] += !one->made_way;
-    std::shared_ptr<handshake> oldest;
-    for (const auto& one : handshakes_)
-        if (!one->made_way && one->cancel && (!oldest || of_host[one->host] > of_host[oldest->host])) oldest = one;
-    if (!oldest) return;
-    tell(peer_trouble::crowded, fmt::format("{} handshakes at once (max_handshakes), most from {}: the oldest of these make way", handshakes_.size(), oldest->host),
-         oldest->host);
-    oldest->made_way = true;
-    oldest->cancel->emit(asio::cancellation_type::terminal);
 }
 
 void service_host::tell(peer_trouble kind, std::string_view what, std::string_view peer) {
@@ -166,12 +144,15 @@ void service_host::tell(peer_trouble kind, std::string_view what, std::string_vi
     log_.write(level, what, {{"peer", std::string(peer)}, {"left_out", std::to_string(*left_out)}});
 }
 
-task<> service_host::greet(std::unique_ptr<stream> stranger, endpoint reached, handshake_list::iterator place) {
+task<> service_host::greet(std::unique_ptr<stream> stranger, endpoint reached, handshake_place place) {
     struct leaving {
-        handshake_list& all;
-        handshake_list::iterator mine;
-        ~leaving() { all.erase(mine); }
-    } guard{handshakes_, place};
+        std::size_t& count;
+        handshake_place& mine;
+        ~leaving() {
+            --count;
+            mine.reset();
+        }
+    } guard{++greeting_, place};
     auto peer = stranger->peer();
     door gate(*this, std::move(reached));
     auto deadline = saturating_add(on_.now(), options_.handshake_time);
@@ -185,8 +166,8 @@ task<> service_host::greet(std::unique_ptr<stream> stranger, endpoint reached, h
         ++counts_.sessions_rejected;
         if (scope_.stopping()) co_return;
         auto code = made.error().code();
-        bool strange = (*place)->made_way || broke_rules(code) || code == errc::timed_out || code == errc::unauthorized || code == errc::invalid_argument || code == errc::io_failed;
-        auto cause = (*place)->made_way ? fmt::format("{} had not greeted when its place was needed (max_handshakes)", peer) : made.error().message();
+        bool strange = place->displaced() || broke_rules(code) || code == errc::timed_out || code == errc::unauthorized || code == errc::invalid_argument || code == errc::io_failed;
+        auto cause = place->displaced() ? fmt::format("{} had not greeted when its place was needed (max_handshakes)", peer) : made.error().message();
         tell(strange ? peer_trouble::handshake : peer_trouble::rejected, fmt::format("a session was not made: {}", cause), peer);
         co_return;
     }

@@ -3,6 +3,7 @@
 #include <ise/core/log.hpp>
 #include <ise/core/log_limiter.hpp>
 #include <ise/core/task_scope.hpp>
+#include <ise/net/fair_places.hpp>
 #include <ise/net/handshake.hpp>
 #include <ise/net/security.hpp>
 #include <ise/net/udp/cookie.hpp>
@@ -129,15 +130,8 @@ private:
     class door; // for one stranger
     result<wire::welcome> admit(const wire::hello& caller);
     task<> accept(std::shared_ptr<listener> from);
-    // A stranger who has not greeted yet.
-    struct handshake {
-        asio::cancellation_signal* cancel = nullptr;
-        std::string host; // where it comes from
-        bool made_way = false;
-    };
-    using handshake_list = std::list<std::shared_ptr<handshake>>;
-    void make_way();
-    task<> greet(std::unique_ptr<stream> stranger, endpoint reached, handshake_list::iterator place);
+    using handshake_place = std::shared_ptr<net::fair_places::place>;
+    task<> greet(std::unique_ptr<stream> stranger, endpoint reached, handshake_place place);
 
     environment& env_;
     loop& on_;
@@ -155,7 +149,8 @@ private:
     std::map<std::string, std::weak_ptr<link>> links_;
     std::map<session*, std::shared_ptr<session>> sessions_;
     std::vector<waiter<>*> awaiting_sessions_end_;
-    handshake_list handshakes_; // oldest first
+    net::fair_places handshakes_;
+    std::size_t greeting_ = 0; // coroutines: those that lost their place and are on their way out included
     std::array<log_limiter, peer_troubles> troubles_;
     std::vector<endpoint> advertised_;
     std::uint64_t call_ranges_ = 0;

@@ -25,6 +25,11 @@ struct coast {
         made.peer = ise::endpoint{ise::protocol::tcp, "10.0.0.9", static_cast<std::uint16_t>(door), {}};
         return made;
     }
+    static way call(std::uint64_t door, const std::string& host) {
+        auto made = call(door);
+        made.peer.host = host;
+        return made;
+    }
     static way address(std::uint16_t port) {
         way made;
         made.door = 1;
@@ -33,6 +38,7 @@ struct coast {
         return made;
     }
     void connect(std::uint64_t door) { shore.connected(now, call(door)), drain(); }
+    void connect(std::uint64_t door, const std::string& host) { shore.connected(now, call(door, host)), drain(); }
     void say(std::uint64_t door, std::string_view text) { shore.on_bytes(now, door, ise::as_bytes(text)), drain(); }
     void say(std::uint64_t door, const line& what) { say(door, encode(what)); }
     void datagram(std::uint16_t port, const std::string& text) {
@@ -212,6 +218,17 @@ TEST_CASE("gprs shore: a crowd of strangers leaves room for the boat") {
     it.connect(2000);
     it.say(2000, login{"atirma", 5, 1, 0});
     CHECK(it.shore.boat());
+}
+
+TEST_CASE("gprs shore: a slow boat keeps its place while another host calls as often as it likes") {
+    coast it;
+    it.connect(1, "10.0.0.1");
+    for (std::uint64_t door = 2; door <= 1000; ++door) it.connect(door, door % 2 ? "fd00:1:2:3::" + std::to_string(door) : "10.0.0.9");
+    for (const auto& cut : it.all<cut_off>()) CHECK(cut.whom.door != 1);
+    it.pass(9s);
+    it.say(1, login{"atirma", 5, 1, 0});
+    CHECK(it.shore.boat());
+    CHECK(it.shore.strangers() == shore_options().max_strangers - 1);
 }
 
 TEST_CASE(

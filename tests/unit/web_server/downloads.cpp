@@ -45,8 +45,8 @@ track_state voyage(std::string boat = "A<b>&\"c\"") {
     return state;
 }
 
-struct site {
-    explicit site(track_archive* archive = nullptr) : server(context, port_0()) {
+struct site : web_test::grounds {
+    explicit site(track_archive* archive = nullptr) : server(host->loop(), port_0(), spawner()) {
         offer_downloads(server, "/vela", state, archive, [this] { return now; });
         server.listen();
     }
@@ -62,7 +62,6 @@ struct site {
     }
     track_state state = voyage();
     utc_ms now = start;
-    asio::io_context context;
     http_server server;
 };
 
