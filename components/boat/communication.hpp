@@ -29,10 +29,12 @@ struct track_page {
 /// Who may tell the boat what to do.
 struct authority_state {
     std::string holder;             ///< the operator's path; empty: nobody
-    std::uint32_t epoch = 0;        ///< grows with each change; travels in every telecommand; 0: nobody ever had it
+    std::uint32_t epoch = 0;        ///< grows with each change, at both nodes; 0: nobody ever had it
     utc_time since{};
     std::string how;                ///< "taken by atirma/console/ana"
     std::vector<std::string> asked_by; ///< operators who ask the holder for it
+    /// Travels in every telecommand. The same as `epoch`, unless the boat said that it obeys another one.
+    std::uint32_t boat_epoch = 0;
 };
 
 enum class authority_action : std::uint8_t {

@@ -72,6 +72,7 @@ struct telecommand_reply {
     std::optional<ack_code> result; ///< the boat's word; nothing before it was acknowledged
     std::optional<float> value;     ///< what holds at the boat now, for kinds that tell
     std::string text;               ///< for people
+    std::optional<std::uint32_t> boat_obeys; ///< the epoch of authority that the boat obeys, where it said so
 };
 
 /// A change in the life of a telecommand.
@@ -89,6 +90,7 @@ struct telecommand_status {
     utc_time asked_at{};            ///< by the clock of who tells it
     std::optional<boat_command> command; ///< from a communication node: what was asked for
     std::uint32_t authority = 0;    ///< from a communication node: the epoch that it was sent under
+    std::optional<std::uint32_t> boat_obeys; ///< the epoch that the boat obeys, where its answer said so
 };
 
 /// Which telecommand to follow; 0: all.

@@ -149,8 +149,8 @@ void command_desk::on_status(utc_time wall, link_id link, const telecommand_stat
         mine.link = link;
         mine.result = status.result;
         mine.value = status.value;
-        if (status.result == ack_code::no_authority)
-            boat_epoch_ = std::max(boat_epoch_, static_cast<std::uint32_t>(std::max(0.0f, status.value.value_or(0))));
+        mine.boat_obeys = status.boat_obeys;
+        if (status.boat_obeys) boat_epochs_.push_back({mine.authority, *status.boat_obeys});
         for (const auto& [other, given] : e.links)
             if (other != link && given.given && !given.refused) recalls_.push_back({status.id, other, link});
         change(e, wall, telecommand_stage::acknowledged, status.text);

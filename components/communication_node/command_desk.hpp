@@ -59,8 +59,12 @@ public:
     };
     /// Those that the boat has answered over one link since the last call, while others were still to send them.
     std::vector<recall> take_recalls() { return std::exchange(recalls_, {}); }
-    /// The epochs of the boat's refusals for want of authority since the last call, 0 for none.
-    std::uint32_t take_boat_epoch() noexcept { return std::exchange(boat_epoch_, 0); }
+    struct boat_epoch {
+        std::uint32_t sent_under = 0; ///< the epoch of the telecommand that the boat answered
+        std::uint32_t obeyed = 0;     ///< the epoch that the boat obeys
+    };
+    /// The epochs that the boat's answers told since the last call.
+    std::vector<boat_epoch> take_boat_epochs() { return std::exchange(boat_epochs_, {}); }
     std::vector<command_record> take_changes() { return std::exchange(changes_, {}); }
 
 private:
@@ -87,7 +91,7 @@ private:
     std::deque<std::uint32_t> decided_;
     std::vector<command_record> changes_;
     std::vector<recall> recalls_;
-    std::uint32_t boat_epoch_ = 0;
+    std::vector<boat_epoch> boat_epochs_;
 };
 
 /// Of two records of one telecommand the one that knows more: an answer of the boat before any other end, an end before

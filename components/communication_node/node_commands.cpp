@@ -19,6 +19,7 @@ telecommand_reply reply_of(const telecommand_status& status) {
     made.state = is_final(status.state) ? status.state : telecommand_stage::pending;
     made.result = status.result;
     made.value = status.value;
+    made.boat_obeys = status.boat_obeys;
     made.text = status.text;
     return made;
 }
@@ -58,7 +59,7 @@ void communication_node::put_changes() {
         c.news.ring();
     }
     for (const auto& record : changes) tell(record.status);
-    c.authority.boat_obeys(c.desk.take_boat_epoch());
+    for (const auto& told : c.desk.take_boat_epochs()) c.authority.boat_obeys(told.obeyed, told.sent_under);
 }
 
 void communication_node::tell(const telecommand_status& status) {
@@ -117,7 +118,7 @@ ise::task<telecommand_reply> communication_node::command(telecommand_request req
                                       there.empty() ? "none" : there));
         }
         auto chosen = static_cast<std::uint32_t>(env().random()) | 1u; // never 0
-        auto record = c.desk.prepare(clock(), request, chosen, who, c.authority.now().epoch, path());
+        auto record = c.desk.prepare(clock(), request, chosen, who, c.authority.now().boat_epoch, path());
         if (!record) throw command_refused(record.error().message());
         id = record->status.id;
         auto begun = begin_command(*record);
@@ -169,7 +170,7 @@ void communication_node::announce_authority() {
     telecommand_request ping;
     ping.valid_s = 3600;
     auto record = c.desk.prepare(clock(), ping, static_cast<std::uint32_t>(env().random()) | 1u, path(),
-                                 c.authority.now().epoch, path());
+                                 c.authority.now().boat_epoch, path());
     if (!record) return; // too many are open: the next one carries the epoch
     auto begun = begin_command(*record);
     if (!begun) log().warning("the boat is not told of the new epoch now", {{"cause", begun.error().message()}});

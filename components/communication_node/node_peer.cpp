@@ -82,8 +82,7 @@ ise::result<void> communication_node::take_page(replication_page page) {
     for (const auto& record : news) {
         if (!c.desk.know(now(), clock(), record, path())) continue;
         tell(record.status);
-        if (record.status.result == ack_code::no_authority)
-            c.authority.boat_obeys(static_cast<std::uint32_t>(std::max(0.0f, record.status.value.value_or(0))));
+        if (record.status.boat_obeys) c.authority.boat_obeys(*record.status.boat_obeys, record.status.authority);
     }
     if (authority_is_news) {
         c.authority.apply(page.authority, page.authority_change);

@@ -138,6 +138,7 @@ ise::task<telecommand_reply> iridium_proxy::command(telecommand_request request,
         reply.state = is_final(status.state) ? status.state : telecommand_stage::pending;
         reply.result = status.result;
         reply.value = status.value;
+        reply.boat_obeys = status.boat_obeys;
         reply.text = status.text;
     }
     co_return reply;

@@ -207,8 +207,8 @@ TEST_CASE("command book: the epoch of authority travels, and the boat's refusal 
     no.id = 8;
     no.kind = command_kind::tack_now;
     no.code = ack_code::no_authority;
-    no.value = 9;
+    no.authority = 16'777'217; // 2^24 + 1: no float holds it
     CHECK(it.book.on_acknowledgement(it.wall, no));
     CHECK(it.book.find(8)->result == ack_code::no_authority);
-    CHECK(it.book.find(8)->value == 9.0f);
+    CHECK(it.book.find(8)->boat_obeys == 16'777'217u);
 }

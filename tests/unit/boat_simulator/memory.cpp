@@ -69,6 +69,27 @@ TEST_CASE("a boat that lost its power goes on where it was, in its next boot, wi
     CHECK(next.execute(old).code == ack_code::no_authority);
 }
 
+TEST_CASE("a forged epoch is not kept over the loss of power, and the boat obeys the operators ashore afterwards") {
+    auto keeper = database::open("memory:boat-epoch", {}).value(); // the file, over the boat's lives
+    {
+        auto boat = sailed_for(10s, on_t1());
+        auto ping = command(1, command_kind::ping);
+        ping.authority = 4;
+        boat.execute(ping);
+        ping.id = 2;
+        ping.authority = 0xFFFFFFFF;
+        boat.execute(ping);
+        boat_memory::open("memory:boat-epoch").value().keep(boat.remember()).value();
+    }
+    auto options = on_t1();
+    options.resumed = boat_memory::open("memory:boat-epoch").value().last().value();
+    auto boat = sailed_for(0s, options);
+    CHECK(boat.authority() == 4);
+    auto clear = command(3, command_kind::waypoint_clear);
+    clear.authority = 4;
+    CHECK(boat.execute(clear).code == ack_code::done);
+}
+
 TEST_CASE("a boat's memory gives back what was put there, and the packets without acknowledgement under new numbers") {
     auto keeper = database::open("memory:boat-memory", {}).value(); // the file, over the boat's lives
     auto boat = sailed_for(60s, on_t1());

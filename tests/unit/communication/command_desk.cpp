@@ -201,10 +201,13 @@ TEST_CASE("command desk: the boat's refusal for want of authority tells its epoc
     it.give();
     auto no = it.says(5, telecommand_stage::acknowledged);
     no.result = ack_code::no_authority;
-    no.value = 9.0f;
+    no.boat_obeys = 16'777'217; // 2^24 + 1: no float holds it
     it.desk.on_status(it.wall, xbee, no);
-    CHECK(it.desk.take_boat_epoch() == 9);
-    CHECK(it.desk.take_boat_epoch() == 0);
+    auto told = it.desk.take_boat_epochs();
+    REQUIRE(told.size() == 1);
+    CHECK(told[0].sent_under == 4);
+    CHECK(told[0].obeyed == 16'777'217);
+    CHECK(it.desk.take_boat_epochs().empty());
     CHECK(it.status(5).result == ack_code::no_authority);
 }
 
