@@ -1,10 +1,12 @@
 #!/usr/bin/env python3
-"""The checker passes a log in which all held, and finds each violation that is planted in it."""
+"""The checker passes a log in which all held, and finds each violation that is planted in it; the router does what it is told."""
+import random
 import sys
 import tempfile
 from pathlib import Path
 
 from checker import Rules, check, read
+from router import Direction
 
 SECOND = 1_000_000_000
 RULES = Rules(silence_s={"last": 2, "lossless": 9}, caught_up=("last",), least_calls=3, least_packets=3)
@@ -92,8 +94,31 @@ def verdict(logs: dict[str, str], rules: Rules = RULES) -> list[str]:
         return check(read(Path(folder)), rules)
 
 
+def fates(**settings: float) -> tuple[list[list[float]], dict[str, int]]:
+    """What becomes of a thousand packets of 100 bytes, one a millisecond."""
+    way, counts = Direction(random.Random("1 a b"), **settings), dict.fromkeys("cut lost full reordered duplicated".split(), 0)
+    return [way.times(n / 1000, 100, counts) for n in range(1000)], counts
+
+
+def router_failures() -> list[str]:
+    plain, _ = fates()
+    lossy, counts = fates(loss=0.1, duplicate=0.1, reorder=0.1)
+    slow, slow_counts = fates(rate=10_000, queue=1000)
+    late, _ = fates(delay_ms=20, jitter_ms=10)
+    come = [due for each in late for due in each]
+    held = {
+        "passes everything on at once": plain == [[n / 1000] for n in range(1000)],
+        "loses, doubles and reorders a tenth": all(60 < counts[what] < 140 for what in ("lost", "duplicated", "reordered")),
+        "the same seed meets the same fate": lossy == fates(loss=0.1, duplicate=0.1, reorder=0.1)[0],
+        "a cut lets nothing through": fates(up=0)[1]["cut"] == 1000,
+        "a tenth fits through a line of a tenth": 100 <= sum(map(len, slow)) <= 111 and slow_counts["full"] >= 889,
+        "delay and jitter keep the order": come == sorted(come) and all(0.02 <= due - n / 1000 <= 0.04 for n, due in enumerate(come)),
+    }
+    return [f"the router: {what}" for what, true in held.items() if not true]
+
+
 def main() -> int:
-    failed = [f"the good logs: {each}" for each in verdict(GOOD)]
+    failed = router_failures() + [f"the good logs: {each}" for each in verdict(GOOD)]
     for title, name, old, new, expected in PLANTED:
         if GOOD[name].count(old) != 1:
             failed.append(f"{title}: '{old}' is not once in the log")

@@ -1,4 +1,6 @@
 """Calls and subscriptions of every policy, over tcp and udp, by name and by endpoint, while everything fails in turn, as the seed says."""
+import json
+
 from world import Rules, World
 
 MAKE_WORSE = {"loss": {"loss": 0.15}, "reorder": {"reorder": 0.2}, "duplicate": {"duplicate": 0.2}, "delay": {"delay_ms": 80, "jitter_ms": 60},
@@ -58,7 +60,9 @@ def tell(world: World):
                 victim.kill()
                 world.sleep(length / 2)
                 victim.restart()
-    world.sleep(8)  # for what waits and pauses to come back
+    world.sleep(8)  # the longest pause before a new attempt, and a little
+    done = json.loads(world.tell_router("counts"))
+    world.expect(all(done[what] for what in ("lost", "reordered", "duplicated", "cut", "reset")), f"the router did not do all that it should: {done}")
     world.hush()
     world.sleep(3)
     world.judge(Rules(deaf=tuple(deaf), killed=tuple(killed), caught_up=tuple(exact), least_calls=2000, least_packets=500))
