@@ -64,7 +64,7 @@ std::string services_there(const component_text& about) {
 
 task<remote> reach_name_server(context& in) {
     auto at = name_server_of(in.set, in.self.env());
-    auto server = in.self.at(at);
+    auto server = in.self.at(at, std::string(naming::server_path));
     auto got = co_await connect(in, server);
     if (!got)
         throw problem(exit_code::not_reached, "name_server_lost", fmt::format("there is no name server at {}: {}", at.text(), got.error().message()),

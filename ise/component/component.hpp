@@ -123,8 +123,8 @@ public:
     task<remote> find(std::string path, role_options how, duration wait = std::chrono::seconds(10)); ///< the same
     /// The component at `path`, whether it is there now or not: calls wait for it within their deadline.
     remote at(const std::string& path, role_options how = role_options());
-    /// Whoever listens at an endpoint.
-    remote at(const endpoint& where);
+    /// The component at `path` where it listens; with an empty path whoever listens there.
+    remote at(const endpoint& where, const std::string& path = std::string());
     /// The one whose call is being answered, for calling back over the same session.
     remote caller(const call_context& context);
 

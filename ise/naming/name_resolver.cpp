@@ -80,7 +80,7 @@ name_resolver::~name_resolver() = default;
 
 remote name_resolver::server() {
     if (!held_) {
-        auto way = host_.link_to(server_);
+        auto way = host_.link_to(server_, std::string(naming::server_path));
         way->hurry(longest_lookup_pause, std::chrono::seconds(2));
         held_ = remote(std::move(way));
     }

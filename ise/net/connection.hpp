@@ -29,6 +29,7 @@ struct session_peer {
     std::string path;              ///< of the component; empty for an anonymous client
     std::uint64_t incarnation = 0; ///< one life of the component
     std::uint64_t epoch = 0;       ///< of its name, 0 if none was granted
+    std::uint64_t reply_key = 0;   ///< of an initiator: see wire::hello
 
     session_peer() = default;
     explicit session_peer(wire::identity greeted) : path(std::move(greeted.path)), incarnation(greeted.incarnation), epoch(greeted.epoch) {}

@@ -169,6 +169,13 @@ std::optional<failure> unspeakable(const wire::hello& theirs) {
                                                        wire::newest_version, theirs.oldest, theirs.newest));
 }
 
+// Of the initiator: who answers in place of the component that the hello asked for.
+std::optional<std::string> somebody_else(const wire::hello& mine, const wire::identity& theirs) {
+    if (!mine.wanted_path.empty() && theirs.path != mine.wanted_path) return fmt::format("'{}', not '{}'", theirs.path, mine.wanted_path);
+    if (mine.wanted_incarnation != 0 && theirs.incarnation != mine.wanted_incarnation) return fmt::format("another life of '{}'", theirs.path);
+    return {};
+}
+
 } // namespace
 
 task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<stream> transport, wire::hello mine, time_point deadline, const shared_key* key) {
@@ -197,6 +204,7 @@ task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<str
     if (theirs->version < mine.oldest || theirs->version > mine.newest)
         co_return failure(errc::version_mismatch, fmt::format("{} chose wire version {}, offered were {} to {}", with.peer(),
                                                               theirs->version, mine.oldest, mine.newest));
+    if (auto other = somebody_else(mine, theirs->self)) co_return failure(errc::wrong_peer, fmt::format("{} answered as {}", with.peer(), *other));
     session_terms terms;
     terms.version = theirs->version;
     terms.features = theirs->features & mine.features;
@@ -243,6 +251,7 @@ task<result<std::shared_ptr<connection>>> respond(loop& on, std::unique_ptr<stre
     terms.version = answer->version;
     terms.features = answer->features;
     terms.peer = session_peer(std::move(theirs->self));
+    terms.peer.reply_key = theirs->reply_key;
     terms.we_accept = bounded(answer->accepts);
     terms.peer_accepts = with.fitting(bounded(theirs->accepts));
     co_return with.done(on, std::move(terms));

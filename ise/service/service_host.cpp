@@ -2,6 +2,7 @@
 
 #include <ise/core/sleep.hpp>
 #include <ise/net/connect.hpp>
+#include <ise/net/relayed.hpp>
 #include <ise/service/publication_core.hpp>
 #include <ise/service/session.hpp>
 
@@ -39,6 +40,44 @@ wire::hello service_host::greeting() const {
     made.accepts.max_subscriptions = options_.max_subscriptions_per_session;
     return made;
 }
+
+// The same in each session with the same life of a provider, and another one for every other provider: none of them can
+// show another one what it was told.
+std::uint64_t service_host::reply_key_for(const location& whom, const endpoint& at) {
+    if (!reply_secret_) reply_secret_ = net::udp::secret{env_.random(), env_.random()};
+    buffer text(64);
+    text.append(whom.incarnation);
+    text.append(as_bytes(whom.incarnation != 0 ? whom.path : at.text()));
+    return net::udp::keyed_hash(*reply_secret_, text.view()) | 1; // 0 says that there is none
+}
+
+wire::hello service_host::greeting_to(const location& whom, const endpoint& at, const std::string& connected) {
+    auto made = greeting();
+    made.wanted_path = whom.path;
+    made.wanted_epoch = whom.epoch;
+    made.wanted_incarnation = whom.incarnation;
+    if (at.kind == protocol::udp) made.reply_key = reply_key_for(whom, at);
+    if (!credentials_.key) return made;
+    made.dialled.push_back(connected);
+    if (at.text() != connected) made.dialled.push_back(at.text());
+    made.host_key = env_.identity().host_key;
+    return made;
+}
+
+class service_host::door final : public net::gatekeeper {
+public:
+    door(service_host& of, endpoint reached) : of_(of), reached_(std::move(reached)) {}
+
+    result<wire::welcome> admit(const wire::hello& caller) override {
+        if (of_.credentials_.key)
+            if (auto relayed = net::objection_to_way(caller, reached_, of_.advertised_, of_.env_)) return std::move(*relayed);
+        return of_.admit(caller);
+    }
+
+private:
+    service_host& of_;
+    endpoint reached_;
+};
 
 result<wire::welcome> service_host::admit(const wire::hello& caller) {
     auto me = self_.path.empty() ? "an unnamed component" : fmt::format("'{}'", self_.path);
@@ -99,7 +138,8 @@ task<> service_host::accept(std::shared_ptr<listener> from) {
         auto held = *place; // it may be over at once
         held->host = stranger->peer();
         held->host.resize(std::min(held->host.rfind(':'), held->host.size())); // without the port
-        held->cancel = scope_.spawn(std::move(name), greet(std::move(stranger), place));
+        auto reached = stranger->local().value_or(from->where());
+        held->cancel = scope_.spawn(std::move(name), greet(std::move(stranger), std::move(reached), place));
         if (scope_.stopping()) co_return;
     }
 }
@@ -126,17 +166,18 @@ void service_host::tell(peer_trouble kind, std::string_view what, std::string_vi
     log_.write(level, what, {{"peer", std::string(peer)}, {"left_out", std::to_string(*left_out)}});
 }
 
-task<> service_host::greet(std::unique_ptr<stream> stranger, handshake_list::iterator place) {
+task<> service_host::greet(std::unique_ptr<stream> stranger, endpoint reached, handshake_list::iterator place) {
     struct leaving {
         handshake_list& all;
         handshake_list::iterator mine;
         ~leaving() { all.erase(mine); }
     } guard{handshakes_, place};
     auto peer = stranger->peer();
+    door gate(*this, std::move(reached));
     auto deadline = saturating_add(on_.now(), options_.handshake_time);
     result<std::shared_ptr<net::connection>> made = failure(errc::cancelled, "the handshake was cancelled");
     try {
-        made = co_await net::respond(on_, std::move(stranger), *this, deadline, credentials_.key.get());
+        made = co_await net::respond(on_, std::move(stranger), gate, deadline, credentials_.key.get());
     } catch (const std::exception& thrown) {
         if (!is_cancellation(std::current_exception())) made = failure(errc::io_failed, thrown.what());
     }
@@ -194,10 +235,10 @@ std::shared_ptr<link> service_host::link_to(const std::string& path, role_option
     return held;
 }
 
-std::shared_ptr<link> service_host::link_to(const endpoint& at) {
-    auto& known = links_[at.text()];
+std::shared_ptr<link> service_host::link_to(const endpoint& at, const std::string& path) {
+    auto& known = links_[path.empty() ? at.text() : fmt::format("{} {}", at.text(), path)];
     auto held = known.lock();
-    if (!held) known = held = std::make_shared<link>(*this, std::string(), at);
+    if (!held) known = held = std::make_shared<link>(*this, path, at);
     return held;
 }
 

@@ -5,6 +5,7 @@
 #include <ise/core/task_scope.hpp>
 #include <ise/net/handshake.hpp>
 #include <ise/net/security.hpp>
+#include <ise/net/udp/cookie.hpp>
 #include <ise/service/dispatcher.hpp>
 #include <ise/service/link.hpp>
 #include <ise/service/reply_window.hpp>
@@ -58,7 +59,7 @@ inline constexpr std::size_t peer_troubles = 8; ///< how many kinds there are
 
 /// The services of one component: what it provides, whom it talks to. Everything on the component's loop.
 /// Lifetime: `stop()` and join the scope before destroying it.
-class service_host final : public net::gatekeeper {
+class service_host final {
 public:
     service_host(environment& env, loop& on, task_scope& scope, wire::identity self, service_options options, logger log,
                  security credentials = security());
@@ -88,10 +89,14 @@ public:
     result<endpoint> listen(const endpoint& at);
     /// Where it listens, with real ports.
     std::vector<endpoint> listening() const;
+    /// Further endpoints that peers may have dialled: those of tunnels and address translations that lead here. With a shared
+    /// key, sessions that were dialled elsewhere are refused as relayed.
+    void advertise(std::vector<endpoint> through) { advertised_ = std::move(through); }
 
     /// The link to a path or an endpoint; one for all who talk to it, and to a role in the same way.
     std::shared_ptr<link> link_to(const std::string& path, role_options how = role_options());
-    std::shared_ptr<link> link_to(const endpoint& at);
+    /// `path`: of the component that is to answer there; empty: whoever listens.
+    std::shared_ptr<link> link_to(const endpoint& at, const std::string& path = std::string());
     void use_resolver(std::shared_ptr<ise::resolver> names) { resolver_ = std::move(names); }
     ise::resolver* resolver() noexcept { return resolver_.get(); }
 
@@ -104,8 +109,8 @@ public:
     std::shared_ptr<session> run(std::shared_ptr<net::connection> connection, std::weak_ptr<link> owner);
     void forget(session& ended);
     const std::map<session*, std::shared_ptr<session>>& sessions() const noexcept { return sessions_; }
-    /// A hello of ours.
-    wire::hello greeting() const;
+    /// A hello of ours to who is meant to listen at `at`; `connected` is that as a numeric address, where it has one.
+    wire::hello greeting_to(const location& whom, const endpoint& at, const std::string& connected);
 
     /// Says goodbye on every session, stops listening and serving. What was read is answered for at most `grace`.
     void stop(duration grace);
@@ -119,7 +124,10 @@ public:
     void go_on() noexcept { paused_.reset(); }
 
 private:
-    result<wire::welcome> admit(const wire::hello& caller) override;
+    wire::hello greeting() const;
+    std::uint64_t reply_key_for(const location& whom, const endpoint& at);
+    class door; // for one stranger
+    result<wire::welcome> admit(const wire::hello& caller);
     task<> accept(std::shared_ptr<listener> from);
     // A stranger who has not greeted yet.
     struct handshake {
@@ -129,7 +137,7 @@ private:
     };
     using handshake_list = std::list<std::shared_ptr<handshake>>;
     void make_way();
-    task<> greet(std::unique_ptr<stream> stranger, handshake_list::iterator place);
+    task<> greet(std::unique_ptr<stream> stranger, endpoint reached, handshake_list::iterator place);
 
     environment& env_;
     loop& on_;
@@ -149,7 +157,9 @@ private:
     std::vector<waiter<>*> awaiting_sessions_end_;
     handshake_list handshakes_; // oldest first
     std::array<log_limiter, peer_troubles> troubles_;
+    std::vector<endpoint> advertised_;
     std::uint64_t call_ranges_ = 0;
+    std::optional<net::udp::secret> reply_secret_; // once a session over udp was made
     ise::reply_windows reply_windows_;
     std::optional<failure> paused_;
     bool stopping_ = false;

@@ -92,7 +92,7 @@ void session::introduce(std::uint32_t number) {
 }
 
 reply_window& session::replies() {
-    if (!replies_) replies_ = host_.reply_windows().of(peer().incarnation, host_.on().now());
+    if (!replies_) replies_ = host_.reply_windows().of(peer().reply_key, peer().incarnation, host_.on().now());
     return *replies_;
 }
 

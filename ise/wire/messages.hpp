@@ -59,6 +59,11 @@ struct hello {
     std::uint64_t wanted_incarnation = 0; ///< 0: any
     limits accepts;
     credentials authentication;
+    /// Over datagrams: by which the responder keeps its replies to numbered calls. Secret between the two; 0: none.
+    std::uint64_t reply_key = 0;
+    /// With a shared key: the endpoint as it was connected, then as it was asked for where that is another text.
+    std::vector<std::string> dialled;
+    std::string host_key; ///< with `dialled`: equal where loopback and local sockets reach
 };
 
 struct welcome {

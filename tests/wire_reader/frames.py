@@ -46,7 +46,7 @@ _FAREWELL = "struct{code:u8,reason:string}"
 BODIES = {name: schema.parse(text) for name, text in {
     "hello": f"struct{{magic:u32={_preset('I', MAGIC)},oldest:u16={_preset('H', 1)},newest:u16={_preset('H', 1)},"
              f"features:u64={_preset('Q', 7)},self:{_IDENTITY},wanted_path:string,wanted_epoch:u64,wanted_incarnation:u64,"
-             f"accepts:{_LIMITS},authentication:{_CREDENTIALS}}}",
+             f"accepts:{_LIMITS},authentication:{_CREDENTIALS},reply_key:u64,dialled:vector<string>,host_key:string}}",
     "welcome": f"struct{{version:u16={_preset('H', 1)},features:u64={_preset('Q', 7)},self:{_IDENTITY},accepts:{_LIMITS},"
                f"authentication:{_CREDENTIALS}}}",
     "reject": _FAREWELL,
