@@ -31,7 +31,7 @@ instantiation_server::~instantiation_server() = default;
 
 task<> instantiation_server::run() {
     for (const auto& at : this->services().listening()) may_listen(at, this->services().credentials()).value();
-    names_ = at(options_.name_server);
+    names_ = at(options_.name_server, std::string(naming::server_path));
     offer_services();
     offer_watching();
     co_await read_catalogue();
@@ -173,10 +173,23 @@ void instantiation_server::changed(const instance_ptr& one) {
     log().write(level, fmt::format("{} is {}{}{}", one->plan.path, names[static_cast<std::size_t>(one->watch.state())], reason.empty() ? "" : ": ", reason), {});
 }
 
-machine::end_handler instantiation_server::end_handler_of(const instance_ptr& one, std::uint64_t life) {
-    return [this, weak = std::weak_ptr<instance>(one), life](process_end how) {
+machine::end_handler instantiation_server::end_handler_of(const instance_ptr& one, const std::string& mark, std::uint64_t life) {
+    return [this, weak = std::weak_ptr<instance>(one), mark, life](process_end how) {
+        free_names_of(mark);
         if (auto held = weak.lock()) on_end(held, life, how);
     };
+}
+
+/// A process has died: its names need not wait for the end of its lease.
+void instantiation_server::free_names_of(const std::string& mark) {
+    if (!stopping_) spawn("names of the dead", tell_end(mark));
+}
+
+task<> instantiation_server::tell_end(std::string mark) {
+    naming::ended_request request;
+    request.launch_mark = std::move(mark);
+    auto told = co_await names_.try_call(naming::ended, std::move(request), std::chrono::seconds(2));
+    if (!told) log().debug(fmt::format("names of a process that ended are free when its lease is over: {}", told.error().message()));
 }
 
 void instantiation_server::on_end(const instance_ptr& one, std::uint64_t life, process_end how) {

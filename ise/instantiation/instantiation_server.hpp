@@ -109,7 +109,9 @@ private:
     /// Does what was decided, and tells whoever wants to know.
     void carry_out(const instance_ptr& one, supervision::act what);
     void on_end(const instance_ptr& one, std::uint64_t life, process_end how);
-    machine::end_handler end_handler_of(const instance_ptr& one, std::uint64_t life);
+    machine::end_handler end_handler_of(const instance_ptr& one, const std::string& mark, std::uint64_t life);
+    void free_names_of(const std::string& mark);
+    task<> tell_end(std::string mark);
     void changed(const instance_ptr& one);
     /// The state goes to the disk; what cannot be written is logged, too.
     result<void> try_save();

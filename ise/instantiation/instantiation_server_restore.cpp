@@ -68,7 +68,7 @@ process_end instantiation_server::how_it_ended(process_end told, const std::stri
 /// Takes over the process that it has for itself. False: it has ended.
 bool instantiation_server::adopt(const instance_ptr& one, const saved_instance& before, bool same_boot) {
     if (!same_boot || before.mark.empty()) return false;
-    auto got = host_.adopt(on(), before.process, before.mark, end_handler_of(one, one->life));
+    auto got = host_.adopt(on(), before.process, before.mark, end_handler_of(one, before.mark, one->life));
     if (got) one->running = std::move(*got);
     return got.has_value();
 }

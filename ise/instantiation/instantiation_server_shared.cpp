@@ -84,6 +84,7 @@ machine::end_handler instantiation_server::process_end_handler(const std::shared
         auto held = weak.lock();
         if (!held) return;
         held->over = true;
+        free_names_of(held->mark);
         how = how_it_ended(std::move(how), held->mark, held->running->stamp(), held->end_file);
         held->running.reset();
         host_.remove(held->control.path);

@@ -177,7 +177,7 @@ task<> instantiation_server::launch(instance_ptr one, std::uint64_t life) {
         carry_out(one, one->watch.not_launched(now(), fmt::format("it could not be written down, and so would be lost with this instantiation server: {}", kept.error().message())));
         co_return;
     }
-    auto got = host_.launch(on(), order, end_handler_of(one, life));
+    auto got = host_.launch(on(), order, end_handler_of(one, one->mark, life));
     if (!got) {
         one->mark.clear();
         carry_out(one, one->watch.not_launched(now(), got.error().message()));

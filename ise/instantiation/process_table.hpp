@@ -1,12 +1,13 @@
 #pragma once
 #include <ise/instantiation/machine.hpp>
+#include <ise/naming/services.hpp>
 
 #include <optional>
 
 namespace ise::instantiation {
 
 /// The variable that carries the mark of an instance, through all that it starts.
-inline constexpr const char* mark_variable = "ISE_INSTANCE";
+inline constexpr const char* mark_variable = naming::launch_mark_variable;
 
 /// A descriptor that is closed with its owner.
 class file_handle {

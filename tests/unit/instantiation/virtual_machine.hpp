@@ -73,6 +73,7 @@ public:
             if (word.starts_with("--path=")) made->path = word.substr(7);
         launches.emplace_back(world.now(), made->path);
         std::map<std::string, std::string> variables(what.variables.begin(), what.variables.end());
+        variables[ise::naming::launch_mark_variable] = what.mark;
         made->who = &world.host(host).start_process(
             "component", [made, words = what.words](ise::sim::process& env) {
                 env.keep(std::shared_ptr<void>(nullptr, [made](void*) { // when it ends, however that comes

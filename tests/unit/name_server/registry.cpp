@@ -26,7 +26,8 @@ ise::registry_options options(ise::duration recovery = {}) {
 
 // A registry and its clock, which it hears ticking.
 struct world {
-    explicit world(ise::registry_options with = options(), ise::wall_time wall = noon) : names(with, 1, start, wall) {}
+    explicit world(ise::registry_options with = options(), ise::wall_time wall = noon, ise::registry_memory memory = ise::registry_memory())
+        : names(with, 1, start, wall, memory) {}
 
     void pass(ise::duration time) {
         for (auto end = now + time; now < end;) {
@@ -41,8 +42,11 @@ struct world {
         wanted.epoch = epoch;
         wanted.incarnation = incarnation ? incarnation : node * 10;
         wanted.endpoints = {fmt::format("tcp://10.0.0.{}:4000", node)};
+        if (auto shown = proofs.find({node, wanted.path, epoch}); shown != proofs.end()) wanted.proof = shown->second;
         request.components.push_back(std::move(wanted));
-        return names.enroll(request, now).grants.at(0);
+        auto answer = names.enroll(request, now).grants.at(0);
+        if (answer.what == verdict::granted) proofs[{node, answer.path, answer.epoch}] = answer.proof;
+        return answer;
     }
     // Claims "n<node>" with a role.
     ise::naming::grant serve(std::uint64_t node, std::string role, std::int32_t priority, std::string state = "ready") {
@@ -85,6 +89,7 @@ struct world {
     bool holds(std::string_view path) { return names.resolve(path, now).has_value(); }
 
     ise::time_point now = start;
+    std::map<std::tuple<std::uint64_t, std::string, std::uint64_t>, std::uint64_t> proofs; // of its grants, which their holders show
     ise::registry names;
 };
 
