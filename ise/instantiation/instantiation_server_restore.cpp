@@ -39,6 +39,7 @@ void instantiation_server::restore(const saved_instance& before, bool same_boot)
     ++one->life;
     bool runs = before.asked.process.empty() ? adopt(one, before, same_boot) : restore_in_process(one, before);
     if (!runs) {
+        if (before.asked.process.empty()) free_names_of(before.mark);
         auto how = how_it_ended(process_end(), before.mark, before.process, one->output->end_file());
         auto text = fmt::format("it ended while no instantiation server ran: {}", same_boot ? how.text() : "the machine was started again");
         if (before.state == instance_state::stopping) {
