@@ -47,12 +47,12 @@ ise::log_level level_of(const std::string& text) {
     return ise::log_level::info; // CLI has checked it
 }
 
-// One for each place where a name server of this user listens; nothing where no file can be found again.
+// One for each place where a name server of this user listens; empty where nobody says where his files lie.
 std::string default_state_file(const ise::endpoint& at) {
     std::string folder;
     if (const char* home = std::getenv("XDG_STATE_HOME"); home && *home) folder = home;
     else if (home = std::getenv("HOME"); home && *home) folder = fmt::format("{}/.local/state", home);
-    if (folder.empty() || (at.port == 0 && at.path.empty())) return {};
+    if (folder.empty()) return {};
     auto name = at.text();
     for (char& letter : name)
         if (letter == '/' || letter == ':') letter = '+';
@@ -61,10 +61,11 @@ std::string default_state_file(const ise::endpoint& at) {
 
 // A file that was named is used or it is an error; the one that nobody named is used where there can be one.
 std::shared_ptr<ise::server_memory> memory_of(const settings& wanted, ise::environment& env, const ise::endpoint& at) {
-    if (wanted.state == "none") return nullptr;
+    bool any_port = at.port == 0 && at.path.empty(); // no other one comes to this place
+    if (wanted.state == "none" || (wanted.state.empty() && any_port)) return nullptr;
     auto file = wanted.state.empty() ? default_state_file(at) : wanted.state;
     auto made = file.empty() ? nullptr : std::make_shared<ise::state_file>(env, file);
-    auto usable = made ? made->probe() : ise::result<void>(ise::failure(ise::errc::io_failed, "neither XDG_STATE_HOME nor HOME is set, or it listens on any port"));
+    auto usable = made ? made->probe() : ise::result<void>(ise::failure(ise::errc::io_failed, "neither XDG_STATE_HOME nor HOME is set"));
     if (usable) return made;
     if (!wanted.state.empty()) throw ise::error(usable.error());
     fmt::print(stderr, "ise_name_server: keeps no state, so that names could be taken from their holders when it is started again: {}; choose a file with --state\n",

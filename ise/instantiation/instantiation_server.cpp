@@ -183,7 +183,7 @@ machine::end_handler instantiation_server::end_handler_of(const instance_ptr& on
 
 /// A process has died: its names need not wait for the end of its lease.
 void instantiation_server::free_names_of(const std::string& mark) {
-    if (!stopping_) spawn("names of the dead", tell_end(mark));
+    if (!stopping_ && !mark.empty()) spawn("names of the dead", tell_end(mark));
 }
 
 task<> instantiation_server::tell_end(std::string mark) {

@@ -40,6 +40,7 @@ void instantiation_server::restore(const saved_instance& before, bool same_boot)
     if (over && !started_since) return one->watch.adopt_over(before.state, before.reason, before.restarts);
     bool runs = started_since || (before.asked.process.empty() ? adopt(one, before, same_boot) : restore_in_process(one, before));
     if (!runs) {
+        if (before.asked.process.empty()) free_names_of(before.mark);
         auto how = how_it_ended(process_end(), before.mark, *one->output);
         auto text = fmt::format("it ended while no instantiation server ran: {}", same_boot ? how.text() : "the machine was started again");
         if (before.state == instance_state::stopping) {

@@ -110,6 +110,8 @@ public:
     std::shared_ptr<session> run(std::shared_ptr<net::connection> connection, std::weak_ptr<link> owner);
     void forget(session& ended);
     const std::map<session*, std::shared_ptr<session>>& sessions() const noexcept { return sessions_; }
+    /// A hello of ours to whoever listens.
+    wire::hello greeting() const;
     /// A hello of ours to who is meant to listen at `at`; `connected` is that as a numeric address, where it has one.
     wire::hello greeting_to(const location& whom, const endpoint& at, const std::string& connected);
 
@@ -125,7 +127,6 @@ public:
     void go_on() noexcept { paused_.reset(); }
 
 private:
-    wire::hello greeting() const;
     std::uint64_t reply_key_for(const location& whom, const endpoint& at);
     class door; // for one stranger
     result<wire::welcome> admit(const wire::hello& caller);

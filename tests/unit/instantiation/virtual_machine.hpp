@@ -2,6 +2,7 @@
 // goes on when the server crashes, at any of its operations if a test wants that.
 #pragma once
 #include <ise/instantiation/machine.hpp>
+#include <ise/naming/services.hpp>
 #include <ise/sim/world.hpp>
 
 #include <algorithm>
