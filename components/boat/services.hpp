@@ -26,6 +26,13 @@ struct telemetry_packet {
     std::uint64_t peer_position = 0;
 };
 
+/// When it counts as measured: one from the future counts by its reception, so that it hides nothing that is measured
+/// afterwards.
+inline utc_time plausible_time(const telemetry_packet& packet) noexcept {
+    bool known = packet.received_at != utc_time(); // a proxy may not say
+    return known && packet.measured_at > packet.received_at ? packet.received_at : packet.measured_at;
+}
+
 /// A telecommand without its id and time. The fields beside `kind` count only for the kinds that name them.
 struct boat_command {
     command_kind kind = command_kind::ping;

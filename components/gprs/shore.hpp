@@ -5,6 +5,7 @@
 #include <ise/core/endpoint.hpp>
 #include <ise/core/time.hpp>
 #include <ise/net/fair_places.hpp>
+#include <ise/net/udp/cookie.hpp>
 
 #include <deque>
 #include <list>
@@ -22,9 +23,9 @@ struct shore_options {
     std::size_t max_login_bytes = 1024;                  ///< that a stranger may send before he has logged in
     std::size_t max_bad_lines = 8;                       ///< one after the other, of the boat's own connection
     std::size_t max_unsafe = 4096; ///< records that wait until they are safe; further ones come again
-    ise::duration doubt_time =
-        std::chrono::minutes(1); ///< that datagrams say lower numbers; then the boat has started again
     std::size_t max_boots = 8;                           ///< lives of the boat whose numbers are remembered
+    std::size_t max_orders = 256;                        ///< telecommands of which it is known to whom they went
+    ise::net::udp::secret secret{};                      ///< drawn at random; the keys of addresses follow from it
 };
 
 /// A way to the boat: a connection, or a socket for datagrams and who is at the other end.
@@ -81,15 +82,19 @@ struct shore_counters {
     std::uint64_t postponed = 0;                         ///< not taken for lack of room: they come again
     std::uint64_t given_up = 0;                          ///< numbers that the boat will not send any more
     std::uint64_t malformed = 0, strangers_cut_off = 0, stranger_datagrams = 0, half_open = 0;
+    std::uint64_t challenges = 0;                        ///< logins by datagram that were asked to show their key
+    std::uint64_t strange_outcomes = 0;                  ///< of telecommands that did not go to that life of the boat
 };
 
 /// The shore's end of the uplink, without I/O: who is the boat and who a stranger, what came, what is acknowledged,
 /// where telecommands go. It owns neither socket nor clock; what it decides is taken by `take_event()` after every
 /// call, and all times come from one clock.
 ///
-/// The boat's last login says by which way it is there: an earlier connection is cut off, datagrams of another address
-/// are a stranger's until they bring a login. Acknowledgements are cumulative over the numbers of one boot. Not thread
-/// safe.
+/// The boat's last login says by which way it is there: an earlier connection is cut off. Datagrams of another address
+/// are a stranger's until a login shows the key that the shore sent there, and as long as the boat is there over a
+/// connection. Boot and token of a login name a life of the boat: the numbers of one life say nothing about another's,
+/// and its answers count for the telecommands that went to it. Acknowledgements are cumulative over the numbers of one
+/// life. Not thread safe.
 class shore {
 public:
     explicit shore(shore_options options = shore_options())
@@ -122,11 +127,11 @@ public:
 private:
     struct life { // of the boat's numbering
         std::uint16_t boot = 0;
+        std::uint64_t token = 0;
         std::uint64_t id = 0;
         number_set received, safe;
         std::uint32_t announced = 0;
         bool heard = false; // of what it holds
-        std::optional<ise::time_point> doubted_at; // its login is of long ago, or of another life under the same boot
     };
     struct stranger {
         way by;
@@ -145,6 +150,8 @@ private:
     void lose_boat(const std::string& reason);
     void cut_stranger(std::list<stranger>::iterator who, std::string reason);
     void acknowledge();
+    void send_to_boat(std::string text);
+    std::uint64_t key_of(const way& by) const;
     void start_afresh(life& of);
     template <class E>
     void tell(E event) { events_.push_back(shore_event(std::move(event))); }
@@ -160,7 +167,9 @@ private:
     shore_counters counters_;
     ise::time_point came_at_{}, heard_at_{};
     std::size_t unsafe_ = 0, bad_lines_ = 0;
+    std::deque<std::pair<std::uint32_t, std::uint64_t>> orders_; // id, and the life that it went to last
     std::uint64_t last_life_ = 0;
+    std::uint64_t token_ = 0;
     std::uint16_t boot_ = 0;
 };
 

@@ -124,9 +124,9 @@ std::vector<telemetry_packet> iridium_proxy::hand_on(const iridium::mo_message& 
         // Messages overtake each other, and those from before the first subscriber come at once.
         auto& newest = s.newest[parsed->body.index()];
         out.history = out.measured_at < newest;
-        newest = std::max(newest, out.measured_at);
+        newest = std::max(newest, plausible_time(out));
         out.raw = std::move(raw);
-        if (s.seen.first_time(out.boot, out.sequence)) {
+        if (s.seen.first_time(out.boot, out.sequence, out.raw)) {
             s.telemetry(out);
             ++s.counts.telemetry_published;
         } else {

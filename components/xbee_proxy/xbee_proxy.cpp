@@ -111,7 +111,7 @@ void xbee_proxy::on_packet(const xbee::packet_received& packet) {
         return;
     }
     r.heard_from = packet.source;
-    if (!r.seen.first_time(message->header.boot, message->header.sequence)) {
+    if (!r.seen.first_time(message->header.boot, message->header.sequence, packet.payload)) {
         ++r.counts.duplicates;
         return;
     }

@@ -276,6 +276,8 @@ TEST_CASE("newest by kind: what comes late over a slower link is history, each k
     said.history = true;
     CHECK(it.is_history(said));
     CHECK_FALSE(it.is_history(packet(1, 11s)));
-    CHECK_FALSE(it.is_history(packet(1, 1000000s, 30s))); // a clock that is days ahead
-    CHECK_FALSE(it.is_history(packet(1, 400s))); // does not make everything after it history
+    CHECK_FALSE(it.is_history(packet(1, 1000000s, 30s))); // a clock that is days ahead, or four minutes
+    CHECK_FALSE(it.is_history(packet(1, 31s + 4min, 31s)));
+    CHECK_FALSE(it.is_history(packet(1, 32s))); // makes nothing history that is measured after it came
+    CHECK(it.is_history(packet(1, 30s, 33s)));
 }
