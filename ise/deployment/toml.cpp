@@ -54,10 +54,11 @@ private:
     std::vector<problem>& problems_;
 };
 
-// What stands for a value in that line and is a text without its quotes: of "name = boat" boat. Empty: nothing does.
-std::string bare_word(const std::string& text, std::uint32_t line) {
+// What stands for a value in the line of `at` and is a text without its quotes: of "name = boat" boat, and `at` is its place.
+// Empty: nothing does.
+std::string bare_word(const std::string& text, place& at) {
     std::size_t from = 0;
-    for (std::uint32_t before = 1; before < line && from != std::string::npos; ++before) {
+    for (std::uint32_t before = 1; before < at.line && from != std::string::npos; ++before) {
         auto end = text.find('\n', from);
         from = end == std::string::npos ? end : end + 1;
     }
@@ -70,6 +71,7 @@ std::string bare_word(const std::string& text, std::uint32_t line) {
     auto word = text.substr(begin, text.find_first_of(" \t\r\n,#\"'", begin) - begin);
     for (std::string_view value : {"true", "false", "inf", "nan"})
         if (word == value) return {};
+    at.column = static_cast<std::uint32_t>(begin - from + 1);
     return word;
 }
 
@@ -80,7 +82,7 @@ value parse_toml(const std::string& text, const std::string& file, std::vector<p
     auto parsed = toml::parse(std::string_view(text), std::string_view(file));
     if (parsed) return made.convert(parsed.table());
     auto at = made.place_of(parsed.error().source());
-    auto word = bare_word(text, at.line);
+    auto word = bare_word(text, at);
     problems.push_back({at, word.empty() ? std::string(parsed.error().description()) : fmt::format("{0} is no value: put it in quotes, \"{0}\"", word)});
     return {};
 }

@@ -183,9 +183,9 @@ TEST_CASE("what a host has against a start is told with its place, and nothing i
     using ise::instantiation::start_outcome;
     harbour in;
     in.hosts[1].checked["sea/air"] = {start_outcome::address_in_use, "tcp://127.0.0.1:7411 is in use", false};
-    CHECK(in.steps(two()) == "problem: sea.toml:6:13: tcp://127.0.0.1:7411 is in use\n");
+    CHECK(in.steps(two()) == "problem: sea.toml:7:13: tcp://127.0.0.1:7411 is in use\n");
     in.hosts[1].checked["sea/air"] = {start_outcome::name_taken, "'sea/air' is held by process 7 on boat", false};
-    CHECK_THAT(in.steps(two()), Contains("problem: sea.toml:6:13: 'sea/air' is held by process 7"));
+    CHECK_THAT(in.steps(two()), Contains("problem: sea.toml:7:13: 'sea/air' is held by process 7"));
     // That process is the one that this stops first.
     in.hosts[1].checked.clear();
     in.carry_out(at_sea("[components.boat]\ntype='boat'\nhost='boat'\n[components.air]\ntype='air'\nhost='boat'\n"));

@@ -36,7 +36,7 @@ std::string described() {
     set.add("gusts", values.gusts, "or none");
     set.add("mark", values.marks, "to round");
     set.add("post", values.posts, "where the gateway posts").kind(ise::parameter_kind::endpoint);
-    set.add("page", values.page, "of the page").kind(ise::parameter_kind::address);
+    set.add("shown-at", values.page, "of the page").kind(ise::parameter_kind::address);
     set.add("gateway", values.gateway, "that gets telecommands").kind(ise::parameter_kind::url);
     types.back().reads("BOAT_NAME");
     types.emplace_back("nameless", "has no path of its own");
@@ -109,14 +109,14 @@ TEST_CASE("parameters listen where components may, and nowhere else") {
     launch_rules open;
     open.listen_addresses.push_back("10.0.0.1");
     for (const char* good : {"tcp://127.0.0.1:7411", "udp://[::1]:0", "local://@boat", ""}) CHECK(refusal(request({{"post", good}})) == "it was allowed");
-    CHECK(refusal(request({{"post", "tcp://10.0.0.1:7411"}, {"page", "10.0.0.1"}}), open) == "it was allowed");
+    CHECK(refusal(request({{"post", "tcp://10.0.0.1:7411"}, {"shown-at", "10.0.0.1"}}), open) == "it was allowed");
     for (const char* bad : {"tcp://0.0.0.0:7411", "udp://10.0.0.2:0", "tcp://[::]:0", "tcp://localhost.evil.example:0", "tcp://127.0.0.01:0"})
         CHECK_THAT(refusal(request({{"post", "tcp://127.0.0.1:0"}, {"post", bad}}), open),
                    Contains("parameter 'post' cannot be") && Contains("the addresses that this instantiation server allows are 127.0.0.1, ::1, 10.0.0.1 (--allow-address)"));
     CHECK_THAT(refusal(request({{"post", "local:///etc/passwd"}})), Contains("local://@name"));
     CHECK_THAT(refusal(request({{"post", "127.0.0.1:80"}})), Contains("an endpoint to listen on"));
-    CHECK_THAT(refusal(request({{"page", "0.0.0.0"}})), Contains("parameter 'page' cannot be '0.0.0.0'") && Contains("--allow-address"));
-    CHECK_THAT(refusal(request({{"page", "127.0.0.1 --x"}})), Contains("an address to listen on"));
+    CHECK_THAT(refusal(request({{"shown-at", "0.0.0.0"}})), Contains("parameter 'shown-at' cannot be '0.0.0.0'") && Contains("--allow-address"));
+    CHECK_THAT(refusal(request({{"shown-at", "127.0.0.1 --x"}})), Contains("an address to listen on"));
     auto made = known().plan(request({{"post", "tcp://127.0.0.1:7411"}}), {}, 1);
     REQUIRE(made);
     CHECK(made->listen.at(0).text() == "tcp://127.0.0.1:7411"); // looked at before it is started

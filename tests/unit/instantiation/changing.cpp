@@ -343,9 +343,7 @@ TEST_CASE("what is against a start is told before anything is started") {
     CHECK(forbidden.outcome == start_outcome::bad_argument);
     CHECK_THAT(forbidden.why, Contains("--allow-address"));
     in.system.start("boat", "other", [](ise::node& node) {
-        ise::component_options where;
-        where.listen = {ise::endpoint::parse("tcp://127.0.0.1:7411").value()};
-        node.start("sea/wind", std::move(where), [](ise::component& self) -> ise::task<> { co_await self.sleep(24h); });
+        node.start("sea/wind", [](ise::component& self) -> ise::task<> { co_await self.sleep(24h); });
     });
     REQUIRE(in.system.world.run_until([&] { return in.system.holds("sea/wind"); }, 30s));
     auto held = in.check(in.wanted());
@@ -369,18 +367,17 @@ TEST_CASE("two that need the same port are told before either is started") {
     CHECK_THAT(told.at(1).why, Contains("another component of the file listens on tcp://127.0.0.1:7411 too"));
 }
 
-TEST_CASE("a port is in use unless by what the same deployment runs") {
+TEST_CASE("a port that another process listens on is told before anything is started") {
     harbour in;
-    auto one = in.wanted({{"speed", "8"}});
-    one.listen = {"tcp://127.0.0.1:7411"};
-    auto started = in.system.start("shore", "other", [](ise::node& node) {
-        ise::component_options where;
-        where.listen = {ise::endpoint::parse("tcp://127.0.0.1:7411").value()};
-        node.start("", std::move(where), [](ise::component& self) -> ise::task<> { co_await self.sleep(24h); });
-    }).identity().process_id;
-    CHECK(started != 0);
+    in.system.start("shore", "other", [](ise::node& node) {
+        node.start("", [](ise::component& self) -> ise::task<> { co_await self.sleep(24h); }, names_test::everywhere("tcp://127.0.0.1:7411"));
+    });
     in.system.world.run_for(1s);
+    auto one = in.wanted();
+    one.listen = {"tcp://127.0.0.1:7411"};
     CHECK(in.check(one).outcome == start_outcome::address_in_use);
+    one.listen = {"tcp://127.0.0.1:7412"};
+    CHECK(in.check(one).outcome == start_outcome::ready);
 }
 
 TEST_CASE("what has failed is no trouble any more once it was stopped") {
