@@ -74,7 +74,7 @@ finding of_before(const found_instance& of) {
     made.kind = "rebuilt";
     made.component = of.instance.path;
     made.message = fmt::format("it runs a program that was rebuilt on {} since it was started", of.host.name);
-    made.advice = fmt::format("ise up, or ise restart {}", of.instance.path);
+    made.advice = of.instance.process.empty() ? fmt::format("ise up, or ise restart {}", of.instance.path) : std::string("ise up, which starts its process again with all that runs in it");
     return made;
 }
 
