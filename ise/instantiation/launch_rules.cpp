@@ -23,8 +23,8 @@ bool lies_in(std::string_view path, std::string_view folder) {
 result<void> may_name_path(const launch_rules& rules, const std::string& path) {
     for (const auto& folder : rules.path_folders)
         if (lies_in(path, folder)) return {};
-    return not_allowed(fmt::format("it is a path below {}", rules.path_folders.empty() ? "a folder that this instantiation server allows, and it allows none (--allow-path)"
-                                                                                     : fmt::format("{}", fmt::join(rules.path_folders, " or "))));
+    return not_allowed(fmt::format("it is a path below {} (--allow-path)", rules.path_folders.empty() ? "a folder that this instantiation server allows, and it allows none"
+                                                                                                    : fmt::format("{}", fmt::join(rules.path_folders, " or "))));
 }
 
 result<void> may_listen_at(const launch_rules& rules, const std::string& address) {
