@@ -50,11 +50,11 @@ std::string as_text(const std::vector<finding>& found) {
 finding given_up(const found_instance& of) {
     const auto& what = of.instance;
     finding made;
-    made.weight = what.deployment.empty() ? severity::note : severity::error; // who started it by hand was told
+    made.weight = what.deployment.empty() ? severity::warning : severity::error; // what was started by hand may not be needed any more
     made.kind = "failed";
     made.component = what.path;
     made.message = fmt::format("it has failed on {} and is not started again: {}", of.host.name, what.reason);
-    made.advice = fmt::format("ise logs {0} tells what it printed last; then ise restart {0}, or ise up", what.path);
+    made.advice = fmt::format("ise logs {0} tells what it printed last; then ise restart {0}, or ise up, or ise stop {0} if it is not needed any more", what.path);
     return made;
 }
 
@@ -88,6 +88,16 @@ finding loses_output(const found_instance& of) {
     return made;
 }
 
+finding of_before(const found_instance& of) {
+    finding made;
+    made.weight = severity::note;
+    made.kind = "rebuilt";
+    made.component = of.instance.path;
+    made.message = fmt::format("it runs a program that was rebuilt on {} since it was started", of.host.name);
+    made.advice = of.instance.process.empty() ? fmt::format("ise up, or ise restart {}", of.instance.path) : std::string("ise up, which starts its process again with all that runs in it");
+    return made;
+}
+
 // Of what does not run nobody is registered who could be asked.
 task<std::vector<finding>> examine_instances(context& in) {
     std::vector<found_instance> all;
@@ -101,6 +111,7 @@ task<std::vector<finding>> examine_instances(context& in) {
         if (one.instance.state == instantiation::instance_state::waiting) found.push_back(coming_again(one));
         if (!one.instance.probe_trouble.empty()) found.push_back(fails_probe(one));
         if (!one.instance.output_trouble.empty()) found.push_back(loses_output(one));
+        if (one.instance.rebuilt) found.push_back(of_before(one));
     }
     co_return found;
 }

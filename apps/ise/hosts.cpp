@@ -170,6 +170,7 @@ std::string as_json(const std::string& host, const instantiation::instance_text&
     told["output_trouble"] = what.output_trouble;
     told["probe"] = what.terms.probe;
     told["probe_trouble"] = what.probe_trouble;
+    told["rebuilt"] = what.rebuilt;
     return told.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 

@@ -24,8 +24,9 @@ std::string process_of(const instantiation::instance_text& what) {
 
 // What became of it last, and what is wrong with it now.
 std::string remarks(const instantiation::instance_text& what) {
-    auto text = what.reason;
+    std::string text = what.rebuilt ? "program was rebuilt" : "";
     auto add = [&](const std::string& more) { text += (text.empty() ? "" : "; ") + more; };
+    if (!what.reason.empty()) add(what.reason);
     if (!what.probe_trouble.empty() && what.probe_trouble != what.reason) add(what.probe_trouble);
     if (what.output_dropped > 0)
         add(fmt::format("{} of its output were dropped{}{}", show_bytes(what.output_dropped), what.output_trouble.empty() ? "" : ": ", what.output_trouble));

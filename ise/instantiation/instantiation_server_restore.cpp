@@ -9,7 +9,7 @@ result<void> instantiation_server::try_save() {
     saved_state state;
     state.boot = host_.boot();
     for (const auto& [path, one] : instances_) state.instances.push_back(one->saved());
-    for (const auto& [name, one] : processes_) state.processes.push_back({name, one->program, one->mark, one->running ? one->running->stamp() : process_stamp{}});
+    for (const auto& [name, one] : processes_) state.processes.push_back({name, one->program, one->mark, one->running ? one->running->stamp() : process_stamp{}, one->version});
     auto kept = save_state(host_, state_file(), state);
     if (!kept) log().error(fmt::format("the state is not on disk: {}", kept.error().message()));
     return kept;
@@ -31,6 +31,9 @@ void instantiation_server::restore(const saved_instance& before, bool same_boot)
     what.path = before.path;
     auto one = remember(before.asked, std::move(what));
     one->since = before.since;
+    one->version = before.program_version;
+    one->former = before.former;
+    one->undo = before.undo;
     told_[before.path] = {before.state, before.reason};
     one->mark = before.mark;
     one->mark_is_own = before.asked.process.empty();

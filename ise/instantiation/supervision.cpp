@@ -135,6 +135,7 @@ supervision::act supervision::unhealthy(time_point now, const std::string& why) 
 }
 
 supervision::act supervision::stop(time_point now, duration grace) {
+    if (state_ == instance_state::failed) become(instance_state::stopped, fmt::format("stopped after it had failed: {}", reason_));
     if (over()) return act::nothing;
     again_ = false;
     unhealthy_.clear();
