@@ -192,13 +192,16 @@ machine::end_handler instantiation_server::end_handler_of(const instance_ptr& on
 
 /// A process has died: its names need not wait for the end of its lease.
 void instantiation_server::free_names_of(const std::string& mark) {
-    if (!stopping_ && !mark.empty()) spawn("names of the dead", tell_end(mark));
+    if (stopping_ || mark.empty()) return;
+    freeing_.insert(mark);
+    spawn("names of the dead", tell_end(mark));
 }
 
 task<> instantiation_server::tell_end(std::string mark) {
     naming::ended_request request;
-    request.launch_mark = std::move(mark);
+    request.launch_mark = mark;
     auto told = co_await names_.try_call(naming::ended, std::move(request), std::chrono::seconds(2));
+    freeing_.erase(freeing_.find(mark));
     if (!told) log().debug(fmt::format("names of a process that ended are free when its lease is over: {}", told.error().message()));
 }
 
