@@ -141,6 +141,7 @@ private:
     bool reading_catalogue_ = false;
     bool stopping_ = false; // what is started goes on
     std::map<std::string, instance_ptr> instances_; // by path
+    std::multiset<std::string> freeing_; // marks of ended processes, until the name server knows
     std::map<std::string, std::shared_ptr<shared_process>> processes_; // that several of them share, by name
     std::map<std::string, std::pair<instance_state, std::string>> told_; // what of each was told last
     std::deque<time_point> starts_;

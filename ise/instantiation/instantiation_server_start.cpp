@@ -148,6 +148,7 @@ launch_order instantiation_server::order_for(const std::string& program, const o
 
 /// Waits until nobody holds the name: that of a process that was killed lives as long as its lease.
 task<> instantiation_server::free_name(instance_ptr one, std::uint64_t life) {
+    while (freeing_.contains(one->mark)) co_await sleep(10ms); // its next life has the same mark
     auto until = saturating_add(now(), longest_wait_for_name);
     while (now() < until && life == one->life && one->watch.state() == instance_state::starting) {
         naming::describe_request question{one->plan.path};
