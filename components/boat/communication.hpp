@@ -111,7 +111,7 @@ namespace services {
 /// Bounded pages of what is kept. Errors: refused (more than 8 stores, max_packets out of range, the disk).
 inline constexpr ise::request_response<track_request, track_page> track{"track"};
 
-/// Who calls is known by its path, or as anonymous@host. The reply is what holds then; it is on disk, at the other node
+/// Who calls is known by the path that it claims, which nobody checks; one without a path may only look. The reply is what holds then; it is on disk, at the other node
 /// too while that lives. Errors: refused, with who holds the authority and what to do.
 inline constexpr ise::request_response<authority_request, authority_state> authority{"authority"};
 inline constexpr ise::subscription<authority_state> authority_changes{"authority_state"};
