@@ -3,6 +3,7 @@
 #include <ise/component/node.hpp>
 #include <ise/core/real/environment.hpp>
 #include <ise/instantiation/instantiation_server.hpp>
+#include <ise/instantiation/keeper.hpp>
 #include <ise/instantiation/real_machine.hpp>
 
 #include <CLI/CLI.hpp>
@@ -131,6 +132,7 @@ int run(const settings& wanted) {
     if (code == 0 && !wanted.leave_running) {
         host.end_all(std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(wanted.grace_s)));
         host.remove(folder + "/state.json");
+        host.remove(ise::instantiation::spare_of(folder + "/state.json"));
     }
     return code;
 }
@@ -138,6 +140,7 @@ int run(const settings& wanted) {
 } // namespace
 
 int main(int argc, char** argv) {
+    if (auto kept = ise::instantiation::keep_if_asked(argc, argv)) return *kept;
     CLI::App app("Starts components on this host and watches over them, for whoever asks (`ise start`).", "ise_instantiation_server");
     settings wanted;
     app.add_option("--programs", wanted.programs, "folder of the programs whose components can be started: those that answer --describe")->required()->type_name("FOLDER");

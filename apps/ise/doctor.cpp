@@ -68,6 +68,26 @@ finding coming_again(const found_instance& of) {
     return made;
 }
 
+finding fails_probe(const found_instance& of) {
+    finding made;
+    made.weight = severity::error;
+    made.kind = "probe_failed";
+    made.component = of.instance.path;
+    made.message = fmt::format("it runs on {}, but {}", of.host.name, of.instance.probe_trouble);
+    made.advice = fmt::format("ise logs {0} tells what it prints; ise restart {0} starts it again, and its `restart` policy does so by itself", of.instance.path);
+    return made;
+}
+
+finding loses_output(const found_instance& of) {
+    finding made;
+    made.weight = severity::warning;
+    made.kind = "output_dropped";
+    made.component = of.instance.path;
+    made.message = fmt::format("what it prints on {} is not kept: {}", of.host.name, of.instance.output_trouble);
+    made.advice = "make room on the disk of the instantiation server's --state";
+    return made;
+}
+
 // Of what does not run nobody is registered who could be asked.
 task<std::vector<finding>> examine_instances(context& in) {
     std::vector<found_instance> all;
@@ -79,6 +99,8 @@ task<std::vector<finding>> examine_instances(context& in) {
     for (const auto& one : all) {
         if (one.instance.state == instantiation::instance_state::failed) found.push_back(given_up(one));
         if (one.instance.state == instantiation::instance_state::waiting) found.push_back(coming_again(one));
+        if (!one.instance.probe_trouble.empty()) found.push_back(fails_probe(one));
+        if (!one.instance.output_trouble.empty()) found.push_back(loses_output(one));
     }
     co_return found;
 }

@@ -109,6 +109,7 @@ std::vector<difference> differences(const instance_text& is, const start_request
     compare(all, "endpoints", joined(is.listen), joined(wanted.listen));
     compare(all, "protocol", is.protocol, wanted.protocol);
     compare(all, "process", is.process, wanted.process);
+    compare(all, "limits", as_text(is.limits), as_text(wanted.limits));
     auto marks = marks_of(is.variables, true), other = marks_of(wanted.variables, false);
     if (marks != other) {
         difference made;

@@ -23,6 +23,10 @@ instance_text instance::text() const {
     made.roles = asked.roles;
     made.deployment = asked.deployment;
     made.process = asked.process;
+    made.limits = asked.limits;
+    made.output_dropped = output->dropped();
+    made.output_trouble = output->trouble();
+    made.probe_trouble = probe_trouble;
     return made;
 }
 

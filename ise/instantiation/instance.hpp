@@ -21,7 +21,8 @@ struct instance {
     launch_plan plan;
     supervision watch;
     std::shared_ptr<output_file> output; ///< with others of the same process
-    std::string mark;                 ///< of the present process
+    std::string mark;                 ///< of its processes: the same for all lives, so that the next server finds one that could not be recorded
+    bool mark_is_own = false;         ///< not that of a process that it shares
     std::unique_ptr<process> running; ///< null: none does
     std::unique_ptr<timer> due;       ///< wakes `watch`
     std::uint64_t life = 0;           ///< counts processes
@@ -29,6 +30,8 @@ struct instance {
     wall_time since{};
     bool adopted = false;
     std::string obstacle;             ///< why it is not ready yet
+    std::uint64_t probed_life = 0;    ///< whose probe is being asked
+    std::string probe_trouble;        ///< why its probe fails; empty: it does not
     std::vector<waiter<>*> awaiting;  ///< a change of it
 
     instance_text text() const;

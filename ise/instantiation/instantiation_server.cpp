@@ -157,6 +157,7 @@ void instantiation_server::changed(const instance_ptr& one) {
     if (next == time_point::max()) one->due->disarm();
     else one->due->arm(next);
     for (auto* waiting : one->awaiting) waiting->resume();
+    begin_probing(one);
     if (!one->asked.process.empty()) tend_processes();
     auto& last = told_[one->plan.path];
     if (last == std::pair(one->watch.state(), one->watch.reason())) return;
@@ -181,9 +182,8 @@ machine::end_handler instantiation_server::end_handler_of(const instance_ptr& on
 
 void instantiation_server::on_end(const instance_ptr& one, std::uint64_t life, process_end how) {
     if (life != one->life) return;
-    if (one->running) how = how_it_ended(std::move(how), one->mark, one->running->stamp(), one->output->end_file());
+    if (one->running) how = how_it_ended(std::move(how), one->mark, *one->output);
     one->running.reset();
-    one->mark.clear();
     carry_out(one, one->watch.ended(now(), how.well(), how.text()));
 }
 

@@ -22,7 +22,7 @@ struct server_options {
     std::size_t max_instances = 64;                ///< those that have ended count until their place is needed
     std::size_t max_starts = 30;                   ///< within `starts_window`, of all kinds
     duration starts_window = std::chrono::seconds(10);
-    std::uint64_t max_output_bytes = 256 << 10;    ///< of each of the two files of an instance
+    std::uint64_t max_output_bytes = 256 << 10;    ///< of each of the two output files of an instance
     duration describe_within = std::chrono::seconds(5);
     duration look_every = std::chrono::milliseconds(200); ///< at the output
 };
@@ -79,6 +79,10 @@ private:
     void check_room(const std::string& path);
     void check_rate();
 
+    // instantiation_server_probe.cpp
+    void begin_probing(const instance_ptr& one);
+    task<> follow_probe(instance_ptr one, std::uint64_t life);
+
     // instantiation_server_shared.cpp
     endpoint control_of(const std::string& process) const;
     void check_process(const std::string& process, const std::string& program);
@@ -100,7 +104,8 @@ private:
     void restore(const saved_state& before);
     void restore(const saved_instance& before, bool same_boot);
     bool adopt(const instance_ptr& one, const saved_instance& before, bool same_boot);
-    process_end how_it_ended(process_end told, const std::string& mark, const process_stamp& who, const std::string& file) const;
+    process_end how_it_ended(process_end told, const std::string& mark, const output_file& printed) const;
+    launch_order order_for(const std::string& program, const output_file& printed) const;
 
     instance_ptr find(const std::string& path) const;
     instance_ptr remember(start_request request, launch_plan plan);

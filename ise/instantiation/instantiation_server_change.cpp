@@ -50,7 +50,7 @@ task<change_response> instantiation_server::change_one(start_request to) {
 }
 
 task<change_response> instantiation_server::change_to(start_request to, bool only_in_place) {
-    to.terms = checked(to.terms);
+    check_wishes(to, options_.rules);
     auto wanted = to;
     auto planned = co_await plan(std::move(wanted));
     auto one = find(planned.path);
@@ -129,6 +129,7 @@ void instantiation_server::become(const instance_ptr& one, start_request asked, 
     one->asked = std::move(asked);
     one->plan = std::move(plan);
     one->watch.use(one->asked.terms);
+    begin_probing(one);
     save();
     host_event event;
     event.at = wall();

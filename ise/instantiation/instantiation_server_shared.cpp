@@ -2,7 +2,6 @@
 #include <ise/instantiation/instantiation_server.hpp>
 
 #include <ise/component/process_services.hpp>
-#include <ise/component/word_of_end.hpp>
 
 #include <fmt/format.h>
 
@@ -52,15 +51,9 @@ std::shared_ptr<shared_process> instantiation_server::open_process(const instanc
     made->program = one->plan.program;
     made->control = control_of(name);
     made->mark = fmt::format("{:016x}{:016x}", env().random(), env().random());
-    launch_order order;
-    order.program = options_.programs_folder + "/" + made->program;
+    made->output = one->output;
+    auto order = order_for(made->program, *made->output);
     order.words = {"host", "--control=" + made->control.text()};
-    order.variables = options_.variables;
-    order.variables.emplace_back("ISE_NAME_SERVER", options_.name_server.text());
-    order.output_file = one->output->file();
-    made->end_file = one->output->end_file();
-    host_.remove(made->end_file);
-    order.variables.emplace_back(word_of_end::variable, word_of_end::variable_for(env().identity().process_id, made->mark, made->end_file));
     order.mark = made->mark;
     processes_[name] = made;
     auto kept = try_save(); // whoever comes after a crash finds the process by its mark
@@ -84,7 +77,7 @@ machine::end_handler instantiation_server::process_end_handler(const std::shared
         auto held = weak.lock();
         if (!held) return;
         held->over = true;
-        how = how_it_ended(std::move(how), held->mark, held->running->stamp(), held->end_file);
+        how = how_it_ended(std::move(how), held->mark, *held->output);
         held->running.reset();
         host_.remove(held->control.path);
         if (auto found = processes_.find(held->name); found != processes_.end() && found->second == held) processes_.erase(found);
@@ -112,6 +105,7 @@ task<> instantiation_server::launch_in_process(instance_ptr one, std::uint64_t l
         co_return;
     }
     one->mark = where->mark;
+    one->mark_is_own = false;
     one->obstacle.clear();
     auto path = one->plan.path;
     auto& member = where->members[path];
@@ -129,7 +123,6 @@ task<> instantiation_server::launch_in_process(instance_ptr one, std::uint64_t l
         where->members.erase(found);
         if (!told && told.error().code() != errc::refused) where->running->kill(); // whatever it is doing
         if (told) stop_in_process(where, path);
-        one->mark.clear();
         if (wanted) carry_out(one, one->watch.not_launched(now(), told.error().message()));
         else tend_processes();
         co_return;
@@ -232,7 +225,7 @@ void instantiation_server::restore(const saved_process& before) {
     made->program = before.program;
     made->mark = before.mark;
     made->control = control_of(before.name);
-    made->end_file = output_of({}, before.name)->end_file();
+    made->output = output_of({}, before.name);
     auto got = host_.adopt(on(), before.process, before.mark, process_end_handler(made));
     if (!got) return;
     made->running = std::move(*got);

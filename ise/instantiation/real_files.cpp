@@ -112,22 +112,6 @@ std::string real_machine::read_part(const std::string& path, std::uint64_t offse
     return file ? read_some(file.get(), offset, max_bytes) : std::string();
 }
 
-result<void> real_machine::rotate(const std::string& path, const std::string& older) {
-    file_handle from(::open(path.c_str(), O_RDWR | O_CLOEXEC));
-    file_handle to(::open(older.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
-    if (!from) return refused("rotate", path);
-    if (!to) return refused("write", older);
-    for (std::uint64_t at = 0;;) {
-        auto piece = read_some(from.get(), at, 65536);
-        if (piece.empty()) break;
-        if (!write_all(to.get(), piece)) return refused("write", older);
-        at += piece.size();
-    }
-    // Whoever writes appends: it goes on at the beginning.
-    if (::ftruncate(from.get(), 0) != 0) return refused("rotate", path);
-    return {};
-}
-
 void real_machine::remove(const std::string& path) { ::unlink(path.c_str()); }
 
 } // namespace ise::instantiation

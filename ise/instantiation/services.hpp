@@ -1,6 +1,7 @@
 #pragma once
 #include <ise/component/type_text.hpp>
 #include <ise/core/time.hpp>
+#include <ise/instantiation/limits.hpp>
 #include <ise/service/contract.hpp>
 
 #include <cstdint>
@@ -49,6 +50,9 @@ struct restart_terms {
     duration window = std::chrono::minutes(1);
     duration grace = std::chrono::seconds(5);      ///< between SIGTERM and SIGKILL
     duration ready_within = std::chrono::seconds(10);
+    std::string probe;                             ///< "tcp://127.0.0.1:8080" or "http://127.0.0.1:8080/": has to answer while it is ready; empty: none
+    duration probe_every = std::chrono::seconds(10);
+    std::uint32_t probe_failures = 3;              ///< so many on end, and it is started again by its policy
 
     bool operator==(const restart_terms&) const = default;
 };
@@ -71,6 +75,7 @@ struct start_request {
     std::string deployment;             ///< of whose file it is a part; empty: of none
     /// Name of a process that it shares with others of its program, each on a thread of its own; empty: it has one to itself.
     std::string process;
+    resource_limits limits;             ///< of its process, with all that it starts; the defaults where it shares one
 };
 
 enum class instance_state : std::uint8_t {
@@ -101,6 +106,10 @@ struct instance_text {
     std::map<std::string, std::int32_t> roles;
     std::string deployment;
     std::string process;                ///< that it shares with others; empty: it has one to itself
+    resource_limits limits;
+    std::uint64_t output_dropped = 0;   ///< bytes that it printed and that could not be written
+    std::string output_trouble;         ///< why they still cannot; empty: they can
+    std::string probe_trouble;          ///< why its health probe fails; empty: it does not, or there is none
 };
 
 enum class start_outcome : std::uint8_t {

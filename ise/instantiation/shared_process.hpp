@@ -22,7 +22,7 @@ struct shared_process {
 
     std::string name, program;
     std::string mark;
-    std::string end_file;           ///< where it leaves word of its end
+    std::shared_ptr<output_file> output;
     endpoint control;               ///< a socket in the server's own folder: nobody else reaches it
     remote host;
     std::unique_ptr<process> running;

@@ -118,6 +118,25 @@ parameters = { deep = { er = 1 } }
     CHECK_THAT(text, Contains("the deployment has no key 'colour'; there are name, namespace, hosts, components"));
 }
 
+TEST_CASE("limits and probes are read, and told with their place where they are wrong") {
+    auto sea = at_sea("[components.a]\ntype='t'\nhost='boat'\nlimits={pids=64, memory='256 MiB', cpus=0.5}\nprobe={url='http://127.0.0.1:8080/', every='5s', failures=2}\n"
+                      "[components.b]\ntype='t'\nhost='boat'\nprobe='tcp://127.0.0.1:80'\n");
+    auto told = sea.read();
+    INFO(sea.wrong());
+    REQUIRE(told.problems.empty());
+    const auto& one = told.made.components[0].request;
+    CHECK(one.limits == ise::instantiation::resource_limits{64, 256 << 20, 0.5});
+    CHECK(one.terms.probe == "http://127.0.0.1:8080/");
+    CHECK(one.terms.probe_every == 5s);
+    CHECK(one.terms.probe_failures == 2);
+    CHECK(told.made.components[1].request.terms.probe == "tcp://127.0.0.1:80");
+    CHECK(told.made.components[1].request.limits == ise::instantiation::resource_limits());
+    auto wrong = at_sea("[components.a]\ntype='t'\nhost='boat'\nlimits={pids=0, disk=5}\nprobe={every='5s'}\n").wrong();
+    CHECK_THAT(wrong, Contains("the limit pids is a number of processes and threads from 1 to 32768, such as 64, not '0'"));
+    CHECK_THAT(wrong, Contains("'limits' of component 'a' has no key 'disk'; there are pids, memory, cpus"));
+    CHECK_THAT(wrong, Contains("'probe' of component 'a' has no 'url'"));
+}
+
 TEST_CASE("what is no TOML is told with its place") {
     CHECK_THAT(files("name = \n").wrong(), Contains("sea.toml:1:"));
     CHECK_THAT(files("name = 'a'\nname = 'b'\n").wrong(), Contains("sea.toml:2:") && Contains("name"));

@@ -117,6 +117,7 @@ public:
         files[path] = content;
         return {};
     }
+    ise::result<void> replace_reserved(const std::string& path, const std::string& content) override { return replace_file(path, content); }
     std::uint64_t size_of(const std::string& path) const override {
         auto found = files.find(path);
         return found == files.end() ? 0 : found->second.size();
@@ -124,10 +125,6 @@ public:
     std::string read_part(const std::string& path, std::uint64_t offset, std::size_t most) const override {
         auto found = files.find(path);
         return found == files.end() || offset >= found->second.size() ? std::string() : found->second.substr(offset, most);
-    }
-    ise::result<void> rotate(const std::string& path, const std::string& older) override {
-        files[older] = std::exchange(files[path], {});
-        return {};
     }
     void remove(const std::string& path) override { files.erase(path); }
 
