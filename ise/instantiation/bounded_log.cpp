@@ -16,7 +16,7 @@
 namespace ise::instantiation {
 namespace {
 
-constexpr int own_file = O_CREAT | O_CLOEXEC | O_NOFOLLOW;
+constexpr int own_log_file = O_CREAT | O_CLOEXEC | O_NOFOLLOW;
 
 } // namespace
 
@@ -101,7 +101,7 @@ std::size_t bounded_log::write(std::string_view text) {
 
 bool bounded_log::open() {
     if (to_) return true;
-    to_ = file_handle(::open(file_.c_str(), O_WRONLY | O_APPEND | own_file, 0600));
+    to_ = file_handle(::open(file_.c_str(), O_WRONLY | O_APPEND | own_log_file, 0600));
     if (!to_) {
         status_.trouble = std::strerror(errno);
         return false;
@@ -127,7 +127,7 @@ void bounded_log::rotate() {
 }
 
 void bounded_log::record(bool moving) {
-    if (!status_file_) status_file_ = file_handle(::open(status_file_of(file_).c_str(), O_WRONLY | own_file, 0600));
+    if (!status_file_) status_file_ = file_handle(::open(status_file_of(file_).c_str(), O_WRONLY | own_log_file, 0600));
     if (!status_file_) return; // tried again the next time
     auto text = kept_status_text(status_, ++sequence_, moving);
     [[maybe_unused]] auto written = ::pwrite(status_file_.get(), text.data(), text.size(), 0);

@@ -13,7 +13,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr duration longest_answer = 5s;
-constexpr duration look_pause = 20ms;
+constexpr duration probe_look_pause = 20ms;
 
 struct probe_attempt {
     bool over = false;
@@ -48,7 +48,7 @@ task<> instantiation_server::follow_probe(instance_ptr one, std::uint64_t life) 
         else state->outcome = target.error();
         state->over = !target.has_value();
         // A connection may take the system minutes: then it has failed, and no other is tried meanwhile.
-        while (!state->over && now() < saturating_add(began, limit + look_pause)) co_await sleep(look_pause);
+        while (!state->over && now() < saturating_add(began, limit + probe_look_pause)) co_await sleep(probe_look_pause);
         if (!lives()) break;
         std::string why;
         if (!state->over) why = fmt::format("no answer within {:g} s", std::chrono::duration<double>(limit).count());
@@ -57,7 +57,7 @@ task<> instantiation_server::follow_probe(instance_ptr one, std::uint64_t life) 
         one->probe_trouble = why.empty() ? std::string() : fmt::format("its probe {} failed{}: {}", terms.probe, failures == 1 ? "" : fmt::format(" {} times on end", failures), why);
         if (failures == 1) log().warning(fmt::format("{}: {}", one->plan.path, one->probe_trouble));
         if (failures >= terms.probe_failures) carry_out(one, one->watch.unhealthy(now(), one->probe_trouble));
-        while (!state->over && lives()) co_await sleep(look_pause);
+        while (!state->over && lives()) co_await sleep(probe_look_pause);
         if (lives()) co_await sleep_till(saturating_add(began, terms.probe_every));
     }
     if (life == one->life) {

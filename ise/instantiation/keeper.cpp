@@ -33,10 +33,10 @@ extern char** environ; // NOLINT: POSIX declares it nowhere
 namespace ise::instantiation {
 namespace {
 
-using clock = std::chrono::steady_clock;
+using keeper_clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
-constexpr int fixed_words = 6; // behind keeper_word, before the program
+constexpr int fixed_keeper_words = 6; // behind keeper_word, before the program
 constexpr rlim_t spare_processes = 4096; // of the same user, whatever he runs beside
 
 std::uint64_t milliseconds_since_boot() {
@@ -90,15 +90,15 @@ public:
     void keep() {
         bool watches = !cgroup_.keeps_pids() || (order_.limits.memory != 0 && !cgroup_.keeps_memory());
         auto pause = slow_look;
-        auto due = clock::now();
+        auto due = keeper_clock::now();
         while (!ended_) {
             int timeout = -1;
-            if (watches) timeout = static_cast<int>(std::max<long long>(0, std::chrono::ceil<std::chrono::milliseconds>(due - clock::now()).count()));
+            if (watches) timeout = static_cast<int>(std::max<long long>(0, std::chrono::ceil<std::chrono::milliseconds>(due - keeper_clock::now()).count()));
             wait_for_news(timeout);
             reap_all();
-            if (ended_ || !watches || clock::now() < due) continue;
+            if (ended_ || !watches || keeper_clock::now() < due) continue;
             pause = check_limits() ? quick_look : slow_look;
-            due = clock::now() + pause;
+            due = keeper_clock::now() + pause;
         }
         end_tree();
         while (read_output()) {}
@@ -109,10 +109,9 @@ public:
     }
 
 private:
-    static constexpr clock::duration slow_look = 100ms, quick_look = 20ms;
+    static constexpr keeper_clock::duration slow_look = 100ms, quick_look = 20ms;
 
     void become_a_keeper() {
-        ::setsid();
         ::prctl(PR_SET_NAME, "ise_keeper", 0, 0, 0);
         ::prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0);
         for (int one : {SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGPIPE, SIGTSTP}) ::signal(one, SIG_IGN); // what is meant for the program ends that, and then this
@@ -155,7 +154,7 @@ private:
 
     // Only returns if it cannot.
     void become_the_program(pid_t keeper_pid, int output) {
-        ::setpgid(0, 0);
+        ::setsid();
         ::prctl(PR_SET_PDEATHSIG, SIGKILL, 0, 0, 0); // nothing runs without its keeper
         if (::getppid() != keeper_pid) ::_exit(127);
         if (cgroup_.is_open() && !cgroup_.enter()) return;
@@ -229,12 +228,17 @@ private:
 
     // Gives whether it has started other processes.
     bool check_limits() {
-        auto all = descendants_of(::getpid());
-        std::uint64_t tasks = 0;
-        for (const auto& one : all) tasks += std::max<std::uint64_t>(one.threads, 1);
         const auto& limits = order_.limits;
-        if (!cgroup_.keeps_pids() && tasks > limits.pids)
-            how_.told = fmt::format("killed: it had {} processes and threads, its limit is {} (pids)", tasks, limits.pids);
+        std::vector<process_entry> all;
+        std::uint64_t tasks = 0;
+        bool counts = !cgroup_.keeps_pids();
+        visit_descendants(::getpid(), [&](const process_entry& one) { // beyond the limit there is no time for more
+            all.push_back(one);
+            tasks += std::max<std::uint64_t>(one.threads, 1);
+            return !counts || tasks <= limits.pids;
+        });
+        if (counts && tasks > limits.pids)
+            how_.told = fmt::format("killed: it had more processes and threads than its limit of {} (pids)", limits.pids);
         else if (limits.memory != 0 && !cgroup_.keeps_memory() && memory_of(all, limits.memory) > limits.memory)
             how_.told = fmt::format("killed: it used more than its limit of memory ({})", as_text(limits));
         if (!how_.told.empty()) end_tree();
@@ -249,23 +253,29 @@ private:
         constexpr int most_rounds = 100;
         while (reap_all()) {
             cgroup_.kill();
-            std::set<std::int32_t> stopped;
-            std::vector<process_stamp> all;
+            std::set<std::int32_t> found, groups;
             bool more = true;
             for (int round = 0; more && round < most_rounds; ++round) {
+                std::set<std::int32_t> stopped;
                 more = false;
-                for (const auto& one : descendants_of(::getpid())) {
-                    if (one.ended || !stopped.insert(one.stamp.pid).second) continue;
-                    send_signal(one.stamp, SIGSTOP);
-                    all.push_back(one.stamp);
+                visit_descendants(::getpid(), [&](const process_entry& one) {
+                    if (one.ended || !found.insert(one.stamp.pid).second) return true;
                     more = true;
-                }
+                    groups.insert(one.group);
+                    if (stopped.insert(one.group).second) signal_group(one.group, SIGSTOP); // at once: thousands may run
+                    return true;
+                });
             }
-            for (const auto& one : all) send_signal(one, SIGKILL);
+            for (auto one : groups) signal_group(one, SIGKILL);
             while (read_output()) {}
             if (!reap_all()) return;
             wait_for_news(5); // the kernel takes a moment; one that waits for a device longer
         }
+    }
+
+    // The program began a session: the groups of all below it have members from below it only.
+    static void signal_group(std::int32_t group, int number) {
+        if (group > 1 && group != ::getpgrp()) ::kill(-group, number); // NOLINT(environment): as above
     }
 
     launch_order order_;
@@ -287,7 +297,7 @@ void tell_starter(const std::string& text) {
 }
 
 template <class Number>
-Number number_in(const char* text) {
+Number word_as_number(const char* text) {
     Number made{};
     std::from_chars(text, text + std::strlen(text), made);
     return made;
@@ -312,16 +322,16 @@ std::vector<std::string> keeper_words(const launch_order& what, const std::strin
 std::optional<int> keep_if_asked(int count, const char* const* words) {
     if (count < 2 || std::strcmp(words[1], keeper_word) != 0) return {};
     const char* mark = std::getenv(keeper_variable);
-    if (count < 2 + fixed_words + 1 || !mark) {
+    if (count < 2 + fixed_keeper_words + 1 || !mark) {
         tell_starter("an instantiation server calls itself so: --help tells what people do");
         return 2;
     }
     launch_order order;
     order.output_file = words[2];
-    order.max_output_bytes = number_in<std::uint64_t>(words[3]);
-    order.limits.pids = number_in<std::uint32_t>(words[4]);
-    order.limits.memory = number_in<std::uint64_t>(words[5]);
-    order.limits.cpus = number_in<double>(words[6]);
+    order.max_output_bytes = word_as_number<std::uint64_t>(words[3]);
+    order.limits.pids = word_as_number<std::uint32_t>(words[4]);
+    order.limits.memory = word_as_number<std::uint64_t>(words[5]);
+    order.limits.cpus = word_as_number<double>(words[6]);
     order.program = words[8];
     order.words.assign(words + 9, words + count);
     order.mark = mark;

@@ -13,7 +13,7 @@
 namespace ise::instantiation {
 namespace {
 
-constexpr std::size_t longest_path = 1000;
+constexpr std::size_t longest_probe_path = 1000;
 constexpr std::size_t longest_status_line = 4096;
 
 failure no_probe(std::string_view text, std::string_view why) {
@@ -57,7 +57,7 @@ result<probe_target> parse_probe(std::string_view text, const std::vector<std::s
     made.path = slash < rest.size() ? std::string(rest.substr(slash)) : "/";
     if (!made.http && slash < rest.size()) return no_probe(text, "a TCP endpoint has no path");
     bool plain = std::ranges::all_of(made.path, [](unsigned char letter) { return letter > 0x20 && letter < 0x7F; });
-    if (!plain || made.path.size() > longest_path) return no_probe(text, "its path has letters that belong in no URL, or too many");
+    if (!plain || made.path.size() > longest_probe_path) return no_probe(text, "its path has letters that belong in no URL, or too many");
     auto where = std::string(rest.substr(0, slash));
     if (made.http && where.find(':', where.rfind(']') == std::string::npos ? 0 : where.rfind(']')) == std::string::npos) where += ":80";
     auto at = endpoint::parse(fmt::format("{}{}", tcp, where));

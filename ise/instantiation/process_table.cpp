@@ -10,6 +10,7 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
+#include <deque>
 #include <map>
 #include <set>
 #include <sstream>
@@ -51,21 +52,19 @@ bool add_children(std::int32_t pid, std::vector<std::int32_t>& to) {
     return true;
 }
 
-std::vector<process_entry> descendants_by_parents(std::int32_t pid) {
+void visit_by_parents(std::int32_t pid, const std::function<bool(const process_entry&)>& visit) {
     std::multimap<std::int32_t, process_entry> by_parent;
     for (auto one : numbers_in_folder("/proc"))
         if (auto told = look_up(one)) by_parent.emplace(told->parent, *told);
-    std::vector<process_entry> found;
-    std::vector<std::int32_t> open{pid};
+    std::deque<std::int32_t> open{pid};
     while (!open.empty()) {
-        auto [from, to] = by_parent.equal_range(open.back());
-        open.pop_back();
+        auto [from, to] = by_parent.equal_range(open.front());
+        open.pop_front();
         for (; from != to; ++from) {
-            found.push_back(from->second);
+            if (!visit(from->second)) return;
             open.push_back(from->second.stamp.pid);
         }
     }
-    return found;
 }
 
 } // namespace
@@ -149,22 +148,29 @@ std::vector<process_entry> members_of(const process_stamp& leader, const std::st
 
 std::vector<process_entry> descendants_of(std::int32_t pid) {
     std::vector<process_entry> found;
+    visit_descendants(pid, [&found](const process_entry& one) {
+        found.push_back(one);
+        return true;
+    });
+    return found;
+}
+
+void visit_descendants(std::int32_t pid, const std::function<bool(const process_entry&)>& visit) {
     std::set<std::int32_t> seen;
-    std::vector<std::int32_t> open{pid};
+    std::deque<std::int32_t> open{pid};
     while (!open.empty()) {
-        auto next = open.back();
-        open.pop_back();
+        auto next = open.front();
+        open.pop_front();
         std::vector<std::int32_t> children;
-        if (!add_children(next, children)) return descendants_by_parents(pid);
+        if (!add_children(next, children)) return visit_by_parents(pid, visit);
         for (auto child : children) {
             if (!seen.insert(child).second) continue; // its parent ended meanwhile
             auto told = look_up(child);
             if (!told) continue;
-            found.push_back(*told);
+            if (!visit(*told)) return;
             open.push_back(child);
         }
     }
-    return found;
 }
 
 std::optional<process_entry> find_keeper(const std::string& mark) {

@@ -1,6 +1,7 @@
 #pragma once
 #include <ise/instantiation/machine.hpp>
 
+#include <functional>
 #include <optional>
 
 namespace ise::instantiation {
@@ -43,8 +44,10 @@ std::string content_of_file(const std::string& path, std::size_t most);
 
 std::optional<process_entry> look_up(std::int32_t pid);
 bool carries_mark(std::int32_t pid, const std::string& mark, const char* variable = mark_variable);
-/// All processes below one, in no order. While they start others some may be missing.
+/// All processes below one, the nearest first. While they start others some may be missing.
 std::vector<process_entry> descendants_of(std::int32_t pid);
+/// Gives them one by one as they are found, until `visit` gives false.
+void visit_descendants(std::int32_t pid, const std::function<bool(const process_entry&)>& visit);
 /// The keeper of an instance; none if there is none.
 std::optional<process_entry> find_keeper(const std::string& mark);
 /// What runs of an instance: of its group, or carrying its mark, the oldest first.

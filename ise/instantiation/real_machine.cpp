@@ -32,14 +32,14 @@ namespace ise::instantiation {
 
 /// What was started and has not ended yet.
 struct real_machine::running {
-    struct entry {
+    struct kept_entry {
         process_stamp keeper, leader; ///< one and the same where it has none
         std::string mark;
     };
     std::mutex mutex;
-    std::map<std::int32_t, entry> all; // by the keeper
+    std::map<std::int32_t, kept_entry> all; // by the keeper
 
-    void add(entry what) {
+    void add(kept_entry what) {
         std::lock_guard lock(mutex);
         auto number = what.keeper.pid;
         all[number] = std::move(what);
@@ -64,11 +64,11 @@ void end_rest(const process_stamp& leader, const std::string& mark) {
     }
 }
 
-using entry = real_machine::running::entry;
+using kept_entry = real_machine::running::kept_entry;
 
 class real_process final : public process, public std::enable_shared_from_this<real_process> {
 public:
-    real_process(loop& on, entry who, file_handle watch, std::shared_ptr<real_machine::running> among, machine::end_handler ended)
+    real_process(loop& on, kept_entry who, file_handle watch, std::shared_ptr<real_machine::running> among, machine::end_handler ended)
         : loop_(on), who_(std::move(who)), watch_(on.get_executor(), watch.release()), among_(std::move(among)), ended_(std::move(ended)) {
         among_->add(who_);
     }
@@ -110,7 +110,7 @@ private:
     }
 
     loop& loop_;
-    entry who_;
+    kept_entry who_;
     descriptor watch_;
     std::shared_ptr<real_machine::running> among_;
     machine::end_handler ended_;
@@ -129,7 +129,7 @@ private:
     std::shared_ptr<real_process> of_;
 };
 
-std::unique_ptr<process> watched(loop& on, entry who, file_handle watch, const std::shared_ptr<real_machine::running>& among, machine::end_handler ended) {
+std::unique_ptr<process> watched(loop& on, kept_entry who, file_handle watch, const std::shared_ptr<real_machine::running>& among, machine::end_handler ended) {
     auto made = std::make_shared<real_process>(on, std::move(who), std::move(watch), among, std::move(ended));
     made->watch();
     return std::make_unique<handle>(std::move(made));
@@ -181,7 +181,7 @@ result<void> real_machine::take_folder(const std::string& folder) {
 }
 
 void real_machine::end_all(duration grace) {
-    std::map<std::int32_t, entry> left;
+    std::map<std::int32_t, kept_entry> left;
     {
         std::lock_guard lock(running_->mutex);
         left = std::exchange(running_->all, {});
@@ -218,7 +218,7 @@ result<std::unique_ptr<process>> real_machine::launch(loop& on, const launch_ord
     if (!pid) return pid.error();
     writing = file_handle();
     auto told = line_of_keeper(reading.get());
-    entry who;
+    kept_entry who;
     who.mark = what.mark;
     auto keeper = look_up(*pid); // not reaped: the number is its own, whatever it does
     if (keeper) who.keeper = keeper->stamp;
@@ -240,7 +240,7 @@ result<std::unique_ptr<process>> real_machine::adopt(loop& on, process_stamp who
         end_rest(open_process(who) ? process_stamp{} : who, mark);
         return failure(errc::no_such_name, "it does not run any more");
     }
-    entry found;
+    kept_entry found;
     found.keeper = keeper->stamp;
     found.leader = who;
     found.mark = mark;
@@ -278,7 +278,7 @@ task<result<std::string>> real_machine::ask(loop& on, std::string program, std::
     waiter<> ended(on, [&ended] { ended.resume(); });
     auto watch = open_process(who);
     if (!watch) co_return complain(errc::io_failed, "it cannot be watched");
-    entry alone;
+    kept_entry alone;
     alone.keeper = alone.leader = who;
     alone.mark = order.mark;
     auto watching = watched(on, std::move(alone), std::move(watch), running_, [&](process_end how) {

@@ -14,10 +14,10 @@
 namespace ise::instantiation {
 namespace {
 
-constexpr std::size_t room_step = 64 << 10;
+constexpr std::size_t reserved_step = 64 << 10;
 
 // Errors are in errno. Blocks that the file has are overwritten, so that none must be found.
-bool overwrite(int to, std::string_view text) {
+bool overwrite_reserved(int to, std::string_view text) {
     struct stat about {};
     if (::fstat(to, &about) != 0) return false;
     if (!S_ISREG(about.st_mode) || about.st_uid != ::geteuid() || about.st_nlink != 1) {
@@ -45,10 +45,10 @@ result<void> real_machine::replace_reserved(const std::string& path, const std::
     auto spare = spare_of(path);
     auto refused = [&] { return io_failure(fmt::format("cannot write {}", spare), std::error_code(errno, std::system_category())); };
     auto text = content;
-    text.resize((content.size() + room_step - 1) / room_step * room_step, ' ');
+    text.resize((content.size() + reserved_step - 1) / reserved_step * reserved_step, ' ');
     constexpr int own_file = O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW;
     file_handle to(::open(spare.c_str(), own_file, 0600));
-    if (!to || !overwrite(to.get(), text)) return refused();
+    if (!to || !overwrite_reserved(to.get(), text)) return refused();
     bool exchanged = ::renameat2(AT_FDCWD, spare.c_str(), AT_FDCWD, path.c_str(), RENAME_EXCHANGE) == 0;
     if (!exchanged) { // the first time, or a file system that cannot do it
         if (::rename(spare.c_str(), path.c_str()) != 0) return refused();

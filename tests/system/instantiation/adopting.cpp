@@ -78,7 +78,7 @@ TEST_CASE("how a component ended that was taken over is known") {
     CHECK(what("sea/shared") == "stopped: its process 'main' ended: exit code 0");
 }
 
-TEST_CASE("how a component ended while no instantiation server ran is known by its own word") {
+TEST_CASE("how a component ended while no instantiation server ran is recorded") {
     host here;
     here.open();
     int well = here.start("sea/well", {"--restart", "on-failure"})["process_id"];

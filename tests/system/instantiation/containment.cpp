@@ -109,9 +109,9 @@ void check_bomb() {
     wait_until([&] { return here.ise({"call", "sea/two", "ask", "--timeout", "60s"}).exit_code == 0 && here.state("sea/one")["process_id"] == 0; });
     auto now = here.state("sea/one");
     CHECK(now["state"] == "failed");
-    CHECK_THAT(now["reason"].get<std::string>(), Contains("its limit is 256 (pids)"));
+    CHECK_THAT(now["reason"].get<std::string>(), Contains("its limit of 256 (pids)"));
     CHECK(marked().size() == 1);
-    CHECK_THAT(here.ise({"logs", "sea/one", "-n", "1"}).out, Contains("its limit is 256 (pids)"));
+    CHECK_THAT(here.ise({"logs", "sea/one", "-n", "1"}).out, Contains("its limit of 256 (pids)"));
 }
 
 } // namespace

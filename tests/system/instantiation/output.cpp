@@ -74,6 +74,8 @@ TEST_CASE("a full disk costs output, and nothing else") {
     here.open();
     int first = here.start("sea/one", {"--restart", "on-failure"})["process_id"];
     disk.fill();
+    CHECK(here.start("sea/other")["state"] == "ready"); // there is room for the state
+    here.told({"stop", "sea/other"});
     here.ise({"call", "sea/one", "say", R"({"text": ")" + std::string(1000, 'x') + R"(", "times": 2000})", "--timeout", "300s"});
     wait_until([&] { return here.state("sea/one")["output_dropped"] > 0; });
     CHECK(here.state("sea/one")["output_trouble"] == "No space left on device");
@@ -99,7 +101,7 @@ TEST_CASE("a full disk costs output, and nothing else") {
         return here.ise({"logs", "sea/one"}).out.find("there is room again\n") != std::string::npos;
     });
     CHECK_THAT(here.ise({"logs", "sea/one"}).out, Contains("bytes of output were dropped: No space left on device\n"));
-    CHECK(here.state("sea/one")["output_trouble"] == "");
+    wait_until([&] { return here.state("sea/one")["output_trouble"] == ""; });
     CHECK(here.told({"stop", "sea/one"})["state"] == "stopped");
     CHECK_FALSE(lives(second));
     CHECK(marked().empty());
