@@ -15,14 +15,14 @@ using Catch::Contains;
 
 namespace {
 
-class folder {
+class kept_folder {
 public:
-    folder() {
+    kept_folder() {
         std::string pattern = (std::filesystem::temp_directory_path() / "ise-keeping-XXXXXX").string();
         if (!::mkdtemp(pattern.data())) throw std::runtime_error("no temporary folder");
         path = pattern;
     }
-    ~folder() {
+    ~kept_folder() {
         std::error_code ignored;
         std::filesystem::remove_all(path, ignored);
     }
@@ -30,7 +30,7 @@ public:
     std::filesystem::path path;
 };
 
-std::string content(const std::string& file) {
+std::string kept_content(const std::string& file) {
     std::ifstream from(file, std::ios::binary);
     return {std::istreambuf_iterator<char>(from), {}};
 }
@@ -81,7 +81,7 @@ TEST_CASE("a record is read as it was written, or not at all") {
 }
 
 TEST_CASE("a log never has more than its two files may have, and keeps the end") {
-    folder in;
+    kept_folder in;
     auto file = in / "log";
     std::string printed;
     {
@@ -95,20 +95,20 @@ TEST_CASE("a log never has more than its two files may have, and keeps the end")
         }
         log.append("no end");
     }
-    auto kept = content(older_output_of(file)) + content(file);
+    auto kept = kept_content(older_output_of(file)) + kept_content(file);
     printed += "no end";
     CHECK(kept.size() > 10'000);
     CHECK(printed.ends_with(kept));
-    auto status = read_kept_status(content(status_file_of(file))).value();
-    CHECK(status.base + content(file).size() == printed.size());
+    auto status = read_kept_status(kept_content(status_file_of(file))).value();
+    CHECK(status.base + kept_content(file).size() == printed.size());
     bounded_log next(file, 10'000);
     CHECK(next.begin_life("m") == "started again");
     next.mark_line("started again");
-    CHECK_THAT(content(file), Catch::EndsWith("no end\n--- life 2: started again\n"));
+    CHECK_THAT(kept_content(file), Catch::EndsWith("no end\n--- life 2: started again\n"));
 }
 
 TEST_CASE("limits are written to a control group as the kernel reads them") {
-    folder in; // a plain folder in its place
+    kept_folder in; // a plain folder in its place
     for (const char* name : {"one-", "one-/pids.max", "one-/memory.max", "one-/memory.swap.max", "one-/memory.oom.group", "one-/cpu.max"}) {
         if (std::string(name).find('/') == std::string::npos) std::filesystem::create_directory(in / name);
         else std::ofstream(in / name);
@@ -116,10 +116,10 @@ TEST_CASE("limits are written to a control group as the kernel reads them") {
     cgroup group(in / "one-");
     REQUIRE(group.open({64, 256 << 20, 0.5}));
     CHECK((group.keeps_pids() && group.keeps_memory() && group.keeps_cpus()));
-    CHECK(content(in / "one-/pids.max") == "64");
-    CHECK(content(in / "one-/memory.max") == "268435456");
-    CHECK(content(in / "one-/memory.oom.group") == "1");
-    CHECK(content(in / "one-/cpu.max") == "50000 100000");
+    CHECK(kept_content(in / "one-/pids.max") == "64");
+    CHECK(kept_content(in / "one-/memory.max") == "268435456");
+    CHECK(kept_content(in / "one-/memory.oom.group") == "1");
+    CHECK(kept_content(in / "one-/cpu.max") == "50000 100000");
     cgroup bare(in / "two");
     REQUIRE(bare.open({64, 256 << 20, 0.5}));
     CHECK_FALSE((bare.keeps_pids() || bare.keeps_memory() || bare.keeps_cpus()));

@@ -57,9 +57,9 @@ private:
     port_behaviour& how_;
 };
 
-class harbour {
+class probed_harbour {
 public:
-    harbour() : system(true, 1), host(system.world, "shore") {
+    probed_harbour() : system(true, 1), host(system.world, "shore") {
         auto& porters = host.installed["porters"];
         std::vector<ise::component_type> types;
         types.emplace_back("porter", "for the test", "sea/porter");
@@ -120,7 +120,7 @@ public:
 } // namespace
 
 TEST_CASE("a component whose port no longer answers is shown, and started again by its policy") {
-    harbour in;
+    probed_harbour in;
     CHECK(in.start("tcp://127.0.0.1:8080", restart_policy::on_failure).outcome == start_outcome::ready);
     in.system.world.run_for(20s);
     CHECK(in.state().probe_trouble.empty());
@@ -136,7 +136,7 @@ TEST_CASE("a component whose port no longer answers is shown, and started again 
 }
 
 TEST_CASE("without a policy it is shown only, until it answers again") {
-    harbour in;
+    probed_harbour in;
     in.start("http://127.0.0.1:8080/health?full=1", restart_policy::never);
     in.system.world.run_for(5s);
     CHECK_THAT(in.port.asked, Catch::StartsWith("GET /health?full=1 HTTP/1.1\r\nHost: 127.0.0.1:8080\r\n"));
@@ -152,7 +152,7 @@ TEST_CASE("without a policy it is shown only, until it answers again") {
 }
 
 TEST_CASE("a probe asks this host only") {
-    harbour in;
+    probed_harbour in;
     auto told = in.start("http://169.254.169.254/latest", restart_policy::never);
     CHECK(told.outcome == start_outcome::bad_argument);
     CHECK_THAT(told.why, Contains("components here listen on 127.0.0.1, ::1 only"));
