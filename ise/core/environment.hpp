@@ -85,9 +85,12 @@ public:
     /// Addresses of this host that others may reach, for a listener bound to every interface.
     virtual std::vector<std::string> interface_addresses() const = 0;
 
-    /// `read_file` of a file that holds a secret: one that other users of the machine can read, or that the group can write,
-    /// is refused. Errors: errc::unauthorized (too many may read it), errc::io_failed, errc::too_large.
+    /// `read_file` of a file that holds a secret: one that other users of the machine can read, replace or change is refused.
+    /// Errors: errc::unauthorized (who may, and what to do), errc::io_failed, errc::too_large.
     virtual result<std::string> read_secret(const std::string& path, std::size_t max_bytes) = 0;
+    /// `read_file` of a file that decides whom to believe: one that other users of the machine can replace or change is refused.
+    /// Errors as `read_secret`. A world without users reads it as any other.
+    virtual result<std::string> read_trusted(const std::string& path, std::size_t max_bytes) { return read_file(path, max_bytes); }
 };
 
 } // namespace ise
