@@ -1,6 +1,8 @@
 #include <ise/component/parameter.hpp>
 
 #include <ise/component/nearest.hpp>
+#include <ise/component/url.hpp>
+#include <ise/core/endpoint.hpp>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -39,10 +41,20 @@ bool in_range(const parameter& of, double value) {
     return std::isfinite(value) && (!of.minimum || value >= *of.minimum) && (!of.maximum || value <= *of.maximum);
 }
 
+// A numeric address or a host's name; which ones are allowed is the affair of whoever starts programs for others.
+bool is_address(std::string_view value) {
+    return std::ranges::all_of(value, [](unsigned char letter) {
+        return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') || (letter >= '0' && letter <= '9') || letter == '.' || letter == ':' || letter == '-' || letter == '_';
+    });
+}
+
 bool fits_kind(const parameter& of, std::string_view value) {
     switch (of.kind) {
         case parameter_kind::text:
         case parameter_kind::path: return true;
+        case parameter_kind::endpoint: return value.empty() || endpoint::parse(value);
+        case parameter_kind::address: return is_address(value);
+        case parameter_kind::url: return value.empty() || parse_url(value);
         case parameter_kind::boolean: return value == "true" || value == "false";
         case parameter_kind::hexadecimal: {
             std::uint64_t number = 0;
@@ -82,6 +94,9 @@ std::string_view name_of(parameter_kind kind) noexcept {
         case parameter_kind::boolean: return "boolean";
         case parameter_kind::path: return "path";
         case parameter_kind::hexadecimal: return "hexadecimal";
+        case parameter_kind::endpoint: return "endpoint";
+        case parameter_kind::address: return "address";
+        case parameter_kind::url: return "url";
     }
     return "?";
 }
@@ -95,6 +110,9 @@ std::string allowed_values(const parameter& of) {
         case parameter_kind::hexadecimal: text = "1 to 16 hexadecimal digits"; break;
         case parameter_kind::number: text = "a number"; break;
         case parameter_kind::integer: text = "an integer"; break;
+        case parameter_kind::endpoint: text = "an endpoint to listen on, such as tcp://127.0.0.1:7411"; break;
+        case parameter_kind::address: text = "an address to listen on, such as 127.0.0.1"; break;
+        case parameter_kind::url: text = "a URL to connect to, such as https://host/path or tcp://host:7411"; break;
     }
     if (!of.choices.empty()) text = fmt::format("one of {}", fmt::join(of.choices, ", "));
     if (of.minimum && of.maximum) text += fmt::format(" from {} to {}", shown(*of.minimum), shown(*of.maximum));

@@ -20,7 +20,7 @@ struct trouble_options {
     std::string say;
     std::string meets, other;
     std::string failing;
-    std::string file;
+    std::string file, outlet;
     std::vector<std::string> words;
 };
 
@@ -123,6 +123,7 @@ std::vector<ise::component_type> types() {
     type.parameters.add("failing", options->failing, "why it fails before it is ready");
     type.parameters.add("file", options->file, "a file").kind(ise::parameter_kind::path);
     type.parameters.add("word", options->words, "words");
+    type.parameters.add("outlet", options->outlet, "where it would listen").kind(ise::parameter_kind::endpoint);
     type.provides(ask).provides(say).provides(leave).reads("TROUBLE_FLAG");
     type.makes<trouble>(options);
     std::vector<ise::component_type> made;
