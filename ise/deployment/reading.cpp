@@ -175,6 +175,7 @@ private:
         if (from.what.is != value::kind::table) return keys.wrong_kind(from, "a table of roles with their priorities");
         for (const auto& one : from.what.entries) {
             constexpr std::int64_t most = 1'000'000'000;
+            if (one.what.is == value::kind::unknown) continue;
             bool fits = one.what.is == value::kind::integer && one.what.integer >= -most && one.what.integer <= most;
             if (!naming::is_path(one.key)) wrong(one.at, fmt::format("'{}' is no role: write it like a component's path, \"atirma/gateway\"", shown(one.key)));
             else if (!fits) wrong(one.what.at, fmt::format("the priority in the role '{}' is an integer, the highest is preferred", one.key));

@@ -125,6 +125,26 @@ TEST_CASE("what is no TOML is told with its place") {
     CHECK_THAT(files("").wrong(), Contains("no 'name'") && Contains("no host") && Contains("no component"));
 }
 
+TEST_CASE("a text without quotes is told to be put into some") {
+    CHECK(files("name = boat\n").wrong() == "sea.toml:1:8: boat is no value: put it in quotes, \"boat\"\n");
+    CHECK_THAT(at_sea("[components.a]\ntype=trouble # ours\n").wrong(), Contains("sea.toml:5:6: trouble is no value: put it in quotes, \"trouble\""));
+    CHECK_THAT(files("[variables]\nports = /run/sea\n").wrong(), Contains("put it in quotes, \"/run/sea\""));
+    CHECK_THAT(files("name = 'sea\n").wrong(), !Contains("put it in quotes"));
+    CHECK_THAT(files("name = 'sea' = boat\n").wrong(), !Contains("put it in quotes"));
+}
+
+TEST_CASE("a variable that there is not is one mistake") {
+    auto all = at_sea("[components.a]\ntype='${tpye}'\nhost='${hsot}'\nafter='${none}'\nlisten=['${none}']\nprotocol='x-${none}'\nrestart='${none}'\ngrace='${none}'\nroles={b='${none}'}\n"
+                      "parameters={speed='${none}', mark=['${none}']}\n[variables]\ntype='t'\n")
+                   .wrong();
+    std::size_t lines = 0, told = 0;
+    for (std::size_t at = 0; (at = all.find('\n', at)) != all.npos; ++at) ++lines;
+    for (std::size_t at = 0; (at = all.find("there is no variable", at)) != all.npos; ++at) ++told;
+    INFO(all);
+    CHECK(told == 10);
+    CHECK(lines == told);
+}
+
 TEST_CASE("wrong kinds are told as such") {
     auto text = at_sea("[components.a]\ntype=5\nhost=['boat']\nparameters='none'\nroles=[]\nenvironment=1\nrestart=1\n").wrong();
     for (const char* each : {"'type' of component 'a' is a text, not an integer", "'host' of component 'a' is a text, not an array", "'parameters' of component 'a' is a table, not a text",
