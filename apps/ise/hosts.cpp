@@ -165,6 +165,7 @@ std::string as_json(const std::string& host, const instantiation::instance_text&
     told["arguments"] = given;
     told["roles"] = what.roles;
     told["deployment"] = what.deployment;
+    told["rebuilt"] = what.rebuilt;
     return told.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 

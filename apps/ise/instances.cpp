@@ -16,6 +16,12 @@ task<> tell(context& in, std::string host, instantiation::instance_text what) {
     co_await in.out.write(in.self, text + "\n");
 }
 
+// What became of it last, or what is to be done about it.
+std::string why(const instantiation::instance_text& what) {
+    if (!what.rebuilt) return what.reason;
+    return "program was rebuilt" + (what.reason.empty() ? "" : "; " + what.reason);
+}
+
 // "4711", and where others run in it too "4711 (main)".
 std::string process_of(const instantiation::instance_text& what) {
     auto text = what.process_id == 0 ? std::string("-") : std::to_string(what.process_id);
@@ -38,7 +44,7 @@ task<> ps(context& in, ps_options options) {
             const auto& what = one.instance;
             auto length = std::max(in.self.wall() - what.since, duration{});
             rows.add({what.path, std::string(name_of(what.state)), one.host.name, process_of(what), show_duration(length),
-                      std::to_string(what.restarts), what.deployment.empty() ? "-" : what.deployment, what.type, what.reason});
+                      std::to_string(what.restarts), what.deployment.empty() ? "-" : what.deployment, what.type, why(what)});
         }
         text = rows.text(in.out.width());
     }

@@ -6,7 +6,9 @@
 #include <ise/instantiation/saved_state.hpp>
 #include <ise/instantiation/supervision.hpp>
 
+#include <deque>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -22,6 +24,10 @@ struct instance {
     supervision watch;
     std::shared_ptr<output_file> output; ///< with others of the same process
     std::string mark;                 ///< of the present process
+    std::string version;              ///< of the program that it runs (machine::version_of)
+    std::optional<start_request> former; ///< before the last change
+    std::uint64_t undo = 0;           ///< of that change
+    std::deque<time_point> compared;  ///< when its environment variables were compared
     std::unique_ptr<process> running; ///< null: none does
     std::unique_ptr<timer> due;       ///< wakes `watch`
     std::uint64_t life = 0;           ///< counts processes
@@ -32,6 +38,8 @@ struct instance {
     std::vector<waiter<>*> awaiting;  ///< a change of it
 
     instance_text text() const;
+    /// Whether its environment variables would be others.
+    bool other_environment(const start_request& wanted) const;
     saved_instance saved() const;
 };
 

@@ -69,11 +69,12 @@ void instantiation_server::offer_services() {
         return end_one(std::move(at_once), true);
     });
     provide(services::set, [this](set_request request) { return set(std::move(request)); });
-    provide(services::change, [this](change_request request) { return change_one(std::move(request.to)); });
+    provide(services::change, [this](change_request request) { return change_one(std::move(request)); });
+    provide(services::check, [this](checks_request request) { return check_all(std::move(request)); });
     provide(services::instances, [this](instances_request request) {
         instances_response made;
         for (const auto& [path, one] : instances_)
-            if (naming::lies_below(path, request.prefix)) made.instances.push_back(one->text());
+            if (naming::lies_below(path, request.prefix)) made.instances.push_back(text_of(*one));
         return made;
     });
     provide(services::last_output, [this](output_request request) {
@@ -98,6 +99,14 @@ void instantiation_server::offer_watching() {
     };
     output_ = publish(services::output, std::move(callbacks));
     events_ = publish(services::events);
+}
+
+instance_text instantiation_server::text_of(const instance& one) const {
+    auto made = one.text();
+    if (!one.running || one.version.empty() || one.plan.program.empty()) return made;
+    auto now = host_.version_of(options_.programs_folder + "/" + one.plan.program);
+    made.rebuilt = !now.empty() && now != one.version;
+    return made;
 }
 
 instantiation_server::instance_ptr instantiation_server::find(const std::string& path) const {

@@ -56,8 +56,13 @@ private:
     task<types_response> tell_types();
     task<launch_plan> plan(start_request request);
 
+    // instantiation_server_check.cpp
+    task<checks_response> check_all(checks_request request);
+    task<checked_start> check_one(start_request request, std::vector<endpoint>& wanted);
+    bool compare_environment(const instance_ptr& one, const start_request& wanted);
+
     // instantiation_server_change.cpp
-    task<change_response> change_one(start_request to);
+    task<change_response> change_one(change_request what);
     task<change_response> change_to(start_request to, bool only_in_place);
     task<set_response> set(set_request what);
     task<result<void>> set_parameters(instance_ptr one, std::vector<argument> settings);
@@ -93,6 +98,7 @@ private:
     task<> follow_process(std::shared_ptr<shared_process> where);
     void take_in(shared_process& of, const process_host::components_response& told);
     void tend_processes();
+    void replace_process_of(const instance& one);
     void restore(const saved_process& before);
     bool restore_in_process(const instance_ptr& one, const saved_instance& before);
 
@@ -102,6 +108,8 @@ private:
     bool adopt(const instance_ptr& one, const saved_instance& before, bool same_boot);
     process_end how_it_ended(process_end told, const std::string& mark, const process_stamp& who, const std::string& file) const;
 
+    /// With what only this host knows.
+    instance_text text_of(const instance& one) const;
     instance_ptr find(const std::string& path) const;
     instance_ptr remember(start_request request, launch_plan plan);
     std::shared_ptr<output_file> output_of(const std::string& path, const std::string& process) const;

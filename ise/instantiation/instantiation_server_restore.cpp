@@ -11,7 +11,7 @@ result<void> instantiation_server::try_save() {
     saved_state state;
     state.boot = host_.boot();
     for (const auto& [path, one] : instances_) state.instances.push_back(one->saved());
-    for (const auto& [name, one] : processes_) state.processes.push_back({name, one->program, one->mark, one->running ? one->running->stamp() : process_stamp{}});
+    for (const auto& [name, one] : processes_) state.processes.push_back({name, one->program, one->mark, one->running ? one->running->stamp() : process_stamp{}, one->version});
     auto kept = save_state(host_, state_file(), state);
     if (!kept) log().error(fmt::format("the state is not on disk: {}", kept.error().message()));
     return kept;
@@ -33,6 +33,9 @@ void instantiation_server::restore(const saved_instance& before, bool same_boot)
     what.path = before.path;
     auto one = remember(before.asked, std::move(what));
     one->since = before.since;
+    one->version = before.program_version;
+    one->former = before.former;
+    one->undo = before.undo;
     told_[before.path] = {before.state, before.reason};
     bool over = before.state == instance_state::stopped || before.state == instance_state::failed;
     if (over) return one->watch.adopt_over(before.state, before.reason, before.restarts);

@@ -62,6 +62,7 @@ std::shared_ptr<shared_process> instantiation_server::open_process(const instanc
     host_.remove(made->end_file);
     order.variables.emplace_back(word_of_end::variable, word_of_end::variable_for(env().identity().process_id, made->mark, made->end_file));
     order.mark = made->mark;
+    made->version = host_.version_of(order.program);
     processes_[name] = made;
     auto kept = try_save(); // whoever comes after a crash finds the process by its mark
     auto got = kept ? host_.launch(on(), order, process_end_handler(made)) : result<std::unique_ptr<process>>(kept.error());
@@ -97,7 +98,7 @@ machine::end_handler instantiation_server::process_end_handler(const std::shared
 
 task<> instantiation_server::launch_in_process(instance_ptr one, std::uint64_t life) {
     auto still = [&] { return life == one->life && one->watch.state() == instance_state::starting; };
-    for (auto there = process_of(*one); there && there->ending && still(); there = process_of(*one)) co_await sleep(look_pause / 5);
+    for (auto there = process_of(*one); there && (there->ending || there->outdated) && still(); there = process_of(*one)) co_await sleep(look_pause / 5);
     if (life != one->life) co_return;
     std::shared_ptr<shared_process> where;
     std::string why;
@@ -112,6 +113,7 @@ task<> instantiation_server::launch_in_process(instance_ptr one, std::uint64_t l
         co_return;
     }
     one->mark = where->mark;
+    one->version = where->version;
     one->obstacle.clear();
     auto path = one->plan.path;
     auto& member = where->members[path];
@@ -214,7 +216,8 @@ void instantiation_server::take_in(shared_process& of, const process_host::compo
 /// Ends processes that nobody needs any more.
 void instantiation_server::tend_processes() {
     for (const auto& [name, what] : processes_) {
-        bool needed = std::ranges::any_of(instances_, [&](const auto& one) { return one.second->asked.process == name && !one.second->watch.over(); });
+        bool needed = what->outdated ? !what->members.empty()
+                                     : std::ranges::any_of(instances_, [&](const auto& one) { return one.second->asked.process == name && !one.second->watch.over(); });
         if (needed || what->ending || !what->running) continue;
         what->ending = true;
         what->running->terminate();
@@ -226,11 +229,24 @@ void instantiation_server::tend_processes() {
     }
 }
 
+/// All that runs in the process of an instance is started again, in one of the program as it is now.
+void instantiation_server::replace_process_of(const instance& one) {
+    auto where = process_of(one);
+    if (!where) return;
+    where->outdated = true;
+    auto members = where->members; // whatever becomes of them
+    for (const auto& [path, member] : members) {
+        auto other = member.who.lock();
+        if (other && other.get() != &one && !other->watch.over()) carry_out(other, other->watch.restart(now()));
+    }
+}
+
 void instantiation_server::restore(const saved_process& before) {
     auto made = std::make_shared<shared_process>();
     made->name = before.name;
     made->program = before.program;
     made->mark = before.mark;
+    made->version = before.program_version;
     made->control = control_of(before.name);
     made->end_file = output_of({}, before.name)->end_file();
     auto got = host_.adopt(on(), before.process, before.mark, process_end_handler(made));

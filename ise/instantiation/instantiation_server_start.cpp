@@ -124,7 +124,11 @@ task<> instantiation_server::check_name(std::string path) {
 
 void instantiation_server::check_endpoints(const std::vector<endpoint>& wanted) {
     for (const auto& at : wanted) {
-        if (at.kind == protocol::udp) continue; // tried by the component itself
+        if (at.kind == protocol::udp) {
+            auto open = env().open_datagram(on(), at);
+            if (!open) throw error(open.error());
+            continue;
+        }
         auto plain = at;
         if (at.kind == protocol::tls) plain.kind = protocol::tcp;
         auto listening = env().listen(on(), plain);
@@ -169,6 +173,7 @@ task<> instantiation_server::launch(instance_ptr one, std::uint64_t life) {
     host_.remove(one->output->end_file());
     order.variables.emplace_back(word_of_end::variable, word_of_end::variable_for(env().identity().process_id, order.mark, one->output->end_file()));
     one->mark = order.mark;
+    one->version = host_.version_of(order.program);
     one->obstacle.clear();
     auto kept = try_save(); // whoever comes after a crash finds the process by its mark
     bool first = one->launched_life == 0 && one->watch.restarts() == 0; // what ran before goes on all the same

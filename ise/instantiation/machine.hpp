@@ -43,10 +43,11 @@ public:
     virtual void kill() = 0;
 };
 
-/// A program that lies in a folder; `version` differs when the file was replaced.
+/// A program that lies in a folder.
 struct program_file {
     std::string name;
-    std::string version;
+    std::string version;   ///< `machine::version_of` it
+    std::string objection; ///< why it must not be run: others than this user could replace it
 
     bool operator==(const program_file&) const = default;
 };
@@ -71,8 +72,12 @@ public:
     /// Another after each start of the machine.
     virtual std::string boot() const = 0;
 
-    /// The programs in a folder: plain executable files, by name. errc::io_failed.
+    /// The programs in a folder: plain executable files, by name. errc::unauthorized: others than this user could put programs
+    /// into it; errc::io_failed.
     virtual result<std::vector<program_file>> programs(const std::string& folder) const = 0;
+    /// Which program lies there: another text after it was built again. By its build id where it has one, else by size and time.
+    /// Empty: there is none.
+    virtual std::string version_of(const std::string& program) const = 0;
     /// What a program answers to `--describe`, at most `max_bytes`. errc::io_failed, errc::timed_out, errc::too_large.
     /// Cancellation: terminal; the program is ended.
     virtual task<result<std::string>> ask(loop& on, std::string program, std::size_t max_bytes, duration limit) = 0;

@@ -2,6 +2,7 @@
 #include <ise/instantiation/real_machine.hpp>
 
 #include <ise/core/environment.hpp>
+#include <ise/core/real/ownership.hpp>
 #include <ise/core/waiter.hpp>
 #include <ise/instantiation/process_table.hpp>
 #include <ise/instantiation/spawn.hpp>
@@ -138,7 +139,9 @@ result<void> real_machine::take_folder(const std::string& folder) {
         if (::mkdir(part.c_str(), 0700) != 0 && errno != EEXIST) return refuse();
         if (at == std::string::npos) break;
     }
-    file_handle lock(::open((folder + "/lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
+    auto own = check_own_path(folder);
+    if (!own) return own;
+    file_handle lock(::open((folder + "/lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600));
     if (!lock) return refuse();
     struct flock whole {};
     whole.l_type = F_WRLCK;

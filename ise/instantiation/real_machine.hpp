@@ -14,7 +14,8 @@ public:
     ~real_machine() override;
 
     /// Makes the folder if need be and keeps other instantiation servers out of it as long as this process lives.
-    /// errc::address_in_use if one is in it; errc::io_failed.
+    /// errc::address_in_use if one is in it; errc::unauthorized if others than this user could change what is in it;
+    /// errc::io_failed.
     result<void> take_folder(const std::string& folder);
     /// Ends what was started and still runs: SIGTERM, and SIGKILL after `grace`. Blocks so long; for the end of a program,
     /// when no loop runs any more.
@@ -26,6 +27,7 @@ public:
     bool alive(std::int32_t pid) const override;
     std::string boot() const override;
     result<std::vector<program_file>> programs(const std::string& folder) const override;
+    std::string version_of(const std::string& program) const override;
     task<result<std::string>> ask(loop& on, std::string program, std::size_t max_bytes, duration limit) override;
     result<std::string> read_file(const std::string& path, std::size_t max_bytes) const override;
     result<void> replace_file(const std::string& path, const std::string& content) override;

@@ -126,6 +126,7 @@ supervision::act supervision::again_or_fail(time_point now, const std::string& w
 }
 
 supervision::act supervision::stop(time_point now, duration grace) {
+    if (state_ == instance_state::failed) become(instance_state::stopped, fmt::format("stopped after it had failed: {}", reason_));
     if (over()) return act::nothing;
     again_ = false;
     if (state_ == instance_state::waiting) {

@@ -20,6 +20,7 @@ public:
     struct program {
         std::string description;
         std::function<std::shared_ptr<void>(ise::sim::process&, const std::vector<std::string>& words)> run;
+        std::string version = "1"; ///< another after it was built again
         ise::duration lasts_after_term{}; ///< how long it takes to end
         bool deaf = false;
     };
@@ -100,8 +101,12 @@ public:
     std::string boot() const override { return "first"; }
     ise::result<std::vector<program_file>> programs(const std::string&) const override {
         std::vector<program_file> all;
-        for (const auto& [name, what] : installed) all.push_back({name, "1"});
+        for (const auto& [name, what] : installed) all.push_back({name, what.version, {}});
         return all;
+    }
+    std::string version_of(const std::string& program) const override {
+        auto found = installed.find(program.substr(program.rfind('/') + 1));
+        return found == installed.end() ? std::string() : found->second.version;
     }
     ise::task<ise::result<std::string>> ask(ise::loop&, std::string name, std::size_t, ise::duration) override {
         ise::result<std::string> told(installed.at(name.substr(name.rfind('/') + 1)).description);
