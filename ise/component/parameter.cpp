@@ -74,13 +74,13 @@ bool fits_kind(const parameter& of, std::string_view value) {
     return false;
 }
 
-failure refused(const parameter& of, std::string_view value) {
+failure not_a_value(const parameter& of, std::string_view value) {
     return {errc::invalid_argument, fmt::format("parameter '{}' cannot be '{}': it is {}", of.name, shown(value), allowed_values(of))};
 }
 
 template <class T>
-result<void> read_whole(const parameter& of, const std::string& text, T& into) {
-    if (!parses(text, into, of.kind == parameter_kind::hexadecimal ? 16 : 10)) return refused(of, text);
+result<void> read_integer(const parameter& of, const std::string& text, T& into) {
+    if (!parses(text, into, of.kind == parameter_kind::hexadecimal ? 16 : 10)) return not_a_value(of, text);
     return {};
 }
 
@@ -128,21 +128,21 @@ result<void> check(const parameter& of, std::string_view value) {
     bool plain = std::ranges::none_of(value, [](unsigned char letter) { return letter < 0x20 || letter == 0x7F; });
     if (!plain) return failure(errc::invalid_argument, fmt::format("parameter '{}' holds a control character", of.name));
     bool chosen = of.choices.empty() || std::ranges::find(of.choices, value) != of.choices.end();
-    if (!chosen || !fits_kind(of, value)) return refused(of, value);
+    if (!chosen || !fits_kind(of, value)) return not_a_value(of, value);
     return {};
 }
 
 namespace detail {
 
 result<void> read_value(const parameter& of, const std::string& text, double& into) {
-    if (!parses(text, into)) return refused(of, text);
+    if (!parses(text, into)) return not_a_value(of, text);
     return {};
 }
-result<void> read_value(const parameter& of, const std::string& text, std::int64_t& into) { return read_whole(of, text, into); }
-result<void> read_value(const parameter& of, const std::string& text, std::uint64_t& into) { return read_whole(of, text, into); }
+result<void> read_value(const parameter& of, const std::string& text, std::int64_t& into) { return read_integer(of, text, into); }
+result<void> read_value(const parameter& of, const std::string& text, std::uint64_t& into) { return read_integer(of, text, into); }
 
 std::string show_value(double value) { return fmt::format("{}", value); }
-result<void> refuse_value(const parameter& of, const std::string& text) { return refused(of, text); }
+result<void> refuse_value(const parameter& of, const std::string& text) { return not_a_value(of, text); }
 
 std::string parameter_name(std::string_view field) {
     std::string name;

@@ -56,7 +56,7 @@ std::optional<difference> of_parameter(const parameter& which, const values* is,
 }
 
 template <class Map>
-std::string shown(const Map& roles) {
+std::string roles_text(const Map& roles) {
     values all;
     for (const auto& [role, priority] : roles) all.push_back(fmt::format("{}={}", role, priority));
     return joined(all);
@@ -93,7 +93,7 @@ std::vector<difference> differences(const instance_text& is, const start_request
     };
     for (const auto& one : type.parameters)
         if (auto made = of_parameter(one, find(given, one.name), find(asked, one.name))) all.push_back(std::move(*made));
-    compare(all, "roles", shown(is.roles), shown(wanted.roles));
+    compare(all, "roles", roles_text(is.roles), roles_text(wanted.roles));
     compare(all, "endpoints", joined(is.listen), joined(wanted.listen));
     compare(all, "protocol", is.protocol, wanted.protocol);
     compare(all, "process", is.process, wanted.process);
