@@ -64,7 +64,7 @@ iridium::mo_delivery delivery(const ocean& it, std::uint32_t sequence) {
     packet_header header;
     header.boot = 9;
     header.sequence = sequence;
-    header.measured_at = utc_time(1'700'000'000'000ms) + std::chrono::seconds(sequence);
+    header.measured_at = utc_time(1'500'000'000'000ms) + std::chrono::seconds(sequence);
     location fix;
     fix.latitude_deg = 28.15;
     fix.quality = fix_quality::gps;
@@ -229,7 +229,7 @@ TEST_CASE("iridium: a telecommand's validity ends in time where the clock goes b
             auto shore = ocean::proxy(self);
             follow_telecommand one;
             one.id = 21;
-            auto states = co_await shore.subscribe(services::telecommand_state, one);
+            auto states = co_await shore.subscribe(services::telecommand_state, one, ise::subscribe_options());
             known = states.response();
         });
         REQUIRE(it.until([&] { return known.has_value(); }));
