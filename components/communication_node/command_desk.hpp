@@ -25,7 +25,7 @@ public:
 
     /// Takes a telecommand; of an id that is known already, which must mean the same, nothing new. The record, to be
     /// put to disk. Errors: invalid_argument, overloaded.
-    ise::result<command_record> prepare(utc_time wall, const telecommand_request& request, std::uint32_t chosen,
+    ise::result<command_record> prepare(ise::time_point now, utc_time wall, const telecommand_request& request, std::uint32_t chosen,
                                         const std::string& asked_by, std::uint32_t authority,
                                         const std::string& node) const;
     /// One that is on disk: prepared here, read at the start, or told by the other node. It is driven where
@@ -82,6 +82,7 @@ private:
         std::map<link_id, at_link> links;
     };
     void change(entry& e, utc_time wall, telecommand_stage stage, std::string text);
+    static ise::duration left_of(ise::time_point now, utc_time wall, const command_record& record, bool mine);
     void decided(std::uint32_t id);
     std::optional<ise::time_point> next_link_at(const entry& e, const link_table& links) const;
 

@@ -118,7 +118,7 @@ ise::task<telecommand_reply> communication_node::command(telecommand_request req
                                       there.empty() ? "none" : there));
         }
         auto chosen = static_cast<std::uint32_t>(env().random()) | 1u; // never 0
-        auto record = c.desk.prepare(clock(), request, chosen, who.text, c.authority.now().boat_epoch, path());
+        auto record = c.desk.prepare(now(), clock(), request, chosen, who.text, c.authority.now().boat_epoch, path());
         if (!record) throw command_refused(record.error().message());
         id = record->status.id;
         auto begun = begin_command(*record);
@@ -173,7 +173,7 @@ void communication_node::announce_authority() {
     auto& c = *core_;
     telecommand_request ping;
     ping.valid_s = 3600;
-    auto record = c.desk.prepare(clock(), ping, static_cast<std::uint32_t>(env().random()) | 1u, path(),
+    auto record = c.desk.prepare(now(), clock(), ping, static_cast<std::uint32_t>(env().random()) | 1u, path(),
                                  c.authority.now().boat_epoch, path());
     if (!record) return; // too many are open: the next one carries the epoch
     auto begun = begin_command(*record);

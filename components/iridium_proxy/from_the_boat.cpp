@@ -139,7 +139,7 @@ ise::result<void> iridium_proxy::on_mail(const mail_message& mail) {
     auto text = word.queued
                     ? fmt::format("queued at the gateway{}", word.mtmsn ? fmt::format(" as {}", *word.mtmsn) : "")
                     : "the gateway did not queue it: " + word.reason;
-    state_->queue.on_gateway_word(clock(), *id, word.queued, text);
+    state_->queue.on_gateway_word(queue_clock(), *id, word.queued, text);
     work();
     return {};
 }
@@ -167,7 +167,7 @@ ise::result<void> iridium_proxy::accept(const iridium::mo_message& message, std:
         log().warning("a session of the boat did not end well",
                       {{"momsn", std::to_string(message.momsn)},
                        {"status", std::string(iridium::explain_session_status(message.session_status))}});
-    if (message.mtmsn != 0) s.queue.on_delivered(clock());
+    if (message.mtmsn != 0) s.queue.on_delivered(queue_clock());
     take_acknowledgements(message);
     work();
     s.hand_on_soon.arm(now());

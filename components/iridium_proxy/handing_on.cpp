@@ -21,7 +21,7 @@ void iridium_proxy::take_acknowledgements(const iridium::mo_message& message) {
     for (const auto& raw : *packets) {
         if (classify(raw) != packet_class::acknowledgement) continue;
         auto ack = parse_acknowledgement(raw);
-        if (ack) state_->queue.on_acknowledgement(clock(), *ack);
+        if (ack) state_->queue.on_acknowledgement(queue_clock(), *ack);
         else ++state_->counts.malformed;
     }
 }

@@ -23,6 +23,15 @@ iridium_proxy::~iridium_proxy() = default;
 
 utc_time iridium_proxy::clock() const { return std::chrono::floor<std::chrono::milliseconds>(wall()); }
 
+/// Civil time that the steady clock never overtakes, also over a restart: where the clock is set back no telecommand
+/// lives longer by that.
+utc_time iridium_proxy::queue_clock() {
+    auto steady = std::chrono::floor<std::chrono::milliseconds>(now().time_since_epoch());
+    auto& ahead = state_->clock_ahead;
+    ahead = std::max(ahead, clock().time_since_epoch() - steady);
+    return utc_time(ahead + steady);
+}
+
 std::optional<ise::endpoint> iridium_proxy::webhook_at() const {
     if (!state_ || !state_->webhook) return std::nullopt;
     return state_->webhook->where();
@@ -79,7 +88,8 @@ ise::task<> iridium_proxy::run() {
     state_.reset();
     state_ = std::make_unique<state>(*this, sbd_store::open(options_.database).value());
     auto& s = *state_;
-    s.queue.restore(clock(), s.store.load().value());
+    s.clock_ahead = s.store.clock_ahead().value();
+    s.queue.restore(queue_clock(), s.store.load().value());
     s.path = make_path();
     if (!options_.store_at.empty())
         options_.store = std::make_shared<remote_telemetry_store>(find_component(*this, options_.store_at));

@@ -26,7 +26,8 @@ constexpr std::array<std::string_view, 3> schema{
     "NULL, credits INTEGER NOT NULL,"
     " PRIMARY KEY(day, to_boat))",
     "ALTER TABLE mt ADD COLUMN authority INTEGER NOT NULL DEFAULT 0",
-    "ALTER TABLE mt ADD COLUMN boat_obeys INTEGER"};
+    "ALTER TABLE mt ADD COLUMN boat_obeys INTEGER;\n"
+    "CREATE TABLE clock(one INTEGER PRIMARY KEY CHECK(one = 1), ahead INTEGER NOT NULL)"};
 
 std::int64_t number(utc_time at) { return at.time_since_epoch().count(); }
 utc_time time_of(std::int64_t ms) { return utc_time(std::chrono::milliseconds(ms)); }
@@ -160,6 +161,18 @@ ise::result<void> sbd_store::save(const mt_entry& e) {
                              e.reference, std::int64_t{e.attempts}, number(e.asked_at), number(e.expires_at),
                              number(e.changed_at), number(e.next_try), std::int64_t{e.authority},
                              boat_obeys});
+    if (!done) return done.error();
+    return {};
+}
+
+ise::result<std::chrono::milliseconds> sbd_store::clock_ahead() {
+    auto rows = db_.query("SELECT ahead FROM clock");
+    if (!rows) return rows.error();
+    return rows->empty() ? std::chrono::milliseconds::min() : std::chrono::milliseconds(rows->front().integer(0));
+}
+
+ise::result<void> sbd_store::keep_clock_ahead(std::chrono::milliseconds ahead) {
+    auto done = db_.execute("INSERT OR REPLACE INTO clock(one, ahead) VALUES(1, ?)", {std::int64_t{ahead.count()}});
     if (!done) return done.error();
     return {};
 }

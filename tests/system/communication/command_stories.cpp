@@ -229,6 +229,29 @@ TEST_CASE("communication: forged epochs at the boat end with the operator's next
     CHECK(it.command("ana", adds_waypoint(9), 60s)->result == ack_code::done);
 }
 
+TEST_CASE("communication: a telecommand's validity ends in time where the clock goes back an hour over a restart") {
+    crewed it;
+    REQUIRE(it.authority("ana", take));
+    REQUIRE(it.until([&] { return it.boat.boat.authority() == 2; }, 10s));
+    for (auto link : {link_id::xbee, link_id::gprs, link_id::iridium}) it.link_up(link, false);
+    auto request = adds_waypoint(5);
+    request.valid_s = 15;
+    it.command("ana", request, 2s);
+    it.crash(one);
+    it.crash(two);
+    it.start_node(one);
+    it.process(one).set_wall_offset(-1h);
+    it.world.run_for(22s);
+    auto page = it.ask("ana", services::telecommand_record, record_request(), 10s, one);
+    REQUIRE(page);
+    auto entry = std::ranges::find_if(page->entries, [](const auto& each) { return each.id == 5; });
+    REQUIRE(entry != page->entries.end());
+    CHECK(entry->state == telecommand_stage::expired);
+    for (auto link : {link_id::xbee, link_id::gprs, link_id::iridium}) it.link_up(link, true);
+    it.world.run_for(60s);
+    CHECK(it.boat.executed.count(5) == 0);
+}
+
 TEST_CASE("communication: a telecommand takes the link that was chosen, or the best one that is alive") {
     crewed it;
     REQUIRE(it.authority("ana", take));

@@ -64,7 +64,7 @@ iridium::mo_delivery delivery(const ocean& it, std::uint32_t sequence) {
     packet_header header;
     header.boot = 9;
     header.sequence = sequence;
-    header.measured_at = utc_time(1'700'000'000'000ms) + std::chrono::seconds(sequence);
+    header.measured_at = utc_time(1'500'000'000'000ms) + std::chrono::seconds(sequence);
     location fix;
     fix.latitude_deg = 28.15;
     fix.quality = fix_quality::gps;
@@ -204,6 +204,38 @@ TEST_CASE("iridium: what came while nobody listened waits on disk for the first 
     CHECK(later.telemetry[1].history); // never the current position
     CHECK(later.telemetry[2].history);
     REQUIRE(it.until([&] { return seen.account->waiting_for_subscriber == 0; }));
+}
+
+TEST_CASE("iridium: a telecommand's validity ends in time where the clock goes back, also over a restart") {
+    for (bool restarts : {true, false}) {
+        ocean it;
+        it.start();
+        auto& seen = it.watch();
+        REQUIRE(it.until([&] { return seen.telemetry.size() >= 2; }));
+        it.set_gateway(gateway_up(false));
+        ocean::asked asked;
+        auto request = set_mode(21, sailing_mode::hold);
+        request.valid_s = 15;
+        it.command(request, 5s, asked);
+        REQUIRE(it.until([&] { return asked.has_value(); }));
+        if (restarts) it.proxy_process().crash();
+        it.proxy_process().set_wall_offset(-1h);
+        it.world.run_for(10s);
+        if (restarts) it.proxy_process().restart();
+        it.set_gateway(gateway_up(true));
+        it.world.run_for(12s);
+        std::optional<followed_telecommands> known;
+        it.user([&known](ise::component& self) -> ise::task<> {
+            auto shore = ocean::proxy(self);
+            follow_telecommand one;
+            one.id = 21;
+            auto states = co_await shore.subscribe(services::telecommand_state, one, ise::subscribe_options());
+            known = states.response();
+        });
+        REQUIRE(it.until([&] { return known.has_value(); }));
+        REQUIRE(known->now.size() == 1);
+        CHECK(known->now[0].state == telecommand_stage::expired);
+    }
 }
 
 TEST_CASE("iridium: the queue survives a restart of the proxy, and who follows it hears on") {
