@@ -358,7 +358,7 @@ void connection::pulse() {
     if (!open_) return;
     auto now = on_.now();
     auto ours = duration(static_cast<std::int64_t>(terms_.we_accept.heartbeat_ns));
-    auto theirs = duration(static_cast<std::int64_t>(terms_.peer_accepts.heartbeat_ns));
+    auto theirs = signs_->heartbeat();
     auto lost_at = last_heard_ + ours * missed_heartbeats;
     // Where it is this side that did not come round for a while, what the peer sent meanwhile is still unread.
     bool slept = heartbeat_due_ != time_point{} && now - heartbeat_due_ > ours / 2;

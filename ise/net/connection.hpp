@@ -92,6 +92,12 @@ public:
         outbox_.limit_batch(2 * most);
     }
 
+    /// The peer hears something four times in the time that it asked for.
+    void sign_often() {
+        signs_->quicken();
+        pulse();
+    }
+
     /// Sends what waits for at most `grace`, tells the peer why, then closes.
     void finish(failure why, duration grace);
     /// Requests of which no byte was written, for the user's `on_closed`, who may take their objects.

@@ -273,6 +273,10 @@ void session::subscribe(subscriber_core& subscriber) {
     host_.schemas().add_own(subscriber.types());
     subscribers_.emplace(id, &subscriber);
     subscriber.on_sent(*this, id);
+    if (terms.policy == wire::overflow::lossless) { // a publisher may wait for this side, and no longer than it hears of it
+        connection_->sign_often();
+        host_.signs()->hasten(connection_->signs()->heartbeat());
+    }
     const std::uint8_t flags = connection_->passes_objects() && subscriber.takes_objects() ? wire::flag::objects : std::uint8_t{0};
     wire::put_frame(connection_->out().begin_call(), frame_type::subscribe, flags, id, [&](buffer& body) { encode(terms, body); });
     connection_->out().end_call();
@@ -318,17 +322,15 @@ result<void> session::on_packet(const wire::frame& received) {
 }
 
 result<void> session::on_ended(const wire::frame& received) {
-    auto why = wire::read_body<wire::farewell>(received.body);
+    auto why = wire::read_body<wire::ended>(received.body);
     if (!why) return why.error();
     auto found = subscribers_.find(received.header.id);
     if (found == subscribers_.end()) return {};
     auto* subscriber = found->second;
     subscribers_.erase(found);
-    subscriber->on_ended(failure(static_cast<errc>(why->code), fmt::format("'{}' at {}: {}", subscriber->service(), peer_name(), why->reason)));
+    subscriber->on_ended(failure(static_cast<errc>(why->code), fmt::format("'{}' at {}: {}", subscriber->service(), peer_name(), why->reason)), why->lost);
     return {};
 }
-
-void session::refuse_subscription(std::uint64_t subscription, const failure& why) { end_provided(subscription, why); }
 
 provided_subscriptions& session::provided() {
     if (!provided_) provided_ = std::make_unique<provided_subscriptions>(*this);
@@ -341,10 +343,11 @@ void session::forget_provided(std::uint64_t subscription) {
     if (provided_) provided_->forget(subscription);
 }
 
-void session::end_provided(std::uint64_t subscription, const failure& why) {
+void session::end_provided(std::uint64_t subscription, const failure& why, std::uint64_t lost) {
     forget_provided(subscription);
     if (!connection_->open()) return;
-    wire::farewell told;
+    wire::ended told;
+    told.lost = lost;
     told.code = static_cast<std::uint8_t>(why.code());
     told.reason = why.message();
     wire::put_frame(connection_->out().begin_call(), frame_type::ended, 0, subscription, [&](buffer& body) { encode(told, body); });

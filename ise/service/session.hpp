@@ -50,9 +50,8 @@ public:
     /// The same, or null where it has numbered no call.
     reply_window* known_replies() const noexcept { return replies_.get(); }
 
-    /// Tells a subscriber of ours that its subscription is over.
-    void refuse_subscription(std::uint64_t subscription, const failure& why);
-    void end_provided(std::uint64_t subscription, const failure& why);
+    /// Tells a subscriber of ours that its subscription is over, and how many packets it does not get for that.
+    void end_provided(std::uint64_t subscription, const failure& why, std::uint64_t lost);
     /// A subscription has moved to another session, or its publication has gone.
     void forget_provided(std::uint64_t subscription);
 

@@ -131,9 +131,7 @@ result<void> subscriber_core::on_subscribed(wire::subscribed answer) {
 }
 
 void subscriber_core::refuse_packets(const failure& why) {
-    session_->unsubscribe(*this);
-    session_ = nullptr;
-    on_refused(failure(errc::type_mismatch, fmt::format("'{}' at {}: {}", service_, link_->name(), why.message())));
+    end_here(failure(errc::type_mismatch, fmt::format("'{}' at {}: {}", service_, link_->name(), why.message())));
 }
 
 void subscriber_core::adapt_to(const schema& response, const schema& published, wire::subscribed& answer) {
@@ -155,6 +153,10 @@ void subscriber_core::establish(const wire::subscribed& answer) {
         if (again) {
             ++counts_.restarts;
             lost_before_ = unknown_gap;
+        }
+        if (again && options_.policy == overflow::lossless) { // by a provider that does not know better
+            end_here(failure(errc::peer_lost, fmt::format("an unknown number of packets of '{}' from {} were lost", service_, link_->name())));
+            return;
         }
         next_sequence_ = answer.first_sequence;
     }
@@ -184,7 +186,15 @@ void subscriber_core::on_refused(const failure& why) {
     finish(why);
 }
 
-void subscriber_core::on_ended(const failure& why) {
+void subscriber_core::on_ended(const failure& why, std::uint64_t lost) {
+    session_ = nullptr;
+    if (lost == wire::unknown_loss) ++counts_.restarts;
+    else counts_.lost_at_provider += lost;
+    on_refused(why);
+}
+
+void subscriber_core::end_here(const failure& why) {
+    if (session_) session_->unsubscribe(*this);
     session_ = nullptr;
     on_refused(why);
 }
@@ -233,13 +243,15 @@ result<void> subscriber_core::on_other_packet(std::uint64_t sequence, std::uint3
     counts_.lost_at_provider += lost;
     lost_before_ = gap_of(lost_before_, lost);
     next_sequence_ = sequence + 1;
+    if (lost > 0 && options_.policy == overflow::lossless) { // such as one that is too large for this side
+        end_here(failure(errc::overloaded, fmt::format("{} packets of '{}' from {} were lost", lost, service_, link_->name())));
+        return {};
+    }
 
     if (queue_.size() >= capacity()) {
         if (options_.policy == overflow::disconnect || options_.policy == overflow::lossless) {
             // Lossless: the provider sent more than the credit it was given.
-            if (session_) session_->unsubscribe(*this);
-            session_ = nullptr;
-            on_refused(failure(errc::overloaded, fmt::format("{} packets of '{}' were not taken in time", queue_.size(), service_)));
+            end_here(failure(errc::overloaded, fmt::format("{} packets of '{}' were not taken in time", queue_.size(), service_)));
             return {};
         }
         drop_oldest();

@@ -89,7 +89,7 @@ public:
     void on_refused(const failure& why);
     result<void> on_packet(std::uint64_t sequence, std::uint32_t skipped, incoming_packet& packet);
     void on_session_end(const failure& cause);
-    void on_ended(const failure& why);
+    void on_ended(const failure& why, std::uint64_t lost);
     std::uint64_t id() const noexcept { return id_; }
 
 protected:
@@ -119,6 +119,7 @@ private:
     void count_undecodable(const error& why);
     void taken();
     void refuse_packets(const failure& why);
+    void end_here(const failure& why);
     void adapt_to(const schema& response, const schema& published, wire::subscribed& answer);
     void establish(const wire::subscribed& answer);
     std::size_t capacity() const noexcept;

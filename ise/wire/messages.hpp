@@ -69,10 +69,19 @@ struct welcome {
     credentials authentication;
 };
 
-/// Answers a hello that is not accepted, or ends a session (goodbye), or a subscription (ended).
+/// Answers a hello that is not accepted, or ends a session (goodbye).
 struct farewell {
     std::uint8_t code = 0; ///< ise::errc
     std::string reason;
+};
+
+inline constexpr std::uint64_t unknown_loss = ~std::uint64_t{0};
+
+/// Refuses a subscription, or ends it.
+struct ended {
+    std::uint8_t code = 0; ///< ise::errc
+    std::string reason;
+    std::uint64_t lost = 0; ///< packets that were to come and do not; or `unknown_loss`
 };
 
 /// A service and its packets. Of a request-response service it goes ahead of the first request, and the caller gives

@@ -102,6 +102,7 @@ public:
         auto as_failure = [](const auto& told) { return ise::failure(static_cast<ise::errc>(told.code), told.reason); };
         if (!frame) return {ise::errc::not_connected, ""};
         if (type == ise::wire::frame_type::error) return as_failure(ise::decode<ise::wire::call_failure>(frame->body));
+        if (type == ise::wire::frame_type::ended) return as_failure(ise::decode<ise::wire::ended>(frame->body));
         return as_failure(ise::decode<ise::wire::farewell>(frame->body));
     }
 

@@ -52,7 +52,7 @@ BODIES = {name: schema.parse(text) for name, text in {
     "reject": _FAREWELL,
     "challenge": _CREDENTIALS,
     "proof": _CREDENTIALS,
-    "ended": _FAREWELL,
+    "ended": "struct{code:u8,reason:string,lost:u64}",
     "goodbye": _FAREWELL,
     "error": "struct{code:u8,execution:u8,reason:string}",
     "introduce": _INTRODUCTION,
