@@ -46,6 +46,8 @@ public:
 
     /// The monotonic clock.
     virtual time_point now() const = 0;
+    /// The same clock as it was some milliseconds ago at most, where that is cheaper to read.
+    virtual time_point recently() const { return now(); }
     /// Civil time, UTC; it may be set back.
     virtual wall_time wall() const = 0;
     /// Unpredictable in the real world, seeded in the virtual one.

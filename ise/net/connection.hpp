@@ -6,6 +6,7 @@
 #include <ise/core/task_scope.hpp>
 #include <ise/net/datagram_stream.hpp>
 #include <ise/net/outbox.hpp>
+#include <ise/net/peer_clock.hpp>
 #include <ise/net/vital_signs.hpp>
 #include <ise/wire/messages.hpp>
 #include <ise/wire/parser.hpp>
@@ -41,6 +42,7 @@ struct session_terms {
     session_peer peer;
     wire::limits we_accept;
     wire::limits peer_accepts;
+    peer_clock clock; ///< as far as the handshake told
 };
 
 /// One session with a peer over a stream: frames in, an outbox out, heartbeats, an end with a cause.
@@ -116,6 +118,8 @@ public:
     /// The peer for people: its path if it has one, and its address.
     const std::string& peer_name() const noexcept { return peer_name_; }
     const connection_counts& counts() const noexcept { return counts_; }
+    /// Whether deadlines are told as times of the receiver's clock.
+    bool tells_clock() const noexcept { return terms_.features & wire::feature::clock; }
     /// The last measured round trip of a heartbeat; zero before the first.
     duration round_trip() const noexcept { return round_trip_; }
     time_point last_heard() const noexcept { return last_heard_; }
@@ -175,6 +179,7 @@ private:
     duration round_trip_{};
     time_point last_heard_{};
     time_point last_sent_{};
+    time_point last_ping_{};
     time_point heartbeat_due_{};
     std::uint64_t stalled_sign_ = 0; // which frame it was
     bool open_ = true;

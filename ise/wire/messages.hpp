@@ -19,7 +19,9 @@ inline constexpr std::uint64_t pieces = 1;  ///< big messages travel in pieces
 inline constexpr std::uint64_t schemas = 2; ///< schema texts are answered
 inline constexpr std::uint64_t resume = 4;  ///< subscriptions can be resumed by ticket
 inline constexpr std::uint64_t objects = 8; ///< within one process: packets as the objects that they are
-inline constexpr std::uint64_t all = pieces | schemas | resume; ///< over every transport
+inline constexpr std::uint64_t clock = 16; ///< what a side's clock says is told, and deadlines are times of the provider's
+inline constexpr std::uint64_t first = pieces | schemas | resume; ///< those of every peer
+inline constexpr std::uint64_t all = first | clock; ///< over every transport
 } // namespace feature
 
 /// Who speaks.
@@ -52,7 +54,7 @@ struct hello {
     std::uint32_t magic = wire::magic;
     std::uint16_t oldest = oldest_version;
     std::uint16_t newest = newest_version;
-    std::uint64_t features = feature::all;
+    std::uint64_t features = feature::first;
     identity self;
     std::string wanted_path;              ///< empty: whoever listens there
     std::uint64_t wanted_epoch = 0;       ///< 0: any
@@ -63,10 +65,11 @@ struct hello {
 
 struct welcome {
     std::uint16_t version = newest_version;
-    std::uint64_t features = feature::all;
+    std::uint64_t features = feature::first;
     identity self;
     limits accepts;
     credentials authentication;
+    std::int64_t clock_ns = 0; ///< the sender's monotonic clock (`feature::clock`)
 };
 
 /// Answers a hello that is not accepted, or ends a session (goodbye).

@@ -13,6 +13,7 @@ public:
     ~real_environment() override;
 
     time_point now() const override;
+    time_point recently() const override;
     wall_time wall() const override;
     std::uint64_t random() override;
     const process_identity& identity() const override;
