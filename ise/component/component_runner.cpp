@@ -279,6 +279,13 @@ component_text component_runner::describe_self() const {
     made.packets_dropped = counts.packets_dropped;
     made.confirmed = name_confirmed();
     made.roles = options_.roles;
+    for (const auto& one : services_->ended_subscriptions()) {
+        ended_subscription_text text;
+        text.service = one.service;
+        text.provider = one.provider;
+        text.cause = one.cause;
+        made.ended_subscriptions.push_back(std::move(text));
+    }
     return made;
 }
 

@@ -33,6 +33,7 @@ service_host::~service_host() { resolver_.reset(); }
 
 wire::hello service_host::greeting() const {
     wire::hello made;
+    made.features = wire::feature::all;
     made.self = self_;
     made.accepts = options_.accepts;
     made.accepts.max_calls = options_.max_calls_per_session;
@@ -54,6 +55,7 @@ result<wire::welcome> service_host::admit(const wire::hello& caller) {
         return failure(errc::overloaded, fmt::format("{} has {} sessions, no more are allowed (max_sessions)", me, sessions_.size()));
     auto mine = greeting();
     wire::welcome made;
+    made.features = mine.features;
     made.self = mine.self;
     made.accepts = mine.accepts;
     return made;
@@ -124,6 +126,22 @@ void service_host::tell(peer_trouble kind, std::string_view what, std::string_vi
     if (!left_out) return;
     auto level = kind == peer_trouble::rejected ? log_level::info : log_level::warning;
     log_.write(level, what, {{"peer", std::string(peer)}, {"left_out", std::to_string(*left_out)}});
+}
+
+void service_host::on_subscription_ended(const std::string& service, const std::string& provider, const failure& why) {
+    constexpr std::size_t most = 16;
+    tell(peer_trouble::over, fmt::format("the subscription to '{}' has ended: {}", service, why.message()), provider);
+    on_subscribed(service, provider);
+    if (ended_subscriptions_.size() >= most) ended_subscriptions_.pop_front();
+    ended_subscription ended;
+    ended.service = service;
+    ended.provider = provider;
+    ended.cause = why.message();
+    ended_subscriptions_.push_back(std::move(ended));
+}
+
+void service_host::on_subscribed(const std::string& service, const std::string& provider) {
+    std::erase_if(ended_subscriptions_, [&](const auto& one) { return one.service == service && one.provider == provider; });
 }
 
 task<> service_host::greet(std::unique_ptr<stream> stranger, handshake_list::iterator place) {

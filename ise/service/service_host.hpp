@@ -12,6 +12,7 @@
 #include <ise/service/service_options.hpp>
 
 #include <array>
+#include <deque>
 #include <list>
 #include <map>
 #include <memory>
@@ -48,13 +49,15 @@ enum class peer_trouble : std::uint8_t {
     broken,    ///< a session ended because the peer broke a rule, or a limit
     mismatch,  ///< types that do not fit
     callback,  ///< the user's own code threw
+    handler,   ///< the same, while it answered a call
+    over,      ///< a subscription of ours ended other than by our wish
     excess,    ///< a peer in good order that asks for more than it may have
 };
 /// What a peer in good order does not cause.
 constexpr bool broke_rules(errc cause) noexcept {
     return cause == errc::protocol_error || cause == errc::malformed || cause == errc::too_large || cause == errc::overloaded;
 }
-inline constexpr std::size_t peer_troubles = 8; ///< how many kinds there are
+inline constexpr std::size_t peer_troubles = 10; ///< how many kinds there are
 
 /// The services of one component: what it provides, whom it talks to. Everything on the component's loop.
 /// Lifetime: `stop()` and join the scope before destroying it.
@@ -77,6 +80,14 @@ public:
     /// Logs what a peer caused; lines left out are counted in the next of that kind.
     void tell(peer_trouble kind, std::string_view what, std::string_view peer);
     service_counts& counts() noexcept { return counts_; }
+    /// A subscription that ended other than by its subscriber's wish, and was not made again since.
+    struct ended_subscription {
+        std::string service, provider, cause;
+    };
+    /// The last ones, oldest first.
+    const std::deque<ended_subscription>& ended_subscriptions() const noexcept { return ended_subscriptions_; }
+    void on_subscription_ended(const std::string& service, const std::string& provider, const failure& why);
+    void on_subscribed(const std::string& service, const std::string& provider);
     /// Of all of its connections; for another thread, for as long as that likes.
     const std::shared_ptr<net::vital_signs_list>& signs() const noexcept { return signs_; }
 
@@ -149,6 +160,7 @@ private:
     std::vector<waiter<>*> awaiting_sessions_end_;
     handshake_list handshakes_; // oldest first
     std::array<log_limiter, peer_troubles> troubles_;
+    std::deque<ended_subscription> ended_subscriptions_;
     std::uint64_t call_ranges_ = 0;
     ise::reply_windows reply_windows_;
     std::optional<failure> paused_;

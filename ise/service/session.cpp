@@ -46,7 +46,7 @@ result<void> session::on_frame(const wire::frame& received) {
         case frame_type::unsubscribe:
             if (auto good = takes_answers(); !good) return good;
             return provided().on_unsubscribe(received);
-        case frame_type::unsubscribed: return {}; // its subscriber has left already
+        case frame_type::unsubscribed: on_unsubscribed(received); return {};
         case frame_type::ended: return on_ended(received);
         case frame_type::credit: return provided().on_credit(received);
         case frame_type::schema_request: return schemas_.on_request(received.body);
@@ -283,12 +283,27 @@ void session::subscribe(subscriber_core& subscriber) {
     connection_->written();
 }
 
-void session::unsubscribe(subscriber_core& subscriber) {
+void session::unsubscribe(subscriber_core& subscriber) { unsubscribe(subscriber, subscriber.farewell(), nullptr); }
+
+void session::unsubscribe(subscriber_core& subscriber, bytes_view farewell, departure* waiting) {
     if (subscribers_.erase(subscriber.id()) == 0 || !connection_->open()) return;
-    wire::put_frame(connection_->out().begin_call(), frame_type::unsubscribe, 0, subscriber.id(), [&](buffer& body) { body.append(bytes_view(subscriber.farewell())); });
+    if (waiting) departures_.emplace(subscriber.id(), waiting);
+    wire::put_frame(connection_->out().begin_call(), frame_type::unsubscribe, 0, subscriber.id(), [&](buffer& body) { body.append(farewell); });
     connection_->out().end_call();
     connection_->written();
 }
+
+// Mostly nobody waits for it.
+void session::on_unsubscribed(const wire::frame& received) {
+    auto found = departures_.find(received.header.id);
+    if (found == departures_.end()) return;
+    auto& waiting = *found->second;
+    departures_.erase(found);
+    waiting.outcome.emplace(bytes(received.body.begin(), received.body.end()));
+    waiting.answered.resume();
+}
+
+loop& session::host_loop() noexcept { return host_.on(); }
 
 subscriber_core* session::find_subscriber(std::uint64_t id) const noexcept {
     auto found = subscribers_.find(id);
@@ -387,6 +402,10 @@ void session::on_closed(const failure& cause) {
         host_.calls().fail(*call, failure(errc::peer_lost, fmt::format("'{}': the session ended before the answer: {}", call->service, cause.message()), execution::unknown));
     }
     for (auto& [id, subscriber] : std::exchange(subscribers_, {})) subscriber->on_session_end(cause);
+    for (auto& [id, waiting] : std::exchange(departures_, {})) {
+        waiting->outcome.emplace(failure(errc::peer_lost, fmt::format("the session ended before the answer to the farewell: {}", cause.message()), execution::unknown));
+        waiting->answered.resume();
+    }
     incoming_.on_session_end();
     if (provided_) provided_->on_session_end();
     if (owner) owner->on_session_end(*this, cause);

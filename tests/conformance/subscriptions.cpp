@@ -101,6 +101,39 @@ void exact_gap(pair& at) {
     CHECK(out.subscribers() == 1);
 }
 
+struct parting {
+    std::string word;
+};
+struct parted {
+    std::string word = "default";
+};
+using rental = ise::subscription<fix, set_mode, mode_set, parting, parted>;
+constexpr rental rented("rented");
+
+ise::task<std::string> rent_and_leave(ise::remote from) {
+    ise::subscribe_options options;
+    options.deadline = 1min;
+    set_mode asked{"x"};
+    auto made = co_await from.subscribe(rented, asked, options);
+    parting said{"fair winds"};
+    auto answer = co_await made.leave(said, 1min);
+    co_return answer.word;
+}
+
+void leaves_with_a_word(pair& at) {
+    std::vector<std::string> heard;
+    ise::publication_callbacks<rental> callbacks;
+    callbacks.on_unsubscribe = [&](const parting& said, const ise::subscriber_info&) {
+        heard.push_back(said.word);
+        return parted{"and following seas"};
+    };
+    auto out = at.boat.publish(rented, std::move(callbacks));
+    at.open();
+    CHECK(at.run(rent_and_leave(at.there)) == "and following seas");
+    CHECK(heard == std::vector<std::string>{"fair winds"});
+    CHECK(out.subscribers() == 0);
+}
+
 // What was under way when the session broke goes again, and what was published meanwhile goes too.
 void lossless_over_a_cut(pair& at) {
     if (!at.has.lossless) return;
@@ -171,6 +204,8 @@ TEMPLATE_TEST_CASE("the answer precedes the first packet of a subscription", "",
 TEMPLATE_TEST_CASE("a packet is given to its subscriber at most once", "", OVER_EVERY_TRANSPORT) { over<TestType>(once); }
 
 TEMPLATE_TEST_CASE("a subscription resumes after the session was lost, with the exact gap", "", OVER_EVERY_TRANSPORT) { over<TestType>(exact_gap); }
+
+TEMPLATE_TEST_CASE("who leaves a subscription gets the provider's answer to what it says", "", OVER_EVERY_TRANSPORT) { over<TestType>(leaves_with_a_word); }
 
 TEMPLATE_TEST_CASE("a lossless subscription gets every packet over lost sessions, or ends with the number that is lost", "", OVER_EVERY_TRANSPORT) {
     over<TestType>(lossless_over_a_cut);

@@ -126,6 +126,15 @@ TEST_CASE("a clock that is off is told once a host, unless nobody can know") {
     CHECK(found({one, two}).empty());
 }
 
+TEST_CASE("a subscription that ended and was not made again is a warning") {
+    auto one = well("a");
+    one.about->ended_subscriptions.push_back({"position", "boat", "5 packets are lost"});
+    auto seen = examine({}, {one}, 1s, "shore");
+    CHECK(kinds(seen) == list{"subscription_ended"});
+    CHECK(seen.front().weight == severity::warning);
+    CHECK_THAT(seen.front().message, Contains("'position' of boat") && Contains("5 packets are lost"));
+}
+
 TEST_CASE("what grows between two looks is a warning, what has happened before a note") {
     auto before = well("a"), now = well("a");
     now.about->packets_dropped = now.health->packets_dropped = 7;

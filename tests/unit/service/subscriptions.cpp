@@ -623,6 +623,110 @@ TEST_CASE("dropping the stream unsubscribes, and one that waits ends with its co
     CHECK(again->end->code() == errc::no_such_service);
 }
 
+namespace {
+
+struct goodbye {
+    std::string ticket;
+};
+struct receipt {
+    std::string text = "default";
+};
+constexpr ise::subscription<fix, area, granted, goodbye, receipt> rented("rented");
+
+template <class Stream, class Request>
+ise::task<receipt> leave_with(Stream& stream, Request request) {
+    auto answer = co_await stream.leave(std::move(request), 2s);
+    co_return answer;
+}
+
+} // namespace
+
+TEST_CASE("who leaves may say something, and gets the provider's answer") {
+    fixture at;
+    std::vector<std::string> heard;
+    ise::publication_callbacks<ise::subscription<fix, area, granted, goodbye, receipt>> callbacks;
+    callbacks.on_unsubscribe = [&](const goodbye& said, const ise::subscriber_info&) {
+        heard.push_back(said.ticket);
+        if (said.ticket == "forged") throw std::runtime_error("no such ticket");
+        return receipt{"paid " + said.ticket};
+    };
+    auto out = at.boat.publish(rented, std::move(callbacks));
+    auto subscribe = [&]() -> ise::task<ise::stream_of<ise::subscription<fix, area, granted, goodbye, receipt>>> {
+        auto stream = co_await at.there.subscribe(rented);
+        co_return stream;
+    };
+    auto stream = at.all.run(at.shore, subscribe());
+    SECTION("it is answered") {
+        CHECK(at.all.run(at.shore, leave_with(stream, goodbye{"42"})).text == "paid 42");
+        CHECK(heard == std::vector<std::string>{"42"});
+        CHECK(stream.ended());
+        CHECK(stream.cause().code() == errc::cancelled);
+        auto again = start(at.shore.on, leave_with(stream, goodbye{"43"}));
+        at.all.run_until([&] { return again->done; });
+        CHECK(again->code() == errc::cancelled);
+        CHECK(heard.size() == 1);
+    }
+    SECTION("dropping it says the default") {
+        stream = {};
+        at.settle();
+        CHECK(heard == std::vector<std::string>{""});
+    }
+    SECTION("a callback that throws answers nothing") {
+        auto leaving = start(at.shore.on, leave_with(stream, goodbye{"forged"}));
+        at.all.run_until([&] { return leaving->done; });
+        CHECK(leaving->code() == errc::handler_failed);
+    }
+    SECTION("a session that breaks meanwhile is told") {
+        at.all.world.net().partition("boat", "shore");
+        auto leaving = start(at.shore.on, leave_with(stream, goodbye{"42"}));
+        at.all.world.run_for(1s);
+        for (auto& [raw, held] : at.shore.services->sessions()) held->wire().close(ise::failure(errc::peer_lost, "pulled"));
+        at.all.run_until([&] { return leaving->done; });
+        CHECK(leaving->code() == errc::peer_lost);
+    }
+    SECTION("out of reach it is left without a word") {
+        at.all.world.net().partition("boat", "shore");
+        at.all.run_until([&] { return !stream.connected(); });
+        auto leaving = start(at.shore.on, leave_with(stream, goodbye{"42"}));
+        at.all.run_until([&] { return leaving->done; });
+        CHECK(leaving->code() == errc::peer_lost);
+        CHECK(stream.ended());
+    }
+    SECTION("who gives up waiting leaves nothing behind") {
+        at.all.world.net().partition("boat", "shore");
+        auto leaving = start(at.shore.on, leave_with(stream, goodbye{"42"}));
+        at.all.world.run_for(100ms);
+        leaving->cancel.emit(asio::cancellation_type::terminal);
+        at.all.run_until([&] { return leaving->done; });
+        at.all.world.net().heal_all();
+        at.settle();
+        CHECK(heard == std::vector<std::string>{"42"});
+    }
+    at.all.world.net().heal_all();
+}
+
+TEST_CASE("a subscription that ends other than by its user's wish is logged with its reason, and known until it is made again") {
+    fixture at;
+    auto got = at.sit(ise::subscribe_options::lossless(4));
+    at.publish(1, 4);
+    at.settle();
+    at.publish(5, 9);
+    at.settle();
+    REQUIRE(got->stream->ended());
+    REQUIRE(at.shore.warnings.size() == 1);
+    CHECK_THAT(at.shore.warnings.front(), Contains("'position'") && Contains("5 are lost"));
+    const auto& known = at.shore.services->ended_subscriptions();
+    REQUIRE(known.size() == 1);
+    CHECK(known.front().service == "position");
+    CHECK(known.front().provider == "tcp://boat:7400");
+    auto next = at.sit(ise::subscribe_options::lossless(4));
+    CHECK(known.empty());
+    next->stream->leave();
+    at.settle();
+    CHECK(known.empty());
+    CHECK(at.shore.warnings.size() == 1);
+}
+
 TEST_CASE("a subscription over the peer's own session ends with it") {
     sim_parties all;
     auto& boat = all.add("boat");
