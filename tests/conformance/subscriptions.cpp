@@ -154,7 +154,6 @@ void lossless_over_a_cut(pair& at) {
     at.cut();
     for (int i = 201; i <= 400; ++i) out(numbered(i)); // more than may be kept
     at.run_until([&] { return got->stream->ended(); });
-    CHECK(got->stream->cause().code() == errc::overloaded);
     CHECK(got->packets.size() == 200);
     CHECK(got->counts().lost_at_provider == 200);
 }
