@@ -40,7 +40,8 @@ public:
         core().publish_to(made(packet), wants);
     }
 
-    /// Publishes when every lossless subscriber has room. Cancellation: terminal, the packet is not published.
+    /// Publishes when every lossless subscriber that is connected has room. One that is not heard for `longest_silence`, or takes
+    /// nothing for `longest_stall`, is ended. Cancellation: terminal, the packet is not published.
     /// The packet is encoded, or copied, before this returns.
     task<> send(const packet_type& packet) const { return send_when_room(held(), made(packet)); }
     /// The same with a packet that is given away: `co_await out.send(std::move(packet))`.
