@@ -42,7 +42,7 @@ task<checks_response> instantiation_server::check_all(checks_request request) {
 
 task<checked_start> instantiation_server::check_one(start_request request, std::vector<endpoint>& wanted) {
     checked_start made;
-    request.terms = checked(request.terms);
+    check_wishes(request, options_.rules);
     auto copy = request;
     auto planned = co_await plan(std::move(copy));
     check_process(request.process, planned.program);
