@@ -92,6 +92,7 @@ ise::task<telecommand_reply> communication_node::command(telecommand_request req
         if (const auto* here = c.desk.find(request.id)) known = *here;
         else {
             auto found = c.store.command(request.id);
+            look_for_damage(found);
             if (!found) throw refused(found.error().message());
             known = std::move(*found);
         }
@@ -179,6 +180,7 @@ record_page communication_node::record(const record_request& request) {
     if (request.max_entries < 1 || request.max_entries > 500)
         throw refused(fmt::format("max_entries is 1 to 500, not {}", request.max_entries));
     auto page = core_->store.list(request);
+    look_for_damage(page);
     if (!page) throw refused(page.error().message());
     return std::move(*page);
 }
