@@ -1,3 +1,4 @@
+// environment-boundary: SQLite opens the database file by itself; what is done to it here is done beside that
 #include "database.hpp"
 
 #include <fmt/chrono.h>
