@@ -2,6 +2,8 @@
 #include "hosting.hpp"
 #include "observer.hpp"
 
+#include <components/communication_node/store_check.hpp>
+
 #include <ise/core/real/environment.hpp>
 
 #include <CLI/CLI.hpp>
@@ -100,6 +102,16 @@ int observe(const common_options& common, const atirma::observer_options& option
     return (!options.page || seen->page_is_live()) && seen->boat_answered() ? 0 : 1;
 }
 
+int check_store(const std::string& file) {
+    auto checked = atirma::check_store(file);
+    if (!checked) {
+        complain(checked.error().message());
+        return 1;
+    }
+    say(checked->text.substr(0, checked->text.size() - 1));
+    return checked->sound ? 0 : 1;
+}
+
 int obey(int count, char** words) {
     auto types = atirma::component_types(say);
     CLI::App app{"The shore side of A-Tirma, and a boat to try it with"};
@@ -128,6 +140,14 @@ int obey(int count, char** words) {
     observes->add_option("--page", page, "host:port of the web server whose event stream is read");
     observes->add_option("--for", length_s, "seconds")->check(CLI::Range(1.0, 86400.0))->capture_default_str();
 
+    std::string file;
+    auto* store = app.add_subcommand("store", "look at the file of a communication node");
+    store->require_subcommand(1);
+    auto* checks = store->add_subcommand("check", "read everything in it and compare checksums; the node may be running");
+    checks->add_option("file", file, "its --file")->required();
+    checks->footer("Exit codes: 0 the file is sound, 1 it is damaged or cannot be read, 2 wrong arguments.\n"
+                   "Example: atirma store check /var/lib/atirma/node.db");
+
     try {
         app.parse(count, words);
     } catch (const CLI::ParseError& why) {
@@ -147,6 +167,7 @@ int obey(int count, char** words) {
     }
     observer.length = std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(length_s));
     try {
+        if (checks->parsed()) return check_store(file);
         return observes->parsed() ? observe(common, observer) : run(common, wanted);
     } catch (const std::exception& why) {
         complain(why.what());

@@ -55,6 +55,7 @@ struct account {
     std::vector<console_view> consoles;
     std::map<std::string, std::uint64_t> complaints; ///< warnings and errors, with how often they came
     ise::duration calm{};          ///< after the end, until nothing was owed any more
+    std::size_t set_back = 0;      ///< times that a backup was put in the place of a node's disk
     shown_page page;
     std::uint64_t recorded = 0;    ///< telecommands in the primary node's record
     double sailed_m = 0;

@@ -68,11 +68,11 @@ void draw_times(drawing& to, const account& of, const findings& found) {
         const char* colour;
         std::vector<findings::span> there;
     };
-    auto without = [&](trouble what) {
+    auto without = [&](trouble what, trouble or_this) {
         std::vector<findings::span> made;
         ise::duration since{};
         for (const auto& one : of.episodes) {
-            if (one.what != describe(what)) continue;
+            if (one.what != describe(what) && one.what != describe(or_this)) continue;
             made.push_back({since, one.from});
             since = one.until < one.from ? length : one.until;
         }
@@ -82,10 +82,10 @@ void draw_times(drawing& to, const account& of, const findings& found) {
     const std::array<row, 7> rows{{{"XBee", styles[over_xbee].colour, found.heard[0]},
                                    {"GPRS", styles[over_gprs].colour, found.heard[1]},
                                    {"Iridium", styles[over_iridium].colour, found.heard[2]},
-                                   {"node 1", "#6b7683", without(trouble::primary_killed)},
-                                   {"node 2", "#6b7683", without(trouble::secondary_killed)},
-                                   {"name server", "#6b7683", without(trouble::names_restarted)},
-                                   {"operator ana", "#6b7683", without(trouble::operator_away)}}};
+                                   {"node 1", "#6b7683", without(trouble::primary_killed, trouble::primary_set_back)},
+                                   {"node 2", "#6b7683", without(trouble::secondary_killed, trouble::secondary_set_back)},
+                                   {"name server", "#6b7683", without(trouble::names_restarted, trouble::names_restarted)},
+                                   {"operator ana", "#6b7683", without(trouble::operator_away, trouble::operator_away)}}};
     const double pitch = times.height / static_cast<double>(rows.size());
     auto minutes = std::chrono::duration_cast<std::chrono::minutes>(length).count();
     auto step = minutes > 180  ? std::chrono::minutes(60)

@@ -163,10 +163,10 @@ voyage_plan make_plan(std::uint64_t seed, ise::duration length) {
     away.at = part_of(length, between(dice, 0.60, 0.66));
     away.length = part_of(length, between(dice, 0.06, 0.10));
     made.faults.push_back(away);
-    // Nodes more often than the others.
+    // Nodes more often than the others, and every other time with an older disk.
     fill(made, dice,
          {primary_killed, secondary_killed, names_restarted, xbee_proxy_crashed, gprs_proxy_crashed,
-          iridium_proxy_crashed, page_crashed, boat_killed, primary_killed, secondary_killed},
+          iridium_proxy_crashed, page_crashed, boat_killed, primary_set_back, secondary_set_back},
          std::max<std::size_t>(10, hours + 4), 8min);
     fill(made, dice, {carrier_down, carrier_drops, carrier_half_open, carrier_moves, carrier_slow},
          std::max<std::size_t>(5, hours * 3 / 2), 15min);

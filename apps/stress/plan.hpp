@@ -25,6 +25,8 @@ enum class trouble : std::uint8_t {
     nodes_parted,      ///< the two communication nodes do not see each other
     primary_killed,
     secondary_killed,
+    primary_set_back,  ///< killed, and its disk is a backup of minutes before when it starts again
+    secondary_set_back,
     names_restarted,
     xbee_proxy_crashed,
     gprs_proxy_crashed,

@@ -172,6 +172,9 @@ void say_troubles(text& out, const account& of) {
                  : one.until == one.from ? ""
                                          : length_text(one.until - one.from),
                  one.what);
+    if (of.virtual_clock)
+        out.line("\nA node's disk was that of a backup {} times when it came back; where the other node did not have "
+                 "everything of it yet, it kept its disk.", of.set_back);
 }
 
 std::string flat(const std::vector<sample>& all, std::size_t sample::*what) {

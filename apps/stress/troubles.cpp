@@ -63,6 +63,10 @@ std::string_view describe(trouble what) noexcept {
         case trouble::nodes_parted: return "the communication nodes do not see each other";
         case trouble::primary_killed: return "the primary communication node is killed";
         case trouble::secondary_killed: return "the secondary communication node is killed";
+        case trouble::primary_set_back:
+            return "the primary communication node is killed, and comes back with a backup of its disk";
+        case trouble::secondary_set_back:
+            return "the secondary communication node is killed, and comes back with a backup of its disk";
         case trouble::names_restarted: return "the name server is killed";
         case trouble::xbee_proxy_crashed: return "the XBee proxy crashes";
         case trouble::gprs_proxy_crashed: return "the GPRS proxy crashes";
@@ -118,8 +122,10 @@ deed deed_of(trouble what) {
             return telling(sky([](auto& to) { to.failures = 0.7; }), sky([](auto& to) { to.failures = 0.1; }));
         case gateway_down: return telling(gateway(false), gateway(true));
         case nodes_parted: return {}; // between two hosts: the world's own affair
-        case primary_killed: return killing("atirma/shore/node-1");
-        case secondary_killed: return killing("atirma/shore/node-2");
+        case primary_killed:
+        case primary_set_back: return killing("atirma/shore/node-1");
+        case secondary_killed:
+        case secondary_set_back: return killing("atirma/shore/node-2");
         case names_restarted: return killing("names");
         case xbee_proxy_crashed: return killing("atirma/shore/xbee");
         case gprs_proxy_crashed: return killing("atirma/shore/gprs");

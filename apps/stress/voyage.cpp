@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 namespace atirma::stress {
 namespace {
@@ -19,6 +20,20 @@ double metres_between(const waypoint& a, const location& b) {
     double north = (b.latitude_deg - a.latitude_deg) * metres_a_degree;
     double east = (b.longitude_deg - a.longitude_deg) * metres_a_degree * std::cos(a.latitude_deg * radians);
     return std::sqrt(north * north + east * east);
+}
+
+/// Whose disk a backup is put back to.
+std::optional<std::size_t> set_back_by(trouble what) {
+    if (what == trouble::primary_set_back) return 0;
+    if (what == trouble::secondary_set_back) return 1;
+    return std::nullopt;
+}
+
+std::set<std::string> texts_on(database& disk, const char* sql) {
+    std::set<std::string> made;
+    auto rows = disk.query(sql);
+    for (const auto& row : rows.value()) made.insert(row.text(0));
+    return made;
 }
 
 } // namespace
@@ -105,6 +120,10 @@ void voyage::later(ise::duration at, std::function<void()> what) {
 
 void voyage::schedule() {
     for (const auto& one : told_.plan.faults) {
+        if (auto node = set_back_by(one.what)) {
+            auto before = std::min<ise::duration>(one.at, options_.length / 20);
+            later(one.at - before, [this, node] { back_up(*node); });
+        }
         later(one.at, [this, one] { begin(one); });
         if (one.length.count() > 0) later(one.at + one.length, [this, one] { end(one); });
     }
@@ -145,6 +164,26 @@ void voyage::down(const std::string& path) {
 
 void voyage::up(const std::string& path) { places_.at(path).process = &places_.at(path).process->restart(); }
 
+void voyage::back_up(std::size_t node) {
+    auto name = disk(node).file() + "-backup";
+    if (!backups_.contains(node)) backups_.emplace(node, database::open(name, {}).value());
+    database::copy(disk(node).file(), name).value();
+}
+
+/// As long as the other node has all that is lost by it: what only one disk had is gone with that disk.
+void voyage::set_back(std::size_t node) {
+    auto& here = disk(node);
+    auto& other = disk(1 - node);
+    for (const auto* sql : {"SELECT boot || ' ' || sequence FROM packets", "SELECT id || '' FROM commands",
+                            "SELECT max(epoch) || '' FROM authority"}) {
+        if (std::ranges::includes(texts_on(other, sql), texts_on(here, sql))) continue;
+        log_ += fmt::format("node {} keeps its disk: it has what the other one does not have yet\n", node + 1);
+        return;
+    }
+    database::copy(backups_.at(node).file(), here.file()).value();
+    ++told_.set_back;
+}
+
 void voyage::begin(const fault& what) {
     auto at = world_.elapsed();
     open_[what.what] = told_.episodes.size();
@@ -152,6 +191,7 @@ void voyage::begin(const fault& what) {
                               felt_over(what.what), what.what == trouble::boat_killed});
     auto doing = deed_of(what.what);
     if (!doing.process.empty()) down(doing.process);
+    if (auto node = set_back_by(what.what)) set_back(*node);
     if (doing.begin) director_->let(doing.begin);
     if (what.what == trouble::nodes_parted) world_.net().partition("shore", "backup");
 }

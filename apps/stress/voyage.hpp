@@ -68,6 +68,8 @@ private:
     void start_people();
     void schedule();
     void later(ise::duration at, std::function<void()> what);
+    void back_up(std::size_t node);
+    void set_back(std::size_t node);
     void begin(const fault& what);
     void end(const fault& what);
     void down(const std::string& path);
@@ -90,6 +92,7 @@ private:
     std::array<std::shared_ptr<console::operator_port>, operators> consoles_;
     gprs_numbers numbers_;
     std::vector<database> disks_; // held open: they outlive the components
+    std::map<std::size_t, database> backups_; // of the nodes
     std::string disk_prefix_;
     std::map<std::string, place> places_;
     std::map<trouble, std::size_t> open_; // episodes that are not over

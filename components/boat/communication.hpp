@@ -90,7 +90,9 @@ struct communication_state {
     bool secondary = false;
     bool serving = false;           ///< offers itself under the role
     std::string trouble;            ///< why nothing can be kept now; empty where it can
-    std::uint64_t store = 0;        ///< the number of its store
+    std::string store_notice;       ///< what befell its store since it started: set back in time, or damaged and set
+                                    ///< aside; empty where nothing did
+    std::uint64_t store = 0;        ///< the number of this life of its store
     std::uint64_t packets = 0;      ///< kept
     std::uint64_t shown = 0;        ///< of these, told to subscribers: the others wait for the other node
     std::uint64_t duplicates = 0;   ///< dropped

@@ -98,9 +98,11 @@ void telemetry_follower::on_page(const ise::result<track_page>& page) {
     }
     for (const auto& packet : page->packets)
         if (!knows(packet)) tell(packet);
-    // What came live meanwhile is known as well.
+    // What came live meanwhile is known as well. A number that the page does not name any more is that of an earlier
+    // life of a store, whose present number stands for it.
     auto before = std::exchange(seen, page->seen);
-    for (const auto& [store, position] : before) seen[store] = std::max(seen[store], position);
+    for (auto& [store, position] : seen)
+        if (auto known = before.find(store); known != before.end()) position = std::max(position, known->second);
     while (seen.size() > most_stores) {
         auto oldest = std::ranges::find_if(
             seen, [&](const auto& one) { return page->packets.empty() || one.first != page->packets.back().store; });

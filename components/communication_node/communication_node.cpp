@@ -35,27 +35,8 @@ ise::task<> communication_node::run() {
     for (const auto& proxy : options_.proxies)
         if (std::ranges::count_if(options_.proxies, [&](auto& other) { return other.link == proxy.link; }) > 1)
             refuse(fmt::format("two proxies for {}: each link has one", name_of(proxy.link)));
-    auto opened = node_store::open(options_.file, env().random());
-    for (std::string said; !opened; opened = node_store::open(options_.file, env().random())) {
-        // A disk that is full, or not mounted yet, may be there later; a file that is none of ours never is.
-        if (opened.error().code() != ise::errc::io_failed) throw ise::error(opened.error());
-        if (opened.error().message() != said)
-            log().error("its store cannot be opened; it is tried again every second",
-                        {{"cause", opened.error().message()}});
-        said = opened.error().message();
-        co_await sleep(housekeeping);
-    }
-    core_ = std::make_unique<core>(*this, std::move(*opened), options_);
+    co_await open_store();
     auto& c = *core_;
-    c.shown = c.store.head(); // whoever was told of less catches up by `track`
-    auto newest = c.store.newest();
-    for (auto& [kind, at] : newest.value()) c.newest.know(kind, at);
-    auto last_location = c.store.last_of(1); // the type of a location on air
-    if (auto& last = last_location.value()) note_fix(*last);
-    auto authority = c.store.authority();
-    c.authority.apply(authority.value().first, authority.value().second);
-    auto open = c.store.open_commands();
-    for (const auto& record : open.value()) c.desk.know(now(), clock(), record, path());
     log().info("its store is open", {{"file", options_.file},
                                      {"packets", std::to_string(c.store.head())},
                                      {"telecommands open", std::to_string(c.desk.open_count())}});
@@ -116,11 +97,15 @@ void communication_node::tick() {
     }
     if (c.peer.silent(now())) c.desk.take_over(now(), clock(), path());
     else c.silence.arm(c.peer.silent_at());
+    if (!c.store.is_open()) begin_store_anew();
     if (!c.held.empty() || !c.trouble.empty()) take_held();
     if (now() >= c.next_prune && c.trouble.empty()) {
         auto removed = c.store.prune(options_.max_packets, options_.max_commands);
         if (!removed) disk(&removed.error());
-        c.next_prune = now() + (removed && *removed > 0 ? ise::duration(10s) : ise::duration(1h));
+        auto sealed = c.store.seal();
+        if (!sealed) disk(&sealed.error());
+        bool more = (removed && *removed > 0) || (sealed && *sealed > 0);
+        c.next_prune = now() + (more ? ise::duration(10s) : ise::duration(1h));
     }
     show();
     work();
@@ -134,7 +119,12 @@ void communication_node::tick() {
 void communication_node::consider_serving() {
     auto& c = *core_;
     bool alone = c.peer.silent(now());
-    bool serve = alone || (c.trouble.empty() ? c.caught_up && c.held.empty() : !c.peer.lives(now()));
+    if (c.refilling && c.salvaging == 0 && c.trouble.empty() && (c.caught_up || alone)) {
+        c.refilling = false;
+        log().info("its store is filled again", {{"packets", std::to_string(c.store.head())}});
+    }
+    bool complete = c.caught_up && c.held.empty() && !c.refilling;
+    bool serve = alone || (c.trouble.empty() ? complete : !c.peer.lives(now()));
     if (serve == c.serving || options_.role.empty()) return;
     c.serving = serve;
     if (serve) serve_role(options_.role, options_.secondary ? secondary_priority : primary_priority);
@@ -146,6 +136,7 @@ void communication_node::consider_serving() {
 /// How the disk fared; null: it took what it was given.
 void communication_node::disk(const ise::failure* why) {
     auto& c = *core_;
+    if (why && why->code() == ise::errc::malformed) return replace_store(*why);
     if (!why) {
         if (c.trouble.empty()) return;
         log().info("the store takes packets again", {{"held", std::to_string(c.held.size())}});
@@ -167,6 +158,8 @@ communication_state communication_node::how() const {
     const auto& c = *core_;
     made.serving = c.serving;
     made.trouble = !c.trouble.empty() ? c.trouble : c.peer_trouble;
+    if (c.refilling && made.trouble.empty()) made.trouble = c.store_notice;
+    made.store_notice = c.store_notice;
     made.store = c.store.number();
     made.packets = c.store.head();
     made.shown = c.shown;

@@ -1,5 +1,6 @@
 #pragma once
 #include <components/communication_node/command_desk.hpp>
+#include <components/communication_node/services.hpp>
 
 #include <ise/component/component.hpp>
 
@@ -40,7 +41,8 @@ struct communication_node_options {
 /// (components/boat/services.hpp), `telemetry_store`, and components/boat/communication.hpp.
 ///
 /// A store that cannot be opened is tried again, and the log says why; that of a newer program ends `run()` with an
-/// error. While the disk takes nothing packets wait in memory, nothing is acknowledged, and the other node serves the
+/// error. A damaged store is set aside (renamed, never deleted), and a new one is filled from what is sound in it and
+/// from the other node; the log and `communication_state` report it. While the disk takes nothing packets wait in memory, nothing is acknowledged, and the other node serves the
 /// role.
 class communication_node final : public ise::component {
 public:
@@ -60,6 +62,18 @@ private:
     utc_time clock() const;
     void disk(const ise::failure* why);
 
+    // node_repair.cpp
+    ise::task<> open_store();
+    void replace_store(const ise::failure& why);
+    void begin_store_anew();
+    void begin_salvage(const std::string& file);
+    ise::task<> salvage(std::string file);
+    bool take_salvaged(const std::vector<command_record>& records);
+    bool take_salvaged(const std::vector<telemetry_packet>& packets);
+    void went_back(const store_part& known_there, const store_part& shared);
+    template <class T>
+    void look_for_damage(const ise::result<T>& answer);
+
     // node_telemetry.cpp
     ise::task<> follow_telemetry(std::size_t proxy);
     void unreached(std::size_t which, const ise::error& problem);
@@ -74,6 +88,8 @@ private:
     // node_peer.cpp
     ise::task<> follow_peer();
     ise::result<void> take_page(replication_page page);
+    ise::result<std::vector<command_record>> news_among(const std::vector<command_record>& records);
+    void know_all(const std::vector<command_record>& news);
     ise::task<replication_page> tell_peer(replication_request request);
 
     // node_commands.cpp

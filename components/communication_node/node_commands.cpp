@@ -93,6 +93,7 @@ ise::task<telecommand_reply> communication_node::command(telecommand_request req
         if (const auto* here = c.desk.find(request.id)) known = *here;
         else {
             auto found = c.store.command(request.id);
+            look_for_damage(found);
             if (!found) throw command_refused(found.error().message());
             known = std::move(*found);
         }
@@ -184,6 +185,7 @@ record_page communication_node::record(const record_request& request) {
     if (request.max_entries < 1 || request.max_entries > 500)
         throw command_refused(fmt::format("max_entries is 1 to 500, not {}", request.max_entries));
     auto page = core_->store.list(request);
+    look_for_damage(page);
     if (!page) throw command_refused(page.error().message());
     return std::move(*page);
 }

@@ -41,6 +41,10 @@ struct communication_node::core {
     std::map<std::uint64_t, std::uint32_t> followers; // subscriber's number → id, 0 for all
     std::uint64_t shown = 0;
     std::string trouble, peer_trouble;
+    std::string store_notice;    // what happened to the store in this life: set back, or damaged and set aside
+    bool refilling = false;      // the store is a new one in the place of a damaged one, and not all of it is there again
+    std::size_t salvaging = 0;   // files set aside that are still read
+    store_part told_back;        // what the other node knew of the store when it was last said to have gone back
     bool serving = false, caught_up = false, working = false;
     std::uint64_t duplicates = 0, refused = 0, dropped = 0;
     std::optional<current_fix> fix;
@@ -51,5 +55,11 @@ struct communication_node::core {
     ise::publication<ise::subscription<authority_state>> authorities;
     ise::publication<ise::subscription<communication_state>> state;
 };
+
+/// Every answer of the store passes here that does not pass `disk`: one that shows damage has it replaced.
+template <class T>
+void communication_node::look_for_damage(const ise::result<T>& answer) {
+    if (!answer && answer.error().code() == ise::errc::malformed) replace_store(answer.error());
+}
 
 } // namespace atirma

@@ -13,8 +13,9 @@ using namespace std::chrono_literals;
 /// safe, and needed after a proxy has forgotten it.
 ise::task<> communication_node::drive(command_desk::give what) {
     auto& c = *core_;
-    auto position = c.store.commands_head();
-    while (c.peer.lives(now()) && !c.peer.has_commands(position)) co_await c.progress.wait(c.peer.silent_at());
+    auto position = c.store.commands_head(), store = c.store.number();
+    while (c.store.number() == store && c.peer.lives(now()) && !c.peer.has_commands(position))
+        co_await c.progress.wait(c.peer.silent_at());
     auto proxy = std::ranges::find_if(c.proxies, [&](const auto& one) { return one.health.link == what.link; });
     auto expires =
         now() + std::chrono::duration_cast<ise::duration>(std::chrono::duration<float>(what.request.valid_s));

@@ -19,11 +19,10 @@ ise::task<> communication_node::follow_peer() {
         replication_request request;
         request.node = path();
         request.secondary = options_.secondary;
+        request.origin = c.store.origin();
         request.store = c.store.number();
         request.keeps = c.trouble.empty();
-        request.your_store = c.store.peer().store;
-        request.packets = c.store.peer().packets;
-        request.commands = c.store.peer().commands;
+        request.yours = c.store.known_of_peer();
         request.authority_epoch = c.authority.now().epoch;
         request.authority_change = c.authority.change();
         request.wait_s = std::chrono::duration<float>(options_.silence / 3).count();
@@ -48,42 +47,35 @@ ise::task<> communication_node::follow_peer() {
 
 ise::result<void> communication_node::take_page(replication_page page) {
     auto& c = *core_;
-    if (page.store == c.store.number())
+    if (page.origin == c.store.origin())
         return ise::failure(ise::errc::invalid_argument,
                             fmt::format("'{}' has the same store: give each node a file of its own", options_.peer));
     if (page.secondary == options_.secondary)
         return ise::failure(ise::errc::invalid_argument,
                             fmt::format("'{}' is {} too: start one of them as secondary, and one not", options_.peer,
                                         page.secondary ? "secondary" : "primary"));
-    std::vector<command_record> news;
-    for (const auto& record : page.commands) {
-        const auto* known = c.desk.find(record.status.id);
-        std::optional<command_record> on_disk;
-        if (!known) {
-            auto found = c.store.command(record.status.id);
-            if (!found) return found.error();
-            on_disk = std::move(*found);
-            if (on_disk) known = &*on_disk;
-        }
-        if (!known || knows_more(record, *known)) news.push_back(record);
-    }
+    auto found = news_among(page.commands);
+    if (!found) return found.error();
+    const auto& news = *found;
     bool authority_is_news = c.authority.is_newer(page.authority, page.authority_change);
     bool nothing = page.packets.empty() && news.empty() && !authority_is_news && page.store == c.store.peer().store &&
                    page.commands_up_to <= c.store.peer().commands;
     if (nothing && c.trouble.empty()) return {};
     for (auto& one : page.packets)
         if (one.packet && c.newest.is_history(*one.packet)) one.packet->history = true;
+    const auto& known = c.store.peer();
+    if (page.after < known.packets || page.commands_after < known.commands)
+        log().error("the store of the other node went back in time, or is another file; it gets what it lost",
+                    {{"peer", options_.peer},
+                     {"packets known of it", std::to_string(known.packets)},
+                     {"it has of these", std::to_string(page.after)}});
     auto fresh = c.store.apply(page, news, authority_is_news);
     if (!fresh) {
-        if (fresh.error().code() == ise::errc::io_failed) disk(&fresh.error());
+        if (fresh.error().code() != ise::errc::protocol_error) disk(&fresh.error());
         return fresh.error();
     }
     disk(nullptr);
-    for (const auto& record : news) {
-        if (!c.desk.know(now(), clock(), record, path())) continue;
-        tell(record.status);
-        if (record.status.boat_obeys) c.authority.boat_obeys(*record.status.boat_obeys, record.status.authority);
-    }
+    know_all(news);
     if (authority_is_news) {
         c.authority.apply(page.authority, page.authority_change);
         c.authorities(page.authority);
@@ -94,9 +86,38 @@ ise::result<void> communication_node::take_page(replication_page page) {
     return {};
 }
 
+/// Those that say more than what is known here.
+ise::result<std::vector<command_record>>
+communication_node::news_among(const std::vector<command_record>& records) {
+    auto& c = *core_;
+    std::vector<command_record> news;
+    for (const auto& record : records) {
+        const auto* known = c.desk.find(record.status.id);
+        std::optional<command_record> on_disk;
+        if (!known) {
+            auto found = c.store.command(record.status.id);
+            look_for_damage(found);
+            if (!found) return found.error();
+            on_disk = std::move(*found);
+            if (on_disk) known = &*on_disk;
+        }
+        if (!known || knows_more(record, *known)) news.push_back(record);
+    }
+    return news;
+}
+
+void communication_node::know_all(const std::vector<command_record>& news) {
+    auto& c = *core_;
+    for (const auto& record : news) {
+        if (!c.desk.know(now(), clock(), record, path())) continue;
+        tell(record.status);
+        if (record.status.boat_obeys) c.authority.boat_obeys(*record.status.boat_obeys, record.status.authority);
+    }
+}
+
 ise::task<replication_page> communication_node::tell_peer(replication_request request) {
     auto& c = *core_;
-    if (request.store == c.store.number())
+    if (request.origin == c.store.origin())
         throw ise::error(ise::errc::refused, fmt::format("'{}' has the store of '{}': give each node a file of its own",
                                                          request.node, path()));
     if (request.secondary == options_.secondary)
@@ -106,8 +127,13 @@ ise::task<replication_page> communication_node::tell_peer(replication_request re
     if (options_.peer.empty())
         throw ise::error(ise::errc::refused,
                          fmt::format("'{}' was started without a peer: '{}' is not waited for", path(), request.node));
-    if (request.your_store != c.store.number()) request.packets = request.commands = 0;
-    c.peer.on_request(now(), request.keeps, request.packets, request.commands, request.authority_epoch,
+    if (request.yours.size() > replication_request::max_yours)
+        throw ise::error(ise::errc::refused, fmt::format("{} lives of a store at once; {} are possible",
+                                                         request.yours.size(), replication_request::max_yours));
+    auto shared = c.store.shared(request.yours);
+    bool of_this_life = !request.yours.empty() && request.yours.front().store == c.store.number();
+    if (!request.yours.empty()) went_back(request.yours.front(), shared);
+    c.peer.on_request(now(), request.keeps, shared.packets, shared.commands, request.authority_epoch,
                       request.authority_change);
     c.silence.arm(c.peer.silent_at());
     show();
@@ -115,12 +141,14 @@ ise::task<replication_page> communication_node::tell_peer(replication_request re
         std::chrono::duration<float>(std::clamp(request.wait_s, 0.0f, 10.0f)));
     auto until = ise::saturating_add(now(), wait);
     auto has_news = [&] {
-        return c.store.head() > request.packets || c.store.commands_head() > request.commands ||
+        return !of_this_life || c.store.head() > shared.packets || c.store.commands_head() > shared.commands ||
                c.authority.now().epoch > request.authority_epoch ||
                (c.authority.now().epoch == request.authority_epoch && c.authority.change() > request.authority_change);
     };
     while (!has_news() && now() < until) co_await c.news.wait(until);
-    auto page = c.store.page_after(request.store, request.packets, request.commands, page_size);
+    shared = c.store.shared(request.yours); // the store may be another one by now
+    auto page = c.store.page_after(request.store, shared.packets, shared.commands, page_size);
+    look_for_damage(page);
     if (!page) throw ise::error(ise::errc::refused, page.error().message());
     page->node = path();
     page->secondary = options_.secondary;

@@ -2,6 +2,8 @@
 #include <components/communication_node/services.hpp>
 #include <components/storage/database.hpp>
 
+#include <chrono>
+#include <deque>
 #include <span>
 
 namespace atirma {
@@ -9,13 +11,31 @@ namespace atirma {
 /// What a communication node must not lose, in one SQLite file: packets, telecommands, who has the authority, and how
 /// far the other node's store is known. Packets are numbered 1, 2, 3… in the order in which they came to this disk, and
 /// know their number at the other node. What a call returned success for is on the disk. Used by one component, on its
-/// loop. Errors of everything: io_failed with what the disk says; nothing of that call is kept then.
+/// loop. Errors of everything: io_failed with what the disk says; malformed where the file is damaged (a row that
+/// differs from its checksum, or a file that SQLite cannot read). Nothing of that call is kept then.
+///
+/// Each opening is a life of the store with a number of its own. The file knows how far each life came, and so a
+/// position of a life that it does not know, or beyond that life's end, tells that the file went back in time.
 class node_store {
 public:
-    /// `fresh_number` becomes the number of a file that is new; never 0.
+    /// `fresh_number` becomes the number of this life, made odd (never 0), and of a file that is new its origin.
     static ise::result<node_store> open(const std::string& file, std::uint64_t fresh_number);
 
-    std::uint64_t number() const noexcept { return number_; }
+    std::uint64_t number() const noexcept { return number_; } ///< of this life
+    std::uint64_t origin() const noexcept { return origin_; } ///< of the file, over all lives
+    const std::string& file() const noexcept { return db_.file(); }
+
+    /// What of that is certainly still here, by the number of this life: nothing of a life that this file does not
+    /// know, and of a life that went on elsewhere only what came before the file was set back.
+    store_part shared(const store_part& known) const;
+    /// The same by the one of several lives by which most is certain.
+    store_part shared(std::span<const store_part> known) const;
+
+    /// Closes the file and sets it aside (storage): its new name. Every call but `begin_anew` fails from then on.
+    ise::result<std::string> set_aside(std::chrono::system_clock::time_point now);
+    /// A new file in its place, empty.
+    ise::result<void> begin_anew(std::uint64_t fresh_number);
+    bool is_open() const noexcept { return db_.is_open(); }
 
     // Packets
     struct kept {
@@ -44,34 +64,43 @@ public:
     ise::result<std::pair<authority_state, std::uint64_t>> authority();
 
     // The other node
-    struct peer_position {
-        std::uint64_t store = 0, packets = 0, commands = 0; ///< known of it
-    };
-    const peer_position& peer() const noexcept { return peer_; }
+    const store_part& peer() const noexcept { return peer_; } ///< known of it
+    /// The same by the numbers of its last lives, the newest first: what to ask it with.
+    std::vector<store_part> known_of_peer() const;
     /// What the other node, whose store is `asker`, is told that has everything up to those positions.
     ise::result<replication_page> page_after(std::uint64_t asker, std::uint64_t packets, std::uint64_t commands,
                                              std::size_t most);
-    /// What the other node told, and which of its telecommands are news: all of it, or nothing. A page of a store that
-    /// is not the known one begins anew. Gives how many packets were fresh. Errors: also malformed (a gap).
+    /// What the other node told, and which of its telecommands are news: all of it, or nothing. What is known of its
+    /// store beyond `page.after` is forgotten. Gives how many packets were fresh. Errors: also protocol_error (the page
+    /// does not follow what is known).
     ise::result<std::uint32_t> apply(const replication_page& page, std::span<const command_record> news,
                                      bool authority_is_news);
 
     /// Removes all but the newest packets and decided telecommands, a few thousand at a time; how many it were.
     ise::result<std::int64_t> prune(std::uint64_t keep_packets, std::uint64_t keep_commands);
+    /// Gives packets that an older program wrote their checksums, a few thousand at a time; how many it were.
+    ise::result<std::int64_t> seal();
 
 private:
-    node_store(database opened, std::uint64_t number) : db_(std::move(opened)), number_(number) {}
+    explicit node_store(database opened) : db_(std::move(opened)) {}
     ise::result<void> load();
+    ise::result<void> begin_life(std::uint64_t fresh_number);
+    ise::result<void> note(const char* name, std::uint64_t value);
+    ise::result<void> note_life(const store_part& life, bool of_peer);
+    ise::result<void> note_at_peer(std::uint64_t position, std::uint64_t there);
+    ise::result<void> forget_peer_after(std::uint64_t packets, std::uint64_t commands);
+    std::uint64_t known_in(const track_cursor& seen, bool of_peer) const;
     ise::result<std::uint64_t> insert(const telemetry_packet& packet, std::uint64_t peer_position, std::uint64_t& head,
                                       std::uint32_t& fresh);
     ise::result<void> write(const command_record& record, std::uint64_t position);
     ise::result<void> write(const authority_state& state, std::uint64_t change);
-    telemetry_packet packet_of(const database_row& row) const;
+    ise::result<telemetry_packet> packet_of(const database_row& row) const;
 
     database db_;
-    std::uint64_t number_;
+    std::uint64_t number_ = 0, origin_ = 0;
     std::uint64_t head_ = 0, commands_head_ = 0;
-    peer_position peer_;
+    store_part peer_;
+    std::deque<store_part> lives_, peer_lives_; ///< that are over, the newest first, and how far they came
 };
 
 } // namespace atirma

@@ -114,10 +114,12 @@ void communication_node::take_held() {
     put_changes();
 }
 
-/// Tells what is safe now, in the order of the store.
+/// Tells what is safe now, in the order of the store. What comes back into a new store was told before: followers find
+/// by its positions what they do not know, and ask for it.
 void communication_node::show() {
     auto& c = *core_;
     auto limit = c.peer.shown(c.store.head(), now());
+    if (c.refilling) c.shown = limit;
     while (c.shown < limit) {
         auto packets = c.store.packets(c.shown, limit, batch);
         if (!packets) {
@@ -160,6 +162,7 @@ ise::task<keep_reply> communication_node::keep(keep_request request) {
     keep_reply made;
     auto asked = static_cast<std::uint32_t>(request.packets.size());
     auto before = c.duplicates;
+    auto store = c.store.number();
     auto kept = take(std::move(request.packets));
     if (!kept)
         throw ise::error(
@@ -167,7 +170,12 @@ ise::task<keep_reply> communication_node::keep(keep_request request) {
             fmt::format("{} cannot keep telemetry: {}; do not acknowledge it to the boat, and ask again later", path(),
                         kept.error().message()));
     made.fresh = asked - static_cast<std::uint32_t>(c.duplicates - before);
-    while (c.peer.lives(now()) && !c.peer.has_packets(*kept)) co_await c.progress.wait(c.peer.silent_at());
+    while (c.store.number() == store && c.peer.lives(now()) && !c.peer.has_packets(*kept))
+        co_await c.progress.wait(c.peer.silent_at());
+    if (c.store.number() != store)
+        throw ise::error(ise::errc::refused,
+                         fmt::format("the store of {} was damaged and set aside meanwhile; do not acknowledge the "
+                                     "packets to the boat, and ask again", path()));
     made.copies = !options_.peer.empty() && c.peer.lives(now()) ? 2 : 1;
     work();
     co_return made;
@@ -181,6 +189,7 @@ track_page communication_node::track(const track_request& request) {
             ise::errc::refused,
             fmt::format("`seen` names {} stores; a boat has two: begin anew, without it", request.seen.size()));
     auto page = core_->store.track(request, core_->shown);
+    look_for_damage(page);
     if (!page) throw ise::error(ise::errc::refused, page.error().message());
     return std::move(*page);
 }

@@ -14,7 +14,7 @@ public:
     peer_watch(bool has_peer, ise::duration silence, ise::time_point now)
         : has_peer_(has_peer), silence_(silence), heard_(now) {}
 
-    /// It asked for more, and so tells what it has.
+    /// It asked for more, and so tells what it has: positions of this node's present store, none above its head.
     void on_request(ise::time_point now, bool keeps, std::uint64_t packets, std::uint64_t commands, std::uint32_t epoch,
                     std::uint64_t change) {
         heard_ = now;
@@ -24,6 +24,12 @@ public:
         commands_ = commands;
         epoch_ = epoch;
         change_ = change;
+    }
+
+    /// The store of this node is a new one: nothing of it is at the other node yet.
+    void forget() noexcept {
+        packets_ = commands_ = change_ = 0;
+        epoch_ = 0;
     }
 
     bool met() const noexcept { return met_; }

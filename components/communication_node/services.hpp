@@ -20,16 +20,25 @@ struct replicated_packet {
     std::optional<telemetry_packet> packet;
 };
 
+/// What of a store is known: everything up to these positions, in the numbering that was called `store`.
+struct store_part {
+    std::uint64_t store = 0;
+    std::uint64_t packets = 0;
+    std::uint64_t commands = 0;     ///< changes of telecommands, the same
+    bool operator==(const store_part&) const = default;
+};
+
 /// "Tell me what you have and I do not." Waits a while where there is nothing. What it says of the asker's disk is the
 /// acknowledgement of what the pages before it told.
 struct replication_request {
+    static constexpr std::size_t max_yours = 16;
+
     std::string node;
     bool secondary = false;
+    std::uint64_t origin = 0;       ///< of the asker's file, the same over all its lives: two nodes need two files
     std::uint64_t store = 0;        ///< the asker's
     bool keeps = true;              ///< the asker's disk takes what it is told
-    std::uint64_t your_store = 0;   ///< as the asker knows it; another one there: the positions below mean nothing
-    std::uint64_t packets = 0;      ///< of your store, on my disk up to here
-    std::uint64_t commands = 0;     ///< changes of telecommands, the same
+    std::vector<store_part> yours;  ///< of your store on my disk, by its numbers in your last lives, the newest first
     std::uint32_t authority_epoch = 0; ///< on my disk
     std::uint64_t authority_change = 0;
     float wait_s = 1;
@@ -37,7 +46,10 @@ struct replication_request {
 struct replication_page {
     std::string node;
     bool secondary = false;
+    std::uint64_t origin = 0;
     std::uint64_t store = 0;
+    std::uint64_t after = 0;                 ///< what the asker knows holds up to here, and the packets follow it
+    std::uint64_t commands_after = 0;        ///< the same of the changes of telecommands
     std::vector<replicated_packet> packets;  ///< in order, without a gap
     std::vector<command_record> commands;    ///< the last state of those that changed
     std::uint64_t commands_up_to = 0;        ///< the position of the last of these
@@ -48,7 +60,7 @@ struct replication_page {
 
 namespace services {
 
-/// Errors: refused (both are primary, or secondary; or it is the node itself).
+/// Errors: refused (both are primary, or secondary; it is the node itself; more than max_yours lives).
 inline constexpr ise::request_response<replication_request, replication_page> replication{"replication"};
 
 } // namespace services

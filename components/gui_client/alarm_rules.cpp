@@ -105,6 +105,9 @@ void console_state::watch_nodes(utc_time now) {
         bool sick = node.connected && node.state && !node.state->trouble.empty();
         alarms_.set("disk:" + path, sick, severity::warning,
                     fmt::format("{}: {}", path, sick ? node.state->trouble : std::string()), now);
+        bool befell = node.connected && node.state && !node.state->store_notice.empty();
+        alarms_.set("store:" + path, befell, severity::warning,
+                    fmt::format("{}: {}", path, befell ? node.state->store_notice : std::string()), now);
     }
     alarms_.set("nodes", !nodes_.empty() && reached == 0, severity::critical,
                 "No communication node is reached: nothing is recorded, and commands wait", now);

@@ -1,9 +1,18 @@
+// environment-boundary: SQLite opens the database file by itself; what is done to it here is done beside that
 #include "database.hpp"
 
+#include <fmt/chrono.h>
 #include <fmt/format.h>
 #include <sqlite3.h>
 
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <fcntl.h>
 #include <map>
+#include <ranges>
+#include <sys/stat.h>
+#include <unistd.h>
 
 namespace atirma {
 
@@ -64,11 +73,72 @@ database_value cell(sqlite3_stmt* of, int column) {
     }
 }
 
+constexpr std::string_view memory_prefix = "memory:";
+bool in_memory(const std::string& file) { return file.starts_with(memory_prefix); }
+
 /// "memory:NAME" in SQLite's words; others are files.
 std::string location_of(const std::string& file) {
-    constexpr std::string_view memory = "memory:";
-    if (!file.starts_with(memory)) return file;
-    return fmt::format("file:{}?mode=memory&cache=shared", file.substr(memory.size()));
+    if (!in_memory(file)) return file;
+    return fmt::format("file:{}?mode=memory&cache=shared", file.substr(memory_prefix.size()));
+}
+
+// The main file, and what SQLite puts beside it with the mode of the main file.
+constexpr std::array<const char*, 3> parts_of_a_file{"", "-wal", "-shm"};
+
+/// An existing file is changed by its path: closing a descriptor of it would release SQLite's locks.
+void keep_private(const std::string& file) {
+    if (in_memory(file)) return;
+    int made = ::open(file.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+    if (made >= 0) {
+        ::close(made);
+        return;
+    }
+    for (const auto* part : parts_of_a_file) {
+        auto path = file + part;
+        struct stat now {};
+        if (::stat(path.c_str(), &now) == 0 && S_ISREG(now.st_mode) && now.st_uid == ::geteuid() &&
+            (now.st_mode & 077) != 0)
+            ::chmod(path.c_str(), now.st_mode & 0700);
+    }
+}
+
+// FNV-1a with 64 bits: each byte's step can be undone, so no change of a single byte goes unseen.
+struct row_hash {
+    std::uint64_t value = 0xcbf29ce484222325u;
+    void byte(unsigned char next) {
+        value ^= next;
+        value *= 0x100000001b3u;
+    }
+    void number(std::uint64_t next) {
+        for (int shift = 0; shift < 64; shift += 8) byte(static_cast<unsigned char>(next >> shift));
+    }
+    void bytes(const void* data, int size) {
+        number(static_cast<std::uint64_t>(size));
+        for (int i = 0; i < size; ++i) byte(static_cast<const unsigned char*>(data)[i]);
+    }
+};
+
+void row_sum(sqlite3_context* context, int count, sqlite3_value** values) {
+    row_hash hash;
+    for (int i = 0; i < count; ++i) {
+        auto type = sqlite3_value_type(values[i]);
+        hash.byte(static_cast<unsigned char>(type));
+        if (type == SQLITE_INTEGER) {
+            hash.number(static_cast<std::uint64_t>(sqlite3_value_int64(values[i])));
+        } else if (type == SQLITE_FLOAT) {
+            double real = sqlite3_value_double(values[i]);
+            std::uint64_t bits = 0;
+            std::memcpy(&bits, &real, sizeof(bits));
+            hash.number(bits);
+        } else if (type == SQLITE_TEXT) {
+            const auto* text = sqlite3_value_text(values[i]); // before its length, which this may change
+            hash.bytes(text, sqlite3_value_bytes(values[i]));
+        } else if (type == SQLITE_BLOB) {
+            const auto* blob = sqlite3_value_blob(values[i]);
+            hash.bytes(blob, sqlite3_value_bytes(values[i]));
+        }
+    }
+    sqlite3_result_int64(context, static_cast<sqlite3_int64>(hash.value));
 }
 
 } // namespace
@@ -78,32 +148,33 @@ public:
     explicit state(std::string file) : file_(std::move(file)) {}
     state(const state&) = delete;
     state& operator=(const state&) = delete;
-    ~state() {
+    ~state() { close(); }
+
+    void close() noexcept {
         statements_.clear();
         sqlite3_close_v2(handle_);
+        handle_ = nullptr;
     }
 
     ise::failure failed(std::string_view doing) const {
-        return ise::failure(ise::errc::io_failed, fmt::format("{}: {}: {}", file_, doing, sqlite3_errmsg(handle_)));
+        if (!handle_) return ise::failure(ise::errc::io_failed, fmt::format("{}: {}: it is closed", file_, doing));
+        auto code = sqlite3_errcode(handle_) & 0xff;
+        bool damaged = code == SQLITE_CORRUPT || code == SQLITE_NOTADB;
+        return ise::failure(damaged ? ise::errc::malformed : ise::errc::io_failed,
+                            fmt::format("{}: {}: {}", file_, doing, sqlite3_errmsg(handle_)));
     }
 
     ise::result<void> connect() {
-        int flags = SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_URI | SQLITE_OPEN_NOMUTEX;
-        if (sqlite3_open_v2(location_of(file_).c_str(), &handle_, flags, nullptr) != SQLITE_OK)
-            return failed("cannot be opened");
-        sqlite3_busy_timeout(handle_, 2000);
+        keep_private(file_);
+        auto done = connect_by(SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE);
+        if (!done) return done;
         return script("PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA foreign_keys=ON");
     }
 
-    ise::result<void> connect_to_read() {
-        int flags = SQLITE_OPEN_READONLY | SQLITE_OPEN_URI | SQLITE_OPEN_NOMUTEX;
-        if (sqlite3_open_v2(location_of(file_).c_str(), &handle_, flags, nullptr) != SQLITE_OK)
-            return failed("cannot be opened");
-        sqlite3_busy_timeout(handle_, 2000);
-        return {};
-    }
+    ise::result<void> connect_to_read() { return connect_by(SQLITE_OPEN_READONLY); }
 
     ise::result<void> script(std::string_view sql) {
+        if (!handle_) return failed(sql);
         if (sqlite3_exec(handle_, std::string(sql).c_str(), nullptr, nullptr, nullptr) != SQLITE_OK)
             return failed(sql.substr(0, sql.find('\n')));
         return {};
@@ -112,6 +183,7 @@ public:
     /// Calls `on_row` for each row. Statements are compiled once; their number is that of the texts in the program.
     template <class OnRow>
     ise::result<void> run(std::string_view sql, std::initializer_list<database_value> values, OnRow on_row) {
+        if (!handle_) return failed(sql);
         auto found = statements_.find(sql);
         if (found == statements_.end()) {
             sqlite3_stmt* made = nullptr;
@@ -137,6 +209,17 @@ public:
     const std::string& file() const noexcept { return file_; }
 
 private:
+    ise::result<void> connect_by(int how) {
+        int flags = how | SQLITE_OPEN_URI | SQLITE_OPEN_NOMUTEX;
+        if (sqlite3_open_v2(location_of(file_).c_str(), &handle_, flags, nullptr) != SQLITE_OK)
+            return failed("cannot be opened");
+        sqlite3_busy_timeout(handle_, 2000);
+        if (sqlite3_create_function_v2(handle_, "row_sum", -1, SQLITE_UTF8 | SQLITE_DETERMINISTIC, nullptr, row_sum,
+                                       nullptr, nullptr, nullptr) != SQLITE_OK)
+            return failed("cannot count sums");
+        return {};
+    }
+
     ise::failure finish(sqlite3_stmt* step, std::string_view sql) {
         auto why = failed(sql);
         sqlite3_reset(step);
@@ -212,10 +295,46 @@ ise::result<void> database::commit() {
 }
 
 void database::rollback() noexcept {
+    if (!is_open()) return;
     if (sqlite3_get_autocommit(state_->handle()) == 0) sqlite3_exec(state_->handle(), "ROLLBACK", nullptr, nullptr, nullptr);
 }
 
 std::int64_t database::last_insert_id() const noexcept { return sqlite3_last_insert_rowid(state_->handle()); }
 const std::string& database::file() const noexcept { return state_->file(); }
+void database::close() noexcept { state_->close(); }
+bool database::is_open() const noexcept { return state_->handle() != nullptr; }
+
+ise::result<void> database::copy(const std::string& from, const std::string& to) {
+    state source(from), target(to);
+    if (auto opened = source.connect_to_read(); !opened) return opened;
+    if (auto opened = target.connect(); !opened) return opened;
+    auto* copying = sqlite3_backup_init(target.handle(), "main", source.handle(), "main");
+    if (!copying) return target.failed("cannot be written over");
+    sqlite3_backup_step(copying, -1);
+    if (sqlite3_backup_finish(copying) != SQLITE_OK) return target.failed(fmt::format("cannot become a copy of {}", from));
+    return {};
+}
+
+ise::result<std::string> set_aside(const std::string& file, std::chrono::system_clock::time_point now) {
+    auto failed = [&](const std::string& why) {
+        return ise::failure(ise::errc::io_failed, fmt::format("{}: cannot be set aside: {}", file, why));
+    };
+    if (in_memory(file)) return failed("it lies in memory");
+    auto stamp = fmt::format("{}.damaged-{:%Y%m%dT%H%M%SZ}", file, std::chrono::floor<std::chrono::seconds>(now));
+    auto taken = [](const std::string& path) {
+        struct stat there {};
+        return ::lstat(path.c_str(), &there) == 0;
+    };
+    if (!taken(file)) return failed("it is not there");
+    auto aside = stamp;
+    for (int i = 2; taken(aside); ++i) aside = fmt::format("{}-{}", stamp, i);
+    // The main file last: a log that stayed behind would be played into the next file of that name.
+    for (const auto* part : parts_of_a_file | std::views::reverse) {
+        auto path = file + part;
+        if (!taken(path)) continue;
+        if (::rename(path.c_str(), (aside + part).c_str()) != 0) return failed(std::strerror(errno));
+    }
+    return aside;
+}
 
 } // namespace atirma

@@ -1,6 +1,7 @@
 #pragma once
 #include <ise/core/result.hpp>
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <initializer_list>
@@ -39,8 +40,15 @@ private:
 /// The name "memory:NAME" makes a database in memory that all openings of that name in this process share, and that goes
 /// with the last of them: the disk of a virtual world (its script holds it open over crashes of components).
 ///
+/// Files are made for their owner alone (mode 0600, also SQLite's `-wal` and `-shm`); an existing file of this user loses
+/// the rights of others when it is opened.
+///
+/// Statements may use `row_sum(a, b, …)`: a checksum of 64 bits over the values and their types, for rows that shall show
+/// when the disk has changed them.
+///
 /// Not thread-safe: used by one component, on its loop. Each call blocks for as long as the disk takes.
-/// Errors: io_failed, with the file, what was tried, and SQLite's words ("database or disk is full").
+/// Errors: io_failed, with the file, what was tried, and SQLite's words ("database or disk is full"); malformed where
+/// the file is damaged or no database.
 class database {
 public:
     using values = std::initializer_list<database_value>;
@@ -52,6 +60,10 @@ public:
 
     /// Opens a file that another program writes, to look at it: what is written through this fails. Whatever its schema.
     static ise::result<database> open_to_read(const std::string& file);
+
+    /// Makes `to` hold exactly what `from` holds: backup and restore. Both may be open here meanwhile, without a
+    /// transaction; no other process may use `to`.
+    static ise::result<void> copy(const std::string& from, const std::string& to);
 
     database(database&&) noexcept;
     database& operator=(database&&) noexcept;
@@ -70,10 +82,19 @@ public:
     std::int64_t last_insert_id() const noexcept;
     const std::string& file() const noexcept;
 
+    /// Every call fails from then on.
+    void close() noexcept;
+    bool is_open() const noexcept;
+
 private:
     class state;
     explicit database(std::unique_ptr<state> opened);
     std::unique_ptr<state> state_;
 };
+
+/// Renames a database file that is damaged, with its `-wal` and `-shm`, so that a new one can be made in its place.
+/// Nothing is deleted or overwritten. The new name is that of the file with ".damaged" and the time behind it. Nobody in
+/// this process has the file open. Errors: io_failed.
+ise::result<std::string> set_aside(const std::string& file, std::chrono::system_clock::time_point now);
 
 } // namespace atirma

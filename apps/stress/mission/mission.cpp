@@ -31,6 +31,11 @@ mission::mission(ise::environment& world, ise::node_options terms, mission_optio
                                                  : make_plan(options_.seed, options_.length);
     // Two processes of one machine cannot be parted.
     std::erase_if(told_.plan.faults, [](const auto& one) { return one.what == trouble::nodes_parted; });
+    // Their disks are not within reach.
+    for (auto& one : told_.plan.faults) {
+        if (one.what == trouble::primary_set_back) one.what = trouble::primary_killed;
+        if (one.what == trouble::secondary_set_back) one.what = trouble::secondary_killed;
+    }
     for (std::size_t i = 0; i < operators; ++i) {
         auto& one = told_.people[i];
         one.name = i == 0 ? "ana" : "ben";

@@ -79,7 +79,7 @@ void scripted_proxy::pass() {
         for (auto& packet : link.waiting) {
             if (!told_.insert(key_of(packet)).second) continue;
             packet.received_at = clock();
-            telemetry_(packet);
+            if (link.publishes) telemetry_(packet);
         }
         if (!link.acknowledges) link.waiting.clear();
     } else if (!link.acknowledges) {
@@ -147,7 +147,7 @@ void shore::start_proxy(link_id link) {
 
 void shore::start_node(const std::string& name) {
     auto& disk = disks_[name];
-    if (!disk) {
+    if (!disk && folder_.empty()) {
         auto opened = database::open(disk_of(name), {});
         disk = std::make_unique<database>(std::move(opened.value()));
     }
@@ -168,12 +168,41 @@ communication_state shore::state(const std::string& name) const {
     return nodes_.at(name)->how();
 }
 
+std::string shore::disk_of(const std::string& name) const {
+    if (folder_.empty()) return "memory:" + prefix_ + name;
+    return folder_ + "/" + name.substr(name.find('/') + 1) + ".db";
+}
+
 std::set<packet_key> shore::on_disk(const std::string& name) {
     std::set<packet_key> made;
-    auto rows = disks_.at(name)->query("SELECT boot, sequence FROM packets");
+    auto disk = database::open_to_read(disk_of(name)).value();
+    auto rows = disk.query("SELECT boot, sequence FROM packets");
     for (const auto& row : rows.value())
         made.emplace(static_cast<std::uint16_t>(row.integer(0)), static_cast<std::uint32_t>(row.integer(1)));
     return made;
+}
+
+void shore::back_up(const std::string& name) {
+    auto& kept = backups_[name];
+    if (!kept) kept = std::make_unique<database>(database::open(disk_of(name) + "-backup", {}).value());
+    database::copy(disk_of(name), kept->file()).value();
+}
+
+void shore::restore(const std::string& name) { database::copy(backups_.at(name)->file(), disk_of(name)).value(); }
+
+std::set<std::string> shore::rows_on(const std::string& name, const std::string& sql) {
+    std::set<std::string> made;
+    auto disk = database::open_to_read(disk_of(name)).value();
+    auto rows = disk.query(sql);
+    for (const auto& row : rows.value()) made.insert(row.text(0));
+    return made;
+}
+
+bool shore::knows_alone(const std::string& name, const std::string& other) {
+    for (const auto* sql : {"SELECT boot || ' ' || sequence FROM packets", "SELECT record FROM commands",
+                            "SELECT epoch || ' ' || change FROM authority"})
+        if (!std::ranges::includes(rows_on(other, sql), rows_on(name, sql))) return true;
+    return false;
 }
 
 void shore::fill_disk(const std::string& name, bool full) {

@@ -30,6 +30,7 @@ struct boat_at_sea {
 
     struct link {
         bool up = true;
+        bool publishes = true;                ///< its proxy; else only who keeps its packets hears of them
         bool acknowledges = false;            ///< the boat keeps what it sends until it is told that it is kept
         std::deque<telemetry_packet> waiting; ///< of what it sends
         std::uint32_t commands = 0;           ///< that arrived over it
@@ -96,6 +97,14 @@ public:
     std::set<packet_key> on_disk(const std::string& name);
     /// From now on that disk takes nothing, or does again.
     void fill_disk(const std::string& name, bool full);
+    /// The disks are files in that folder, for nodes that are started from then on; those of the virtual world else.
+    void use_files(std::string folder) { folder_ = std::move(folder); }
+    std::string disk_of(const std::string& name) const;
+    /// Keeps a copy of that disk, and puts it back while its node is down.
+    void back_up(const std::string& name);
+    void restore(const std::string& name);
+    /// Whether that disk has something that the other one has not: a backup put back would lose it.
+    bool knows_alone(const std::string& name, const std::string& other);
 
     /// Once a second the boat sends a packet over the link, and over each further one as well.
     void sends_every_second(std::vector<link_id> over);
@@ -139,10 +148,11 @@ private:
     struct operator_desk {
         std::deque<job> jobs;
     };
-    std::string disk_of(const std::string& name) const { return "memory:" + prefix_ + name; }
+    std::set<std::string> rows_on(const std::string& name, const std::string& sql);
 
-    std::string prefix_;
+    std::string prefix_, folder_;
     std::map<std::string, std::unique_ptr<database>> disks_; // held, as the nodes come and go
+    std::map<std::string, std::unique_ptr<database>> backups_;
     std::map<std::string, communication_node*> nodes_;
     std::map<std::string, ise::node*> running_;
     std::map<std::string, ise::sim::process*> processes_;

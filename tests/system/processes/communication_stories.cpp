@@ -1,6 +1,8 @@
 // Two communication nodes as processes of their own, with a boat and a radio: killed in turn.
 #include "deployment.hpp"
 
+#include <fstream>
+#include <iterator>
 #include <regex>
 #include <set>
 
@@ -89,5 +91,24 @@ TEST_CASE(
     CHECK(std::set<std::string>(one.begin(), one.end()).size() == one.size()); // none twice
     auto record = it.call("atirma/shore/two", "telecommand_record", "{}");
     for (int known : {2, 11, 12, 13}) CHECK_THAT(record.out, Contains(fmt::format(R"("id":{},)", known)));
+    auto check = [&](const std::string& file) { return ise_test::run_program({"atirma", "store", "check", file}); };
+    auto running = check(it.file("one.db"));
+    CHECK(running.exit_code == 0);
+    CHECK_THAT(running.out, Contains("the file is sound"));
     for (const char* name : {"one", "two"}) CHECK(it.end(name).exit_code == 0);
+    CHECK(check(it.file("two.db")).exit_code == 0);
+    {
+        std::fstream disk(it.file("two.db"), std::ios::in | std::ios::out | std::ios::binary);
+        std::string content((std::istreambuf_iterator<char>(disk)), std::istreambuf_iterator<char>());
+        auto operator_of = content.rfind("anonymous@");
+        REQUIRE(operator_of != std::string::npos);
+        disk.clear();
+        disk.seekp(static_cast<std::streamoff>(operator_of));
+        disk.put('A');
+    }
+    auto damaged = check(it.file("two.db"));
+    CHECK(damaged.exit_code == 1);
+    CHECK_THAT(damaged.out, Contains("differ from their checksums") && Contains("the file is damaged"));
+    CHECK(check(it.file("no.db")).exit_code == 1);
+    CHECK(ise_test::run_program({"atirma", "store", "check"}).exit_code == 2);
 }

@@ -53,6 +53,7 @@ TEST_CASE(
     INFO(first.report);
     REQUIRE(first.good);
     for (const auto& one : sea.judge().links) CHECK(one.owed > 0);
+    CHECK(first.story.set_back > 0);
     CHECK(first.story.samples.size() == voyage::samples_wanted + 1);
     for (const auto& who : first.story.people)
         for (const auto& one : who.commands)

@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <sys/stat.h>
 #include <unistd.h>
 
 using atirma::database;
@@ -99,7 +100,84 @@ TEST_CASE("a database that cannot be opened says which file and why") {
     { std::ofstream(there.file()) << "this is no database, and it is longer than a header of one would have to be, is it not?"; }
     auto foreign = database::open(there.file(), first_schema);
     REQUIRE_FALSE(foreign);
-    CHECK(foreign.error().code() == ise::errc::io_failed);
+    CHECK(foreign.error().code() == ise::errc::malformed);
+}
+
+TEST_CASE("a database file and its log belong to their owner alone, also one that was open to others before") {
+    folder there;
+    auto mode = [&](const char* part) {
+        return std::filesystem::status(there.file() + part).permissions() & std::filesystem::perms::all;
+    };
+    constexpr auto owner = std::filesystem::perms::owner_read | std::filesystem::perms::owner_write;
+    auto before = ::umask(0);
+    {
+        auto db = opened(there.file());
+        REQUIRE(db.execute("INSERT INTO packets(text) VALUES ('a')"));
+        CHECK(mode("") == owner);
+        CHECK(mode("-wal") == owner);
+        CHECK(mode("-shm") == owner);
+        for (const auto* part : {"", "-wal", "-shm"})
+            std::filesystem::permissions(there.file() + part, owner | std::filesystem::perms::others_read);
+        std::filesystem::copy_file(there.file(), there.file() + ".kept");
+        std::filesystem::copy_file(there.file() + "-wal", there.file() + ".kept-wal");
+    }
+    std::filesystem::permissions(there.file() + ".kept", owner | std::filesystem::perms::others_read);
+    std::filesystem::permissions(there.file() + ".kept-wal", owner | std::filesystem::perms::others_read);
+    auto again = opened(there.file() + ".kept");
+    CHECK(count(again) == 1);
+    CHECK(mode(".kept") == owner);
+    CHECK(mode(".kept-wal") == owner);
+    ::umask(before);
+}
+
+TEST_CASE("a copy of a database holds what it held then, and can be put back while the database is open") {
+    auto held = opened("memory:copied"), backup = opened("memory:backup");
+    REQUIRE(held.execute("INSERT INTO packets(text) VALUES ('a')"));
+    REQUIRE(database::copy("memory:copied", "memory:backup"));
+    REQUIRE(held.execute("INSERT INTO packets(text) VALUES ('b')"));
+    CHECK(count(backup) == 1);
+    REQUIRE(database::copy("memory:backup", "memory:copied"));
+    CHECK(count(held) == 1);
+    CHECK_FALSE(database::copy("/nowhere/at/all.db", "memory:copied"));
+}
+
+TEST_CASE("a database that is set aside keeps everything under another name, and makes room for a new one") {
+    folder there;
+    const std::chrono::system_clock::time_point noon{std::chrono::hours(400'000)};
+    std::string aside;
+    for (int round = 0; round < 2; ++round) {
+        {
+            auto db = opened(there.file());
+            CHECK(count(db) == 0);
+            REQUIRE(db.execute("INSERT INTO packets(text) VALUES ('a')"));
+            db.close();
+            CHECK_FALSE(db.is_open());
+            auto closed = db.query("SELECT 1");
+            REQUIRE_FALSE(closed);
+            CHECK(closed.error().code() == ise::errc::io_failed);
+        }
+        auto moved = atirma::set_aside(there.file(), noon);
+        REQUIRE(moved);
+        CHECK(*moved != aside);
+        CHECK(moved->find(there.file() + ".damaged-") == 0);
+        aside = *moved;
+        auto kept = opened(aside);
+        CHECK(count(kept) == 1);
+    }
+    CHECK_FALSE(atirma::set_aside(there.file() + "/nothing/there", noon));
+}
+
+TEST_CASE("the sum of a row differs where a bit, a type or the place of a byte differs") {
+    auto db = opened("memory:sums");
+    auto sum = [&](const std::string& values) {
+        return db.query("SELECT row_sum(" + values + ")").value().at(0).integer(0);
+    };
+    CHECK(sum("1, 'ab', x'00', 2.5, NULL") == sum("1, 'ab', x'00', 2.5, NULL"));
+    CHECK(sum("1") != sum("2"));
+    CHECK(sum("1") != sum("'1'"));
+    CHECK(sum("'ab', 'c'") != sum("'a', 'bc'"));
+    CHECK(sum("NULL, 1") != sum("1, NULL"));
+    CHECK(sum("x'00'") != sum("x'0000'"));
 }
 
 TEST_CASE("a full disk is told and what was there stays") {
