@@ -9,7 +9,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::size_t page_size = 256;
+constexpr std::size_t repair_page = 256;
 constexpr ise::duration pause = 1ms; // between pages: the loop serves others meanwhile
 constexpr ise::duration try_again = 1s;
 constexpr std::uint8_t location_kind = 1; // the type of a location on air
@@ -154,7 +154,7 @@ ise::task<> communication_node::salvage(std::string file) {
             c.authority.apply(held.first, held.second);
             c.authorities(held.first);
         }
-        for (auto records = reader.next_commands(page_size); !records.empty(); records = reader.next_commands(page_size)) {
+        for (auto records = reader.next_commands(repair_page); !records.empty(); records = reader.next_commands(repair_page)) {
             bool kept = take_salvaged(records);
             while (!kept) {
                 co_await sleep(try_again);
@@ -162,7 +162,7 @@ ise::task<> communication_node::salvage(std::string file) {
             }
             co_await sleep(pause);
         }
-        for (auto packets = reader.next_packets(page_size); !packets.empty(); packets = reader.next_packets(page_size)) {
+        for (auto packets = reader.next_packets(repair_page); !packets.empty(); packets = reader.next_packets(repair_page)) {
             bool kept = take_salvaged(packets);
             while (!kept) {
                 co_await sleep(try_again);
