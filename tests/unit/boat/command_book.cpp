@@ -5,6 +5,8 @@
 
 #include <support/catch.hpp>
 
+namespace command_book_test {
+
 using namespace std::chrono_literals;
 using namespace atirma;
 
@@ -216,3 +218,5 @@ TEST_CASE("command book: the epoch of authority travels, and the boat's refusal 
     CHECK(it.book.find(8)->result == ack_code::no_authority);
     CHECK(it.book.find(8)->boat_obeys == 16'777'217u);
 }
+
+} // namespace command_book_test

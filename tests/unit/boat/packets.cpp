@@ -6,6 +6,8 @@
 
 #include <cmath>
 
+namespace packets_test {
+
 using namespace atirma;
 
 namespace {
@@ -276,3 +278,5 @@ TEST_CASE("a parameter out of range is refused with its range") {
     CHECK_FALSE(check_parameter(parameter_id::leeway_compensation, std::nanf("")));
     CHECK_FALSE(check_parameter(static_cast<parameter_id>(77), 1));
 }
+
+} // namespace packets_test

@@ -8,6 +8,8 @@
 #include <fstream>
 #include <algorithm>
 
+namespace boat_test {
+
 using namespace atirma;
 using namespace atirma::simulator;
 using namespace std::chrono_literals;
@@ -455,3 +457,5 @@ TEST_CASE("all legs of the courses lie in water") {
     }
     CHECK_FALSE(find_course("T3"));
 }
+
+} // namespace boat_test

@@ -2,6 +2,8 @@
 
 #include <support/catch.hpp>
 
+namespace memory_test {
+
 using namespace atirma;
 using namespace atirma::simulator;
 using namespace std::chrono_literals;
@@ -121,3 +123,5 @@ TEST_CASE("a boat's memory gives back what was put there, and the packets withou
     memory.forget(1).value(); // under the new numbers
     CHECK(memory.take_unacknowledged().value() == std::vector<ise::bytes>{packets[3]});
 }
+
+} // namespace memory_test

@@ -9,6 +9,8 @@
 
 #include <algorithm>
 
+namespace looking_test {
+
 using namespace ise::cli;
 using namespace std::chrono_literals;
 using Catch::Contains;
@@ -259,3 +261,5 @@ TEST_CASE("the median is between the two in the middle") {
     of.add(100ms);
     CHECK(of.median() == 4ms);
 }
+
+} // namespace looking_test

@@ -2,6 +2,8 @@
 
 #include <support/catch.hpp>
 
+namespace authority_test {
+
 using namespace atirma;
 using Catch::Contains;
 
@@ -179,3 +181,5 @@ TEST_CASE("authority: names and questions are bounded") {
     CHECK_FALSE(it.ask("ana", hand_over, false, std::string(201, 'x')));
     CHECK_FALSE(it.ask("ana", static_cast<authority_action>(99)));
 }
+
+} // namespace authority_test

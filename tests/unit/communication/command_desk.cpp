@@ -4,6 +4,8 @@
 
 #include <support/catch.hpp>
 
+namespace command_desk_test {
+
 using namespace atirma;
 using namespace std::chrono_literals;
 using Catch::Contains;
@@ -328,3 +330,5 @@ TEST_CASE("newest by kind: what comes late over a slower link is history, each k
     CHECK_FALSE(it.is_history(packet(1, 32s))); // makes nothing history that is measured after it came
     CHECK(it.is_history(packet(1, 30s, 33s)));
 }
+
+} // namespace command_desk_test

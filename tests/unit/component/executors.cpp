@@ -12,6 +12,8 @@
 #include <future>
 #include <thread>
 
+namespace executors_test {
+
 using namespace sea;
 using ise::component;
 
@@ -382,3 +384,5 @@ TEST_CASE("a plain coroutine of the program awaits a task that runs on a compone
     CHECK(heard == "ahoy");
     here.stop();
 }
+
+} // namespace executors_test

@@ -8,6 +8,8 @@
 
 #include <future>
 
+namespace local_pair_test {
+
 namespace {
 
 using namespace std::chrono_literals;
@@ -90,3 +92,5 @@ TEST_CASE("the short form builds the request from its fields") {
     };
     CHECK(asker.wait(ask(asker, at)));
 }
+
+} // namespace local_pair_test

@@ -7,6 +7,8 @@
 
 #include <algorithm>
 
+namespace log_test {
+
 using namespace sea;
 
 namespace {
@@ -111,3 +113,5 @@ TEST_CASE("a sink that throws stops nothing") {
     all.world.run_for(1s);
     CHECK(went_on);
 }
+
+} // namespace log_test

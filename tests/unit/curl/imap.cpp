@@ -6,6 +6,8 @@
 
 #include <map>
 
+namespace imap_test {
+
 using namespace atirma;
 using namespace curl_test;
 using namespace std::chrono_literals;
@@ -284,3 +286,5 @@ TEST_CASE("imap: the first answer of a login comes with the command only where t
     for (const auto& line : s.server.visitors.front().heard) at_once = at_once || line.ends_with(std::string("AUTHENTICATE PLAIN ") + credentials);
     CHECK(at_once);
 }
+
+} // namespace imap_test

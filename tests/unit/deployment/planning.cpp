@@ -5,6 +5,8 @@
 #include <ise/deployment/ordering.hpp>
 #include <ise/deployment/planning.hpp>
 
+namespace planning_test {
+
 using namespace deployment_test;
 using Catch::Contains;
 using ise::instantiation::instance_state;
@@ -297,3 +299,5 @@ TEST_CASE("a host without an instantiation server is told, if something is to ru
     CHECK_THAT(in.wrong(two()), Contains("sea.toml:3:8: no instantiation server 'shore' is registered; there are boat; start it on that host"));
     CHECK(in.wrong(at_sea("[components.b]\ntype='boat'\nhost='boat'\n")).empty());
 }
+
+} // namespace planning_test

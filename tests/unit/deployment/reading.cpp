@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+namespace reading_test {
+
 using namespace deployment_test;
 using namespace std::chrono_literals;
 using Catch::Contains;
@@ -247,3 +249,5 @@ TEST_CASE("a deployment file that is not there is told") {
     none.all.clear();
     CHECK_THAT(none.wrong(), Contains("sea.toml: sea.toml: No such file"));
 }
+
+} // namespace reading_test

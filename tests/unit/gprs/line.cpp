@@ -9,6 +9,8 @@
 #include <random>
 #include <set>
 
+namespace line_test {
+
 using namespace atirma;
 using namespace atirma::gprs;
 
@@ -230,3 +232,5 @@ TEST_CASE("gprs: only what was measured after the newest is news, of each type b
     CHECK_FALSE(fresh.is_history(false, 4, 1, 4'294'967'295u));
     CHECK(fresh.is_history(false, 4, 1, 4'294'967'295u));
 }
+
+} // namespace line_test

@@ -4,6 +4,8 @@
 
 #include <support/catch.hpp>
 
+namespace shore_test {
+
 using namespace std::chrono_literals;
 using namespace atirma;
 using namespace atirma::gprs;
@@ -448,3 +450,5 @@ TEST_CASE("gprs shore: a telecommand goes to the boat where it is, and is refuse
     REQUIRE(it.all<outcome_came>().size() == 1);
     CHECK(it.all<outcome_came>().front().what.id == 7);
 }
+
+} // namespace shore_test

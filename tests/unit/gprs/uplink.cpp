@@ -4,6 +4,8 @@
 
 #include <support/catch.hpp>
 
+namespace uplink_test {
+
 using namespace std::chrono_literals;
 using namespace atirma;
 using namespace atirma::gprs;
@@ -283,3 +285,5 @@ TEST_CASE("gprs boat: an unusable name is refused") {
         CHECK_THROWS_AS(uplink(1, options), ise::error);
     }
 }
+
+} // namespace uplink_test

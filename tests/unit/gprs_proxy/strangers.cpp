@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <set>
 
+namespace strangers_test {
+
 using namespace std::chrono_literals;
 using namespace atirma;
 using gprs_test::quay;
@@ -241,3 +243,5 @@ TEST_CASE("gprs proxy: a packet that is none is dropped and not asked for again"
     CHECK(it.seen.telemetry.empty());
     CHECK_FALSE(boat.cut);
 }
+
+} // namespace strangers_test

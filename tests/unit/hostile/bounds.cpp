@@ -6,6 +6,8 @@
 
 #include <random>
 
+namespace bounds_test {
+
 using namespace hostile_test;
 
 TEST_CASE("hostile: of the calls of one session max_calls_per_session are served at once") {
@@ -171,3 +173,5 @@ TEST_CASE("hostile: a numbered call of a peer without an incarnation, or over tc
     CHECK(at.warned("a number that makes no sense"));
     at.others_do_not_notice();
 }
+
+} // namespace bounds_test

@@ -3,6 +3,8 @@
 
 #include <ise/sim/world.hpp>
 
+namespace impostors_test {
+
 using namespace hostile_test;
 
 namespace {
@@ -68,3 +70,5 @@ TEST_CASE("impostors: a client tells each life of a provider a key of its own, a
     CHECK(key(ise::location(), udp) != key(ise::location(), elsewhere));
     CHECK(key(boat, ise::endpoint::parse("tcp://boat:7400").value()) == 0); // no call is numbered there
 }
+
+} // namespace impostors_test

@@ -1,6 +1,8 @@
 // Sessions in good order whose subscriptions are not.
 #include "fleet.hpp"
 
+namespace subscribers_test {
+
 using namespace hostile_test;
 
 TEST_CASE("hostile: a million subscriptions are refused beyond max_subscriptions_per_session") {
@@ -193,3 +195,5 @@ TEST_CASE("hostile: who accepts no packet is told of a few times, and not of eac
     CHECK(at.boat.warnings.size() < 20);
     at.others_do_not_notice();
 }
+
+} // namespace subscribers_test

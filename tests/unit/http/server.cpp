@@ -8,6 +8,8 @@
 
 #include <array>
 
+namespace server_test {
+
 using namespace atirma;
 using namespace std::chrono_literals;
 
@@ -205,3 +207,5 @@ TEST_CASE("http: a host that holds every connection and says nothing keeps no ga
     REQUIRE(*answer);
     CHECK((*answer)->status == 200);
 }
+
+} // namespace server_test

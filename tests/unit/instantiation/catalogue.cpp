@@ -6,6 +6,8 @@
 
 #include <numeric>
 
+namespace catalogue_test {
+
 using namespace ise::instantiation;
 using Catch::Contains;
 
@@ -249,3 +251,5 @@ TEST_CASE("values are stored where they belong") {
     small.add("mode", values.mode, "");
     CHECK(small.set("mode", "256").error().message() == "parameter 'mode' cannot be '256': it is an integer from 0 to 255");
 }
+
+} // namespace catalogue_test

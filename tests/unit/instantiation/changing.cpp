@@ -6,6 +6,8 @@
 #include <ise/component/component_type.hpp>
 #include <ise/instantiation/instantiation_server.hpp>
 
+namespace changing_test {
+
 using namespace instantiation_test;
 using namespace std::chrono_literals;
 using Catch::Contains;
@@ -395,3 +397,5 @@ TEST_CASE("what has failed is no trouble any more once it was stopped") {
     CHECK(ended.state == instance_state::stopped);
     CHECK_THAT(ended.reason, Contains("stopped after it had failed: "));
 }
+
+} // namespace changing_test

@@ -10,6 +10,8 @@
 #include <fstream>
 #include <iterator>
 
+namespace keeping_test {
+
 using namespace ise::instantiation;
 using Catch::Contains;
 
@@ -126,3 +128,5 @@ TEST_CASE("limits are written to a control group as the kernel reads them") {
     bare.close();
     CHECK_FALSE(std::filesystem::exists(in / "two"));
 }
+
+} // namespace keeping_test

@@ -14,6 +14,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+namespace own_files_test {
+
 using Catch::Contains;
 using namespace ise::instantiation;
 namespace fs = std::filesystem;
@@ -179,3 +181,5 @@ TEST_CASE("a program is another when it was built again, not when it was copied"
     here.file("cut", 0755, std::string("\177ELF\2\1\1\0", 8)); // no whole header
     CHECK_FALSE(host.version_of((here.path / "cut").string()).empty());
 }
+
+} // namespace own_files_test

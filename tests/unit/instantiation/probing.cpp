@@ -11,6 +11,8 @@
 
 #include <array>
 
+namespace probing_test {
+
 using namespace instantiation_test;
 using namespace std::chrono_literals;
 using Catch::Contains;
@@ -163,3 +165,5 @@ TEST_CASE("a probe asks this host only") {
                               "http://127.0.0.1:80\r\nX: y/"})
         CHECK_THAT(parse_probe(wrong, here).error().message(), Contains("write it like tcp://127.0.0.1:8080"));
 }
+
+} // namespace probing_test

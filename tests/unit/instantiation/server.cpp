@@ -6,6 +6,8 @@
 #include <ise/component/component_type.hpp>
 #include <ise/instantiation/instantiation_server.hpp>
 
+namespace server_test {
+
 using namespace instantiation_test;
 using namespace std::chrono_literals;
 using Catch::Contains;
@@ -319,3 +321,5 @@ TEST_CASE("a crash of the server at any of its operations loses no process and s
     }
     CHECK(crashes > 10);
 }
+
+} // namespace server_test

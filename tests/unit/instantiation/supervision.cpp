@@ -4,6 +4,8 @@
 
 #include <support/catch.hpp>
 
+namespace supervision_test {
+
 using namespace ise::instantiation;
 using namespace std::chrono_literals;
 using act = supervision::act;
@@ -270,3 +272,5 @@ TEST_CASE("what was adopted is watched over by its policy") {
     over.watch.adopt_over(state::stopped, "as asked", 1);
     CHECK(over.watch.over());
 }
+
+} // namespace supervision_test

@@ -6,6 +6,8 @@
 
 #include <nlohmann/json.hpp>
 
+namespace jwt_test {
+
 using namespace atirma::iridium;
 using ise_test::rsa_keys;
 
@@ -103,3 +105,5 @@ TEST_CASE("iridium: what is no public key is refused when it is configured") {
           ise::errc::invalid_argument);
     CHECK_FALSE(jwt_key::parse(ours().secret));
 }
+
+} // namespace jwt_test

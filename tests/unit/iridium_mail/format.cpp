@@ -3,6 +3,8 @@
 
 #include <support/catch.hpp>
 
+namespace format_test {
+
 using namespace atirma;
 using namespace atirma::iridium_mail;
 using namespace std::chrono_literals;
@@ -285,3 +287,5 @@ TEST_CASE("iridium mail: a mail is the gateway's where one's own server found it
     auto why = check_authentication({}, "mx.shore.example", "sbd.iridium.com");
     CHECK(why.error().code() == ise::errc::unauthorized);
 }
+
+} // namespace format_test

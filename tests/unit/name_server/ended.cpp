@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+namespace ended_test {
+
 using namespace names_test;
 
 namespace {
@@ -78,3 +80,5 @@ TEST_CASE("ended: one that is alive after all comes back under its epoch") {
     REQUIRE(at.it.world.run_until([&] { return at.it.holds("atirma/doubler"); }, 5s));
     CHECK(at.it.epoch_of("atirma/doubler") == epoch);
 }
+
+} // namespace ended_test

@@ -13,6 +13,8 @@
 
 #include <sys/stat.h>
 
+namespace memory_test {
+
 using namespace names_test;
 using ise::naming::verdict;
 
@@ -262,3 +264,5 @@ TEST_CASE("memory: the file is whole, its user's own, and refused where it is no
         CHECK(file.load().error().code() == ise::errc::malformed);
     }
 }
+
+} // namespace memory_test

@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+namespace registry_test {
+
 using namespace std::chrono_literals;
 using ise::naming::name_change;
 using ise::naming::verdict;
@@ -685,3 +687,5 @@ TEST_CASE("registry: roles beyond a limit, or that are no paths, are refused") {
     CHECK(it.serve(3, "a", 1).reason.find("max_members_per_role") != std::string::npos);
     CHECK(it.serve(2, "a", 7).what == verdict::granted); // a member already
 }
+
+} // namespace registry_test

@@ -6,6 +6,8 @@
 
 #include <fmt/format.h>
 
+namespace registry_limits_test {
+
 using namespace std::chrono_literals;
 using Catch::Matchers::Contains;
 using ise::naming::verdict;
@@ -129,3 +131,5 @@ TEST_CASE("registry: of names that nobody holds max_remembered keep their epoch,
     }
     CHECK(kept == 2);
 }
+
+} // namespace registry_limits_test

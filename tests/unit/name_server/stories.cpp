@@ -6,6 +6,8 @@
 #include <array>
 #include <functional>
 
+namespace stories_test {
+
 using namespace names_test;
 
 TEST_CASE("names: a component on another host is found, called and listened to, whatever protocol it was started with") {
@@ -518,3 +520,5 @@ TEST_CASE("names: restarts, losses and partitions leave every living component r
         return true;
     }, 20s));
 }
+
+} // namespace stories_test

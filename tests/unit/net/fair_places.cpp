@@ -14,6 +14,8 @@
 #include <deque>
 #include <map>
 
+namespace fair_places_test {
+
 using namespace std::chrono_literals;
 using ise::net::fair_places;
 using ise::net::host_of;
@@ -160,3 +162,5 @@ TEST_CASE("acceptor: what passes does not end it, and out of descriptors whoever
     REQUIRE(reports.size() == 7);
     CHECK(reports[4].find("ulimit -n") != std::string::npos);
 }
+
+} // namespace fair_places_test

@@ -6,6 +6,8 @@
 #include <support/catch.hpp>
 #include <support/party.hpp>
 
+namespace handshake_test {
+
 using namespace std::chrono_literals;
 using namespace ise_test;
 using Catch::Matchers::Contains;
@@ -185,3 +187,5 @@ TEST_CASE("a handshake that is cancelled leaves nothing open") {
     at.finish(server); // its hello came, and then the end
     CHECK((server->get() || server->get().error().code() == errc::peer_lost));
 }
+
+} // namespace handshake_test

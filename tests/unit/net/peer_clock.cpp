@@ -2,6 +2,8 @@
 
 #include <support/catch.hpp>
 
+namespace peer_clock_test {
+
 using namespace std::chrono_literals;
 using ise::time_point;
 
@@ -44,3 +46,5 @@ TEST_CASE("a peer's clock that jumps counts as it is now, and one that makes no 
     same.is_ours();
     CHECK(same.deadline(begin, begin - 1ns) == begin);
 }
+
+} // namespace peer_clock_test

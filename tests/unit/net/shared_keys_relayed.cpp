@@ -12,6 +12,8 @@
 #include <support/real_parties.hpp>
 #include <support/relay_kinds.hpp>
 
+namespace shared_keys_relayed_test {
+
 using namespace std::chrono_literals;
 using namespace ise_test;
 using namespace boat_services;
@@ -181,3 +183,5 @@ TEST_CASE("relayed: what a hello says of its way, held against where it came in"
         CHECK_FALSE(refused({"inproc://one"}, "inproc://another"));
     }
 }
+
+} // namespace shared_keys_relayed_test

@@ -5,6 +5,8 @@
 
 #include <stdexcept>
 
+namespace calls_test {
+
 namespace {
 // Its own function writes it, and may fail.
 struct writing {
@@ -20,11 +22,15 @@ struct page {
     writing text;
 };
 } // namespace
+} // namespace calls_test
+
 template <>
-struct ise::opaque_type<writing> {
+struct ise::opaque_type<calls_test::writing> {
     static constexpr std::string_view name = "test/writing";
     static constexpr std::uint32_t version = 1;
 };
+
+namespace calls_test {
 namespace {
 constexpr ise::request_response<boat_services::set_mode, page> scribe{"scribe"};
 } // namespace
@@ -640,3 +646,5 @@ TEST_CASE("a remote may be dropped while its calls are on their way, and the las
     CHECK(way.expired());
     REQUIRE(at.all.run_until([&] { return at.boat.services->sessions().empty(); }));
 }
+
+} // namespace calls_test

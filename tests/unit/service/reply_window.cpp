@@ -6,6 +6,8 @@
 #include <memory>
 #include <random>
 
+namespace reply_window_test {
+
 using namespace std::chrono_literals;
 using ise::reply_window;
 using state = ise::reply_window::state;
@@ -245,3 +247,5 @@ TEST_CASE("where a window of the client may have been dropped, what it repeats i
     CHECK(again->look(8, true) == state::forgotten);
     CHECK(again->look(8, false) == state::fresh);
 }
+
+} // namespace reply_window_test

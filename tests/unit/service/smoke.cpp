@@ -3,6 +3,8 @@
 #include <support/real_parties.hpp>
 #include <support/sim_parties.hpp>
 
+namespace smoke_test {
+
 using namespace boat_services;
 using namespace ise_test;
 using namespace std::chrono_literals;
@@ -60,3 +62,5 @@ TEST_CASE("a call and a subscription go over tcp") {
     CHECK(boat.escaped.empty());
     CHECK(shore.escaped.empty());
 }
+
+} // namespace smoke_test

@@ -4,6 +4,8 @@
 #include <support/catch.hpp>
 #include <support/sim_parties.hpp>
 
+namespace subscriptions_test {
+
 using namespace boat_services;
 using namespace ise_test;
 using namespace std::chrono_literals;
@@ -796,3 +798,5 @@ TEST_CASE("a packet that is kept stays as it was while others come") {
     CHECK(latitudes == std::vector<double>{1, 3, 4, 5, 6, 7, 8});
     CHECK(shared->latitude_deg == 2);
 }
+
+} // namespace subscriptions_test

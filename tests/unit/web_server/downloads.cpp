@@ -12,6 +12,8 @@
 
 #include <sstream>
 
+namespace downloads_test {
+
 using namespace std::chrono_literals;
 using namespace atirma;
 using Catch::Contains;
@@ -187,3 +189,5 @@ TEST_CASE("boats are told as NAME=PATH and have an address each") {
     CHECK_THROWS_WITH(name_boats(reserved), Contains("a part of the page"));
     CHECK_THROWS_WITH(name_boats(nameless), Contains("letters a-z"));
 }
+
+} // namespace downloads_test

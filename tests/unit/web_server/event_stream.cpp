@@ -7,6 +7,8 @@
 #include <memory>
 #include <optional>
 
+namespace event_stream_test {
+
 using web_test::client;
 
 namespace {
@@ -290,3 +292,5 @@ TEST_CASE("a client whose write fails is forgotten, also in the middle of publis
 TEST_CASE("line breaks in an event cannot forge another") {
     CHECK(atirma::encode_event({"1\nevent: x", "up\r\ndate", "a\nb\r\nc"}) == "id: 1event: x\nevent: update\ndata: a\ndata: b\ndata: c\n\n");
 }
+
+} // namespace event_stream_test

@@ -9,6 +9,8 @@
 #include <memory>
 #include <vector>
 
+namespace http_server_test {
+
 using web_test::client;
 
 namespace {
@@ -216,3 +218,5 @@ TEST_CASE("a request that is never finished is cut off") {
     c.read_to_end();
     CHECK(c.received.empty());
 }
+
+} // namespace http_server_test

@@ -8,6 +8,8 @@
 
 #include <string>
 
+namespace golden_test {
+
 using namespace ise::wire;
 
 namespace {
@@ -124,3 +126,5 @@ TEST_CASE("a control body of another minor version is read: missing fields take 
     }
     CHECK(malformed > 20);
 }
+
+} // namespace golden_test
