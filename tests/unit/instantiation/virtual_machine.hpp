@@ -106,8 +106,8 @@ public:
         for (const auto& [name, what] : installed) all.push_back({name, what.version, {}});
         return all;
     }
-    std::string version_of(const std::string& program) const override {
-        auto found = installed.find(program.substr(program.rfind('/') + 1));
+    std::string version_of(const std::string& file) const override {
+        auto found = installed.find(file.substr(file.rfind('/') + 1));
         return found == installed.end() ? std::string() : found->second.version;
     }
     ise::task<ise::result<std::string>> ask(ise::loop&, std::string name, std::size_t, ise::duration) override {

@@ -12,6 +12,8 @@
 #include <support/real_parties.hpp>
 #include <support/relay_kinds.hpp>
 
+#include <fmt/format.h>
+
 namespace shared_keys_relayed_test {
 
 using namespace std::chrono_literals;
