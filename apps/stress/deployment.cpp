@@ -164,7 +164,6 @@ void voyage::start_shore() {
 void voyage::start_people() {
     start("atirma/page", "web", [](ise::node& node, ise::component_options where) -> ise::component& {
         web_server_options options;
-        options.headless = true;
         options.telemetry = {std::string(communication_role)};
         return node.start<web_server>("atirma/page", std::move(where), std::move(options));
     });

@@ -253,9 +253,9 @@ ise::result<void> node_store::note_at_peer(std::uint64_t position, std::uint64_t
     auto noted = db_.execute(sql, {cell(there), cell(position)});
     if (!noted) return noted.error();
     if (*noted > 0) return {};
-    auto kept = db_.query("SELECT 1 FROM packets WHERE position = ?", {cell(position)});
-    if (!kept) return kept.error();
-    if (!kept->empty()) return damaged_packet(db_, position);
+    auto row = db_.query("SELECT 1 FROM packets WHERE position = ?", {cell(position)});
+    if (!row) return row.error();
+    if (!row->empty()) return damaged_packet(db_, position);
     return {};
 }
 

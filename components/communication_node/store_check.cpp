@@ -16,7 +16,7 @@ using namespace store_rows;
 constexpr std::size_t most_told = 20;
 
 /// The file of a program that wrote no checksums is taken as it is.
-std::string_view if_sealed(std::uint64_t schema, std::string_view is_sound) { return schema >= 2 ? is_sound : "1"; }
+std::string_view if_sealed(std::uint64_t version, std::string_view is_sound) { return version >= 2 ? is_sound : "1"; }
 
 template <class Packet>
 std::optional<Packet> readable(const std::string& json) {

@@ -39,7 +39,7 @@ ise::task<ise::result<std::unique_ptr<curl_channel>>> curl_channel::open(curl_tr
     made->easy_->set(CURLOPT_CONNECT_ONLY, 1L);
     made->easy_->set(CURLOPT_FORBID_REUSE, 0L); // else it is closed as soon as it is made; libcurl reuses none of these
     on.add(*made->easy_);
-    auto outcome = co_await on.ended(*made->easy_, within);
+    auto outcome = co_await on.end_of(*made->easy_, within);
     if (!outcome) co_return outcome.error();
     curl_socket_t socket = CURL_SOCKET_BAD;
     curl_easy_getinfo(made->easy_->handle(), CURLINFO_ACTIVESOCKET, &socket);

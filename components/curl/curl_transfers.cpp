@@ -174,7 +174,7 @@ ise::loop& curl_transfers::on() const noexcept { return state_->loop; }
 void curl_transfers::add(curl_easy& what) { state_->add(what); }
 void curl_transfers::remove(curl_easy& what) noexcept { state_->remove(what); }
 
-ise::task<ise::result<void>> curl_transfers::ended(curl_easy& what, ise::duration within) {
+ise::task<ise::result<void>> curl_transfers::end_of(curl_easy& what, ise::duration within) {
     auto* here = state_->find(what);
     if (!here) co_return ise::failure(ise::errc::invalid_argument, "a transfer that was not begun");
     bool late = false;
@@ -200,7 +200,7 @@ ise::task<ise::result<void>> curl_transfers::run(curl_easy& what, ise::duration 
         added(curl_transfers& transfers, curl_easy& easy) : to(transfers), what(easy) { to.add(what); }
         ~added() { to.remove(what); }
     } guard(*this, what);
-    auto outcome = co_await ended(what, within);
+    auto outcome = co_await end_of(what, within);
     co_return outcome;
 }
 

@@ -28,8 +28,8 @@ public:
     void remove(curl_easy& what) noexcept;
     /// Waits until a transfer has ended. Success: it went well. Errors: those of `curl_easy::failure`, timed_out after
     /// `within`. Cancellation: terminal. In both cases the transfer goes on until it is removed.
-    ise::task<ise::result<void>> ended(curl_easy& what, ise::duration within);
-    /// All of it: add, ended, remove; also when it is cancelled.
+    ise::task<ise::result<void>> end_of(curl_easy& what, ise::duration within);
+    /// All of it: add, end_of, remove; also when it is cancelled.
     ise::task<ise::result<void>> run(curl_easy& what, ise::duration within);
 
 private:

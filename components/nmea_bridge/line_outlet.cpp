@@ -112,7 +112,8 @@ ise::task<> line_outlet::accept(std::shared_ptr<state> self) {
     }
 }
 
-ise::task<> line_outlet::write(std::shared_ptr<state> self, std::shared_ptr<client> to) {
+ise::task<> line_outlet::write(std::shared_ptr<state> self, std::shared_ptr<client> whom) {
+    auto to = std::move(whom); // its place goes before the places; the order of parameters differs among compilers
     struct leaving {
         state& from;
         const std::shared_ptr<client>& who;
@@ -136,7 +137,9 @@ ise::task<> line_outlet::write(std::shared_ptr<state> self, std::shared_ptr<clie
     }
 }
 
-ise::task<> line_outlet::read(std::shared_ptr<state>, std::shared_ptr<client> from) {
+ise::task<> line_outlet::read(std::shared_ptr<state> self, std::shared_ptr<client> whom) {
+    auto keep = std::move(self);
+    auto from = std::move(whom);
     std::array<char, 512> ignored;
     while (!from->closed) {
         auto got = co_await from->stream->read_some(asio::buffer(ignored));

@@ -57,7 +57,7 @@ ise::task<> web_server::run() {
         fmt::format("{:x}", env().random()); // no client shall take up where another life of this server ended
     make_boats();
     for (auto& boat : boats_) boat->restore();
-    if (!options_.headless) listen();
+    listen();
     require(services::telemetry);
     for (auto& boat : boats_) boat->follow();
     if (server_ && options_.on_listening) options_.on_listening(server_->url()); // people need no name server

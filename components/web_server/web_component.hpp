@@ -14,7 +14,6 @@ struct web_server_options {
     std::vector<std::string> more_boats;       ///< each as `parse_boat` reads it: "Vela=vela/communication"
     track_options track;                       ///< its `epoch` is chosen anew at each start, `id` from the name
     archive_options archive; ///< without a file nothing outlives a restart but what communication nodes keep
-    bool headless = false;                     ///< keeps the state and opens no port: for the virtual world
     std::function<void(const std::string& url)> on_listening; ///< on the component's loop
 };
 

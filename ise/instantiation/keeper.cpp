@@ -36,6 +36,7 @@ namespace {
 using keeper_clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
+const std::string cgroup_word = "cgroup:";
 constexpr int fixed_keeper_words = 6; // behind keeper_word, before the program
 constexpr rlim_t spare_processes = 4096; // of the same user, whatever he runs beside
 
@@ -313,7 +314,7 @@ std::vector<std::string> keeper_words(const launch_order& what, const std::strin
                                    fmt::format("{}", limits.pids),
                                    fmt::format("{}", limits.memory),
                                    fmt::format("{}", limits.cpus),
-                                   cgroup_prefix,
+                                   cgroup_word + cgroup_prefix, // Boost.Process takes no empty word
                                    what.program};
     words.insert(words.end(), what.words.begin(), what.words.end());
     return words;
@@ -335,7 +336,7 @@ std::optional<int> keep_if_asked(int count, const char* const* words) {
     order.program = words[8];
     order.words.assign(words + 9, words + count);
     order.mark = mark;
-    keeper made(std::move(order), words[7]);
+    keeper made(std::move(order), words[7] + cgroup_word.size());
     auto why = made.start();
     if (!why.empty()) {
         tell_starter(why);

@@ -1,3 +1,4 @@
+// environment-boundary: the real state file of a name server; tests give it a memory of their own
 #include <ise/name_server/server_memory.hpp>
 
 #include <ise/packet/json.hpp>

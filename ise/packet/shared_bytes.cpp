@@ -7,8 +7,8 @@ namespace ise {
 namespace {
 
 constexpr std::size_t largest_chunk = 16 * 1024;
-// So many chunks are looked after: what is sent in one go lies in fewer.
-constexpr std::size_t kept_chunks = 16;
+// So many chunks are looked after: what is sent in one go, or kept for a lossless subscriber, lies in fewer.
+constexpr std::size_t kept_chunks = 64;
 // One that could be spared that often in a row is given back.
 constexpr unsigned spared_before_freed = 1000;
 

@@ -154,7 +154,9 @@ void lossless_over_a_cut(pair& at) {
     at.cut();
     for (int i = 201; i <= 400; ++i) out(numbered(i)); // more than may be kept
     at.run_until([&] { return got->stream->ended(); });
-    CHECK(got->stream->cause().code() == errc::overloaded);
+    // Overrun before the provider noticed the cut, the subscription is no more when its subscriber comes back for it.
+    auto cause = got->stream->cause().code();
+    CHECK((cause == errc::overloaded || cause == errc::peer_lost));
     CHECK(got->packets.size() == 200);
     CHECK(got->counts().lost_at_provider == 200);
 }

@@ -24,6 +24,8 @@ def commands_of(root, build):
     found = []
     for entry in json.loads((build / "compile_commands.json").read_text()):
         source = Path(entry["file"])
+        if source.is_relative_to(build):  # made by CMake, such as the batches: options are those of the folder of its target
+            source = root / str(source.relative_to(build)).split("/CMakeFiles/")[0] / source.name
         if not source.is_relative_to(root):
             continue
         words = shlex.split(entry["command"])

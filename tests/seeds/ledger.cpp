@@ -14,6 +14,9 @@ using ise::execution;
 constexpr ise::duration grain = 1ms;
 // Of a call on an undisturbed link, beyond what its handler takes.
 constexpr ise::duration on_the_way = 2s;
+// A provider knows its caller's clock to half of the shortest round trip; by twice that it may give up early. A storm makes
+// round trips as long as it likes.
+constexpr ise::duration uncertainty = 250ms, uncertainty_in_storms = on_the_way;
 
 // What the library says when its own peer breaks the wire format.
 constexpr std::array protocol_words{"came after packet", "answered twice", "out of turn", "a request came", "was introduced with",
@@ -71,7 +74,7 @@ bool ledger::calm(const std::string& one, const record& of) const {
 bool ledger::handler_cancelled(const record& of) const {
     if (of.terms.parent == 0) return false;
     const auto& parent = records_.at(of.terms.parent);
-    return parent.over || parent.given_up || world_.now() >= parent.terms.deadline || !undisturbed(parent) || handler_cancelled(parent);
+    return parent.over || parent.given_up || world_.now() >= parent.terms.deadline - uncertainty || !undisturbed(parent) || handler_cancelled(parent);
 }
 
 void ledger::outcome(std::uint64_t id, const ise::result<done>& got) {
@@ -116,7 +119,7 @@ void ledger::check_failure(std::uint64_t id, record& of, const ise::failure& why
     bool names_away = no_names && of.denied;
     switch (why.code()) {
         case errc::timed_out: {
-            if (world_.now() < of.terms.deadline) return journal_.broken("{}, {:.6f} s before its deadline", told(), std::chrono::duration<double>(of.terms.deadline - world_.now()).count());
+            if (world_.now() < of.terms.deadline - (calm ? uncertainty : uncertainty_in_storms)) return journal_.broken("{}, {:.6f} s before its deadline", told(), std::chrono::duration<double>(of.terms.deadline - world_.now()).count());
             auto ready = no_names ? (of.runs > 0 ? of.ran : of.terms.deadline) : of.began; // it may have waited for its name for long
             bool enough = of.terms.deadline - ready > of.terms.work + on_the_way && of.terms.service != "alone";
             if (calm && enough && !of.terms.over_session) journal_.broken("{}, and nothing was disturbed", told());

@@ -83,7 +83,6 @@ atirma::web_server& gprs_sea::start_page_of_both() {
     atirma::web_server* made = nullptr;
     world.host("page").start_process("page", [&made](ise::sim::process& here) -> std::shared_ptr<void> {
         atirma::web_server_options options;
-        options.headless = true;
         options.telemetry = {"tcp://shore:7411", "tcp://shore:7415"};
         auto node = std::make_shared<ise::node>(here, quiet());
         made = &node->start<atirma::web_server>("atirma/page", listening(7414), std::move(options));

@@ -34,23 +34,6 @@ TEST_CASE("atirma: the page says that its proxy is gone, and goes on when that i
     REQUIRE(it.until([&] { return page.statistics().received > packets; }));
 }
 
-TEST_CASE("atirma: a page without an io_context of its own refuses to serve, and says what to do") {
-    ise::sim::world world;
-    std::string logged;
-    world.host("page").start_process("page", [&logged](ise::sim::process& here) -> std::shared_ptr<void> {
-        ise::node_options options;
-        options.use_names = false;
-        options.log = [&logged](const ise::log_record& record) { logged += ise::format_line(record); };
-        auto node = std::make_shared<ise::node>(here, std::move(options));
-        ise::component_options quiet;
-        quiet.listens = false;
-        node->start<atirma::web_server>("atirma/page", quiet, atirma::web_server_options());
-        return node;
-    });
-    REQUIRE(world.run_until([&] { return logged.find("io_context") != std::string::npos; }, 10s));
-    CHECK(logged.find("headless") != std::string::npos);
-}
-
 TEST_CASE("atirma: ten times the speed sails ten times as far, and telemetry is dated by the clock") {
     sea slow(5, 1), fast(5, 10);
     auto& seen = fast.watch();

@@ -236,7 +236,7 @@ TEST_CASE("communication: a telecommand's validity ends in time where the clock 
     for (auto link : {link_id::xbee, link_id::gprs, link_id::iridium}) it.link_up(link, false);
     auto request = adds_waypoint(5);
     request.valid_s = 15;
-    it.command("ana", request, 2s);
+    (void)it.command("ana", request, 2s); // no link: its answer comes later, if ever
     it.crash(one);
     it.crash(two);
     it.start_node(one);

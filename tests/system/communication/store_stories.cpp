@@ -140,7 +140,7 @@ TEST_CASE("communication: whoever follows the role hears everything once though 
     CHECK(seen.twice == 0);
 }
 
-TEST_CASE("communication: a packet that the disk changed is neither served nor replicated; its store is filled anew") {
+TEST_CASE("communication: a packet that the disk changed is neither served nor replicated, and its store is filled anew") {
     disks it;
     it.feed(60, 2);
     it.crash(two);

@@ -302,7 +302,6 @@ TEST_CASE("communication: a page that is restarted shows the track that it misse
     web_server* page = nullptr;
     auto start = [&](ise::node& node) {
         web_server_options options;
-        options.headless = true;
         options.telemetry = {std::string(communication_role)};
         page = &node.start<web_server>("shore/page", names_test::everywhere(), std::move(options));
     };
@@ -327,7 +326,6 @@ TEST_CASE("communication: a page with an archive shows its track at once after a
     web_server* page = nullptr;
     auto start = [&](ise::node& node) {
         web_server_options options;
-        options.headless = true;
         options.telemetry = {std::string(communication_role)};
         options.archive.file = "memory:page-archive";
         page = &node.start<web_server>("shore/page", names_test::everywhere(), std::move(options));
@@ -370,7 +368,6 @@ TEST_CASE("communication: a page that follows the role shows each link, and whic
     web_server* page = nullptr;
     it.names.start("pages", "pages", [&](ise::node& node) {
         web_server_options options;
-        options.headless = true;
         options.telemetry = {std::string(communication_role)};
         page = &node.start<web_server>("shore/page", names_test::everywhere(), std::move(options));
     });

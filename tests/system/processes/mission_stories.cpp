@@ -36,7 +36,7 @@ struct folder {
     }
 };
 
-ise_test::ran demo(std::vector<std::string> options) {
+ise_test::ran run_demo(std::vector<std::string> options) {
     std::vector<std::string> command{ISE_SOURCE_DIR "/apps/demo"};
     command.insert(command.end(), options.begin(), options.end());
     ise_test::start_options how;
@@ -77,7 +77,7 @@ std::vector<process> started_with(const std::string& variable) {
 
 TEST_CASE("demo: a minute's mission on the real clock, with links and processes failing, loses nothing") {
     folder out;
-    auto told = demo({"--mission", "stress", "--for", "60s", "--seed", "3", "--speedup", "4", "--port", "0", "--out",
+    auto told = run_demo({"--mission", "stress", "--for", "60s", "--seed", "3", "--speedup", "4", "--port", "0", "--out",
                       out.at.string()});
     INFO(told.out);
     INFO(told.err);
@@ -94,14 +94,14 @@ TEST_CASE("demo: a minute's mission on the real clock, with links and processes 
 TEST_CASE("demo: what keeps it from starting is told at once, with the word of the process that knows why") {
     folder in;
     std::ofstream(in.at / "bad.csv") << "t_s,tws_mps,twd_deg\n0,6,40\n10,x,50\n";
-    auto wind = demo({"--wind", (in.at / "bad.csv").string(), "--port", "0"});
+    auto wind = run_demo({"--wind", (in.at / "bad.csv").string(), "--port", "0"});
     CHECK(wind.exit_code == 1);
     CHECK_THAT(wind.err, Contains("boat did not start") && Contains("bad.csv:3") && !Contains("--- node-1"));
     CHECK_THAT(wind.out, !Contains("The boat sails"));
 
     asio::io_context context;
     asio::ip::tcp::acceptor taken(context, {asio::ip::address_v4::loopback(), 0});
-    auto port = demo({"--port", fmt::to_string(taken.local_endpoint().port())});
+    auto port = run_demo({"--port", fmt::to_string(taken.local_endpoint().port())});
     CHECK(port.exit_code == 1);
     CHECK_THAT(port.err, Contains("is in use already") && Contains("--port 0"));
 }
@@ -132,8 +132,8 @@ TEST_CASE("demo: a script that is killed takes its processes along, and the next
 }
 
 TEST_CASE("demo: a mission's arguments are refused with a word that says which") {
-    CHECK(demo({"--mission", "picnic"}).exit_code == 2);
-    CHECK_THAT(demo({"--mission", "stress", "--for", "20s"}).err, Contains("a minute at least"));
-    CHECK_THAT(demo({"--seed", "3"}).err, Contains("belong to --mission"));
-    CHECK_THAT(demo({"--help"}).out, Contains("--mission stress"));
+    CHECK(run_demo({"--mission", "picnic"}).exit_code == 2);
+    CHECK_THAT(run_demo({"--mission", "stress", "--for", "20s"}).err, Contains("a minute at least"));
+    CHECK_THAT(run_demo({"--seed", "3"}).err, Contains("belong to --mission"));
+    CHECK_THAT(run_demo({"--help"}).out, Contains("--mission stress"));
 }

@@ -102,7 +102,6 @@ struct followed {
         web_server* page = nullptr;
         world.host("page").start_process("page", [&](ise::sim::process& here) -> std::shared_ptr<void> {
             web_server_options options;
-            options.headless = true;
             options.telemetry = {"tcp://shore:7411"};
             auto node = std::make_shared<ise::node>(here, nameless());
             page = &node->start<web_server>("atirma/page", without_endpoint(), options);
