@@ -7,3 +7,7 @@ def line(content: str) -> bytes:
     for each in content.encode():
         total ^= each
     return f"${content}*{total:02X}\r\n".encode()
+
+
+def login(boot: int, first_unacked: int = 1, last: int = 0, token: int = 1) -> bytes:
+    return line(f"PATL,atirma,{boot},{first_unacked},{last},{token:016X}")

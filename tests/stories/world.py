@@ -260,7 +260,7 @@ class World:
 
     def call(self, whom: str, service: str, request: dict, **how) -> dict | None:
         """The response, or None where the call failed."""
-        ran = self.ise("--wait", "--json", "call", whom, service, json.dumps(request), **how)
+        ran = self.ise("--wait", "--json", "--as", "story/operator", "call", whom, service, json.dumps(request), **how)
         return json.loads(ran.stdout) if ran.returncode == 0 else None
 
     def next_of(self, whom: str, service: str, **how) -> dict | None:

@@ -3,7 +3,7 @@ import json
 import socket
 import time
 
-from gprs import line
+from gprs import line, login
 from world import Failed, Rules, World
 
 
@@ -28,8 +28,8 @@ def tell(world: World):
         thief = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     thief.settimeout(0.2)
 
-    def send(*lines: str):
-        thief.sendto(b"".join(map(line, lines)), door)
+    def send(datagram: bytes):
+        thief.sendto(datagram, door)
 
     def heard() -> bytes:
         came = b""
@@ -40,7 +40,7 @@ def tell(world: World):
             return came
 
     # A login as the boat, while the boat is there; then a telecommand.
-    send(f"PATL,atirma,{boot},1,0")
+    send(login(boot))
     request = {"id": 77, "command": {"kind": "set_mode", "mode": "hold"}, "valid_s": 20}
     asked = world.run("operator", ["ise", "--wait", "--timeout", "15s", "--json", "call", "atirma/shore/gprs", "telecommand", json.dumps(request)],
                       "shore", ISE_NAME_SERVER=world.names)
@@ -49,16 +49,16 @@ def tell(world: World):
     while asked.child.poll() is None and time.monotonic() < end:
         stolen += (came := heard())
         if b"PATC,77," in came:
-            send("PATR,77,0")
+            send(line("PATR,77,0"))
     world.expect(b"PATC" not in stolen, "a datagram with the boat's name took its telecommand")
     done = world.until(lambda: '"result":"done"' in asked.said(), 10)
     world.expect(done, f"the telecommand was not done: {asked.said().strip()} {asked.err.read_text().strip()}")
-    world.expect(not done or boat().get("mode") == "hold", "the operator was told that it was done, and the boat did not do it")
+    world.expect(not done or world.until(lambda: boat().get("mode") == "hold", 5), "the operator was told that it was done, and the boat did not do it")
 
     # An outage: the thief claims that the boat gave up the packets which it still holds.
     world.cut("boat", "shore")
     world.sleep(4)
-    send(f"PATL,atirma,{boot},100000,100000")
+    send(login(boot, 100000, 100000))
     world.sleep(1)
     world.heal("boat", "shore")
     before = shore().get("packets_received", 0)

@@ -4,7 +4,7 @@ import socket
 import threading
 from contextlib import contextmanager
 
-from gprs import line
+from gprs import login
 from world import Rules, World
 
 POST = b"POST /rockblock/mo HTTP/1.1\r\nHost: shore\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
@@ -78,7 +78,7 @@ def tell(world: World):
 
     def logged_in() -> bool:
         # The first packet behind the connection's beginning was lost, and came again after a second.
-        return world.ask(boat, line("PATL,atirma,7,1,0"), b"$PATA,7,", "visitor", wait=3, pause=1)
+        return world.ask(boat, login(7), b"$PATA,7,", "visitor", wait=3, pause=1)
 
     for what, answers in (("page", visited), ("page's stream", streamed), ("web hook", posted), ("boat's login", logged_in)):
         world.expect(answers(), f"the {what} does not answer although nobody else is there")

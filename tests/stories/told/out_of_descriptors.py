@@ -1,5 +1,5 @@
 """Every program that listens is out of descriptors for a while, with callers waiting; afterwards each of its doors answers."""
-from gprs import line
+from gprs import login
 from world import World
 
 POST = b"POST /rockblock/mo HTTP/1.1\r\nHost: shore\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
@@ -24,7 +24,7 @@ def tell(world: World):
 
     answers = {
         "names": lambda: ise_answers("names"), "host": lambda: ise_answers("host"), "node": lambda: ise_answers("node"),
-        "page": lambda: world.page_answers(at["page"]), "gprs": lambda: world.ask(at["gprs"], line("PATL,atirma,7,1,0"), b"$PATA,7,"),
+        "page": lambda: world.page_answers(at["page"]), "gprs": lambda: world.ask(at["gprs"], login(7), b"$PATA,7,"),
         "hook": lambda: world.ask(at["hook"], POST, b"HTTP/1.1 "), "nmea": lambda: world.ask(at["nmea"], b"", b"$"),
     }
     for name, answer in answers.items():
