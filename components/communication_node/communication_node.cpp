@@ -1,4 +1,5 @@
 #include <components/communication_node/node_core.hpp>
+
 #include <components/boat/recall.hpp>
 #include <components/communication_node/services.hpp>
 

@@ -361,7 +361,11 @@ void link::on_session_end(session& ended, const failure& cause) {
         stop();
     } else if (wanted()) {
         for (const auto* one : subscribers_) host_.uses().waits(*this, one->service(), &one->types());
-        for (const auto* call : waiting_) host_.uses().waits(*this, call->service, call->types);
+        const std::string* last = nullptr; // many calls are mostly of few services
+        for (const auto* call : waiting_) {
+            if (!last || *last != call->service) host_.uses().waits(*this, call->service, call->types);
+            last = &call->service;
+        }
         if (!subscribers_.empty()) host_.log().info("was lost; its subscriptions go on when it is back", {{"provider", name_}, {"cause", cause.message()}});
         wake();
     }

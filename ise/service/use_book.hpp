@@ -3,6 +3,7 @@
 #include <ise/core/time.hpp>
 #include <ise/service/contract.hpp>
 
+#include <cstdint>
 #include <functional>
 #include <map>
 #include <string>
