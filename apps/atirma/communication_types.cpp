@@ -1,5 +1,6 @@
 #include "communication_types.hpp"
 
+#include <components/boat/recall.hpp>
 #include <components/communication_node/communication_node.hpp>
 #include <components/communication_node/services.hpp>
 
@@ -49,6 +50,8 @@ ise::component_type communication_node_type() {
         .provides(services::communication);
     type.provides(services::telecommand).provides(services::telecommand_state).provides(services::telecommand_record);
     type.provides(services::authority).provides(services::authority_changes).provides(services::replication);
+    type.requires_(services::telemetry).requires_(services::telecommand).requires_(services::telecommand_state);
+    type.requires_(services::telecommand_recall).requires_(services::replication);
     type.make = [chosen] {
         auto made = chosen->options;
         for (const auto& text : chosen->proxies) made.proxies.push_back(proxy_named(text));

@@ -33,6 +33,7 @@ component_type gprs_proxy_type(const std::function<void(const std::string&)>& an
         .provides(services::telecommand)
         .provides(services::telecommand_state).provides(services::telecommand_recall)
         .provides(services::gprs);
+    type.requires_(services::telemetry_store);
     type.make = [options] { return std::make_unique<gprs_proxy>(*options); };
     return type;
 }

@@ -66,6 +66,7 @@ component_type proxy_type() {
         .provides(services::telecommand)
         .provides(services::telecommand_state).provides(services::telecommand_recall)
         .provides(services::iridium_account);
+    type.requires_(services::telemetry_store);
     type.reads("ATIRMA_ROCKBLOCK_PASSWORD").reads("ATIRMA_MAIL_PASSWORD");
     type.make = [settings] {
         auto made = settings->options;

@@ -24,11 +24,10 @@ void add(connection_line& to, const session_text& session, const session_peer& p
     to.stalled = to.stalled || session.peer_stalled;
 }
 
-void add_services(connection_line& to, const component_text& needs, const component_text& provides, bool a_provides) {
-    for (const auto& wanted : needs.services) {
-        if (wanted.provided || is_own_service(wanted.name)) continue;
-        for (const auto& there : provides.services)
-            if (there.provided && there.name == wanted.name && there.kind == wanted.kind) to.services.push_back({wanted.name, a_provides});
+void add_services(connection_line& to, const session_text& session, bool a_provides) {
+    for (const auto& name : session.uses) {
+        auto same = [&](const service_use& one) { return one.service == name && one.a_provides == a_provides; };
+        if (!is_own_service(name) && std::ranges::none_of(to.services, same)) to.services.push_back({name, a_provides});
     }
 }
 
@@ -66,10 +65,8 @@ std::vector<connection_line> connections_of(const std::vector<surveyed>& all) {
     // Both ends tell of a session: what the first of them tells counts, and the other says whether there are more.
     std::map<std::pair<std::string, std::string>, std::pair<connection_line, connection_line>> pairs;
     std::vector<connection_line> lines;
-    std::map<std::string, const component_text*> known;
     for (const auto& one : all) {
         if (!one.about) continue;
-        known[one.name.path] = &*one.about;
         std::map<std::string, connection_line> strangers;
         for (const auto& session : one.about->sessions) {
             auto peer = peer_of(session.peer);
@@ -78,6 +75,7 @@ std::vector<connection_line> connections_of(const std::vector<surveyed>& all) {
                 auto& line = strangers[peer.address];
                 line.a = one.name.path;
                 add(line, session, peer);
+                add_services(line, session, false);
                 continue;
             }
             bool first = one.name.path <= peer.path;
@@ -86,6 +84,7 @@ std::vector<connection_line> connections_of(const std::vector<surveyed>& all) {
             line.a = one.name.path;
             line.b = peer.path;
             add(line, session, peer);
+            add_services(both.first, session, !first); // each end tells what it uses itself
         }
         for (auto& [address, line] : strangers) lines.push_back(std::move(line));
     }
@@ -99,11 +98,8 @@ std::vector<connection_line> connections_of(const std::vector<surveyed>& all) {
             std::swap(line.a, line.b);
             std::swap(line.bytes_to_a, line.bytes_to_b);
         }
-        auto a = known.find(line.a), b = known.find(line.b);
-        if (a != known.end() && b != known.end()) {
-            add_services(line, *a->second, *b->second, false);
-            add_services(line, *b->second, *a->second, true);
-        }
+        line.services = std::move(both.first.services);
+        std::ranges::sort(line.services, {}, [](const service_use& one) { return std::tie(one.a_provides, one.service); });
         lines.push_back(std::move(line));
     }
     std::ranges::sort(lines, {}, [](const connection_line& one) { return std::tie(one.a, one.b, one.address); });

@@ -6,7 +6,7 @@
 
 namespace ise::cli {
 
-/// A service that one end of a connection needs and the other provides.
+/// A service of one end of a connection that the other uses over it.
 struct service_use {
     std::string service;
     bool a_provides = false; ///< else b
@@ -22,7 +22,7 @@ struct connection_line {
     std::uint64_t bytes_to_a = 0, bytes_to_b = 0; ///< since the sessions began
     duration round_trip{};                        ///< the longest; zero: not measured yet
     bool stalled = false;                         ///< one sees the other stalled
-    std::vector<service_use> services;            ///< as they are declared
+    std::vector<service_use> services;            ///< that went over these sessions
 };
 
 /// Who is connected to whom, seen from both ends. Sessions of commands that only look are left out.
@@ -30,7 +30,7 @@ std::vector<connection_line> connections_of(const std::vector<surveyed>& all);
 
 /// Each component with the sessions that it has, for people.
 std::string connections_as_tree(const std::vector<surveyed>& all, const std::vector<connection_line>& lines);
-/// For Graphviz: an arrow goes from who needs a service to who provides it.
+/// For Graphviz: an arrow goes from who uses a service to who provides it.
 std::string connections_as_dot(const std::vector<surveyed>& all, const std::vector<connection_line>& lines);
 
 } // namespace ise::cli

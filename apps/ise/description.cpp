@@ -2,6 +2,7 @@
 
 #include "table.hpp"
 #include "text.hpp"
+#include "waits.hpp"
 
 #include <ise/component/learn.hpp>
 
@@ -32,6 +33,7 @@ ordered_json service_json(const service_text& one) {
         packets.push_back(std::move(packet));
     }
     told["packets"] = std::move(packets);
+    told["declared"] = one.declared;
     return told;
 }
 
@@ -112,6 +114,7 @@ std::string as_json(const component_text& about, const std::string& name, const 
         session["bytes_out"] = one.bytes_out;
         session["round_trip_s"] = static_cast<double>(one.round_trip_ns) * 1e-9;
         session["peer_stalled"] = one.peer_stalled;
+        session["uses"] = one.uses;
         sessions.push_back(std::move(session));
     }
     told["sessions"] = std::move(sessions);
@@ -127,6 +130,18 @@ std::string as_json(const component_text& about, const std::string& name, const 
         ended.push_back(std::move(line));
     }
     told["ended_subscriptions"] = std::move(ended);
+    auto waits = ordered_json::array();
+    for (const auto& one : about.waits) {
+        ordered_json line;
+        line["target"] = one.target;
+        line["service"] = one.service.empty() ? ordered_json() : ordered_json(one.service);
+        line["stage"] = one.stage;
+        line["since"] = show_wall(one.since);
+        line["waited_s"] = std::chrono::duration<double>(one.waited).count();
+        line["cause"] = one.cause;
+        waits.push_back(std::move(line));
+    }
+    told["waits"] = std::move(waits);
     return told.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
 }
 
@@ -143,9 +158,12 @@ std::string as_page(const component_text& about, const std::string& name, std::s
     std::string required;
     for (const auto& one : about.services) {
         if (one.provided) page += service_page(one, name);
-        else required += fmt::format("  {}  ({})\n", printable(one.name), ise::name_of(kind_of(one)));
+        else required += fmt::format("  {}  ({}{})\n", printable(one.name), ise::name_of(kind_of(one)), one.declared ? "" : ", used");
     }
     if (!required.empty()) page += "\nrequired of others\n" + required;
+
+    for (std::size_t at = 0; at < about.waits.size(); ++at)
+        page += fmt::format("{}  {}\n", at == 0 ? "\nwaits\n" : "", printable(wait_line(about.waits[at])));
 
     for (std::size_t at = 0; at < about.ended_subscriptions.size(); ++at) {
         const auto& one = about.ended_subscriptions[at];

@@ -2,6 +2,7 @@
 
 #include "service_activity.hpp"
 #include "text.hpp"
+#include "waits.hpp"
 
 #include <fmt/format.h>
 
@@ -16,6 +17,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr duration tolerated_skew = 100ms;
+constexpr duration tolerated_wait = 5s;
 constexpr std::uint64_t many_unsent_bytes = 1 << 20;
 
 std::string holder_of(const naming::listed_name& name) { return fmt::format("process {} on {}", name.process_id, name.host_name); }
@@ -43,6 +45,7 @@ public:
         state(*one.about);
         sessions(*one.about);
         subscriptions(*one.about);
+        waits(*one.about);
         if (!one.health) return;
         clock(one);
         traffic(*one.health, one.about->packets_dropped);
@@ -97,6 +100,17 @@ private:
         for (const auto& one : about.ended_subscriptions)
             add(severity::warning, "subscription_ended", fmt::format("its subscription to '{}' of {} has ended, and was not made again: {}", one.service, one.provider, one.cause),
                 "subscribe with a greater depth, take packets sooner, or accept losses (last, latest); what subscribes again after its end goes on");
+    }
+
+    // Others may wait for a moment while it begins.
+    void waits(const component_text& about) {
+        for (const auto& one : about.waits) {
+            if (one.waited < tolerated_wait) continue;
+            auto advice = one.stage == "name"     ? fmt::format("start the component that holds or serves '{}' (ise start --types); if that name is wrong, correct it: ise list shows the others", one.target)
+                          : one.stage == "provider" ? fmt::format("is it alive, and reached from {}? ise ping {} tries it from here", about.host_name, one.target)
+                                                    : std::string("its log tells what it did without the answer; ise list shows who is there");
+            add(severity::warning, "waits", wait_line(one), std::move(advice));
+        }
     }
 
     void sessions(const component_text& about) {

@@ -59,7 +59,7 @@ void examine_one(const surveyed& needs, const service_text& wanted, const std::v
                          fmt::format("'{}' as it needs it does not fit '{}' of {}:\n{}", wanted.name, wanted.name, one.who->name.path, one.why),
                          fmt::format("build both from the same header; what may change is in LAYOUT.md (fields are only appended). Compare: ise type diff {} {} {}", path, wanted.name, one.who->name.path)});
     }
-    if (there.empty() && !unknown)
+    if (wanted.declared && there.empty() && !unknown) // of others it is told what waits
         found.push_back({severity::warning, "no_provider", path, fmt::format("nobody provides '{}', which it needs", wanted.name),
                          "start the component that provides it (ise start --types), or does another name server know it?"});
 }

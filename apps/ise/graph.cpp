@@ -2,6 +2,7 @@
 
 #include "connections.hpp"
 #include "survey.hpp"
+#include "text.hpp"
 
 #include <nlohmann/json.hpp>
 

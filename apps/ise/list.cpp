@@ -42,6 +42,7 @@ std::string as_json(const std::vector<naming::listed_name>& names, const role_li
         told["lease_age_s"] = std::chrono::duration<double>(one.lease_age).count();
         told["endpoints"] = one.endpoints;
         told["services_provided"] = one.services_provided;
+        told["waits_for"] = one.waits_for.empty() ? ordered_json() : ordered_json(one.waits_for);
         auto served = ordered_json::array();
         for (const auto& [role, priority] : one.roles) {
             ordered_json membership;
@@ -59,7 +60,7 @@ std::string as_json(const std::vector<naming::listed_name>& names, const role_li
 std::string as_table(const std::vector<naming::listed_name>& names, std::size_t width) {
     table rows({"PATH", "STATE", "HOST", "PROCESS", "LEASE AGE", "SERVICES", "ENDPOINTS"});
     for (const auto& one : names)
-        rows.add({one.path, one.state, one.host_name, std::to_string(one.process_id), show_duration(one.lease_age), std::to_string(one.services_provided),
+        rows.add({one.path, one.waits_for.empty() ? one.state : fmt::format("{}, waits for {}", one.state, one.waits_for), one.host_name, std::to_string(one.process_id), show_duration(one.lease_age), std::to_string(one.services_provided),
                   fmt::format("{}", fmt::join(one.endpoints, " "))});
     return rows.text(width);
 }

@@ -2,7 +2,6 @@
 
 #include "text.hpp"
 
-#include <fmt/chrono.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -99,11 +98,6 @@ task<std::vector<surveyed>> survey(context& in, survey_options options) {
     for (std::size_t count = of->asking; count > 0; --count) in.self.spawn("survey", ask_some(in, of, options.leases));
     while (of->asking > 0) co_await done.wait();
     co_return std::move(of->all);
-}
-
-std::string show_wall(wall_time at) {
-    auto seconds = std::chrono::floor<std::chrono::seconds>(at);
-    return fmt::format("{:%Y-%m-%dT%H:%M:%S}Z", fmt::gmtime(static_cast<std::time_t>(seconds.time_since_epoch().count())));
 }
 
 std::string show_age(const context& in, const std::vector<surveyed>& all) {

@@ -22,8 +22,6 @@ struct pulse {
 };
 task<result<pulse>> ask_health(context& in, remote who, duration limit);
 
-/// "2026-05-01T12:00:03Z"
-std::string show_wall(wall_time at);
 /// "as of …; 3 components answered within 2 ms, 1 did not": the age of such an answer.
 std::string show_age(const context& in, const std::vector<surveyed>& all);
 

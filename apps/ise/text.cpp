@@ -1,5 +1,6 @@
 #include "text.hpp"
 
+#include <fmt/chrono.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -33,6 +34,11 @@ std::string show_duration(duration length) {
     auto minutes = std::llround(seconds / 60);
     if (minutes < 100) return fmt::format("{} min", minutes);
     return fmt::format("{} h {:02} min", minutes / 60, minutes % 60);
+}
+
+std::string show_wall(wall_time at) {
+    auto seconds = std::chrono::floor<std::chrono::seconds>(at);
+    return fmt::format("{:%Y-%m-%dT%H:%M:%S}Z", fmt::gmtime(static_cast<std::time_t>(seconds.time_since_epoch().count())));
 }
 
 std::string show_bytes(std::uint64_t count) {

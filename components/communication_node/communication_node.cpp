@@ -1,5 +1,8 @@
 #include <components/communication_node/node_core.hpp>
 
+#include <components/boat/recall.hpp>
+#include <components/communication_node/services.hpp>
+
 #include <fmt/format.h>
 
 namespace atirma {
@@ -43,6 +46,7 @@ ise::task<> communication_node::run() {
                                      {"packets", std::to_string(c.store.head())},
                                      {"telecommands open", std::to_string(c.desk.open_count())}});
     provide_all();
+    require_all();
     co_await ready();
     for (std::size_t i = 0; i < options_.proxies.size(); ++i) {
         const auto& one = options_.proxies[i];
@@ -89,6 +93,16 @@ void communication_node::provide_all() {
     });
     provide(services::telecommand_record, [this](record_request request) { return record(request); });
     provide(services::replication, [this](replication_request request) { return tell_peer(std::move(request)); });
+}
+
+void communication_node::require_all() {
+    if (!options_.proxies.empty()) {
+        require(services::telemetry);
+        require(services::telecommand);
+        require(services::telecommand_state);
+        require(services::telecommand_recall);
+    }
+    if (!options_.peer.empty()) require(services::replication);
 }
 
 void communication_node::tick() {

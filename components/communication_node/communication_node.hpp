@@ -57,6 +57,7 @@ private:
 
     ise::task<> run() override;
     void provide_all();
+    void require_all();
     void tick();
     void consider_serving();
     utc_time clock() const;

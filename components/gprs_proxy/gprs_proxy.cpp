@@ -72,8 +72,10 @@ ise::task<> gprs_proxy::run() {
         throw ise::error(ise::errc::invalid_argument,
                          fmt::format("'{}' is no name for a boat: up to {} letters, digits, '-', '_', '.'",
                                      options_.shore.boat_id, gprs::max_id));
-    if (!options_.store_at.empty())
+    if (!options_.store_at.empty()) {
+        require(services::telemetry_store);
         options_.store = std::make_shared<remote_telemetry_store>(find_component(*this, options_.store_at));
+    }
     link_ = std::make_unique<link>(*this, options_);
     open_doors();
     provide_all();

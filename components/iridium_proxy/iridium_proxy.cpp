@@ -91,8 +91,10 @@ ise::task<> iridium_proxy::run() {
     s.clock_ahead = s.store.clock_ahead().value();
     s.queue.restore(queue_clock(), s.store.load().value());
     s.path = make_path();
-    if (!options_.store_at.empty())
+    if (!options_.store_at.empty()) {
+        require(services::telemetry_store);
         options_.store = std::make_shared<remote_telemetry_store>(find_component(*this, options_.store_at));
+    }
     if (!options_.jwt_key_file.empty()) {
         auto pem = env().read_file(options_.jwt_key_file, max_key_bytes).value();
         auto key = iridium::jwt_key::parse(pem);

@@ -55,14 +55,11 @@ task<remote> component::find(std::string path, duration wait) { return find(std:
 
 task<remote> component::find(std::string path, role_options how, duration wait) {
     auto& services = started(runner_).services();
-    auto found = services.link_to(path, how);
-    auto* names = services.resolver();
-    if (!names)
-        throw error(errc::invalid_argument, fmt::format("'{}' cannot be found: this component has no name server; use at(endpoint)", path));
+    auto way = services.link_to(path, how);
     auto until = saturating_add(on().now(), wait);
-    auto place = co_await names->resolve_when_present(path, until);
-    place.value();
-    co_return remote(std::move(found));
+    auto found = co_await link::find(way, until);
+    found.value();
+    co_return remote(std::move(way));
 }
 
 remote component::at(const std::string& path, role_options how) { return remote(started(runner_).services().link_to(path, how)); }
@@ -136,10 +133,8 @@ void component::check_period(duration period) {
     if (period <= duration{}) throw error(errc::invalid_argument, "a period must be longer than nothing");
 }
 
-bool component::keeps_trying(const remote& provider, std::string_view service, const failure& why, bool first) const {
-    bool absent = why.code() == errc::timed_out || why.code() == errc::peer_lost || why.code() == errc::unreachable;
-    if (absent && first) log().warning("waits for a subscription", {{"service", std::string(service)}, {"provider", provider.name()}, {"cause", why.message()}});
-    return absent;
+bool component::keeps_trying(const failure& why) noexcept {
+    return why.code() == errc::timed_out || why.code() == errc::peer_lost || why.code() == errc::unreachable;
 }
 
 void component::check_may_block() const {

@@ -107,7 +107,8 @@ public:
     /// Whether its name is granted and its lease holds, as far as this side knows. While the name server cannot be
     /// reached, or has no room, the name is unconfirmed: sessions go on, but another may be granted it.
     bool name_confirmed() const;
-    /// Says which service of another component this one needs; visible to whoever describes it.
+    /// Declares a service of another component that this one needs: without a provider it cannot do its work, and `ise doctor`
+    /// reports that. Services that are called or subscribed to are shown without being declared.
     template <class Contract>
     void require(const Contract& service) {
         declare_required(std::string(service.name()), Contract::types());
@@ -115,12 +116,13 @@ public:
 
     // --- whom it talks to ---------------------------------------------------------------------------------------
 
-    /// The component at `path`, as soon as it is there; errc::no_such_name or errc::name_server_lost after `wait`.
+    /// The component at `path`, as soon as it is there; errc::no_such_name or errc::name_server_lost after `wait` (default: no
+    /// limit). A wait of more than 3 s is logged, and shown by `ise list`, `describe` and `doctor`.
     /// A role is found like a name: the handle talks to the best member that lives, goes on with the next one when that
     /// is lost, and comes back as `how` says. Subscriptions go on with the next member after a gap of unknown length;
     /// a call goes to it unless a byte of it was written already (peer_lost, unknown).
-    task<remote> find(std::string path, duration wait = std::chrono::seconds(10));
-    task<remote> find(std::string path, role_options how, duration wait = std::chrono::seconds(10)); ///< the same
+    task<remote> find(std::string path, duration wait = duration::max());
+    task<remote> find(std::string path, role_options how, duration wait = duration::max()); ///< the same
     /// The component at `path`, whether it is there now or not: calls wait for it within their deadline.
     remote at(const std::string& path, role_options how = role_options());
     /// The component at `path` where it listens; with an empty path whoever listens there.
@@ -204,8 +206,8 @@ private:
     void post_spawn(std::string name, task<> body);
     /// Makes what a coroutine of a stopped component throws a clear error.
     [[noreturn]] void throw_outcome(const std::exception_ptr& thrown) const;
-    /// Whether a subscription that was not made is worth another try; says so once.
-    bool keeps_trying(const remote& provider, std::string_view service, const failure& why, bool first) const;
+    /// Whether a subscription that was not made is worth another try.
+    static bool keeps_trying(const failure& why) noexcept;
     task<> run_elsewhere(unique_function<void()> job);
 
     template <class Contract>
@@ -220,7 +222,7 @@ private:
     template <class Contract>
     task<> each(remote provider, Contract service, std::function<void(const typename Contract::packet_type&)> on_packet, subscribe_options options) {
         stream_of<Contract> packets;
-        for (bool first = true;; first = false) {
+        for (;;) {
             std::optional<failure> why;
             try {
                 packets = co_await provider.subscribe(service, options);
@@ -228,7 +230,7 @@ private:
                 why = refused.why();
             }
             if (!why) break;
-            if (!keeps_trying(provider, service.name(), *why, first)) throw error(std::move(*why));
+            if (!keeps_trying(*why)) throw error(std::move(*why));
         }
         for (;;) {
             auto packet = co_await packets.next();

@@ -15,6 +15,7 @@
 #include <cxxabi.h>
 
 #include <cstdlib>
+#include <set>
 #include <typeinfo>
 
 namespace ise {
@@ -76,6 +77,7 @@ component_runner::component_runner(std::weak_ptr<node::state> of, environment& e
     signs_->on_shorter([owner = node_] {
         if (auto held = owner.lock()) held->watch_sooner();
     });
+    services_->uses().on_change = [this] { services_changed(); };
     report_.path = path_;
     component_->runner_ = this;
     ++share_->unfinished;
@@ -190,6 +192,7 @@ registration component_runner::describe_for_names() const {
     made.endpoints.insert(made.endpoints.end(), options_.advertise.begin(), options_.advertise.end());
     made.services = services_->services().describe();
     made.roles = options_.roles;
+    made.waits_for = services_->uses().summary();
     return made;
 }
 
@@ -257,14 +260,22 @@ component_text component_runner::describe_self() const {
     made.host_name = env_.identity().host_name;
     made.process_id = env_.identity().process_id;
     for (const auto& at : services_->listening()) made.endpoints.push_back(at.text());
-    for (const auto& one : services_->services().describe()) {
+    auto add = [&](const std::string& name, const packet_types& types, bool provided, bool declared) {
         service_text text;
-        text.name = one.name;
-        text.kind = static_cast<std::uint8_t>(one.kind);
-        text.provided = one.provided;
-        for (const auto& packet : one.types->schemas) text.packets.push_back(packet_text{packet.fingerprint(), packet.text()});
+        text.name = name;
+        text.kind = static_cast<std::uint8_t>(types.kind);
+        text.provided = provided;
+        text.declared = declared;
+        for (const auto& packet : types.schemas) text.packets.push_back(packet_text{packet.fingerprint(), packet.text()});
         made.services.push_back(std::move(text));
+    };
+    std::set<std::string> required;
+    for (const auto& one : services_->services().describe()) {
+        if (!one.provided) required.insert(one.name);
+        add(one.name, *one.types, one.provided, true);
     }
+    for (const auto& one : services_->uses().services())
+        if (!required.contains(one.name)) add(one.name, *one.types, false, false);
     for (const auto& [raw, held] : services_->sessions()) {
         session_text text;
         text.peer = held->peer_name();
@@ -272,6 +283,7 @@ component_text component_runner::describe_self() const {
         text.bytes_out = held->wire().counts().bytes_out;
         text.round_trip_ns = held->wire().round_trip().count();
         text.peer_stalled = held->wire().peer_stalled();
+        text.uses = held->used_services();
         made.sessions.push_back(std::move(text));
     }
     const auto& counts = services_->counts();
@@ -286,6 +298,16 @@ component_text component_runner::describe_self() const {
         text.provider = one.provider;
         text.cause = one.cause;
         made.ended_subscriptions.push_back(std::move(text));
+    }
+    for (auto& one : services_->uses().awaited()) {
+        wait_text text;
+        text.target = std::move(one.target);
+        text.service = std::move(one.service);
+        text.stage = name_of(one.stage);
+        text.waited = share_->host->loop().now() - one.since;
+        text.since = env_.wall() - text.waited;
+        text.cause = std::move(one.cause);
+        made.waits.push_back(std::move(text));
     }
     return made;
 }

@@ -1,4 +1,5 @@
 #pragma once
+#include <ise/core/time.hpp>
 #include <ise/service/contract.hpp>
 
 #include <cstdint>
@@ -22,6 +23,7 @@ struct service_text {
     std::uint8_t kind = 0;            ///< service_kind
     bool provided = true;             ///< else required of others
     std::vector<packet_text> packets; ///< in the order of the kind
+    bool declared = true;             ///< false: required of nobody in words, but called or subscribed to
 };
 
 /// A session of a component, now.
@@ -31,6 +33,7 @@ struct session_text {
     std::uint64_t bytes_out = 0;    ///< since it began
     std::int64_t round_trip_ns = 0; ///< of the last heartbeat
     bool peer_stalled = false;      ///< the peer is busy, and its node answers for it
+    std::vector<std::string> uses;  ///< services of the peer that the component has called over it, or is subscribed to
 };
 
 /// A subscription of the component that ended other than by its wish, and was not made again since.
@@ -38,6 +41,16 @@ struct ended_subscription_text {
     std::string service;  ///< its name
     std::string provider; ///< its path, or its address
     std::string cause;    ///< why it ended
+};
+
+/// Something that the component waits for.
+struct wait_text {
+    std::string target;  ///< the path, role or address that it wants to reach
+    std::string service; ///< of that one; empty: only the name, or a session
+    std::string stage;   ///< "name": nobody is known under it; "provider": no session is made; "unreached": the last call ended so
+    wall_time since{};   ///< by the clock of its host
+    duration waited{};   ///< since then
+    std::string cause;   ///< the last obstacle
 };
 
 /// Asks for all.
@@ -61,6 +74,7 @@ struct component_text {
     bool confirmed = false;              ///< its name: the lease holds, as far as it knows
     std::map<std::string, std::int32_t> roles; ///< that it serves, with its priority
     std::vector<ended_subscription_text> ended_subscriptions; ///< the last ones
+    std::vector<wait_text> waits; ///< now, however short
 };
 
 /// Every component provides it.

@@ -99,6 +99,7 @@ ordering order_of(const deployment& of, const std::vector<const type_text*>& typ
             if (wanted.provided) continue;
             for (std::size_t first = 0; first < components.size(); ++first) {
                 if (first == then || !types[first] || said.reaches(then, first)) continue;
+                if (types[first]->name == types[then]->name) continue; // equals, such as two that back each other
                 bool provides = std::ranges::any_of(types[first]->services, [&](const auto& one) { return one.provided && one.name == wanted.name; });
                 if (provides) all.required(first, then, wanted.name);
             }

@@ -14,8 +14,8 @@ struct ordering {
 };
 
 /// `types` are those of the components; null where the type is not known. A component comes after those that it names; one
-/// that names nobody comes after those that provide what it requires, unless they come after it. Else the order is the
-/// file's.
+/// that names nobody comes after those of other types that provide what it requires, unless they come after it. Else the order
+/// is the file's.
 ordering order_of(const deployment& of, const std::vector<const type_text*>& types);
 
 } // namespace ise::deployment

@@ -209,7 +209,8 @@ naming::grant registry::accept(node& from, naming::component_claim claim, std::u
     serve_roles(entry);
     auto after = listed(entry);
     bool same = before.epoch == after.epoch && before.incarnation == after.incarnation && before.state == after.state && before.type == after.type &&
-                before.endpoints == after.endpoints && before.services_provided == after.services_provided && before.roles == after.roles;
+                before.endpoints == after.endpoints && before.services_provided == after.services_provided && before.roles == after.roles &&
+                before.waits_for == after.waits_for;
     if (is_new || !same) note(is_new ? naming::name_change::added : naming::name_change::changed, entry);
     return granted;
 }

@@ -19,7 +19,7 @@ std::optional<std::string> objection_to_path(const std::string& path, const regi
 
 std::size_t memory_of(const naming::component_claim& claim) {
     constexpr std::size_t entry = 96; // of a map or set, with an empty text
-    std::size_t total = sizeof claim + 3 * (entry + claim.path.size()) + claim.type.size() + claim.state.size();
+    std::size_t total = sizeof claim + 3 * (entry + claim.path.size()) + claim.type.size() + claim.state.size() + claim.waits_for.size();
     for (const auto& endpoint : claim.endpoints) total += sizeof endpoint + endpoint.size();
     for (const auto& service : claim.services)
         total += sizeof service + service.name.size() + service.fingerprints.size() * (sizeof(std::uint64_t) + entry);
@@ -48,9 +48,9 @@ std::optional<std::string> objection_to(const naming::component_claim& claim, co
         if (role == claim.path) return std::string("a role of the component's own name: its name is found without it");
     }
     auto too_long = [&](const std::string& text) { return text.size() > limits.max_text_bytes; };
-    if (too_long(claim.type) || too_long(claim.state) || std::ranges::any_of(claim.endpoints, too_long) ||
+    if (too_long(claim.type) || too_long(claim.state) || too_long(claim.waits_for) || std::ranges::any_of(claim.endpoints, too_long) ||
         std::ranges::any_of(claim.services, too_long, &naming::service_entry::name))
-        return fmt::format("a type, state, endpoint or service name of more than max_text_bytes, which is {}", limits.max_text_bytes);
+        return fmt::format("a type, state, endpoint, service name or wait of more than max_text_bytes, which is {}", limits.max_text_bytes);
     for (const auto& service : claim.services)
         if (service.fingerprints.size() > limit::service_fingerprints)
             return fmt::format("the service '{}' names {} packets, service_fingerprints is {}", service.name, service.fingerprints.size(), limit::service_fingerprints);

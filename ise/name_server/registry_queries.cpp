@@ -119,6 +119,7 @@ naming::listed_name registry::listed(const component& held) const {
     made.process_id = held.owner->who.process_id;
     made.endpoints = held.claim.endpoints;
     made.roles = held.claim.roles;
+    made.waits_for = held.claim.waits_for;
     auto own = [](const naming::service_entry& one) { return one.provided && !one.name.starts_with("ise."); }; // ISE's are everybody's
     made.services_provided = static_cast<std::uint32_t>(std::ranges::count_if(held.claim.services, own));
     return made;

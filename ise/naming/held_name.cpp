@@ -15,6 +15,7 @@ naming::component_claim held_name::claim() const {
     made.type = who.type;
     made.state = who.state;
     made.roles = who.roles;
+    made.waits_for = who.waits_for;
     for (const auto& at : who.endpoints) made.endpoints.push_back(at.text());
     for (const auto& service : who.services) {
         naming::service_entry entry;

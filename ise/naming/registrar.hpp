@@ -22,6 +22,7 @@ struct registration {
     std::vector<endpoint> endpoints;
     std::vector<service_description> services;  ///< provided and required
     std::map<std::string, std::int32_t> roles;  ///< that it serves, with its priority
+    std::string waits_for;                      ///< for people; empty: nothing, or not for long
 };
 
 /// Keeps the names of a node's components: registers them, renews the node's lease, withdraws them. Lives on the node's

@@ -69,6 +69,7 @@ struct component_claim {
     std::vector<service_entry> services;
     std::map<std::string, std::int32_t> roles; ///< that it serves beside its own name: path and priority
     std::uint64_t proof = 0; ///< as it was granted with `epoch`
+    std::string waits_for; ///< for people; empty: nothing, or not for long
 };
 
 /// Claims names, or tells what has changed of them; renews the node's lease too.
@@ -240,6 +241,7 @@ struct listed_name {
     std::uint32_t services_provided = 0; ///< how many
     duration lease_age{};  ///< in lists: since it was last renewed
     std::map<std::string, std::int32_t> roles; ///< that it serves, with its priority
+    std::string waits_for; ///< for people; empty: nothing, or not for long
 };
 
 /// Asks for names in order.

@@ -48,7 +48,7 @@ held_link hold(std::shared_ptr<link>&& to) {
 link::link(service_host& host, std::string path, std::optional<endpoint> fixed, role_options how)
     : host_(host), path_(std::move(path)), fixed_(std::move(fixed)), name_(fixed_ ? fixed_->text() : path_),
       next_call_number_(host.next_call_range()), how_(how), pause_(host.env(), host.options().first_back_off, host.options().longest_back_off),
-      connect_time_(host.options().connect_time), spread_(host.options().reconnect_spread) {}
+      connect_time_(host.options().connect_time), spread_(host.options().reconnect_spread), located_(fixed_.has_value()) {}
 
 link::link(service_host& host, const std::shared_ptr<session>& peer)
     : host_(host), name_(peer->peer_name()), session_(peer), next_call_number_(host.next_call_range()),
@@ -109,6 +109,7 @@ void link::submit(pending_call& call, outgoing_packet request) {
     }
     call.sent_on = nullptr;
     waiting_.push_back(&call);
+    host_.uses().waits(*this, call.service, call.types);
     wake();
 }
 
@@ -133,6 +134,7 @@ void link::attach(subscriber_core& subscriber) {
     } else if (peer_only_ || host_.stopping()) {
         subscriber.on_refused(failure(errc::peer_lost, fmt::format("the session with {} has ended", name_)));
     } else {
+        host_.uses().waits(*this, subscriber.service(), &subscriber.types());
         wake();
     }
 }
@@ -150,13 +152,44 @@ task<result<void>> link::connect(time_point deadline) {
     alarm.arm(deadline);
     arrivals_.push_back(&arrival);
     auto self = shared_from_this();
+    if (!session_) host_.uses().waits(*this, {}, nullptr);
     wake();
     if (!session_ && !host_.stopping()) co_await arrival.wait();
     std::erase(arrivals_, &arrival);
     --connectors_;
-    if (session_ && session_->open()) co_return result<void>();
+    if (session_ && session_->open()) {
+        host_.uses().reached(*this, {}, nullptr);
+        co_return result<void>();
+    }
+    if (late) host_.uses().missed(*this, {}, nullptr, obstacle());
     co_return failure(late ? errc::timed_out : errc::cancelled,
                       fmt::format("no session with {}{}{}", name_, late ? " in time" : "", obstacle().empty() ? "" : ": " + obstacle()));
+}
+
+task<result<void>> link::find(std::shared_ptr<link> self, time_point deadline) {
+    auto& host = self->host_;
+    auto* names = host.resolver();
+    if (!names) co_return failure(errc::invalid_argument, fmt::format("'{}' cannot be found: this component has no name server; use at(endpoint)", self->path_));
+    struct seeking {
+        link& of;
+        explicit seeking(link& who) : of(who) { ++of.seekers_; }
+        ~seeking() { --of.seekers_; }
+    } guard(*self);
+    host.uses().waits(*self, {}, nullptr);
+    auto place = co_await names->resolve_when_present(self->path_, deadline);
+    if (place) {
+        self->located_ = true;
+        host.uses().reached(*self, {}, nullptr);
+        co_return result<void>();
+    }
+    if (place.error().code() != errc::cancelled) host.uses().missed(*self, {}, nullptr, place.error().message());
+    co_return place.error();
+}
+
+bool link::awaits(std::string_view service) const noexcept {
+    if (service.empty()) return seekers_ > 0 || (connectors_ > 0 && !session_);
+    return std::ranges::any_of(waiting_, [&](const auto* call) { return call->service == service; }) ||
+           std::ranges::any_of(subscribers_, [&](const auto* one) { return one->service() == service && !one->connected(); });
 }
 
 void link::wake() {
@@ -265,6 +298,7 @@ task<result<std::shared_ptr<session>>> link::establish() {
         auto* names = host_.resolver();
         if (!names) co_return failure(errc::invalid_argument, fmt::format("'{}' is a name, and this component was given no name server", path_));
         auto answer = co_await names->resolve(path_);
+        located_ = answer.has_value();
         if (!answer) {
             if (answer.error().code() == errc::no_such_name) tried_life_ = 0;
             co_return answer.error();
@@ -326,6 +360,12 @@ void link::on_session_end(session& ended, const failure& cause) {
     if (host_.stopping()) {
         stop();
     } else if (wanted()) {
+        for (const auto* one : subscribers_) host_.uses().waits(*this, one->service(), &one->types());
+        const std::string* last = nullptr; // many calls are mostly of few services
+        for (const auto* call : waiting_) {
+            if (!last || *last != call->service) host_.uses().waits(*this, call->service, call->types);
+            last = &call->service;
+        }
         if (!subscribers_.empty()) host_.log().info("was lost; its subscriptions go on when it is back", {{"provider", name_}, {"cause", cause.message()}});
         wake();
     }

@@ -13,6 +13,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace ise {
@@ -45,6 +46,10 @@ public:
     /// Makes a session without a call; completes when it is there. errc::timed_out names the last obstacle.
     task<result<void>> connect(time_point deadline);
 
+    /// Waits until somebody is found under its path, without a session; the resolver's failure at `deadline`.
+    /// Cancellation: terminal.
+    static task<result<void>> find(std::shared_ptr<link> self, time_point deadline);
+
     /// Tries again sooner than the component's options say: for a provider that many depend on.
     void hurry(duration longest_pause, duration connect_time) noexcept;
 
@@ -70,6 +75,10 @@ public:
     bool peer_only() const noexcept { return peer_only_; }
     /// Why there is no session, for the text of a call that waited in vain.
     std::string obstacle() const;
+    /// Whether something waits for a session for this service, or, where that is empty, for the component itself.
+    bool awaits(std::string_view service) const noexcept;
+    /// Whether it was known at the last try where the component is.
+    bool located() const noexcept { return located_ && seekers_ == 0; }
     std::size_t waiting_calls() const noexcept { return waiting_.size(); }
     std::size_t subscribers() const noexcept { return subscribers_.size(); }
 
@@ -116,6 +125,8 @@ private:
     time_point since_{}; // the present session began
     std::uint64_t tried_life_ = 0; // the incarnation that was tried last; 0: nobody held the name
     int connectors_ = 0;
+    int seekers_ = 0;
+    bool located_ = false;
     std::size_t calls_ = 0; // that hold it
     std::shared_ptr<link> self_; // while there are any
     bool maintaining_ = false;

@@ -1,6 +1,7 @@
 #include <ise/service/pending_call.hpp>
 
 #include <ise/service/link.hpp>
+#include <ise/service/service_host.hpp>
 #include <ise/service/session.hpp>
 
 #include <fmt/format.h>
@@ -101,6 +102,7 @@ void call_desk::expire(pending_call& call) {
         fail(call, failure(errc::timed_out, fmt::format("'{}' at {} did not answer in time; the session was lost meanwhile: {}", service, who, obstacle), execution::unknown));
         return;
     }
+    call.owner->host().uses().missed(*call.owner, call.service, call.types, obstacle);
     fail(call, failure(errc::timed_out, fmt::format("'{}' at {} could not be called in time: {}", service, who,
                                                     obstacle.empty() ? "no session was made" : obstacle)));
 }

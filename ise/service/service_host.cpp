@@ -25,7 +25,7 @@ std::vector<std::shared_ptr<session>> in_order(const std::map<session*, std::sha
 } // namespace
 
 service_host::service_host(environment& env, loop& on, task_scope& scope, wire::identity self, service_options options, logger log, security credentials)
-    : env_(env), on_(on), scope_(scope), self_(std::move(self)), options_(options), log_(std::move(log)), calls_(on), dispatcher_(schemas_),
+    : env_(env), on_(on), scope_(scope), self_(std::move(self)), options_(options), log_(std::move(log)), uses_(*this), calls_(on), dispatcher_(schemas_),
       handshakes_(options_.max_handshakes), credentials_(std::move(credentials)) {}
 
 service_host::~service_host() { resolver_.reset(); }
@@ -243,6 +243,7 @@ std::shared_ptr<link> service_host::link_to(const endpoint& at, const std::strin
 
 void service_host::stop(duration grace) {
     if (std::exchange(stopping_, true)) return;
+    uses_.stop();
     for (auto& entry : listeners_) entry->close();
     dispatcher_.stop();
     auto all = in_order(sessions_);

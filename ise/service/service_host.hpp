@@ -12,6 +12,7 @@
 #include <ise/service/reply_window.hpp>
 #include <ise/service/schema_book.hpp>
 #include <ise/service/service_options.hpp>
+#include <ise/service/use_book.hpp>
 
 #include <array>
 #include <deque>
@@ -20,6 +21,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 
 namespace ise {
 
@@ -90,6 +92,15 @@ public:
     const std::deque<ended_subscription>& ended_subscriptions() const noexcept { return ended_subscriptions_; }
     void on_subscription_ended(const std::string& service, const std::string& provider, const failure& why);
     void on_subscribed(const std::string& service, const std::string& provider);
+    /// What it uses of others, and waits for.
+    use_book& uses() noexcept { return uses_; }
+    const use_book& uses() const noexcept { return uses_; }
+    /// Those that live.
+    template <class Look>
+    void for_each_link(Look look) const {
+        for (const auto& [name, known] : links_)
+            if (auto held = known.lock()) look(std::as_const(*held));
+    }
     /// Of all of its connections; for another thread, for as long as that likes.
     const std::shared_ptr<net::vital_signs_list>& signs() const noexcept { return signs_; }
 
@@ -153,6 +164,7 @@ private:
     logger log_;
     schema_book schemas_;
     std::shared_ptr<ise::resolver> resolver_; // before the calls, whose links speak to it when they go
+    use_book uses_;
     call_desk calls_;
     dispatcher dispatcher_;
     service_counts counts_;

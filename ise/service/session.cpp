@@ -11,6 +11,8 @@
 
 #include <fmt/format.h>
 
+#include <set>
+
 namespace ise {
 namespace {
 
@@ -68,6 +70,13 @@ result<void> session::takes_answers() const {
     return failure(errc::overloaded, fmt::format("does not take its answers: {} bytes of them wait (max_unsent_bytes)", unsent));
 }
 
+std::vector<std::string> session::used_services() const {
+    std::set<std::string> names;
+    for (const auto& one : introduced_) names.insert(one->name);
+    for (const auto& [id, subscriber] : subscribers_) names.insert(subscriber->service());
+    return {names.begin(), names.end()};
+}
+
 // --- calls of this side ---------------------------------------------------------------------------------------
 
 std::uint32_t session::number_of(const pending_call& call) {
@@ -78,6 +87,7 @@ std::uint32_t session::number_of(const pending_call& call) {
     made->types = call.types;
     introduced_.push_back(std::move(made));
     host_.schemas().add_own(*call.types);
+    host_.uses().reached(*call.owner, call.service, call.types);
     auto number = static_cast<std::uint32_t>(introduced_.size() - 1);
     introduce(number);
     return number;

@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 namespace ise {
@@ -70,6 +71,9 @@ public:
     subscriber_core* find_subscriber(std::uint64_t id) const noexcept;
     /// Grants more packets to the provider.
     void grant(const subscriber_core& subscriber, std::uint64_t total);
+
+    /// The services of the peer that this side has called over it, or is subscribed to; each once, by name.
+    std::vector<std::string> used_services() const;
 
     /// Ends it, saying why.
     void finish(failure why, duration grace) { connection_->finish(std::move(why), grace); }

@@ -54,6 +54,7 @@ task<result<void>> subscriber_core::begin() {
                : late   ? failure(errc::timed_out, fmt::format("'{}' at {} was not subscribed to in time{}{}", service_, link_->name(),
                                                              link_->obstacle().empty() ? "" : ": ", link_->obstacle()))
                         : failure(errc::cancelled, fmt::format("subscribing to '{}' was cancelled", service_));
+    if (late && !session_) link_->host().uses().missed(*link_, service_, &types_, link_->obstacle());
     leave();
     co_return why;
 }
@@ -194,6 +195,7 @@ void subscriber_core::establish(const wire::subscribed& answer) {
     resume_ = point;
     comparing_ = false;
     established_ = true;
+    link_->host().uses().reached(*link_, service_, &types_);
     if (!again) link_->host().on_subscribed(service_, link_->name());
     try {
         take_response(std::as_bytes(std::span(answer.response)));

@@ -50,6 +50,28 @@ struct usual : shore {
 
 } // namespace
 
+TEST_CASE("communication: a node declares what it needs of the proxies and of the other node, and uses it") {
+    usual it;
+    it.settle();
+    auto told = it.ask("operator", ise::describe_service, ise::describe_request(), 20s, one);
+    REQUIRE(told);
+    std::set<std::string> needed;
+    for (const auto& service : told->services)
+        if (!service.provided && service.declared) needed.insert(service.name);
+    CHECK(needed == std::set<std::string>{"replication", "telecommand", "telecommand_recall", "telecommand_state", "telemetry"});
+    CHECK(told->waits.empty());
+    std::set<std::string> of_the_other, of_a_proxy;
+    for (const auto& session : told->sessions) {
+        auto& used = session.peer.starts_with(two + " ") ? of_the_other : of_a_proxy;
+        used.insert(session.uses.begin(), session.uses.end());
+    }
+    CHECK(of_the_other.contains("replication"));
+    CHECK_FALSE(of_the_other.contains("telemetry"));
+    CHECK(of_a_proxy.contains("telemetry"));
+    CHECK(of_a_proxy.contains("telecommand_state"));
+    CHECK_FALSE(of_a_proxy.contains("replication"));
+}
+
 TEST_CASE("communication: a packet over several links is one, at the node and at whoever follows the role") {
     usual it;
     it.world.run_for(20s);

@@ -134,6 +134,32 @@ TEST_CASE("doctor on real processes: two that were built from different headers"
     CHECK_THAT(advice(found), Contains("ise type diff ward/asks steer ward/gives"));
 }
 
+TEST_CASE("doctor, list and describe on real processes: a requester waits for its provider, and says so until that is there") {
+    ward in(2);
+    in.admit("seeks");
+    auto found = in.diagnose("waits", "ward/seeks");
+    CHECK_THAT(message(found), Contains("it waits for ward/gives since 20") && Contains("nobody is registered"));
+    CHECK_THAT(advice(found), Contains("start the component"));
+    auto listed = json::parse(ise_test::run_program(in.ise({"list", "--json"}, "120s")).out);
+    CHECK(listed[0]["waits_for"] == "ward/gives");
+    CHECK(listed[0]["state"] == "ready");
+    CHECK_THAT(ise_test::run_program(in.ise({"list"}, "120s")).out, Contains("ready, waits for ward/gives"));
+    auto described = json::parse(ise_test::run_program(in.ise({"describe", "ward/seeks", "--json"}, "120s")).out);
+    CHECK(described["waits"][0]["target"] == "ward/gives");
+    CHECK(described["waits"][0]["stage"] == "name");
+    CHECK(described["waits"][0]["waited_s"] > 3);
+    CHECK_THAT(ise_test::run_program(in.ise({"describe", "ward/seeks"}, "120s")).out, Contains("waits\n  it waits for ward/gives since 20"));
+    in.admit("gives");
+    while (!in.doctor()["healthy"].get<bool>()) {}
+    json graph;
+    do graph = json::parse(ise_test::run_program(in.ise({"graph", "--json"}, "120s")).out);
+    while (graph["connections"].empty() || graph["connections"][0]["services"].empty()); // its call is on its way
+    CHECK(graph["connections"][0]["services"] == json::parse(R"([{"service":"steer","provider":"ward/gives"}])"));
+    CHECK_THAT(ise_test::run_program(in.ise({"services"}, "120s")).out, Contains("steer") && Contains("ward/seeks"));
+    listed = json::parse(ise_test::run_program(in.ise({"list", "--json"}, "120s")).out);
+    for (const auto& one : listed) CHECK(one["waits_for"].is_null());
+}
+
 TEST_CASE("doctor on real processes: a clock that was set wrong") {
     ward in(2);
     in.admit("early");

@@ -1,5 +1,5 @@
 // A program that is not well, in a process of its own, for `ise doctor` to find out.
-// usage: doctor_patient NAME_SERVER LEASE_S AILMENT: floods|slow|asks|gives|early|nowhere
+// usage: doctor_patient NAME_SERVER LEASE_S AILMENT: floods|slow|asks|gives|seeks|early|nowhere
 #include <ise/ise.hpp>
 
 #include <cstdio>
@@ -37,6 +37,7 @@ private:
     ise::task<> run() override {
         if (ailment_ == "asks") require(steer);
         if (ailment_ == "gives") provide(steer_otherwise, [](other_order) { return ise::nothing{}; });
+        if (ailment_ == "seeks") spawn("search", seek());
         if (ailment_ == "slow") {
             ise::serve_options alone;
             alone.concurrent = 1;
@@ -52,6 +53,13 @@ private:
             out(next);
             co_await sleep(5ms);
         }
+        co_await sleep(24h);
+    }
+    // As the README's requester, which is started before its provider.
+    ise::task<> seek() {
+        auto gives = co_await find("ward/gives");
+        other_order rq{"north"};
+        co_await gives.call(steer_otherwise, rq, 60s);
         co_await sleep(24h);
     }
     std::string ailment_;

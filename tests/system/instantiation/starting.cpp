@@ -43,6 +43,8 @@ TEST_CASE("the types that can be started are told with their parameters") {
           "nmea-bridge\ntrouble\nweb-server\nxbee-link\nxbee-proxy\n");
     auto page = here.ise({"start", "--types", "boat-simulator"});
     CHECK_THAT(page.out, Contains("a boat that sails") && Contains("wind-speed") && Contains("a number from 0 to 40 (m/s)") && Contains("one of T1, T2, none") && Contains("ground_truth"));
+    CHECK_THAT(here.ise({"start", "--types", "communication-node"}).out, Contains("requires") && Contains("telecommand_recall"));
+    for (const auto* proxy : {"gprs-proxy", "iridium-proxy"}) CHECK_THAT(here.ise({"start", "--types", proxy}).out, Contains("requires") && Contains("telemetry_store"));
     auto boat = here.told({"start", "boat-simulator", "--set", "wind-speed=9", "--namespace", "test", "--timeout", "120s", "--ready-within", "60s"});
     CHECK(boat["path"] == "test/atirma/boat");
     CHECK(here.ise({"describe", "--names", "test/atirma/boat"}).out == "scene\nground_truth\n");

@@ -63,6 +63,7 @@ struct longer_order { double heading_deg = 0; bool now = false; };
 struct other_order { std::string text; };
 struct done {};
 inline constexpr ise::request_response<order, done> steer{"steer"};
+inline constexpr ise::request_response<order, done> unused{"unused"};
 inline constexpr ise::request_response<longer_order, done> steer_longer{"steer"};
 inline constexpr ise::request_response<other_order, done> steer_otherwise{"steer"};
 
@@ -137,6 +138,33 @@ TEST_CASE("a subscription that ended and was not made again is a warning") {
     CHECK_THAT(seen.front().message, Contains("'position' of boat") && Contains("5 packets are lost"));
 }
 
+TEST_CASE("who waits for longer than a few seconds is a warning, which says for what and since when") {
+    auto one = well("a");
+    ise::wait_text wait;
+    wait.target = "b";
+    wait.service = "steer";
+    wait.since = ise::wall_time(1'777'636'803s); // 2026-05-01T12:00:03Z
+    wait.waited = 4s;
+    auto told = [&](const std::string& stage) {
+        wait.stage = stage;
+        one.about->waits = {wait};
+        auto seen = examine({}, {one}, 1s, "shore");
+        REQUIRE(kinds(seen) == list{"waits"});
+        CHECK(seen.front().weight == severity::warning);
+        return seen.front().message;
+    };
+    one.about->waits = {wait};
+    CHECK(found({one}).empty());
+    wait.waited = 12s;
+    wait.cause = "nobody is registered as 'b'";
+    CHECK(told("name") == "it waits for 'steer' of b, which is not found, since 2026-05-01T12:00:03Z (12 s): nobody is registered as 'b'");
+    CHECK_THAT(told("provider"), Contains("with which there is no session"));
+    CHECK_THAT(told("unreached"), Contains("its last call of 'steer' of b reached nobody"));
+    wait.service.clear();
+    wait.cause.clear();
+    CHECK(told("name") == "it waits for b since 2026-05-01T12:00:03Z (12 s)");
+}
+
 TEST_CASE("what grows between two looks is a warning, what has happened before a note") {
     auto before = well("a"), now = well("a");
     now.about->packets_dropped = now.health->packets_dropped = 7;
@@ -183,6 +211,9 @@ TEST_CASE("services are compared where they meet") {
     auto asks = well("asks"), gives = well("gives"), strange = well("strange");
     asks.about->services.push_back(service(steer, false));
     CHECK(found({asks}) == list{"no_provider"});
+    asks.about->services.back().declared = false; // perhaps it was used once: what is missed now waits
+    CHECK(found({asks}).empty());
+    asks.about->services.back().declared = true;
     gives.about->services.push_back(service(steer_longer, true));
     CHECK(found({asks, gives}).empty()); // appended
     strange.about->services.push_back(service(steer_otherwise, true));
@@ -204,10 +235,11 @@ TEST_CASE("services are compared where they meet") {
 
 TEST_CASE("a session is one connection, seen from both ends, and who only looks is none") {
     auto a = well("a"), b = well("b");
-    a.about->services.push_back(service(steer, false));
-    b.about->services.push_back(service(steer, true));
+    a.about->services = {service(steer, false), service(unused, false)};
+    b.about->services = {service(steer, true), service(unused, true)};
     a.about->sessions = {with("b (tcp://10.0.0.2:7411)", 100, 20), with("ise/cli/77 (tcp://127.0.0.1:5)", 1, 1)};
     b.about->sessions = {with("a (tcp://10.0.0.1:5555)", 19, 99), with("tcp://10.0.0.9:4321", 5, 6)};
+    a.about->sessions.front().uses = {"ise.describe", "steer"};
     auto lines = connections_of({a, b});
     REQUIRE(lines.size() == 2);
     CHECK(lines[0].a == "a");
@@ -224,6 +256,16 @@ TEST_CASE("a session is one connection, seen from both ends, and who only looks 
     auto dot = connections_as_dot({a, b}, lines);
     CHECK_THAT(dot, Contains(R"x("a" -> "b" [label="steer (tcp)"];)x") && Contains("style=dotted"));
     CHECK_THAT(connections_as_tree({a, b}, lines), Contains("b  tcp  uses steer") && Contains("a  tcp  gives steer") && Contains("(anonymous, tcp://10.0.0.9:4321)"));
+    SECTION("each end tells what it uses itself, of all their sessions together, and by a name that is declared otherwise") {
+        b.about->sessions.front().uses = {"account"};
+        a.about->sessions.push_back(with("b (udp://10.0.0.2:7411)"));
+        a.about->sessions.back().uses = {"alarms", "steer"};
+        auto seen = connections_of({a, b});
+        REQUIRE(seen.size() == 2);
+        std::vector<std::pair<std::string, bool>> used;
+        for (const auto& one : seen[0].services) used.emplace_back(one.service, one.a_provides);
+        CHECK(used == std::vector<std::pair<std::string, bool>>{{"alarms", false}, {"steer", false}, {"account", true}});
+    }
     SECTION("seen by the second alone, its bytes are turned round") {
         auto seen = connections_of({b});
         REQUIRE(seen.size() == 2);

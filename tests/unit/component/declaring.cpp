@@ -105,7 +105,7 @@ TEST_CASE("a listener gets every packet in order, from a provider that came long
     });
     all.world.run_for(60s);
     CHECK(heard.empty());
-    CHECK(all.log.has("waits for a subscription", "readings"));
+    CHECK(all.log.has("waits for a provider", "readings"));
     all.node("boat").start<beacon>("boat", all.listening("boat"));
     REQUIRE(all.world.run_until([&] { return heard.size() >= 10; }, 1min));
     for (std::size_t n = 1; n < heard.size(); ++n) CHECK(heard[n] == heard[n - 1] + 1);

@@ -46,6 +46,13 @@ public:
         return false;
     }
 
+    std::size_t count(const std::string& text) const {
+        std::lock_guard lock(kept_->mutex);
+        std::size_t found = 0;
+        for (const auto& line : kept_->lines) found += line.find(text) != std::string::npos;
+        return found;
+    }
+
 private:
     struct lines {
         std::mutex mutex;

@@ -116,6 +116,14 @@ TEST_CASE("required services give the order where nothing else does") {
     CHECK(text == "start sea/b on boat\nstart sea/a on boat\nstart sea/p on shore\n");
 }
 
+TEST_CASE("two of a type that require what each of them provides are equals: the file gives their order") {
+    harbour in;
+    for (auto& host : in.hosts)
+        host.types[2].about.services.insert(host.types[2].about.services.end(), {{"notes", "request-response", true}, {"notes", "request-response", false}});
+    auto text = in.steps(at_sea("[components.p]\ntype='proxy'\nhost='shore'\n[components.q]\ntype='proxy'\nhost='boat'\n[components.a]\ntype='air'\nhost='boat'\n"));
+    CHECK(text == "start sea/a on boat\nstart sea/p on shore\nstart sea/q on boat\n");
+}
+
 TEST_CASE("what is said stands above what services require") {
     harbour in;
     auto text = in.steps(at_sea("[components.b]\ntype='boat'\nhost='boat'\nafter='a'\n[components.a]\ntype='air'\nhost='boat'\n"));

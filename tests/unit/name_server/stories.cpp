@@ -51,6 +51,46 @@ TEST_CASE("names: find waits for a component that starts later") {
     CHECK(it.world.run_until([&] { return found; }, 1s)); // it is told, and does not ask every now and then
 }
 
+TEST_CASE("names: find without a limit waits, and everybody sees for what and since when") {
+    names_test::system it;
+    bool found = false;
+    it.start_body("shore", "patient", [&](ise::component& self) -> ise::task<> {
+        co_await self.find("atirma/doubler");
+        found = true;
+        co_await self.sleep(1h);
+    });
+    auto seen = [&] {
+        std::optional<ise::component_text> told;
+        it.start_body("office", "observer", [&](ise::component& self) -> ise::task<> {
+            auto patient = co_await self.find("test/patient", 5s);
+            ise::describe_request request;
+            told = co_await patient.call(ise::describe_service, request, 5s);
+        });
+        REQUIRE(it.world.run_until([&] { return told.has_value(); }, 30s));
+        return *told;
+    };
+    auto listed = [&] {
+        for (const auto& event : it.names->names()->snapshot("test/patient")) return event.name.waits_for;
+        return std::string("nobody");
+    };
+    it.world.run_for(1s);
+    CHECK(listed().empty());
+    it.world.run_for(1h);
+    CHECK_FALSE(found);
+    CHECK(listed() == "atirma/doubler");
+    auto told = seen();
+    REQUIRE(told.waits.size() == 1);
+    CHECK(told.waits.front().target == "atirma/doubler");
+    CHECK(told.waits.front().service.empty());
+    CHECK(told.waits.front().stage == "name");
+    CHECK(told.waits.front().waited > 1h);
+    it.start_doubler("boat", "atirma/doubler");
+    CHECK(it.world.run_until([&] { return found; }, 1s));
+    it.world.run_for(2s);
+    CHECK(listed().empty());
+    CHECK(seen().waits.empty());
+}
+
 TEST_CASE("names: without a name server find says so") {
     names_test::system it;
     it.server->stop();

@@ -1,0 +1,99 @@
+#pragma once
+#include <ise/core/loop.hpp>
+#include <ise/core/time.hpp>
+#include <ise/service/contract.hpp>
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace ise {
+
+class link;
+class service_host;
+
+/// What a use waits for.
+enum class wait_stage : std::uint8_t {
+    name,       ///< nobody is known under it
+    provider,   ///< somebody is, and no session is made with it
+    unreached,  ///< nothing waits now: the last call ended without having reached anybody
+};
+
+/// "name", "provider", "unreached".
+std::string_view name_of(wait_stage stage) noexcept;
+
+/// Something that a component waits for.
+struct awaited_use {
+    std::string target;                 ///< the path, role or address
+    std::string service;                ///< empty: only the target
+    wait_stage stage = wait_stage::name; ///< how far it has come
+    time_point since{};                 ///< nobody was reached from then on
+    std::string cause;                  ///< the last obstacle
+};
+
+/// The services of others that a component uses, and what it waits for. Written where a session is missing or new, never
+/// with every call. ISE's own services are left out. Bounded (`limit::used_services`): the entry that was touched longest ago goes.
+class use_book {
+public:
+    /// Lifetime: `host` outlives it.
+    explicit use_book(service_host& host);
+
+    /// There is no session for it, and something begins to wait for one. An empty service: for the target itself.
+    void waits(const link& way, std::string_view service, const packet_types* types);
+    /// There is a session over which it goes.
+    void reached(const link& way, std::string_view service, const packet_types* types);
+    /// It has ended without a session.
+    void missed(const link& way, std::string_view service, const packet_types* types, std::string cause);
+
+    struct used_service {
+        std::string name;
+        const packet_types* types = nullptr;
+    };
+    /// Each service once, by name.
+    std::vector<used_service> services() const;
+    /// What is waited for now, in order.
+    std::vector<awaited_use> awaited() const;
+    /// The first that is waited for for longer than `patience`, for people; empty: none.
+    std::string summary() const;
+
+    /// `summary()` has changed.
+    std::function<void()> on_change;
+    void stop() noexcept;
+
+    /// What is waited for longer is logged, and shown in lists.
+    static constexpr duration patience = std::chrono::seconds(3);
+    /// A call that reached nobody is told for so long.
+    static constexpr duration memory = std::chrono::seconds(60);
+
+private:
+    struct entry {
+        const packet_types* types = nullptr;
+        std::uint64_t touched = 0;
+        bool missing = false;  // no session since `since`
+        bool failed = false;   // the last that wanted one ended without
+        bool told = false;     // that it waits
+        time_point since{};
+        time_point failed_at{};
+        std::string cause;
+    };
+    using key = std::pair<std::string, std::string>; // target, service
+
+    entry* touch(const link& way, std::string_view service, const packet_types* types);
+    /// Whether it is still waited for: how.
+    bool look_at(const key& of, const entry& what, const std::multimap<std::string_view, const link*>& ways, awaited_use& found) const;
+    std::multimap<std::string_view, const link*> ways() const;
+    void look();
+    void watch();
+
+    service_host& host_;
+    timer due_;
+    std::map<key, entry> all_;
+    std::uint64_t touches_ = 0;
+    bool stopped_ = false;
+};
+
+} // namespace ise
