@@ -4,27 +4,26 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <map>
+#include <set>
 
 namespace ise::deployment {
 namespace {
 
-/// Who comes before whom, and why.
+/// Who comes before whom.
 class graph {
 public:
     explicit graph(const deployment& of) : of_(of), before_(of.components.size()) {}
 
-    void said(std::size_t first, std::size_t then) { before_[then].emplace(first, std::string()); }
-    void required(std::size_t first, std::size_t then, const std::string& service) { before_[then].emplace(first, service); }
+    void add(std::size_t first, std::size_t then) { before_[then].insert(first); }
 
-    /// Whether `then` comes after `first`, by what is said so far.
+    /// Whether `then` comes after `first`, by what was added so far.
     bool reaches(std::size_t first, std::size_t then) const {
         std::vector<bool> seen(before_.size(), false);
         std::vector<std::size_t> left{then};
         while (!left.empty()) {
             auto at = left.back();
             left.pop_back();
-            for (const auto& [earlier, why] : before_[at]) {
+            for (auto earlier : before_[at]) {
                 if (earlier == first) return true;
                 if (!seen[earlier]) left.push_back(earlier);
                 seen[earlier] = true;
@@ -36,7 +35,7 @@ public:
     ordering sorted() const {
         ordering made;
         std::vector<bool> placed(before_.size(), false);
-        auto ready = [&](std::size_t which) { return std::ranges::all_of(before_[which], [&](const auto& one) { return placed[one.first]; }); };
+        auto ready = [&](std::size_t which) { return std::ranges::all_of(before_[which], [&](auto first) { return placed[first]; }); };
         for (;;) {
             std::size_t next = 0;
             while (next < before_.size() && (placed[next] || !ready(next))) ++next;
@@ -46,7 +45,7 @@ public:
         }
         made.before.resize(before_.size());
         for (std::size_t then = 0; then < before_.size(); ++then)
-            for (const auto& [first, why] : before_[then]) made.before[then].push_back(first);
+            made.before[then].assign(before_[then].begin(), before_[then].end());
         if (made.order.size() < before_.size()) made.problems.push_back(circle(placed));
         return made;
     }
@@ -58,29 +57,18 @@ private:
         std::vector<std::size_t> way;
         while (std::ranges::find(way, at) == way.end()) {
             way.push_back(at);
-            for (const auto& [earlier, why] : before_[at])
-                if (!placed[earlier]) {
-                    at = earlier;
-                    break;
-                }
+            at = *std::ranges::find_if(before_[at], [&](auto earlier) { return !placed[earlier]; });
         }
         way.erase(way.begin(), std::ranges::find(way, at));
         std::vector<std::string> reasons;
-        bool derived = false;
-        for (std::size_t step = 0; step < way.size(); ++step) {
-            auto then = way[step], first = way[(step + 1) % way.size()];
-            const auto& service = before_[then].at(first);
-            derived = derived || !service.empty();
-            reasons.push_back(service.empty() ? fmt::format("'{}' comes after '{}'", name(then), name(first))
-                                              : fmt::format("'{}' requires '{}' of '{}'", name(then), service, name(first)));
-        }
-        return {of_.components[way.front()].name.at, fmt::format("components wait for each other: {}{}", fmt::join(reasons, ", "),
-                                                                 derived ? fmt::format("; say which comes first: after = [] in '{}', for instance", name(way.front())) : "")};
+        for (std::size_t step = 0; step < way.size(); ++step)
+            reasons.push_back(fmt::format("'{}' comes after '{}'", name(way[step]), name(way[(step + 1) % way.size()])));
+        return {of_.components[way.front()].name.at, fmt::format("components wait for each other: {}", fmt::join(reasons, ", "))};
     }
     const std::string& name(std::size_t which) const { return of_.components[which].name.text; }
 
     const deployment& of_;
-    std::vector<std::map<std::size_t, std::string>> before_; // of each: who, and by which service
+    std::vector<std::set<std::size_t>> before_; // of each: who
 };
 
 } // namespace
@@ -91,17 +79,16 @@ ordering order_of(const deployment& of, const std::vector<const type_text*>& typ
     for (std::size_t then = 0; then < components.size(); ++then)
         if (components[then].after)
             for (const auto& one : *components[then].after)
-                if (auto first = of.component(one.text)) all.said(*first, then);
-    auto said = all;
+                if (auto first = of.component(one.text)) all.add(*first, then);
     for (std::size_t then = 0; then < components.size(); ++then) {
         if (components[then].after || !types[then]) continue;
         for (const auto& wanted : types[then]->services) {
             if (wanted.provided) continue;
             for (std::size_t first = 0; first < components.size(); ++first) {
-                if (first == then || !types[first] || said.reaches(then, first)) continue;
+                if (first == then || !types[first] || all.reaches(then, first)) continue; // a circle is no matter: who is started first waits
                 if (types[first]->name == types[then]->name) continue; // equals, such as two that back each other
                 bool provides = std::ranges::any_of(types[first]->services, [&](const auto& one) { return one.provided && one.name == wanted.name; });
-                if (provides) all.required(first, then, wanted.name);
+                if (provides) all.add(first, then);
             }
         }
     }
