@@ -64,16 +64,14 @@ struct account {
 
 console_view view_of(const std::string& name, const console::operator_port& at);
 
-/// What may be forgiven: what came out of the XBee within `before` of its proxy's death, or in the first `after` of its
-/// next life. No link acknowledges behind the modem.
-ledger::excuses excuse_for_xbee(const std::vector<episode>& all, ise::duration before, ise::duration after);
-
 /// Where the short-range node stands.
 waypoint short_range_node();
 
 /// The packets on a node's disk, in the order of the boat's measurements; and which they are.
 std::vector<telemetry_packet> packets_on(database& disk);
 std::set<packet_key> keys_on(database& disk);
+/// What the boat's computer keeps of what it sent, until the shore has it.
+std::set<packet_key> keys_at_boat(database& memory);
 /// How many telecommands are on record there.
 std::uint64_t commands_on(database& disk);
 

@@ -85,7 +85,7 @@ private:
 
 int main(int argc, char** argv) {
     CLI::App app("The whole of A-Tirma at sea for some hours on the virtual clock, with faults by the seed, and a "
-                 "report that proves that nothing was lost.");
+                 "report that proves that nothing was lost that the shore had acknowledged.");
     std::uint64_t seed = 1;
     double hours = 10;
     std::string out, wind;

@@ -24,24 +24,38 @@ public:
     std::string all;
 };
 
-void say_proof(text& out, const account& of, const ledger::verdict& proof) {
-    out.line("\n## The proof");
-    out.line("Read off the boat's own wires, not told by the components: GPRS by the shore's receipts, XBee by what "
-             "the proxy read from its modem");
-    out.line("(the boat's modem had its MAC acknowledgement), Iridium by the sessions that the gateway accepted. "
-             "*Owed* is what the shore had taken");
-    out.line("over by then; all of it must be on the disks of both communication nodes.\n");
-    out.line("| link | sent by the boat | acknowledged to the boat | owed | on disk | lost | excused |");
-    out.line("|---|---:|---:|---:|---:|---:|---:|");
+/// Of everything that was sent, also of what nobody promised to keep.
+void say_links(text& out, const account& of, const ledger::verdict& proof) {
+    out.line("\n| link | sent | came ashore | kept | still at the boat | lost | causes of the loss |");
+    out.line("|---|---:|---:|---:|---:|---:|---|");
     for (std::size_t i = 0; i < link_count; ++i) {
         const auto& one = proof.links[i];
-        std::uint64_t lost = 0, excused = 0;
-        for (const auto& missing : proof.missing) {
-            if (missing.what.link != static_cast<link_id>(i)) continue;
-            ++(missing.excuse.empty() ? lost : excused);
+        std::uint64_t lost = 0;
+        std::string causes;
+        for (const auto& [cause, count] : findings::causes_of(of, proof.lost, static_cast<link_id>(i))) {
+            lost += count;
+            causes += fmt::format("{}{} {}", causes.empty() ? "" : "; ", count, cause);
         }
-        out.line("| {} | {} | {} | {} | {} | {} | {} |", link_names[i], one.sent, one.acknowledged, one.owed, one.kept,
-                 lost, excused);
+        out.line("| {} | {} | {} | {} | {} | {} | {} |", link_names[i], one.sent, one.heard, one.kept, one.waiting, lost,
+                 causes);
+    }
+    out.line("\nSent: given to the link's modem at least once. Came ashore: read by the XBee proxy, receipted over GPRS, "
+             "accepted by Iridium's gateway. Kept: on the disk of a communication node.");
+}
+
+void say_proof(text& out, const account& of, const ledger::verdict& proof) {
+    out.line("\n## The proof");
+    out.line("Read off the boat's own wires, not told by the components: XBee and GPRS by the shore's receipts, Iridium "
+             "by the sessions that the gateway accepted.");
+    out.line("*Owed* is what the shore had acknowledged by the end; all of it must be on the disks of both communication "
+             "nodes.\n");
+    out.line("| link | sent by the boat | acknowledged by the modem or the shore | owed | missing |");
+    out.line("|---|---:|---:|---:|---:|");
+    for (std::size_t i = 0; i < link_count; ++i) {
+        const auto& one = proof.links[i];
+        auto missing = std::ranges::count_if(
+            proof.missing, [&](const auto& missed) { return missed.what.link == static_cast<link_id>(i); });
+        out.line("| {} | {} | {} | {} | {} |", link_names[i], one.sent, one.acknowledged, one.owed, missing);
     }
     out.line("\nOn one disk only: {}. On the disks and not seen on a wire: {}. After the end it took {} of calm until "
              "nothing was owed any more.",
@@ -53,9 +67,9 @@ void say_proof(text& out, const account& of, const ledger::verdict& proof) {
             break;
         }
         const auto& e = missing.what;
-        out.line("- {}: boot {} packet {}, sent {}, owed since {}: {}", link_names[static_cast<std::size_t>(e.link)],
-                 missing.which >> 32, missing.which & 0xFFFFFFFF, clock_text(e.sent), clock_text(e.owed_since()),
-                 missing.excuse.empty() ? "**lost**" : missing.excuse);
+        out.line("- {}: boot {} packet {}, sent {}, owed since {}: **missing**",
+                 link_names[static_cast<std::size_t>(e.link)], missing.which >> 32, missing.which & 0xFFFFFFFF,
+                 clock_text(e.sent), clock_text(e.owed_since()));
     }
     out.line("\n| subscriber of the role | shown | twice | never | not on disk |");
     out.line("|---|---:|---:|---:|---:|");
@@ -249,8 +263,9 @@ std::string make_report(const account& of, const findings& found, const ledger::
     out.line("The wind: {}.", of.wind);
     out.line("\n**{}**",
              holds(of, proof)
-                 ? "The proof holds: nothing that the shore had taken over is missing, and nothing was shown twice."
+                 ? "The proof holds: nothing that the shore had acknowledged is missing, and nothing was shown twice."
                  : "THE PROOF DOES NOT HOLD; see below.");
+    say_links(out, of, proof);
     say_proof(out, of, proof);
     say_packets(out, found);
     say_gaps(out, of, found);

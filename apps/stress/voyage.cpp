@@ -243,14 +243,14 @@ void voyage::sail() {
 bool voyage::nothing_owed() {
     auto verdict = judge();
     const auto* page = at<web_server>("atirma/page");
-    return verdict.missing.size() == verdict.excused && verdict.only_on_one == 0 && page &&
+    return verdict.missing.empty() && verdict.only_on_one == 0 && page &&
            page->statistics().received >= keys_on(disk(0)).size() &&
            std::ranges::all_of(verdict.subscribers, [](const auto& one) { return one.second.missed == 0; });
 }
 
 ledger::verdict voyage::judge() {
     std::array<std::set<packet_key>, 2> disks{keys_on(disk(0)), keys_on(disk(1))};
-    return book_.judge(disks, options_.length, excuse_for_xbee(told_.episodes, 200ms, 500ms));
+    return book_.judge(disks, options_.length, keys_at_boat(disks_.back()));
 }
 
 account voyage::story() {
