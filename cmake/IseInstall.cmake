@@ -23,6 +23,9 @@ install(FILES "${PROJECT_BINARY_DIR}/package/iseConfig.cmake" "${PROJECT_BINARY_
   "${PROJECT_SOURCE_DIR}/cmake/FindAsio.cmake" DESTINATION "${ise_package_dir}")
 install(FILES "${PROJECT_SOURCE_DIR}/LICENSE" DESTINATION "${CMAKE_INSTALL_DATADIR}/doc/ise" RENAME copyright
   COMPONENT license)
+# The lint of docs/coroutines.md.
+install(FILES "${PROJECT_SOURCE_DIR}/tests/lint/coroutine.py" "${PROJECT_SOURCE_DIR}/tests/lint/cpp_tokens.py"
+  "${PROJECT_SOURCE_DIR}/tests/lint/cpp_structs.py" DESTINATION "${CMAKE_INSTALL_DATADIR}/ise/coroutine_lint")
 
 # For who builds without CMake: g++ main.cpp $(pkg-config --cflags --libs ise)
 get_target_property(definitions ise INTERFACE_COMPILE_DEFINITIONS)

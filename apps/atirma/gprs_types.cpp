@@ -10,6 +10,7 @@ namespace atirma {
 namespace {
 
 using ise::component_type;
+using ise::parameter_kind;
 
 // "ready: tcp://127.0.0.1:40112 udp://127.0.0.1:40112"
 std::string ready(const std::vector<ise::endpoint>& listening) {
@@ -23,7 +24,8 @@ component_type gprs_proxy_type(const std::function<void(const std::string&)>& an
     auto options = std::make_shared<gprs_proxy_options>();
     options->on_listening = [announce](const std::vector<ise::endpoint>& listening) { announce(ready(listening)); };
     auto& set = type.parameters;
-    set.add("boat-listen", options->listen, "where the boat calls, tcp:// and udp://; port 0: any free one");
+    set.add("boat-listen", options->listen, "where the boat calls, tcp:// and udp://; port 0: any free one")
+        .kind(parameter_kind::endpoint);
     set.add("boat-id", options->shore.boat_id, "how the boat calls itself; all others are strangers");
     set.add("store", options->store_at, "who keeps telemetry before the boat is acknowledged: atirma/communication");
     set.add("max-strangers", options->shore.max_strangers, "connections that have not logged in yet").range(1, 1024);
@@ -41,9 +43,10 @@ component_type gprs_link_type(const std::function<void(const std::string&)>& ann
     auto options = std::make_shared<gprs_link_options>();
     options->on_listening = [announce](const std::vector<ise::endpoint>& listening) { announce(ready(listening)); };
     auto& set = type.parameters;
-    set.add("boat-listen", options->listen, "where the boat calls, tcp:// and udp://; port 0: any free one");
-    set.add("proxy-tcp", options->proxy_tcp, "where connections go on to");
-    set.add("proxy-udp", options->proxy_udp, "where datagrams go on to");
+    set.add("boat-listen", options->listen, "where the boat calls, tcp:// and udp://; port 0: any free one")
+        .kind(parameter_kind::endpoint);
+    set.add("proxy-tcp", options->proxy_tcp, "where connections go on to: tcp://host:port").kind(parameter_kind::url);
+    set.add("proxy-udp", options->proxy_udp, "where datagrams go on to: udp://host:port").kind(parameter_kind::url);
     set.add("delay", options->delay_s, "each way").range(0, 600).unit("s");
     set.add("jitter", options->jitter_s, "added to it at most").range(0, 600).unit("s");
     set.add("loss", options->loss, "part of the datagrams that is lost").range(0, 1);

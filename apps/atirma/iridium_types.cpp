@@ -32,23 +32,32 @@ component_type proxy_type() {
     set.add("imei", options->imei, "of the boat's modem, 15 digits");
     set.add("database", options->database, "file of what must survive").kind(parameter_kind::path);
     set.add("store", options->store_at, "who keeps telemetry before a message counts as handed on: atirma/communication; empty: it waits for a subscriber");
-    set.add("webhook", options->webhook, "where the gateway posts, tcp://address:port; empty: not");
+    set.add("webhook", options->webhook, "where the gateway posts, tcp://address:port; empty: not")
+        .kind(parameter_kind::endpoint);
     set.add("webhook-path", options->webhook_path, "path of the web hook");
     set.add("jwt-key", options->jwt_key_file, "public key or certificate (PEM): each post must carry a token of it")
         .kind(parameter_kind::path);
-    set.add("directip", options->directip, "where the gateway's DirectIP connects, tcp://address:port; empty: not");
+    set.add("gateway-addresses", options->gateway_addresses, "addresses and networks of the gateway, 12.47.179.11,192.0.2.0/24: whoever else connects to webhook or directip is refused; beyond loopback directip needs it, and webhook needs it or jwt-key");
+    set.add("directip", options->directip, "where the gateway's DirectIP connects, tcp://address:port; empty: not")
+        .kind(parameter_kind::endpoint);
     set.add("send-by", options->send_by, "how telecommands go to the gateway")
         .one_of({"http", "directip", "mail", "none"});
-    set.add("url", options->rockblock.url, "of the gateway's web service for telecommands");
+    set.add("url", options->rockblock.url, "of the gateway's web service for telecommands")
+        .kind(parameter_kind::url);
     set.add("user", options->rockblock.username,
             "of the gateway's account; its password stands in ATIRMA_ROCKBLOCK_PASSWORD");
-    set.add("send-directip", options->send_directip, "tcp://host:port of the gateway's DirectIP");
-    set.add("imap", settings->imap_server, "imaps://server of the mailbox for the gateway's mails; empty: none");
-    set.add("smtp", settings->smtp_server, "smtps://server that takes mails to the gateway");
+    set.add("send-directip", options->send_directip, "tcp://host:port of the gateway's DirectIP")
+        .kind(parameter_kind::url);
+    set.add("imap", settings->imap_server, "imaps://server of the mailbox for the gateway's mails; empty: none")
+        .kind(parameter_kind::url);
+    set.add("smtp", settings->smtp_server, "smtps://server that takes mails to the gateway")
+        .kind(parameter_kind::url);
     set.add("mail-user", settings->mail_user, "of both; the password stands in ATIRMA_MAIL_PASSWORD");
     set.add("mail-from", options->mail_from, "sender of mails to the gateway");
     set.add("mail-to", options->mail_to, "the gateway's address for messages");
     set.add("gateway-mail", options->gateway_mail, "who sends the gateway's mails");
+    set.add("mail-authserv", options->mail_authserv, "name of the mail server whose Authentication-Results say that a mail is the gateway's");
+    set.add("mail-unchecked", options->mail_unchecked, "believe the sender of a mail: only where nobody else can mail to the mailbox");
     set.add("ca-file", settings->ca_file, "authorities to trust (PEM) instead of the system's")
         .kind(parameter_kind::path);
     set.add("daily-budget", options->daily_budget, "credits a day (UTC) for telecommands; 0: unlimited");
@@ -118,12 +127,16 @@ component_type gateway_type() {
     set.add("imei", settings->imeis, "of a modem on its account");
     set.add("user", options.model.username, "of the account");
     set.add("password", options.model.password, "of the account");
-    set.add("listen-http", options.listen, "where POST /rockblock/MT is taken, tcp://address:port; empty: not");
-    set.add("listen-directip", options.directip_listen, "where DirectIP is taken, tcp://address:port; empty: not");
-    set.add("post-to", options.post_to, "URL of the web hook that gets the boat's messages; empty: none");
+    set.add("listen-http", options.listen, "where POST /rockblock/MT is taken, tcp://address:port; empty: not")
+        .kind(parameter_kind::endpoint);
+    set.add("listen-directip", options.directip_listen, "where DirectIP is taken, tcp://address:port; empty: not")
+        .kind(parameter_kind::endpoint);
+    set.add("post-to", options.post_to, "URL of the web hook that gets the boat's messages; empty: none")
+        .kind(parameter_kind::url);
     set.add("post-json", options.post_json, "JSON instead of forms");
     set.add("sign-with", options.sign_with, "private key (PEM) for the tokens of posts").kind(parameter_kind::path);
-    set.add("directip-to", options.directip_to, "tcp://host:port that gets the boat's messages; empty: none");
+    set.add("directip-to", options.directip_to, "tcp://host:port that gets the boat's messages; empty: none")
+        .kind(parameter_kind::url);
     set.add("delay", options.delivery_delay_s, "mean time from a session to its post").range(0, 3600).unit("s");
     set.add("ring-delay", settings->ring_delay_s, "from a message's arrival to the ring alert")
         .range(0, 3600)

@@ -4,7 +4,6 @@
 
 #include <components/communication_node/store_check.hpp>
 
-#include <ise/component/word_of_end.hpp>
 #include <ise/core/real/environment.hpp>
 
 #include <CLI/CLI.hpp>
@@ -179,8 +178,9 @@ int obey(int count, char** words) {
 } // namespace
 
 int main(int count, char** words) {
+    std::setvbuf(stdout, nullptr, _IOLBF, BUFSIZ); // as ise::main does
     std::string_view first = count > 1 ? words[1] : "";
     if (first == "--describe" || first == "host") // for instantiation servers
         return ise::main(count, words, [] { return atirma::component_types(say); }, ATIRMA_VERSION);
-    return ise::word_of_end::leave(obey(count, words)); // as ise::main does
+    return obey(count, words);
 }

@@ -60,7 +60,7 @@ ise::task<> observer::follow_telemetry(std::string from) {
                 auto packet = co_await packets.next();
                 if (!packet) break;
                 if (packet.lost_before() != ise::unknown_gap) seen_->lost += packet.lost_before();
-                if (!seen_->known.first_time(packet->boot, packet->sequence)) {
+                if (!seen_->known.first_time(packet->boot, packet->sequence, packet->raw)) {
                     ++seen_->twice;
                     continue;
                 }

@@ -47,7 +47,7 @@ component_type boat_simulator_type() {
     set.add("iridium-period", options->iridium.period_s, "of its telemetry over Iridium").range(0.5, 86400).unit("s");
     set.add("speedup", options->speedup, "of the boat's model time").range(0.1, 1000);
     set.add("seed", options->seed, "of gusts and instruments");
-    set.add("gprs", options->gprs, "whom it calls over GPRS, tcp:// or udp:// (default: nobody)");
+    set.add("gprs", options->gprs, "whom it calls over GPRS, tcp:// or udp:// (default: nobody)").kind(parameter_kind::url);
     set.add("gprs-id", options->uplink.id, "how it calls itself there");
     set.add("gprs-period", options->gprs_period_s, "of telemetry there, 0: none").range(0, 86400).unit("s");
     set.add("gprs-memory", options->uplink.capacity, "packets that it keeps until they are acknowledged").range(1, 1e6);
@@ -82,7 +82,7 @@ component_type xbee_proxy_type() {
     auto options = std::make_shared<xbee_proxy_options>();
     add_port(type.parameters, options->port);
     add_address(type.parameters, "boat-address", options->boat_address, "of the boat's modem; 0: whoever is heard");
-    type.parameters.add("store", options->store_at, "who keeps telemetry before the boat gets a receipt: atirma/communication");
+    type.parameters.add("store", options->store_at, "who keeps telemetry before the boat gets a receipt: atirma/communication; empty: no receipts");
     type.provides(services::telemetry).provides(services::telecommand).provides(services::telecommand_state).provides(services::telecommand_recall);
     type.provides(services::xb_local).provides(services::xb_local_param);
     type.makes<xbee_proxy>(options);
@@ -95,7 +95,7 @@ component_type web_server_type(std::function<void(const std::string&)> announce)
     options->telemetry = {"atirma/shore/xbee", "atirma/shore/gprs"};
     options->on_listening = [announce](const std::string& url) { announce("ready: " + url); };
     auto& set = type.parameters;
-    set.add("address", options->http.address, "to listen on, numeric");
+    set.add("address", options->http.address, "to listen on, numeric").kind(parameter_kind::address);
     set.add("port", options->http.port, "to listen on; 0: any free one");
     set.add("telemetry", options->telemetry, "whose telemetry to show: paths of proxies, or the role atirma/communication");
     set.add("boat-name", options->track.boat, "on the page");

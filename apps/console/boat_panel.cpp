@@ -73,7 +73,8 @@ QWidget* boat_panel::make_parameters() {
         made.id = info.id;
         auto* name = new QLabel(text(label(info.id)), box);
         name->setToolTip(text(std::string(info.meaning)));
-        made.confirmed = new QLabel("–", box);
+        made.confirmed = rich_label(box);
+        made.confirmed->setText("–");
         made.confirmed->setObjectName("confirmed_" + text(std::string(name_of(info.id))));
         made.wanted = new QDoubleSpinBox(box);
         made.wanted->setObjectName("wanted_" + text(std::string(name_of(info.id))));
@@ -87,7 +88,7 @@ QWidget* boat_panel::make_parameters() {
         auto* set = new QPushButton(tr("Set"), box);
         set->setAccessibleName(tr("Set %1").arg(name->text()));
         set->setObjectName("set_" + text(std::string(name_of(info.id))));
-        made.state = new QLabel(box);
+        made.state = rich_label(box);
         made.state->setObjectName("state_" + text(std::string(name_of(info.id))));
         made.state->setWordWrap(true);
         auto index = rows_.size();
@@ -121,7 +122,8 @@ QWidget* boat_panel::make_periods() {
     for (std::size_t i = 0; i < link_count; ++i) {
         auto link = static_cast<link_id>(i);
         int line = static_cast<int>(i) + 1;
-        periods_[i] = new QLabel("–", box);
+        periods_[i] = rich_label(box);
+        periods_[i]->setText("–");
         auto* choice = new choice_box(box);
         choice->setObjectName("period_" + text(std::string(name_of(link))));
         choice->setAccessibleName(tr("Telemetry over %1 every").arg(text(label(link))));
@@ -153,7 +155,7 @@ QWidget* boat_panel::make_rare() {
     auto* box = card(this);
     auto* column = new QVBoxLayout(box);
     column->setContentsMargins(11, 8, 11, 10);
-    health_ = new QLabel(box);
+    health_ = rich_label(box);
     health_->setWordWrap(true);
     column->addWidget(health_);
     auto* line = new QHBoxLayout;

@@ -152,6 +152,7 @@ void console_window::show_keys() {
     }
     QMessageBox box(this);
     box.setWindowTitle(tr("Keys and mouse"));
+    box.setTextFormat(Qt::RichText);
     box.setText(words + "</tr></table>");
     box.exec();
 }

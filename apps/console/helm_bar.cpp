@@ -47,7 +47,7 @@ helm_bar::helm_bar(operator_actions& actions, QWidget* parent) : QWidget(parent)
     add(tr("Tack"), tr("Through the wind now (Ctrl+T)"), command_kind::tack_now);
     add(tr("Gybe"), tr("Round before the wind now (Ctrl+G)"), command_kind::gybe_now);
     add(tr("Ping"), tr("Asks the boat for an answer (Ctrl+P)"), command_kind::ping);
-    last_ = new QLabel(this);
+    last_ = rich_label(this);
     last_->setObjectName("last_command");
     last_->setMinimumWidth(60);
     last_->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);

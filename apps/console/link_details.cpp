@@ -58,7 +58,7 @@ QLabel* value_grid::small(const QString& words, QWidget* parent) {
 QLabel* value_grid::add(const QString& name, const QString& tip, bool wide) {
     if (wide && column_ > 0) ++row_, column_ = 0;
     auto* label = small(name, of_);
-    auto* value = new QLabel(of_);
+    auto* value = rich_label(of_);
     for (auto* each : {label, value}) each->setToolTip(tip);
     value->setAccessibleDescription(name);
     grid_->addWidget(label, row_, column_, Qt::AlignLeft | (wide ? Qt::AlignTop : Qt::AlignVCenter));

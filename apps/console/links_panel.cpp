@@ -31,10 +31,10 @@ link_card::link_card(std::string path, operator_actions& actions, QWidget* paren
     column->setContentsMargins(11, 8, 11, 9);
     column->setSpacing(5);
     auto* top = new QHBoxLayout;
-    head_ = new QLabel(this);
+    head_ = rich_label(this);
     head_->setFont(font_of(15, QFont::DemiBold));
     head_->setToolTip(text(path_));
-    state_ = new QLabel(this);
+    state_ = rich_label(this);
     state_->setObjectName("link_state");
     state_->setAlignment(Qt::AlignRight | Qt::AlignVCenter);
     state_->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);

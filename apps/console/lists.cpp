@@ -68,7 +68,7 @@ void command_list::show_snapshot(const snapshot& seen, utc_time) {
 
 present_list::present_list(QWidget* parent) : QWidget(parent) {
     auto* column = column_of(this);
-    head_ = new QLabel(this);
+    head_ = rich_label(this);
     head_->setObjectName("present_head");
     head_->setWordWrap(true);
     column->addWidget(head_);
@@ -87,11 +87,12 @@ void present_list::show_snapshot(const snapshot& seen, utc_time now) {
     QStringList others;
     for (const auto& one : *seen.present)
         if (one.console && !one.self) others << text(one.path.substr(one.path.rfind('/') + 1));
+    auto where = text(seen.finding.where).toHtmlEscaped();
     auto names = seen.finding.uses_names
-                     ? seen.finding.reached ? tr("Name server: %1").arg(text(seen.finding.where))
+                     ? seen.finding.reached ? tr("Name server: %1").arg(where)
                                             : tr("<span style='color:%1'>● The name server at %2 is not reached</span>")
-                                                  .arg(t.bad.name(), text(seen.finding.where))
-                     : tr("Without a name server: %1").arg(text(seen.finding.where));
+                                                  .arg(t.bad.name(), where)
+                     : tr("Without a name server: %1").arg(where);
     head_->setText((others.isEmpty() ? tr("Nobody else sits at a console")
                                      : tr("Also at a console: <b>%1</b>").arg(others.join(", ").toHtmlEscaped())) +
                    "<br>" + names);

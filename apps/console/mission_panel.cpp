@@ -22,7 +22,7 @@ mission_panel::mission_panel(mission_draft& draft, operator_actions& actions, QW
     auto* column = new QVBoxLayout(this);
     column->setContentsMargins(0, 2, 0, 0);
     column->setSpacing(5);
-    state_ = new QLabel(this);
+    state_ = rich_label(this);
     state_->setObjectName("mission_state");
     state_->setWordWrap(true);
     column->addWidget(state_);
@@ -70,7 +70,7 @@ mission_panel::mission_panel(mission_draft& draft, operator_actions& actions, QW
     progress_->setTextVisible(false);
     progress_->setAccessibleName(tr("Upload"));
     progress_->setMaximumWidth(110);
-    progress_text_ = new QLabel(this);
+    progress_text_ = rich_label(this);
     progress_text_->setObjectName("upload_state");
     progress_text_->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);
     line->addWidget(progress_);

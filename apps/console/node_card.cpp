@@ -20,13 +20,13 @@ node_card::node_card(const std::string& path, QWidget* parent) : QFrame(parent) 
     head->setFont(font_of(13, QFont::DemiBold));
     head->setToolTip(tr("%1: a communication node. It keeps every packet, and gives the telecommands to the links")
                          .arg(text(path)));
-    state_ = new QLabel(this);
+    state_ = rich_label(this);
     state_->setAlignment(Qt::AlignRight | Qt::AlignVCenter);
     state_->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);
     top->addWidget(head);
     top->addWidget(state_, 1);
     column->addLayout(top);
-    words_ = new QLabel(this);
+    words_ = rich_label(this);
     words_->setProperty("role", "small");
     words_->setFont(font_of(11));
     words_->setWordWrap(true);
@@ -43,7 +43,7 @@ void node_card::show_node(const node_view& node, utc_time now) {
                                                : tr("not serving yet");
     state_->setText(QStringLiteral("<span style='color:%1'>● %2</span>").arg((good ? t.good : t.bad).name(), what));
     state_->setToolTip(text(node.trouble));
-    if (!node.state) return words_->setText(text(node.trouble));
+    if (!node.state) return words_->setText(text(node.trouble).toHtmlEscaped());
     const auto& s = *node.state;
     auto words = tr("%1 packets kept · %2 again").arg(s.packets).arg(s.duplicates);
     if (s.held) words += tr(" · %1 wait for the disk").arg(s.held);

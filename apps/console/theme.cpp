@@ -1,8 +1,11 @@
 #include "theme.hpp"
 
 #include <QApplication>
+#include <QEvent>
 #include <QFontDatabase>
+#include <QLabel>
 #include <QPalette>
+#include <QPointer>
 #include <QStyleFactory>
 #include <QWidget>
 
@@ -132,6 +135,28 @@ const QColor& theme::ink_of(freshness how) const {
 }
 
 const theme& colours() { return current(); }
+
+QLabel* rich_label(QWidget* parent) {
+    auto* made = new QLabel(parent);
+    made->setTextFormat(Qt::RichText);
+    return made;
+}
+
+void show_texts_plainly() {
+    // Qt guesses for each text whether it is markup. A tooltip is a label, too.
+    struct plain : QObject {
+        using QObject::QObject;
+        bool eventFilter(QObject* what, QEvent* event) override {
+            auto* label = event->type() == QEvent::Polish ? qobject_cast<QLabel*>(what) : nullptr;
+            if (label && label->textFormat() == Qt::AutoText) label->setTextFormat(Qt::PlainText);
+            return false;
+        }
+    };
+    static QPointer<plain> filter; // of this application
+    if (filter) return;
+    filter = new plain(qApp);
+    qApp->installEventFilter(filter);
+}
 
 void use_theme(bool dark) {
     current() = dark ? make_night() : make_day();

@@ -5,6 +5,7 @@
 #include <QFont>
 #include <QString>
 
+class QLabel;
 class QWidget;
 
 namespace atirma::console {
@@ -36,5 +37,11 @@ void use_theme(bool dark);
 /// The font of a size in pixels; figures have one width.
 QFont font_of(int pixels, QFont::Weight weight = QFont::Normal);
 QString text(const std::string& utf8);
+
+/// A label for words with colours of ours; what others say is escaped (toHtmlEscaped) before it is put in.
+QLabel* rich_label(QWidget* parent);
+/// From now on all other labels, and all tooltips, show what they are given as it is: the boat, proxies and other
+/// operators cannot write markup into them.
+void show_texts_plainly();
 
 } // namespace atirma::console

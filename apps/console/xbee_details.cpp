@@ -41,7 +41,7 @@ xbee_details::xbee_details(std::string path, operator_actions& actions, QWidget*
     duty_->setTextVisible(false);
     duty_->setAccessibleName(tr("Duty cycle"));
     duty_->setToolTip(tr("Used part of the allowed duty cycle, over the last hour; at 100 % the modem falls silent"));
-    temperature_ = new QLabel(this);
+    temperature_ = rich_label(this);
     failed_ = new QLabel(this);
     retries_ = new QLabel(this);
     answer_ = value_grid::small({}, this);

@@ -3,6 +3,7 @@
 #include <ise/component/node.hpp>
 #include <ise/core/real/environment.hpp>
 #include <ise/instantiation/instantiation_server.hpp>
+#include <ise/instantiation/keeper.hpp>
 #include <ise/instantiation/real_machine.hpp>
 
 #include <CLI/CLI.hpp>
@@ -26,7 +27,7 @@ struct settings {
     std::string state;
     std::string name;
     std::string name_server;
-    std::vector<std::string> listen, advertise, addresses, paths;
+    std::vector<std::string> listen, advertise, addresses, hosts, paths;
     ise::security_options security;
     std::string log_level = "info";
     std::size_t instances = 64;
@@ -106,6 +107,7 @@ int run(const settings& wanted) {
     if (options.rules.has_certificates) options.variables.emplace_back("ISE_TLS", security.tls_folder);
     options.max_instances = wanted.instances;
     options.rules.listen_addresses.insert(options.rules.listen_addresses.end(), wanted.addresses.begin(), wanted.addresses.end());
+    options.rules.target_hosts = wanted.hosts;
     options.rules.path_folders = wanted.paths;
 
     ise::instantiation::real_machine host;
@@ -131,6 +133,7 @@ int run(const settings& wanted) {
     if (code == 0 && !wanted.leave_running) {
         host.end_all(std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(wanted.grace_s)));
         host.remove(folder + "/state.json");
+        host.remove(ise::instantiation::spare_of(folder + "/state.json"));
     }
     return code;
 }
@@ -138,6 +141,7 @@ int run(const settings& wanted) {
 } // namespace
 
 int main(int argc, char** argv) {
+    if (auto kept = ise::instantiation::keep_if_asked(argc, argv)) return *kept;
     CLI::App app("Starts components on this host and watches over them, for whoever asks (`ise start`).", "ise_instantiation_server");
     settings wanted;
     app.add_option("--programs", wanted.programs, "folder of the programs whose components can be started: those that answer --describe")->required()->type_name("FOLDER");
@@ -146,7 +150,8 @@ int main(int argc, char** argv) {
     app.add_option("--name-server", wanted.name_server, "its endpoint (default: $ISE_NAME_SERVER, else " + ise::default_name_server().text() + ")")->type_name("ENDPOINT");
     app.add_option("--listen", wanted.listen, "where to listen: beyond this host only with --key, or on tls:// with --tls (default: loopback and local)")->type_name("ENDPOINT");
     app.add_option("--advertise", wanted.advertise, "where others reach it through a tunnel to where it listens, such as tcp://10.0.0.2:7501; several are allowed")->type_name("ENDPOINT");
-    app.add_option("--allow-address", wanted.addresses, "a further address of this host that components may listen on, such as 0.0.0.0; several are allowed (default: loopback)")->type_name("ADDRESS");
+    app.add_option("--allow-address", wanted.addresses, "a further address of this host that components and their parameters may listen on, such as 0.0.0.0; several are allowed (default: loopback)")->type_name("ADDRESS");
+    app.add_option("--allow-host", wanted.hosts, "a host that URL parameters may name, such as gateway.example or 127.0.0.1:7411; several are allowed (default: none)")->type_name("HOST[:PORT]");
     app.add_option("--allow-path", wanted.paths, "a folder or device that parameters may name, such as /dev/ttyUSB0; several are allowed (default: none)")->type_name("PATH");
     app.add_option("--max-instances", wanted.instances, "at most so many, those that have ended included")->check(CLI::Range(1, 4096))->capture_default_str();
     app.add_option("--grace", wanted.grace_s, "seconds that what it started has to end when it ends itself")->check(CLI::Range(0.0, 3600.0))->capture_default_str();

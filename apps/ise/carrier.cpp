@@ -133,9 +133,10 @@ task<std::string> carrier::act(job& one) {
         auto instance = started(*told);
         co_return ready_text(instance, began);
     }
-    auto told = co_await change_to(what.server, what.request);
+    auto told = co_await change_to(what.server, what.request, 0);
     auto instance = started(told.outcome);
     one.former = std::move(told.former);
+    one.undo = told.undo;
     if (told.way == instantiation::change_way::restarted) co_return ready_text(instance, began);
     co_return std::string("changed while it runs");
 }
@@ -205,17 +206,21 @@ task<> carrier::undo_one(const job& one) {
         if (!told) throw problem(told.error());
         started(*told);
     } else {
-        auto told = co_await change_to(what.server, *one.former);
+        if (one.undo == 0) co_return; // nothing was changed
+        auto former = *one.former;
+        former.path = what.path;
+        auto told = co_await change_to(what.server, std::move(former), one.undo);
         started(told.outcome);
     }
 }
 
-task<instantiation::change_response> carrier::change_to(std::string server, start_request to) {
+task<instantiation::change_response> carrier::change_to(std::string server, start_request to, std::uint64_t undo) {
     auto who = there_.servers.at(server);
     instantiation::change_request request;
     auto limit = 4 * to.terms.ready_within + to.terms.grace + besides;
     auto path = to.path;
     request.to = std::move(to);
+    request.undo = undo;
     auto told = co_await who.try_call(host_services::change, std::move(request), std::min(limit, in_.left()));
     if (!told) throw failed_at(action::change, path, server, told.error());
     co_return std::move(*told);

@@ -36,6 +36,7 @@ private:
         deployment::step what;
         phase now = phase::waiting;
         std::optional<instantiation::start_request> former; ///< of what was changed
+        std::uint64_t undo = 0;                             ///< undoes that
         asio::cancellation_signal* cancel = nullptr;        ///< while it is begun
     };
 
@@ -50,7 +51,7 @@ private:
     task<> undo_one(const job& one);
     task<> forget(const deployment::step& what);
 
-    task<instantiation::change_response> change_to(std::string server, instantiation::start_request to);
+    task<instantiation::change_response> change_to(std::string server, instantiation::start_request to, std::uint64_t undo);
     task<instantiation::ended_response> stop(std::string server, std::string path, bool forget);
     duration limit_of(const deployment::step& what) const;
     std::string ready_text(const instantiation::instance_text& what, time_point began) const;

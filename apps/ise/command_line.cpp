@@ -103,6 +103,7 @@ void build(CLI::App& app, places& to) {
     app.add_option("--name-server", set.name_server, "its endpoint (default: $ISE_NAME_SERVER, else tcp://127.0.0.1:7400)")->type_name("ENDPOINT");
     app.add_option("--key", set.security.key_file, "a file with the key that the components demand (default: $ISE_KEY)")->type_name("FILE");
     app.add_option("--tls", set.security.tls_folder, "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: $ISE_TLS)")->type_name("FOLDER");
+    app.add_option("--as", set.as, "the path under which components know this command, such as an operator's; nobody checks it")->type_name("PATH");
     app.add_option("--timeout", to.timeout, "for the whole command, or its first answer (default: 5s)")->type_name("TIME");
     app.add_flag("--wait", set.wait, "wait for a component that is not there yet, until the timeout");
     app.add_flag("--json", set.json, "for programs: answers, errors and notes as one line of JSON each");

@@ -58,7 +58,7 @@ task<> hz(context& in, hz_options options);
 
 struct start_options {
     std::string type, name, host, name_space, protocol;
-    std::vector<std::string> set, listen, variables, roles;
+    std::vector<std::string> set, listen, variables, roles, limits;
     std::string process; ///< that it shares with others; empty: it has one to itself
     instantiation::restart_terms terms;
     bool types = false; ///< tell what could be started instead

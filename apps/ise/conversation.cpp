@@ -100,7 +100,10 @@ exit_code run(const settings& set, const conversation& what) {
         mine.listens = false;
         mine.registers = false;
         node running(env, options);
-        running.start(what.looks ? fmt::format("{}{}", looker_prefix, env.identity().process_id) : "", [&](component& self) { return converse(self, set, what, ctrl_c, end); }, mine);
+        auto path = what.looks ? fmt::format("{}{}", looker_prefix, env.identity().process_id) : set.as;
+        if (!path.empty() && !naming::is_path(path))
+            throw problem(exit_code::usage, "usage", fmt::format("--as: '{}' is no path, such as atirma/operators/ana", path));
+        running.start(path, [&](component& self) { return converse(self, set, what, ctrl_c, end); }, mine);
         run_until_interrupted(running, ctrl_c);
     } catch (const problem& why) {
         end.why = why;

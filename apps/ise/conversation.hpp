@@ -18,6 +18,7 @@ struct settings {
     bool wait = false;       ///< for a component that is not there yet
     bool json = false;       ///< for programs
     bool pretty = false;     ///< JSON over several lines
+    std::string as;          ///< the path that it claims; empty: none
     bool verbose = false;    ///< the log goes to standard error
     security_options security; ///< empty: ISE_KEY and ISE_TLS
 };

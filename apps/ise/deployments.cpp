@@ -18,6 +18,7 @@ using instantiation::instance_state;
 constexpr std::size_t most_file_bytes = 1 << 20;
 constexpr duration one_answer = 10s;
 constexpr duration longest_settling = 60s;
+constexpr duration longest_check = 60s;
 
 std::set<std::string> servers_used(const deployment::deployment& of) {
     std::set<std::string> used;
@@ -95,6 +96,21 @@ task<fleet> ask_hosts(context& in, const deployment::deployment& of, bool settle
         bool wait = settled && unsettled(of, made.hosts) && in.self.now() < until;
         if (!wait) co_return made;
         co_await in.self.sleep(200ms);
+    }
+}
+
+task<> check_starts(context& in, const deployment::deployment& wanted, fleet& of) {
+    for (auto& host : of.hosts) {
+        instantiation::checks_request request;
+        for (const auto& one : wanted.components)
+            if (deployment::state_of(wanted, one.host.text, of.hosts) == &host) request.wanted.push_back(one.request);
+        if (request.wanted.empty()) continue;
+        std::vector<std::string> paths;
+        for (const auto& one : request.wanted) paths.push_back(one.path);
+        auto server = of.servers.at(host.server);
+        auto told = co_await server.try_call(instantiation::services::check, std::move(request), std::min(in.left(), longest_check));
+        if (!told) throw problem(failure(told.error().code(), fmt::format("the instantiation server {} does not say whether this can be started: {}", host.server, told.error().message())));
+        for (std::size_t at = 0; at < std::min(paths.size(), told->checked.size()); ++at) host.checked[paths[at]] = std::move(told->checked[at]);
     }
 }
 

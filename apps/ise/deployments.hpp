@@ -27,6 +27,9 @@ deployment::deployment read_file(context& in, const deployment_options& options)
 /// are told in a note. With `settled`, instances of the deployment that are just starting or stopping are waited for.
 task<fleet> ask_hosts(context& in, const deployment::deployment& of, bool settled);
 
+/// Asks the hosts what they have against what the file, completed, wants of them: it stands in `of.hosts` then.
+task<> check_starts(context& in, const deployment::deployment& wanted, fleet& of);
+
 /// problem(usage) if there are any.
 void refuse(const std::string& file, const std::vector<deployment::problem>& problems);
 

@@ -118,6 +118,15 @@ std::string as_json(const component_text& about, const std::string& name, const 
     told["calls_served"] = about.calls_served;
     told["packets_published"] = about.packets_published;
     told["packets_dropped"] = about.packets_dropped;
+    auto ended = ordered_json::array();
+    for (const auto& one : about.ended_subscriptions) {
+        ordered_json line;
+        line["service"] = one.service;
+        line["provider"] = one.provider;
+        line["cause"] = one.cause;
+        ended.push_back(std::move(line));
+    }
+    told["ended_subscriptions"] = std::move(ended);
     return told.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
 }
 
@@ -137,6 +146,11 @@ std::string as_page(const component_text& about, const std::string& name, std::s
         else required += fmt::format("  {}  ({})\n", printable(one.name), ise::name_of(kind_of(one)));
     }
     if (!required.empty()) page += "\nrequired of others\n" + required;
+
+    for (std::size_t at = 0; at < about.ended_subscriptions.size(); ++at) {
+        const auto& one = about.ended_subscriptions[at];
+        page += fmt::format("{}  '{}' of {}: {}\n", at == 0 ? "\nsubscriptions that ended\n" : "", printable(one.service), printable(one.provider), printable(one.cause));
+    }
 
     if (!about.sessions.empty()) {
         table rows({"SESSION WITH", "IN", "OUT", "ROUND TRIP"});

@@ -50,11 +50,11 @@ std::string as_text(const std::vector<finding>& found) {
 finding given_up(const found_instance& of) {
     const auto& what = of.instance;
     finding made;
-    made.weight = what.deployment.empty() ? severity::note : severity::error; // who started it by hand was told
+    made.weight = what.deployment.empty() ? severity::warning : severity::error; // what was started by hand may not be needed any more
     made.kind = "failed";
     made.component = what.path;
     made.message = fmt::format("it has failed on {} and is not started again: {}", of.host.name, what.reason);
-    made.advice = fmt::format("ise logs {0} tells what it printed last; then ise restart {0}, or ise up", what.path);
+    made.advice = fmt::format("ise logs {0} tells what it printed last; then ise restart {0}, or ise up, or ise stop {0} if it is not needed any more", what.path);
     return made;
 }
 
@@ -65,6 +65,36 @@ finding coming_again(const found_instance& of) {
     made.component = of.instance.path;
     made.message = fmt::format("it ended on {} and is about to be started again ({} times so far): {}", of.host.name, of.instance.restarts, of.instance.reason);
     made.advice = fmt::format("ise logs {} tells what it printed last", of.instance.path);
+    return made;
+}
+
+finding fails_probe(const found_instance& of) {
+    finding made;
+    made.weight = severity::error;
+    made.kind = "probe_failed";
+    made.component = of.instance.path;
+    made.message = fmt::format("it runs on {}, but {}", of.host.name, of.instance.probe_trouble);
+    made.advice = fmt::format("ise logs {0} tells what it prints; ise restart {0} starts it again, and its `restart` policy does so by itself", of.instance.path);
+    return made;
+}
+
+finding loses_output(const found_instance& of) {
+    finding made;
+    made.weight = severity::warning;
+    made.kind = "output_dropped";
+    made.component = of.instance.path;
+    made.message = fmt::format("what it prints on {} is not kept: {}", of.host.name, of.instance.output_trouble);
+    made.advice = "make room on the disk of the instantiation server's --state";
+    return made;
+}
+
+finding of_before(const found_instance& of) {
+    finding made;
+    made.weight = severity::note;
+    made.kind = "rebuilt";
+    made.component = of.instance.path;
+    made.message = fmt::format("it runs a program that was rebuilt on {} since it was started", of.host.name);
+    made.advice = of.instance.process.empty() ? fmt::format("ise up, or ise restart {}", of.instance.path) : std::string("ise up, which starts its process again with all that runs in it");
     return made;
 }
 
@@ -79,6 +109,9 @@ task<std::vector<finding>> examine_instances(context& in) {
     for (const auto& one : all) {
         if (one.instance.state == instantiation::instance_state::failed) found.push_back(given_up(one));
         if (one.instance.state == instantiation::instance_state::waiting) found.push_back(coming_again(one));
+        if (!one.instance.probe_trouble.empty()) found.push_back(fails_probe(one));
+        if (!one.instance.output_trouble.empty()) found.push_back(loses_output(one));
+        if (one.instance.rebuilt) found.push_back(of_before(one));
     }
     co_return found;
 }

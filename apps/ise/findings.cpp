@@ -42,6 +42,7 @@ public:
         if (!one.about) return;
         state(*one.about);
         sessions(*one.about);
+        subscriptions(*one.about);
         if (!one.health) return;
         clock(one);
         traffic(*one.health, one.about->packets_dropped);
@@ -90,6 +91,12 @@ private:
         if (about.state != "ready") add(severity::warning, "not_ready", fmt::format("it is {}", about.state), "its log says what it waits for, or why it failed");
         if (about.epoch != 0 && !about.confirmed)
             add(severity::warning, "unconfirmed", "its lease could not be renewed: another may be granted its name", "does its host reach the name server?");
+    }
+
+    void subscriptions(const component_text& about) {
+        for (const auto& one : about.ended_subscriptions)
+            add(severity::warning, "subscription_ended", fmt::format("its subscription to '{}' of {} has ended, and was not made again: {}", one.service, one.provider, one.cause),
+                "subscribe with a greater depth, take packets sooner, or accept losses (last, latest); what subscribes again after its end goes on");
     }
 
     void sessions(const component_text& about) {

@@ -165,6 +165,12 @@ std::string as_json(const std::string& host, const instantiation::instance_text&
     told["arguments"] = given;
     told["roles"] = what.roles;
     told["deployment"] = what.deployment;
+    told["limits"] = {{"pids", what.limits.pids}, {"memory", what.limits.memory}, {"cpus", what.limits.cpus}};
+    told["output_dropped"] = what.output_dropped;
+    told["output_trouble"] = what.output_trouble;
+    told["probe"] = what.terms.probe;
+    told["probe_trouble"] = what.probe_trouble;
+    told["rebuilt"] = what.rebuilt;
     return told.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 

@@ -30,6 +30,8 @@ void add_start(CLI::App& app, instance_places& to, wish& made) {
     command->add_option("--env", into.variables, "an environment variable that the type reads")->type_name("NAME=VALUE")->allow_extra_args(false);
     command->add_option("--role", into.roles, "a role it serves, and its priority there; several are allowed")->type_name("ROLE=PRIORITY")->allow_extra_args(false);
     command->add_option("--process", into.process, "a process that it shares with others of its program, each on a thread of its own (default: one to itself)")->type_name("NAME");
+    command->add_option("--limit", into.limits, "what it may use with all that it starts: pids=64, memory=256MiB or cpus=0.5; several are allowed (default: pids=256)")
+        ->type_name("NAME=VALUE")->allow_extra_args(false);
     command->add_option("--restart", to.policy, "when it ends by itself")->check(CLI::IsMember({"never", "on-failure", "always"}))->default_str("never");
     command->add_option("--restarts", into.terms.limit, "at most so many within a minute, then it has failed (default: 5)")->check(CLI::Range(0u, 1000u))->type_name("N");
     command->add_option("--ready-within", to.ready_within, "how long it may take (default: 10s)")->type_name("TIME");

@@ -22,6 +22,17 @@ std::string process_of(const instantiation::instance_text& what) {
     return what.process.empty() ? text : fmt::format("{} ({})", text, what.process);
 }
 
+// What became of it last, and what is wrong with it now.
+std::string remarks(const instantiation::instance_text& what) {
+    std::string text = what.rebuilt ? "program was rebuilt" : "";
+    auto add = [&](const std::string& more) { text += (text.empty() ? "" : "; ") + more; };
+    if (!what.reason.empty()) add(what.reason);
+    if (!what.probe_trouble.empty() && what.probe_trouble != what.reason) add(what.probe_trouble);
+    if (what.output_dropped > 0)
+        add(fmt::format("{} of its output were dropped{}{}", show_bytes(what.output_dropped), what.output_trouble.empty() ? "" : ": ", what.output_trouble));
+    return text;
+}
+
 } // namespace
 
 task<> ps(context& in, ps_options options) {
@@ -38,7 +49,7 @@ task<> ps(context& in, ps_options options) {
             const auto& what = one.instance;
             auto length = std::max(in.self.wall() - what.since, duration{});
             rows.add({what.path, std::string(name_of(what.state)), one.host.name, process_of(what), show_duration(length),
-                      std::to_string(what.restarts), what.deployment.empty() ? "-" : what.deployment, what.type, what.reason});
+                      std::to_string(what.restarts), what.deployment.empty() ? "-" : what.deployment, what.type, remarks(what)});
         }
         text = rows.text(in.out.width());
     }

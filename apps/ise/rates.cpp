@@ -17,8 +17,6 @@ std::pair<std::uint64_t, std::uint64_t> bytes_of(const component_text& about) {
     return sum;
 }
 
-std::uint64_t grown(std::uint64_t now, std::uint64_t before) { return now - std::min(now, before); }
-
 void compare(activity& made, const surveyed& then, const surveyed& now) {
     double seconds = std::chrono::duration<double>(now.answered_at - then.answered_at).count();
     if (seconds <= 0) return;

@@ -7,9 +7,9 @@
 #include <map>
 
 namespace ise::cli {
-namespace {
-
 std::uint64_t grown(std::uint64_t now, std::uint64_t before) { return now - std::min(now, before); }
+
+namespace {
 
 std::vector<service_activity::loss> losses_of(const service_load& before, const service_load& now) {
     std::vector<service_activity::loss> made;

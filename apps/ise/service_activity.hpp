@@ -28,6 +28,9 @@ struct service_activity {
     bool at_work() const noexcept { return hz > 0 || running > 0 || waiting > 0 || loses(); }
 };
 
+/// By how much a counter grew; none where it began anew.
+std::uint64_t grown(std::uint64_t now, std::uint64_t before);
+
 /// Those that both have, ISE's own apart. `seconds` lie between.
 std::vector<service_activity> service_activities(const health_text& before, const health_text& now, double seconds);
 

@@ -120,6 +120,11 @@ task<> start(context& in, start_options options) {
         auto [name, value] = split_argument(text, "--env");
         request.variables.push_back({name, value});
     }
+    for (const auto& text : options.limits) {
+        auto [name, value] = split_argument(text, "--limit");
+        auto set = instantiation::set_limit(request.limits, name, value);
+        if (!set) throw problem(exit_code::usage, "usage", set.error().message());
+    }
     for (const auto& text : options.roles) {
         auto role = parse_role(text);
         if (!role) throw problem(role.error());

@@ -28,7 +28,7 @@ task<result<void>> connect(context& in, remote who) {
     }
 }
 
-std::string quoted(const std::string& name) { return fmt::format("'{}'", name); }
+std::string in_quotes(const std::string& name) { return fmt::format("'{}'", name); }
 
 // For an error only: whatever goes wrong here, that one is told.
 task<std::string> advice_for_name(context& in, std::string name) {
@@ -41,7 +41,7 @@ task<std::string> advice_for_name(context& in, std::string name) {
     }
     if (known.empty()) co_return std::string("no component is registered");
     auto near = nearest(name, known);
-    for (auto& one : near) one = quoted(one);
+    for (auto& one : near) one = in_quotes(one);
     if (!near.empty()) co_return fmt::format("did you mean {}?", fmt::join(near, " or "));
     co_return fmt::format("{} registered: ise list", names_are(known.size()));
 }
@@ -56,7 +56,7 @@ std::string advice_for_endpoint(errc why) {
 std::string services_there(const component_text& about) {
     std::vector<std::string> names;
     for (const auto& one : about.services)
-        if (one.provided && !is_internal(one.name)) names.push_back(quoted(one.name));
+        if (one.provided && !is_internal(one.name)) names.push_back(in_quotes(one.name));
     return names.empty() ? "it provides no service" : "it provides " + enumerate(names);
 }
 
@@ -64,7 +64,7 @@ std::string services_there(const component_text& about) {
 
 task<remote> reach_name_server(context& in) {
     auto at = name_server_of(in.set, in.self.env());
-    auto server = in.self.at(at);
+    auto server = in.self.at(at, std::string(naming::server_path));
     auto got = co_await connect(in, server);
     if (!got)
         throw problem(exit_code::not_reached, "name_server_lost", fmt::format("there is no name server at {}: {}", at.text(), got.error().message()),

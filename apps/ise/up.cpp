@@ -25,6 +25,7 @@ task<prepared> prepare(context& in, deployment_options options, bool settled) {
     std::vector<deployment::problem> wrong;
     deployment::complete(made.wanted, made.there.hosts, wrong);
     refuse(options.file, wrong);
+    co_await check_starts(in, made.wanted, made.there);
     made.plan = deployment::plan_up(made.wanted, made.there.hosts, options.only);
     refuse(options.file, made.plan.problems);
     co_return made;

@@ -58,6 +58,10 @@ task<> validate(context& in, deployment_options options) {
     deployment::ordering sorted;
     if (readable) sorted = deployment::order_of(wanted, types);
     wrong.insert(wrong.end(), sorted.problems.begin(), sorted.problems.end());
+    if (checked && wrong.empty()) {
+        co_await check_starts(in, wanted, told.there);
+        wrong = deployment::plan_up(wanted, told.there.hosts).problems;
+    }
     std::ranges::stable_sort(wrong, {}, [](const deployment::problem& one) { return std::tuple(one.at.file, one.at.line, one.at.column); });
     refuse(options.file, wrong);
     std::string text;
@@ -73,7 +77,7 @@ task<> validate(context& in, deployment_options options) {
         text = made.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
     } else {
         text = fmt::format("{} is well formed: {} with {} component{} on {} host{}{}\n", options.file, wanted.name.text, wanted.components.size(), many(wanted.components.size()), wanted.hosts.size(), many(wanted.hosts.size()),
-                           checked ? ", all of types and with parameters that there are" : "");
+                           checked ? ", all of types and with parameters that there are, and nothing is against starting it" : "");
     }
     co_await in.out.write(in.self, std::move(text));
 }

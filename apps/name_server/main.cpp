@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include <cstdio>
+#include <cstdlib>
 
 namespace {
 
@@ -17,7 +18,8 @@ constexpr int cannot_run = 1;
 constexpr int wrong_usage = 2;
 
 struct settings {
-    std::vector<std::string> listen;
+    std::vector<std::string> listen, advertise;
+    std::string state;
     std::string lease = "2s";
     ise::security_options security;
     std::string log_level = "info";
@@ -45,6 +47,32 @@ ise::log_level level_of(const std::string& text) {
     return ise::log_level::info; // CLI has checked it
 }
 
+// One for each place where a name server of this user listens; empty where nobody says where his files lie.
+std::string default_state_file(const ise::endpoint& at) {
+    std::string folder;
+    if (const char* home = std::getenv("XDG_STATE_HOME"); home && *home) folder = home;
+    else if (home = std::getenv("HOME"); home && *home) folder = fmt::format("{}/.local/state", home);
+    if (folder.empty()) return {};
+    auto name = at.text();
+    for (char& letter : name)
+        if (letter == '/' || letter == ':') letter = '+';
+    return fmt::format("{}/ise/name_server/{}.json", folder, name);
+}
+
+// A file that was named is used or it is an error; the one that nobody named is used where there can be one.
+std::shared_ptr<ise::server_memory> memory_of(const settings& wanted, ise::environment& env, const ise::endpoint& at) {
+    bool any_port = at.port == 0 && at.path.empty(); // no other one comes to this place
+    if (wanted.state == "none" || (wanted.state.empty() && any_port)) return nullptr;
+    auto file = wanted.state.empty() ? default_state_file(at) : wanted.state;
+    auto made = file.empty() ? nullptr : std::make_shared<ise::state_file>(env, file);
+    auto usable = made ? made->probe() : ise::result<void>(ise::failure(ise::errc::io_failed, "neither XDG_STATE_HOME nor HOME is set"));
+    if (usable) return made;
+    if (!wanted.state.empty()) throw ise::error(usable.error());
+    fmt::print(stderr, "ise_name_server: keeps no state, so that names could be taken from their holders when it is started again: {}; choose a file with --state\n",
+               usable.error().message());
+    return nullptr;
+}
+
 int run(const settings& wanted, ise::duration lease) {
     ise::component_options where;
     where.registers = false;
@@ -54,6 +82,11 @@ int run(const settings& wanted, ise::duration lease) {
         where.listen.push_back(std::move(*at));
     }
     if (where.listen.empty()) where.listen.push_back(ise::default_name_server());
+    for (const auto& text : wanted.advertise) {
+        auto at = ise::endpoint::parse(text);
+        if (!at) throw CLI::ValidationError("--advertise", at.error().message());
+        where.advertise.push_back(std::move(*at));
+    }
 
     ise::real_environment env;
     ise::node_options options;
@@ -66,6 +99,7 @@ int run(const settings& wanted, ise::duration lease) {
     ise::name_server_options terms;
     terms.lease = lease;
     terms.fresh = wanted.fresh;
+    terms.memory = memory_of(wanted, env, where.listen.front());
     std::string listening;
     try {
         auto& server = node.start<ise::name_server>(std::string(ise::naming::server_path), std::move(where), terms);
@@ -88,6 +122,8 @@ int main(int argc, char** argv) {
     CLI::App app("Keeps the names of an ISE system: components register here and find each other by path.", "ise_name_server");
     settings wanted;
     app.add_option("--listen", wanted.listen, "where to listen, such as tcp://0.0.0.0:7400; several are allowed (default " + ise::default_name_server().text() + ")");
+    app.add_option("--advertise", wanted.advertise, "where others reach it through a tunnel to where it listens, such as tcp://10.0.0.2:7400; several are allowed")->type_name("ENDPOINT");
+    app.add_option("--state", wanted.state, "file by which the next name server here knows the grants of this one, or none (default: below $XDG_STATE_HOME or ~/.local/state)")->type_name("FILE");
     app.add_option("--lease", wanted.lease, "the longest time for which a name outlives a node that was lost, such as 2s or 500ms")->capture_default_str();
     app.add_option("--key", wanted.security.key_file, "a file with the key that every node of the system has; who does not prove it is refused (default: $ISE_KEY)")->type_name("FILE");
     app.add_option("--tls", wanted.security.tls_folder, "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: $ISE_TLS)")->type_name("FOLDER");

@@ -139,6 +139,7 @@ void voyage::start_shore() {
         options.database = disk_prefix_ + "iridium";
         options.store_at = std::string(communication_role);
         options.webhook = "tcp://0.0.0.0:7480";
+        options.gateway_addresses = "10.0.0.0/8"; // the virtual network
         options.rockblock.url = "http://gateway:7481/rockblock/MT";
         options.rockblock.username = "atirma";
         options.rockblock.password = "atirma";

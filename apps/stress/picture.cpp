@@ -142,6 +142,7 @@ std::string make_picture(const account& of, const findings& found) {
 std::string make_gpx(const findings& found) {
     std::vector<track_point> track;
     for (const auto& one : found.track) {
+        if (!track.empty() && track.back().at == one.at) continue; // told over another link as well
         auto& point = track.emplace_back();
         point.at = one.at;
         point.latitude_deg = one.latitude_deg;

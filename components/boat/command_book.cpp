@@ -80,7 +80,8 @@ bool command_book::on_acknowledgement(utc_time wall, const acknowledgement& ack)
     bool tells = e.command.kind == command_kind::get_parameter || e.command.kind == command_kind::set_parameter ||
                  (e.command.kind >= command_kind::waypoint_add && e.command.kind <= command_kind::waypoint_select) ||
                  e.command.kind == command_kind::set_telemetry_period;
-    if (tells || ack.code == ack_code::no_authority) e.status.value = ack.value;
+    if (tells) e.status.value = ack.value;
+    e.status.boat_obeys = ack.authority;
     change(e, wall, telecommand_stage::acknowledged, ack.text);
     return true;
 }

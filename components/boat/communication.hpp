@@ -29,10 +29,12 @@ struct track_page {
 /// Who may tell the boat what to do.
 struct authority_state {
     std::string holder;             ///< the operator's path; empty: nobody
-    std::uint32_t epoch = 0;        ///< grows with each change; travels in every telecommand; 0: nobody ever had it
+    std::uint32_t epoch = 0;        ///< grows with each change, at both nodes; 0: nobody ever had it
     utc_time since{};
     std::string how;                ///< "taken by atirma/console/ana"
     std::vector<std::string> asked_by; ///< operators who ask the holder for it
+    /// Travels in every telecommand. The same as `epoch`, unless the boat said that it obeys another one.
+    std::uint32_t boat_epoch = 0;
 };
 
 enum class authority_action : std::uint8_t {
@@ -111,7 +113,7 @@ namespace services {
 /// Bounded pages of what is kept. Errors: refused (more than 8 stores, max_packets out of range, the disk).
 inline constexpr ise::request_response<track_request, track_page> track{"track"};
 
-/// Who calls is known by its path, or as anonymous@host. The reply is what holds then; it is on disk, at the other node
+/// Who calls is known by the path that it claims, which nobody checks; one without a path may only look. The reply is what holds then; it is on disk, at the other node
 /// too while that lives. Errors: refused, with who holds the authority and what to do.
 inline constexpr ise::request_response<authority_request, authority_state> authority{"authority"};
 inline constexpr ise::subscription<authority_state> authority_changes{"authority_state"};

@@ -59,7 +59,7 @@ enum class ack_code : std::uint8_t {
     refused = 1,       ///< understood and not possible now; the text says why
     bad_argument = 2,  ///< out of range; the text says which
     unknown_command = 3,
-    no_authority = 4,  ///< sent under a lower epoch of authority than the boat obeys; `value` is that one
+    no_authority = 4,  ///< sent under a epoch of authority that the boat does not obey; the answer has the one that it obeys
 };
 
 /// A name and its value, as people type it: {"return_home", sailing_mode::return_home}.

@@ -5,8 +5,7 @@ namespace {
 
 template <class P>
 bool replace(std::optional<dated<P>>& known, const P& by, const telemetry_packet& packet) {
-    auto measured = packet.measured_at > packet.received_at + newest_reports::max_clock_lead ? packet.received_at
-                                                                                             : packet.measured_at;
+    auto measured = plausible_time(packet);
     if (known && measured <= known->measured_at) return false;
     known = dated<P>{by, measured, packet.received_at, packet.link};
     return true;
@@ -20,11 +19,11 @@ std::optional<std::size_t> newest_reports::take(const telemetry_packet& packet) 
         ++malformed_;
         return std::nullopt;
     }
-    if (!seen_.first_time(packet.boot, packet.sequence) || packet.history) return std::nullopt;
+    if (!seen_.first_time(packet.boot, packet.sequence, packet.raw) || packet.history) return std::nullopt;
     const auto& body = message->body;
     bool newer = false;
     if (const auto* l = std::get_if<atirma::location>(&body))
-        newer = l->quality != fix_quality::none && replace(location_, *l, packet);
+        newer = has_fix(*l) && replace(location_, *l, packet);
     else if (const auto* n = std::get_if<atirma::navigation>(&body)) newer = replace(navigation_, *n, packet);
     else if (const auto* w = std::get_if<atirma::wind>(&body)) newer = replace(wind_, *w, packet);
     else if (const auto* p = std::get_if<atirma::power>(&body)) newer = replace(power_, *p, packet);

@@ -22,8 +22,6 @@ struct dated {
 /// believed: such a report is dated by its reception.
 class newest_reports {
 public:
-    static constexpr std::chrono::minutes max_clock_lead{5};
-
     /// Takes a packet; the kind that is newer now: its place in telemetry_body. Nothing where nothing changed.
     std::optional<std::size_t> take(const telemetry_packet& packet);
 

@@ -26,6 +26,13 @@ struct telemetry_packet {
     std::uint64_t peer_position = 0;
 };
 
+/// When it counts as measured: one from the future counts by its reception, so that it hides nothing that is measured
+/// afterwards.
+inline utc_time plausible_time(const telemetry_packet& packet) noexcept {
+    bool known = packet.received_at != utc_time(); // a proxy may not say
+    return known && packet.measured_at > packet.received_at ? packet.received_at : packet.measured_at;
+}
+
 /// A telecommand without its id and time. The fields beside `kind` count only for the kinds that name them.
 struct boat_command {
     command_kind kind = command_kind::ping;
@@ -72,6 +79,7 @@ struct telecommand_reply {
     std::optional<ack_code> result; ///< the boat's word; nothing before it was acknowledged
     std::optional<float> value;     ///< what holds at the boat now, for kinds that tell
     std::string text;               ///< for people
+    std::optional<std::uint32_t> boat_obeys; ///< the epoch of authority that the boat obeys, where it said so
 };
 
 /// A change in the life of a telecommand.
@@ -89,6 +97,7 @@ struct telecommand_status {
     utc_time asked_at{};            ///< by the clock of who tells it
     std::optional<boat_command> command; ///< from a communication node: what was asked for
     std::uint32_t authority = 0;    ///< from a communication node: the epoch that it was sent under
+    std::optional<std::uint32_t> boat_obeys; ///< the epoch that the boat obeys, where its answer said so
 };
 
 /// Which telecommand to follow; 0: all.

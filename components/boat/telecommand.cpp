@@ -87,7 +87,8 @@ ise::result<telecommand> parse_telecommand(ise::bytes_view raw) {
 }
 
 ise::bytes encode_acknowledgement(const acknowledgement& ack) {
-    writer out(layout::acknowledgement_type, ack.header);
+    writer out(ack.authority ? layout::authorised_acknowledgement_type : layout::acknowledgement_type, ack.header);
+    if (ack.authority) out.integer(*ack.authority);
     out.integer(ack.id);
     out.enumerator(ack.kind);
     out.enumerator(ack.code);
@@ -98,9 +99,11 @@ ise::bytes encode_acknowledgement(const acknowledgement& ack) {
 
 ise::result<acknowledgement> parse_acknowledgement(ise::bytes_view raw) {
     reader in(raw);
-    if (in.ok() && in.type != layout::acknowledgement_type) in.fail(fmt::format("a packet of type {:02X} is no acknowledgement", in.type));
+    bool with_epoch = in.type == layout::authorised_acknowledgement_type;
+    if (in.ok() && in.type != layout::acknowledgement_type && !with_epoch) in.fail(fmt::format("a packet of type {:02X} is no acknowledgement", in.type));
     acknowledgement ack;
     ack.header = in.header;
+    if (with_epoch) ack.authority = in.integer<std::uint32_t>();
     ack.id = in.integer<std::uint32_t>();
     ack.kind = in.any_enumerator<command_kind>();
     ack.code = in.enumerator<ack_code>("result");
@@ -115,7 +118,8 @@ packet_class classify(ise::bytes_view raw) noexcept {
     auto type = std::to_integer<std::uint8_t>(raw[1]);
     if (type >= layout::first_telemetry && type <= layout::last_telemetry) return packet_class::telemetry;
     if (type == layout::telecommand_type || type == layout::authorised_type) return packet_class::telecommand;
-    if (type == layout::acknowledgement_type) return packet_class::acknowledgement;
+    if (type == layout::acknowledgement_type || type == layout::authorised_acknowledgement_type)
+        return packet_class::acknowledgement;
     if (type == layout::receipt_type) return packet_class::receipt;
     return packet_class::unknown;
 }

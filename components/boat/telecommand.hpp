@@ -1,6 +1,8 @@
 #pragma once
 #include <components/boat/telemetry.hpp>
 
+#include <optional>
+
 namespace atirma {
 
 /// What the boat is told. The fields beside `id`, `sent_at` and `kind` count only for the kinds that name them, and only
@@ -30,6 +32,8 @@ struct acknowledgement {
     ack_code code = ack_code::done;
     float value = 0;      ///< get_parameter, set_parameter: what holds now; waypoint commands: how many there are
     std::string text;     ///< for people; cut to max_text bytes when encoded
+    /// The epoch that the boat obeys; in answers to what came under one, and with no_authority.
+    std::optional<std::uint32_t> authority;
     bool operator==(const acknowledgement&) const = default;
 };
 

@@ -105,6 +105,7 @@ ise::task<telecommand_reply> telecommand_desk::command(telecommand_request reque
         reply.result = status->result;
         reply.value = status->value;
         reply.text = status->text;
+        reply.boat_obeys = status->boat_obeys;
     }
     co_return reply;
 }

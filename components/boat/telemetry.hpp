@@ -46,6 +46,11 @@ struct location {
     bool operator==(const location&) const = default;
 };
 
+/// Whether it says where the boat is. A receiver without a fix tells 0°, 0°.
+constexpr bool has_fix(const location& where) noexcept {
+    return where.quality != fix_quality::none && (where.latitude_deg != 0 || where.longitude_deg != 0);
+}
+
 struct navigation {
     sailing_mode mode = sailing_mode::manual;
     tack on = tack::none;

@@ -67,7 +67,7 @@ void telemetry_follower::on_packet(const telemetry_packet& packet) {
 }
 
 void telemetry_follower::tell(const telemetry_packet& packet) {
-    if (told_.first_time(packet.boot, packet.sequence)) tell_(packet);
+    if (told_.first_time(packet.boot, packet.sequence, packet.raw)) tell_(packet);
 }
 
 /// Asks for the next page of what is missing, and comes again.

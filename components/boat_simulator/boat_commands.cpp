@@ -27,24 +27,34 @@ acknowledgement simulated_boat::execute(const telecommand& command, link_id from
         if (command.kind == command_kind::waypoint_read_back) schedule_.request(packet_type::waypoints, from); // may have been lost
         auto again = *known;
         again.header = next_header(); // another packet that says the same
+        if (command.authority != 0) again.authority = authority_;
         return again;
     }
-    if (needs_authority(command.kind) && command.authority < authority_) {
+    bool obeyed = obeys(command.authority);
+    if (needs_authority(command.kind) && !obeyed) {
         acknowledgement no; // not remembered: nothing was done, and the id may come again under the epoch that holds
         no.header = next_header();
         no.id = command.id;
         no.kind = command.kind;
         no.code = ack_code::no_authority;
-        no.value = static_cast<float>(authority_);
+        no.authority = authority_;
         no.text = fmt::format("authority {} holds, this was sent under {}", authority_, command.authority);
         return no;
     }
-    authority_ = std::max(authority_, command.authority);
+    if (obeyed) authority_ = command.authority;
     auto ack = decide(command, from);
+    if (command.authority != 0) ack.authority = authority_;
     acknowledged_.push_back(ack);
     ++executed_count_;
     if (acknowledged_.size() > remembered_commands) acknowledged_.pop_front();
     return ack;
+}
+
+/// An epoch counts up to `max_epoch_step` above the boat's, so that a forged one never takes all that are left from the
+/// operators. After the last one come 1, 2, 3….
+bool simulated_boat::obeys(std::uint32_t epoch) const {
+    if (epoch == 0) return authority_ == 0;
+    return epoch - authority_ <= max_epoch_step;
 }
 
 acknowledgement simulated_boat::decide(const telecommand& command, link_id from) {

@@ -93,7 +93,7 @@ std::vector<packet_name> radio_backlog::on_receipt(ise::time_point now, const te
     std::vector<packet_name> made;
     for (const auto& name : told.packets) {
         auto found = kept_.find(name);
-        if (found == kept_.end()) continue;
+        if (found == kept_.end() || held_.contains(name)) continue; // no shore has what was never sent
         forget(found);
         made.push_back(name);
     }

@@ -36,7 +36,8 @@ public:
     void not_taken(ise::bytes_view raw);
 
     void on_radio_acknowledgement(ise::time_point now) noexcept { heard_at_ = now; }
-    /// Those of the receipt that were kept here.
+    /// Those of the receipt that were kept here and had been sent: a forged one costs a packet its repetitions, never its
+    /// first transmission.
     std::vector<packet_name> on_receipt(ise::time_point now, const telemetry_receipt& told);
     void on_duty(unsigned percent) noexcept { duty_percent_ = percent; }
 

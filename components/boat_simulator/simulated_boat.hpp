@@ -56,6 +56,7 @@ public:
     static constexpr std::size_t max_queued = 128;      ///< packets a link; the oldest is dropped and counted
     static constexpr std::size_t max_answers = 32;      ///< acknowledgements a link; the same
     static constexpr std::size_t remembered_commands = 256;
+    static constexpr std::uint32_t max_epoch_step = 1024; ///< an epoch of authority further above the boat's does not count
 
     /// Throws `ise::error` (invalid_argument) without a wind.
     simulated_boat(boat_options options, std::shared_ptr<const wind_source> wind);
@@ -115,6 +116,7 @@ private:
     void queue_answer(link_id link, const acknowledgement& answer);
     void put(link_id link, std::deque<ise::bytes>& to, std::size_t most, ise::bytes raw);
     packet_header next_header();
+    bool obeys(std::uint32_t epoch) const;
     acknowledgement decide(const telecommand& command, link_id from);
 
     boat_options options_;

@@ -4,11 +4,15 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <limits>
 
 namespace atirma {
 namespace {
 
 ise::failure refused(std::string why) { return ise::failure(ise::errc::refused, std::move(why)); }
+
+// Epochs of the boat begin again after the last one: half of all numbers lie ahead of each.
+bool is_ahead(std::uint32_t epoch, std::uint32_t of) { return epoch != of && epoch - of < 0x8000'0000; }
 
 } // namespace
 
@@ -17,26 +21,43 @@ std::string authority_book::held() const {
                        std::chrono::floor<std::chrono::seconds>(state_.since));
 }
 
-std::uint32_t authority_book::next_epoch() const noexcept {
-    auto next = std::max(state_.epoch, boat_) + 1;
-    return next % 2 == (odd_ ? 1u : 0u) ? next : next + 1;
+ise::result<std::uint32_t> authority_book::next_epoch() const {
+    auto last = state_.epoch;
+    // So a change here stands above that of a node which is not seen.
+    if (boat_ && *boat_ > last && *boat_ - last <= max_step) last = *boat_;
+    auto step = last % 2 == (odd_ ? 1u : 0u) ? 2u : 1u;
+    if (last > std::numeric_limits<std::uint32_t>::max() - step)
+        return refused(fmt::format("the authority stays as it is: its epochs are used up ({} is the last but {}), which "
+                                   "only a damaged store can bring about; stop both nodes and start them with new "
+                                   "files, then take the authority anew",
+                                   last, std::numeric_limits<std::uint32_t>::max() - last));
+    return last + step;
+}
+
+std::uint32_t authority_book::next_boat_epoch() const noexcept {
+    auto last = boat_.value_or(state_.boat_epoch);
+    auto next = last + (last % 2 == (odd_ ? 1u : 0u) ? 2u : 1u);
+    return next != 0 ? next : 2u; // 0 is none
 }
 
 ise::result<authority_state> authority_book::decide(const authority_request& request, const std::string& who,
                                                     utc_time wall) const {
     auto made = state_;
-    auto change_hands = [&](const std::string& to, std::string how) {
+    auto change_hands = [&](const std::string& to, std::string how) -> ise::result<authority_state> {
+        auto epoch = next_epoch();
+        if (!epoch) return epoch.error();
         made.holder = to;
-        made.epoch = next_epoch();
+        made.epoch = *epoch;
+        made.boat_epoch = next_boat_epoch();
         made.since = wall;
         made.how = std::move(how);
         made.asked_by.clear();
+        return made;
     };
     if (who.empty() || who.size() > longest_name)
         return refused("an operator is known by a path of 1 to 200 characters");
-    // A higher epoch than ours at the boat was given elsewhere: what is held here is worth nothing until it is taken
-    // anew.
-    bool outdated = boat_ > state_.epoch;
+    // Under another epoch than the boat's what is held here is worth nothing until it is taken anew.
+    bool outdated = boat_.has_value();
     switch (request.action) {
         case authority_action::look: return made;
         case authority_action::take:
@@ -46,10 +67,9 @@ ise::result<authority_state> authority_book::decide(const authority_request& req
                     held() +
                     ": ask for it (action ask) and wait for hand_over, or take it against the holder's will "
                     "(action take, confirmed true)");
-            change_hands(who, state_.holder.empty() || state_.holder == who
-                                  ? fmt::format("taken by {}", who)
-                                  : fmt::format("taken by {} from {}", who, state_.holder));
-            return made;
+            return change_hands(who, state_.holder.empty() || state_.holder == who
+                                         ? fmt::format("taken by {}", who)
+                                         : fmt::format("taken by {} from {}", who, state_.holder));
         case authority_action::ask:
             if (state_.holder.empty())
                 return refused("nobody holds the authority over the boat: take it (action take)");
@@ -67,29 +87,33 @@ ise::result<authority_state> authority_book::decide(const authority_request& req
                 return refused(
                     "hand_over names in `to` the path of the operator who gets the authority, another one than "
                     "the holder");
-            change_hands(request.to, fmt::format("handed over to {} by {}", request.to, who));
-            return made;
+            return change_hands(request.to, fmt::format("handed over to {} by {}", request.to, who));
         case authority_action::release:
             if (state_.holder != who)
                 return refused(state_.holder.empty()
                                    ? "nobody holds the authority over the boat: there is nothing to release"
                                    : held() + ": only the holder releases it");
-            change_hands({}, fmt::format("released by {}", who));
-            return made;
+            return change_hands({}, fmt::format("released by {}", who));
     }
     return refused(fmt::format("no action has number {}", static_cast<int>(request.action)));
 }
 
 void authority_book::apply(authority_state state, std::uint64_t change) {
     state_ = std::move(state);
+    if (state_.boat_epoch == 0) state_.boat_epoch = state_.epoch; // of a store that knew one epoch only
     change_ = change;
+    if (boat_ && !is_ahead(*boat_, state_.boat_epoch)) boat_.reset();
 }
 
 bool authority_book::is_newer(const authority_state& theirs, std::uint64_t change) const noexcept {
     return theirs.epoch > state_.epoch || (theirs.epoch == state_.epoch && change > change_);
 }
 
-void authority_book::boat_obeys(std::uint32_t epoch) noexcept { boat_ = std::max(boat_, epoch); }
+void authority_book::boat_obeys(std::uint32_t epoch, std::uint32_t sent_under) noexcept {
+    if (epoch == state_.boat_epoch) boat_.reset();
+    else if (sent_under == state_.boat_epoch || is_ahead(epoch, state_.boat_epoch)) boat_ = epoch;
+    // Else an answer that was under way while the authority changed hands.
+}
 
 std::optional<std::string> authority_book::refusal(const std::string& who) const {
     if (state_.holder.empty())
@@ -100,12 +124,11 @@ std::optional<std::string> authority_book::refusal(const std::string& who) const
                    ", not {}: ask for it (service authority, action ask), or take it against the holder's will "
                    "(action take, confirmed true)",
                    who);
-    if (boat_ > state_.epoch)
+    if (boat_)
         return fmt::format(
-            "the boat obeys epoch {} of the authority, which was given where this node could not see it; here "
-            "{} holds epoch {}: take it anew "
-            "(service authority, action take) if the boat shall obey you",
-            boat_, who, state_.epoch);
+            "the boat obeys epoch {} of the authority, which was given where this node could not see it, or forged; "
+            "here {} holds epoch {}: take it anew (service authority, action take) if the boat shall obey you",
+            *boat_, who, state_.boat_epoch);
     return std::nullopt;
 }
 

@@ -20,7 +20,11 @@ int rank(telecommand_stage stage) {
     }
 }
 
-ise::duration until(utc_time later, utc_time wall) { return std::chrono::duration_cast<ise::duration>(later - wall); }
+std::int64_t steady_ms(ise::time_point at) {
+    return std::chrono::duration_cast<std::chrono::milliseconds>(at.time_since_epoch()).count();
+}
+
+ise::duration until(utc_time later, utc_time earlier) { return std::chrono::duration_cast<ise::duration>(later - earlier); }
 
 } // namespace
 
@@ -31,7 +35,7 @@ bool knows_more(const command_record& a, const command_record& b) noexcept {
     return key(a) > key(b);
 }
 
-ise::result<command_record> command_desk::prepare(utc_time wall, const telecommand_request& request,
+ise::result<command_record> command_desk::prepare(ise::time_point now, utc_time wall, const telecommand_request& request,
                                                   std::uint32_t chosen, const std::string& asked_by,
                                                   std::uint32_t authority, const std::string& node) const {
     if (auto good = check_request(request); !good) return good.error();
@@ -52,7 +56,19 @@ ise::result<command_record> command_desk::prepare(utc_time wall, const telecomma
         wall + std::chrono::milliseconds(static_cast<std::int64_t>(static_cast<double>(request.valid_s) * 1000));
     made.via = request.via;
     made.node = node;
+    made.asked_steady_ms = steady_ms(now);
     return made;
+}
+
+/// What is left of its validity. Civil time may have been set back meanwhile, and the steady clock counts anew when the
+/// machine starts: the less of the two is right, and never more than the whole.
+ise::duration command_desk::left_of(ise::time_point now, utc_time wall, const command_record& record, bool mine) {
+    auto whole = until(record.valid_until, record.status.asked_at);
+    auto left = std::min(whole, until(record.valid_until, wall));
+    if (!mine || record.asked_steady_ms == 0) return left;
+    auto passed = std::chrono::milliseconds(steady_ms(now) - record.asked_steady_ms);
+    if (passed >= ise::duration()) return std::min<ise::duration>(left, whole - passed);
+    return wall < record.status.asked_at ? ise::duration() : left; // both went back: nobody knows for how long
 }
 
 bool command_desk::know(ise::time_point now, utc_time wall, const command_record& record, const std::string& me) {
@@ -61,8 +77,8 @@ bool command_desk::know(ise::time_point now, utc_time wall, const command_record
     if (found == entries_.end()) {
         entry made;
         made.record = record;
-        made.expires = ise::saturating_add(now, until(record.valid_until, wall));
         made.mine = record.node == me;
+        made.expires = ise::saturating_add(now, left_of(now, wall, record, made.mine));
         entries_.emplace(id, std::move(made));
         if (is_final(record.status.state)) decided_.push_back(id);
         else open_.push_back(id);
@@ -84,6 +100,7 @@ void command_desk::take_over(ise::time_point now, utc_time wall, const std::stri
         if (e.mine || e.expires <= now) continue;
         e.mine = true;
         e.record.node = me;
+        e.record.asked_steady_ms = steady_ms(e.expires - until(e.record.valid_until, e.record.status.asked_at));
         change(e, wall, e.record.status.state, "is taken over, as the node that had it is silent");
     }
 }
@@ -149,8 +166,8 @@ void command_desk::on_status(utc_time wall, link_id link, const telecommand_stat
         mine.link = link;
         mine.result = status.result;
         mine.value = status.value;
-        if (status.result == ack_code::no_authority)
-            boat_epoch_ = std::max(boat_epoch_, static_cast<std::uint32_t>(std::max(0.0f, status.value.value_or(0))));
+        mine.boat_obeys = status.boat_obeys;
+        if (status.boat_obeys) boat_epochs_.push_back({mine.authority, *status.boat_obeys});
         for (const auto& [other, given] : e.links)
             if (other != link && given.given && !given.refused) recalls_.push_back({status.id, other, link});
         change(e, wall, telecommand_stage::acknowledged, status.text);

@@ -25,7 +25,7 @@ public:
 
     /// Takes a telecommand; of an id that is known already, which must mean the same, nothing new. The record, to be
     /// put to disk. Errors: invalid_argument, overloaded.
-    ise::result<command_record> prepare(utc_time wall, const telecommand_request& request, std::uint32_t chosen,
+    ise::result<command_record> prepare(ise::time_point now, utc_time wall, const telecommand_request& request, std::uint32_t chosen,
                                         const std::string& asked_by, std::uint32_t authority,
                                         const std::string& node) const;
     /// One that is on disk: prepared here, read at the start, or told by the other node. It is driven where
@@ -59,8 +59,12 @@ public:
     };
     /// Those that the boat has answered over one link since the last call, while others were still to send them.
     std::vector<recall> take_recalls() { return std::exchange(recalls_, {}); }
-    /// The epochs of the boat's refusals for want of authority since the last call, 0 for none.
-    std::uint32_t take_boat_epoch() noexcept { return std::exchange(boat_epoch_, 0); }
+    struct boat_epoch {
+        std::uint32_t sent_under = 0; ///< the epoch of the telecommand that the boat answered
+        std::uint32_t obeyed = 0;     ///< the epoch that the boat obeys
+    };
+    /// The epochs that the boat's answers told since the last call.
+    std::vector<boat_epoch> take_boat_epochs() { return std::exchange(boat_epochs_, {}); }
     std::vector<command_record> take_changes() { return std::exchange(changes_, {}); }
 
 private:
@@ -78,6 +82,7 @@ private:
         std::map<link_id, at_link> links;
     };
     void change(entry& e, utc_time wall, telecommand_stage stage, std::string text);
+    static ise::duration left_of(ise::time_point now, utc_time wall, const command_record& record, bool mine);
     void decided(std::uint32_t id);
     std::optional<ise::time_point> next_link_at(const entry& e, const link_table& links) const;
 
@@ -87,7 +92,7 @@ private:
     std::deque<std::uint32_t> decided_;
     std::vector<command_record> changes_;
     std::vector<recall> recalls_;
-    std::uint32_t boat_epoch_ = 0;
+    std::vector<boat_epoch> boat_epochs_;
 };
 
 /// Of two records of one telecommand the one that knows more: an answer of the boat before any other end, an end before

@@ -10,12 +10,11 @@ using namespace std::chrono_literals;
 constexpr std::int32_t primary_priority = 100, secondary_priority = 50;
 constexpr ise::duration housekeeping = 1s;
 
-// Operators are known by their path; who has none, by where he is.
-std::string operator_of(std::string_view caller) {
+// Operators are known by the path that they claim; one without, by the address of this session.
+operator_name operator_of(std::string_view caller) {
     auto text = std::string(caller.substr(0, caller.find(" ("))); // "path (address)"
-    if (text.find("://") == std::string::npos) return text;
-    auto where = ise::endpoint::parse(text);
-    return "anonymous@" + (where && !where->host.empty() ? where->host : std::string("here"));
+    if (text.find("://") == std::string::npos) return {text, false};
+    return {"anonymous@" + text.substr(text.find("://") + 3), true};
 }
 
 } // namespace

@@ -9,8 +9,8 @@ namespace atirma {
 /// state, whichever link brought them late. Without I/O.
 class newest_by_kind {
 public:
-    /// A boat's clock that runs ahead by more is not believed.
-    static constexpr std::chrono::minutes max_lead{5};
+    /// A boat's clock that runs ahead by more is not believed: a packet from the future counts by its reception.
+    static constexpr std::chrono::minutes max_lead{0};
 
     void know(std::uint8_t kind, utc_time measured_at) {
         auto& newest = newest_[kind];
@@ -19,7 +19,7 @@ public:
     /// Whether it is history; remembers it.
     bool is_history(const telemetry_packet& packet) {
         if (packet.history || packet.raw.size() < 2) return true;
-        auto at = std::min(packet.measured_at, packet.received_at + max_lead);
+        auto at = plausible_time(packet);
         auto& newest = newest_[std::to_integer<std::uint8_t>(packet.raw[1])];
         if (at < newest) return true;
         newest = at;

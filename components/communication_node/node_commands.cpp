@@ -11,7 +11,7 @@ using namespace std::chrono_literals;
 // Before the caller's deadline, so that "pending" still reaches it.
 ise::duration reply_margin(ise::duration left) { return std::clamp<ise::duration>(left / 5, 20ms, 800ms); }
 
-ise::error refused(std::string why) { return ise::error(ise::errc::refused, std::move(why)); }
+ise::error command_refused(std::string why) { return ise::error(ise::errc::refused, std::move(why)); }
 
 telecommand_reply reply_of(const telecommand_status& status) {
     telecommand_reply made;
@@ -19,6 +19,7 @@ telecommand_reply reply_of(const telecommand_status& status) {
     made.state = is_final(status.state) ? status.state : telecommand_stage::pending;
     made.result = status.result;
     made.value = status.value;
+    made.boat_obeys = status.boat_obeys;
     made.text = status.text;
     return made;
 }
@@ -58,7 +59,7 @@ void communication_node::put_changes() {
         c.news.ring();
     }
     for (const auto& record : changes) tell(record.status);
-    c.authority.boat_obeys(c.desk.take_boat_epoch());
+    for (const auto& told : c.desk.take_boat_epochs()) c.authority.boat_obeys(told.obeyed, told.sent_under);
 }
 
 void communication_node::tell(const telecommand_status& status) {
@@ -83,7 +84,7 @@ ise::result<void> communication_node::begin_command(const command_record& record
     return {};
 }
 
-ise::task<telecommand_reply> communication_node::command(telecommand_request request, std::string who,
+ise::task<telecommand_reply> communication_node::command(telecommand_request request, operator_name who,
                                                          ise::time_point deadline) {
     auto& c = *core_;
     auto arrived = now();
@@ -93,37 +94,37 @@ ise::task<telecommand_reply> communication_node::command(telecommand_request req
         else {
             auto found = c.store.command(request.id);
             look_for_damage(found);
-            if (!found) throw refused(found.error().message());
+            if (!found) throw command_refused(found.error().message());
             known = std::move(*found);
         }
     }
     if (known && known->status.command != request.command)
-        throw refused(fmt::format("telecommand {} is {} already, asked for by {}; choose another id", request.id,
+        throw command_refused(fmt::format("telecommand {} is {} already, asked for by {}; choose another id", request.id,
                                   name_of(known->status.kind), known->status.asked_by));
     auto id = request.id;
     if (!known) {
-        if (auto good = check_request(request); !good) throw refused(good.error().message());
+        if (auto good = check_request(request); !good) throw command_refused(good.error().message());
         if (is_dangerous(request.command.kind, request.command.mode) && !request.confirmed)
-            throw refused(fmt::format(
+            throw command_refused(fmt::format(
                 "{} can lose the boat or its mission: send it again with confirmed true if it is meant",
                 request.command.kind == command_kind::set_mode ? "set_mode manual" : name_of(request.command.kind)));
         if (needs_authority(request.command.kind))
-            if (auto why = c.authority.refusal(who)) throw refused(*why);
+            if (auto why = c.authority.refusal(who.text)) throw command_refused(*why);
         if (request.via &&
             std::ranges::none_of(c.proxies, [&](const auto& one) { return one.health.link == *request.via; })) {
             std::string there;
             for (const auto& one : c.proxies)
                 there += fmt::format("{}{}", there.empty() ? "" : ", ", name_of(one.health.link));
-            throw refused(fmt::format("this node has no proxy for {}; it has {}", name_of(*request.via),
+            throw command_refused(fmt::format("this node has no proxy for {}; it has {}", name_of(*request.via),
                                       there.empty() ? "none" : there));
         }
         auto chosen = static_cast<std::uint32_t>(env().random()) | 1u; // never 0
-        auto record = c.desk.prepare(clock(), request, chosen, who, c.authority.now().epoch, path());
-        if (!record) throw refused(record.error().message());
+        auto record = c.desk.prepare(now(), clock(), request, chosen, who.text, c.authority.now().boat_epoch, path());
+        if (!record) throw command_refused(record.error().message());
         id = record->status.id;
         auto begun = begin_command(*record);
         if (!begun)
-            throw refused(
+            throw command_refused(
                 fmt::format("the telecommand cannot be recorded, and so it is not sent: {}", begun.error().message()));
     }
     auto until = deadline == ise::time_point::max() ? ise::saturating_add(now(), 30s)
@@ -139,9 +140,13 @@ ise::task<telecommand_reply> communication_node::command(telecommand_request req
     co_return last;
 }
 
-ise::task<authority_state> communication_node::change_authority(authority_request request, std::string who) {
+ise::task<authority_state> communication_node::change_authority(authority_request request, operator_name who) {
     auto& c = *core_;
-    auto made = c.authority.decide(request, who, clock());
+    if (who.anonymous && request.action != authority_action::look)
+        throw command_refused(fmt::format("{} has no path, and is not known again by its next call: it cannot hold the authority; "
+                                  "give it a path of its own (ise --as PATH call …)",
+                                  who.text));
+    auto made = c.authority.decide(request, who.text, clock());
     if (!made) throw ise::error(made.error());
     bool hands = made->epoch != c.authority.now().epoch;
     if (hands || made->asked_by != c.authority.now().asked_by) {
@@ -149,13 +154,13 @@ ise::task<authority_state> communication_node::change_authority(authority_reques
         auto put = c.store.put(*made, change);
         disk(put ? nullptr : &put.error());
         if (!put)
-            throw refused(fmt::format("the authority stays as it is, as the change cannot be put to disk: {}",
+            throw command_refused(fmt::format("the authority stays as it is, as the change cannot be put to disk: {}",
                                       put.error().message()));
         c.authority.apply(*made, change);
         c.authorities(*made);
         c.news.ring();
         log().info("authority over the boat",
-                   {{"how", hands ? made->how : who + " asks for it"}, {"epoch", std::to_string(made->epoch)}});
+                   {{"how", hands ? made->how : who.text + " asks for it"}, {"epoch", std::to_string(made->epoch)}});
         if (hands) announce_authority();
     }
     auto change = c.authority.change();
@@ -169,8 +174,8 @@ void communication_node::announce_authority() {
     auto& c = *core_;
     telecommand_request ping;
     ping.valid_s = 3600;
-    auto record = c.desk.prepare(clock(), ping, static_cast<std::uint32_t>(env().random()) | 1u, path(),
-                                 c.authority.now().epoch, path());
+    auto record = c.desk.prepare(now(), clock(), ping, static_cast<std::uint32_t>(env().random()) | 1u, path(),
+                                 c.authority.now().boat_epoch, path());
     if (!record) return; // too many are open: the next one carries the epoch
     auto begun = begin_command(*record);
     if (!begun) log().warning("the boat is not told of the new epoch now", {{"cause", begun.error().message()}});
@@ -178,10 +183,10 @@ void communication_node::announce_authority() {
 
 record_page communication_node::record(const record_request& request) {
     if (request.max_entries < 1 || request.max_entries > 500)
-        throw refused(fmt::format("max_entries is 1 to 500, not {}", request.max_entries));
+        throw command_refused(fmt::format("max_entries is 1 to 500, not {}", request.max_entries));
     auto page = core_->store.list(request);
     look_for_damage(page);
-    if (!page) throw refused(page.error().message());
+    if (!page) throw command_refused(page.error().message());
     return std::move(*page);
 }
 

@@ -34,6 +34,7 @@ ise::task<> communication_node::drive(command_desk::give what) {
             told.state = got->state;
             told.result = got->result;
             told.value = got->value;
+            told.boat_obeys = got->boat_obeys;
             told.text = got->text;
             c.desk.on_status(clock(), what.link, told);
             if (got->state == telecommand_stage::acknowledged) c.links.heard(what.link, now());

@@ -111,8 +111,7 @@ void communication_node::know_all(const std::vector<command_record>& news) {
     for (const auto& record : news) {
         if (!c.desk.know(now(), clock(), record, path())) continue;
         tell(record.status);
-        if (record.status.result == ack_code::no_authority)
-            c.authority.boat_obeys(static_cast<std::uint32_t>(std::max(0.0f, record.status.value.value_or(0))));
+        if (record.status.boat_obeys) c.authority.boat_obeys(*record.status.boat_obeys, record.status.authority);
     }
 }
 

@@ -9,9 +9,9 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::size_t salvaged_at_once = 256;
-constexpr ise::duration salvage_pause = 1ms; // between pages: the loop serves others meanwhile
-constexpr ise::duration store_retry = 1s;
+constexpr std::size_t repair_page = 256;
+constexpr ise::duration pause = 1ms; // between pages: the loop serves others meanwhile
+constexpr ise::duration try_again = 1s;
 constexpr std::uint8_t location_kind = 1; // the type of a location on air
 
 /// What a store says when it is opened.
@@ -85,7 +85,7 @@ ise::task<> communication_node::open_store() {
         if (why.code() == ise::errc::io_failed && why.message() != said)
             log().error("its store cannot be opened; it is tried again every second", {{"cause", why.message()}});
         said = why.message();
-        co_await sleep(store_retry);
+        co_await sleep(try_again);
     }
     for (const auto& file : aside) begin_salvage(file);
 }
@@ -154,21 +154,21 @@ ise::task<> communication_node::salvage(std::string file) {
             c.authority.apply(held.first, held.second);
             c.authorities(held.first);
         }
-        for (auto records = reader.next_commands(salvaged_at_once); !records.empty(); records = reader.next_commands(salvaged_at_once)) {
+        for (auto records = reader.next_commands(repair_page); !records.empty(); records = reader.next_commands(repair_page)) {
             bool kept = take_salvaged(records);
             while (!kept) {
-                co_await sleep(store_retry);
+                co_await sleep(try_again);
                 kept = take_salvaged(records);
             }
-            co_await sleep(salvage_pause);
+            co_await sleep(pause);
         }
-        for (auto packets = reader.next_packets(salvaged_at_once); !packets.empty(); packets = reader.next_packets(salvaged_at_once)) {
+        for (auto packets = reader.next_packets(repair_page); !packets.empty(); packets = reader.next_packets(repair_page)) {
             bool kept = take_salvaged(packets);
             while (!kept) {
-                co_await sleep(store_retry);
+                co_await sleep(try_again);
                 kept = take_salvaged(packets);
             }
-            co_await sleep(salvage_pause);
+            co_await sleep(pause);
         }
         const auto& found = reader.found();
         auto outcome = fmt::format("{} packets and {} telecommands of it were sound; {} and {} were not, and {} parts "

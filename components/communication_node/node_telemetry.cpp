@@ -138,11 +138,12 @@ void communication_node::show() {
 /// The newest fix wins, whichever link it came over and in whichever order.
 void communication_node::note_fix(const telemetry_packet& packet) {
     auto& c = *core_;
-    if (packet.history || (c.fix && packet.measured_at <= c.fix->measured_at)) return;
+    auto measured = plausible_time(packet);
+    if (packet.history || (c.fix && measured <= c.fix->measured_at)) return;
     auto message = parse_telemetry(packet.raw);
     const auto* at = message ? std::get_if<location>(&message->body) : nullptr;
-    if (at && at->quality != fix_quality::none)
-        c.fix = current_fix{packet.link, packet.measured_at, at->latitude_deg, at->longitude_deg};
+    if (at && has_fix(*at))
+        c.fix = current_fix{packet.link, measured, at->latitude_deg, at->longitude_deg};
 }
 
 ise::task<keep_reply> communication_node::keep(keep_request request) {

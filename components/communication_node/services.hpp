@@ -10,6 +10,7 @@ struct command_record {
     utc_time valid_until{};
     std::optional<link_id> via;
     std::string node;               ///< which one gives it to the links
+    std::int64_t asked_steady_ms = 0; ///< `asked_at` by the steady clock of that node; 0: not known
 };
 
 /// A packet of the provider's store.

@@ -30,7 +30,6 @@ curl_easy::curl_easy(std::string url, const char* protocols, const std::string& 
     curl_easy_setopt(h, CURLOPT_ERRORBUFFER, why_);
     set(CURLOPT_NOSIGNAL, 1L);
     set(CURLOPT_QUICK_EXIT, 1L); // giving up does not wait for the thread that resolves a name
-    set(CURLOPT_SASL_IR, 1L);    // a login in one step
     set(CURLOPT_FRESH_CONNECT, 1L);
     set(CURLOPT_FORBID_REUSE, 1L);
     set(CURLOPT_PROXY, std::string()); // not the one of the process's variables

@@ -32,6 +32,12 @@ bool number(std::string_view text, N& into) {
     return error == std::errc{} && end == text.data() + text.size() && text.front() != '-';
 }
 
+bool secret(std::string_view text, std::uint64_t& into) {
+    if (text.size() != 16) return false;
+    auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), into, 16);
+    return error == std::errc{} && end == text.data() + text.size();
+}
+
 bool packet(std::string_view text, ise::bytes& into) {
     auto raw = ise::detail::from_base64(text);
     if (!raw || raw->empty() || raw->size() > max_packet_size) return false;
@@ -46,13 +52,14 @@ struct fields {
 
 ise::result<line> parse_login(const fields& f) {
     login made;
-    if (f.count != 5) return wrong("PATL has four fields");
+    if (f.count != 6) return wrong("PATL has five fields");
     made.id = f.of[1];
     if (!is_good_id(made.id)) return wrong("PATL names no boat");
     if (!number(f.of[2], made.boot) || !number(f.of[3], made.first_unacked) || !number(f.of[4], made.last))
         return wrong("a field of PATL is no number");
     if (made.first_unacked == 0 || made.last < made.first_unacked - 1)
         return wrong("the numbers of PATL do not fit together");
+    if (!secret(f.of[5], made.token)) return wrong("the token of PATL is not 16 hexadecimal digits");
     return line(std::move(made));
 }
 
@@ -91,10 +98,27 @@ ise::result<line> parse_outcome(const fields& f) {
     return line(std::move(made));
 }
 
+ise::result<line> parse_challenge(const fields& f) {
+    challenge made;
+    if (f.count != 3) return wrong("PATN has two fields");
+    if (!secret(f.of[1], made.token) || !secret(f.of[2], made.key))
+        return wrong("a field of PATN is not 16 hexadecimal digits");
+    return line(made);
+}
+
+ise::result<line> parse_key(const fields& f) {
+    shown_key made;
+    if (f.count != 2) return wrong("PATK has one field");
+    if (!secret(f.of[1], made.key)) return wrong("the key of PATK is not 16 hexadecimal digits");
+    return line(made);
+}
+
 struct encoder {
     std::string operator()(const login& l) const {
-        return fmt::format("PATL,{},{},{},{}", l.id, l.boot, l.first_unacked, l.last);
+        return fmt::format("PATL,{},{},{},{},{:016x}", l.id, l.boot, l.first_unacked, l.last, l.token);
     }
+    std::string operator()(const challenge& c) const { return fmt::format("PATN,{:016x},{:016x}", c.token, c.key); }
+    std::string operator()(const shown_key& k) const { return fmt::format("PATK,{:016x}", k.key); }
     std::string operator()(const record& r) const {
         return fmt::format("PATD,{},{},{},{},{}", r.boot, r.number, r.unix_s, r.history ? 'H' : 'L',
                            ise::detail::to_base64(r.raw));
@@ -146,6 +170,8 @@ ise::result<line> parse(std::string_view text) {
     if (split.of[0] == "PATA") return parse_receipt(split);
     if (split.of[0] == "PATC") return parse_order(split);
     if (split.of[0] == "PATR") return parse_outcome(split);
+    if (split.of[0] == "PATN") return parse_challenge(split);
+    if (split.of[0] == "PATK") return parse_key(split);
     return wrong("a sentence that is not of A-Tirma");
 }
 

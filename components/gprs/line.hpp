@@ -19,11 +19,13 @@ inline constexpr std::size_t max_line = 256;
 inline constexpr std::size_t max_id = 32;
 
 /// `$PATL`: who calls, what it still holds, and the last number that it gave. Also sent in between, to be answered.
+/// The token tells one life of the boat's program from all others, and from somebody who calls himself so.
 struct login {
     std::string id;
     std::uint16_t boot = 0;          ///< of the numbering: another one after each start of the boat's program
     std::uint32_t first_unacked = 1; ///< what lies below is acknowledged or given up
     std::uint32_t last = 0;          ///< first_unacked - 1 where it holds nothing
+    std::uint64_t token = 0;         ///< drawn at random at each start of the boat's program
     bool operator==(const login&) const = default;
 };
 /// `$PATD`: a packet of telemetry, under its number on this link: 1, 2, 3 … of each boot, without gaps.
@@ -54,7 +56,18 @@ struct outcome {
     ise::bytes raw;                  ///< may be missing
     bool operator==(const outcome&) const = default;
 };
-using line = std::variant<login, record, receipt, order, outcome>;
+/// `$PATN`: over datagrams, the shore's answer to a login from an address that has not shown the address's key.
+struct challenge {
+    std::uint64_t token = 0;         ///< of that login
+    std::uint64_t key = 0;           ///< of that address, to be shown from now on
+    bool operator==(const challenge&) const = default;
+};
+/// `$PATK`: the first line of every datagram, either way, but of the login that asks for a key and the challenge.
+struct shown_key {
+    std::uint64_t key = 0;
+    bool operator==(const shown_key&) const = default;
+};
+using line = std::variant<login, record, receipt, order, outcome, challenge, shown_key>;
 
 /// With checksum, CR and LF. What `parse` would refuse must not be given to it.
 std::string encode(const line& of);

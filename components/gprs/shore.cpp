@@ -8,10 +8,14 @@ namespace atirma::gprs {
 
 void shore::connected(ise::time_point now, way by) {
     ++counters_.connections;
-    if (strangers_.size() >= options_.max_strangers)
-        cut_stranger(strangers_.begin(),
-                     fmt::format("{} others wait to log in: the oldest makes room", strangers_.size()));
+    auto place = places_.take(by.peer.text()); // all wait: one makes way
     auto& made = strangers_.emplace_back();
+    place->on_displaced([this, door = by.door] {
+        auto who = std::find_if(strangers_.begin(), strangers_.end(), [&](const stranger& s) { return s.by.door == door; });
+        cut_stranger(who, fmt::format("{} connections wait to log in (max_strangers): the oldest one of the host with the most makes way",
+                                      strangers_.size()));
+    });
+    made.place = std::move(place);
     made.by = std::move(by);
     made.until = ise::saturating_add(now, options_.login_time);
 }
@@ -61,19 +65,32 @@ void shore::on_datagram(ise::time_point now, const way& by, ise::bytes_view cont
         ++counters_.stranger_datagrams;
         tell(stranger_datagram{by.peer, std::move(reason)});
     };
-    bool of_boat = boat_ == by;
-    if (!of_boat) {
-        auto got = reader.next();
+    auto got = reader.next();
+    bool proven = false; // whoever sent it receives at that address
+    if (got && *got && std::holds_alternative<shown_key>(**got)) {
+        proven = std::get<shown_key>(**got).key == key_of(by);
+        got = reader.next();
+    }
+    if (proven && boat_ == by) {
+        if (got) take(now, *got);
+    } else {
         if (!got) return refuse("it is empty");
         if (!*got) return refuse(got->error().message());
         const auto* told = std::get_if<login>(&**got);
         if (!told) return refuse("it brings no login");
         if (told->id != options_.boat_id)
             return refuse(fmt::format("it calls itself '{}', which is not the boat", told->id));
+        if (boat_ && !boat_->datagrams)
+            return refuse(fmt::format("the boat is there over a connection, from {}", boat_->peer.text()));
+        if (!proven) {
+            ++counters_.challenges;
+            tell(send_text{by, encode(challenge{told->token, key_of(by)})});
+            return;
+        }
         admit(now, by, *told, line_reader());
     }
     while (boat_ == by) {
-        auto got = reader.next();
+        got = reader.next();
         if (!got) break;
         take(now, *got);
     }
@@ -112,7 +129,10 @@ void shore::take(ise::time_point now, const ise::result<line>& got) {
     } else if (const auto* data = std::get_if<record>(&*got)) {
         take_record(record(*data));
     } else if (const auto* done = std::get_if<outcome>(&*got)) {
-        tell(outcome_came{*done});
+        const auto* here = known(boot_);
+        auto asked = std::find_if(orders_.begin(), orders_.end(), [&](const auto& one) { return one.first == done->id; });
+        if (here && asked != orders_.end() && asked->second == here->id) tell(outcome_came{*done});
+        else ++counters_.strange_outcomes; // it comes again once the telecommand has gone there
     } else {
         ++counters_.malformed; // what only the shore says
     }
@@ -120,19 +140,18 @@ void shore::take(ise::time_point now, const ise::result<line>& got) {
 
 void shore::take_login(const login& told) {
     ++counters_.logins;
+    if (std::pair(told.boot, told.token) != std::pair(boot_, token_)) owed_.clear();
     boot_ = told.boot;
+    token_ = told.token;
     auto& of = life_of(told.boot);
     if (told.last < of.safe.complete()) {
-        // It has given fewer numbers than it was acknowledged: it has started again, or this is a datagram of long ago.
-        // Until that is known nothing is taken or acknowledged; the boat says it again.
-        if (!of.doubted_at) of.doubted_at = heard_at_;
-        if (boat_->datagrams && heard_at_ - *of.doubted_at < options_.doubt_time) return;
-        tell(remark{fmt::format(
-            "boot {} counts from {} again, and had come to {}: give each start of the boat another boot number",
-            told.boot, told.first_unacked, of.safe.complete())});
+        // It has given fewer numbers than it was acknowledged.
+        if (boat_->datagrams) return; // a datagram of long ago
+        tell(remark{fmt::format("boot {} counts from {} again, and had come to {}: give each start of the boat another "
+                                "boot number and token",
+                                told.boot, told.first_unacked, of.safe.complete())});
         start_afresh(of);
     }
-    of.doubted_at.reset();
     of.announced = std::max(of.announced, told.last);
     auto gone = of.received.skip_to(told.first_unacked - 1);
     of.safe.skip_to(told.first_unacked - 1);
@@ -148,13 +167,13 @@ void shore::take_login(const login& told) {
 
 void shore::take_record(record&& told) {
     auto& of = life_of(told.boot);
-    if (!of.doubted_at) of.announced = std::max(of.announced, told.number);
-    if (!of.doubted_at && of.received.contains(told.number)) {
+    of.announced = std::max(of.announced, told.number);
+    if (of.received.contains(told.number)) {
         ++counters_.resends;
         owed_.insert(told.boot); // the acknowledgement did not arrive
         return;
     }
-    if (of.doubted_at || unsafe_ >= options_.max_unsafe || !of.received.add(told.number)) {
+    if (unsafe_ >= options_.max_unsafe || !of.received.add(told.number)) {
         ++counters_.postponed;
         return;
     }
@@ -169,7 +188,7 @@ void shore::safe(std::uint64_t life_id, const std::vector<std::uint32_t>& number
     auto of = std::find_if(lives_.begin(), lives_.end(), [&](const life& l) { return l.id == life_id; });
     if (of == lives_.end()) return; // that is over
     for (auto number : numbers) of->safe.add(number);
-    owed_.insert(of->boot);
+    if (of->token == token_) owed_.insert(of->boot);
     acknowledge();
 }
 
@@ -178,13 +197,26 @@ void shore::acknowledge() {
     if (!boat_) return; // its next login asks for it
     std::string text;
     for (auto boot : owed)
-        if (const auto* of = known(boot); of && !of->doubted_at) text += encode(receipt{boot, of->safe.complete()});
-    if (!text.empty()) tell(send_text{*boat_, std::move(text)});
+        if (const auto* of = known(boot)) text += encode(receipt{boot, of->safe.complete()});
+    if (!text.empty()) send_to_boat(std::move(text));
+}
+
+void shore::send_to_boat(std::string text) {
+    if (boat_->datagrams) text = encode(shown_key{key_of(*boat_)}) + text;
+    tell(send_text{*boat_, std::move(text)});
+}
+
+/// Only who receives at that address learns it, and only the shore's secret makes it.
+std::uint64_t shore::key_of(const way& by) const {
+    return ise::net::udp::keyed_hash(options_.secret, ise::as_bytes(fmt::format("{} {}", by.door, by.peer.text())));
 }
 
 bool shore::send(const order& what) {
     if (!boat_) return false;
-    tell(send_text{*boat_, encode(what)});
+    std::erase_if(orders_, [&](const auto& one) { return one.first == what.id; });
+    orders_.emplace_back(what.id, life_of(boot_).id);
+    if (orders_.size() > options_.max_orders) orders_.pop_front();
+    send_to_boat(encode(what));
     return true;
 }
 
@@ -234,12 +266,12 @@ void shore::cut_stranger(std::list<stranger>::iterator who, std::string reason) 
 }
 
 const shore::life* shore::known(std::uint16_t boot) const {
-    auto found = std::find_if(lives_.begin(), lives_.end(), [&](const life& l) { return l.boot == boot; });
+    auto found = std::find_if(lives_.begin(), lives_.end(), [&](const life& l) { return l.boot == boot && l.token == token_; });
     return found == lives_.end() ? nullptr : &*found;
 }
 
 shore::life& shore::life_of(std::uint16_t boot) {
-    auto found = std::find_if(lives_.begin(), lives_.end(), [&](const life& l) { return l.boot == boot; });
+    auto found = std::find_if(lives_.begin(), lives_.end(), [&](const life& l) { return l.boot == boot && l.token == token_; });
     if (found != lives_.end()) {
         lives_.splice(lives_.begin(), lives_, found);
         return lives_.front();
@@ -247,6 +279,7 @@ shore::life& shore::life_of(std::uint16_t boot) {
     if (lives_.size() >= options_.max_boots) lives_.pop_back();
     auto& made = lives_.emplace_front();
     made.boot = boot;
+    made.token = token_;
     start_afresh(made);
     return made;
 }
@@ -256,7 +289,6 @@ void shore::start_afresh(life& of) {
     of.received = of.safe = number_set();
     of.announced = 0;
     of.heard = false;
-    of.doubted_at.reset();
 }
 
 } // namespace atirma::gprs

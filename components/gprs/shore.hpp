@@ -4,9 +4,12 @@
 
 #include <ise/core/endpoint.hpp>
 #include <ise/core/time.hpp>
+#include <ise/net/fair_places.hpp>
+#include <ise/net/udp/cookie.hpp>
 
 #include <deque>
 #include <list>
+#include <memory>
 #include <set>
 #include <vector>
 
@@ -16,13 +19,13 @@ struct shore_options {
     std::string boat_id = "atirma";                      ///< whose login is taken
     ise::duration login_time = std::chrono::seconds(10); ///< a connection that has not logged in by then is cut off
     ise::duration silence = std::chrono::minutes(3);     ///< of the boat; then its way is half open, and given up
-    std::size_t max_strangers = 16;                      ///< connections without a login; the oldest makes room
+    std::size_t max_strangers = 16;                      ///< connections without a login; `ise::net::fair_places` decides
     std::size_t max_login_bytes = 1024;                  ///< that a stranger may send before he has logged in
     std::size_t max_bad_lines = 8;                       ///< one after the other, of the boat's own connection
     std::size_t max_unsafe = 4096; ///< records that wait until they are safe; further ones come again
-    ise::duration doubt_time =
-        std::chrono::minutes(1); ///< that datagrams say lower numbers; then the boat has started again
     std::size_t max_boots = 8;                           ///< lives of the boat whose numbers are remembered
+    std::size_t max_orders = 256;                        ///< telecommands of which it is known to whom they went
+    ise::net::udp::secret secret{};                      ///< drawn at random; the keys of addresses follow from it
 };
 
 /// A way to the boat: a connection, or a socket for datagrams and who is at the other end.
@@ -79,18 +82,23 @@ struct shore_counters {
     std::uint64_t postponed = 0;                         ///< not taken for lack of room: they come again
     std::uint64_t given_up = 0;                          ///< numbers that the boat will not send any more
     std::uint64_t malformed = 0, strangers_cut_off = 0, stranger_datagrams = 0, half_open = 0;
+    std::uint64_t challenges = 0;                        ///< logins by datagram that were asked to show their key
+    std::uint64_t strange_outcomes = 0;                  ///< of telecommands that did not go to that life of the boat
 };
 
 /// The shore's end of the uplink, without I/O: who is the boat and who a stranger, what came, what is acknowledged,
 /// where telecommands go. It owns neither socket nor clock; what it decides is taken by `take_event()` after every
 /// call, and all times come from one clock.
 ///
-/// The boat's last login says by which way it is there: an earlier connection is cut off, datagrams of another address
-/// are a stranger's until they bring a login. Acknowledgements are cumulative over the numbers of one boot. Not thread
-/// safe.
+/// The boat's last login says by which way it is there: an earlier connection is cut off. Datagrams of another address
+/// are a stranger's until a login shows the key that the shore sent there, and as long as the boat is there over a
+/// connection. Boot and token of a login name a life of the boat: the numbers of one life say nothing about another's,
+/// and its answers count for the telecommands that went to it. Acknowledgements are cumulative over the numbers of one
+/// life. Not thread safe.
 class shore {
 public:
-    explicit shore(shore_options options = shore_options()) : options_(std::move(options)) {}
+    explicit shore(shore_options options = shore_options())
+        : options_(std::move(options)), places_(options_.max_strangers) {}
 
     /// A connection was accepted, and ended by itself.
     void connected(ise::time_point now, way by);
@@ -119,17 +127,18 @@ public:
 private:
     struct life { // of the boat's numbering
         std::uint16_t boot = 0;
+        std::uint64_t token = 0;
         std::uint64_t id = 0;
         number_set received, safe;
         std::uint32_t announced = 0;
         bool heard = false; // of what it holds
-        std::optional<ise::time_point> doubted_at; // its login is of long ago, or of another life under the same boot
     };
     struct stranger {
         way by;
         ise::time_point until{};
         std::size_t bytes = 0;
         line_reader reader;
+        std::unique_ptr<ise::net::fair_places::place> place;
     };
 
     life& life_of(std::uint16_t boot);
@@ -141,11 +150,14 @@ private:
     void lose_boat(const std::string& reason);
     void cut_stranger(std::list<stranger>::iterator who, std::string reason);
     void acknowledge();
+    void send_to_boat(std::string text);
+    std::uint64_t key_of(const way& by) const;
     void start_afresh(life& of);
     template <class E>
     void tell(E event) { events_.push_back(shore_event(std::move(event))); }
 
     shore_options options_;
+    ise::net::fair_places places_; // before the strangers, who hold them
     std::optional<way> boat_;
     line_reader reader_; // of the boat's connection
     std::list<stranger> strangers_; // as they came
@@ -155,7 +167,9 @@ private:
     shore_counters counters_;
     ise::time_point came_at_{}, heard_at_{};
     std::size_t unsafe_ = 0, bad_lines_ = 0;
+    std::deque<std::pair<std::uint32_t, std::uint64_t>> orders_; // id, and the life that it went to last
     std::uint64_t last_life_ = 0;
+    std::uint64_t token_ = 0;
     std::uint16_t boot_ = 0;
 };
 

@@ -57,15 +57,21 @@ void uplink::opened(ise::time_point now) {
     open_ = login_due_ = true;
     answered_ = false;
     reader_ = line_reader();
+    key_.reset();
     bad_lines_ = 0;
-    old_ = last_number();
-    next_old_ = first_;
-    next_new_ = old_ + 1;
+    begin_history();
     old_under_way_ = 0;
     again_.clear();
     asked_at_.reset();
     asked_again_ = false;
     said_at_ = login_at_ = now;
+}
+
+/// What is held now is history, but for the newest fix.
+void uplink::begin_history() {
+    old_ = last_number();
+    next_old_ = first_;
+    next_new_ = old_ + 1;
 }
 
 void uplink::closed() {
@@ -74,10 +80,38 @@ void uplink::closed() {
 }
 
 void uplink::on_bytes(ise::time_point now, ise::bytes_view bytes) {
+    if (options_.datagrams) return on_datagram(now, bytes);
     reader_.push(bytes);
-    if (options_.datagrams) reader_.push(ise::as_bytes("\n"));
+    take(now, reader_);
+}
+
+/// Only the shore knows the token, and whoever knows the key was told it with the token: anybody can write the shore's
+/// address into a datagram.
+void uplink::on_datagram(ise::time_point now, ise::bytes_view content) {
+    line_reader reader;
+    reader.push(content);
+    reader.push(ise::as_bytes("\n"));
+    auto got = reader.next();
+    const auto* first = got && *got ? &**got : nullptr;
+    const auto* asked = first ? std::get_if<challenge>(first) : nullptr;
+    const auto* shown = first ? std::get_if<shown_key>(first) : nullptr;
+    if (asked && asked->token == options_.token) on_challenge(now, *asked);
+    else if (shown && key_ == shown->key) take(now, reader);
+    else ++counters_.malformed;
+}
+
+void uplink::on_challenge(ise::time_point now, const challenge& told) {
+    if (key_ == told.key) return;
+    if (!key_) begin_history(); // nothing could be sent by this way before
+    key_ = told.key;
+    login_due_ = true;
+    for (auto& packet : ring_) // what was sent under another key was a stranger's
+        if (under_way(packet)) packet.sent_at = now - resend_after();
+}
+
+void uplink::take(ise::time_point now, line_reader& from) {
     for (;;) {
-        auto got = reader_.next();
+        auto got = from.next();
         if (!got) return;
         const auto* told = *got ? &**got : nullptr;
         if (told && std::holds_alternative<receipt>(*told)) {
@@ -124,6 +158,7 @@ void uplink::forget_first() {
 void uplink::on_time(ise::time_point now) {
     if (!open_) return;
     if (now >= ise::saturating_add(said_at_, options_.keepalive)) login_due_ = true;
+    if (asks_for_key() && now >= ise::saturating_add(login_at_, options_.period)) login_due_ = true;
     if (!again_.empty()) return;
     auto late = [&](const kept& packet) {
         return under_way(packet) && now >= ise::saturating_add(packet.sent_at, resend_after());
@@ -139,6 +174,7 @@ void uplink::on_time(ise::time_point now) {
 ise::time_point uplink::next_event() const {
     if (!open_) return ise::time_point::max();
     auto next = ise::saturating_add(said_at_, options_.keepalive);
+    if (asks_for_key()) next = std::min(next, ise::saturating_add(login_at_, options_.period));
     if (asked_at_) next = std::min(next, ise::saturating_add(*asked_at_, patience()));
     auto most = std::min(again_at_once, ring_.size());
     for (std::size_t i = 0; i < most && again_.empty(); ++i)
@@ -150,6 +186,7 @@ std::string uplink::take_text(ise::time_point now) {
     std::string text;
     if (!open_) return text;
     if (gap_untold_ && now >= ise::saturating_add(login_at_, options_.period)) login_due_ = true;
+    if (asks_for_key()) return login_due_ ? login_text(now) : text; // all else would be a stranger's
     if (login_due_) {
         text = login_text(now);
         if (!options_.datagrams) return text;
@@ -165,14 +202,14 @@ std::string uplink::take_text(ise::time_point now) {
     } else if (number) {
         text += record_text(now, *number);
     }
-    return text;
+    return key_ && !text.empty() ? encode(shown_key{*key_}) + text : text;
 }
 
 std::string uplink::login_text(ise::time_point now) {
     login_due_ = gap_untold_ = false;
     login_at_ = said_at_ = now;
     if (!asked_at_) asked_at_ = now;
-    return encode(login{options_.id, boot_, first_, last_number()});
+    return encode(login{options_.id, boot_, first_, last_number(), options_.token});
 }
 
 /// The number that goes next.

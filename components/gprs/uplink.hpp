@@ -9,6 +9,7 @@ namespace atirma::gprs {
 
 struct uplink_options {
     std::string id = "atirma";                           ///< how the boat calls itself
+    std::uint64_t token = 0;                             ///< of this start of the program, drawn at random
     bool datagrams = false;                              ///< the way may lose and reorder, and its address may change
     std::size_t capacity = 8192; ///< packets without acknowledgement; beyond, the oldest is given up
     std::size_t window = 32;                             ///< packets of history under way at a time
@@ -75,7 +76,12 @@ private:
     kept& at(std::uint32_t number) { return ring_[number - first_]; }
     bool holds(std::uint32_t number) const noexcept { return number >= first_ && number - first_ < ring_.size(); }
     bool under_way(const kept& packet) const noexcept { return packet.sent_in == session_; }
+    bool asks_for_key() const noexcept { return options_.datagrams && !key_; }
+    void begin_history();
     void forget_first();
+    void on_datagram(ise::time_point now, ise::bytes_view content);
+    void take(ise::time_point now, line_reader& from);
+    void on_challenge(ise::time_point now, const challenge& told);
     void on_receipt(ise::time_point now, const receipt& told);
     std::optional<std::uint32_t> choose();
     std::string login_text(ise::time_point now);
@@ -86,6 +92,7 @@ private:
     uplink_options options_;
     std::uint16_t boot_;
     line_reader reader_;
+    std::optional<std::uint64_t> key_; // of the address that the shore sees; over datagrams
     std::deque<kept> ring_;      // numbers first_, first_ + 1 …
     std::deque<outcome> outcomes_;
     std::deque<order> orders_;

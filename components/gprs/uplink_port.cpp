@@ -15,17 +15,18 @@ using namespace std::chrono_literals;
 constexpr std::size_t unwritten_at_most = 2048; // then what is new overtakes what is old here, not in the kernel
 constexpr ise::duration write_again = 50ms;
 
-port_options checked(port_options options) {
+port_options checked(ise::loop& on, port_options options) {
     if (options.shore.kind != ise::protocol::tcp && options.shore.kind != ise::protocol::udp)
         throw ise::error(ise::errc::invalid_argument,
                          fmt::format("the uplink goes over tcp or udp, not to {}", options.shore.text()));
     options.link.datagrams = options.shore.kind == ise::protocol::udp;
+    options.link.token = on.env().random();
     return options;
 }
 } // namespace
 
 uplink_port::uplink_port(ise::loop& on, ise::logger log, port_options options, std::uint16_t boot)
-    : loop_(on), log_(std::move(log)), options_(checked(std::move(options))), link_(boot, options_.link),
+    : loop_(on), log_(std::move(log)), options_(checked(on, std::move(options))), link_(boot, options_.link),
       wake_(on, [this] { service(); }) {}
 
 void uplink_port::put(ise::bytes raw) {

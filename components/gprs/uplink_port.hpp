@@ -14,7 +14,7 @@ namespace atirma::gprs {
 
 struct port_options {
     ise::endpoint shore;                                    ///< of the proxy, or of a carrier before it: tcp or udp
-    uplink_options link;                                    ///< `datagrams` follows from the endpoint
+    uplink_options link;                                    ///< `datagrams` follows from the endpoint, `token` is drawn
     ise::duration connect_time = std::chrono::seconds(20);
     ise::duration shortest_retry =
         std::chrono::seconds(1); ///< between attempts; doubles as long as nothing is acknowledged

@@ -1,6 +1,7 @@
 #include <components/gprs_link/stream_relay.hpp>
 
 #include <ise/core/sleep.hpp>
+#include <ise/net/bounded_acceptor.hpp>
 #include <ise/net/connect.hpp>
 
 #include <asio/error.hpp>
@@ -10,7 +11,7 @@
 namespace atirma {
 namespace {
 using namespace std::chrono_literals;
-constexpr ise::duration connect_time = 10s, accept_pause = 250ms, room_pause = 50ms;
+constexpr ise::duration connect_time = 10s, room_pause = 50ms;
 constexpr std::size_t up = 0;
 } // namespace
 
@@ -24,19 +25,19 @@ ise::result<ise::endpoint> stream_relay::open(const ise::endpoint& at) {
 }
 
 ise::task<> stream_relay::accept(std::shared_ptr<ise::listener> at) {
+    // Bounded by `max_calls`.
+    ise::net::bounded_acceptor entrance(loop_, at, nullptr, [this](const std::string& what, const std::string& where) {
+        log_.warning(what, {{"at", where}});
+    });
     for (;;) {
-        auto [problem, stream] = co_await at->accept();
-        if (problem == asio::error::operation_aborted) co_return;
-        if (problem) {
-            log_.warning("a connection could not be accepted",
-                         {{"cause", problem.message()}, {"at", at->where().text()}});
-            co_await ise::sleep_for(loop_, accept_pause);
-        } else if (!air_.up) {
+        auto who = co_await entrance.next();
+        if (!who.line) co_return;
+        if (!air_.up) {
             ++air_.turned_away;
-        } else {
-            std::shared_ptr<ise::stream> boat = std::move(stream);
-            spawn_("connection", carry(std::move(boat)));
+            continue;
         }
+        std::shared_ptr<ise::stream> boat = std::move(who.line);
+        spawn_("connection", carry(std::move(boat)));
     }
 }
 

@@ -1,6 +1,7 @@
 #include <components/gprs_proxy/doors.hpp>
 
 #include <ise/core/sleep.hpp>
+#include <ise/net/bounded_acceptor.hpp>
 
 #include <asio/error.hpp>
 #include <fmt/format.h>
@@ -9,7 +10,7 @@ namespace atirma {
 namespace {
 using namespace std::chrono_literals;
 constexpr ise::duration write_pause = 50ms;
-constexpr ise::duration accept_pause = 250ms; // out of descriptors: somebody else may free one
+constexpr ise::duration receive_pause = 250ms;
 } // namespace
 
 ise::result<ise::endpoint> doors::open(const ise::endpoint& at) {
@@ -36,17 +37,16 @@ ise::result<ise::endpoint> doors::open(const ise::endpoint& at) {
 }
 
 ise::task<> doors::accept(std::shared_ptr<ise::listener> at) {
+    // The shore bounds the connections: it knows who has logged in.
+    ise::net::bounded_acceptor entrance(loop_, at, nullptr, [this](const std::string& what, const std::string& where) {
+        if (auto left_out = quiet_.admit(loop_.now()))
+            log_.warning(what, {{"at", where}, {"left_out", std::to_string(*left_out)}});
+    });
     for (;;) {
-        auto [problem, stream] = co_await at->accept();
-        if (problem == asio::error::operation_aborted) co_return;
-        if (problem) {
-            log_.warning("a connection could not be accepted",
-                         {{"cause", problem.message()}, {"at", at->where().text()}});
-            co_await ise::sleep_for(loop_, accept_pause);
-            continue;
-        }
+        auto who = co_await entrance.next();
+        if (!who.line) co_return;
         auto made = std::make_shared<line>();
-        made->stream = std::move(stream);
+        made->stream = std::move(who.line);
         gprs::way by;
         by.door = ++last_door_;
         auto peer = ise::endpoint::parse(made->stream->peer());
@@ -84,7 +84,7 @@ ise::task<> doors::receive(std::uint64_t door, std::shared_ptr<ise::datagram_soc
         if (problem == asio::error::operation_aborted) co_return;
         if (problem) {
             log_.warning("the socket for datagrams failed", {{"cause", problem.message()}, {"at", at->where().text()}});
-            co_await ise::sleep_for(loop_, accept_pause);
+            co_await ise::sleep_for(loop_, receive_pause);
             continue;
         }
         gprs::way by;

@@ -4,6 +4,7 @@
 
 #include <ise/core/environment.hpp>
 #include <ise/core/log.hpp>
+#include <ise/core/log_limiter.hpp>
 #include <ise/core/task.hpp>
 
 #include <array>
@@ -58,6 +59,7 @@ private:
     std::map<std::uint64_t, std::shared_ptr<line>> lines_;
     std::map<std::uint64_t, std::shared_ptr<ise::datagram_socket>> sockets_;
     ise::timer again_{loop_, [this] { write_again(); }};
+    ise::log_limiter quiet_;
     std::uint64_t last_door_ = 0;
 };
 

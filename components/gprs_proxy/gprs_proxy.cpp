@@ -23,8 +23,12 @@ constexpr ise::duration shortest_keep_pause = 250ms, longest_keep_pause = 10s;
 } // namespace
 
 struct gprs_proxy::link {
+    static gprs::shore_options with_secret(gprs_proxy& self, gprs::shore_options options) {
+        options.secret = {self.env().random(), self.env().random()};
+        return options;
+    }
     link(gprs_proxy& self, const gprs_proxy_options& options)
-        : shore(options.shore),
+        : shore(with_secret(self, options.shore)),
           sockets(self.on(), self.log(),
                   [&self](std::string name, ise::task<> body) { self.spawn(std::move(name), std::move(body)); }),
           desk(self, options.book), due(self.on(),
@@ -38,7 +42,7 @@ struct gprs_proxy::link {
     doors sockets;
     telecommand_desk desk;
     duplicate_filter seen;
-    gprs::freshness fresh;
+    std::map<std::uint64_t, gprs::freshness> fresh; // by the life of the boat: what one says hides nothing of another
     ise::timer due;
     // What waits for the store, by the life of the boat's numbering.
     std::map<std::uint64_t, std::vector<std::uint32_t>> numbers;
@@ -179,7 +183,7 @@ void gprs_proxy::on_record(const gprs::record_came& came) {
         return;
     }
     const auto& header = message->header;
-    if (!l.seen.first_time(header.boot, header.sequence)) {
+    if (!l.seen.first_time(header.boot, header.sequence, came.raw)) {
         ++l.counts.duplicates;
         return;
     }
@@ -190,7 +194,8 @@ void gprs_proxy::on_record(const gprs::record_came& came) {
     out.measured_at = header.measured_at;
     out.received_at = clock();
     out.history =
-        l.fresh.is_history(came.history, header.boot, std::to_integer<std::uint8_t>(came.raw[1]), header.sequence);
+        l.fresh[came.life].is_history(came.history, header.boot, std::to_integer<std::uint8_t>(came.raw[1]), header.sequence);
+    if (l.fresh.size() > options_.shore.max_boots) l.fresh.erase(l.fresh.begin());
     out.raw = came.raw;
     l.telemetry(out);
     ++l.counts.telemetry_published;
@@ -287,6 +292,8 @@ void gprs_proxy::publish_state() {
     told.strangers = l.shore.strangers();
     told.strangers_cut_off = counted.strangers_cut_off;
     told.stranger_datagrams = counted.stranger_datagrams;
+    told.challenges = counted.challenges;
+    told.strange_outcomes = counted.strange_outcomes;
     told.telecommands_open = l.desk.book().open_count();
     l.states(told);
 }

@@ -30,6 +30,8 @@ struct gprs_state {
     std::uint64_t strangers = 0;                  ///< connections without a login now
     std::uint64_t strangers_cut_off = 0;
     std::uint64_t stranger_datagrams = 0;         ///< dropped
+    std::uint64_t challenges = 0;                 ///< logins by datagram that were asked to show their address's key
+    std::uint64_t strange_outcomes = 0;           ///< answers to telecommands that went elsewhere: dropped
     std::uint64_t telecommands_sent = 0;          ///< attempts
     std::uint64_t telecommands_acknowledged = 0;
     std::uint64_t telecommands_open = 0;

@@ -17,8 +17,9 @@ std::uint64_t credits(std::size_t bytes) { return (bytes + credit_bytes - 1) / c
 template <class Packet>
 bool replace(std::optional<heard<Packet>>& current, const Packet& told, const telemetry_packet& packet, utc_time now) {
     if (packet.history) return false;
-    if (current && packet.measured_at < current->measured_at) return false;
-    current = heard<Packet>{told, packet.measured_at, now, packet.link, packet.boot};
+    auto measured = plausible_time(packet);
+    if (current && measured < current->measured_at) return false;
+    current = heard<Packet>{told, measured, now, packet.link, packet.boot};
     return true;
 }
 
@@ -40,7 +41,7 @@ void console_state::on_telemetry(const std::string& path, const telemetry_packet
     auto* link = link_at(path);
     if (!link) return;
     auto message = parse_telemetry(packet.raw);
-    bool first = message && seen_.first_time(packet.boot, packet.sequence);
+    bool first = message && seen_.first_time(packet.boot, packet.sequence, packet.raw);
     if (link->all_links) { // its record goes back for hours, and what is new comes from the proxies as well
         if (!first) return;
         auto came = std::min(now, packet.received_at);
@@ -66,7 +67,7 @@ void console_state::on_telemetry(const std::string& path, const telemetry_packet
         return;
     }
     // The last packet comes again with each new subscription: that is no sign of life.
-    if (!link->all_links && heard_over_[path].first_time(packet.boot, packet.sequence)) {
+    if (!link->all_links && heard_over_[path].first_time(packet.boot, packet.sequence, packet.raw)) {
         ++link->packets;
         link->link = packet.link;
         link->bytes += packet.raw.size();
@@ -106,13 +107,13 @@ void console_state::take(const telemetry_message& message, const telemetry_packe
 }
 
 void console_state::take_location(const location& told, const telemetry_packet& packet, utc_time now) {
-    bool fix = told.quality != fix_quality::none;
-    bool newest = !packet.history && (!boat_.position || packet.measured_at >= boat_.position->measured_at);
+    bool fix = has_fix(told);
+    bool newest = !packet.history && (!boat_.position || plausible_time(packet) >= boat_.position->measured_at);
     if (newest) boat_.has_fix = fix;
     if (!fix) return;
     replace(boat_.position, told, packet, now);
     track_point point;
-    point.at = packet.measured_at;
+    point.at = plausible_time(packet);
     point.latitude_deg = told.latitude_deg;
     point.longitude_deg = told.longitude_deg;
     point.speed_mps = told.speed_over_ground_mps;

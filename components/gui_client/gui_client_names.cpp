@@ -16,7 +16,7 @@ bool is_of_interest(const std::string& service) {
 } // namespace
 
 ise::task<> gui_client::watch_names() {
-    auto server = at(*options_.name_server);
+    auto server = at(*options_.name_server, std::string(ise::naming::server_path));
     auto pause = 500ms;
     for (;;) {
         try {
@@ -86,7 +86,7 @@ void gui_client::show_present() {
 
 /// Asks what a component provides, and follows it if that is of interest.
 ise::task<> gui_client::look_at(std::string path) {
-    auto server = at(*options_.name_server);
+    auto server = at(*options_.name_server, std::string(ise::naming::server_path));
     for (int attempt = 0; attempt < 5; ++attempt) {
         describe_request which;
         which.path = path;

@@ -26,11 +26,22 @@ ise::task<ise::transfer> line_with_deadline::read_some(asio::mutable_buffer into
 }
 
 ise::task<std::error_code> line_with_deadline::write_all(std::string_view content) {
-    while (!content.empty()) {
+    std::vector<std::string_view> one(1, content);
+    return write_all(std::move(one));
+}
+
+ise::task<std::error_code> line_with_deadline::write_all(std::vector<std::string_view> pieces) {
+    std::vector<asio::const_buffer> left;
+    for (auto piece : pieces) left.emplace_back(piece.data(), piece.size());
+    for (std::span<asio::const_buffer> rest = left; !rest.empty();) {
         if (late_) co_return asio::error::timed_out;
-        asio::const_buffer piece(content.data(), content.size());
-        auto moved = line_->try_write(std::span(&piece, 1));
-        content.remove_prefix(moved.bytes);
+        auto moved = line_->try_write(rest);
+        auto bytes = moved.bytes;
+        while (!rest.empty() && bytes >= rest.front().size()) {
+            bytes -= rest.front().size();
+            rest = rest.subspan(1);
+        }
+        if (!rest.empty()) rest.front() += bytes;
         if (moved.problem == asio::error::would_block) {
             auto problem = co_await line_->wait_writable();
             if (late_) co_return asio::error::timed_out;

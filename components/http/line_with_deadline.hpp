@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <memory>
 #include <string_view>
+#include <vector>
 
 namespace atirma {
 
@@ -21,6 +22,8 @@ public:
     ise::task<ise::transfer> read_some(asio::mutable_buffer into);
     /// Writes all of it; `content` stays valid as long. Cancellation: terminal, part of it may have gone.
     ise::task<std::error_code> write_all(std::string_view content);
+    /// The same of several pieces, one after the other.
+    ise::task<std::error_code> write_all(std::vector<std::string_view> pieces);
 
     /// Reads until the other side closes, the deadline, or `most` bytes, and keeps nothing: whoever closes on bytes that were
     /// not read may take back what it has written. Cancellation: terminal.

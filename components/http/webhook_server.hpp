@@ -1,10 +1,11 @@
 #pragma once
-#include <components/http/http_reader.hpp>
+#include <components/http/http_requests.hpp>
 
 #include <ise/core/environment.hpp>
 #include <ise/core/log.hpp>
 #include <ise/core/log_limiter.hpp>
 #include <ise/core/task.hpp>
+#include <ise/net/bounded_acceptor.hpp>
 
 #include <functional>
 #include <memory>
@@ -14,10 +15,9 @@ namespace atirma {
 
 struct webhook_limits {
     http_reader_limits message;
-    std::size_t max_connections = 32;                    ///< more are answered 503
+    std::size_t max_connections = 32;                    ///< beyond it `ise::net::fair_places` decides; 503
     std::size_t max_requests = 1000;                     ///< of one connection
-    ise::duration request_time = std::chrono::seconds(10);///< for a whole request, and for writing the answer
-    ise::duration idle_time = std::chrono::seconds(30);   ///< before the first byte
+    http_times times;                                    ///< the time for a request also bounds writing its answer
 };
 
 struct webhook_request {
@@ -49,11 +49,11 @@ public:
     std::uint64_t requests() const noexcept { return requests_; }
     /// Connections and requests that were no HTTP, or too much.
     std::uint64_t refused() const noexcept { return refused_; }
-    std::size_t connections() const noexcept { return connections_; }
+    std::size_t connections() const noexcept { return places_.taken(); }
 
 private:
-    ise::task<> serve(std::unique_ptr<ise::stream> line);
-    ise::task<> converse(std::unique_ptr<ise::stream> line);
+    ise::task<> serve(ise::net::admitted who);
+    ise::task<> converse(std::string peer, ise::net::admitted who);
     ise::task<> turn_away(std::unique_ptr<ise::stream> line);
     void note(std::string_view what, const std::string& peer);
 
@@ -63,8 +63,8 @@ private:
     handler answer_;
     spawner spawn_;
     ise::log_limiter quiet_;
-    std::unique_ptr<ise::listener> listener_;
-    std::size_t connections_ = 0;
+    ise::net::fair_places places_;
+    std::shared_ptr<ise::listener> listener_;
     std::size_t turned_away_ = 0;
     std::uint64_t requests_ = 0, refused_ = 0;
 };

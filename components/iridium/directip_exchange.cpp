@@ -3,7 +3,6 @@
 #include <components/http/line_with_deadline.hpp>
 #include <components/iridium/directip.hpp>
 
-#include <ise/core/sleep.hpp>
 #include <ise/net/connect.hpp>
 
 #include <asio/error.hpp>
@@ -35,12 +34,6 @@ ise::task<ise::result<ise::bytes>> read_message(line_with_deadline& from) {
     }
 }
 
-struct counted {
-    std::size_t& count;
-    explicit counted(std::size_t& of) : count(of) { ++count; }
-    ~counted() { --count; }
-};
-
 } // namespace
 
 ise::task<ise::result<ise::bytes>> ask_directip(ise::loop& on, ise::endpoint to, ise::bytes message,
@@ -62,7 +55,8 @@ ise::task<ise::result<ise::bytes>> ask_directip(ise::loop& on, ise::endpoint to,
 }
 
 directip_server::directip_server(ise::loop& on, ise::logger log, directip_limits limits, handler answer, spawner spawn)
-    : loop_(on), log_(std::move(log)), limits_(limits), answer_(std::move(answer)), spawn_(std::move(spawn)) {}
+    : loop_(on), log_(std::move(log)), limits_(std::move(limits)), answer_(std::move(answer)), spawn_(std::move(spawn)),
+      places_(limits_.max_connections) {}
 
 ise::result<void> directip_server::listen(const ise::endpoint& at) {
     auto made = loop_.env().listen(loop_, at);
@@ -72,31 +66,31 @@ ise::result<void> directip_server::listen(const ise::endpoint& at) {
 }
 
 ise::task<> directip_server::run() {
+    ise::net::bounded_acceptor entrance(loop_, listener_, &places_,
+                                        [this](const std::string& what, const std::string& at) { note(what, at); });
     for (;;) {
-        auto accepted = co_await listener_->accept();
-        if (accepted.first == asio::error::operation_aborted) co_return;
-        if (accepted.first) {
-            note("a connection could not be accepted: " + accepted.first.message(), where().text());
-            co_await ise::sleep_for(loop_, std::chrono::milliseconds(200)); // out of descriptors: others must end first
-            continue;
-        }
-        auto line = std::move(accepted.second);
-        auto name = "directip " + line->peer();
-        if (connections_ < limits_.max_connections) spawn_(std::move(name), serve(std::move(line)));
-        else note(fmt::format("{} connections are open: another one is closed", connections_), line->peer());
+        auto who = co_await entrance.next();
+        if (!who.line) co_return;
+        auto peer = who.line->peer();
+        if (who.refused)
+            note(fmt::format("{} connections are open (max_connections): another one is closed", places_.taken()), peer);
+        else if (!limits_.allowed.accepts(peer)) note("a connection is closed: its address is not on the list (--gateway-addresses)", peer);
+        else spawn_("directip " + peer, serve(std::move(who)));
     }
 }
 
-ise::task<> directip_server::serve(std::unique_ptr<ise::stream> stream) {
-    counted here(connections_);
-    auto peer = stream->peer();
-    line_with_deadline line(loop_, std::move(stream));
+ise::task<> directip_server::serve(ise::net::admitted who) {
+    auto peer = who.line->peer();
+    line_with_deadline line(loop_, std::move(who.line));
     line.until(ise::saturating_add(loop_.now(), limits_.message_time));
     auto message = co_await read_message(line);
     if (!message) {
-        note("no DirectIP message came: " + message.error().message(), peer);
+        note(who.place->displaced() ? std::string("no DirectIP message had come when its place was needed (max_connections)")
+                                    : "no DirectIP message came: " + message.error().message(),
+             peer);
         co_return;
     }
+    who.place->serve();
     auto answer = answer_(*message, peer);
     if (answer.empty()) co_return;
     line.until(ise::saturating_add(loop_.now(), limits_.message_time));

@@ -1,10 +1,13 @@
 #pragma once
+#include <components/iridium/address_list.hpp>
+
 #include <ise/core/bytes.hpp>
 #include <ise/core/environment.hpp>
 #include <ise/core/log.hpp>
 #include <ise/core/log_limiter.hpp>
 #include <ise/core/result.hpp>
 #include <ise/core/task.hpp>
+#include <ise/net/bounded_acceptor.hpp>
 
 #include <functional>
 #include <memory>
@@ -18,8 +21,9 @@ ise::task<ise::result<ise::bytes>> ask_directip(ise::loop& on, ise::endpoint to,
                                                 ise::duration within);
 
 struct directip_limits {
-    std::size_t max_connections = 16;                      ///< more are closed at once
+    std::size_t max_connections = 16;                      ///< beyond it `ise::net::fair_places` decides
     ise::duration message_time = std::chrono::seconds(10); ///< for the whole message, and for the answer
+    address_list allowed;                                  ///< connections from elsewhere are closed at once
 };
 
 /// Takes DirectIP connections: one message, one answer. Used on one loop; outlives its tasks.
@@ -37,7 +41,7 @@ public:
     ise::task<> run(); ///< accepts until it is cancelled
 
 private:
-    ise::task<> serve(std::unique_ptr<ise::stream> line);
+    ise::task<> serve(ise::net::admitted who);
     void note(std::string_view what, const std::string& peer);
 
     ise::loop& loop_;
@@ -46,8 +50,8 @@ private:
     handler answer_;
     spawner spawn_;
     ise::log_limiter quiet_;
-    std::unique_ptr<ise::listener> listener_;
-    std::size_t connections_ = 0;
+    ise::net::fair_places places_;
+    std::shared_ptr<ise::listener> listener_;
 };
 
 } // namespace atirma::iridium

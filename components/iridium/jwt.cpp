@@ -10,6 +10,7 @@
 #include <openssl/x509.h>
 
 #include <algorithm>
+#include <optional>
 
 namespace atirma::iridium {
 namespace {
@@ -25,6 +26,7 @@ using certificate = std::unique_ptr<X509, releases<X509_free>>;
 using digest_context = std::unique_ptr<EVP_MD_CTX, releases<EVP_MD_CTX_free>>;
 
 constexpr std::size_t longest_token = 16 * 1024;
+constexpr auto clock_tolerance = std::chrono::minutes(5);
 
 bio memory(std::string_view text) {
     return bio(BIO_new_mem_buf(text.data(), static_cast<int>(std::min<std::size_t>(text.size(), 1 << 20))));
@@ -34,16 +36,61 @@ ise::failure unauthorized(std::string why) {
     return ise::failure(ise::errc::unauthorized, "the JWT is not accepted: " + std::move(why));
 }
 
-/// Whether a claim, if it is there, says the same. Numbers may come as texts.
-bool agrees(const nlohmann::json& claims, const char* name, std::string_view told) {
-    auto found = claims.find(name);
-    if (found == claims.end()) return true;
-    auto text = found->is_string() ? found->get<std::string>() : found->dump();
-    return text.size() == told.size() && std::equal(text.begin(), text.end(), told.begin(), [](char a, char b) {
-        auto lower = [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; };
-        return lower(a) == lower(b);
-    });
+bool same_letters(std::string_view a, std::string_view b) {
+    auto lower = [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; };
+    return std::equal(a.begin(), a.end(), b.begin(), b.end(), [&](char x, char y) { return lower(x) == lower(y); });
 }
+
+/// The claims of a token against what a post says. The first that is missing or differs is kept.
+class claim_check {
+public:
+    explicit claim_check(const nlohmann::json& claims) : claims_(claims) {}
+
+    void text(const char* name, std::string_view told, bool required) {
+        if (auto claim = find(name, required); claim && !same_letters(*claim, told)) wrong(name);
+    }
+    /// `told`: what the post says, if it says it; then the token has to, too.
+    void number(const char* name, std::optional<double> told) {
+        auto claim = find(name, told.has_value());
+        if (!claim) return;
+        auto read = parse_real(name, *claim, -1e12, 1e12);
+        if (!told || !read || *read != *told) wrong(name);
+    }
+    void time(const char* name, std::chrono::sys_seconds told) {
+        auto claim = find(name, true);
+        if (!claim) return;
+        auto read = parse_transmit_time(*claim); // in either notation
+        if (!read || *read != told) wrong(name);
+    }
+    /// Seconds since 1970, as `exp` and `nbf` are.
+    std::optional<std::chrono::sys_seconds> instant(const char* name) {
+        auto claim = find(name, false);
+        if (!claim) return std::nullopt;
+        auto read = parse_real(name, *claim, 0, 1e11);
+        if (!read) {
+            wrong(name);
+            return std::nullopt;
+        }
+        return std::chrono::sys_seconds(std::chrono::seconds(static_cast<std::int64_t>(*read)));
+    }
+    void object(std::string what) {
+        if (!problem_) problem_ = std::move(what);
+    }
+    const std::optional<std::string>& problem() const noexcept { return problem_; }
+
+private:
+    /// Numbers may come as texts, and the other way round.
+    std::optional<std::string> find(const char* name, bool required) {
+        auto found = claims_.find(name);
+        if (found != claims_.end()) return found->is_string() ? found->get<std::string>() : found->dump();
+        if (required) object(fmt::format("it does not sign {}", name));
+        return std::nullopt;
+    }
+    void wrong(const char* name) { object(fmt::format("it signs another {}", name)); }
+
+    const nlohmann::json& claims_;
+    std::optional<std::string> problem_;
+};
 
 } // namespace
 
@@ -96,22 +143,28 @@ ise::result<std::string> jwt_key::verify(std::string_view token) const {
     return std::move(*claims);
 }
 
-ise::result<void> jwt_key::verify(const mo_delivery& delivery) const {
+ise::result<void> jwt_key::verify(const mo_delivery& delivery, std::chrono::sys_seconds now) const {
     if (delivery.jwt.empty()) return unauthorized("there is none, and a key is configured");
     auto told = verify(delivery.jwt);
     if (!told) return told.error();
     auto claims = nlohmann::json::parse(*told, nullptr, false);
     if (!claims.is_object()) return unauthorized("its claims are no JSON object");
     const auto& m = delivery.message;
-    if (!agrees(claims, "imei", m.imei)) return unauthorized("it signs another imei");
-    if (!agrees(claims, "momsn", std::to_string(m.momsn))) return unauthorized("it signs another momsn");
-    if (!agrees(claims, "data", to_hex(m.data))) return unauthorized("it signs other data");
-    if (!agrees(claims, "transmit_time", delivery.transmit_time)) {
-        // The same instant in the other notation.
-        auto at = parse_transmit_time(claims["transmit_time"].is_string() ? claims["transmit_time"].get<std::string>()
-                                                                          : std::string());
-        if (!at || *at != m.session_time) return unauthorized("it signs another transmit_time");
-    }
+    const auto& where = m.where;
+    claim_check check(claims);
+    check.text("imei", m.imei, true);
+    check.text("momsn", std::to_string(m.momsn), true);
+    check.time("transmit_time", m.session_time);
+    check.text("data", to_hex(m.data), true);
+    check.number("iridium_latitude", where ? std::optional(where->latitude_deg) : std::nullopt);
+    check.number("iridium_longitude", where ? std::optional(where->longitude_deg) : std::nullopt);
+    check.number("iridium_cep", where && where->cep_km != 0 ? std::optional(where->cep_km) : std::nullopt);
+    // These two decide nothing here; a token need not sign them.
+    check.text("serial", std::to_string(delivery.serial), false);
+    check.text("device_type", delivery.device_type, false);
+    if (auto at = check.instant("exp"); at && now >= *at + clock_tolerance) check.object("it has expired: compare this machine's clock");
+    if (auto at = check.instant("nbf"); at && now + clock_tolerance < *at) check.object("it is not valid yet: compare this machine's clock");
+    if (check.problem()) return unauthorized(*check.problem());
     return {};
 }
 

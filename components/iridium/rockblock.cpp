@@ -11,12 +11,12 @@
 namespace atirma::iridium {
 namespace {
 
-ise::failure malformed(std::string what) { return ise::failure(ise::errc::malformed, std::move(what)); }
+ise::failure bad_form(std::string what) { return ise::failure(ise::errc::malformed, std::move(what)); }
 
 /// JSON's members as a form: strings as they are, numbers as they are written.
 ise::result<form> members_of(std::string_view body) {
     auto read = nlohmann::json::parse(body, nullptr, false);
-    if (read.is_discarded() || !read.is_object()) return malformed("the body is no JSON object");
+    if (read.is_discarded() || !read.is_object()) return bad_form("the body is no JSON object");
     form fields;
     for (const auto& [name, value] : read.items()) {
         if (value.is_string()) fields[name] = value.get<std::string>();
@@ -34,7 +34,7 @@ const std::string* find(const form& in, std::string_view name) {
 ise::result<mo_delivery> delivery_of(const form& fields) {
     mo_delivery out;
     for (std::string_view name : {"imei", "momsn", "transmit_time", "data"})
-        if (!find(fields, name)) return malformed(fmt::format("the field {} is missing", name));
+        if (!find(fields, name)) return bad_form(fmt::format("the field {} is missing", name));
     out.message.imei = *find(fields, "imei");
     if (auto good = check_imei(out.message.imei); !good) return good.error();
     auto momsn = parse_integer("momsn", *find(fields, "momsn"), 0, 65535);
@@ -42,7 +42,7 @@ ise::result<mo_delivery> delivery_of(const form& fields) {
     out.message.momsn = static_cast<std::uint16_t>(*momsn);
     out.transmit_time = *find(fields, "transmit_time");
     auto time = parse_transmit_time(out.transmit_time);
-    if (!time) return malformed("transmit_time: " + time.error().message());
+    if (!time) return bad_form("transmit_time: " + time.error().message());
     out.message.session_time = *time;
     auto data = from_hex(*find(fields, "data"), max_mo_bytes);
     if (!data) return ise::failure(data.error().code(), "data: " + data.error().message());
@@ -174,7 +174,7 @@ ise::result<mt_reply> parse_mt_reply(std::string_view body) {
         return out;
     }
     if (word != "FAILED")
-        return malformed(fmt::format("the gateway answered neither OK nor FAILED: '{}'", body.substr(0, 60)));
+        return bad_form(fmt::format("the gateway answered neither OK nor FAILED: '{}'", body.substr(0, 60)));
     comma = rest.find(',');
     auto code = parse_integer("the code of a failure", rest.substr(0, comma), 0, 9999);
     if (!code) return code.error();

@@ -19,7 +19,7 @@ int hex_digit(char c) noexcept {
     return -1;
 }
 
-ise::failure malformed(std::string what) { return ise::failure(ise::errc::malformed, std::move(what)); }
+ise::failure bad_text(std::string what) { return ise::failure(ise::errc::malformed, std::move(what)); }
 
 ise::result<std::string> percent_decoded(std::string_view text) {
     std::string out;
@@ -31,7 +31,7 @@ ise::result<std::string> percent_decoded(std::string_view text) {
         } else {
             int high = i + 2 < text.size() ? hex_digit(text[i + 1]) : -1;
             int low = i + 2 < text.size() ? hex_digit(text[i + 2]) : -1;
-            if (high < 0 || low < 0) return malformed("a % in a form that no two hex digits follow");
+            if (high < 0 || low < 0) return bad_text("a % in a form that no two hex digits follow");
             out += static_cast<char>(high * 16 + low);
             i += 2;
         }
@@ -74,14 +74,14 @@ std::string to_hex(ise::bytes_view raw) {
 }
 
 ise::result<ise::bytes> from_hex(std::string_view text, std::size_t most) {
-    if (text.size() % 2 != 0) return malformed(fmt::format("{} hex digits are no whole bytes", text.size()));
+    if (text.size() % 2 != 0) return bad_text(fmt::format("{} hex digits are no whole bytes", text.size()));
     if (text.size() / 2 > most)
         return ise::failure(ise::errc::too_large, fmt::format("{} bytes, {} at most", text.size() / 2, most));
     ise::bytes out;
     out.reserve(text.size() / 2);
     for (std::size_t i = 0; i < text.size(); i += 2) {
         int high = hex_digit(text[i]), low = hex_digit(text[i + 1]);
-        if (high < 0 || low < 0) return malformed(fmt::format("no hex digit at place {}", high < 0 ? i : i + 1));
+        if (high < 0 || low < 0) return bad_text(fmt::format("no hex digit at place {}", high < 0 ? i : i + 1));
         out.push_back(static_cast<std::byte>(high * 16 + low));
     }
     return out;
@@ -89,13 +89,13 @@ ise::result<ise::bytes> from_hex(std::string_view text, std::size_t most) {
 
 ise::result<std::string> from_base64url(std::string_view text) {
     while (!text.empty() && text.back() == '=') text.remove_suffix(1);
-    if (text.size() % 4 == 1) return malformed("base64url of an impossible length");
+    if (text.size() % 4 == 1) return bad_text("base64url of an impossible length");
     std::string out;
     std::uint32_t bits = 0;
     unsigned have = 0;
     for (char c : text) {
         auto value = base64url_digits.find(c);
-        if (value == std::string_view::npos) return malformed("a character that base64url has not");
+        if (value == std::string_view::npos) return bad_text("a character that base64url has not");
         bits = (bits << 6) | static_cast<std::uint32_t>(value);
         have += 6;
         if (have < 8) continue;
@@ -148,7 +148,7 @@ std::string encode_form(std::span<const std::pair<std::string, std::string>> fie
 ise::result<std::chrono::sys_seconds> parse_transmit_time(std::string_view text) {
     using namespace std::chrono;
     auto wrong = [&] {
-        return malformed(
+        return bad_text(
             fmt::format("'{}' is no time: YY-MM-DD HH:MM:SS or YYYY-MM-DDTHH:MM:SSZ, UTC", text.substr(0, 40)));
     };
     bool iso = text.size() >= 20 && text[10] == 'T';
@@ -197,7 +197,7 @@ ise::result<std::int64_t> parse_integer(std::string_view what, std::string_view 
     std::int64_t value = 0;
     auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), value);
     if (problem != std::errc() || end != text.data() + text.size() || value < least || value > most)
-        return malformed(fmt::format("{} is {} to {}, not '{}'", what, least, most, text.substr(0, 40)));
+        return bad_text(fmt::format("{} is {} to {}, not '{}'", what, least, most, text.substr(0, 40)));
     return value;
 }
 
@@ -205,7 +205,7 @@ ise::result<double> parse_real(std::string_view what, std::string_view text, dou
     double value = 0;
     auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), value);
     if (problem != std::errc() || end != text.data() + text.size() || !(value >= least && value <= most))
-        return malformed(fmt::format("{} is {:g} to {:g}, not '{}'", what, least, most, text.substr(0, 40)));
+        return bad_text(fmt::format("{} is {:g} to {:g}, not '{}'", what, least, most, text.substr(0, 40)));
     return value;
 }
 

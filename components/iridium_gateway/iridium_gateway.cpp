@@ -266,16 +266,19 @@ ise::task<std::string> iridium_gateway::post(iridium::mo_message message) {
     http_exchange request;
     request.method = "POST";
     request.url = options_.post_to;
+    auto encode = options_.post_json ? iridium::encode_mo_json : iridium::encode_mo_form;
     if (!state_->private_key.empty()) {
-        auto claims = fmt::format(R"({{"iss":"Rock 7","imei":"{}","momsn":{}}})", message.imei, message.momsn);
-        auto token = iridium::sign_jwt(state_->private_key, claims);
+        // What it signs is what a receiver reads: a form has fewer digits.
+        auto posted = iridium::parse_mo_delivery(encode(delivery));
+        if (!posted) co_return posted.error().message();
+        auto token = iridium::sign_jwt(state_->private_key, iridium::encode_mo_json(*posted));
         if (!token) co_return token.error().message();
         delivery.jwt = std::move(*token);
     }
     request.headers.emplace_back("Content-Type",
                                  options_.post_json ? "application/json" : "application/x-www-form-urlencoded");
     request.headers.emplace_back("User-Agent", "Rock7PushApi");
-    request.body = options_.post_json ? iridium::encode_mo_json(delivery) : iridium::encode_mo_form(delivery);
+    request.body = encode(delivery);
     auto answered = co_await state_->http->exchange(std::move(request), options_.answer_time);
     if (!answered) co_return answered.error().message();
     if (answered->status != 200)

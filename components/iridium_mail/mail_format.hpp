@@ -68,6 +68,11 @@ using gateway_mail = std::variant<mo_session, disposition>;
 /// which field, which attachment, a message of another size than stated), too_large.
 ise::result<gateway_mail> read_gateway_mail(const mail_message& mail, std::string_view from = gateway_sender);
 
+/// Whether the mail server `authserv` found the sender of a mail to be of `domain`. Of `results` (see mail_message) the first
+/// of that server counts: it passes by DMARC, by a DKIM signature of the domain or one above it, or by SPF of the domain.
+/// Error: unauthorized, with what it says.
+ise::result<void> check_authentication(const std::vector<std::string>& results, std::string_view authserv, std::string_view domain);
+
 /// A message for units: its attachment's name comes back in the disposition.
 struct mt_message {
     std::string name; ///< "c17.sbd": letters, digits, '_', '-', '.', at most 80

@@ -46,6 +46,8 @@ webhook_answer iridium_proxy::judge_post(const webhook_request& request) {
         refuse(fmt::format("a post is refused ({})", status), request.peer, why);
         return answer(status, why);
     };
+    if (!ise::within_host(state_->webhook->where()) && !state_->gateways.accepts(request.peer))
+        return refused(403, "your address is not on the list of the gateway's (--gateway-addresses)");
     const auto& target = request.message.target;
     if (target.substr(0, target.find('?')) != options_.webhook_path)
         return refused(404, "the web hook is " + options_.webhook_path);
@@ -54,7 +56,7 @@ webhook_answer iridium_proxy::judge_post(const webhook_request& request) {
     if (!delivery)
         return refused(delivery.error().code() == ise::errc::too_large ? 413 : 400, delivery.error().message());
     if (state_->key) {
-        auto good = state_->key->verify(*delivery);
+        auto good = state_->key->verify(*delivery, std::chrono::floor<std::chrono::seconds>(clock()));
         if (!good) return refused(401, good.error().message());
     }
     if (delivery->message.imei != options_.imei)
@@ -107,6 +109,14 @@ ise::task<> iridium_proxy::read_mails() {
 
 /// Success also for a mail that is of no use: it has been looked at.
 ise::result<void> iridium_proxy::on_mail(const mail_message& mail) {
+    if (!options_.mail_unchecked) {
+        auto domain = std::string_view(options_.gateway_mail).substr(options_.gateway_mail.find('@') + 1);
+        auto genuine = iridium_mail::check_authentication(mail.authentication_results, options_.mail_authserv, domain);
+        if (!genuine) {
+            refuse("a mail is passed over", mail.from, genuine.error().message());
+            return {};
+        }
+    }
     auto read = iridium_mail::read_gateway_mail(mail, options_.gateway_mail);
     if (!read) {
         refuse("a mail is passed over", mail.from, read.error().message());
@@ -129,7 +139,7 @@ ise::result<void> iridium_proxy::on_mail(const mail_message& mail) {
     auto text = word.queued
                     ? fmt::format("queued at the gateway{}", word.mtmsn ? fmt::format(" as {}", *word.mtmsn) : "")
                     : "the gateway did not queue it: " + word.reason;
-    state_->queue.on_gateway_word(clock(), *id, word.queued, text);
+    state_->queue.on_gateway_word(queue_clock(), *id, word.queued, text);
     work();
     return {};
 }
@@ -157,7 +167,7 @@ ise::result<void> iridium_proxy::accept(const iridium::mo_message& message, std:
         log().warning("a session of the boat did not end well",
                       {{"momsn", std::to_string(message.momsn)},
                        {"status", std::string(iridium::explain_session_status(message.session_status))}});
-    if (message.mtmsn != 0) s.queue.on_delivered(clock());
+    if (message.mtmsn != 0) s.queue.on_delivered(queue_clock());
     take_acknowledgements(message);
     work();
     s.hand_on_soon.arm(now());

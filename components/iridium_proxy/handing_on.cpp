@@ -21,7 +21,7 @@ void iridium_proxy::take_acknowledgements(const iridium::mo_message& message) {
     for (const auto& raw : *packets) {
         if (classify(raw) != packet_class::acknowledgement) continue;
         auto ack = parse_acknowledgement(raw);
-        if (ack) state_->queue.on_acknowledgement(clock(), *ack);
+        if (ack) state_->queue.on_acknowledgement(queue_clock(), *ack);
         else ++state_->counts.malformed;
     }
 }
@@ -124,9 +124,9 @@ std::vector<telemetry_packet> iridium_proxy::hand_on(const iridium::mo_message& 
         // Messages overtake each other, and those from before the first subscriber come at once.
         auto& newest = s.newest[parsed->body.index()];
         out.history = out.measured_at < newest;
-        newest = std::max(newest, out.measured_at);
+        newest = std::max(newest, plausible_time(out));
         out.raw = std::move(raw);
-        if (s.seen.first_time(out.boot, out.sequence)) {
+        if (s.seen.first_time(out.boot, out.sequence, out.raw)) {
             s.telemetry(out);
             ++s.counts.telemetry_published;
         } else {

@@ -23,6 +23,15 @@ iridium_proxy::~iridium_proxy() = default;
 
 utc_time iridium_proxy::clock() const { return std::chrono::floor<std::chrono::milliseconds>(wall()); }
 
+/// Civil time that the steady clock never overtakes, also over a restart: where the clock is set back no telecommand
+/// lives longer by that.
+utc_time iridium_proxy::queue_clock() {
+    auto steady = std::chrono::floor<std::chrono::milliseconds>(now().time_since_epoch());
+    auto& ahead = state_->clock_ahead;
+    ahead = std::max(ahead, clock().time_since_epoch() - steady);
+    return utc_time(ahead + steady);
+}
+
 std::optional<ise::endpoint> iridium_proxy::webhook_at() const {
     if (!state_ || !state_->webhook) return std::nullopt;
     return state_->webhook->where();
@@ -38,6 +47,18 @@ void iridium_proxy::check_options() const {
         throw wrong("nothing can come from the boat: give --webhook, --directip or a mailbox");
     if (options_.webhook_path.empty() || options_.webhook_path[0] != '/')
         throw wrong("--webhook-path begins with a slash");
+    auto beyond = [](const std::string& at) { return !at.empty() && !ise::within_host(ise::endpoint::parse(at).value()); };
+    if (beyond(options_.webhook) && options_.jwt_key_file.empty() && options_.gateway_addresses.empty())
+        throw wrong(fmt::format("--webhook {}: anybody could post there as the gateway; give --jwt-key, or --gateway-addresses, or "
+                                "listen on 127.0.0.1 behind a reverse proxy",
+                                options_.webhook));
+    if (beyond(options_.directip) && options_.gateway_addresses.empty())
+        throw wrong(fmt::format("--directip {}: anybody could connect there as the gateway; give --gateway-addresses, or listen on "
+                                "127.0.0.1",
+                                options_.directip));
+    if (options_.open_mailbox && options_.mail_authserv.empty() && !options_.mail_unchecked)
+        throw wrong("anybody can write a mail with the gateway's sender: name the mail server whose Authentication-Results are to be "
+                    "believed with --mail-authserv, or give --mail-unchecked where nobody else can mail to the mailbox");
     if (options_.send_by == "mail" && (!options_.make_mail_sender || options_.mail_from.empty()))
         throw wrong("to send by mail, a mail server and --mail-from are needed");
     if (options_.send_by == "directip" && options_.send_directip.empty())
@@ -67,7 +88,8 @@ ise::task<> iridium_proxy::run() {
     state_.reset();
     state_ = std::make_unique<state>(*this, sbd_store::open(options_.database).value());
     auto& s = *state_;
-    s.queue.restore(clock(), s.store.load().value());
+    s.clock_ahead = s.store.clock_ahead().value();
+    s.queue.restore(queue_clock(), s.store.load().value());
     s.path = make_path();
     if (!options_.store_at.empty())
         options_.store = std::make_shared<remote_telemetry_store>(find_component(*this, options_.store_at));
@@ -77,6 +99,9 @@ ise::task<> iridium_proxy::run() {
         if (!key) throw wrong(fmt::format("--jwt-key {}: {}", options_.jwt_key_file, key.error().message()));
         s.key.emplace(std::move(*key));
     }
+    auto gateways = iridium::address_list::parse(options_.gateway_addresses);
+    if (!gateways) throw wrong("--gateway-addresses: " + gateways.error().message());
+    s.gateways = std::move(*gateways);
     take_kept_acknowledgements();
     provide_all();
     open_doors();
@@ -109,8 +134,11 @@ void iridium_proxy::open_doors() {
     }
     if (!options_.directip.empty()) {
         auto answer = [this](ise::bytes_view message, const std::string& peer) { return on_directip(message, peer); };
-        s.directip = std::make_unique<iridium::directip_server>(on(), log(), options_.directip_bounds, answer, spawner);
-        s.directip->listen(ise::endpoint::parse(options_.directip).value()).value();
+        auto at = ise::endpoint::parse(options_.directip).value();
+        auto bounds = options_.directip_bounds;
+        if (!ise::within_host(at)) bounds.allowed = s.gateways;
+        s.directip = std::make_unique<iridium::directip_server>(on(), log(), std::move(bounds), answer, spawner);
+        s.directip->listen(at).value();
         log().info("the gateway may connect here", {{"directip", s.directip->where().text()}});
         spawn("DirectIP", s.directip->run());
     }

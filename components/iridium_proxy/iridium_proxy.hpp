@@ -29,11 +29,16 @@ struct iridium_proxy_options {
     std::string webhook = "tcp://127.0.0.1:7480";///< where the gateway posts
     std::string webhook_path = "/rockblock/mo";
     std::string jwt_key_file; ///< public key or certificate (PEM): each post must carry a token of it
+    /// Of the gateway, as iridium::address_list: at web hook and DirectIP connections from elsewhere are refused, unless these
+    /// listen on loopback. Beyond it, DirectIP needs this list, and the web hook needs it or a key.
+    std::string gateway_addresses;
     webhook_limits http;
     std::string directip;                        ///< where the gateway's DirectIP connects: "tcp://0.0.0.0:10800"
     iridium::directip_limits directip_bounds;
     std::function<std::unique_ptr<mailbox>(ise::loop&)> open_mailbox; ///< where the gateway's mails arrive
     std::string gateway_mail = "sbdservice@sbd.iridium.com"; ///< who writes them
+    std::string mail_authserv;   ///< the mail server whose Authentication-Results (RFC 8601) say whether that is true
+    bool mail_unchecked = false; ///< believes `From:`: only where nobody else can mail there
     ise::duration mail_period = std::chrono::seconds(60);    ///< between looks, where the mailbox does not tell
 
     // To the boat, by one way: "http", "directip", "mail", "none".
@@ -100,6 +105,7 @@ private:
     iridium_account account();
     void disk_trouble(const ise::failure& why);
     utc_time clock() const;
+    utc_time queue_clock();
 
     iridium_proxy_options options_;
     std::unique_ptr<state> state_;

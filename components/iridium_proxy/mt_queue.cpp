@@ -48,6 +48,7 @@ telecommand_status status_of(const mt_entry& entry) {
     }
     told.result = entry.result;
     told.value = entry.value;
+    told.boat_obeys = entry.boat_obeys;
     told.text = entry.text;
     told.at = entry.changed_at;
     told.asked_at = entry.asked_at;
@@ -207,7 +208,8 @@ bool mt_queue::on_acknowledgement(utc_time now, const acknowledgement& ack) {
     bool tells = e.command.kind == command_kind::get_parameter || e.command.kind == command_kind::set_parameter ||
                  (e.command.kind >= command_kind::waypoint_add && e.command.kind <= command_kind::waypoint_select) ||
                  e.command.kind == command_kind::set_telemetry_period;
-    if (tells || ack.code == ack_code::no_authority) e.value = ack.value;
+    if (tells) e.value = ack.value;
+    e.boat_obeys = ack.authority;
     change(e, now, iridium_stage::acknowledged, ack.text);
     return true;
 }

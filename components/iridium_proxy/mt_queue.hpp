@@ -22,6 +22,7 @@ struct mt_entry {
     std::string text;
     std::optional<ack_code> result;
     std::optional<float> value;
+    std::optional<std::uint32_t> boat_obeys; ///< the epoch that the boat obeys, where its answer said so
     std::string reference;
     std::uint32_t attempts = 0;
     utc_time asked_at{}, expires_at{}, changed_at{}, next_try{};

@@ -31,8 +31,10 @@ struct iridium_proxy::state {
 
     sbd_store store;
     mt_queue queue;
+    std::chrono::milliseconds clock_ahead = std::chrono::milliseconds::min(); // of the queue, of the steady clock
     duplicate_filter seen;
     std::optional<iridium::jwt_key> key;
+    iridium::address_list gateways;
     std::unique_ptr<mt_path> path;
     std::unique_ptr<webhook_server> webhook;
     std::unique_ptr<iridium::directip_server> directip;

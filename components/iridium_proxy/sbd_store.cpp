@@ -10,7 +10,7 @@
 namespace atirma {
 namespace {
 
-constexpr std::array<std::string_view, 2> schema{
+constexpr std::array<std::string_view, 3> schema{
     "CREATE TABLE mo(imei TEXT NOT NULL, momsn INTEGER NOT NULL, session_time INTEGER NOT NULL, path TEXT NOT NULL, "
     "status INTEGER NOT NULL,"
     " mtmsn INTEGER NOT NULL, latitude REAL, longitude REAL, cep_km REAL, data BLOB NOT NULL, received_at INTEGER NOT "
@@ -25,7 +25,9 @@ constexpr std::array<std::string_view, 2> schema{
     "CREATE TABLE spending(day TEXT NOT NULL, to_boat INTEGER NOT NULL, messages INTEGER NOT NULL, bytes INTEGER NOT "
     "NULL, credits INTEGER NOT NULL,"
     " PRIMARY KEY(day, to_boat))",
-    "ALTER TABLE mt ADD COLUMN authority INTEGER NOT NULL DEFAULT 0"};
+    "ALTER TABLE mt ADD COLUMN authority INTEGER NOT NULL DEFAULT 0",
+    "ALTER TABLE mt ADD COLUMN boat_obeys INTEGER;\n"
+    "CREATE TABLE clock(one INTEGER PRIMARY KEY CHECK(one = 1), ahead INTEGER NOT NULL)"};
 
 std::int64_t number(utc_time at) { return at.time_since_epoch().count(); }
 utc_time time_of(std::int64_t ms) { return utc_time(std::chrono::milliseconds(ms)); }
@@ -114,7 +116,7 @@ ise::result<void> sbd_store::published(std::int64_t row) {
 ise::result<std::vector<mt_entry>> sbd_store::load() {
     auto rows = db_.query("SELECT id, command, ordinal, stage, may_have_left, text, result, value, reference, "
                           "attempts, asked_at, expires_at,"
-                          " changed_at, next_try, authority FROM mt ORDER BY changed_at DESC LIMIT 1000");
+                          " changed_at, next_try, authority, boat_obeys FROM mt ORDER BY changed_at DESC LIMIT 1000");
     if (!rows) return rows.error();
     std::vector<mt_entry> out;
     for (const auto& row : *rows) {
@@ -139,22 +141,38 @@ ise::result<std::vector<mt_entry>> sbd_store::load() {
         e.changed_at = time_of(row.integer(12));
         e.next_try = time_of(row.integer(13));
         e.authority = static_cast<std::uint32_t>(row.integer(14));
+        if (!row.is_null(15)) e.boat_obeys = static_cast<std::uint32_t>(row.integer(15));
         out.push_back(std::move(e));
     }
     return out;
 }
 
 ise::result<void> sbd_store::save(const mt_entry& e) {
-    database_value result, value;
+    database_value result, value, boat_obeys;
     if (e.result) result = static_cast<std::int64_t>(*e.result);
     if (e.value) value = static_cast<double>(*e.value);
+    if (e.boat_obeys) boat_obeys = std::int64_t{*e.boat_obeys};
     auto done = db_.execute("INSERT OR REPLACE INTO mt(id, command, ordinal, stage, may_have_left, text, result, "
                             "value, reference, attempts, asked_at,"
-                            " expires_at, changed_at, next_try, authority) VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                            " expires_at, changed_at, next_try, authority, boat_obeys)"
+                            " VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
                             {std::int64_t{e.id}, ise::to_json(e.command), static_cast<std::int64_t>(e.order),
                              static_cast<std::int64_t>(e.stage), std::int64_t{e.may_have_left}, e.text, result, value,
                              e.reference, std::int64_t{e.attempts}, number(e.asked_at), number(e.expires_at),
-                             number(e.changed_at), number(e.next_try), std::int64_t{e.authority}});
+                             number(e.changed_at), number(e.next_try), std::int64_t{e.authority},
+                             boat_obeys});
+    if (!done) return done.error();
+    return {};
+}
+
+ise::result<std::chrono::milliseconds> sbd_store::clock_ahead() {
+    auto rows = db_.query("SELECT ahead FROM clock");
+    if (!rows) return rows.error();
+    return rows->empty() ? std::chrono::milliseconds::min() : std::chrono::milliseconds(rows->front().integer(0));
+}
+
+ise::result<void> sbd_store::keep_clock_ahead(std::chrono::milliseconds ahead) {
+    auto done = db_.execute("INSERT OR REPLACE INTO clock(one, ahead) VALUES(1, ?)", {std::int64_t{ahead.count()}});
     if (!done) return done.error();
     return {};
 }

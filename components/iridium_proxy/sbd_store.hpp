@@ -27,6 +27,9 @@ public:
 
     ise::result<std::vector<mt_entry>> load();
     ise::result<void> save(const mt_entry& entry);
+    /// How far the queue's civil time was ahead of the steady clock; milliseconds::min() where it was never kept.
+    ise::result<std::chrono::milliseconds> clock_ahead();
+    ise::result<void> keep_clock_ahead(std::chrono::milliseconds ahead);
     /// An attempt is about to be made: the entry as it is now, and what it will cost, at once.
     ise::result<void> begin_attempt(const mt_entry& entry, utc_time now, std::size_t bytes, std::uint64_t credits);
     /// It certainly cost nothing.

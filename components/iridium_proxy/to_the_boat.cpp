@@ -29,7 +29,7 @@ void iridium_proxy::work() {
     auto& s = *state_;
     if (s.working) return;
     s.working = true;
-    s.queue.on_time(clock());
+    s.queue.on_time(queue_clock());
     for (const auto& entry : s.queue.take_changes()) {
         auto saved = s.store.save(entry);
         if (!saved) disk_trouble(saved.error());
@@ -47,7 +47,7 @@ void iridium_proxy::work() {
     auto next = s.queue.next_event();
     if (next == utc_time::max()) s.due.disarm();
     // The wall clock may be set: it is asked again once a minute at least. Without a path nothing is ever given.
-    else s.due.arm(ise::saturating_add(now(), std::clamp<ise::duration>(next - clock(), s.path ? 1ms : 1000ms, 60s)));
+    else s.due.arm(ise::saturating_add(now(), std::clamp<ise::duration>(next - queue_clock(), s.path ? 1ms : 1000ms, 60s)));
 }
 
 /// Gives one message after the other to the gateway.
@@ -59,7 +59,7 @@ ise::task<> iridium_proxy::send_all() {
     }
     for (;;) {
         auto at = clock();
-        auto due = s.queue.next_due(at, budget_left());
+        auto due = s.queue.next_due(queue_clock(), budget_left());
         work();
         if (!due) {
             co_await s.wake_sender.wait(); // throws when it is cancelled
@@ -84,7 +84,7 @@ ise::task<> iridium_proxy::send_all() {
             disk_trouble(begun.error());
             outcome.text = "it could not be kept on disk";
         }
-        s.queue.on_outcome(clock(), due->id, outcome);
+        s.queue.on_outcome(queue_clock(), due->id, outcome);
         bool well = outcome.what == mt_outcome::kind::accepted;
         std::string trouble = well ? std::string() : outcome.text;
         if (!trouble.empty() && trouble != s.send_trouble)
@@ -103,11 +103,12 @@ ise::task<telecommand_reply> iridium_proxy::command(telecommand_request request,
     auto& s = *state_;
     auto chosen = static_cast<std::uint32_t>(env().random()) | 1u; // never 0
     bool known = request.id != 0 && s.queue.find(request.id);
-    auto taken = s.queue.submit(clock(), request, chosen);
+    auto taken = s.queue.submit(queue_clock(), request, chosen);
     if (!taken) throw ise::error(ise::errc::refused, taken.error().message()); // it had no effect
     auto id = *taken;
     if (!known) {
-        auto kept = s.store.save(*s.queue.find(id));
+        auto kept = s.store.keep_clock_ahead(s.clock_ahead);
+        if (kept) kept = s.store.save(*s.queue.find(id));
         if (!kept) {
             s.queue.forget(id);
             disk_trouble(kept.error());
@@ -138,6 +139,7 @@ ise::task<telecommand_reply> iridium_proxy::command(telecommand_request request,
         reply.state = is_final(status.state) ? status.state : telecommand_stage::pending;
         reply.result = status.result;
         reply.value = status.value;
+        reply.boat_obeys = status.boat_obeys;
         reply.text = status.text;
     }
     co_return reply;
@@ -146,7 +148,7 @@ ise::task<telecommand_reply> iridium_proxy::command(telecommand_request request,
 recall_reply iridium_proxy::recall(const recall_request& request) {
     auto& s = *state_;
     recall_reply reply;
-    reply.recalled = s.queue.recall(clock(), request.id, request.why);
+    reply.recalled = s.queue.recall(queue_clock(), request.id, request.why);
     work();
     const auto* entry = s.queue.find(request.id);
     reply.text = entry ? entry->text : "it is not known here";

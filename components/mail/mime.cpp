@@ -104,6 +104,17 @@ std::vector<std::string> addresses(InternetAddressList* list) {
     return found;
 }
 
+/// The values of a header that may stand there several times, from the top.
+std::vector<std::string> values_of(GMimeMessage* message, const char* name) {
+    std::vector<std::string> found;
+    auto* headers = g_mime_object_get_header_list(GMIME_OBJECT(message));
+    for (int i = 0; i < g_mime_header_list_get_count(headers) && found.size() < 100; ++i) {
+        auto* one = g_mime_header_list_get_header_at(headers, i);
+        if (g_ascii_strcasecmp(g_mime_header_get_name(one), name) == 0) found.push_back(as_utf8(g_mime_header_get_value(one)));
+    }
+    return found;
+}
+
 bool is_attachment(GMimePart* part) {
     const char* disposition = g_mime_object_get_disposition(GMIME_OBJECT(part));
     return g_mime_part_get_filename(part) || (disposition && g_ascii_strcasecmp(disposition, "attachment") == 0);
@@ -131,6 +142,7 @@ ise::result<mail_message> read_mail(std::string_view raw, const mime_limits& lim
     made.from = std::move(senders.front());
     made.to = addresses(g_mime_message_get_to(message.get()));
     made.subject = as_utf8(g_mime_message_get_subject(message.get()));
+    made.authentication_results = values_of(message.get(), "Authentication-Results");
 
     if (!g_mime_message_get_mime_part(message.get())) return made;
     std::unique_ptr<GMimePartIter, decltype([](GMimePartIter* i) { g_mime_part_iter_free(i); })> at(

@@ -1,5 +1,8 @@
 #include <components/nmea_bridge/line_outlet.hpp>
 
+#include <ise/core/log_limiter.hpp>
+#include <ise/net/bounded_acceptor.hpp>
+
 #include <asio/error.hpp>
 
 #include <algorithm>
@@ -8,8 +11,12 @@
 namespace atirma {
 
 struct line_outlet::client {
-    client(ise::loop& on, std::unique_ptr<ise::stream> of)
-        : stream(std::move(of)), wake(on, [this] { wake.resume(asio::error::operation_aborted); }) {}
+    client(ise::loop& on, ise::net::admitted of)
+        : stream(std::move(of.line)), wake(on, [this] { wake.resume(asio::error::operation_aborted); }),
+          place(std::move(of.place)) {
+        place->serve(); // a client is given lines and need not say anything
+        place->on_displaced([this] { close(); });
+    }
 
     void close() {
         if (std::exchange(closed, true)) return;
@@ -21,10 +28,11 @@ struct line_outlet::client {
     ise::waiter<std::error_code> wake;
     std::string queue;
     bool closed = false;
+    std::unique_ptr<ise::net::fair_places::place> place;
 };
 
 struct line_outlet::state {
-    state(ise::component& of, outlet_options with) : owner(of), options(std::move(with)) {}
+    state(ise::component& of, outlet_options with) : owner(of), options(std::move(with)), places(options.max_clients) {}
 
     void add(client& to, std::string_view lines) {
         if (to.queue.size() + lines.size() > options.max_queued_bytes) {
@@ -40,7 +48,9 @@ struct line_outlet::state {
     ise::component& owner;
     outlet_options options;
     std::function<std::string()> greeting;
-    std::unique_ptr<ise::listener> listener;
+    std::shared_ptr<ise::listener> listener;
+    ise::net::fair_places places; // before the clients, who hold them
+    ise::log_limiter quiet;
     std::unique_ptr<ise::datagram_socket> socket;
     std::list<std::shared_ptr<client>> clients;
     outlet_status counts;
@@ -81,19 +91,20 @@ outlet_status line_outlet::status() const {
 }
 
 ise::task<> line_outlet::accept(std::shared_ptr<state> self) {
+    ise::net::bounded_acceptor entrance(self->owner.on(), self->listener, &self->places,
+                                        [self](const std::string& what, const std::string& at) {
+                                            if (auto left_out = self->quiet.admit(self->owner.now()))
+                                                self->owner.log().warning(what, {{"at", at}, {"left_out", std::to_string(*left_out)}});
+                                        });
     for (;;) {
-        auto [problem, stream] = co_await self->listener->accept();
-        if (problem == asio::error::operation_aborted) co_return;
-        if (problem) { // out of descriptors, for example: that passes
-            co_await self->owner.sleep(std::chrono::milliseconds(200));
-            continue;
-        }
-        if (self->clients.size() >= self->options.max_clients) {
+        auto who = co_await entrance.next();
+        if (!who.line) co_return;
+        if (who.refused) {
             ++self->counts.refused;
             continue;
         }
         ++self->counts.accepted;
-        auto one = std::make_shared<client>(self->owner.on(), std::move(stream));
+        auto one = std::make_shared<client>(self->owner.on(), std::move(who));
         self->clients.push_back(one);
         self->add(*one, self->greeting());
         self->owner.spawn("client", write(self, one));

@@ -1,13 +1,13 @@
 #include <components/web_server/archive_retention.hpp>
 
+#include <components/web_server/archive_schema.hpp>
+
 #include <algorithm>
 
 namespace atirma {
 namespace {
 
 constexpr std::int64_t slice = 1000; // rows that go at once: nobody waits for long
-
-std::int64_t number(utc_ms at) { return at.time_since_epoch().count(); }
 
 } // namespace
 
@@ -26,7 +26,7 @@ ise::result<void> archive_retention::tidy(utc_ms now) {
     for (const auto& row : *boats) {
         auto boat = row.text(0);
         auto gone = remove(statistics.fixes, "DELETE FROM fix WHERE boat = ?1 AND at IN (SELECT at FROM fix WHERE boat = ?1 AND at < ?2 ORDER BY at LIMIT ?3)",
-                           {boat, number(now - options.keep_fixes), slice});
+                           {boat, archived(now - options.keep_fixes), slice});
         if (gone) gone = drop_telemetry(boat, now - options.keep_telemetry);
         if (gone) gone = thin(boat, now - options.keep_whole);
         if (!gone) return gone;
@@ -45,7 +45,7 @@ ise::result<void> archive_retention::thin(const std::string& boat, utc_ms before
     if (from->at(0).is_null(0)) return {};
     constexpr std::int64_t hour = 3'600'000;
     auto begin = from->at(0).integer(0) / hour * hour, end = begin + hour, step = std::chrono::milliseconds(options.coarse).count();
-    if (end > number(before)) return {};
+    if (end > archived(before)) return {};
     auto gone = remove(statistics.fixes,
                        "DELETE FROM fix WHERE boat = ?1 AND at >= ?2 AND at < ?3 AND circular_error_m IS NULL AND at NOT IN "
                        "(SELECT min(at) FROM fix WHERE boat = ?1 AND at >= ?2 AND at < ?3 AND circular_error_m IS NULL GROUP BY at / ?4)",
@@ -63,7 +63,7 @@ ise::result<void> archive_retention::drop_telemetry(const std::string& boat, utc
                            "DELETE FROM telemetry WHERE (boat, boot, sequence) IN (SELECT boat, boot, sequence FROM telemetry WHERE boat = ?1 AND kind = ?2 "
                            "AND measured_at < min(?3, coalesce((SELECT measured_at FROM telemetry WHERE boat = ?1 AND kind = ?2 "
                            "ORDER BY measured_at DESC LIMIT 1 OFFSET ?4), 0)) ORDER BY measured_at LIMIT ?5)",
-                           {boat, kind, number(before), newest_of_a_kind - 1, slice});
+                           {boat, kind, archived(before), newest_of_a_kind - 1, slice});
         if (!gone) return gone;
     }
     return {};

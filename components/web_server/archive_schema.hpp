@@ -1,5 +1,8 @@
 #pragma once
+#include <components/web_server/track_updates.hpp>
+
 #include <array>
+#include <cstdint>
 #include <string_view>
 
 namespace atirma {
@@ -33,5 +36,8 @@ CREATE VIEW track AS SELECT
     round(wind_speed_mps * 3600 / 1852, 2) AS wind_kn, wind_direction_deg, circular_error_m, link
     FROM fix
 )sql"};
+
+/// How a time stands in the columns: milliseconds since 1970, UTC.
+inline std::int64_t archived(utc_ms at) { return at.time_since_epoch().count(); }
 
 } // namespace atirma

@@ -1,5 +1,7 @@
 #include <components/web_server/http_answers.hpp>
 
+#include <components/http/http_requests.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -13,17 +15,12 @@ std::string content_security_policy(bool framed) {
     return policy + (framed ? "*" : "'self'");
 }
 
-std::string_view reason_of(int status) {
-    switch (status) {
-        case 200: return "OK";
-        case 304: return "Not Modified";
-        case 400: return "Bad Request";
-        case 404: return "Not Found";
-        case 405: return "Method Not Allowed";
-        case 500: return "Internal Server Error";
-        case 503: return "Service Unavailable";
-    }
-    return status < 400 ? "OK" : "Error";
+std::vector<std::pair<std::string_view, std::string>> security_headers(bool framed) {
+    return {{"Content-Security-Policy", content_security_policy(framed)},
+            {"X-Content-Type-Options", "nosniff"},
+            {"Referrer-Policy", "no-referrer"},
+            {"Cross-Origin-Opener-Policy", "same-origin"},
+            {"Permissions-Policy", "geolocation=(), camera=(), microphone=()"}};
 }
 
 std::string error_page(int status, std::string_view what) {

@@ -1,6 +1,8 @@
 #pragma once
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 // What the HTTP server says, and how it reads what it is asked. Pure.
 namespace atirma {
@@ -8,18 +10,9 @@ namespace atirma {
 /// Nothing of another host, no script or style within the page. `framed`: any site may show it in a frame.
 std::string content_security_policy(bool framed);
 
-template <class Response>
-Response& with_security_headers(Response& response, bool framed = false) {
-    response.append_header("Content-Security-Policy", content_security_policy(framed));
-    response.append_header("X-Content-Type-Options", "nosniff");
-    response.append_header("Referrer-Policy", "no-referrer");
-    response.append_header("Cross-Origin-Opener-Policy", "same-origin");
-    response.append_header("Permissions-Policy", "geolocation=(), camera=(), microphone=()");
-    return response;
-}
+/// Of every answer.
+std::vector<std::pair<std::string_view, std::string>> security_headers(bool framed);
 
-/// "Not Found"
-std::string_view reason_of(int status);
 /// A small page in HTML; `what` is no HTML of others.
 std::string error_page(int status, std::string_view what);
 /// "gzip" stands in the list and is not forbidden by q=0.

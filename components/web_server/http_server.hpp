@@ -1,8 +1,10 @@
 #pragma once
+#include <components/http/http_requests.hpp>
 #include <components/web_server/assets.hpp>
 #include <components/web_server/sse_channel.hpp>
 
-#include <asio/io_context.hpp>
+#include <ise/core/loop.hpp>
+#include <ise/core/task.hpp>
 
 #include <chrono>
 #include <cstdint>
@@ -16,16 +18,17 @@ namespace atirma {
 
 /// What a stranger can cost the server at most.
 struct http_limits {
-    std::size_t max_connections =
-        4000; ///< more are closed at once; `listen` raises the process's limit of open files as far as it may
+    /// Beyond it `ise::net::fair_places` decides. `listen` raises the process's limit of open files as far as it may, and
+    /// accepts fewer where that is too low.
+    std::size_t max_connections = 4000;
     std::size_t max_url_bytes = 2048;
+    std::size_t max_header_bytes = 8 * 1024;     ///< of all, with the first line
     std::size_t max_header_fields = 64;
-    std::size_t max_header_value_bytes = 4096;
     std::size_t max_body_bytes = 4096;           ///< nothing here takes a body
     std::chrono::seconds request_timeout{15};    ///< to send a whole request, and for an idle connection
     std::chrono::seconds write_timeout{90};      ///< to take a whole answer or event: a long track over a slow phone
     std::chrono::seconds silent_stream_timeout{60}; ///< a stream nobody writes to (see sse_channel::tick) ends
-    sse_limits streams;
+    sse_limits streams;                          ///< beyond `max_clients` `ise::net::fair_places` decides
 };
 
 struct http_options {
@@ -52,22 +55,23 @@ struct http_reply {
 struct http_statistics {
     std::uint64_t connections = 0;
     std::uint64_t connections_refused = 0; ///< beyond max_connections
+    std::uint64_t connections_displaced = 0; ///< made way for others, streams included
     std::uint64_t requests = 0;
     std::uint64_t handlers_failed = 0;
     std::size_t open_connections = 0;
 };
 
-/// A read-only HTTP/1.1 server on an `io_context` of somebody else: embedded files, GET (and HEAD) handlers, event
+/// A read-only HTTP/1.1 server over the environment's streams: embedded files, GET (and HEAD) handlers, event
 /// streams. Every answer carries security headers that let the page load only from this server.
 ///
-/// All of it, construction and destruction included, happens on the one thread that runs the `io_context`, or
-/// while nobody runs it. What `stop` cut off is released by the loop's next turns, so the `io_context` outlives the
-/// server.
+/// Used on one loop. What `stop` cut off is released by the loop's next turns; the coroutines hold what they use.
 class http_server {
 public:
     using handler = std::function<http_reply(const http_request&)>;
+    /// Starts a coroutine that somebody else owns: a component's `spawn`.
+    using spawner = std::function<void(std::string name, ise::task<> body)>;
 
-    http_server(asio::io_context& context, http_options options);
+    http_server(ise::loop& on, http_options options, spawner spawn);
     ~http_server(); ///< stops
     http_server(const http_server&) = delete;
     http_server& operator=(const http_server&) = delete;

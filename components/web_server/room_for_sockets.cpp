@@ -1,9 +1,6 @@
 #include <components/web_server/room_for_sockets.hpp>
 
-#include <fmt/format.h>
-
 #include <algorithm>
-#include <cstdint>
 
 #if defined(__unix__)
 #include <sys/resource.h>
@@ -11,20 +8,19 @@
 
 namespace atirma {
 
-std::string make_room_for_sockets([[maybe_unused]] std::size_t sockets) {
+std::size_t room_for_sockets(std::size_t wanted) {
 #if defined(__unix__)
     constexpr rlim_t others = 256; // databases, sessions with other components, logs
-    const rlim_t wanted = static_cast<rlim_t>(sockets) + others;
+    const rlim_t needed = static_cast<rlim_t>(wanted) + others;
     rlimit now{};
-    if (::getrlimit(RLIMIT_NOFILE, &now) != 0 || now.rlim_cur == RLIM_INFINITY || now.rlim_cur >= wanted) return {};
-    now.rlim_cur = now.rlim_max == RLIM_INFINITY ? wanted : std::min(wanted, now.rlim_max);
-    bool raised = ::setrlimit(RLIMIT_NOFILE, &now) == 0;
-    if (raised && now.rlim_cur >= wanted) return {};
-    return fmt::format("this process may open {} files, too few for {} viewers: raise the limit (ulimit -Hn, or "
-                       "LimitNOFILE= of systemd)",
-                       static_cast<std::uint64_t>(now.rlim_cur), sockets);
+    if (::getrlimit(RLIMIT_NOFILE, &now) != 0 || now.rlim_cur == RLIM_INFINITY || now.rlim_cur >= needed) return wanted;
+    auto raised = now;
+    raised.rlim_cur = now.rlim_max == RLIM_INFINITY ? needed : std::min(needed, now.rlim_max);
+    if (::setrlimit(RLIMIT_NOFILE, &raised) == 0) now = raised;
+    if (now.rlim_cur >= needed) return wanted;
+    return std::min(wanted, static_cast<std::size_t>(std::max(now.rlim_cur / 2, now.rlim_cur - std::min(others, now.rlim_cur))));
 #else
-    return {};
+    return wanted;
 #endif
 }
 

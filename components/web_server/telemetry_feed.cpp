@@ -51,7 +51,7 @@ power_update page_view(const report_origin& from, const power& of) {
 std::vector<page_event> telemetry_feed::take(const telemetry_packet& packet, utc_ms now) {
     auto message = parse_telemetry(packet.raw);
     if (!message) return ++statistics_.malformed, std::vector<page_event>();
-    if (!seen_.first_time(packet.boot, packet.sequence)) return ++statistics_.duplicates, std::vector<page_event>();
+    if (!seen_.first_time(packet.boot, packet.sequence, packet.raw)) return ++statistics_.duplicates, std::vector<page_event>();
     ++statistics_.received;
     auto kind = name_of(message->body);
     ++statistics_.by_type[std::string(kind)];
@@ -62,7 +62,7 @@ std::vector<page_event> telemetry_feed::take(const telemetry_packet& packet, utc
 
 void telemetry_feed::restore(const telemetry_packet& packet, utc_ms now) {
     auto message = parse_telemetry(packet.raw);
-    if (message && seen_.first_time(packet.boot, packet.sequence)) show(packet, *message, now);
+    if (message && seen_.first_time(packet.boot, packet.sequence, packet.raw)) show(packet, *message, now);
 }
 
 std::vector<page_event> telemetry_feed::show(const telemetry_packet& packet, const telemetry_message& message,
@@ -82,7 +82,7 @@ std::vector<page_event> telemetry_feed::show(const telemetry_packet& packet, con
     };
     const auto& body = message.body;
     if (const auto* l = std::get_if<location>(&body)) {
-        if (l->quality != fix_quality::none) add(state_.apply(page_view(from, *l), now));
+        if (has_fix(*l)) add(state_.apply(page_view(from, *l), now));
     } else if (const auto* n = std::get_if<navigation>(&body)) {
         add(state_.apply(page_view(from, *n), now));
         mode_update mode;

@@ -12,7 +12,6 @@ namespace {
 
 constexpr std::chrono::seconds tidying_period{5};
 
-std::int64_t number(utc_ms at) { return at.time_since_epoch().count(); }
 utc_ms time_of(std::int64_t number) { return utc_ms(std::chrono::milliseconds(number)); }
 database_value maybe(const std::optional<double>& value) { return value ? database_value(*value) : database_value(); }
 std::optional<double> maybe(const database_row& row, std::size_t column) {
@@ -139,10 +138,10 @@ ise::result<void> track_archive::implementation::write() {
     std::uint64_t new_fixes = 0, new_packets = 0;
     for (const auto& row : fixes) {
         const auto& p = row.point;
-        auto known = db.query("SELECT 1 FROM fix WHERE boat = ? AND at = ?", {row.boat, number(p.at)});
+        auto known = db.query("SELECT 1 FROM fix WHERE boat = ? AND at = ?", {row.boat, archived(p.at)});
         if (!known) return known.error();
         auto done = db.execute("INSERT OR REPLACE INTO fix VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                               {row.boat, number(p.at), p.latitude_deg, p.longitude_deg, maybe(p.speed_mps),
+                               {row.boat, archived(p.at), p.latitude_deg, p.longitude_deg, maybe(p.speed_mps),
                                 maybe(p.course_deg), maybe(p.heading_deg), maybe(p.heel_deg), maybe(p.wind_speed_mps),
                                 maybe(p.wind_direction_deg), maybe(p.circular_error_m), row.link});
         if (!done) return done.error();
@@ -153,14 +152,14 @@ ise::result<void> track_archive::implementation::write() {
         auto done =
             db.execute("INSERT OR IGNORE INTO telemetry VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
                        {row.boat, std::int64_t{p.boot}, std::int64_t{p.sequence}, static_cast<std::int64_t>(p.link),
-                        row.kind, number(p.measured_at), number(p.received_at), std::int64_t{p.history}, p.raw});
+                        row.kind, archived(p.measured_at), archived(p.received_at), std::int64_t{p.history}, p.raw});
         if (!done) return done.error();
         new_packets += static_cast<std::uint64_t>(*done);
     }
     for (const auto& [where, at] : heard) {
         auto done = db.execute(
             "INSERT INTO heard VALUES (?, ?, ?) ON CONFLICT (boat, link) DO UPDATE SET at = max(at, excluded.at)",
-            {where.first, where.second, number(at)});
+            {where.first, where.second, archived(at)});
         if (!done) return done.error();
     }
     for (const auto& [where, seen] : cursors) {
@@ -193,7 +192,7 @@ ise::result<std::vector<archived_fix>> track_archive::fixes(const std::string& b
                                                             std::size_t max) {
     auto& db = self_->db;
     auto found = db.query("SELECT min(at), max(at), count(*) FROM fix WHERE boat = ? AND at >= ? AND at < ?",
-                          {boat, number(from), number(until)});
+                          {boat, archived(from), archived(until)});
     if (!found) return found.error();
     auto span = found->at(0).integer(1) - found->at(0).integer(0), count = found->at(0).integer(2);
     auto step = count <= static_cast<std::int64_t>(max)
@@ -203,7 +202,7 @@ ise::result<std::vector<archived_fix>> track_archive::fixes(const std::string& b
         db.query("SELECT min(at), latitude_deg, longitude_deg, speed_mps, course_deg, heading_deg, heel_deg, "
                  "wind_speed_mps, wind_direction_deg, "
                  "circular_error_m, link FROM fix WHERE boat = ? AND at >= ? AND at < ? GROUP BY at / ? ORDER BY at",
-                 {boat, number(from), number(until), step});
+                 {boat, archived(from), archived(until), step});
     if (!rows) return rows.error();
     std::vector<archived_fix> all;
     all.reserve(rows->size());
@@ -228,7 +227,7 @@ ise::result<std::vector<telemetry_packet>> track_archive::telemetry(const std::s
     auto rows = self_->db.query(
         "SELECT boot, sequence, link, measured_at, received_at, history, raw FROM telemetry WHERE boat = ? "
         "AND measured_at >= ? AND measured_at < ? ORDER BY measured_at, boot, sequence LIMIT ?",
-        {boat, number(from), number(until), static_cast<std::int64_t>(max)});
+        {boat, archived(from), archived(until), static_cast<std::int64_t>(max)});
     if (!rows) return rows.error();
     std::vector<telemetry_packet> all;
     for (const auto& row : *rows) all.push_back(packet_of(row));

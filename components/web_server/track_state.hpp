@@ -19,7 +19,6 @@ struct track_options {
     std::string epoch = "0"; ///< differs each time the server starts; letters, digits, '-'
     std::chrono::seconds stale_after{60};    ///< an older position is "no current data" on the page
     std::chrono::seconds status_period{5};   ///< the pace of `status`; the page calls the server lost after three
-    std::chrono::minutes max_clock_lead{5};  ///< fixes further in the future are dated by their reception
     std::chrono::hours max_age{24 * 60};     ///< reports that are older when received are refused
     std::size_t max_waypoints = 500;
     track_limits track;

@@ -2,8 +2,6 @@
 
 #include <components/web_server/track_json.hpp>
 
-#include <ise/core/executor.hpp>
-
 #include <fmt/format.h>
 
 namespace atirma {
@@ -104,16 +102,10 @@ void web_server::tick() {
 }
 
 void web_server::listen() {
-    auto executor = on().get_executor();
-    const auto* context = ise::executor_cast<asio::io_context::executor_type>(executor);
-    if (!context)
-        throw ise::error(
-            ise::errc::invalid_argument,
-            "the web server needs a loop on an asio::io_context of one thread: start it without an executor, "
-            "or headless where there is none (as in the virtual world)");
     auto http = options_.http;
     if (!http.log) http.log = [this](std::string_view line) { log().warning(line); };
-    auto server = std::make_unique<http_server>(context->context(), std::move(http));
+    auto server = std::make_unique<http_server>(
+        on(), std::move(http), [this](std::string name, ise::task<> body) { spawn(std::move(name), std::move(body)); });
     server->serve(page_assets());
     server->serve_as("/embed", "/index.html", true);
     for (auto& boat : boats_) boat->offer(*server, boat == boats_.front(), streams_);
@@ -173,6 +165,7 @@ std::string web_server::status_json() const {
                         {"connections", http.connections},
                         {"open_connections", http.open_connections},
                         {"refused", http.connections_refused},
+                        {"displaced", http.connections_displaced},
                         {"failed", http.handlers_failed}};
     }
     for (const auto& [path, stream] : streams_) {

@@ -19,9 +19,8 @@ struct web_server_options {
 };
 
 /// The public tracking page: subscribes to the `telemetry` of each boat, keeps its state and track, in memory and on
-/// disk, and serves page, events and downloads. Who is not there is waited for, and the page says so. It needs a loop
-/// on an `io_context` (a thread of its own, as components have by default): else, when the port is taken, when a boat
-/// cannot be called so, or when the archive cannot be opened, `run()` ends with an error that says so.
+/// disk, and serves page, events and downloads. Who is not there is waited for, and the page says so. When the port is
+/// taken, when a boat cannot be called so, or when the archive cannot be opened, `run()` ends with an error that says so.
 class web_server final : public ise::component {
 public:
     explicit web_server(web_server_options options = web_server_options());

@@ -39,15 +39,8 @@ struct xbee_proxy::radio {
         for (; !unheard.empty() && telemetry.subscribers() > 0; unheard.pop_front()) {
             telemetry(unheard.front());
             ++counts.telemetry_published;
-            if (!stored) safe(unheard.front());
             full = false;
         }
-    }
-
-    /// The boat need not keep it any more.
-    void safe(const telemetry_packet& packet) {
-        unsafe.erase({packet.boot, packet.sequence});
-        if (receipts.size() < max_receipts) receipts.emplace(packet.boot, packet.sequence);
     }
 
     xbee::modem_port port;
@@ -59,7 +52,7 @@ struct xbee_proxy::radio {
     duplicate_filter seen;
     bool stored;
     std::deque<telemetry_packet> unkept;            // for the store, oldest first
-    std::set<packet_name> unsafe;                   // came, and not known to be safe
+    std::set<packet_name> unsafe;                   // the names of these
     std::set<packet_name> receipts;                 // to be given
     ise::waiter<std::error_code> more;
     std::string store_trouble;
@@ -83,8 +76,10 @@ ise::task<> xbee_proxy::run() {
     radio_->port.on_event = [this](const xbee::client_event& event) { on_radio_event(event); };
     provide_all();
     spawn("serial port", radio_->port.run());
-    if (radio_->stored) spawn("store", keep());
-    spawn("receipts", give_receipts());
+    if (radio_->stored) {
+        spawn("store", keep());
+        spawn("receipts", give_receipts());
+    }
     for (;;) {
         co_await sleep(options_.local_period);
         publish_local();
@@ -118,7 +113,11 @@ ise::task<> xbee_proxy::keep() {
             continue;
         }
         pause = shortest_keep_pause;
-        for (const auto& packet : packets) r.safe(packet);
+        for (const auto& packet : packets) {
+            packet_name name(packet.boot, packet.sequence);
+            r.unsafe.erase(name);
+            if (r.receipts.size() < max_receipts) r.receipts.insert(name);
+        }
         r.unkept.erase(r.unkept.begin(), r.unkept.begin() + static_cast<std::ptrdiff_t>(many));
     }
 }
@@ -191,9 +190,9 @@ void xbee_proxy::on_packet(const xbee::packet_received& packet) {
     r.heard_from = packet.source;
     packet_name name(message->header.boot, message->header.sequence);
     if (r.unkept.size() >= max_unkept) return; // without a receipt it comes again
-    if (!r.seen.first_time(name.first, name.second)) {
+    if (!r.seen.first_time(name.first, name.second, packet.payload)) {
         ++r.counts.duplicates;
-        if (!r.unsafe.contains(name) && r.receipts.size() < max_receipts) r.receipts.insert(name);
+        if (r.stored && !r.unsafe.contains(name) && r.receipts.size() < max_receipts) r.receipts.insert(name);
         return;
     }
     telemetry_packet out;
@@ -204,14 +203,13 @@ void xbee_proxy::on_packet(const xbee::packet_received& packet) {
     out.received_at = clock();
     out.raw = packet.payload;
     if (r.unheard.size() >= max_unheard) {
-        if (!r.stored) r.unsafe.erase({r.unheard.front().boot, r.unheard.front().sequence});
         r.unheard.pop_front();
         if (!std::exchange(r.full, true))
             log().warning("nobody subscribes to the telemetry, and the oldest packet is dropped",
                           {{"waiting", std::to_string(r.unheard.size())}});
     }
-    r.unsafe.insert(name);
     if (r.stored) {
+        r.unsafe.insert(name);
         r.unkept.push_back(out);
         r.more.resume({});
     }

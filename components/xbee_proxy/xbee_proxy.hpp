@@ -17,8 +17,7 @@ struct xbee_proxy_options {
     ise::duration send_time = std::chrono::seconds(30);   ///< that one attempt may take; then it is tried again
     ise::duration receipt_period = std::chrono::seconds(5); ///< of receipts for telemetry that is safe
     book_options book;
-    /// Path or role of who keeps telemetry before the boat gets a receipt for it: `atirma/communication`; empty: what a
-    /// subscriber was given is safe.
+    /// Path or role of the store that keeps telemetry before the boat gets a receipt: `atirma/communication`; empty: no receipts.
     std::string store_at;
 };
 

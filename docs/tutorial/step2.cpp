@@ -30,8 +30,7 @@ class shore : public ise::component {
     ise::task<> run() override {
         auto boat = co_await find("tutorial/boat");
         for (const std::string mode : {"hold", "fly"}) {
-            set_mode wanted{mode};
-            auto reply = co_await boat.call(helm, wanted, 2s);
+            auto reply = co_await boat.call(helm, mode, 2s);
             fmt::print("{}: {}\n", mode, reply.accepted ? "accepted" : reply.reason);
         }
         stop();

@@ -32,7 +32,10 @@ class shore : public ise::component {
         double before = 0;
         for (int seen = 0; seen < 3; ++seen) {
             auto packet = co_await fixes.next();
-            if (!packet) break;             // the boat has withdrawn the service
+            if (!packet) {                  // the boat has withdrawn the service, say
+                fmt::print("it ended: {}\n", fixes.cause().message());
+                break;
+            }
             if (before != 0) fmt::print("{:.2f} degrees north, {} lost\n", packet->latitude_deg - before, packet.lost_before());
             before = packet->latitude_deg;
         }

@@ -66,7 +66,7 @@ task<remote> component::find(std::string path, role_options how, duration wait) 
 }
 
 remote component::at(const std::string& path, role_options how) { return remote(started(runner_).services().link_to(path, how)); }
-remote component::at(const endpoint& where) { return remote(started(runner_).services().link_to(where)); }
+remote component::at(const endpoint& where, const std::string& path) { return remote(started(runner_).services().link_to(where, path)); }
 
 remote component::caller(const call_context& context) {
     auto& services = started(runner_).services();

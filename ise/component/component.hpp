@@ -77,6 +77,16 @@ public:
         add(core);
         return publication<Contract>(core);
     }
+    // Mistakes of the kind of a service.
+    template <class... Packets, class Handler>
+    void provide(const subscription<Packets...>&, Handler&&, serve_options = serve_options()) {
+        static_assert(detail::never<Packets...>, "ise: this service is a subscription, which is published: auto out = publish(service)");
+    }
+    template <class... Packets>
+    void publish(const request_response<Packets...>&) {
+        static_assert(detail::never<Packets...>, "ise: this service is a request-response, which is provided: provide(service, handler)");
+    }
+
     /// Publishes what `make()` returns, now and every `period` until the component stops. A loop that was held up
     /// publishes once and goes on in step: times that have passed are not made up for.
     /// Throws errc::invalid_argument for a period that is none.
@@ -113,8 +123,8 @@ public:
     task<remote> find(std::string path, role_options how, duration wait = std::chrono::seconds(10)); ///< the same
     /// The component at `path`, whether it is there now or not: calls wait for it within their deadline.
     remote at(const std::string& path, role_options how = role_options());
-    /// Whoever listens at an endpoint.
-    remote at(const endpoint& where);
+    /// The component at `path` where it listens; with an empty path whoever listens there.
+    remote at(const endpoint& where, const std::string& path = std::string());
     /// The one whose call is being answered, for calling back over the same session.
     remote caller(const call_context& context);
 

@@ -101,6 +101,7 @@ void component_runner::open() {
     if (options_.parameters) options_.parameters->offer(*services_, *component_);
     if (options_.listens) {
         auto wanted = options_.listen.empty() ? default_endpoints(env_, services_->self().incarnation) : options_.listen;
+        services_->advertise(options_.advertise);
         for (const auto& at : wanted) services_->listen(at).value();
     }
     make_flow();
@@ -279,6 +280,13 @@ component_text component_runner::describe_self() const {
     made.packets_dropped = counts.packets_dropped;
     made.confirmed = name_confirmed();
     made.roles = options_.roles;
+    for (const auto& one : services_->ended_subscriptions()) {
+        ended_subscription_text text;
+        text.service = one.service;
+        text.provider = one.provider;
+        text.cause = one.cause;
+        made.ended_subscriptions.push_back(std::move(text));
+    }
     return made;
 }
 

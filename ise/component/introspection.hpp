@@ -33,6 +33,13 @@ struct session_text {
     bool peer_stalled = false;      ///< the peer is busy, and its node answers for it
 };
 
+/// A subscription of the component that ended other than by its wish, and was not made again since.
+struct ended_subscription_text {
+    std::string service;  ///< its name
+    std::string provider; ///< its path, or its address
+    std::string cause;    ///< why it ended
+};
+
 /// Asks for all.
 struct describe_request {};
 
@@ -53,6 +60,7 @@ struct component_text {
     std::uint64_t packets_dropped = 0;   ///< by the policies of slow subscribers
     bool confirmed = false;              ///< its name: the lease holds, as far as it knows
     std::map<std::string, std::int32_t> roles; ///< that it serves, with its priority
+    std::vector<ended_subscription_text> ended_subscriptions; ///< the last ones
 };
 
 /// Every component provides it.

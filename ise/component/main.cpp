@@ -3,7 +3,6 @@
 
 #include <ise/component/poll_window.hpp>
 #include <ise/component/program_words.hpp>
-#include <ise/component/word_of_end.hpp>
 #include <ise/core/real/environment.hpp>
 #include <ise/packet/json.hpp>
 
@@ -119,6 +118,7 @@ int obey(std::vector<std::string> words, std::vector<component_type>& types, con
 }
 
 int guarded(int count, const char* const* words, std::vector<component_type> types, const type_maker& again, const std::string& version) {
+    std::setvbuf(stdout, nullptr, _IOLBF, BUFSIZ); // what was printed before a crash reaches the log
     std::string program = count > 0 ? words[0] : "";
     program = program.substr(program.rfind('/') + 1);
     try {
@@ -205,11 +205,11 @@ result<std::pair<std::string, std::int32_t>> parse_role(std::string_view text) {
 }
 
 int main(int count, const char* const* words, std::vector<component_type> types, const std::string& version) {
-    return word_of_end::leave(guarded(count, words, std::move(types), nullptr, version));
+    return guarded(count, words, std::move(types), nullptr, version);
 }
 
 int main(int count, const char* const* words, const type_maker& types, const std::string& version) {
-    return word_of_end::leave(guarded(count, words, types(), types, version));
+    return guarded(count, words, types(), types, version);
 }
 
 } // namespace ise

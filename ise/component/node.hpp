@@ -43,7 +43,8 @@ class live_parameters;
 struct component_options {
     /// Where it listens; empty: an in-process name, a local socket and a port of the loopback interface.
     std::vector<endpoint> listen;
-    /// Further addresses to register, for a listener that others reach through something else.
+    /// Further addresses to register, for a listener that others reach through something else: a tunnel, an address
+    /// translation. With a shared key a session that was dialled to none of these, nor where it came in, is refused.
     std::vector<endpoint> advertise;
     bool listens = true;                       ///< false: it only asks others
     bool registers = true;                     ///< with the name server, if it has a path

@@ -1,6 +1,8 @@
 #include <ise/component/parameter.hpp>
 
 #include <ise/component/nearest.hpp>
+#include <ise/component/url.hpp>
+#include <ise/core/endpoint.hpp>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -39,10 +41,20 @@ bool in_range(const parameter& of, double value) {
     return std::isfinite(value) && (!of.minimum || value >= *of.minimum) && (!of.maximum || value <= *of.maximum);
 }
 
+// A numeric address or a host's name; which ones are allowed is the affair of whoever starts programs for others.
+bool is_address(std::string_view value) {
+    return std::ranges::all_of(value, [](unsigned char letter) {
+        return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') || (letter >= '0' && letter <= '9') || letter == '.' || letter == ':' || letter == '-' || letter == '_';
+    });
+}
+
 bool fits_kind(const parameter& of, std::string_view value) {
     switch (of.kind) {
         case parameter_kind::text:
         case parameter_kind::path: return true;
+        case parameter_kind::endpoint: return value.empty() || endpoint::parse(value);
+        case parameter_kind::address: return is_address(value);
+        case parameter_kind::url: return value.empty() || parse_url(value);
         case parameter_kind::boolean: return value == "true" || value == "false";
         case parameter_kind::hexadecimal: {
             std::uint64_t number = 0;
@@ -62,13 +74,13 @@ bool fits_kind(const parameter& of, std::string_view value) {
     return false;
 }
 
-failure refused(const parameter& of, std::string_view value) {
+failure not_a_value(const parameter& of, std::string_view value) {
     return {errc::invalid_argument, fmt::format("parameter '{}' cannot be '{}': it is {}", of.name, shown(value), allowed_values(of))};
 }
 
 template <class T>
-result<void> read_whole(const parameter& of, const std::string& text, T& into) {
-    if (!parses(text, into, of.kind == parameter_kind::hexadecimal ? 16 : 10)) return refused(of, text);
+result<void> read_integer(const parameter& of, const std::string& text, T& into) {
+    if (!parses(text, into, of.kind == parameter_kind::hexadecimal ? 16 : 10)) return not_a_value(of, text);
     return {};
 }
 
@@ -82,6 +94,9 @@ std::string_view name_of(parameter_kind kind) noexcept {
         case parameter_kind::boolean: return "boolean";
         case parameter_kind::path: return "path";
         case parameter_kind::hexadecimal: return "hexadecimal";
+        case parameter_kind::endpoint: return "endpoint";
+        case parameter_kind::address: return "address";
+        case parameter_kind::url: return "url";
     }
     return "?";
 }
@@ -95,6 +110,9 @@ std::string allowed_values(const parameter& of) {
         case parameter_kind::hexadecimal: text = "1 to 16 hexadecimal digits"; break;
         case parameter_kind::number: text = "a number"; break;
         case parameter_kind::integer: text = "an integer"; break;
+        case parameter_kind::endpoint: text = "an endpoint to listen on, such as tcp://127.0.0.1:7411"; break;
+        case parameter_kind::address: text = "an address to listen on, such as 127.0.0.1"; break;
+        case parameter_kind::url: text = "a URL to connect to, such as https://host/path or tcp://host:7411"; break;
     }
     if (!of.choices.empty()) text = fmt::format("one of {}", fmt::join(of.choices, ", "));
     if (of.minimum && of.maximum) text += fmt::format(" from {} to {}", shown(*of.minimum), shown(*of.maximum));
@@ -110,21 +128,21 @@ result<void> check(const parameter& of, std::string_view value) {
     bool plain = std::ranges::none_of(value, [](unsigned char letter) { return letter < 0x20 || letter == 0x7F; });
     if (!plain) return failure(errc::invalid_argument, fmt::format("parameter '{}' holds a control character", of.name));
     bool chosen = of.choices.empty() || std::ranges::find(of.choices, value) != of.choices.end();
-    if (!chosen || !fits_kind(of, value)) return refused(of, value);
+    if (!chosen || !fits_kind(of, value)) return not_a_value(of, value);
     return {};
 }
 
 namespace detail {
 
 result<void> read_value(const parameter& of, const std::string& text, double& into) {
-    if (!parses(text, into)) return refused(of, text);
+    if (!parses(text, into)) return not_a_value(of, text);
     return {};
 }
-result<void> read_value(const parameter& of, const std::string& text, std::int64_t& into) { return read_whole(of, text, into); }
-result<void> read_value(const parameter& of, const std::string& text, std::uint64_t& into) { return read_whole(of, text, into); }
+result<void> read_value(const parameter& of, const std::string& text, std::int64_t& into) { return read_integer(of, text, into); }
+result<void> read_value(const parameter& of, const std::string& text, std::uint64_t& into) { return read_integer(of, text, into); }
 
 std::string show_value(double value) { return fmt::format("{}", value); }
-result<void> refuse_value(const parameter& of, const std::string& text) { return refused(of, text); }
+result<void> refuse_value(const parameter& of, const std::string& text) { return not_a_value(of, text); }
 
 std::string parameter_name(std::string_view field) {
     std::string name;

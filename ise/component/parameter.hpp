@@ -21,6 +21,9 @@ enum class parameter_kind : std::uint8_t {
     boolean,     ///< true or false
     path,        ///< of a file or device: who starts programs for others allows only some
     hexadecimal, ///< up to 16 digits
+    endpoint,    ///< where the component listens: tcp://127.0.0.1:7411; launch rules allow addresses
+    address,     ///< the same without scheme and port: 127.0.0.1
+    url,         ///< whom the component connects to: https://host/path, tcp://host:7411; launch rules allow hosts
 };
 
 std::string_view name_of(parameter_kind kind) noexcept;

@@ -46,6 +46,8 @@ public:
 
     /// The monotonic clock.
     virtual time_point now() const = 0;
+    /// The same clock as it was some milliseconds ago at most, where that is cheaper to read.
+    virtual time_point recently() const { return now(); }
     /// Civil time, UTC; it may be set back.
     virtual wall_time wall() const = 0;
     /// Unpredictable in the real world, seeded in the virtual one.
@@ -85,9 +87,12 @@ public:
     /// Addresses of this host that others may reach, for a listener bound to every interface.
     virtual std::vector<std::string> interface_addresses() const = 0;
 
-    /// `read_file` of a file that holds a secret: one that other users of the machine can read, or that the group can write,
-    /// is refused. Errors: errc::unauthorized (too many may read it), errc::io_failed, errc::too_large.
+    /// `read_file` of a file that holds a secret: one that other users of the machine can read, replace or change is refused.
+    /// Errors: errc::unauthorized (who may, and what to do), errc::io_failed, errc::too_large.
     virtual result<std::string> read_secret(const std::string& path, std::size_t max_bytes) = 0;
+    /// `read_file` of a file that decides whom to believe: one that other users of the machine can replace or change is refused.
+    /// Errors as `read_secret`. A world without users reads it as any other.
+    virtual result<std::string> read_trusted(const std::string& path, std::size_t max_bytes) { return read_file(path, max_bytes); }
 };
 
 } // namespace ise

@@ -88,6 +88,7 @@ void loop::delist(suspended& entry) noexcept {
 }
 
 time_point loop::clock_now() const { return environment_.now(); }
+time_point loop::env_recently() const { return environment_.recently(); }
 
 bool loop::before(const timer& a, const timer& b) noexcept {
     return a.listed_at_ != b.listed_at_ ? a.listed_at_ < b.listed_at_ : a.listed_order_ < b.listed_order_;

@@ -6,6 +6,7 @@
 
 #include <asio/any_io_executor.hpp>
 
+#include <algorithm>
 #include <functional>
 #include <memory>
 #include <string>
@@ -136,6 +137,13 @@ public:
     /// Monotonic time; read once a turn, fresh outside of turns.
     time_point now() const { return depth_ > 0 ? turn_time_ : clock_now(); }
 
+    /// The same to some milliseconds, however long this turn has lasted: for whatever must not begin too late.
+    time_point fresh_now() {
+        const bool lasts = depth_ > 0 && env_recently() > turn_time_;
+        if (lasts) turn_time_ = std::max(turn_time_, clock_now());
+        return now();
+    }
+
     /// Whether the calling thread is inside this loop now.
     bool running_here() const { return running_here_(); }
 
@@ -204,6 +212,7 @@ private:
     void end_turn();
     void flush_first();
     time_point clock_now() const;
+    time_point env_recently() const;
     void post_turn();
 
     environment& environment_;

@@ -6,6 +6,7 @@
 #include <asio/buffer.hpp>
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <system_error>
@@ -46,6 +47,8 @@ public:
 
     /// The other side, for people: "tcp://127.0.0.1:40112".
     virtual std::string peer() const = 0;
+    /// The endpoint of this side that the peer connected to; nothing where that is what its listener says.
+    virtual std::optional<endpoint> local() const { return std::nullopt; }
 };
 
 /// Accepts streams on one endpoint. Destroying it stops listening and removes a local socket's file.

@@ -1,4 +1,6 @@
 #pragma once
+#include <ise/core/asio_configuration.hpp>
+
 #include <asio/awaitable.hpp>
 
 namespace ise {

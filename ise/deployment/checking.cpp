@@ -53,10 +53,11 @@ private:
             return wrong(given.name.at, fmt::format("type '{}' has no parameter '{}'; {}", type.name, given.name.text.substr(0, 200), advice(given.name.text, names, "it has none")));
         }
         if (given.values.size() != 1 && !found->many) return wrong(given.name.at, fmt::format("parameter '{}' of type '{}' takes one value, not {}", found->name, type.name, given.values.size()));
-        for (const auto& value : given.values) {
-            auto text = as_argument(*found, value);
+        for (const auto& one_value : given.values) {
+            if (one_value.is == value::kind::unknown) continue; // was told when the file was read
+            auto text = as_argument(*found, one_value);
             auto allowed = ise::check(*found, text);
-            if (!allowed) wrong(value.at, allowed.error().message());
+            if (!allowed) wrong(one_value.at, allowed.error().message());
             else one.request.arguments.push_back({found->name, std::move(text)});
         }
     }

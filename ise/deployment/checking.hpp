@@ -1,6 +1,7 @@
 #pragma once
 #include <ise/deployment/deployment.hpp>
 
+#include <map>
 #include <string>
 #include <vector>
 
@@ -11,6 +12,7 @@ struct host_state {
     std::string server; ///< its name: "boat" is ise/host/boat
     std::vector<instantiation::catalogue_type> types;
     std::vector<instantiation::instance_text> instances;
+    std::map<std::string, instantiation::checked_start> checked; ///< what it has against what is wanted of it, by path
 
     const type_text* type(const std::string& name) const;
 };

@@ -25,6 +25,7 @@ form& form::text(std::string name, std::string& into) {
 form& form::texts(std::string name, std::vector<value>& into) {
     return key(std::move(name), [this, &into](const entry& one) {
         auto all = one.what.is == value::kind::array ? one.what.items : std::vector<value>{one.what};
+        std::erase_if(all, [](const value& item) { return item.is == value::kind::unknown; });
         for (const auto& item : all)
             if (item.is != value::kind::text) return wrong_kind(one, "a text or an array of texts");
         into = std::move(all);
@@ -54,6 +55,7 @@ void form::read(const value& from) const {
     for (const auto& one : from.entries) {
         auto known = std::ranges::find(keys_, one.key, &std::pair<std::string, reader>::first);
         if (known != keys_.end()) {
+            if (one.what.is == value::kind::unknown) continue;
             known->second(one);
             continue;
         }

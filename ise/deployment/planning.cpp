@@ -60,6 +60,7 @@ public:
             if (chosen_[which]) bring_up(wanted_.components[which], *states_[which], *types_[which]);
             last_[which] = made_.steps.size() > count ? steps{made_.steps.size() - 1} : after_;
         }
+        for (const auto& one : made_.steps) object_to(one);
         if (!made_.problems.empty()) made_.steps.clear();
         return std::move(made_);
     }
@@ -102,6 +103,18 @@ private:
         unknown_.push_back(fmt::format("there is no component '{}' in it; {}", name.substr(0, 200),
                                        near.empty() ? fmt::format("there are {}", fmt::join(names, ", ")) : fmt::format("did you mean '{}'?", near.front())));
         made_.problems.push_back({wanted_.name.at, unknown_.back()});
+    }
+    /// What the host has against a step.
+    void object_to(const step& of) {
+        auto which = std::ranges::find(wanted_.components, of.path, [](const auto& one) { return one.request.path; });
+        if (of.what == action::stop || which == wanted_.components.end()) return;
+        const auto* state = states_[static_cast<std::size_t>(which - wanted_.components.begin())];
+        auto found = state->checked.find(of.path);
+        if (found == state->checked.end() || found->second.outcome == instantiation::start_outcome::ready) return;
+        // Its name is held by what is stopped before.
+        bool stops = std::ranges::any_of(made_.steps, [&](const step& other) { return other.what == action::stop && other.path == of.path && other.alive; });
+        if (stops && found->second.outcome == instantiation::start_outcome::name_taken) return;
+        made_.problems.push_back({which->name.at, found->second.why});
     }
     bool is_unknown(const problem& one) const { return std::ranges::find(unknown_, one.what) != unknown_.end(); }
 
@@ -170,7 +183,8 @@ private:
     }
 
     void adapt(const wanted_component& one, const host_state& on, const type_text& type, const instance_text& here) {
-        auto found = instantiation::differences(here, one.request, type);
+        auto checked = on.checked.find(here.path);
+        auto found = instantiation::differences(here, one.request, type, checked != on.checked.end() && checked->second.other_environment);
         bool waits = here.state == instance_state::waiting; // whoever brings it up wants to know what is wrong with it
         if (found.empty() && !waits) {
             made_.kept.push_back(here.path);

@@ -90,6 +90,8 @@ private:
         keys.key("parameters", [&](const entry& one) { read_parameters(keys, one, made); });
         keys.texts("listen", listen).text("protocol", request.protocol).texts("after", after).text("process", request.process);
         keys.key("restart", [&](const entry& one) { read_restart(keys, one, request.terms, of); });
+        keys.key("limits", [&](const entry& one) { read_limits(keys, one, request.limits, of); });
+        keys.key("probe", [&](const entry& one) { read_probe(keys, one, request.terms, of); });
         keys.length("ready-within", request.terms.ready_within).length("grace", request.terms.grace);
         keys.key("roles", [&](const entry& one) { read_roles(keys, one, request); });
         keys.key("environment", [&](const entry& one) { read_environment(keys, one, request); });
@@ -171,10 +173,34 @@ private:
         if (!from.what.find("policy")) wrong(from.at, fmt::format("'restart' of {} has no 'policy'", of));
     }
 
+    void read_limits(const form& keys, const entry& from, instantiation::resource_limits& into, const std::string& of) {
+        if (from.what.is != value::kind::table) return keys.wrong_kind(from, "a table of limits: { pids = 64, memory = \"256 MiB\" }");
+        form limits(fmt::format("'limits' of {}", of), problems_);
+        for (const char* name : {"pids", "memory", "cpus"})
+            limits.key(name, [this, &into, name](const entry& one) {
+                auto set = instantiation::set_limit(into, name, one.what.plain());
+                if (!set) wrong(one.what.at, set.error().message());
+            });
+        limits.read(from.what);
+    }
+
+    void read_probe(const form& keys, const entry& from, restart_terms& into, const std::string& of) {
+        if (from.what.is == value::kind::text) {
+            into.probe = from.what.text;
+            return;
+        }
+        if (from.what.is != value::kind::table) return keys.wrong_kind(from, "a URL such as \"http://127.0.0.1:8080/\" or a table");
+        form probe(fmt::format("'probe' of {}", of), problems_);
+        probe.text("url", into.probe).length("every", into.probe_every).count("failures", into.probe_failures, 1000);
+        probe.read(from.what);
+        if (into.probe.empty()) wrong(from.at, fmt::format("'probe' of {} has no 'url'", of));
+    }
+
     void read_roles(const form& keys, const entry& from, instantiation::start_request& into) {
         if (from.what.is != value::kind::table) return keys.wrong_kind(from, "a table of roles with their priorities");
         for (const auto& one : from.what.entries) {
             constexpr std::int64_t most = 1'000'000'000;
+            if (one.what.is == value::kind::unknown) continue;
             bool fits = one.what.is == value::kind::integer && one.what.integer >= -most && one.what.integer <= most;
             if (!naming::is_path(one.key)) wrong(one.at, fmt::format("'{}' is no role: write it like a component's path, \"atirma/gateway\"", shown(one.key)));
             else if (!fits) wrong(one.what.at, fmt::format("the priority in the role '{}' is an integer, the highest is preferred", one.key));

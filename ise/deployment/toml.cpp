@@ -2,6 +2,8 @@
 
 #include <toml++/toml.h>
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -52,13 +54,36 @@ private:
     std::vector<problem>& problems_;
 };
 
+// What stands for a value in the line of `at` and is a text without its quotes: of "name = boat" boat, and `at` is its place.
+// Empty: nothing does.
+std::string bare_word(const std::string& text, place& at) {
+    std::size_t from = 0;
+    for (std::uint32_t before = 1; before < at.line && from != std::string::npos; ++before) {
+        auto end = text.find('\n', from);
+        from = end == std::string::npos ? end : end + 1;
+    }
+    if (from == std::string::npos) return {};
+    auto equals = text.find_first_of("=\"'#\n", from);
+    if (equals == std::string::npos || text[equals] != '=') return {};
+    auto begin = text.find_first_not_of(" \t", equals + 1);
+    auto is_letter = [](char one) { return (one >= 'a' && one <= 'z') || (one >= 'A' && one <= 'Z') || one == '_' || one == '/' || one == '.' || one == '~' || one == '$'; };
+    if (begin == std::string::npos || !is_letter(text[begin])) return {};
+    auto word = text.substr(begin, text.find_first_of(" \t\r\n,#\"'", begin) - begin);
+    for (std::string_view value : {"true", "false", "inf", "nan"})
+        if (word == value) return {};
+    at.column = static_cast<std::uint32_t>(begin - from + 1);
+    return word;
+}
+
 } // namespace
 
 value parse_toml(const std::string& text, const std::string& file, std::vector<problem>& problems) {
     converter made(file, problems);
     auto parsed = toml::parse(std::string_view(text), std::string_view(file));
     if (parsed) return made.convert(parsed.table());
-    problems.push_back({made.place_of(parsed.error().source()), std::string(parsed.error().description())});
+    auto at = made.place_of(parsed.error().source());
+    auto word = bare_word(text, at);
+    problems.push_back({at, word.empty() ? std::string(parsed.error().description()) : fmt::format("{0} is no value: put it in quotes, \"{0}\"", word)});
     return {};
 }
 

@@ -22,7 +22,8 @@ std::string value::plain() const {
         case kind::number: return fmt::format("{}", number);
         case kind::boolean: return boolean ? "true" : "false";
         case kind::array:
-        case kind::table: break;
+        case kind::table:
+        case kind::unknown: break;
     }
     return {};
 }
@@ -35,6 +36,7 @@ std::string_view value::kind_name() const {
         case kind::boolean: return "true or false";
         case kind::array: return "an array";
         case kind::table: return "a table";
+        case kind::unknown: break;
     }
     return "?";
 }

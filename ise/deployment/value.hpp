@@ -27,7 +27,15 @@ struct entry;
 
 /// A value of a deployment file, with its place.
 struct value {
-    enum class kind : std::uint8_t { text, integer, number, boolean, array, table };
+    enum class kind : std::uint8_t {
+        text,
+        integer,
+        number,
+        boolean,
+        array,
+        table,
+        unknown, ///< made of a variable that there is not: a problem that is told already
+    };
 
     kind is = kind::table;
     std::string text;

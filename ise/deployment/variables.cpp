@@ -58,9 +58,10 @@ private:
                 auto end = text.find('}', at);
                 if (end == text.npos) {
                     problems_.push_back({from.at, "a '${' has no '}': write $$ for a dollar sign"});
-                    return from;
+                    return unknown(from.at);
                 }
                 auto with = look_up(text.substr(at + 2, end - at - 2), from.at);
+                if (with.is == value::kind::unknown) return unknown(from.at);
                 if (at == 0 && end + 1 == text.size()) {
                     with.at = from.at;
                     return with;
@@ -70,9 +71,16 @@ private:
             }
             if (made.text.size() > longest_text) {
                 problems_.push_back({from.at, fmt::format("with its variables the text has more than {} bytes", longest_text)});
-                return from;
+                return unknown(from.at);
             }
         }
+        return made;
+    }
+
+    static value unknown(const place& at) {
+        value made;
+        made.at = at;
+        made.is = value::kind::unknown;
         return made;
     }
 
@@ -83,13 +91,13 @@ private:
             for (const auto& [key, what] : known_) names.push_back(key);
             auto near = nearest(name, names);
             problems_.push_back({at, fmt::format("there is no variable '{}'{}", name, near.empty() ? "" : fmt::format("; did you mean '{}'?", near.front()))});
-            return {};
+            return unknown(at);
         }
         if (std::ranges::find(open_, name) != open_.end()) {
             auto circle = open_;
             circle.push_back(name);
             problems_.push_back({at, fmt::format("variables are made of each other: {}", fmt::join(circle, " of "))});
-            return {};
+            return unknown(at);
         }
         if (found->second.is != value::kind::text || !done_.insert(name).second) return found->second;
         open_.push_back(name);

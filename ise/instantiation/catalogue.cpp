@@ -1,6 +1,8 @@
 #include <ise/instantiation/catalogue.hpp>
 
 #include <ise/component/nearest.hpp>
+#include <ise/core/environment.hpp>
+#include <ise/instantiation/words.hpp>
 #include <ise/naming/services.hpp>
 #include <ise/packet/json.hpp>
 
@@ -17,23 +19,10 @@ bool good_path(std::string_view path) { return path.size() <= naming::longest_pa
 
 failure wrong(std::string why) { return {errc::invalid_argument, std::move(why)}; }
 
-// As much of what others wrote as belongs into a message.
-std::string shown(std::string_view text) {
-    std::string made;
-    for (char letter : text.substr(0, 80)) made += static_cast<unsigned char>(letter) < 0x20 || letter == 0x7F ? '?' : letter;
-    return made;
-}
-
 // What may have been meant, before all that there is.
 std::string meant(const std::string& wanted, const std::vector<std::string>& known) {
     auto near = nearest(wanted, known);
     return near.empty() ? "" : fmt::format("did you mean '{}'? ", near.front());
-}
-
-// "wind-speed": what follows two dashes can be nothing else.
-bool is_word(std::string_view text) {
-    auto good = [](unsigned char letter) { return (letter >= 'a' && letter <= 'z') || (letter >= '0' && letter <= '9') || letter == '-' || letter == '_'; };
-    return !text.empty() && text.size() <= 64 && text.front() != '-' && std::ranges::all_of(text, good);
 }
 
 // Not what the loader, the shell or ISE itself looks at.
@@ -57,27 +46,11 @@ std::string objection_to(const type_text& type) {
     for (const auto& one : type.parameters) {
         if (!is_word(one.name) || is_common(one.name) || !names.insert(one.name).second)
             return fmt::format("type '{}': a parameter cannot be called '{}'", type.name, shown(one.name));
-        if (one.kind > parameter_kind::hexadecimal) return fmt::format("type '{}': parameter '{}' is of a kind that is not known here", type.name, one.name);
+        if (one.kind > parameter_kind::url) return fmt::format("type '{}': parameter '{}' is of a kind that is not known here", type.name, one.name);
     }
     for (const auto& name : type.variables)
         if (!is_variable(name)) return fmt::format("type '{}': the variable '{}' cannot be set by others", type.name, shown(name));
     return {};
-}
-
-// Lexically: what lies in an allowed folder is its owner's affair.
-bool lies_in(std::string_view path, std::string_view folder) {
-    while (folder.size() > 1 && folder.ends_with('/')) folder.remove_suffix(1);
-    if (path.find("/../") != std::string_view::npos || path.ends_with("/..") || !path.starts_with('/')) return false;
-    return path == folder || folder == "/" || (path.starts_with(folder) && path.size() > folder.size() && path[folder.size()] == '/');
-}
-
-result<void> check_path_value(const parameter& of, const std::string& value, const launch_rules& rules) {
-    if (value.empty()) return {};
-    for (const auto& folder : rules.path_folders)
-        if (lies_in(value, folder)) return {};
-    return wrong(fmt::format("parameter '{}' cannot be '{}': it is a path below {}", of.name, shown(value),
-                             rules.path_folders.empty() ? "a folder that this instantiation server allows, and it allows none (--allow-path)"
-                                                        : fmt::format("{}", fmt::join(rules.path_folders, " or "))));
 }
 
 result<void> add_arguments(launch_plan& to, const type_text& type, const start_request& request, const launch_rules& rules) {
@@ -92,10 +65,9 @@ result<void> add_arguments(launch_plan& to, const type_text& type, const start_r
         }
         auto allowed = check(*found, one.value);
         if (!allowed) return wrong(fmt::format("type '{}': {}", type.name, allowed.error().message()));
-        if (found->kind == parameter_kind::path) {
-            auto inside = check_path_value(*found, one.value, rules);
-            if (!inside) return inside;
-        }
+        auto may = rules.may_be(*found, one.value);
+        if (!may) return wrong(fmt::format("type '{}': {}", type.name, may.error().message()));
+        if (found->kind == parameter_kind::endpoint && !one.value.empty()) to.listen.push_back(endpoint::parse(one.value).value());
         if (!given.insert(one.name).second && !found->many) return wrong(fmt::format("type '{}': parameter '{}' is given twice", type.name, one.name));
         to.words.push_back(fmt::format("--{}={}", one.name, one.value));
     }
@@ -115,23 +87,6 @@ result<void> add_variables(launch_plan& to, const type_text& type, const start_r
         to.variables.emplace_back(one.name, one.value);
     }
     return {};
-}
-
-result<endpoint> allowed_endpoint(const std::string& text, const launch_rules& rules) {
-    auto at = endpoint::parse(text);
-    if (!at) return at;
-    if (at->kind == protocol::inproc) return wrong(fmt::format("'{}' is reached only within its own process", shown(text)));
-    if (at->kind == protocol::local) {
-        // A file anywhere on this host is not for others to make.
-        bool plain = at->path.starts_with('@') && is_word(std::string_view(at->path).substr(1));
-        return plain ? at : wrong(fmt::format("'{}' cannot be listened on: local endpoints are local://@name here, with letters, digits, - and _", shown(text)));
-    }
-    if (at->kind == protocol::tls && !rules.has_certificates)
-        return wrong("tls takes certificates, and this instantiation server has none to pass on: it is started with --tls FOLDER, or ISE_TLS");
-    if (std::ranges::find(rules.listen_addresses, at->host) == rules.listen_addresses.end())
-        return wrong(fmt::format("'{}' cannot be listened on: the addresses that this instantiation server allows are {} (--allow-address)", shown(text),
-                                 fmt::join(rules.listen_addresses, ", ")));
-    return at;
 }
 
 // Any free port; with tls of an address that others know the host by, where one is allowed: certificates are seldom for loopback.
@@ -157,7 +112,7 @@ result<void> add_endpoints(launch_plan& to, const start_request& request, const 
     else if (!request.protocol.empty()) return wrong(fmt::format("the protocol is tcp, udp, tls or local, not '{}'", shown(request.protocol)));
     if (wanted.size() > most) return wrong(fmt::format("{} endpoints are given, {} are allowed", wanted.size(), most));
     for (const auto& text : wanted) {
-        auto at = allowed_endpoint(text, rules);
+        auto at = rules.may_listen(text);
         if (!at) return at.error();
         to.words.push_back("--listen=" + at->text());
         to.listen.push_back(std::move(*at));

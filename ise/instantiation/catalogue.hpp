@@ -1,5 +1,5 @@
 #pragma once
-#include <ise/core/environment.hpp>
+#include <ise/instantiation/launch_rules.hpp>
 #include <ise/instantiation/services.hpp>
 
 #include <map>
@@ -9,19 +9,11 @@
 
 namespace ise::instantiation {
 
-/// What those who start components may choose, beside what a type declares.
-struct launch_rules {
-    std::vector<std::string> listen_addresses{"127.0.0.1", "::1"}; ///< of tcp, udp and tls endpoints
-    std::vector<std::string> path_folders;                         ///< parameters of the kind `path` lie below one of these
-    std::size_t max_arguments = 256;
-    bool has_certificates = false; ///< what is started gets them: tls endpoints are possible
-};
-
 /// What is to be run, checked: words that cannot be taken for other options than they are.
 struct launch_plan {
     std::string program; ///< the file's name in the catalogue
     std::string path;    ///< of the component
-    std::vector<endpoint> listen;
+    std::vector<endpoint> listen; ///< also those that parameters name
     std::vector<std::string> words;
     std::vector<std::pair<std::string, std::string>> variables;
 };

@@ -56,7 +56,7 @@ std::optional<difference> of_parameter(const parameter& which, const values* is,
 }
 
 template <class Map>
-std::string shown(const Map& roles) {
+std::string roles_text(const Map& roles) {
     values all;
     for (const auto& [role, priority] : roles) all.push_back(fmt::format("{}={}", role, priority));
     return joined(all);
@@ -72,19 +72,7 @@ void compare(std::vector<difference>& into, const char* what, std::string is, st
     into.push_back(std::move(made));
 }
 
-std::map<std::string, std::string> marks_of(const std::vector<argument>& variables, bool marked) {
-    std::map<std::string, std::string> all;
-    for (const auto& one : variables) all[one.name] = marked ? one.value : mark_of(one);
-    return all;
-}
-
 } // namespace
-
-std::string mark_of(const argument& variable) {
-    std::uint64_t mark = 0xcbf29ce484222325; // FNV-1a
-    for (char letter : variable.name + "=" + variable.value) mark = (mark ^ static_cast<unsigned char>(letter)) * 0x100000001b3;
-    return fmt::format("{:016x}", mark);
-}
 
 std::vector<argument> with_settings(std::vector<argument> given, const std::vector<argument>& settings) {
     for (const auto& one : settings) {
@@ -95,7 +83,7 @@ std::vector<argument> with_settings(std::vector<argument> given, const std::vect
     return given;
 }
 
-std::vector<difference> differences(const instance_text& is, const start_request& wanted, const type_text& type) {
+std::vector<difference> differences(const instance_text& is, const start_request& wanted, const type_text& type, bool other_environment) {
     std::vector<difference> all;
     compare(all, "type", is.type, wanted.type);
     auto given = by_name(is.arguments), asked = by_name(wanted.arguments);
@@ -105,12 +93,17 @@ std::vector<difference> differences(const instance_text& is, const start_request
     };
     for (const auto& one : type.parameters)
         if (auto made = of_parameter(one, find(given, one.name), find(asked, one.name))) all.push_back(std::move(*made));
-    compare(all, "roles", shown(is.roles), shown(wanted.roles));
+    compare(all, "roles", roles_text(is.roles), roles_text(wanted.roles));
     compare(all, "endpoints", joined(is.listen), joined(wanted.listen));
     compare(all, "protocol", is.protocol, wanted.protocol);
     compare(all, "process", is.process, wanted.process);
-    auto marks = marks_of(is.variables, true), other = marks_of(wanted.variables, false);
-    if (marks != other) {
+    compare(all, "limits", as_text(is.limits), as_text(wanted.limits));
+    if (is.rebuilt) {
+        difference made;
+        made.what = "program was rebuilt";
+        all.push_back(std::move(made));
+    }
+    if (other_environment) {
         difference made;
         made.what = "environment";
         all.push_back(std::move(made));

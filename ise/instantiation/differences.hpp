@@ -16,11 +16,8 @@ struct difference {
 };
 
 /// What of a running instance would have to change to be as `wanted`; its parameters are those of `type`. A parameter
-/// that is not given is at its preset. Nothing: it is as wanted.
-std::vector<difference> differences(const instance_text& is, const start_request& wanted, const type_text& type);
-
-/// What stands for the value of an environment variable where that is not shown to everybody.
-std::string mark_of(const argument& variable);
+/// that is not given is at its preset. Only its instantiation server can tell of `other_environment`. Nothing: it is as wanted.
+std::vector<difference> differences(const instance_text& is, const start_request& wanted, const type_text& type, bool other_environment);
 
 /// The arguments of a request after some of them were set again.
 std::vector<argument> with_settings(std::vector<argument> given, const std::vector<argument>& settings);

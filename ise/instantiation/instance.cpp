@@ -1,6 +1,6 @@
 #include <ise/instantiation/instance.hpp>
 
-#include <ise/instantiation/differences.hpp>
+#include <map>
 
 namespace ise::instantiation {
 
@@ -19,10 +19,14 @@ instance_text instance::text() const {
     made.arguments = asked.arguments;
     made.listen = asked.listen;
     made.protocol = asked.protocol;
-    for (const auto& one : asked.variables) made.variables.push_back({one.name, mark_of(one)});
+    for (const auto& one : asked.variables) made.variables.push_back({one.name, {}});
     made.roles = asked.roles;
     made.deployment = asked.deployment;
     made.process = asked.process;
+    made.limits = asked.limits;
+    made.output_dropped = output->dropped();
+    made.output_trouble = output->trouble();
+    made.probe_trouble = probe_trouble;
     return made;
 }
 
@@ -36,7 +40,19 @@ saved_instance instance::saved() const {
     made.reason = watch.reason();
     made.since = since;
     made.restarts = watch.restarts();
+    made.program_version = version;
+    made.former = former;
+    made.undo = undo;
     return made;
+}
+
+bool instance::other_environment(const start_request& wanted) const {
+    auto by_name = [](const std::vector<argument>& all) {
+        std::map<std::string, std::string> made;
+        for (const auto& one : all) made[one.name] = one.value;
+        return made;
+    };
+    return by_name(asked.variables) != by_name(wanted.variables);
 }
 
 task<> next_change(loop& on, std::shared_ptr<instance> of) {

@@ -31,7 +31,7 @@ instantiation_server::~instantiation_server() = default;
 
 task<> instantiation_server::run() {
     for (const auto& at : this->services().listening()) may_listen(at, this->services().credentials()).value();
-    names_ = at(options_.name_server);
+    names_ = at(options_.name_server, std::string(naming::server_path));
     offer_services();
     offer_watching();
     co_await read_catalogue();
@@ -69,11 +69,12 @@ void instantiation_server::offer_services() {
         return end_one(std::move(at_once), true);
     });
     provide(services::set, [this](set_request request) { return set(std::move(request)); });
-    provide(services::change, [this](change_request request) { return change_one(std::move(request.to)); });
+    provide(services::change, [this](change_request request) { return change_one(std::move(request)); });
+    provide(services::check, [this](checks_request request) { return check_all(std::move(request)); });
     provide(services::instances, [this](instances_request request) {
         instances_response made;
         for (const auto& [path, one] : instances_)
-            if (naming::lies_below(path, request.prefix)) made.instances.push_back(one->text());
+            if (naming::lies_below(path, request.prefix)) made.instances.push_back(text_of(*one));
         return made;
     });
     provide(services::last_output, [this](output_request request) {
@@ -98,6 +99,14 @@ void instantiation_server::offer_watching() {
     };
     output_ = publish(services::output, std::move(callbacks));
     events_ = publish(services::events);
+}
+
+instance_text instantiation_server::text_of(const instance& one) const {
+    auto made = one.text();
+    if (!one.running || one.version.empty() || one.plan.program.empty()) return made;
+    auto now = host_.version_of(options_.programs_folder + "/" + one.plan.program);
+    made.rebuilt = !now.empty() && now != one.version;
+    return made;
 }
 
 instantiation_server::instance_ptr instantiation_server::find(const std::string& path) const {
@@ -157,6 +166,7 @@ void instantiation_server::changed(const instance_ptr& one) {
     if (next == time_point::max()) one->due->disarm();
     else one->due->arm(next);
     for (auto* waiting : one->awaiting) waiting->resume();
+    begin_probing(one);
     if (!one->asked.process.empty()) tend_processes();
     auto& last = told_[one->plan.path];
     if (last == std::pair(one->watch.state(), one->watch.reason())) return;
@@ -173,17 +183,32 @@ void instantiation_server::changed(const instance_ptr& one) {
     log().write(level, fmt::format("{} is {}{}{}", one->plan.path, names[static_cast<std::size_t>(one->watch.state())], reason.empty() ? "" : ": ", reason), {});
 }
 
-machine::end_handler instantiation_server::end_handler_of(const instance_ptr& one, std::uint64_t life) {
-    return [this, weak = std::weak_ptr<instance>(one), life](process_end how) {
+machine::end_handler instantiation_server::end_handler_of(const instance_ptr& one, const std::string& mark, std::uint64_t life) {
+    return [this, weak = std::weak_ptr<instance>(one), mark, life](process_end how) {
+        free_names_of(mark);
         if (auto held = weak.lock()) on_end(held, life, how);
     };
 }
 
+/// A process has died: its names need not wait for the end of its lease.
+void instantiation_server::free_names_of(const std::string& mark) {
+    if (stopping_ || mark.empty()) return;
+    freeing_.insert(mark);
+    spawn("names of the dead", tell_end(mark));
+}
+
+task<> instantiation_server::tell_end(std::string mark) {
+    naming::ended_request request;
+    request.launch_mark = mark;
+    auto told = co_await names_.try_call(naming::ended, std::move(request), std::chrono::seconds(2));
+    freeing_.erase(freeing_.find(mark));
+    if (!told) log().debug(fmt::format("names of a process that ended are free when its lease is over: {}", told.error().message()));
+}
+
 void instantiation_server::on_end(const instance_ptr& one, std::uint64_t life, process_end how) {
     if (life != one->life) return;
-    if (one->running) how = how_it_ended(std::move(how), one->mark, one->running->stamp(), one->output->end_file());
+    if (one->running) how = how_it_ended(std::move(how), one->mark, *one->output);
     one->running.reset();
-    one->mark.clear();
     carry_out(one, one->watch.ended(now(), how.well(), how.text()));
 }
 

@@ -22,7 +22,7 @@ struct server_options {
     std::size_t max_instances = 64;                ///< those that have ended count until their place is needed
     std::size_t max_starts = 30;                   ///< within `starts_window`, of all kinds
     duration starts_window = std::chrono::seconds(10);
-    std::uint64_t max_output_bytes = 256 << 10;    ///< of each of the two files of an instance
+    std::uint64_t max_output_bytes = 256 << 10;    ///< of each of the two output files of an instance
     duration describe_within = std::chrono::seconds(5);
     duration look_every = std::chrono::milliseconds(200); ///< at the output
 };
@@ -56,8 +56,13 @@ private:
     task<types_response> tell_types();
     task<launch_plan> plan(start_request request);
 
+    // instantiation_server_check.cpp
+    task<checks_response> check_all(checks_request request);
+    task<checked_start> check_one(start_request request, std::vector<endpoint>& wanted);
+    bool compare_environment(const instance_ptr& one, const start_request& wanted);
+
     // instantiation_server_change.cpp
-    task<change_response> change_one(start_request to);
+    task<change_response> change_one(change_request what);
     task<change_response> change_to(start_request to, bool only_in_place);
     task<set_response> set(set_request what);
     task<result<void>> set_parameters(instance_ptr one, std::vector<argument> settings);
@@ -79,6 +84,10 @@ private:
     void check_room(const std::string& path);
     void check_rate();
 
+    // instantiation_server_probe.cpp
+    void begin_probing(const instance_ptr& one);
+    task<> follow_probe(instance_ptr one, std::uint64_t life);
+
     // instantiation_server_shared.cpp
     endpoint control_of(const std::string& process) const;
     void check_process(const std::string& process, const std::string& program);
@@ -93,6 +102,7 @@ private:
     task<> follow_process(std::shared_ptr<shared_process> where);
     void take_in(shared_process& of, const process_host::components_response& told);
     void tend_processes();
+    void replace_process_of(const instance& one);
     void restore(const saved_process& before);
     bool restore_in_process(const instance_ptr& one, const saved_instance& before);
 
@@ -100,8 +110,11 @@ private:
     void restore(const saved_state& before);
     void restore(const saved_instance& before, bool same_boot);
     bool adopt(const instance_ptr& one, const saved_instance& before, bool same_boot);
-    process_end how_it_ended(process_end told, const std::string& mark, const process_stamp& who, const std::string& file) const;
+    process_end how_it_ended(process_end told, const std::string& mark, const output_file& printed) const;
+    launch_order order_for(const std::string& program, const output_file& printed) const;
 
+    /// With what only this host knows.
+    instance_text text_of(const instance& one) const;
     instance_ptr find(const std::string& path) const;
     instance_ptr remember(start_request request, launch_plan plan);
     std::shared_ptr<output_file> output_of(const std::string& path, const std::string& process) const;
@@ -109,7 +122,9 @@ private:
     /// Does what was decided, and tells whoever wants to know.
     void carry_out(const instance_ptr& one, supervision::act what);
     void on_end(const instance_ptr& one, std::uint64_t life, process_end how);
-    machine::end_handler end_handler_of(const instance_ptr& one, std::uint64_t life);
+    machine::end_handler end_handler_of(const instance_ptr& one, const std::string& mark, std::uint64_t life);
+    void free_names_of(const std::string& mark);
+    task<> tell_end(std::string mark);
     void changed(const instance_ptr& one);
     /// The state goes to the disk; what cannot be written is logged, too.
     result<void> try_save();
@@ -126,6 +141,7 @@ private:
     bool reading_catalogue_ = false;
     bool stopping_ = false; // what is started goes on
     std::map<std::string, instance_ptr> instances_; // by path
+    std::multiset<std::string> freeing_; // marks of ended processes, until the name server knows
     std::map<std::string, std::shared_ptr<shared_process>> processes_; // that several of them share, by name
     std::map<std::string, std::pair<instance_state, std::string>> told_; // what of each was told last
     std::deque<time_point> starts_;

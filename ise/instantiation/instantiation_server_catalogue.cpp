@@ -26,10 +26,15 @@ task<> instantiation_server::read_catalogue() {
     auto fresh = std::make_unique<catalogue>();
     if (!found) fresh->add_problem(found.error().message());
     std::size_t count = 0;
-    for (const auto& [name, version] : programs) {
+    for (const auto& one : programs) {
+        const auto& name = one.name;
         if (++count > catalogue::max_programs) {
             fresh->add_problem(fmt::format("{} has more than {} programs: the others are left out", options_.programs_folder, catalogue::max_programs));
             break;
+        }
+        if (!one.objection.empty()) {
+            fresh->add_problem(fmt::format("{}: {}", name, one.objection));
+            continue;
         }
         auto told = co_await host_.ask(on(), options_.programs_folder + "/" + name, most_description_bytes, options_.describe_within);
         if (told) fresh->add(name, *told);

@@ -37,8 +37,14 @@ std::string said(const std::string& message, std::string_view service) {
 
 } // namespace
 
-task<change_response> instantiation_server::change_one(start_request to) {
+task<change_response> instantiation_server::change_one(change_request what) {
     change_response refused;
+    auto to = std::move(what.to);
+    if (what.undo != 0) {
+        auto one = find(to.path);
+        if (!one->former || one->undo != what.undo) throw error(errc::refused, fmt::format("the change of '{}' cannot be undone: it was changed again since", to.path));
+        to = *one->former;
+    }
     try {
         auto response = co_await change_to(std::move(to), false);
         co_return response;
@@ -50,7 +56,7 @@ task<change_response> instantiation_server::change_one(start_request to) {
 }
 
 task<change_response> instantiation_server::change_to(start_request to, bool only_in_place) {
-    to.terms = checked(to.terms);
+    check_wishes(to, options_.rules);
     auto wanted = to;
     auto planned = co_await plan(std::move(wanted));
     auto one = find(planned.path);
@@ -63,7 +69,9 @@ task<change_response> instantiation_server::change_to(start_request to, bool onl
     } guard{changing_, planned.path};
     change_response made;
     made.former = one->asked;
-    auto others = differences(one->text(), to, *catalogue_->find(to.type));
+    for (auto& variable : made.former.variables) variable.value.clear(); // secrets stay here
+    auto is = only_in_place ? one->text() : text_of(*one); // to set a parameter is no reason to run another program
+    auto others = differences(is, to, *catalogue_->find(to.type), one->other_environment(to));
     bool in_place = std::ranges::all_of(others, &difference::in_place);
     if (in_place && runs(one->watch)) {
         std::vector<argument> settings;
@@ -74,20 +82,27 @@ task<change_response> instantiation_server::change_to(start_request to, bool onl
             if (!taken) throw error(taken.error());
         }
         if (!others.empty()) made.way = change_way::in_place;
-        if (!others.empty() || one->asked.deployment != to.deployment) become(one, std::move(to), std::move(planned));
+        if (!others.empty() || one->asked.deployment != to.deployment) {
+            become(one, std::move(to), std::move(planned));
+            made.undo = one->undo;
+        }
         made.outcome.started = one->text();
         co_return made;
     }
     if (only_in_place) refuse_restart(*one, others, *catalogue_->find(to.type));
     check_rate();
     made.way = change_way::restarted;
+    auto asked = one->asked;
     auto former = one->plan;
     bool was_up = runs(one->watch);
     become(one, std::move(to), std::move(planned));
+    made.undo = one->undo;
+    if (is.rebuilt) replace_process_of(*one);
     carry_out(one, one->watch.restart(now()));
     made.outcome = co_await until_ready(one);
     if (made.outcome.outcome == start_outcome::ready) co_return made;
-    become(one, made.former, std::move(former));
+    become(one, std::move(asked), std::move(former));
+    made.undo = 0;
     if (was_up) { // what ran well goes on as it was
         carry_out(one, one->watch.restart(now()));
         auto back = co_await until_ready(one);
@@ -126,9 +141,11 @@ task<result<void>> instantiation_server::set_parameters(instance_ptr one, std::v
 void instantiation_server::become(const instance_ptr& one, start_request asked, launch_plan plan) {
     bool elsewhere = one->asked.process != asked.process;
     if (elsewhere) one->output = output_of(plan.path, asked.process);
-    one->asked = std::move(asked);
+    one->former = std::exchange(one->asked, std::move(asked));
+    one->undo = env().random() | 1;
     one->plan = std::move(plan);
     one->watch.use(one->asked.terms);
+    begin_probing(one);
     save();
     host_event event;
     event.at = wall();

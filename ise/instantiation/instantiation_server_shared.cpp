@@ -2,7 +2,6 @@
 #include <ise/instantiation/instantiation_server.hpp>
 
 #include <ise/component/process_services.hpp>
-#include <ise/component/word_of_end.hpp>
 
 #include <fmt/format.h>
 
@@ -52,16 +51,11 @@ std::shared_ptr<shared_process> instantiation_server::open_process(const instanc
     made->program = one->plan.program;
     made->control = control_of(name);
     made->mark = fmt::format("{:016x}{:016x}", env().random(), env().random());
-    launch_order order;
-    order.program = options_.programs_folder + "/" + made->program;
+    made->output = one->output;
+    auto order = order_for(made->program, *made->output);
     order.words = {"host", "--control=" + made->control.text()};
-    order.variables = options_.variables;
-    order.variables.emplace_back("ISE_NAME_SERVER", options_.name_server.text());
-    order.output_file = one->output->file();
-    made->end_file = one->output->end_file();
-    host_.remove(made->end_file);
-    order.variables.emplace_back(word_of_end::variable, word_of_end::variable_for(env().identity().process_id, made->mark, made->end_file));
     order.mark = made->mark;
+    made->version = host_.version_of(order.program);
     processes_[name] = made;
     auto kept = try_save(); // whoever comes after a crash finds the process by its mark
     auto got = kept ? host_.launch(on(), order, process_end_handler(made)) : result<std::unique_ptr<process>>(kept.error());
@@ -84,7 +78,8 @@ machine::end_handler instantiation_server::process_end_handler(const std::shared
         auto held = weak.lock();
         if (!held) return;
         held->over = true;
-        how = how_it_ended(std::move(how), held->mark, held->running->stamp(), held->end_file);
+        free_names_of(held->mark);
+        how = how_it_ended(std::move(how), held->mark, *held->output);
         held->running.reset();
         host_.remove(held->control.path);
         if (auto found = processes_.find(held->name); found != processes_.end() && found->second == held) processes_.erase(found);
@@ -97,7 +92,7 @@ machine::end_handler instantiation_server::process_end_handler(const std::shared
 
 task<> instantiation_server::launch_in_process(instance_ptr one, std::uint64_t life) {
     auto still = [&] { return life == one->life && one->watch.state() == instance_state::starting; };
-    for (auto there = process_of(*one); there && there->ending && still(); there = process_of(*one)) co_await sleep(look_pause / 5);
+    for (auto there = process_of(*one); there && (there->ending || there->outdated) && still(); there = process_of(*one)) co_await sleep(look_pause / 5);
     if (life != one->life) co_return;
     std::shared_ptr<shared_process> where;
     std::string why;
@@ -112,6 +107,8 @@ task<> instantiation_server::launch_in_process(instance_ptr one, std::uint64_t l
         co_return;
     }
     one->mark = where->mark;
+    one->mark_is_own = false;
+    one->version = where->version;
     one->obstacle.clear();
     auto path = one->plan.path;
     auto& member = where->members[path];
@@ -129,7 +126,6 @@ task<> instantiation_server::launch_in_process(instance_ptr one, std::uint64_t l
         where->members.erase(found);
         if (!told && told.error().code() != errc::refused) where->running->kill(); // whatever it is doing
         if (told) stop_in_process(where, path);
-        one->mark.clear();
         if (wanted) carry_out(one, one->watch.not_launched(now(), told.error().message()));
         else tend_processes();
         co_return;
@@ -214,7 +210,8 @@ void instantiation_server::take_in(shared_process& of, const process_host::compo
 /// Ends processes that nobody needs any more.
 void instantiation_server::tend_processes() {
     for (const auto& [name, what] : processes_) {
-        bool needed = std::ranges::any_of(instances_, [&](const auto& one) { return one.second->asked.process == name && !one.second->watch.over(); });
+        bool needed = what->outdated ? !what->members.empty()
+                                     : std::ranges::any_of(instances_, [&](const auto& one) { return one.second->asked.process == name && !one.second->watch.over(); });
         if (needed || what->ending || !what->running) continue;
         what->ending = true;
         what->running->terminate();
@@ -226,13 +223,26 @@ void instantiation_server::tend_processes() {
     }
 }
 
+/// All that runs in the process of an instance is started again, in one of the program as it is now.
+void instantiation_server::replace_process_of(const instance& one) {
+    auto where = process_of(one);
+    if (!where) return;
+    where->outdated = true;
+    auto members = where->members; // whatever becomes of them
+    for (const auto& [path, member] : members) {
+        auto other = member.who.lock();
+        if (other && other.get() != &one && !other->watch.over()) carry_out(other, other->watch.restart(now()));
+    }
+}
+
 void instantiation_server::restore(const saved_process& before) {
     auto made = std::make_shared<shared_process>();
     made->name = before.name;
     made->program = before.program;
     made->mark = before.mark;
+    made->version = before.program_version;
     made->control = control_of(before.name);
-    made->end_file = output_of({}, before.name)->end_file();
+    made->output = output_of({}, before.name);
     auto got = host_.adopt(on(), before.process, before.mark, process_end_handler(made));
     if (!got) return;
     made->running = std::move(*got);

@@ -1,6 +1,5 @@
 #include <ise/instantiation/instantiation_server.hpp>
 
-#include <ise/component/word_of_end.hpp>
 #include <ise/instantiation/refusal.hpp>
 
 #include <fmt/format.h>
@@ -28,7 +27,7 @@ task<start_response> instantiation_server::start_one(start_request request) {
 }
 
 task<start_response> instantiation_server::begin(start_request request) {
-    request.terms = checked(request.terms);
+    check_wishes(request, options_.rules);
     auto wanted = request;
     auto what = co_await plan(std::move(wanted));
     check_process(request.process, what.program);
@@ -124,7 +123,11 @@ task<> instantiation_server::check_name(std::string path) {
 
 void instantiation_server::check_endpoints(const std::vector<endpoint>& wanted) {
     for (const auto& at : wanted) {
-        if (at.kind == protocol::udp) continue; // tried by the component itself
+        if (at.kind == protocol::udp) {
+            auto open = env().open_datagram(on(), at);
+            if (!open) throw error(open.error());
+            continue;
+        }
         auto plain = at;
         if (at.kind == protocol::tls) plain.kind = protocol::tcp;
         auto listening = env().listen(on(), plain);
@@ -132,8 +135,20 @@ void instantiation_server::check_endpoints(const std::vector<endpoint>& wanted) 
     }
 }
 
+/// What is the same for all that is started here.
+launch_order instantiation_server::order_for(const std::string& program, const output_file& printed) const {
+    launch_order order;
+    order.program = options_.programs_folder + "/" + program;
+    order.variables = options_.variables;
+    order.variables.emplace_back("ISE_NAME_SERVER", options_.name_server.text());
+    order.output_file = printed.file();
+    order.max_output_bytes = printed.max_bytes();
+    return order;
+}
+
 /// Waits until nobody holds the name: that of a process that was killed lives as long as its lease.
 task<> instantiation_server::free_name(instance_ptr one, std::uint64_t life) {
+    while (freeing_.contains(one->mark)) co_await sleep(10ms); // its next life has the same mark
     auto until = saturating_add(now(), longest_wait_for_name);
     while (now() < until && life == one->life && one->watch.state() == instance_state::starting) {
         naming::describe_request question{one->plan.path};
@@ -158,28 +173,22 @@ task<> instantiation_server::launch(instance_ptr one, std::uint64_t life) {
         co_await launch_in_process(one, life);
         co_return;
     }
-    launch_order order;
-    order.program = options_.programs_folder + "/" + one->plan.program;
+    if (!std::exchange(one->mark_is_own, true) || one->mark.empty()) one->mark = fmt::format("{:016x}{:016x}", env().random(), env().random());
+    auto order = order_for(one->plan.program, *one->output);
     order.words = one->plan.words;
-    order.variables = options_.variables;
-    order.variables.emplace_back("ISE_NAME_SERVER", options_.name_server.text());
     order.variables.insert(order.variables.end(), one->plan.variables.begin(), one->plan.variables.end());
-    order.output_file = one->output->file();
-    order.mark = fmt::format("{:016x}{:016x}", env().random(), env().random());
-    host_.remove(one->output->end_file());
-    order.variables.emplace_back(word_of_end::variable, word_of_end::variable_for(env().identity().process_id, order.mark, one->output->end_file()));
-    one->mark = order.mark;
+    order.mark = one->mark;
+    order.limits = one->asked.limits;
+    one->version = host_.version_of(order.program);
     one->obstacle.clear();
     auto kept = try_save(); // whoever comes after a crash finds the process by its mark
     bool first = one->launched_life == 0 && one->watch.restarts() == 0; // what ran before goes on all the same
     if (!kept && first) {
-        one->mark.clear();
         carry_out(one, one->watch.not_launched(now(), fmt::format("it could not be written down, and so would be lost with this instantiation server: {}", kept.error().message())));
         co_return;
     }
-    auto got = host_.launch(on(), order, end_handler_of(one, life));
+    auto got = host_.launch(on(), order, end_handler_of(one, one->mark, life));
     if (!got) {
-        one->mark.clear();
         carry_out(one, one->watch.not_launched(now(), got.error().message()));
         co_return;
     }

@@ -1,4 +1,7 @@
 #pragma once
+#include <ise/instantiation/limits.hpp>
+
+#include <cstdint>
 #include <string>
 #include <utility>
 #include <vector>
@@ -10,8 +13,10 @@ struct launch_order {
     std::string program;
     std::vector<std::string> words;                             ///< without the program's name
     std::vector<std::pair<std::string, std::string>> variables; ///< the whole environment
-    std::string output_file;                                    ///< both streams are appended to it
+    std::string output_file;                                    ///< both streams go there
+    std::uint64_t max_output_bytes = 256 << 10;                 ///< of that file, and of an older one beside it
     std::string mark;                                           ///< in its environment, and so in that of all it starts
+    resource_limits limits;
 };
 
 } // namespace ise::instantiation

@@ -1,4 +1,5 @@
 // environment-boundary: what an instantiation server does to its host is done here
+#include <ise/core/real/ownership.hpp>
 #include <ise/instantiation/process_table.hpp>
 #include <ise/instantiation/real_machine.hpp>
 
@@ -65,12 +66,18 @@ std::string real_machine::boot() const {
 result<std::vector<program_file>> real_machine::programs(const std::string& folder) const {
     auto* open = ::opendir(folder.c_str());
     if (!open) return refused("read the folder", folder);
+    auto own = check_own_path(folder);
+    if (!own) {
+        ::closedir(open);
+        return own.error();
+    }
     std::vector<program_file> found;
     while (const auto* entry = ::readdir(open)) {
         auto path = folder + "/" + entry->d_name;
         struct stat about {};
         if (!is_program_name(entry->d_name) || ::stat(path.c_str(), &about) != 0 || !S_ISREG(about.st_mode) || ::access(path.c_str(), X_OK) != 0) continue;
-        found.push_back({entry->d_name, fmt::format("{}.{}.{}.{}", about.st_ino, about.st_size, about.st_mtim.tv_sec, about.st_mtim.tv_nsec)});
+        auto safe = check_own_path(path);
+        found.push_back({entry->d_name, version_of(path), safe ? "" : safe.error().message()});
     }
     ::closedir(open);
     std::ranges::sort(found, {}, &program_file::name);
@@ -93,7 +100,8 @@ result<std::string> real_machine::read_file(const std::string& path, std::size_t
 result<void> real_machine::replace_file(const std::string& path, const std::string& content) {
     auto fresh = path + ".new";
     {
-        file_handle file(::open(fresh.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
+        ::unlink(fresh.c_str()); // of a server that was killed; whatever else lies there is not written through
+        file_handle file(::open(fresh.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
         if (!file || !write_all(file.get(), content) || ::fsync(file.get()) != 0) return refused("write", fresh);
     }
     if (::rename(fresh.c_str(), path.c_str()) != 0) return refused("replace", path);
@@ -110,22 +118,6 @@ std::uint64_t real_machine::size_of(const std::string& path) const {
 std::string real_machine::read_part(const std::string& path, std::uint64_t offset, std::size_t max_bytes) const {
     file_handle file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
     return file ? read_some(file.get(), offset, max_bytes) : std::string();
-}
-
-result<void> real_machine::rotate(const std::string& path, const std::string& older) {
-    file_handle from(::open(path.c_str(), O_RDWR | O_CLOEXEC));
-    file_handle to(::open(older.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
-    if (!from) return refused("rotate", path);
-    if (!to) return refused("write", older);
-    for (std::uint64_t at = 0;;) {
-        auto piece = read_some(from.get(), at, 65536);
-        if (piece.empty()) break;
-        if (!write_all(to.get(), piece)) return refused("write", older);
-        at += piece.size();
-    }
-    // Whoever writes appends: it goes on at the beginning.
-    if (::ftruncate(from.get(), 0) != 0) return refused("rotate", path);
-    return {};
 }
 
 void real_machine::remove(const std::string& path) { ::unlink(path.c_str()); }

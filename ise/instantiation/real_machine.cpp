@@ -2,7 +2,10 @@
 #include <ise/instantiation/real_machine.hpp>
 
 #include <ise/core/environment.hpp>
+#include <ise/core/real/ownership.hpp>
 #include <ise/core/waiter.hpp>
+#include <ise/instantiation/cgroup.hpp>
+#include <ise/instantiation/keeper.hpp>
 #include <ise/instantiation/process_table.hpp>
 #include <ise/instantiation/spawn.hpp>
 
@@ -19,6 +22,7 @@
 #include <csignal>
 #include <map>
 #include <mutex>
+#include <sstream>
 
 #include <fcntl.h>
 #include <poll.h>
@@ -29,16 +33,21 @@ namespace ise::instantiation {
 
 /// What was started and has not ended yet.
 struct real_machine::running {
+    struct kept_entry {
+        process_stamp keeper, leader; ///< one and the same where it has none
+        std::string mark;
+    };
     std::mutex mutex;
-    std::map<std::int32_t, std::pair<process_stamp, std::string>> all; // with its mark
+    std::map<std::int32_t, kept_entry> all; // by the keeper
 
-    void add(const process_stamp& who, const std::string& mark) {
+    void add(kept_entry what) {
         std::lock_guard lock(mutex);
-        all[who.pid] = {who, mark};
+        auto number = what.keeper.pid;
+        all[number] = std::move(what);
     }
-    void remove(const process_stamp& who) {
+    void remove(const process_stamp& keeper) {
         std::lock_guard lock(mutex);
-        all.erase(who.pid);
+        all.erase(keeper.pid);
     }
 };
 
@@ -46,6 +55,7 @@ namespace {
 
 using descriptor = asio::posix::stream_descriptor;
 
+// The keeper does this; here it is for one that was killed, and for programs that have none.
 void end_rest(const process_stamp& leader, const std::string& mark) {
     // A process that starts others while it is looked at may slip through once.
     for (int round = 0; round < 3; ++round) {
@@ -55,11 +65,13 @@ void end_rest(const process_stamp& leader, const std::string& mark) {
     }
 }
 
+using kept_entry = real_machine::running::kept_entry;
+
 class real_process final : public process, public std::enable_shared_from_this<real_process> {
 public:
-    real_process(loop& on, process_stamp who, std::string mark, file_handle watch, std::shared_ptr<real_machine::running> among, machine::end_handler ended)
-        : loop_(on), who_(who), mark_(std::move(mark)), watch_(on.get_executor(), watch.release()), among_(std::move(among)), ended_(std::move(ended)) {
-        among_->add(who_, mark_);
+    real_process(loop& on, kept_entry who, file_handle watch, std::shared_ptr<real_machine::running> among, machine::end_handler ended)
+        : loop_(on), who_(std::move(who)), watch_(on.get_executor(), watch.release()), among_(std::move(among)), ended_(std::move(ended)) {
+        among_->add(who_);
     }
 
     void watch() {
@@ -72,11 +84,12 @@ public:
             else self->watch();
         });
     }
-    const process_stamp& stamp() const noexcept override { return who_; }
-    void terminate() override { send_signal_to_group(who_, SIGTERM); }
+    const process_stamp& stamp() const noexcept override { return who_.leader; }
+    void terminate() override { send_signal_to_group(who_.leader, SIGTERM); }
     void kill() override {
-        send_signal_to_group(who_, SIGKILL);
-        end_rest(who_, mark_);
+        send_signal_to_group(who_.leader, SIGKILL);
+        if (is_kept()) send_signal(who_.keeper, SIGCONT); // it ends the rest, and then itself
+        else end_rest(who_.leader, who_.mark);
     }
     void leave() {
         ended_ = nullptr;
@@ -84,20 +97,21 @@ public:
     }
 
 private:
+    bool is_kept() const { return !(who_.keeper == who_.leader); }
     void finish() {
         loop::turn turn(loop_);
-        // The leader is not reaped yet: its number is nobody else's.
-        send_signal_to_group(who_, SIGKILL);
-        end_rest(who_, mark_);
-        auto end = reap(who_.pid);
-        among_->remove(who_);
+        // It is not reaped yet: its number is nobody else's.
+        send_signal_to_group(who_.leader, SIGKILL);
+        end_rest(who_.leader, who_.mark);
+        auto end = reap(who_.keeper.pid);
+        if (is_kept()) end = {}; // how the program ended is in the keeper's record
+        among_->remove(who_.keeper);
         auto tell = std::exchange(ended_, nullptr);
         if (tell) tell(end);
     }
 
     loop& loop_;
-    process_stamp who_;
-    std::string mark_;
+    kept_entry who_;
     descriptor watch_;
     std::shared_ptr<real_machine::running> among_;
     machine::end_handler ended_;
@@ -116,16 +130,33 @@ private:
     std::shared_ptr<real_process> of_;
 };
 
-std::unique_ptr<process> watched(loop& on, process_stamp who, const std::string& mark, file_handle watch, const std::shared_ptr<real_machine::running>& among,
-                                 machine::end_handler ended) {
-    auto made = std::make_shared<real_process>(on, who, mark, std::move(watch), among, std::move(ended));
+std::unique_ptr<process> watched(loop& on, kept_entry who, file_handle watch, const std::shared_ptr<real_machine::running>& among, machine::end_handler ended) {
+    auto made = std::make_shared<real_process>(on, std::move(who), std::move(watch), among, std::move(ended));
     made->watch();
     return std::make_unique<handle>(std::move(made));
 }
 
+// The line in which a keeper says what became of its start; empty: it said nothing.
+std::string line_of_keeper(int from) {
+    constexpr int longest_start_ms = 5000;
+    std::string text;
+    std::array<char, 512> piece;
+    auto until = std::chrono::steady_clock::now() + std::chrono::milliseconds(longest_start_ms);
+    while (text.find('\n') == std::string::npos) {
+        auto left = std::chrono::duration_cast<std::chrono::milliseconds>(until - std::chrono::steady_clock::now()).count();
+        pollfd more{from, POLLIN, 0};
+        if (left <= 0 || (::poll(&more, 1, static_cast<int>(left)) <= 0 && errno != EINTR)) break;
+        auto got = ::read(from, piece.data(), piece.size());
+        if (got < 0 && errno == EINTR) continue;
+        if (got <= 0) break;
+        text.append(piece.data(), static_cast<std::size_t>(got));
+    }
+    return text.substr(0, text.find('\n'));
+}
+
 } // namespace
 
-real_machine::real_machine() : running_(std::make_shared<running>()) {}
+real_machine::real_machine() : running_(std::make_shared<running>()), cgroup_prefix_(usable_cgroup()) {}
 
 real_machine::~real_machine() {
     if (lock_ >= 0) ::close(lock_);
@@ -138,7 +169,9 @@ result<void> real_machine::take_folder(const std::string& folder) {
         if (::mkdir(part.c_str(), 0700) != 0 && errno != EEXIST) return refuse();
         if (at == std::string::npos) break;
     }
-    file_handle lock(::open((folder + "/lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
+    auto own = check_own_path(folder);
+    if (!own) return own;
+    file_handle lock(::open((folder + "/lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600));
     if (!lock) return refuse();
     struct flock whole {};
     whole.l_type = F_WRLCK;
@@ -151,56 +184,73 @@ result<void> real_machine::take_folder(const std::string& folder) {
 }
 
 void real_machine::end_all(duration grace) {
-    std::map<std::int32_t, std::pair<process_stamp, std::string>> left;
+    std::map<std::int32_t, kept_entry> left;
     {
         std::lock_guard lock(running_->mutex);
         left = std::exchange(running_->all, {});
     }
-    for (const auto& [pid, who] : left) send_signal_to_group(who.first, SIGTERM);
+    for (const auto& [pid, who] : left) send_signal_to_group(who.leader, SIGTERM);
     auto until = std::chrono::steady_clock::now() + grace;
+    auto wait_for = [](const process_stamp& which, std::chrono::steady_clock::duration most) {
+        auto watch = open_process(which);
+        if (!watch) return;
+        auto wait = std::chrono::duration_cast<std::chrono::milliseconds>(most).count();
+        pollfd ended{watch.get(), POLLIN, 0};
+        ::poll(&ended, 1, static_cast<int>(std::clamp<long long>(wait, 0, 3'600'000)));
+    };
+    for (const auto& [pid, who] : left) wait_for(who.keeper, until - std::chrono::steady_clock::now());
     for (const auto& [pid, who] : left) {
-        if (auto watch = open_process(who.first)) {
-            auto wait = std::chrono::duration_cast<std::chrono::milliseconds>(until - std::chrono::steady_clock::now()).count();
-            pollfd ended{watch.get(), POLLIN, 0};
-            ::poll(&ended, 1, static_cast<int>(std::clamp<long long>(wait, 0, 3'600'000)));
-        }
-        send_signal_to_group(who.first, SIGKILL);
-        end_rest(who.first, who.second);
+        send_signal_to_group(who.leader, SIGKILL);
+        if (!(who.keeper == who.leader)) wait_for(who.keeper, std::chrono::seconds(2)); // it ends what is left
+        send_signal(who.keeper, SIGKILL);
+        end_rest(who.leader, who.mark);
         reap(pid, true);
     }
 }
 
 result<std::unique_ptr<process>> real_machine::launch(loop& on, const launch_order& what, end_handler ended) {
-    auto order = what;
-    order.variables.emplace_back(mark_variable, what.mark);
-    auto pid = spawn(order);
+    int ends[2] = {-1, -1};
+    if (::pipe2(ends, O_CLOEXEC) != 0) return io_failure("cannot make a pipe", std::error_code(errno, std::system_category()));
+    file_handle reading(ends[0]), writing(ends[1]);
+    launch_order order;
+    order.program = "/proc/self/exe"; // this very program, also after its file was replaced
+    order.words = keeper_words(what, cgroup_prefix_);
+    order.variables = what.variables;
+    order.variables.emplace_back(keeper_variable, what.mark);
+    auto pid = spawn(order, writing.get());
     if (!pid) return pid.error();
-    // Not reaped: the number is its own, whatever it does.
-    auto told = look_up(*pid);
-    file_handle watch = told ? open_process(told->stamp) : file_handle();
-    if (!watch) {
-        if (*pid > 1) ::kill(-*pid, SIGKILL);
-        reap(*pid, true);
-        return failure(errc::io_failed, fmt::format("cannot watch process {} of {}: the kernel gives no handle of it", *pid, what.program));
-    }
-    return watched(on, told->stamp, what.mark, std::move(watch), running_, std::move(ended));
+    writing = file_handle();
+    auto told = line_of_keeper(reading.get());
+    kept_entry who;
+    who.mark = what.mark;
+    auto keeper = look_up(*pid); // not reaped: the number is its own, whatever it does
+    if (keeper) who.keeper = keeper->stamp;
+    std::istringstream words(told);
+    std::string first;
+    bool started = words >> first >> who.leader.pid >> who.leader.start_ticks && first == "started";
+    auto watch = started ? open_process(who.keeper) : file_handle();
+    if (watch) return watched(on, std::move(who), std::move(watch), running_, std::move(ended));
+    send_signal(who.keeper, SIGKILL);
+    reap(*pid, true);
+    if (started) return failure(errc::io_failed, fmt::format("cannot watch process {} of {}: the kernel gives no handle of it", *pid, what.program));
+    return failure(errc::io_failed, told.empty() ? fmt::format("cannot start {}: its keeper did not start it within 5 s", what.program) : told);
 }
 
 result<std::unique_ptr<process>> real_machine::adopt(loop& on, process_stamp who, const std::string& mark, end_handler ended) {
-    if (who.pid == 0) { // it was started, and the server killed before it could write down what it had got
-        for (const auto& one : members_of({}, mark))
-            if (one.group == one.stamp.pid) {
-                who = one.stamp;
-                break;
-            }
-    }
-    auto watch = open_process(who);
-    auto told = look_up(who.pid);
-    if (!watch || !told || told->ended || !carries_mark(who.pid, mark)) {
-        end_rest(watch ? process_stamp{} : who, mark);
+    auto keeper = find_keeper(mark);
+    auto watch = keeper ? open_process(keeper->stamp) : file_handle();
+    if (!watch) {
+        end_rest(open_process(who) ? process_stamp{} : who, mark);
         return failure(errc::no_such_name, "it does not run any more");
     }
-    return watched(on, who, mark, std::move(watch), running_, std::move(ended));
+    kept_entry found;
+    found.keeper = keeper->stamp;
+    found.leader = who;
+    found.mark = mark;
+    // Its present life may be a later one than was written down.
+    for (const auto& one : descendants_of(keeper->stamp.pid))
+        if (one.parent == keeper->stamp.pid && one.group == one.stamp.pid && carries_mark(one.stamp.pid, mark)) found.leader = one.stamp;
+    return watched(on, std::move(found), std::move(watch), running_, std::move(ended));
 }
 
 bool real_machine::carries(std::int32_t pid, const std::string& mark) const { return carries_mark(pid, mark); }
@@ -231,7 +281,10 @@ task<result<std::string>> real_machine::ask(loop& on, std::string program, std::
     waiter<> ended(on, [&ended] { ended.resume(); });
     auto watch = open_process(who);
     if (!watch) co_return complain(errc::io_failed, "it cannot be watched");
-    auto watching = watched(on, who, order.mark, std::move(watch), running_, [&](process_end how) {
+    kept_entry alone;
+    alone.keeper = alone.leader = who;
+    alone.mark = order.mark;
+    auto watching = watched(on, std::move(alone), std::move(watch), running_, [&](process_end how) {
         end = how;
         over = true;
         ended.resume();

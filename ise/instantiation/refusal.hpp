@@ -1,5 +1,6 @@
 #pragma once
 #include <ise/core/error.hpp>
+#include <ise/instantiation/catalogue.hpp>
 #include <ise/instantiation/services.hpp>
 
 namespace ise::instantiation {
@@ -7,7 +8,7 @@ namespace ise::instantiation {
 /// Why nothing came of a request to start something, as its answer.
 start_response refusal(const error& why);
 
-/// The terms themselves where they are within their bounds. Throws errc::invalid_argument with what is allowed.
-restart_terms checked(restart_terms terms);
+/// Whether terms, probe and limits are within their bounds. Throws errc::invalid_argument with what is allowed.
+void check_wishes(const start_request& request, const launch_rules& rules);
 
 } // namespace ise::instantiation

@@ -29,7 +29,7 @@ saved_state load_state(machine& host, const std::string& file, std::string& prob
 }
 
 result<void> save_state(machine& host, const std::string& file, const saved_state& state) {
-    return host.replace_file(file, to_json(state, json_style::pretty) + "\n");
+    return host.replace_reserved(file, to_json(state, json_style::pretty) + "\n");
 }
 
 } // namespace ise::instantiation

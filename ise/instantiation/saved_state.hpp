@@ -3,6 +3,7 @@
 #include <ise/instantiation/machine.hpp>
 #include <ise/instantiation/services.hpp>
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -19,6 +20,9 @@ struct saved_instance {
     std::string reason;
     wall_time since{};
     std::uint32_t restarts = 0;
+    std::string program_version;         ///< of its present process
+    std::optional<start_request> former; ///< before the last change
+    std::uint64_t undo = 0;              ///< of that change
 };
 
 /// A process that several instances share.
@@ -27,6 +31,7 @@ struct saved_process {
     std::string program;
     std::string mark;
     process_stamp process; ///< 0: it was being started
+    std::string program_version;
 };
 
 struct saved_state {

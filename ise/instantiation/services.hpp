@@ -1,6 +1,7 @@
 #pragma once
 #include <ise/component/type_text.hpp>
 #include <ise/core/time.hpp>
+#include <ise/instantiation/limits.hpp>
 #include <ise/service/contract.hpp>
 
 #include <cstdint>
@@ -49,6 +50,9 @@ struct restart_terms {
     duration window = std::chrono::minutes(1);
     duration grace = std::chrono::seconds(5);      ///< between SIGTERM and SIGKILL
     duration ready_within = std::chrono::seconds(10);
+    std::string probe;                             ///< "tcp://127.0.0.1:8080" or "http://127.0.0.1:8080/": has to answer while it is ready; empty: none
+    duration probe_every = std::chrono::seconds(10);
+    std::uint32_t probe_failures = 3;              ///< so many on end, and it is started again by its policy
 
     bool operator==(const restart_terms&) const = default;
 };
@@ -71,6 +75,7 @@ struct start_request {
     std::string deployment;             ///< of whose file it is a part; empty: of none
     /// Name of a process that it shares with others of its program, each on a thread of its own; empty: it has one to itself.
     std::string process;
+    resource_limits limits;             ///< of its process, with all that it starts; the defaults where it shares one
 };
 
 enum class instance_state : std::uint8_t {
@@ -97,10 +102,15 @@ struct instance_text {
     std::vector<argument> arguments;
     std::vector<std::string> listen;    ///< as it was asked for
     std::string protocol;
-    std::vector<argument> variables;    ///< with marks (differences.hpp) for values, which may be secrets
+    std::vector<argument> variables;    ///< by name: their values may be secrets, and stay with the instantiation server
     std::map<std::string, std::int32_t> roles;
     std::string deployment;
     std::string process;                ///< that it shares with others; empty: it has one to itself
+    resource_limits limits;
+    std::uint64_t output_dropped = 0;   ///< bytes that it printed and that could not be written
+    std::string output_trouble;         ///< why they still cannot; empty: they can
+    std::string probe_trouble;          ///< why its health probe fails; empty: it does not, or there is none
+    bool rebuilt = false;               ///< its program's file is another since it was started; told by `instances` only
 };
 
 enum class start_outcome : std::uint8_t {
@@ -152,6 +162,7 @@ struct ended_response {
 /// What an instance is to be from now on: as in a request to start it. Its path is found by the same rules.
 struct change_request {
     start_request to;
+    std::uint64_t undo = 0; ///< of a change_response: back to what it was before that change, with `to.path` only
 };
 
 enum class change_way : std::uint8_t {
@@ -172,7 +183,25 @@ struct set_response {
 struct change_response {
     change_way way = change_way::nothing;
     start_response outcome; ///< where that is not `ready`, nothing has changed: it runs as before, unless `started` says otherwise
-    start_request former;   ///< what it was before
+    start_request former;   ///< what it was before, without the values of its environment variables
+    std::uint64_t undo = 0; ///< undoes this change as long as no other follows; 0: nothing was changed
+};
+
+// --- what would become of a start ----------------------------------------------------------------------------------
+
+/// What is wanted on this host, all of it: no two may need the same endpoint.
+struct checks_request {
+    std::vector<start_request> wanted;
+};
+
+struct checked_start {
+    start_outcome outcome = start_outcome::ready; ///< nothing is against it, as far as it can be known before
+    std::string why;                              ///< unless it is ready
+    bool other_environment = false;               ///< an instance of that path runs with other environment variables
+};
+
+struct checks_response {
+    std::vector<checked_start> checked; ///< of each that is wanted
 };
 
 // --- what it prints -----------------------------------------------------------------------------------------------
@@ -220,6 +249,10 @@ inline constexpr request_response<restart_request, start_response> restart{"ise.
 /// Changes what runs: parameters that may change while it runs in place, for others it is started again. What it becomes
 /// holds from then on, also after a restart by its terms. errc::refused as above, and where it is being changed already.
 inline constexpr request_response<change_request, change_response> change{"ise.host.change"};
+/// Whether components could be started or changed so: types, parameters, addresses, hosts and folders that are allowed, names
+/// that others hold, ports in use (but those of instances of the same deployment, and what runs under the same path). Starts
+/// nothing. errc::overloaded: more than 256 are wanted, or environment variables are compared too often.
+inline constexpr request_response<checks_request, checks_response> check{"ise.host.check"};
 /// Sets parameters that may be changed while it runs, and nothing else; they hold after a restart too.
 /// errc::refused also: no such parameter or value, one that takes a restart, or the component has something against
 /// it.

@@ -21,12 +21,14 @@ struct shared_process {
     };
 
     std::string name, program;
+    std::string version;            ///< of the program, when it was started (machine::version_of)
     std::string mark;
-    std::string end_file;           ///< where it leaves word of its end
+    std::shared_ptr<output_file> output;
     endpoint control;               ///< a socket in the server's own folder: nobody else reaches it
     remote host;
     std::unique_ptr<process> running;
     std::map<std::string, member> members; ///< by path
+    bool outdated = false;          ///< its program was rebuilt: who runs in it leaves, and comes back in another
     bool ending = false;            ///< nobody needs it any more
     bool over = false;
 };

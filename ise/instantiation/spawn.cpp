@@ -59,8 +59,8 @@ struct closing {
 } // namespace
 
 result<int> spawn(const launch_order& what, int output) {
-    int opened = output >= 0 ? ::fcntl(output, F_DUPFD_CLOEXEC, 3) : ::open(what.output_file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600);
-    if (opened < 0) return io_failure(fmt::format("cannot write {}", what.output_file), std::error_code(errno, std::system_category()));
+    int opened = ::fcntl(output, F_DUPFD_CLOEXEC, 3);
+    if (opened < 0) return io_failure(fmt::format("cannot start {}", what.program), std::error_code(errno, std::system_category()));
     std::unique_ptr<std::FILE, closing> sink(::fdopen(opened, "a"));
     bp::environment variables;
     for (const auto& [name, value] : what.variables) variables[name] = value;

@@ -36,6 +36,7 @@ supervision::act supervision::begin(time_point now) {
 supervision::act supervision::start(time_point now) {
     was_ready_ = false;
     again_ = false;
+    unhealthy_.clear();
     recent_.clear();
     pause_->reset();
     return begin(now);
@@ -90,6 +91,7 @@ supervision::act supervision::ended(time_point now, bool well, const std::string
                 again_ = false;
                 return begin(now);
             }
+            if (!unhealthy_.empty()) return again_or_fail(now, std::exchange(unhealthy_, {}));
             become(instance_state::stopped, text);
             return act::nothing;
         }
@@ -125,9 +127,18 @@ supervision::act supervision::again_or_fail(time_point now, const std::string& w
     return act::nothing;
 }
 
+supervision::act supervision::unhealthy(time_point now, const std::string& why) {
+    if (state_ != instance_state::ready || terms_.policy == restart_policy::never) return act::nothing;
+    unhealthy_ = why;
+    become(instance_state::stopping, why, saturating_add(now, terms_.grace));
+    return running_ ? act::terminate : act::nothing;
+}
+
 supervision::act supervision::stop(time_point now, duration grace) {
+    if (state_ == instance_state::failed) become(instance_state::stopped, fmt::format("stopped after it had failed: {}", reason_));
     if (over()) return act::nothing;
     again_ = false;
+    unhealthy_.clear();
     if (state_ == instance_state::waiting) {
         become(instance_state::stopped, "stopped while it waited to be started again");
         return act::nothing;

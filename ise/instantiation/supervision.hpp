@@ -39,6 +39,8 @@ public:
     void use(const restart_terms& terms);
     /// `text` is how: "exit code 3".
     act ended(time_point now, bool well, const std::string& text);
+    /// It runs, but does not do its work: by its policy it is ended and started again.
+    act unhealthy(time_point now, const std::string& why);
     act stop(time_point now, duration grace);
     act kill(time_point now);
     act restart(time_point now);
@@ -72,6 +74,7 @@ private:
     bool launching_ = false;
     bool again_ = false;      // after the stop
     bool late_ = false;
+    std::string unhealthy_;   // why it is being stopped, to be started again by its policy
 };
 
 } // namespace ise::instantiation

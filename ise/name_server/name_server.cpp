@@ -7,19 +7,43 @@
 #include <algorithm>
 
 namespace ise {
+namespace {
 
-name_server::name_server(name_server_options options) : options_(options) {}
+// The bound that is kept lies this far above the epochs that were granted, so that the disk is seldom asked.
+constexpr std::uint64_t epochs_ahead = std::uint64_t{1} << 20;
+
+} // namespace
+
+name_server::name_server(name_server_options options) : options_(std::move(options)) {}
 name_server::~name_server() = default;
 
+// Throws where what the last one has kept cannot be used: without it, names could be stolen.
+void name_server::recall() {
+    if (options_.memory)
+        if (auto before = options_.memory->load().value()) memory_ = *before;
+    if (!memory_.of_former) memory_.secret = {env().random(), env().random()};
+}
+
+// No epoch is told that is not below the bound.
+void name_server::keep_ahead() {
+    if (!options_.memory || registry_->last_epoch() + epochs_ahead / 2 < memory_.epochs_below) return;
+    memory_.epochs_below = registry_->last_epoch() + epochs_ahead;
+    auto kept = options_.memory->keep(memory_);
+    if (!kept) log().error(fmt::format("the next name server will not know the grants of this one: {}", kept.error().message()));
+}
+
 task<> name_server::run() {
+    recall();
     registry_options options;
     options.lease = options_.lease;
     options.recovery = options_.fresh ? duration{} : options_.lease;
     options.limits = options_.limits;
-    registry_ = std::make_unique<registry>(options, services().self().incarnation, now(), wall());
+    registry_ = std::make_unique<registry>(options, services().self().incarnation, now(), wall(), memory_);
+    keep_ahead();
 
     provide(naming::enroll, [this](naming::register_request request) {
         auto response = registry_->enroll(request, now());
+        keep_ahead();
         changed();
         return response;
     });
@@ -32,6 +56,11 @@ task<> name_server::run() {
         registry_->withdraw(request, now());
         changed();
         return naming::withdraw_response();
+    });
+    provide(naming::ended, [this](naming::ended_request request) {
+        auto response = registry_->end(request, now());
+        changed();
+        return response;
     });
     provide(naming::resolve, [this](naming::resolve_request request) { return registry_->resolve(request.path, now()); });
     provide(naming::list, [this](naming::list_request request) { return registry_->list(request, now()); });

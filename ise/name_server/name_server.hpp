@@ -1,6 +1,7 @@
 #pragma once
 #include <ise/component/component.hpp>
 #include <ise/name_server/registry.hpp>
+#include <ise/name_server/server_memory.hpp>
 
 #include <functional>
 #include <map>
@@ -18,6 +19,9 @@ struct name_server_options {
     /// There was no name server before: names are granted at once.
     bool fresh = false;
     registry_limits limits; ///< of what it holds
+    /// What outlives it. Without it the next name server cannot tell a returning holder from a component that claims its name
+    /// (docs/security.md), and epochs are above those of the last server only as the clock and returning holders tell.
+    std::shared_ptr<server_memory> memory;
 };
 
 /// The name server: an ordinary component that keeps a `registry` and answers for it (ise/naming/services.hpp). It is
@@ -41,6 +45,8 @@ private:
     task<naming::await_response> wait_for(std::string path, std::uint64_t other_than, time_point until);
     /// What every change ends with: watchers hear of it, and those who wait for a name.
     void changed();
+    void recall();
+    void keep_ahead();
     void welcome(std::uint64_t watcher);
     void provide_role_changes();
     void tell_members(const std::string& role, const std::function<bool(const subscriber_info&)>& whom);
@@ -54,6 +60,7 @@ private:
     };
 
     name_server_options options_;
+    registry_memory memory_;
     std::unique_ptr<registry> registry_;
     publication<subscription<naming::name_events, naming::watch_request>> events_;
     std::map<std::uint64_t, watcher> watchers_;          // by the subscriber's number

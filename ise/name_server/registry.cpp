@@ -1,5 +1,8 @@
 #include <ise/name_server/registry.hpp>
 
+#include <ise/core/buffer.hpp>
+#include <ise/net/udp/cookie.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -35,8 +38,8 @@ naming::grant not_yet(const std::string& path, duration retry_after, std::string
 
 } // namespace
 
-registry::registry(registry_options options, std::uint64_t incarnation, time_point now, wall_time wall)
-    : options_(options), incarnation_(incarnation), base_epoch_(std::min(microseconds_of(wall), highest_epoch)), last_epoch_(base_epoch_),
+registry::registry(registry_options options, std::uint64_t incarnation, time_point now, wall_time wall, registry_memory memory)
+    : options_(options), incarnation_(incarnation), memory_(memory), last_epoch_(std::min(std::max(microseconds_of(wall), memory.epochs_below), highest_epoch)),
       recovered_(saturating_add(now, options.recovery)), last_seen_(now), schemas_(options.limits.schemas) {
     options_.lease = std::max(options_.lease, shortest_lease);
 }
@@ -55,16 +58,17 @@ void registry::advance(time_point now) { expire(running_time(now)); }
 bool registry::recovering(time_point now) { return running_time(now) < recovered_; }
 
 void registry::expire(time_point at) {
-    while (!expiries_.empty() && expiries_.begin()->first <= at) {
-        auto found = nodes_.find(expiries_.begin()->second);
-        auto paths = found->second.paths; // removing changes them
-        for (const auto& path : paths) {
-            remember(path, components_.at(path).claim.epoch);
-            remove(path);
-        }
-        expiries_.erase(expiries_.begin());
-        nodes_.erase(found);
+    while (!expiries_.empty() && expiries_.begin()->first <= at) end(nodes_.find(expiries_.begin()->second));
+}
+
+void registry::end(std::unordered_map<std::uint64_t, node>::iterator gone) {
+    auto paths = gone->second.paths; // removing changes them
+    for (const auto& path : paths) {
+        remember(path, components_.at(path).claim.epoch);
+        remove(path);
     }
+    expiries_.erase({gone->second.expires, gone->first});
+    nodes_.erase(gone);
 }
 
 void registry::renew_lease(node& of, time_point at) {
@@ -116,35 +120,49 @@ naming::register_response registry::enroll(const naming::register_request& reque
     return response;
 }
 
+// Only this server, and one that has its secret, can tell it; and it is of no use to another node.
+std::uint64_t registry::proof_of(std::string_view path, std::uint64_t epoch, const node& of) const {
+    buffer text(64);
+    text.append(epoch);
+    text.append(of.who.lease_key);
+    text.append(as_bytes(path));
+    return net::udp::keyed_hash(memory_.secret, text.view());
+}
+
 naming::grant registry::decide(node& from, naming::component_claim claim, time_point at) {
     auto path = claim.path;
     if (auto why = objection_to(claim, options_.limits)) return refused(path, std::move(*why));
-    auto returning = claim.epoch;
+    auto shown = claim.epoch;
     bool recovering = at < recovered_;
-    // Every later grant goes above it: one higher than all so far is believed of those only who held names before, if a
-    // clock can have given it.
-    bool credible = returning <= last_epoch_ || (recovering && returning < highest_epoch);
-    auto fresh = [&] { return (credible ? std::max(last_epoch_, returning) : last_epoch_) + 1; };
+    bool proven = shown != 0 && claim.proof == proof_of(path, shown, from);
+    bool may_be_former = proven || (shown != 0 && !memory_.of_former); // who held it before this server ran
+    // Every later grant goes above it: one higher than all so far is believed, without a proof, of those only who held names
+    // before, if a clock can have given it.
+    bool believed = proven || (may_be_former && recovering && shown < highest_epoch);
+    auto fresh = [&] {
+        auto epoch = (believed ? std::max(last_epoch_, shown) : last_epoch_) + 1;
+        if (first_epoch_ == 0) first_epoch_ = epoch;
+        return epoch;
+    };
 
     if (auto held = components_.find(path); held != components_.end()) {
         auto& holder = held->second;
         auto epoch = holder.claim.epoch;
         if (holder.owner == &from) return accept(from, std::move(claim), claim.incarnation == holder.claim.incarnation ? epoch : fresh());
         // Of two grants of a server that ran before, the higher one is the later one, whenever its holder comes back.
-        if (returning > epoch && epoch < base_epoch_) {
+        if (may_be_former && shown > epoch && !granted_here(epoch)) {
             auto* loser = holder.owner;
-            auto granted = accept(from, std::move(claim), credible ? returning : fresh());
+            auto granted = accept(from, std::move(claim), believed || shown <= last_epoch_ ? shown : fresh());
             if (granted.what == verdict::granted) loser->lost[path] = denied(path, verdict::superseded, components_.at(path), at);
             return granted;
         }
-        return denied(path, returning != 0 ? verdict::superseded : verdict::taken, holder, at);
+        return denied(path, shown != 0 ? verdict::superseded : verdict::taken, holder, at);
     }
-    if (returning == 0 && recovering)
+    if (recovering && !may_be_former)
         return not_yet(path, recovered_ - at, "the name server has just started: first those who held names before get them");
-    if (returning == 0) return accept(from, std::move(claim), fresh());
     auto last = last_held_.find(path);
-    bool nobody_since = recovering || (last != last_held_.end() && last->second == returning);
-    return accept(from, std::move(claim), credible && nobody_since ? returning : fresh());
+    bool nobody_since = recovering || (proven && last != last_held_.end() && last->second == shown);
+    return accept(from, std::move(claim), believed && nobody_since ? shown : fresh());
 }
 
 naming::grant registry::accept(node& from, naming::component_claim claim, std::uint64_t epoch) {
@@ -169,6 +187,7 @@ naming::grant registry::accept(node& from, naming::component_claim claim, std::u
     naming::grant granted;
     granted.path = claim.path;
     granted.epoch = epoch;
+    granted.proof = proof_of(claim.path, epoch, from);
     auto path = claim.path;
     schemas_.use(claim.services);
     if (is_new) {
@@ -225,6 +244,21 @@ void registry::withdraw(const naming::withdraw_request& request, time_point now)
         expiries_.erase({from.expires, from.who.lease_key});
         nodes_.erase(found);
     }
+}
+
+result<naming::ended_response> registry::end(const naming::ended_request& request, time_point now) {
+    expire(running_time(now));
+    if (request.launch_mark.size() < naming::least_mark_bytes)
+        return failure(errc::refused, fmt::format("a mark of {} bytes is no secret of whoever started a process: it has at least {}", request.launch_mark.size(),
+                                                  naming::least_mark_bytes));
+    naming::ended_response response;
+    for (auto at = nodes_.begin(); at != nodes_.end();) {
+        auto one = at++;
+        if (one->second.who.launch_mark != request.launch_mark) continue;
+        end(one);
+        ++response.nodes;
+    }
+    return response;
 }
 
 void registry::remove(const std::string& path) {

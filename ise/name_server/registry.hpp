@@ -5,6 +5,7 @@
 #include <ise/name_server/registry_limits.hpp>
 #include <ise/name_server/schema_store.hpp>
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -15,6 +16,13 @@
 #include <vector>
 
 namespace ise {
+
+/// What a registry has to know of the servers that ran before it, and the next one of it.
+struct registry_memory {
+    std::array<std::uint64_t, 2> secret{}; ///< proves grants
+    std::uint64_t epochs_below = 0;        ///< every grant of theirs was below it
+    bool of_former = false;                ///< their grants are proved by this secret; else it is new
+};
 
 struct registry_options {
     duration lease = std::chrono::seconds(2);   ///< the longest that is granted
@@ -27,21 +35,27 @@ struct registry_options {
 /// Who holds which name, and until when: the decisions of the name server, without its services. Times are passed in
 /// and never go back.
 ///
-/// Epochs: each grant has a higher one than every grant before it, also of a server that ran before. Nothing is stored
-/// for that: counting starts at the wall clock's microseconds, which a server that grants less than a million names a
-/// second cannot overtake, and goes above every epoch that a holder shows who returns during the recovery. (After a
-/// clock that went back, these are what keeps the order.) Who shows one that neither this server nor a clock can have
+/// Epochs: each grant has a higher one than every grant before it, also of a server that ran before. Counting starts at the
+/// wall clock's microseconds, which a server that grants less than a million names a second cannot overtake, or above
+/// what is remembered of the server before, and goes above every epoch that a holder shows who returns during the recovery.
+/// (After a clock that went back, these two keep the order.) Who shows one that neither this server nor a clock can have
 /// given gets the next one: it moves nobody else's.
+///
+/// A claim that shows an epoch is a holder's only with the proof that came with the grant: epochs are listed, so that anybody
+/// can show one. Where nothing is remembered of the server before, its grants cannot be proved, and during the recovery
+/// whoever shows an epoch is believed.
 ///
 /// Time in which the server itself did not run (`advance` was not called) expires no lease: the renewals of that time
 /// still wait to be read.
 class registry {
 public:
-    registry(registry_options options, std::uint64_t incarnation, time_point now, wall_time wall);
+    registry(registry_options options, std::uint64_t incarnation, time_point now, wall_time wall, registry_memory memory = registry_memory());
 
     naming::register_response enroll(const naming::register_request& request, time_point now);
     naming::renew_response renew(const naming::renew_request& request, time_point now);
     void withdraw(const naming::withdraw_request& request, time_point now);
+    /// Errors: errc::refused for a mark that is too short to be a secret.
+    result<naming::ended_response> end(const naming::ended_request& request, time_point now);
 
     /// A name, else a role of that path.
     result<naming::resolve_response> resolve(std::string_view path, time_point now);
@@ -88,6 +102,9 @@ private:
     time_point running_time(time_point now);
     void renew_lease(node& of, time_point at);
     void expire(time_point at);
+    void end(std::unordered_map<std::uint64_t, node>::iterator gone);
+    std::uint64_t proof_of(std::string_view path, std::uint64_t epoch, const node& of) const;
+    bool granted_here(std::uint64_t epoch) const noexcept { return first_epoch_ != 0 && epoch >= first_epoch_; }
     /// After which who found no room may ask again: it may have been superseded meanwhile, and hears of that within a lease.
     duration patience() const noexcept { return options_.lease / 2; }
     naming::grant decide(node& from, naming::component_claim claim, time_point at);
@@ -105,8 +122,9 @@ private:
 
     registry_options options_;
     std::uint64_t incarnation_;
-    std::uint64_t base_epoch_;  // grants below it are of a server that ran before
+    registry_memory memory_;
     std::uint64_t last_epoch_;
+    std::uint64_t first_epoch_ = 0; // that was granted anew; those below it are of a server that ran before
     time_point recovered_;      // in running time
     time_point last_seen_;
     duration stalled_{};        // did not run for so long

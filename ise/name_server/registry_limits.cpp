@@ -30,7 +30,7 @@ std::size_t memory_of(const naming::component_claim& claim) {
 std::optional<std::string> objection_to(const naming::node_identity& who, const registry_limits& limits) {
     if (who.lease_key == 0) return "a node without a lease key";
     auto longest = limits.max_text_bytes;
-    for (const auto* text : {&who.name, &who.host_name, &who.host_key, &who.process_key})
+    for (const auto* text : {&who.name, &who.host_name, &who.host_key, &who.process_key, &who.launch_mark})
         if (text->size() > longest) return fmt::format("a text of the node has {} bytes, max_text_bytes is {}", text->size(), longest);
     return std::nullopt;
 }

@@ -11,6 +11,7 @@ naming::component_claim held_name::claim() const {
     made.path = who.path;
     made.incarnation = who.incarnation;
     made.epoch = epoch;
+    made.proof = proof;
     made.type = who.type;
     made.state = who.state;
     made.roles = who.roles;
@@ -30,6 +31,7 @@ result<void> held_name::take(const naming::grant& answer, time_point now, durati
     switch (answer.what) {
         case verdict::granted:
             epoch = answer.epoch;
+            proof = answer.proof;
             other.reset();
             obstacle.clear();
             return {};

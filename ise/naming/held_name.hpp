@@ -27,6 +27,7 @@ struct held_name {
 
     registration who;
     std::uint64_t epoch = 0;                     ///< 0: never granted
+    std::uint64_t proof = 0;                     ///< of the epoch, as the server gave it
     std::uint64_t shown = 0;                     ///< the epoch that the node was told of last
     std::uint64_t version = 1;                   ///< of what is to be told…
     std::uint64_t told = 0;                      ///< …and of what the server knows

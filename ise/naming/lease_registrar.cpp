@@ -22,7 +22,7 @@ constexpr duration longest_pause = std::chrono::milliseconds(500);
 lease_registrar::lease_registrar(service_host& host, endpoint name_server, duration lease)
     : host_(host), server_(std::move(name_server)), lease_(std::max(lease, duration(std::chrono::milliseconds(50)))),
       lease_key_(host.env().random() | 1), news_(host.on(), [this] { news_.resume(); }) {
-    auto way = host_.link_to(server_);
+    auto way = host_.link_to(server_, std::string(naming::server_path));
     way->hurry(std::min(lease_ / 4, longest_pause), std::max(lease_ / 2, least_patience));
     names_ = remote(std::move(way));
     host_.scope().spawn("names", keep(*this));
@@ -175,6 +175,7 @@ naming::register_request lease_registrar::request_of(const std::vector<held_name
     request.node.host_key = here.host_key;
     request.node.process_key = here.process_key;
     request.node.process_id = here.process_id;
+    request.node.launch_mark = host_.env().variable(naming::launch_mark_variable).value_or("");
     request.lease = lease_;
     std::unordered_set<std::uint64_t> told;
     for (const auto* name : batch) {

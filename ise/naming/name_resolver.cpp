@@ -21,7 +21,7 @@ constexpr duration patience_with_memory = std::chrono::milliseconds(700);
 // The server was found missing so lately that it is not waited for again.
 constexpr duration surely_lost = std::chrono::seconds(1);
 constexpr duration brief = std::chrono::milliseconds(50);
-constexpr duration longest_pause = std::chrono::milliseconds(500);
+constexpr duration longest_lookup_pause = std::chrono::milliseconds(500);
 constexpr duration question_length = std::chrono::seconds(5);
 constexpr duration shortest_question = std::chrono::milliseconds(50);
 constexpr duration way_back = std::chrono::milliseconds(300);
@@ -80,8 +80,8 @@ name_resolver::~name_resolver() = default;
 
 remote name_resolver::server() {
     if (!held_) {
-        auto way = host_.link_to(server_);
-        way->hurry(longest_pause, std::chrono::seconds(2));
+        auto way = host_.link_to(server_, std::string(naming::server_path));
+        way->hurry(longest_lookup_pause, std::chrono::seconds(2));
         held_ = remote(std::move(way));
     }
     idle_.arm(saturating_add(host_.on().now(), session_kept));

@@ -38,6 +38,7 @@ struct node_identity {
     std::string process_key;     ///< equal within one process and life
     /// On its host.
     std::uint64_t process_id = 0;
+    std::string launch_mark;     ///< of a process that an instantiation server started, as `ended_request` has it; told to nobody else
 };
 
 /// The canonical text of a packet's schema.
@@ -67,6 +68,7 @@ struct component_claim {
     /// Provided and required.
     std::vector<service_entry> services;
     std::map<std::string, std::int32_t> roles; ///< that it serves beside its own name: path and priority
+    std::uint64_t proof = 0; ///< as it was granted with `epoch`
 };
 
 /// Claims names, or tells what has changed of them; renews the node's lease too.
@@ -110,6 +112,7 @@ struct grant {
     std::string reason;           ///< where it was not granted
     std::vector<holder> held_by;  ///< taken, superseded: one
     duration retry_after{};       ///< wait
+    std::uint64_t proof = 0;      ///< granted: shows to the server, also after its restart, that it was; told to nobody else
 };
 
 /// The answer to `register_request`.
@@ -154,6 +157,17 @@ struct withdraw_request {
 
 /// Withdrawing always succeeds.
 struct withdraw_response {};
+
+/// A process has died. Whoever started it says so, and nobody else can: it alone knows the mark that it gave the process.
+struct ended_request {
+    /// Random, of `least_mark_bytes` at least; in the environment of the process, as `launch_mark_variable`.
+    std::string launch_mark;
+};
+
+/// The names of the process are free.
+struct ended_response {
+    std::uint32_t nodes = 0; ///< whose leases were ended
+};
 
 // --- what others ask ----------------------------------------------------------------------------------------------
 
@@ -289,6 +303,8 @@ inline constexpr request_response<register_request, register_response> enroll{"i
 inline constexpr request_response<renew_request, renew_response> renew{"ise.names.renew"};
 /// Gives names back at once.
 inline constexpr request_response<withdraw_request, withdraw_response> withdraw{"ise.names.withdraw"};
+/// Ends the leases of a process that has died, before they run out. errc::refused: no mark that a process is started with.
+inline constexpr request_response<ended_request, ended_response> ended{"ise.names.ended"};
 /// The holder of a name, or where there is none the members of a role. errc::no_such_name: nobody is there;
 /// errc::name_server_lost: the server has just restarted and cannot say.
 inline constexpr request_response<resolve_request, resolve_response> resolve{"ise.names.resolve"};
@@ -303,6 +319,11 @@ inline constexpr subscription<name_events, watch_request> watch{"ise.names.watch
 
 /// The first packet tells who is there, the next ones come with every change; each replaces the one before.
 inline constexpr subscription<role_members, role_request> role_changes{"ise.names.role"};
+
+/// The variable that carries the mark of a process, through all that it starts.
+inline constexpr const char* launch_mark_variable = "ISE_INSTANCE";
+/// A shorter one is no secret.
+inline constexpr std::size_t least_mark_bytes = 32;
 
 inline constexpr duration longest_wait = std::chrono::seconds(10); ///< of `wait_for`
 

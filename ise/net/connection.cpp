@@ -1,5 +1,6 @@
 #include <ise/net/connection.hpp>
 
+#include <ise/core/environment.hpp>
 #include <ise/core/limits.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/wire/body.hpp>
@@ -15,6 +16,8 @@ using wire::frame_type;
 
 // A peer that is not heard for this many of its heartbeats is lost.
 constexpr int missed_heartbeats = 3;
+// A peer is sent a ping at least once in so many heartbeats, however much else it is sent: its clock is read by that.
+constexpr int heartbeats_a_ping = 4;
 // One flush writes at most this much before others get their turn.
 constexpr std::size_t flush_bytes = 4 * 1024 * 1024;
 
@@ -36,6 +39,8 @@ connection::connection(loop& on, std::unique_ptr<stream> transport, session_term
     datagrams_ = dynamic_cast<datagram_stream*>(transport_.get());
     if (datagrams_) outbox_.use(*datagrams_);
     if (terms_.features & wire::feature::objects) objects_ = dynamic_cast<object_stream*>(transport_.get());
+    if (objects_) terms_.clock.is_ours();
+    if (tells_clock()) outbox_.use(terms_.clock);
     outbox_.limit_messages(terms_.peer_accepts.max_message_bytes);
     parser_.release(); // a greeting is larger than what follows on an idle connection
     last_heard_ = last_sent_ = on_.now();
@@ -234,13 +239,19 @@ failure connection::too_many_answers() {
 result<void> connection::take_own(const wire::frame& received, user* receiver) {
     switch (received.header.type) {
         case frame_type::ping:
-            wire::put_frame(outbox_.control(), frame_type::pong, 0, received.header.id, [](buffer&) {});
+            wire::put_frame(outbox_.control(), frame_type::pong, 0, received.header.id, [this](buffer& body) {
+                if (tells_clock()) body.append(static_cast<std::int64_t>(on_.env().now().time_since_epoch().count()));
+            });
             written();
             return answers_bounded();
         case frame_type::pong: {
             if (received.header.flags & wire::flag::stalled) stalled_sign_ = counts_.frames_in;
             auto sent = time_point(duration(static_cast<std::int64_t>(received.header.id)));
-            if (sent <= on_.now() && sent > time_point{}) round_trip_ = on_.now() - sent;
+            auto now = on_.env().now(); // also where the turn has lasted
+            if (sent > now || sent <= time_point{}) return {};
+            round_trip_ = now - sent;
+            if (tells_clock() && received.body.size() >= 8)
+                terms_.clock.note(sent, time_point(duration(detail::load_little<std::int64_t>(received.body.data()))), now);
             return {};
         }
         case frame_type::goodbye: {
@@ -358,7 +369,7 @@ void connection::pulse() {
     if (!open_) return;
     auto now = on_.now();
     auto ours = duration(static_cast<std::int64_t>(terms_.we_accept.heartbeat_ns));
-    auto theirs = duration(static_cast<std::int64_t>(terms_.peer_accepts.heartbeat_ns));
+    auto theirs = signs_->heartbeat();
     auto lost_at = last_heard_ + ours * missed_heartbeats;
     // Where it is this side that did not come round for a while, what the peer sent meanwhile is still unread.
     bool slept = heartbeat_due_ != time_point{} && now - heartbeat_due_ > ours / 2;
@@ -370,10 +381,10 @@ void connection::pulse() {
         close(failure(errc::peer_lost, fmt::format("{} was not heard for {:.1f} s", peer_name(), silent)));
         return;
     }
-    if (now - last_sent_ >= theirs || round_trip_ == duration{}) {
+    if (now - last_sent_ >= theirs || round_trip_ == duration{} || now - last_ping_ >= theirs * heartbeats_a_ping) {
         auto id = static_cast<std::uint64_t>(now.time_since_epoch().count());
         wire::put_frame(outbox_.control(), frame_type::ping, 0, id, [](buffer&) {});
-        last_sent_ = now;
+        last_sent_ = last_ping_ = now;
         written();
     }
     heartbeat_due_ = std::min(lost_at, last_sent_ + theirs);

@@ -6,6 +6,7 @@
 #include <ise/core/task_scope.hpp>
 #include <ise/net/datagram_stream.hpp>
 #include <ise/net/outbox.hpp>
+#include <ise/net/peer_clock.hpp>
 #include <ise/net/vital_signs.hpp>
 #include <ise/wire/messages.hpp>
 #include <ise/wire/parser.hpp>
@@ -29,6 +30,7 @@ struct session_peer {
     std::string path;              ///< of the component; empty for an anonymous client
     std::uint64_t incarnation = 0; ///< one life of the component
     std::uint64_t epoch = 0;       ///< of its name, 0 if none was granted
+    std::uint64_t reply_key = 0;   ///< of an initiator: see wire::hello
 
     session_peer() = default;
     explicit session_peer(wire::identity greeted) : path(std::move(greeted.path)), incarnation(greeted.incarnation), epoch(greeted.epoch) {}
@@ -41,6 +43,7 @@ struct session_terms {
     session_peer peer;
     wire::limits we_accept;
     wire::limits peer_accepts;
+    peer_clock clock; ///< as far as the handshake told
 };
 
 /// One session with a peer over a stream: frames in, an outbox out, heartbeats, an end with a cause.
@@ -92,6 +95,12 @@ public:
         outbox_.limit_batch(2 * most);
     }
 
+    /// The peer hears something four times in the time that it asked for.
+    void sign_often() {
+        signs_->quicken();
+        pulse();
+    }
+
     /// Sends what waits for at most `grace`, tells the peer why, then closes.
     void finish(failure why, duration grace);
     /// Requests of which no byte was written, for the user's `on_closed`, who may take their objects.
@@ -110,6 +119,8 @@ public:
     /// The peer for people: its path if it has one, and its address.
     const std::string& peer_name() const noexcept { return peer_name_; }
     const connection_counts& counts() const noexcept { return counts_; }
+    /// Whether deadlines are told as times of the receiver's clock.
+    bool tells_clock() const noexcept { return terms_.features & wire::feature::clock; }
     /// The last measured round trip of a heartbeat; zero before the first.
     duration round_trip() const noexcept { return round_trip_; }
     time_point last_heard() const noexcept { return last_heard_; }
@@ -169,6 +180,7 @@ private:
     duration round_trip_{};
     time_point last_heard_{};
     time_point last_sent_{};
+    time_point last_ping_{};
     time_point heartbeat_due_{};
     std::uint64_t stalled_sign_ = 0; // which frame it was
     bool open_ = true;

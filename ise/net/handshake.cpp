@@ -31,7 +31,7 @@ wire::limits bounded(wire::limits offered) {
 class greeting {
 public:
     greeting(loop& on, std::unique_ptr<stream> transport, time_point deadline, const shared_key* key, std::string_view deadline_name = {})
-        : transport_(std::move(transport)), parser_(limit::greeting_bytes, "greeting_bytes"), keys_(key, on.env()), deadline_name_(deadline_name), alarm_(on, [this] {
+        : on_(on), transport_(std::move(transport)), parser_(limit::greeting_bytes, "greeting_bytes"), keys_(key, on.env()), deadline_name_(deadline_name), alarm_(on, [this] {
               late_ = true;
               transport_->close();
           }) {
@@ -62,6 +62,7 @@ public:
     }
 
     task<result<void>> send(buffer out) {
+        sent_at_ = on_.env().now();
         for (std::size_t sent = 0; sent < out.size();) {
             asio::const_buffer rest(out.data() + sent, out.size() - sent);
             auto wrote = transport_->try_write(std::span(&rest, 1));
@@ -84,6 +85,8 @@ public:
     }
 
     authentication& keys() noexcept { return keys_; }
+    /// Our clock, when the last frame was sent.
+    time_point sent_at() const noexcept { return sent_at_; }
     std::string peer() const { return transport_->peer(); }
     failure strange(const wire::frame& came) const {
         return {errc::protocol_error, fmt::format("{} sent '{}' instead of a greeting", peer(), wire::name_of(came.header.type))};
@@ -103,9 +106,11 @@ private:
         return {errc::peer_lost, fmt::format("{}: {}", peer(), why)};
     }
 
+    loop& on_;
     std::unique_ptr<stream> transport_;
     wire::parser parser_;
     authentication keys_;
+    time_point sent_at_{};
     std::string_view deadline_name_; // of the limit, in brackets
     timer alarm_;
     bool late_ = false;
@@ -169,6 +174,13 @@ std::optional<failure> unspeakable(const wire::hello& theirs) {
                                                        wire::newest_version, theirs.oldest, theirs.newest));
 }
 
+// Of the initiator: who answers in place of the component that the hello asked for.
+std::optional<std::string> somebody_else(const wire::hello& mine, const wire::identity& theirs) {
+    if (!mine.wanted_path.empty() && theirs.path != mine.wanted_path) return fmt::format("'{}', not '{}'", theirs.path, mine.wanted_path);
+    if (mine.wanted_incarnation != 0 && theirs.incarnation != mine.wanted_incarnation) return fmt::format("another life of '{}'", theirs.path);
+    return {};
+}
+
 } // namespace
 
 task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<stream> transport, wire::hello mine, time_point deadline, const shared_key* key) {
@@ -185,6 +197,7 @@ task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<str
         if (!next) co_return next.error();
         came = *next;
     }
+    const auto came_at = on.env().now();
     if (came->header.type == frame_type::reject) co_return farewell_of(with.peer(), *came);
     if (came->header.type != frame_type::welcome) co_return with.strange(*came);
     auto theirs = wire::read_body<wire::welcome>(came->body);
@@ -197,9 +210,11 @@ task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<str
     if (theirs->version < mine.oldest || theirs->version > mine.newest)
         co_return failure(errc::version_mismatch, fmt::format("{} chose wire version {}, offered were {} to {}", with.peer(),
                                                               theirs->version, mine.oldest, mine.newest));
+    if (auto other = somebody_else(mine, theirs->self)) co_return failure(errc::wrong_peer, fmt::format("{} answered as {}", with.peer(), *other));
     session_terms terms;
     terms.version = theirs->version;
     terms.features = theirs->features & mine.features;
+    if (terms.features & wire::feature::clock) terms.clock.note(with.sent_at(), time_point(duration(theirs->clock_ns)), came_at);
     terms.peer = session_peer(std::move(theirs->self));
     terms.we_accept = bounded(mine.accepts);
     terms.peer_accepts = with.fitting(bounded(theirs->accepts));
@@ -232,6 +247,7 @@ task<result<std::shared_ptr<connection>>> respond(loop& on, std::unique_ptr<stre
     answer->version = std::min(wire::newest_version, theirs->newest);
     answer->features = with.fitting(answer->features) & theirs->features;
     answer->accepts = with.fitting(answer->accepts);
+    answer->clock_ns = on.env().now().time_since_epoch().count();
     auto sent = co_await with.send(frame_type::welcome, *answer);
     if (!sent) co_return sent.error();
     if (key) {
@@ -243,6 +259,7 @@ task<result<std::shared_ptr<connection>>> respond(loop& on, std::unique_ptr<stre
     terms.version = answer->version;
     terms.features = answer->features;
     terms.peer = session_peer(std::move(theirs->self));
+    terms.peer.reply_key = theirs->reply_key;
     terms.we_accept = bounded(answer->accepts);
     terms.peer_accepts = with.fitting(bounded(theirs->accepts));
     co_return with.done(on, std::move(terms));

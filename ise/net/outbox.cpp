@@ -25,19 +25,31 @@ time_point deadline_of(const std::byte* body) {
     return time_point(duration(detail::load_little<std::int64_t>(body + deadline_at)));
 }
 
-// False if the request expired: nobody waits for it any more.
-bool stamp(std::byte* body, time_point now) {
-    auto deadline = deadline_of(body);
-    if (deadline <= now) return false;
-    detail::store_little(body + deadline_at, static_cast<std::int64_t>((deadline - now).count()));
-    return true;
-}
-
 bool is_request(const frame_header& header) {
     return header.type == frame_type::request && header.length >= request_head;
 }
 
 } // namespace
+
+// False if the request expired: nobody waits for it any more.
+bool outbox::stamp(std::byte* body, std::uint8_t& flags, time_point now) const {
+    const auto deadline = deadline_of(body);
+    if (deadline <= now) return false;
+    auto told = (deadline - now).count();
+    if (clock_ && clock_->known()) {
+        told = clock_->deadline(deadline, now).time_since_epoch().count();
+        flags |= wire::flag::until;
+    }
+    detail::store_little(body + deadline_at, static_cast<std::int64_t>(told));
+    return true;
+}
+
+bool outbox::stamp_frame(std::byte* frame, time_point now) const {
+    auto flags = detail::load_little<std::uint8_t>(frame + 5);
+    if (!stamp(frame + frame_header::size, flags, now)) return false;
+    detail::store_little(frame + 5, flags);
+    return true;
+}
 
 buffer& outbox::begin_call() {
     call_start_ = calls_.size();
@@ -185,14 +197,13 @@ bool outbox::calls_alone(time_point now) {
     auto each_request = [this](auto what) {
         for (std::size_t at = 0; at < calls_.size();) {
             const auto header = wire::read_header(calls_.data() + at);
-            at += frame_header::size;
             if (is_request(header) && !what(calls_.data() + at)) return false;
-            at += header.length;
+            at += frame_header::size + header.length;
         }
         return true;
     };
-    return each_request([now](std::byte* body) { return deadline_of(body) > now; }) &&
-           each_request([now](std::byte* body) { return stamp(body, now); });
+    return each_request([now](std::byte* frame) { return deadline_of(frame + frame_header::size) > now; }) &&
+           each_request([this, now](std::byte* frame) { return stamp_frame(frame, now); });
 }
 
 void outbox::move_calls(batch& out) {
@@ -207,7 +218,7 @@ void outbox::fill_calls(batch& out, time_point now) {
     while (at < calls_.size() && at - calls_taken_ + (weight_before - beside_weight_) < batch_limit_) {
         auto header = wire::read_header(calls_.data() + at);
         std::size_t size = frame_header::size + header.length;
-        const bool late = is_request(header) && !stamp(calls_.data() + at + frame_header::size, now);
+        const bool late = is_request(header) && !stamp_frame(calls_.data() + at, now);
         if (header.flags & wire::flag::beside) {
             auto object = take_beside();
             if (!late) out.pass(std::move(object));
@@ -285,7 +296,7 @@ void outbox::fill_pieces(big_messages& from, batch& out, time_point now) {
         }
         if (!message.begun && message.deadline != time_point::max()) {
             // The buffer is this message's own: only the constness of shared owners is in the way.
-            if (!stamp(const_cast<std::byte*>(message.payload.data()), now)) {
+            if (!stamp(const_cast<std::byte*>(message.payload.data()), message.header.flags, now)) {
                 from.ends(message);
                 continue;
             }

@@ -1,6 +1,7 @@
 #pragma once
 #include <ise/core/ring.hpp>
 #include <ise/core/time.hpp>
+#include <ise/net/peer_clock.hpp>
 #include <ise/net/batch.hpp>
 #include <ise/packet/shared_bytes.hpp>
 #include <ise/wire/frame.hpp>
@@ -57,13 +58,16 @@ public:
     /// The longest message that the peer accepts; unfinished ones it holds up to twice that.
     void limit_messages(std::uint64_t most_bytes) noexcept { most_message_bytes_ = most_bytes; }
 
+    /// The peer takes deadlines by its own clock, as soon as that is known; `clock` lives as long as this.
+    void use(const peer_clock& clock) noexcept { clock_ = &clock; }
+
     /// Where a control frame is appended (`wire::put_frame`).
     buffer& control() noexcept { return control_; }
     const buffer& control() const noexcept { return control_; }
 
     /// Where the frame of a call or a reply is appended, between `begin_call()` and `end_call()`. A request's body
-    /// begins with its service number and its deadline as nanoseconds of the loop's clock; what remains of it is
-    /// stamped when it is written, and an expired request is not written at all. What a later frame relies on (a
+    /// begins with its service number and its deadline as nanoseconds of the loop's clock. When it is written, the peer's
+    /// time for it is put there, or what remains, and an expired request is not written at all. What a later frame relies on (a
     /// service's introduction) therefore goes into `control()`.
     buffer& begin_call();
     void end_call();
@@ -150,6 +154,8 @@ private:
     };
     bool may_begin(const big_messages& among, const big_message& one) const noexcept;
 
+    bool stamp(std::byte* body, std::uint8_t& flags, time_point now) const;
+    bool stamp_frame(std::byte* frame, time_point now) const;
     void fill_calls(batch& out, time_point now);
     void fill_pieces(big_messages& from, batch& out, time_point now);
     void fill_publications(batch& out);
@@ -169,6 +175,7 @@ private:
     std::size_t batch_limit_ = batch_bytes;
     batch* filling_ = nullptr; // during fill_publications
     packet_lane* lane_ = nullptr;
+    const peer_clock* clock_ = nullptr;
     std::uint64_t most_message_bytes_ = std::numeric_limits<std::uint64_t>::max();
     std::uint64_t next_piece_id_ = 1;
 };

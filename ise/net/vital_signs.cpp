@@ -12,7 +12,8 @@
 namespace ise::net {
 
 vital_signs::vital_signs(stream& transport, duration heartbeat, time_point now)
-    : transport_(transport), datagrams_(dynamic_cast<datagram_stream*>(&transport)), heartbeat_(heartbeat), sent_(now.time_since_epoch().count()) {
+    : transport_(transport), datagrams_(dynamic_cast<datagram_stream*>(&transport)), full_heartbeat_(heartbeat), heartbeat_(heartbeat.count()),
+      sent_(now.time_since_epoch().count()) {
     const auto* objects = dynamic_cast<object_stream*>(&transport);
     on_one_loop_ = objects && objects->on_one_loop();
 }
@@ -30,7 +31,7 @@ void vital_signs::release(time_point sent) noexcept {
 void vital_signs::show(time_point now) {
     if (on_one_loop_) return;
     // The connection itself sends at each heartbeat; it gets some time for that.
-    auto overdue = time_point(duration(sent_.load(std::memory_order_relaxed))) + heartbeat_ + heartbeat_ / 4;
+    auto overdue = time_point(duration(sent_.load(std::memory_order_relaxed))) + heartbeat() + heartbeat() / 4;
     if (now < overdue) return;
     buffer sign;
     wire::put_frame(sign, wire::frame_type::pong, wire::flag::stalled, 0, [](buffer&) {});
@@ -48,15 +49,21 @@ void vital_signs::show(time_point now) {
 }
 
 void vital_signs_list::add(const std::shared_ptr<vital_signs>& made) {
-    std::unique_lock lock(mutex_);
-    if (all_.size() >= pruned_at_) {
-        std::erase_if(all_, [](const auto& known) { return known.expired(); });
-        pruned_at_ = std::max<std::size_t>(64, all_.size() * 2);
+    {
+        std::lock_guard lock(mutex_);
+        if (all_.size() >= pruned_at_) {
+            std::erase_if(all_, [](const auto& known) { return known.expired(); });
+            pruned_at_ = std::max<std::size_t>(64, all_.size() * 2);
+        }
+        all_.push_back(made);
     }
-    all_.push_back(made);
-    if (made->heartbeat() >= shortest_heartbeat()) return;
-    shortest_.store(made->heartbeat().count(), std::memory_order_relaxed);
-    lock.unlock();
+    hasten(made->heartbeat());
+}
+
+// On the component's loop only.
+void vital_signs_list::hasten(duration heartbeat) {
+    if (heartbeat >= shortest_heartbeat()) return;
+    shortest_.store(heartbeat.count(), std::memory_order_relaxed);
     if (on_shorter_) on_shorter_();
 }
 

@@ -33,6 +33,8 @@ public:
     void release(time_point sent) noexcept;
     /// After this the transport is not touched any more.
     void end() noexcept { claim(); }
+    /// From now on four times as often: the peer waits for this side.
+    void quicken() noexcept { heartbeat_.store(full_heartbeat_.count() / 4, std::memory_order_relaxed); }
     /// A sign went only in part, so that nothing can follow it. While it is held.
     bool broken() const noexcept { return broken_; }
 
@@ -41,14 +43,15 @@ public:
     /// Sends a pong that says *stalled*, where the peer should have been sent something long since and nothing is half
     /// written. Never waits.
     void show(time_point now);
-    duration heartbeat() const noexcept { return heartbeat_; }
+    duration heartbeat() const noexcept { return duration(heartbeat_.load(std::memory_order_relaxed)); }
 
 private:
     void wait_for_claim() noexcept;
 
     stream& transport_;
     datagram_stream* const datagrams_; // the same, where it is one: there a sign is a datagram of its own
-    const duration heartbeat_;
+    const duration full_heartbeat_;
+    std::atomic<duration::rep> heartbeat_;
     std::atomic<duration::rep> sent_;
     std::atomic<bool> claimed_{false};
     bool on_one_loop_ = false; // the peer waits for the same loop, and nobody else may touch the stream
@@ -63,6 +66,8 @@ public:
     /// before anything is added.
     void on_shorter(std::function<void()> told) { on_shorter_ = std::move(told); }
     void add(const std::shared_ptr<vital_signs>& made);
+    /// One of them is to send this often.
+    void hasten(duration heartbeat);
     void show(time_point now);
     /// The shortest heartbeat that any peer ever wanted; duration::max() before the first.
     duration shortest_heartbeat() const noexcept { return duration(shortest_.load(std::memory_order_relaxed)); }

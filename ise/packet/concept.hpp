@@ -1,13 +1,15 @@
 #pragma once
 #include <ise/packet/detail/support.hpp>
 
+#include <type_traits>
+
 /// What can travel as a packet, and what to do where something cannot.
 namespace ise {
 
 namespace detail {
 
 enum class refusal {
-    none, long_double, wide_character, wide_integer, pointer, reference, steady_time, loose_enum, bool_enum, union_type,
+    none, long_double, wide_character, wide_integer, pointer, reference, steady_time, view, loose_enum, bool_enum, union_type,
     recursive, uncountable, too_many_fields, base_and_fields, bit_field, constant, no_default, hidden, unknown
 };
 
@@ -74,6 +76,14 @@ constexpr auto find_refusal_in_fields() {
     }
 }
 
+/// A text or range that lies elsewhere: std::string_view, std::span.
+template <class T>
+concept view = std::is_class_v<T> && !std::is_aggregate_v<T> && std::is_trivially_copyable_v<T> && !own_serialize<T> &&
+               requires(const T& of) { of.data(); of.size(); };
+
+template <class T>
+concept smart_pointer = std::is_class_v<T> && requires(const T& of) { typename T::element_type; of.get(); *of; };
+
 template <class T, class... Outer>
 constexpr auto find_refusal() {
     if constexpr ((std::is_same_v<T, Outer> || ...)) {
@@ -105,6 +115,10 @@ constexpr auto find_refusal() {
         return refused<T, refusal::union_type>{};
     } else if constexpr (monotonic_time_point<T>) {
         return refused<T, refusal::steady_time>{};
+    } else if constexpr (view<T>) {
+        return refused<T, refusal::view>{};
+    } else if constexpr (smart_pointer<T>) {
+        return refused<T, refusal::pointer>{};
     } else if constexpr (parts<T>::known) {
         using among = decltype(find_refusal_among<Outer...>(typename parts<T>::type{}));
         if constexpr (among::why != refusal::none) {
@@ -148,6 +162,9 @@ struct explain_refusal {
     static_assert(why != refusal::steady_time,
                   "ise: a packet cannot hold a time point of a steady clock, which means nothing on another machine: use "
                   "a std::chrono::system_clock time point or a duration");
+    static_assert(why != refusal::view,
+                  "ise: a packet cannot hold a view, which owns nothing: use std::string instead of std::string_view, std::vector "
+                  "instead of std::span");
     static_assert(why != refusal::loose_enum,
                   "ise: the size of this enum is the compiler's choice: give it a type, enum mode : std::uint8_t {…}");
     static_assert(why != refusal::bool_enum, "ise: an enum over bool cannot grow: use std::uint8_t beneath it");

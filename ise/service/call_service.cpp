@@ -33,6 +33,14 @@ void call_worker::begin(incoming_call call, time_point began) {
     wake_.resume(true);
 }
 
+// Those that came with it in the same turn may have taken long.
+bool call_worker::may_begin() {
+    if (wanted_ && !service_.refuse_late(*call_.from, call_)) return true;
+    finish();
+    call_.from.reset();
+    return false;
+}
+
 // Whether somebody waits for the answer.
 bool call_worker::finish() {
     deadline_.disarm();
@@ -58,6 +66,7 @@ void call_worker::answer(outgoing_packet response) {
 }
 
 void call_worker::answer(const failure& why) {
+    service_.tell_failure(*call_.from, why);
     if (finish()) call_service::refuse(*call_.from, call_, why);
     call_.from.reset();
 }
@@ -74,6 +83,7 @@ void call_service::serve(session& from, incoming_call call, incoming_packet requ
         refuse(from, call, failure(errc::cancelled, fmt::format("'{}' is not provided any more", name_)));
         return;
     }
+    if (refuse_late(from, call)) return;
     request.adapt = call.adapt;
     const bool measured = meter_.samples(host_.on().now());
     auto began = measured ? host_.env().now() : time_point::max();
@@ -101,6 +111,18 @@ void call_service::serve(session& from, incoming_call call, incoming_packet requ
     while (auto beyond = waiting_->overflow(options_.waiting, options_.waiting_bytes))
         refuse_overloaded(*beyond->call.from, beyond->call, failure(errc::overloaded, fmt::format("'{}' has {} requests of {} bytes waiting (waiting, waiting_bytes)", name_, waiting_->size(), waiting_->bytes_held())));
     if (more_workers) add_worker();
+}
+
+void call_service::tell_failure(const session& from, const failure& why) {
+    if (why.code() == errc::handler_failed) host_.tell(peer_trouble::handler, fmt::format("a handler of '{}' failed: {}", name_, why.message()), from.peer_name());
+}
+
+bool call_service::refuse_late(session& to, const incoming_call& call) {
+    if (call.deadline > host_.on().fresh_now()) return false;
+    meter_.refused_expired();
+    host_.counts().refused(errc::timed_out);
+    refuse(to, call, failure(errc::timed_out, fmt::format("'{}' was too busy to begin in time", name_)));
+    return true;
 }
 
 void call_service::refuse_overloaded(session& to, const incoming_call& call, const failure& why) {
@@ -162,12 +184,7 @@ void call_service::idle(call_worker& worker) {
         if (!found) return;
         auto& next = *found;
         auto now = host_.env().now(); // the turn may have lasted
-        if (next.call.deadline <= now) {
-            meter_.refused_expired();
-            host_.counts().refused(errc::timed_out);
-            refuse(*next.call.from, next.call, failure(errc::timed_out, fmt::format("'{}' was too busy to begin in time", name_)));
-            continue;
-        }
+        if (refuse_late(*next.call.from, next.call)) continue;
         try {
             incoming_packet request(next.request);
             request.adapt = next.call.adapt;

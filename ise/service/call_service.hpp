@@ -38,6 +38,8 @@ protected:
     /// Waits for the next call; false: no more will come. Only the service ends this wait: to hear of a cancellation costs
     /// memory, at each call.
     task<bool> next();
+    /// Whether somebody still waits for it and it is not too late to begin; else it is over.
+    bool may_begin();
     void answer(outgoing_packet response);
     void answer(const failure& why);
     const call_context& context() const noexcept { return context_; }
@@ -90,6 +92,8 @@ protected:
     virtual bool serve_now(session& from, const incoming_call& call, incoming_packet& request) = 0;
     virtual std::unique_ptr<call_worker> make_worker() = 0;
     call_context context_of_call(const session& from, const incoming_call& call) const;
+    /// Logs what a handler threw, at a bounded rate.
+    void tell_failure(const session& from, const failure& why);
     service_host& host() noexcept { return host_; }
 
 private:
@@ -97,6 +101,7 @@ private:
     void idle(call_worker& worker);
     bool begin(incoming_call& call, incoming_packet& request, time_point began); // false: no worker is idle
     void refuse_overloaded(session& to, const incoming_call& call, const failure& why);
+    bool refuse_late(session& to, const incoming_call& call);
     void add_worker();
 
     // One session never has every handler, where there are several: the others' calls go on.

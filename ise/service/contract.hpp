@@ -73,17 +73,6 @@ public:
         return made;
     }
 
-    /// `co_await helm(boat, "hold")`: builds the request from its fields and calls with the default deadline.
-    template <class Remote, class... Field>
-    auto operator()(Remote& provider, Field&&... fields) const {
-        return provider.call(*this, Request{std::forward<Field>(fields)...});
-    }
-    /// `co_await helm.within(2s, boat, "hold")`: the same with a deadline.
-    template <class Remote, class... Field>
-    auto within(duration deadline, Remote& provider, Field&&... fields) const {
-        return provider.call(*this, Request{std::forward<Field>(fields)...}, deadline);
-    }
-
 private:
     std::string_view name_;
 };

@@ -90,6 +90,25 @@ public:
         }
     }
 
+    static task<result<dynamic_packet>> leave_with(std::shared_ptr<core> self, dynamic_packet request, duration deadline) {
+        bytes raw;
+        try {
+            raw = fitted(request, self->types_->schemas[role::unsubscribe_request]);
+        } catch (const error& unfit) {
+            co_return unfit.why();
+        }
+        auto leaving = self->subscriber_core::leave_with(std::move(raw), deadline);
+        auto answer = co_await std::move(leaving);
+        if (!answer) co_return answer.error();
+        const auto& type = self->types_->schemas[role::unsubscribe_response];
+        if (answer->empty()) co_return default_packet(type);
+        try {
+            co_return read(type, *answer);
+        } catch (const error& unfit) {
+            co_return unfit.why();
+        }
+    }
+
     received<dynamic_packet> take() {
         while (auto* waiting = waiting_packet()) {
             try {
@@ -136,6 +155,7 @@ bool dynamic_stream::connected() const noexcept { return core_->connected(); }
 bool dynamic_stream::ended() const noexcept { return core_->ended(); }
 const failure& dynamic_stream::cause() const noexcept { return core_->cause(); }
 void dynamic_stream::leave() { core_->leave(); }
+task<result<dynamic_packet>> dynamic_stream::leave(dynamic_packet request, duration deadline) { return core::leave_with(core_, std::move(request), deadline); }
 
 task<result<dynamic_stream>> subscribe_dynamic(remote provider, dynamic_contract service, dynamic_packet request, subscribe_options options) {
     auto& way = provider.way();

@@ -66,8 +66,10 @@ public:
     bool ended() const noexcept;
     /// Only where `ended()`.
     const failure& cause() const noexcept;
-    /// Ends it now; waiting coroutines get the end.
+    /// Ends it now; waiting coroutines get the end. The provider hears of a default unsubscribe packet.
     void leave();
+    /// The same with an unsubscribe packet, which is adapted to the service: gives the provider's answer. As `stream_of::leave`.
+    task<result<dynamic_packet>> leave(dynamic_packet request, duration deadline = duration());
 
     class core;
     /// Made by `subscribe_dynamic`.

@@ -63,7 +63,8 @@ result<void> incoming_calls::on_request(const wire::frame& received) {
     auto number = detail::load_little<std::uint32_t>(body.data());
     auto remaining = detail::load_little<std::int64_t>(body.data() + 4);
     body = body.subspan(12);
-    if (remaining < 0) return malformed("with a negative time");
+    const bool until = (received.header.flags & wire::flag::until) && session_.wire().tells_clock();
+    if (remaining < 0 && !until) return malformed("with a negative time");
     if (number >= bindings_.size()) return malformed("for a service that was not introduced");
     trace_id trace;
     if (received.header.flags & wire::flag::traced) {
@@ -95,7 +96,7 @@ result<void> incoming_calls::on_request(const wire::frame& received) {
         return {};
     }
 
-    head.deadline = saturating_add(host.on().now(), duration(remaining));
+    head.deadline = until ? time_point(duration(remaining)) : saturating_add(host.on().now(), duration(remaining));
     auto& of = *bindings_[number];
     if (of.now == state::refused) {
         turn_away(head, of.why);
@@ -188,8 +189,8 @@ void incoming_calls::turn_away(const request_head& head, failure why) {
 void incoming_calls::serve(binding& of, const request_head& head, incoming_packet request) {
     auto& host = session_.host();
     if (head.deadline <= host.on().now()) {
-        host.counts().refused(errc::timed_out); // expired on the way: nobody waits any more
         of.service->meter().refused_expired();
+        turn_away(head, failure(errc::timed_out, fmt::format("'{}' was asked too late: the deadline had passed before the request was read", of.name)));
         return;
     }
     if (head.number != 0 && seen_before(of, head)) return;

@@ -258,7 +258,9 @@ void link::stop() {
 task<result<std::shared_ptr<session>>> link::establish() {
     resolution found;
     if (fixed_) {
-        found.members.emplace_back().endpoints.push_back(*fixed_);
+        auto& there = found.members.emplace_back();
+        there.path = path_;
+        there.endpoints.push_back(*fixed_);
     } else {
         auto* names = host_.resolver();
         if (!names) co_return failure(errc::invalid_argument, fmt::format("'{}' is a name, and this component was given no name server", path_));
@@ -299,10 +301,7 @@ task<result<std::shared_ptr<session>>> link::reach(location where, duration pati
         if (!transport) {
             last = transport.error();
         } else {
-            auto hello = host_.greeting();
-            hello.wanted_path = where.path;
-            hello.wanted_epoch = where.epoch;
-            hello.wanted_incarnation = where.incarnation;
+            auto hello = host_.greeting_to(where, at, (*transport)->peer());
             auto greeted = co_await net::initiate(host_.on(), std::move(*transport), std::move(hello), deadline, host_.credentials().key.get());
             if (greeted) co_return host_.run(std::move(*greeted), weak_from_this());
             last = greeted.error();

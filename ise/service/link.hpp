@@ -30,7 +30,7 @@ class subscriber_core;
 /// written to the one before end there, subscriptions go on with a gap of unknown length.
 class link : public std::enable_shared_from_this<link> {
 public:
-    /// To whoever holds `path`, or listens at `fixed`.
+    /// To whoever holds `path`, or to that component at `fixed`, where an empty path is whoever listens.
     link(service_host& host, std::string path, std::optional<endpoint> fixed, role_options how = role_options());
     /// Back to the peer of a session that it made.
     link(service_host& host, const std::shared_ptr<session>& peer);

@@ -36,12 +36,14 @@ private:
                 bool more = co_await next();
                 if (!more) co_return;
                 std::optional<failure> problem;
-                try {
-                    auto handling = start();
-                    auto response = co_await std::move(handling);
-                    answer(outgoing_packet(response));
-                } catch (...) {
-                    problem = failure_of(std::current_exception());
+                if (may_begin()) {
+                    try {
+                        auto handling = start();
+                        auto response = co_await std::move(handling);
+                        answer(outgoing_packet(response));
+                    } catch (...) {
+                        problem = failure_of(std::current_exception());
+                    }
                 }
                 if (problem) answer(*problem);
                 // A cancelled call leaves its mark on the coroutine; the next call must not see it.
@@ -83,6 +85,7 @@ private:
         if (response) {
             reply(from, call, outgoing_packet(*response));
         } else {
+            tell_failure(from, response.error());
             refuse(from, call, response.error());
         }
         return true;

@@ -33,8 +33,13 @@ public:
     /// A packet was published that is not meant for this one.
     void pass() noexcept { ++skipped_; }
     void grant(std::uint64_t total);
-    bool has_room() const noexcept;
+    /// A lossless one that is connected and full: a publisher that waits waits for it.
+    bool holds_up() const noexcept;
     bool take(net::outbox& out, std::size_t quantum) override;
+    /// Goes on at `next`, the first packet that did not arrive: of a lossless one, what was sent in vain goes again.
+    void resume_at(std::uint64_t next);
+    /// Packets that did not arrive and are not sent any more if it ends now.
+    std::uint64_t unsent() const noexcept { return queue_.size() + beyond_; }
 
     const wire::ticket& ticket() const noexcept { return ticket_; }
     std::uint64_t id() const noexcept { return id_; }
@@ -42,11 +47,15 @@ public:
     const subscriber_info& info() const noexcept { return info_; }
     std::uint64_t dropped() const noexcept { return dropped_; }
     std::size_t queued() const noexcept { return queue_.size(); }
+    bool loses_nothing() const noexcept { return policy_ == wire::overflow::lossless || policy_ == wire::overflow::disconnect; }
 
 private:
     friend class publication_core;
     void wake();
     waiting_packets::stretch pop(std::size_t most);
+    void keep(const waiting_packets::stretch& sent);
+    void forget_arrived();
+    std::size_t held() const noexcept { return queue_.cost() + sent_packets_.cost(); }
     void popped(const waiting_packets::stretch& taken) noexcept;
     void put_alone(net::outbox& out);
     void drop_oldest(std::uint64_t& reason);
@@ -66,6 +75,9 @@ private:
     std::uint64_t credit_;     // lossless: total granted
     duration min_interval_;
     waiting_packets queue_;
+    waiting_packets sent_packets_; // lossless: not known to have arrived
+    std::size_t resent_ = 0;       // of queue_, at its front: they do not count towards the depth
+    std::uint64_t beyond_ = 0;     // packets that did not fit; of one that loses nothing
     std::uint64_t sent_ = 0;
     std::uint64_t dropped_ = 0;
     std::uint32_t skipped_ = 0; // since the last packet that was queued
@@ -99,7 +111,7 @@ private:
         std::unique_ptr<adapter> unsubscribe;
     };
     void admit(std::uint64_t id, wire::subscribe terms, const std::vector<schema>* theirs, bool takes_objects);
-    void refuse(std::uint64_t id, const failure& why);
+    void refuse(std::uint64_t id, const failure& why, std::uint64_t lost = 0);
 
     session& session_;
     std::map<std::uint64_t, entry> by_id_;

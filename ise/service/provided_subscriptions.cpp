@@ -93,15 +93,16 @@ void provided_subscriptions::admit(std::uint64_t id, wire::subscribe terms, cons
     wire::subscribed answer;
     answer.fingerprints = ours.fingerprints;
     result<provided_subscription*> who = failure(errc::refused, {});
+    std::uint64_t lost = 0;
     try {
-        who = publication.subscribe(session_, terms, request.get(), takes_objects, answer);
+        who = publication.subscribe(session_, terms, request.get(), takes_objects, answer, lost);
     } catch (const error& thrown) {
         who = thrown.why();
     } catch (const std::exception& thrown) {
         who = failure(errc::handler_failed, thrown.what());
     }
     if (!who) {
-        refuse(id, who.error());
+        refuse(id, who.error(), lost);
         return;
     }
     made.who = *who;
@@ -112,9 +113,9 @@ void provided_subscriptions::admit(std::uint64_t id, wire::subscribe terms, cons
     wire.written();
 }
 
-void provided_subscriptions::refuse(std::uint64_t id, const failure& why) {
+void provided_subscriptions::refuse(std::uint64_t id, const failure& why, std::uint64_t lost) {
     by_id_.erase(id);
-    session_.refuse_subscription(id, why);
+    session_.end_provided(id, why, lost);
 }
 
 result<void> provided_subscriptions::on_unsubscribe(const wire::frame& received) {

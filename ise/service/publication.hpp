@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <memory>
+#include <type_traits>
 
 namespace ise {
 
@@ -25,6 +26,13 @@ public:
     /// The same with a packet that is given away: for those it is moved and not copied.
     void operator()(packet_type&& packet) const { core().publish(made(std::move(packet))); }
 
+    /// A mistake of the packet's type.
+    template <class Other>
+        requires(!std::is_convertible_v<Other, packet_type>)
+    void operator()(const Other&) const {
+        static_assert(sizeof(Other) == 0, "ise: this publication publishes packets of another type: the one that its service names");
+    }
+
     /// Publishes to those subscribers for which `wants(const subscriber_info&)` holds: a watch that was narrowed down, a
     /// snapshot for who has just come. The others count it as skipped, not as lost.
     template <class Wants>
@@ -32,7 +40,8 @@ public:
         core().publish_to(made(packet), wants);
     }
 
-    /// Publishes when every lossless subscriber has room. Cancellation: terminal, the packet is not published.
+    /// Publishes when every lossless subscriber that is connected has room. One that is not heard for `longest_silence`, or takes
+    /// nothing for `longest_stall`, is ended. Cancellation: terminal, the packet is not published.
     /// The packet is encoded, or copied, before this returns.
     task<> send(const packet_type& packet) const { return send_when_room(held(), made(packet)); }
     /// The same with a packet that is given away: `co_await out.send(std::move(packet))`.

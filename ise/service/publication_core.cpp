@@ -36,7 +36,7 @@ provided_subscription::provided_subscription(publication_core& of, const wire::s
 
 provided_subscription::~provided_subscription() {
     stop_lingering();
-    if (session_) session_->subscriber_bytes() -= queue_.cost();
+    if (session_) session_->subscriber_bytes() -= held();
     if (session_) session_->wire().out().remove(*this);
     if (policy_ == overflow::lossless) --publication_.lossless_;
     if (takes_objects_) --publication_.object_takers_;
@@ -64,6 +64,7 @@ void provided_subscription::write_objects() {
             publication_.host().log().warning(thrown.what(), {{"service", publication_.name()}, {"peer", info_.peer}});
             carried = next.skipped;
             ++dropped_;
+            if (loses_nothing()) ++beyond_;
         }
     }
     skipped_ += carried;
@@ -73,7 +74,7 @@ void provided_subscription::write_objects() {
 void provided_subscription::attach(session& over, std::uint64_t id) {
     stop_lingering();
     session_ = &over;
-    session_->subscriber_bytes() += queue_.cost();
+    session_->subscriber_bytes() += held();
     id_ = publication_.usual_id_ = id;
     queue_.readdress();
     sent_ = 0;
@@ -90,12 +91,13 @@ void provided_subscription::let_go(const session& of) {
 void provided_subscription::detach() {
     if (!session_) return;
     session_->wire().out().remove(*this);
-    session_->subscriber_bytes() -= queue_.cost();
+    session_->subscriber_bytes() -= held();
     session_ = nullptr;
     auto& host = publication_.host();
     linger_ = std::make_unique<timer>(host.on(), [this] { publication_.vanish(*this); });
     linger_->arm(saturating_add(host.on().now(), host.options().linger));
     publication_.began_to_linger(*this);
+    publication_.room_made();
 }
 
 void provided_subscription::stop_lingering() {
@@ -111,11 +113,40 @@ waiting_packets::stretch provided_subscription::pop(std::size_t most) {
 
 void provided_subscription::popped(const waiting_packets::stretch& taken) noexcept {
     if (session_) session_->subscriber_bytes() -= taken.cost();
+    resent_ -= std::min(resent_, taken.packets);
     full_since_ = time_point::max();
 }
 
+void provided_subscription::keep(const waiting_packets::stretch& sent) {
+    sent_packets_.push(sent);
+    if (session_) session_->subscriber_bytes() += sent.cost();
+}
+
+// A subscriber grants `depth` packets ahead of those that its user has taken. Whole stretches go: what is kept beyond that is
+// recognised by its number.
+void provided_subscription::forget_arrived() {
+    const auto arrived = credit_ > depth_ ? credit_ - depth_ : 0;
+    const auto needed = sent_ > arrived ? sent_ - arrived : 0;
+    while (!sent_packets_.empty() && sent_packets_.size() - sent_packets_.front().packets >= needed) {
+        const auto cost = sent_packets_.pop(std::numeric_limits<std::size_t>::max()).cost();
+        if (session_) session_->subscriber_bytes() -= cost;
+    }
+}
+
+void provided_subscription::resume_at(std::uint64_t next) {
+    waiting_packets again;
+    while (!sent_packets_.empty()) {
+        auto one = sent_packets_.pop(1);
+        const auto sequence = one.object ? one.sequence : packet_frame::sequence_of(one.frames.view().data());
+        if (sequence >= next) again.push(std::move(one));
+    }
+    resent_ += again.size();
+    while (!queue_.empty()) again.push(queue_.pop(std::numeric_limits<std::size_t>::max()));
+    queue_ = std::move(again);
+}
+
 bool provided_subscription::may_send() const noexcept { return policy_ != overflow::lossless || sent_ < credit_; }
-bool provided_subscription::has_room() const noexcept { return policy_ != overflow::lossless || queue_.size() < depth_; }
+bool provided_subscription::holds_up() const noexcept { return policy_ == overflow::lossless && session_ && full(0); }
 
 void provided_subscription::wake() {
     if (!session_ || queue_.empty() || !may_send()) return;
@@ -126,13 +157,17 @@ void provided_subscription::wake() {
 void provided_subscription::grant(std::uint64_t total) {
     if (total <= credit_) return;
     credit_ = total;
+    if (policy_ == overflow::lossless) {
+        forget_arrived();
+        publication_.room_made();
+    }
     wake();
 }
 
 bool provided_subscription::full(std::size_t more) const noexcept {
-    if (queue_.size() >= depth_) return true;
-    auto held = session_ ? session_->subscriber_bytes() : queue_.cost();
-    return !queue_.empty() && held + more > publication_.host().options().max_subscriber_bytes;
+    if (queue_.size() - resent_ >= depth_) return true;
+    const auto bytes = session_ ? session_->subscriber_bytes() : held();
+    return !queue_.empty() && bytes + more > publication_.host().options().max_subscriber_bytes;
 }
 
 bool provided_subscription::offer(const published_packet& packet) {
@@ -146,15 +181,18 @@ bool provided_subscription::offer(const published_packet& packet) {
         }
         next_allowed_ = saturating_add(now, min_interval_);
     }
-    while (full(size)) {
-        if (policy_ == overflow::lossless || policy_ == overflow::disconnect) return false;
+    // A publisher that waits asks for room before it knows how large the next packet is: that one may go beyond the bytes.
+    while (beyond_ > 0 || full(policy_ == overflow::lossless ? 0 : size)) {
+        if (loses_nothing()) {
+            ++beyond_;
+            return !session_; // out of reach it is told when it comes back
+        }
         auto& losses = publication_.losses_;
         drop_oldest(queue_.size() < depth_ ? losses.too_many_bytes : policy_ == overflow::keep_latest ? losses.replaced : losses.overrun);
     }
     const auto skipped = std::exchange(skipped_, 0);
     if (object) queue_.push(packet.object, packet.sequence, skipped);
     else queue_.push(packet.frame, skipped, packet_frame::id_of(packet.frame.view().data()) == id_);
-    if (queue_.size() >= depth_ && full_since_ == time_point::max()) full_since_ = publication_.host().on().now();
     if (!session_) return true;
     session_->subscriber_bytes() += size + waiting_packets::item_bytes;
     if (queue_.size() == 1) wake(); // else it is awake, or waits for credit
@@ -183,6 +221,7 @@ bool provided_subscription::take(net::outbox& out, std::size_t quantum) {
         const auto size = next.object ? next.object.weight + packet_frame::head_bytes : packet_frame::size_of(next.frames.view().data());
         if (together && !next.object && size <= shared_bytes_maker::small_bytes && next.skipped == 0) {
             auto packets = pop(policy_ == overflow::lossless ? credit_ - sent_ : next.packets);
+            if (policy_ == overflow::lossless) keep(packets);
             sent_ += packets.packets;
             taken += packets.frames.size();
             out.put_frames(std::move(packets.frames), id_, packets.addressed);
@@ -226,6 +265,7 @@ struct packet_head {
 
 void provided_subscription::put_object(net::outbox& out) {
     auto next = pop(1);
+    if (policy_ == overflow::lossless) keep(next);
     packet_head head(id_, next.sequence, next.skipped);
     out.put_object(head.header, head.view(), next.object.pass());
     ++sent_;
@@ -233,6 +273,7 @@ void provided_subscription::put_object(net::outbox& out) {
 
 void provided_subscription::put_alone(net::outbox& out) {
     auto next = pop(1);
+    if (policy_ == overflow::lossless) keep(next);
     packet_head head(id_, packet_frame::sequence_of(next.frames.view().data()), next.skipped);
     out.put_packet(*this, head.header, head.view(), next.frames.behind(packet_frame::head_bytes));
     ++sent_;
@@ -284,6 +325,7 @@ void publication_core::publish(published_packet packet) {
 
 void publication_core::publish_to(published_packet packet, function_ref<bool(const subscriber_info&)> wants) {
     begin_packet(packet);
+    selective_ = true;
     std::vector<std::uint64_t> too_slow;
     for (auto& who : all_) {
         if (!wants(who.info())) {
@@ -324,7 +366,7 @@ void publication_core::end_too_slow(const std::vector<std::uint64_t>& numbers) {
         auto found = std::find_if(all_.begin(), all_.end(), [&](const auto& who) { return who.info_.number == number; });
         if (found == all_.end()) continue;
         ++losses_.ended;
-        end(*found, failure(errc::overloaded, fmt::format("the subscriber of '{}' did not take {} packets in time", name_, found->queue_.size())));
+        end(*found, failure(errc::overloaded, fmt::format("the subscriber of '{}' did not take its packets in time: {} are lost", name_, found->unsent())));
     }
 }
 
@@ -337,7 +379,7 @@ std::size_t publication_core::queued() const noexcept {
 bool publication_core::has_room() const noexcept {
     if (lossless_ == 0) return true;
     for (const auto& who : all_)
-        if (!who.has_room()) return false;
+        if (who.holds_up()) return false;
     return true;
 }
 
@@ -350,29 +392,46 @@ task<> publication_core::wait_for_room() {
     } guard{waiting_, &room};
     waiting_.push_back(&room);
     // The publisher offered to wait, not to be held up for ever.
-    auto longest = host_.options().longest_stall;
     auto began = host_.on().now();
-    timer patience(host_.on(), [this, &room, began, longest] {
-        if (host_.on().now() - began >= longest) end_stalled();
+    timer patience(host_.on(), [this, &room, &patience, &began] {
+        const auto now = host_.on().now();
+        // Where it is this side that did not come round for a while, what the subscribers sent meanwhile is still unread.
+        if (now - patience.at() > host_.options().longest_silence / 2) began = now;
+        else end_holding_up(began);
         room.resume();
     });
     while (!has_room()) {
         auto first = time_point::max();
-        for (const auto& who : all_)
-            if (!who.has_room()) first = std::min(first, who.full_since_);
-        patience.arm(saturating_add(first == time_point::max() ? began : std::max(first, began), longest));
+        for (auto& who : all_)
+            if (who.holds_up()) first = std::min(first, held_up_until(who, began));
+        patience.arm(first);
         co_await room.wait();
     }
 }
 
-void publication_core::end_stalled() {
-    auto since = host_.on().now() - host_.options().longest_stall;
+// When a subscriber that holds up a publisher which waits since then must have moved, or been heard.
+time_point publication_core::held_up_until(provided_subscription& who, time_point since) const {
+    const auto& options = host_.options();
+    if (who.full_since_ == time_point::max()) who.full_since_ = host_.on().now();
+    const auto began = std::max(who.full_since_, since);
+    const auto& wire = who.session_->wire();
+    // It sends a sign four times in this period.
+    const auto heartbeat = duration(static_cast<std::int64_t>(wire.terms().we_accept.heartbeat_ns));
+    return std::min(saturating_add(began, options.longest_stall),
+                    saturating_add(std::max(began, wire.last_heard()), std::max(options.longest_silence, heartbeat)));
+}
+
+void publication_core::end_holding_up(time_point since) {
+    const auto now = host_.on().now();
     for (;;) {
-        auto found = std::ranges::find_if(all_, [&](const auto& who) { return !who.has_room() && who.full_since_ <= since; });
+        auto found = std::ranges::find_if(all_, [&](auto& who) { return who.holds_up() && held_up_until(who, since) <= now; });
         if (found == all_.end()) return;
         ++losses_.ended;
-        host_.tell(peer_trouble::broken, fmt::format("a lossless subscriber of '{}' held up its publisher (longest_stall) and was ended", name_), found->info_.peer);
-        end(*found, failure(errc::overloaded, fmt::format("the subscriber of '{}' took nothing for as long as it may hold up the publisher (longest_stall)", name_)));
+        const bool silent = now < saturating_add(std::max(found->full_since_, since), host_.options().longest_stall);
+        const auto* limit = silent ? "longest_silence" : "longest_stall";
+        host_.tell(peer_trouble::broken, fmt::format("a lossless subscriber of '{}' held up its publisher ({}) and was ended", name_, limit), found->info_.peer);
+        end(*found, failure(errc::overloaded, fmt::format("the subscriber of '{}' {} for as long as it may hold up the publisher ({}): {} packets are lost", name_,
+                                                          silent ? "was not heard" : "took nothing", limit, found->unsent())));
     }
 }
 
@@ -389,30 +448,54 @@ void publication_core::room_made() {
     for (auto* room : waiting_) room->resume();
 }
 
+result<provided_subscription*> publication_core::resume(provided_subscription& who, const wire::subscribe& terms, bool takes_objects, wire::subscribed& answer,
+                                                        std::uint64_t& lost) {
+    const auto& wanted = terms.resume.front();
+    if (auto* old = who.session_) { // which may not have noticed its end yet
+        who.detach();
+        old->forget_provided(who.id_);
+    }
+    who.credit_ = terms.credit;
+    who.resume_at(wanted.next_sequence);
+    who.take_objects(takes_objects);
+    if (who.beyond_ > 0) {
+        lost = who.unsent();
+        failure why(errc::overloaded, fmt::format("the subscriber of '{}' was out of reach for longer than its packets could be kept: {} are lost", name_, lost));
+        ++losses_.ended;
+        drop(who);
+        return why;
+    }
+    // But for a lossless one, what was sent and did not arrive is a gap that the sequence tells.
+    answer.ticket = who.ticket();
+    answer.first_sequence = wanted.next_sequence;
+    answer.resumed = true;
+    // The latest packet may have been under way when the session ended, and none may follow for long.
+    bool missed = wanted.next_sequence <= sequence_ && who.queue_.empty();
+    if (terms.last_value && missed)
+        if (auto last = last_packet(takes_objects)) who.offer(*last);
+    return &who;
+}
+
+// Every packet, or the end.
+failure publication_core::cannot_resume(const wire::subscribe& terms, std::uint64_t& lost) const {
+    const auto& wanted = terms.resume.front();
+    const bool same_life = wanted.incarnation == host_.self().incarnation;
+    const bool known = same_life && !selective_ && terms.min_interval_ns == 0 && wanted.next_sequence <= sequence_ + 1;
+    lost = known ? sequence_ + 1 - wanted.next_sequence : wire::unknown_loss;
+    return {errc::peer_lost, fmt::format("the subscription to '{}' without loss cannot go on: {}, and {} packets are lost", name_,
+                                         same_life ? "it was ended while its subscriber was out of reach" : "the provider was restarted, or is another one",
+                                         known ? std::to_string(lost) : "an unknown number of")};
+}
+
 result<provided_subscription*> publication_core::subscribe(session& from, const wire::subscribe& terms, const adapter* adapt, bool takes_objects,
-                                                           wire::subscribed& answer) {
+                                                           wire::subscribed& answer, std::uint64_t& lost) {
     if (stopped_) return *stopped_;
     answer.incarnation = host_.self().incarnation;
-    if (!terms.resume.empty() && terms.resume.front().incarnation == host_.self().incarnation) {
-        const auto& wanted = terms.resume.front();
-        for (auto& who : all_) {
-            if (who.ticket() != wanted.ticket) continue;
-            if (auto* old = who.session_) { // which may not have noticed its end yet
-                who.detach();
-                old->forget_provided(who.id_);
-            }
-            who.credit_ = terms.credit;
-            who.take_objects(takes_objects);
-            // What was sent and did not arrive is a gap that the sequence tells.
-            answer.ticket = who.ticket();
-            answer.first_sequence = wanted.next_sequence;
-            answer.resumed = true;
-            // The latest packet may have been under way when the session ended, and none may follow for long.
-            bool missed = wanted.next_sequence <= sequence_ && who.queue_.empty();
-            if (terms.last_value && missed)
-                if (auto last = last_packet(takes_objects)) who.offer(*last);
-            return &who;
-        }
+    if (!terms.resume.empty()) {
+        if (terms.resume.front().incarnation == host_.self().incarnation)
+            for (auto& who : all_)
+                if (who.ticket() == terms.resume.front().ticket) return resume(who, terms, takes_objects, answer, lost);
+        if (terms.policy == overflow::lossless) return cannot_resume(terms, lost);
     }
     subscriber_info info;
     info.peer = from.peer_name();
@@ -439,7 +522,7 @@ bytes publication_core::unsubscribe(provided_subscription& who, bytes_view reque
 }
 
 void publication_core::end(provided_subscription& who, const failure& why) {
-    if (who.session_) who.session_->end_provided(who.id_, why);
+    if (who.session_) who.session_->end_provided(who.id_, why, who.unsent());
     drop(who);
 }
 

@@ -71,7 +71,7 @@ public:
     void publish(published_packet packet);
     /// Publishes to those that `wants` names; for the others it is skipped, which is no loss. It is no last value.
     void publish_to(published_packet packet, function_ref<bool(const subscriber_info&)> wants);
-    /// Whether every lossless subscriber has room for one more packet.
+    /// Whether every lossless subscriber that is connected has room for one more packet.
     bool has_room() const noexcept;
     /// Waits until it has.
     task<> wait_for_room();
@@ -97,14 +97,20 @@ public:
 private:
     friend class provided_subscriptions;
     friend class provided_subscription;
-    result<provided_subscription*> subscribe(session& from, const wire::subscribe& terms, const adapter* adapt, bool takes_objects, wire::subscribed& answer);
+    /// Where it fails, `lost` is how many packets the subscriber has missed for good.
+    result<provided_subscription*> subscribe(session& from, const wire::subscribe& terms, const adapter* adapt, bool takes_objects, wire::subscribed& answer,
+                                             std::uint64_t& lost);
+    result<provided_subscription*> resume(provided_subscription& who, const wire::subscribe& terms, bool takes_objects, wire::subscribed& answer,
+                                          std::uint64_t& lost);
+    failure cannot_resume(const wire::subscribe& terms, std::uint64_t& lost) const;
     bytes unsubscribe(provided_subscription& who, bytes_view request, const adapter* adapt);
     void end(provided_subscription& who, const failure& why);
     void vanish(provided_subscription& who);
     void drop(provided_subscription& who);
     subscriber_info take_out(provided_subscription& who);
     void room_made();
-    void end_stalled();
+    time_point held_up_until(provided_subscription& who, time_point since) const;
+    void end_holding_up(time_point since);
     void began_to_linger(provided_subscription& who);
     void begin_packet(published_packet& packet);
     shared_bytes frame_of(const shared_packet& object, std::uint64_t sequence);
@@ -124,6 +130,7 @@ private:
     std::vector<waiter<>*> waiting_; // for room
     std::size_t lossless_ = 0;
     std::size_t object_takers_ = 0; // of all_
+    bool selective_ = false;        // packets were published for some only
     publication_losses losses_;
     std::optional<failure> stopped_;
 };

@@ -21,7 +21,7 @@ namespace detail {
 std::optional<failure> check_place(link& to, service_key service) {
     if (to.host().on().running_here()) return std::nullopt;
     return failure(errc::invalid_argument,
-                   fmt::format("'{}' at {} was used off its component's thread: co_spawn on the component's executor, or use ise::wait", service.name, to.name()));
+                   fmt::format("'{}' at {} was used off its component's thread: spawn the call on that component (component::spawn), or wait for it from another thread (component::wait)", service.name, to.name()));
 }
 
 namespace {

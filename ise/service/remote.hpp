@@ -12,6 +12,9 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <tuple>
+#include <type_traits>
+#include <utility>
 
 namespace ise {
 
@@ -41,6 +44,53 @@ result<Response> response_of(const call_outcome& outcome) {
     }
 }
 
+/// The arguments of a call behind its service: the fields of the request, and last perhaps the deadline.
+template <class Request, class... Arguments>
+struct call_arguments {
+    using all = std::tuple<Arguments&&...>;
+    static constexpr std::size_t count = sizeof...(Arguments);
+    static consteval bool ends_in_duration() {
+        if constexpr (count == 0) {
+            return false;
+        } else {
+            return std::is_convertible_v<std::tuple_element_t<count - 1, all>, duration>;
+        }
+    }
+    static constexpr bool has_deadline = ends_in_duration();
+    template <std::size_t... Place>
+    static consteval bool are_fields(std::index_sequence<Place...>) {
+        return requires { Request{std::declval<std::tuple_element_t<Place, all>>()...}; };
+    }
+    static constexpr std::size_t fields = count - (has_deadline ? 1 : 0);
+
+    static_assert(are_fields(std::make_index_sequence<fields>()),
+                  "ise: behind the service, a call takes its request packet or the fields of it in their order, and last the deadline");
+    static_assert(!has_deadline || !are_fields(std::make_index_sequence<count>()),
+                  "ise: the last argument of this call could be a field of the request as well as the deadline: give the request as a "
+                  "named variable");
+
+    template <std::size_t... Place>
+    static Request request(all& given, std::index_sequence<Place...>) {
+        return Request{std::get<Place>(std::move(given))...};
+    }
+    static Request request(all& given) { return request(given, std::make_index_sequence<fields>()); }
+    static duration deadline([[maybe_unused]] const all& given) {
+        if constexpr (has_deadline) {
+            return std::get<count - 1>(given);
+        } else {
+            return duration();
+        }
+    }
+};
+
+template <class Request, class... Arguments>
+inline constexpr bool is_request_itself = false;
+template <class Request, class First, class... Rest>
+inline constexpr bool is_request_itself<Request, First, Rest...> = std::is_same_v<std::remove_cvref_t<First>, Request>;
+
+template <class...>
+inline constexpr bool never = false;
+
 } // namespace detail
 
 /// Another component, as this one sees it: its services can be called and subscribed to. A value, cheap to copy;
@@ -60,11 +110,21 @@ public:
     std::string holder() const;
     link& way() const noexcept { return *link_; } ///< for the layers below
 
-    /// Calls and waits for the response, at most `deadline`. Throws ise::error: refused, no_such_service, type_mismatch,
-    /// timed_out, peer_lost, cancelled, overloaded, handler_failed…; `executed()` says whether it may have run.
-    /// Cancellation: terminal; the provider's handler is cancelled too.
-    /// With g++ 12 `request` is a named variable, never a temporary in braces (it would be freed twice inside `co_await`);
-    /// `service.within(deadline, remote, fields…)` builds it safely.
+    /// Calls and waits for the response: `co_await boat.call(helm, "hold", 2s)`. The arguments behind the service are the
+    /// fields of the request in their order; a last one that is a duration is the deadline (default: that of the context, else
+    /// the component's). Throws ise::error: refused, no_such_service, type_mismatch, timed_out, peer_lost, cancelled,
+    /// overloaded, handler_failed…; `executed()` says whether it may have run. Cancellation: terminal; the provider's handler
+    /// is cancelled too.
+    template <class Contract, class... Arguments>
+        requires(!detail::is_request_itself<typename Contract::request_type, Arguments...>)
+    task<typename Contract::response_type> call(const Contract& service, Arguments&&... arguments) const {
+        using given = detail::call_arguments<typename Contract::request_type, Arguments...>;
+        typename given::all all(std::forward<Arguments>(arguments)...);
+        return call(service, given::request(all), given::deadline(all));
+    }
+
+    /// The same with a request that is there already. With g++ 12 it is a named variable: that compiler destroys a temporary in
+    /// braces twice inside a `co_await` expression (docs/coroutines.md).
     template <class Contract>
     task<typename Contract::response_type> call(const Contract& service, typename Contract::request_type request, duration deadline = duration()) const {
         using response = typename Contract::response_type;
@@ -81,7 +141,14 @@ public:
             asio::use_awaitable, link_, service.key(), std::move(request), deadline);
     }
 
-    /// The same, with the outcome as a value.
+    /// The same as `call`, with the outcome as a value: `co_await boat.try_call(helm, "hold", 2s)`.
+    template <class Contract, class... Arguments>
+        requires(!detail::is_request_itself<typename Contract::request_type, Arguments...>)
+    task<result<typename Contract::response_type>> try_call(const Contract& service, Arguments&&... arguments) const {
+        using given = detail::call_arguments<typename Contract::request_type, Arguments...>;
+        typename given::all all(std::forward<Arguments>(arguments)...);
+        return try_call(service, given::request(all), given::deadline(all));
+    }
     template <class Contract>
     task<result<typename Contract::response_type>> try_call(const Contract& service, typename Contract::request_type request, duration deadline = duration()) const {
         return try_call(service, std::move(request), deadline, asio::use_awaitable);
@@ -110,6 +177,20 @@ public:
     template <class Contract>
     task<stream_of<Contract>> subscribe(const Contract& service, const typename Contract::subscribe_request& request, subscribe_options options) const {
         return begin<Contract>(link_, std::string(service.name()), options, encode(request));
+    }
+
+    // Mistakes of the kind of a service.
+    template <class... Packets, class... Arguments>
+    void call(const subscription<Packets...>&, Arguments&&...) const {
+        static_assert(detail::never<Packets...>, "ise: this service is a subscription, which is not called: co_await remote.subscribe(service)");
+    }
+    template <class... Packets, class... Arguments>
+    void try_call(const subscription<Packets...>&, Arguments&&...) const {
+        static_assert(detail::never<Packets...>, "ise: this service is a subscription, which is not called: co_await remote.subscribe(service)");
+    }
+    template <class... Packets, class... Arguments>
+    void subscribe(const request_response<Packets...>&, Arguments&&...) const {
+        static_assert(detail::never<Packets...>, "ise: this service is a request-response, which is not subscribed to: co_await remote.call(service, …)");
     }
 
     /// Waits until there is a session; for programs that want to know before they call.

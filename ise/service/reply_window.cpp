@@ -182,8 +182,8 @@ void reply_window::forget_answers() {
     took(room_, room);
 }
 
-std::shared_ptr<reply_window> reply_windows::of(std::uint64_t incarnation, time_point now) {
-    auto& known = all_[incarnation];
+std::shared_ptr<reply_window> reply_windows::of(std::uint64_t reply_key, std::uint64_t incarnation, time_point now) {
+    auto& known = all_[{reply_key, incarnation}];
     if (known) return known;
     known = std::make_shared<reply_window>(dropped_any_, room_);
     auto made = known;
@@ -215,7 +215,7 @@ void reply_windows::sweep(time_point now) {
 // A quarter at once, so that not each answer looks through all of them.
 void reply_windows::make_room() {
     std::vector<reply_window*> by_age;
-    for (const auto& [incarnation, window] : all_)
+    for (const auto& [client, window] : all_)
         if (window->room() > 0) by_age.push_back(window.get());
     std::ranges::stable_sort(by_age, {}, &reply_window::last_used);
     for (auto* window : by_age) {

@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <utility>
 #include <vector>
 
 namespace ise {
@@ -112,14 +113,16 @@ private:
     time_point last_used_{};
 };
 
-/// Those of all clients, by incarnation.
+/// Those of all clients. A client is known by a secret that it tells this provider only (wire::hello::reply_key): its
+/// incarnation is listed, so that others could use up its numbers and get its answers. Clients without a secret, of earlier
+/// versions, are known by their incarnation alone.
 class reply_windows {
 public:
     static constexpr std::size_t max_idle_callers = 1024; ///< without a session or a call, of whom is known what they called
     static constexpr duration idle_caller_life = std::chrono::minutes(5); ///< then their answers are forgotten
     static constexpr std::size_t max_kept_bytes = std::size_t{64} << 20; ///< of all; whose last call is longest ago forget their answers
 
-    std::shared_ptr<reply_window> of(std::uint64_t incarnation, time_point now);
+    std::shared_ptr<reply_window> of(std::uint64_t reply_key, std::uint64_t incarnation, time_point now);
     /// After each answer, since that is what takes room.
     void tidy(time_point now) {
         if (now >= next_sweep_) sweep(now);
@@ -132,7 +135,7 @@ private:
     void sweep(time_point now);
     void make_room();
 
-    std::map<std::uint64_t, std::shared_ptr<reply_window>> all_;
+    std::map<std::pair<std::uint64_t, std::uint64_t>, std::shared_ptr<reply_window>> all_; // by reply key and incarnation
     std::shared_ptr<std::size_t> room_ = std::make_shared<std::size_t>(0); // its windows outlive it where a session does
     std::size_t sweep_at_ = max_idle_callers;
     time_point next_sweep_{};

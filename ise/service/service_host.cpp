@@ -1,15 +1,14 @@
 #include <ise/service/service_host.hpp>
 
-#include <ise/core/sleep.hpp>
+#include <ise/net/bounded_acceptor.hpp>
 #include <ise/net/connect.hpp>
+#include <ise/net/relayed.hpp>
 #include <ise/service/publication_core.hpp>
 #include <ise/service/session.hpp>
 
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <unordered_map>
 
 namespace ise {
 
@@ -27,18 +26,57 @@ std::vector<std::shared_ptr<session>> in_order(const std::map<session*, std::sha
 
 service_host::service_host(environment& env, loop& on, task_scope& scope, wire::identity self, service_options options, logger log, security credentials)
     : env_(env), on_(on), scope_(scope), self_(std::move(self)), options_(options), log_(std::move(log)), calls_(on), dispatcher_(schemas_),
-      credentials_(std::move(credentials)) {}
+      handshakes_(options_.max_handshakes), credentials_(std::move(credentials)) {}
 
 service_host::~service_host() { resolver_.reset(); }
 
 wire::hello service_host::greeting() const {
     wire::hello made;
+    made.features = wire::feature::all;
     made.self = self_;
     made.accepts = options_.accepts;
     made.accepts.max_calls = options_.max_calls_per_session;
     made.accepts.max_subscriptions = options_.max_subscriptions_per_session;
     return made;
 }
+
+// The same in each session with the same life of a provider, and another one for every other provider: none of them can
+// show another one what it was told.
+std::uint64_t service_host::reply_key_for(const location& whom, const endpoint& at) {
+    if (!reply_secret_) reply_secret_ = net::udp::secret{env_.random(), env_.random()};
+    buffer text(64);
+    text.append(whom.incarnation);
+    text.append(as_bytes(whom.incarnation != 0 ? whom.path : at.text()));
+    return net::udp::keyed_hash(*reply_secret_, text.view()) | 1; // 0 says that there is none
+}
+
+wire::hello service_host::greeting_to(const location& whom, const endpoint& at, const std::string& connected) {
+    auto made = greeting();
+    made.wanted_path = whom.path;
+    made.wanted_epoch = whom.epoch;
+    made.wanted_incarnation = whom.incarnation;
+    if (at.kind == protocol::udp) made.reply_key = reply_key_for(whom, at);
+    if (!credentials_.key) return made;
+    made.dialled.push_back(connected);
+    if (at.text() != connected) made.dialled.push_back(at.text());
+    made.host_key = env_.identity().host_key;
+    return made;
+}
+
+class service_host::door final : public net::gatekeeper {
+public:
+    door(service_host& of, endpoint reached) : of_(of), reached_(std::move(reached)) {}
+
+    result<wire::welcome> admit(const wire::hello& caller) override {
+        if (of_.credentials_.key)
+            if (auto relayed = net::objection_to_way(caller, reached_, of_.advertised_, of_.env_)) return std::move(*relayed);
+        return of_.admit(caller);
+    }
+
+private:
+    service_host& of_;
+    endpoint reached_;
+};
 
 result<wire::welcome> service_host::admit(const wire::hello& caller) {
     auto me = self_.path.empty() ? "an unnamed component" : fmt::format("'{}'", self_.path);
@@ -54,6 +92,7 @@ result<wire::welcome> service_host::admit(const wire::hello& caller) {
         return failure(errc::overloaded, fmt::format("{} has {} sessions, no more are allowed (max_sessions)", me, sessions_.size()));
     auto mine = greeting();
     wire::welcome made;
+    made.features = mine.features;
     made.self = mine.self;
     made.accepts = mine.accepts;
     return made;
@@ -77,46 +116,27 @@ std::vector<endpoint> service_host::listening() const {
 }
 
 task<> service_host::accept(std::shared_ptr<listener> from) {
+    net::bounded_acceptor entrance(on_, from, &handshakes_,
+                                   [this](const std::string& what, const std::string& at) { tell(peer_trouble::accepting, what, at); });
     while (!stopping_) {
-        auto [problem, stranger] = co_await from->accept();
-        if (stopping_ || problem == asio::error::operation_aborted) co_return;
-        if (problem) {
-            // Out of descriptors or memory: wait until something was freed.
-            bool descriptors = problem.value() == EMFILE || problem.value() == ENFILE; // by number, as in io_failure
-            auto what = fmt::format("cannot accept: {}{}", problem.message(),
-                                    descriptors ? "; sessions go on, new ones wait until some have ended or the limit is raised (ulimit -n)" : "");
-            tell(peer_trouble::accepting, what, from->where().text());
-            co_await sleep_for(on_, std::chrono::milliseconds(100));
-            continue;
-        }
-        if (handshakes_.size() >= options_.max_handshakes) make_way();
-        if (handshakes_.size() >= 2 * options_.max_handshakes) { // these are on their way out yet
+        auto who = co_await entrance.next();
+        if (stopping_ || !who.line) co_return;
+        if (who.refused || greeting_ >= 2 * options_.max_handshakes) { // those beyond are on their way out yet
             ++counts_.sessions_rejected;
             continue; // closes it
         }
-        auto name = "handshake with " + stranger->peer();
-        auto place = handshakes_.insert(handshakes_.end(), std::make_shared<handshake>());
-        auto held = *place; // it may be over at once
-        held->host = stranger->peer();
-        held->host.resize(std::min(held->host.rfind(':'), held->host.size())); // without the port
-        held->cancel = scope_.spawn(std::move(name), greet(std::move(stranger), place));
+        auto peer = who.line->peer();
+        auto reached = who.line->local().value_or(from->where());
+        handshake_place held = std::move(who.place); // it may be over at once
+        auto* cancel = scope_.spawn("handshake with " + peer, greet(std::move(who.line), std::move(reached), held));
         if (scope_.stopping()) co_return;
+        if (!cancel) continue;
+        held->on_displaced([this, cancel, host = net::host_of(peer)] {
+            tell(peer_trouble::crowded,
+                 fmt::format("{} handshakes at once (max_handshakes), most from {}: the oldest of these make way", handshakes_.most(), host), host);
+            cancel->emit(asio::cancellation_type::terminal);
+        });
     }
-}
-
-// Who comes from elsewhere than the crowd keeps its place however slow its way is; of a crowd the oldest hold theirs
-// without saying anything.
-void service_host::make_way() {
-    std::unordered_map<std::string_view, std::size_t> of_host;
-    for (const auto& one : handshakes_) of_host[one->host] += !one->made_way;
-    std::shared_ptr<handshake> oldest;
-    for (const auto& one : handshakes_)
-        if (!one->made_way && one->cancel && (!oldest || of_host[one->host] > of_host[oldest->host])) oldest = one;
-    if (!oldest) return;
-    tell(peer_trouble::crowded, fmt::format("{} handshakes at once (max_handshakes), most from {}: the oldest of these make way", handshakes_.size(), oldest->host),
-         oldest->host);
-    oldest->made_way = true;
-    oldest->cancel->emit(asio::cancellation_type::terminal);
 }
 
 void service_host::tell(peer_trouble kind, std::string_view what, std::string_view peer) {
@@ -126,17 +146,37 @@ void service_host::tell(peer_trouble kind, std::string_view what, std::string_vi
     log_.write(level, what, {{"peer", std::string(peer)}, {"left_out", std::to_string(*left_out)}});
 }
 
-task<> service_host::greet(std::unique_ptr<stream> stranger, handshake_list::iterator place) {
+void service_host::on_subscription_ended(const std::string& service, const std::string& provider, const failure& why) {
+    constexpr std::size_t most = 16;
+    tell(peer_trouble::over, fmt::format("the subscription to '{}' has ended: {}", service, why.message()), provider);
+    on_subscribed(service, provider);
+    if (ended_subscriptions_.size() >= most) ended_subscriptions_.pop_front();
+    ended_subscription ended;
+    ended.service = service;
+    ended.provider = provider;
+    ended.cause = why.message();
+    ended_subscriptions_.push_back(std::move(ended));
+}
+
+void service_host::on_subscribed(const std::string& service, const std::string& provider) {
+    std::erase_if(ended_subscriptions_, [&](const auto& one) { return one.service == service && one.provider == provider; });
+}
+
+task<> service_host::greet(std::unique_ptr<stream> stranger, endpoint reached, handshake_place place) {
     struct leaving {
-        handshake_list& all;
-        handshake_list::iterator mine;
-        ~leaving() { all.erase(mine); }
-    } guard{handshakes_, place};
+        std::size_t& count;
+        handshake_place& mine;
+        ~leaving() {
+            --count;
+            mine.reset();
+        }
+    } guard{++greeting_, place};
     auto peer = stranger->peer();
+    door gate(*this, std::move(reached));
     auto deadline = saturating_add(on_.now(), options_.handshake_time);
     result<std::shared_ptr<net::connection>> made = failure(errc::cancelled, "the handshake was cancelled");
     try {
-        made = co_await net::respond(on_, std::move(stranger), *this, deadline, credentials_.key.get());
+        made = co_await net::respond(on_, std::move(stranger), gate, deadline, credentials_.key.get());
     } catch (const std::exception& thrown) {
         if (!is_cancellation(std::current_exception())) made = failure(errc::io_failed, thrown.what());
     }
@@ -144,8 +184,8 @@ task<> service_host::greet(std::unique_ptr<stream> stranger, handshake_list::ite
         ++counts_.sessions_rejected;
         if (scope_.stopping()) co_return;
         auto code = made.error().code();
-        bool strange = (*place)->made_way || broke_rules(code) || code == errc::timed_out || code == errc::unauthorized || code == errc::invalid_argument || code == errc::io_failed;
-        auto cause = (*place)->made_way ? fmt::format("{} had not greeted when its place was needed (max_handshakes)", peer) : made.error().message();
+        bool strange = place->displaced() || broke_rules(code) || code == errc::timed_out || code == errc::unauthorized || code == errc::invalid_argument || code == errc::io_failed;
+        auto cause = place->displaced() ? fmt::format("{} had not greeted when its place was needed (max_handshakes)", peer) : made.error().message();
         tell(strange ? peer_trouble::handshake : peer_trouble::rejected, fmt::format("a session was not made: {}", cause), peer);
         co_return;
     }
@@ -194,10 +234,10 @@ std::shared_ptr<link> service_host::link_to(const std::string& path, role_option
     return held;
 }
 
-std::shared_ptr<link> service_host::link_to(const endpoint& at) {
-    auto& known = links_[at.text()];
+std::shared_ptr<link> service_host::link_to(const endpoint& at, const std::string& path) {
+    auto& known = links_[path.empty() ? at.text() : fmt::format("{} {}", at.text(), path)];
     auto held = known.lock();
-    if (!held) known = held = std::make_shared<link>(*this, std::string(), at);
+    if (!held) known = held = std::make_shared<link>(*this, path, at);
     return held;
 }
 

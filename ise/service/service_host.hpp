@@ -3,8 +3,10 @@
 #include <ise/core/log.hpp>
 #include <ise/core/log_limiter.hpp>
 #include <ise/core/task_scope.hpp>
+#include <ise/net/fair_places.hpp>
 #include <ise/net/handshake.hpp>
 #include <ise/net/security.hpp>
+#include <ise/net/udp/cookie.hpp>
 #include <ise/service/dispatcher.hpp>
 #include <ise/service/link.hpp>
 #include <ise/service/reply_window.hpp>
@@ -12,6 +14,7 @@
 #include <ise/service/service_options.hpp>
 
 #include <array>
+#include <deque>
 #include <list>
 #include <map>
 #include <memory>
@@ -48,17 +51,19 @@ enum class peer_trouble : std::uint8_t {
     broken,    ///< a session ended because the peer broke a rule, or a limit
     mismatch,  ///< types that do not fit
     callback,  ///< the user's own code threw
+    handler,   ///< the same, while it answered a call
+    over,      ///< a subscription of ours ended other than by our wish
     excess,    ///< a peer in good order that asks for more than it may have
 };
 /// What a peer in good order does not cause.
 constexpr bool broke_rules(errc cause) noexcept {
     return cause == errc::protocol_error || cause == errc::malformed || cause == errc::too_large || cause == errc::overloaded;
 }
-inline constexpr std::size_t peer_troubles = 8; ///< how many kinds there are
+inline constexpr std::size_t peer_troubles = 10; ///< how many kinds there are
 
 /// The services of one component: what it provides, whom it talks to. Everything on the component's loop.
 /// Lifetime: `stop()` and join the scope before destroying it.
-class service_host final : public net::gatekeeper {
+class service_host final {
 public:
     service_host(environment& env, loop& on, task_scope& scope, wire::identity self, service_options options, logger log,
                  security credentials = security());
@@ -77,6 +82,14 @@ public:
     /// Logs what a peer caused; lines left out are counted in the next of that kind.
     void tell(peer_trouble kind, std::string_view what, std::string_view peer);
     service_counts& counts() noexcept { return counts_; }
+    /// A subscription that ended other than by its subscriber's wish, and was not made again since.
+    struct ended_subscription {
+        std::string service, provider, cause;
+    };
+    /// The last ones, oldest first.
+    const std::deque<ended_subscription>& ended_subscriptions() const noexcept { return ended_subscriptions_; }
+    void on_subscription_ended(const std::string& service, const std::string& provider, const failure& why);
+    void on_subscribed(const std::string& service, const std::string& provider);
     /// Of all of its connections; for another thread, for as long as that likes.
     const std::shared_ptr<net::vital_signs_list>& signs() const noexcept { return signs_; }
 
@@ -88,10 +101,14 @@ public:
     result<endpoint> listen(const endpoint& at);
     /// Where it listens, with real ports.
     std::vector<endpoint> listening() const;
+    /// Further endpoints that peers may have dialled: those of tunnels and address translations that lead here. With a shared
+    /// key, sessions that were dialled elsewhere are refused as relayed.
+    void advertise(std::vector<endpoint> through) { advertised_ = std::move(through); }
 
     /// The link to a path or an endpoint; one for all who talk to it, and to a role in the same way.
     std::shared_ptr<link> link_to(const std::string& path, role_options how = role_options());
-    std::shared_ptr<link> link_to(const endpoint& at);
+    /// `path`: of the component that is to answer there; empty: whoever listens.
+    std::shared_ptr<link> link_to(const endpoint& at, const std::string& path = std::string());
     void use_resolver(std::shared_ptr<ise::resolver> names) { resolver_ = std::move(names); }
     ise::resolver* resolver() noexcept { return resolver_.get(); }
 
@@ -104,8 +121,10 @@ public:
     std::shared_ptr<session> run(std::shared_ptr<net::connection> connection, std::weak_ptr<link> owner);
     void forget(session& ended);
     const std::map<session*, std::shared_ptr<session>>& sessions() const noexcept { return sessions_; }
-    /// A hello of ours.
+    /// A hello of ours to whoever listens.
     wire::hello greeting() const;
+    /// A hello of ours to who is meant to listen at `at`; `connected` is that as a numeric address, where it has one.
+    wire::hello greeting_to(const location& whom, const endpoint& at, const std::string& connected);
 
     /// Says goodbye on every session, stops listening and serving. What was read is answered for at most `grace`.
     void stop(duration grace);
@@ -119,17 +138,12 @@ public:
     void go_on() noexcept { paused_.reset(); }
 
 private:
-    result<wire::welcome> admit(const wire::hello& caller) override;
+    std::uint64_t reply_key_for(const location& whom, const endpoint& at);
+    class door; // for one stranger
+    result<wire::welcome> admit(const wire::hello& caller);
     task<> accept(std::shared_ptr<listener> from);
-    // A stranger who has not greeted yet.
-    struct handshake {
-        asio::cancellation_signal* cancel = nullptr;
-        std::string host; // where it comes from
-        bool made_way = false;
-    };
-    using handshake_list = std::list<std::shared_ptr<handshake>>;
-    void make_way();
-    task<> greet(std::unique_ptr<stream> stranger, handshake_list::iterator place);
+    using handshake_place = std::shared_ptr<net::fair_places::place>;
+    task<> greet(std::unique_ptr<stream> stranger, endpoint reached, handshake_place place);
 
     environment& env_;
     loop& on_;
@@ -147,9 +161,13 @@ private:
     std::map<std::string, std::weak_ptr<link>> links_;
     std::map<session*, std::shared_ptr<session>> sessions_;
     std::vector<waiter<>*> awaiting_sessions_end_;
-    handshake_list handshakes_; // oldest first
+    net::fair_places handshakes_;
+    std::size_t greeting_ = 0; // coroutines: those that lost their place and are on their way out included
     std::array<log_limiter, peer_troubles> troubles_;
+    std::vector<endpoint> advertised_;
+    std::deque<ended_subscription> ended_subscriptions_;
     std::uint64_t call_ranges_ = 0;
+    std::optional<net::udp::secret> reply_secret_; // once a session over udp was made
     ise::reply_windows reply_windows_;
     std::optional<failure> paused_;
     bool stopping_ = false;

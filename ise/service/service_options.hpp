@@ -25,6 +25,7 @@ struct service_options {
     std::size_t max_subscriber_bytes = 256u << 20;       ///< packets held for one session; beyond, the policies apply as if the queues were full
     std::size_t max_lingering = 4096;                    ///< vanished subscribers of one publication; beyond, the oldest is forgotten
     duration longest_stall = std::chrono::seconds(30);   ///< a lossless subscriber that holds up its publisher is ended then
+    duration longest_silence = std::chrono::seconds(1);  ///< one that is not heard meanwhile is ended then; at least one heartbeat
     /// Bytes of one session that wait behind the reach of priorities and of "keep latest", in the system's send queue and
     /// in a write that was begun, over udp all that is under way: over a slow link a packet is no older than these take to drain. Fewer cost throughput.
     std::size_t unsent_bytes = 128 * 1024;

@@ -46,7 +46,7 @@ result<void> session::on_frame(const wire::frame& received) {
         case frame_type::unsubscribe:
             if (auto good = takes_answers(); !good) return good;
             return provided().on_unsubscribe(received);
-        case frame_type::unsubscribed: return {}; // its subscriber has left already
+        case frame_type::unsubscribed: on_unsubscribed(received); return {};
         case frame_type::ended: return on_ended(received);
         case frame_type::credit: return provided().on_credit(received);
         case frame_type::schema_request: return schemas_.on_request(received.body);
@@ -92,7 +92,7 @@ void session::introduce(std::uint32_t number) {
 }
 
 reply_window& session::replies() {
-    if (!replies_) replies_ = host_.reply_windows().of(peer().incarnation, host_.on().now());
+    if (!replies_) replies_ = host_.reply_windows().of(peer().reply_key, peer().incarnation, host_.on().now());
     return *replies_;
 }
 
@@ -273,18 +273,37 @@ void session::subscribe(subscriber_core& subscriber) {
     host_.schemas().add_own(subscriber.types());
     subscribers_.emplace(id, &subscriber);
     subscriber.on_sent(*this, id);
+    if (terms.policy == wire::overflow::lossless) { // a publisher may wait for this side, and no longer than it hears of it
+        connection_->sign_often();
+        host_.signs()->hasten(connection_->signs()->heartbeat());
+    }
     const std::uint8_t flags = connection_->passes_objects() && subscriber.takes_objects() ? wire::flag::objects : std::uint8_t{0};
     wire::put_frame(connection_->out().begin_call(), frame_type::subscribe, flags, id, [&](buffer& body) { encode(terms, body); });
     connection_->out().end_call();
     connection_->written();
 }
 
-void session::unsubscribe(subscriber_core& subscriber) {
+void session::unsubscribe(subscriber_core& subscriber) { unsubscribe(subscriber, subscriber.farewell(), nullptr); }
+
+void session::unsubscribe(subscriber_core& subscriber, bytes_view farewell, departure* waiting) {
     if (subscribers_.erase(subscriber.id()) == 0 || !connection_->open()) return;
-    wire::put_frame(connection_->out().begin_call(), frame_type::unsubscribe, 0, subscriber.id(), [&](buffer& body) { body.append(bytes_view(subscriber.farewell())); });
+    if (waiting) departures_.emplace(subscriber.id(), waiting);
+    wire::put_frame(connection_->out().begin_call(), frame_type::unsubscribe, 0, subscriber.id(), [&](buffer& body) { body.append(farewell); });
     connection_->out().end_call();
     connection_->written();
 }
+
+// Mostly nobody waits for it.
+void session::on_unsubscribed(const wire::frame& received) {
+    auto found = departures_.find(received.header.id);
+    if (found == departures_.end()) return;
+    auto& waiting = *found->second;
+    departures_.erase(found);
+    waiting.outcome.emplace(bytes(received.body.begin(), received.body.end()));
+    waiting.answered.resume();
+}
+
+loop& session::host_loop() noexcept { return host_.on(); }
 
 subscriber_core* session::find_subscriber(std::uint64_t id) const noexcept {
     auto found = subscribers_.find(id);
@@ -318,17 +337,15 @@ result<void> session::on_packet(const wire::frame& received) {
 }
 
 result<void> session::on_ended(const wire::frame& received) {
-    auto why = wire::read_body<wire::farewell>(received.body);
+    auto why = wire::read_body<wire::ended>(received.body);
     if (!why) return why.error();
     auto found = subscribers_.find(received.header.id);
     if (found == subscribers_.end()) return {};
     auto* subscriber = found->second;
     subscribers_.erase(found);
-    subscriber->on_ended(failure(static_cast<errc>(why->code), fmt::format("'{}' at {}: {}", subscriber->service(), peer_name(), why->reason)));
+    subscriber->on_ended(failure(static_cast<errc>(why->code), fmt::format("'{}' at {}: {}", subscriber->service(), peer_name(), why->reason)), why->lost);
     return {};
 }
-
-void session::refuse_subscription(std::uint64_t subscription, const failure& why) { end_provided(subscription, why); }
 
 provided_subscriptions& session::provided() {
     if (!provided_) provided_ = std::make_unique<provided_subscriptions>(*this);
@@ -341,10 +358,11 @@ void session::forget_provided(std::uint64_t subscription) {
     if (provided_) provided_->forget(subscription);
 }
 
-void session::end_provided(std::uint64_t subscription, const failure& why) {
+void session::end_provided(std::uint64_t subscription, const failure& why, std::uint64_t lost) {
     forget_provided(subscription);
     if (!connection_->open()) return;
-    wire::farewell told;
+    wire::ended told;
+    told.lost = lost;
     told.code = static_cast<std::uint8_t>(why.code());
     told.reason = why.message();
     wire::put_frame(connection_->out().begin_call(), frame_type::ended, 0, subscription, [&](buffer& body) { encode(told, body); });
@@ -384,6 +402,10 @@ void session::on_closed(const failure& cause) {
         host_.calls().fail(*call, failure(errc::peer_lost, fmt::format("'{}': the session ended before the answer: {}", call->service, cause.message()), execution::unknown));
     }
     for (auto& [id, subscriber] : std::exchange(subscribers_, {})) subscriber->on_session_end(cause);
+    for (auto& [id, waiting] : std::exchange(departures_, {})) {
+        waiting->outcome.emplace(failure(errc::peer_lost, fmt::format("the session ended before the answer to the farewell: {}", cause.message()), execution::unknown));
+        waiting->answered.resume();
+    }
     incoming_.on_session_end();
     if (provided_) provided_->on_session_end();
     if (owner) owner->on_session_end(*this, cause);

@@ -1,4 +1,5 @@
 #pragma once
+#include <ise/core/waiter.hpp>
 #include <ise/net/connection.hpp>
 #include <ise/service/incoming_calls.hpp>
 #include <ise/service/pending_call.hpp>
@@ -7,6 +8,7 @@
 
 #include <map>
 #include <memory>
+#include <optional>
 #include <vector>
 
 namespace ise {
@@ -15,6 +17,7 @@ class service_host;
 class subscriber_core;
 class provided_subscriptions;
 class reply_window;
+struct departure;
 
 /// What two components say to each other over one connection, in both directions: the calls and subscriptions that
 /// this side asked for, and those that it serves. Symmetric: who connected makes no difference.
@@ -28,6 +31,7 @@ public:
 
     net::connection& wire() noexcept { return *connection_; }
     service_host& host() noexcept { return host_; }
+    loop& host_loop() noexcept;
     bool open() const noexcept { return connection_->open(); }
     const std::string& peer_name() const noexcept { return connection_->peer_name(); }
     const net::session_peer& peer() const noexcept { return connection_->terms().peer; }
@@ -50,14 +54,16 @@ public:
     /// The same, or null where it has numbered no call.
     reply_window* known_replies() const noexcept { return replies_.get(); }
 
-    /// Tells a subscriber of ours that its subscription is over.
-    void refuse_subscription(std::uint64_t subscription, const failure& why);
-    void end_provided(std::uint64_t subscription, const failure& why);
+    /// Tells a subscriber of ours that its subscription is over, and how many packets it does not get for that.
+    void end_provided(std::uint64_t subscription, const failure& why, std::uint64_t lost);
     /// A subscription has moved to another session, or its publication has gone.
     void forget_provided(std::uint64_t subscription);
 
     void subscribe(subscriber_core& subscriber);
     void unsubscribe(subscriber_core& subscriber);
+    /// The same with a packet of its user, whose answer is for `waiting`.
+    void unsubscribe(subscriber_core& subscriber, bytes_view farewell, departure* waiting);
+    void forget_departure(std::uint64_t id) noexcept { departures_.erase(id); }
     /// Bytes held for the peer's subscriptions.
     std::size_t& subscriber_bytes();
     /// Our subscription of that number, if it is still there.
@@ -100,6 +106,7 @@ private:
     result<void> on_subscribed(const wire::frame& received);
     result<void> on_packet(const wire::frame& received);
     result<void> on_ended(const wire::frame& received);
+    void on_unsubscribed(const wire::frame& received);
     void complete(pending_call& call, introduced& service, incoming_packet response);
 
     service_host& host_;
@@ -115,7 +122,26 @@ private:
     std::vector<std::uint32_t> free_slots_;
     std::size_t held_reply_bytes_ = 0;
     std::map<std::uint64_t, subscriber_core*> subscribers_; // by subscription id
+    std::map<std::uint64_t, departure*> departures_;         // by subscription id
     std::uint64_t next_subscription_ = 1;
+};
+
+/// A subscriber that left and waits for the provider's answer.
+struct departure {
+    departure(session& over, std::uint64_t subscription)
+        : answered(over.host_loop(), [this] { answered.resume(); }), over_(over.weak_from_this()), id_(subscription) {}
+    ~departure() {
+        if (auto held = over_.lock()) held->forget_departure(id_);
+    }
+    departure(const departure&) = delete;
+    departure& operator=(const departure&) = delete;
+
+    waiter<> answered;
+    std::optional<result<bytes>> outcome;
+
+private:
+    std::weak_ptr<session> over_;
+    std::uint64_t id_;
 };
 
 } // namespace ise

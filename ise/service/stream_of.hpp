@@ -50,8 +50,14 @@ public:
     bool ended() const { return held()->ended(); }
     /// Only where `ended()`.
     const failure& cause() const { return held()->cause(); }
-    /// Ends it now; waiting coroutines get the end.
+    /// Ends it now; waiting coroutines get the end. The provider hears of a default unsubscribe packet.
     void leave() { held()->leave(); }
+    /// The same with an unsubscribe packet: gives the provider's answer, waiting for it at most `deadline` (zero: the component's
+    /// default). Throws ise::error: peer_lost (not executed: the provider is out of reach), timed_out, handler_failed, and
+    /// `cause()` where it had ended; it is over in any case. Cancellation: terminal. `request` is a named variable.
+    task<typename Contract::unsubscribe_response> leave(typename Contract::unsubscribe_request request, duration deadline = duration()) {
+        return core::leave_with(held(), std::move(request), deadline);
+    }
 
     class core;
     /// Made by `remote::subscribe`.
@@ -86,6 +92,15 @@ public:
             if (packet || self->ended()) co_return packet;
             co_await self->wait_for_packet();
         }
+    }
+
+    static task<typename Contract::unsubscribe_response> leave_with(std::shared_ptr<core> self, typename Contract::unsubscribe_request request, duration deadline) {
+        auto raw = encode(request);
+        auto leaving = self->subscriber_core::leave_with(std::move(raw), deadline);
+        auto answer = co_await std::move(leaving);
+        typename Contract::unsubscribe_response response{};
+        if (!answer.value().empty()) decode_into(response, answer.value());
+        co_return response;
     }
 
     received<packet_type> take() {

@@ -66,6 +66,32 @@ void subscriber_core::leave() {
     if (!ended_) finish(failure(errc::cancelled, fmt::format("the subscription to '{}' was left", service_)));
 }
 
+task<result<bytes>> subscriber_core::leave_with(bytes request, duration deadline) {
+    if (ended_) co_return *ended_;
+    if (!session_ || !established_) {
+        leave();
+        co_return failure(errc::peer_lost, fmt::format("'{}' at {} was left while it was out of reach: it was not asked", service_, link_->name()));
+    }
+    departure going(*session_, id_);
+    timer alarm(on_, [&going] { going.answered.resume(); });
+    alarm.arm(saturating_add(on_.now(), deadline > duration{} ? deadline : link_->host().options().default_deadline));
+    session_->unsubscribe(*this, request, &going);
+    session_ = nullptr;
+    leave();
+    if (!going.outcome) co_await going.answered.wait();
+    if (!going.outcome) co_return failure(errc::timed_out, fmt::format("'{}' at {} was left, and did not answer in time", service_, link_->name()), execution::unknown);
+    if (!*going.outcome) co_return going.outcome->error();
+    auto& raw = **going.outcome;
+    if (raw.empty() && !adapt(schema(), types_.schemas[role::unsubscribe_response], {}).empty())
+        co_return failure(errc::handler_failed, fmt::format("'{}' at {} was left, and gave no answer: it had ended, or failed over it", service_, link_->name()), execution::unknown);
+    if (raw.empty() || !farewell_adapter_) co_return std::move(raw);
+    try {
+        co_return (*farewell_adapter_)(raw);
+    } catch (const error& unfit) {
+        co_return unfit.why();
+    }
+}
+
 void subscriber_core::finish(failure why) {
     ended_ = std::move(why);
     packet_.resume();
@@ -103,6 +129,7 @@ result<void> subscriber_core::on_subscribed(wire::subscribed answer) {
     if (answer.fingerprints.size() != types_.fingerprints.size()) return failure(errc::protocol_error, "a subscription was answered with the packets of another kind");
     if (answer.fingerprints == types_.fingerprints) {
         adapter_.reset();
+        farewell_adapter_.reset();
         establish(answer);
         return {};
     }
@@ -114,12 +141,12 @@ result<void> subscriber_core::on_subscribed(wire::subscribed answer) {
         if (auto* who = over->find_subscriber(id)) who->refuse_packets(why);
     };
     session_->schemas().need(
-        {shared->fingerprints[role::subscribe_response], shared->fingerprints[role::published]},
+        {shared->fingerprints[role::subscribe_response], shared->fingerprints[role::published], shared->fingerprints[role::unsubscribe_response]},
         [over = session_, id, shared, refuse](const std::vector<schema>& theirs) {
             auto* who = over->find_subscriber(id);
             if (!who) return;
             try {
-                who->adapt_to(theirs[0], theirs[1], *shared);
+                who->adapt_to(theirs, *shared);
             } catch (const error& incompatible) {
                 refuse(incompatible.why());
                 return;
@@ -131,19 +158,18 @@ result<void> subscriber_core::on_subscribed(wire::subscribed answer) {
 }
 
 void subscriber_core::refuse_packets(const failure& why) {
-    session_->unsubscribe(*this);
-    session_ = nullptr;
-    on_refused(failure(errc::type_mismatch, fmt::format("'{}' at {}: {}", service_, link_->name(), why.message())));
+    end_here(failure(errc::type_mismatch, fmt::format("'{}' at {}: {}", service_, link_->name(), why.message())));
 }
 
-void subscriber_core::adapt_to(const schema& response, const schema& published, wire::subscribed& answer) {
-    adapter adapt(response, types_.schemas[role::subscribe_response]);
+void subscriber_core::adapt_to(const std::vector<schema>& theirs, wire::subscribed& answer) {
+    adapter adapt(theirs[0], types_.schemas[role::subscribe_response]);
+    farewell_adapter_ = std::make_unique<adapter>(theirs[2], types_.schemas[role::unsubscribe_response]);
     if (!answer.resumed) { // else there is no response: it came in the first session
         auto adapted = adapt(std::as_bytes(std::span(answer.response)));
         auto* raw = reinterpret_cast<const std::uint8_t*>(adapted.data());
         answer.response.assign(raw, raw + adapted.size());
     }
-    adapter_ = std::make_unique<adapter>(published, types_.schemas[role::published]);
+    adapter_ = std::make_unique<adapter>(theirs[1], types_.schemas[role::published]);
     if (adapter_->is_identity()) adapter_.reset();
 }
 
@@ -156,6 +182,10 @@ void subscriber_core::establish(const wire::subscribed& answer) {
             ++counts_.restarts;
             lost_before_ = unknown_gap;
         }
+        if (again && options_.policy == overflow::lossless) { // by a provider that does not know better
+            end_here(failure(errc::peer_lost, fmt::format("an unknown number of packets of '{}' from {} were lost", service_, link_->name())));
+            return;
+        }
         next_sequence_ = answer.first_sequence;
     }
     wire::resumption point;
@@ -164,6 +194,7 @@ void subscriber_core::establish(const wire::subscribed& answer) {
     resume_ = point;
     comparing_ = false;
     established_ = true;
+    if (!again) link_->host().on_subscribed(service_, link_->name());
     try {
         take_response(std::as_bytes(std::span(answer.response)));
     } catch (const error& unreadable) {
@@ -178,13 +209,23 @@ void subscriber_core::establish(const wire::subscribed& answer) {
 }
 
 void subscriber_core::on_refused(const failure& why) {
+    const bool committed = resume_.has_value();
     established_ = false;
     refused_ = why;
     link_->detach(*this);
+    if (auto& host = link_->host(); committed && !host.stopping()) host.on_subscription_ended(service_, link_->name(), why);
     finish(why);
 }
 
-void subscriber_core::on_ended(const failure& why) {
+void subscriber_core::on_ended(const failure& why, std::uint64_t lost) {
+    session_ = nullptr;
+    if (lost == wire::unknown_loss) ++counts_.restarts;
+    else counts_.lost_at_provider += lost;
+    on_refused(why);
+}
+
+void subscriber_core::end_here(const failure& why) {
+    if (session_) session_->unsubscribe(*this);
     session_ = nullptr;
     on_refused(why);
 }
@@ -233,13 +274,15 @@ result<void> subscriber_core::on_other_packet(std::uint64_t sequence, std::uint3
     counts_.lost_at_provider += lost;
     lost_before_ = gap_of(lost_before_, lost);
     next_sequence_ = sequence + 1;
+    if (lost > 0 && options_.policy == overflow::lossless) { // such as one that is too large for this side
+        end_here(failure(errc::overloaded, fmt::format("{} packets of '{}' from {} were lost", lost, service_, link_->name())));
+        return {};
+    }
 
     if (queue_.size() >= capacity()) {
         if (options_.policy == overflow::disconnect || options_.policy == overflow::lossless) {
             // Lossless: the provider sent more than the credit it was given.
-            if (session_) session_->unsubscribe(*this);
-            session_ = nullptr;
-            on_refused(failure(errc::overloaded, fmt::format("{} packets of '{}' were not taken in time", queue_.size(), service_)));
+            end_here(failure(errc::overloaded, fmt::format("{} packets of '{}' were not taken in time", queue_.size(), service_)));
             return {};
         }
         drop_oldest();

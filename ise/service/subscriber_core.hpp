@@ -70,6 +70,9 @@ public:
     task<result<void>> begin();
     /// Ends it from this side: unsubscribes. Waiting coroutines get the end.
     void leave();
+    /// The same with the user's unsubscribe packet; gives the provider's answer. errc::peer_lost where the provider is out
+    /// of reach: it is left all the same.
+    task<result<bytes>> leave_with(bytes request, duration deadline);
 
     const std::string& service() const noexcept { return service_; }
     const packet_types& types() const noexcept { return types_; }
@@ -89,7 +92,7 @@ public:
     void on_refused(const failure& why);
     result<void> on_packet(std::uint64_t sequence, std::uint32_t skipped, incoming_packet& packet);
     void on_session_end(const failure& cause);
-    void on_ended(const failure& why);
+    void on_ended(const failure& why, std::uint64_t lost);
     std::uint64_t id() const noexcept { return id_; }
 
 protected:
@@ -119,7 +122,8 @@ private:
     void count_undecodable(const error& why);
     void taken();
     void refuse_packets(const failure& why);
-    void adapt_to(const schema& response, const schema& published, wire::subscribed& answer);
+    void end_here(const failure& why);
+    void adapt_to(const std::vector<schema>& theirs, wire::subscribed& answer);
     void establish(const wire::subscribed& answer);
     std::size_t capacity() const noexcept;
 
@@ -132,6 +136,7 @@ private:
     waiter<> packet_;
     waiter<> answer_;
     std::unique_ptr<adapter> adapter_;
+    std::unique_ptr<adapter> farewell_adapter_; // of the answer to the unsubscribe packet
     session* session_ = nullptr;
     std::uint64_t id_ = 0;
     std::optional<wire::resumption> resume_;

@@ -13,13 +13,13 @@ namespace {
 
 class sim_alarm final : public alarm {
 public:
-    sim_alarm(scheduler& engine, std::shared_ptr<flow> where, loop& owner)
-        : engine_(engine), where_(std::move(where)), loop_(owner) {}
+    sim_alarm(scheduler& engine, std::shared_ptr<flow> where, loop& owner, const duration& ahead)
+        : engine_(engine), where_(std::move(where)), loop_(owner), ahead_(ahead) {}
     ~sim_alarm() override { engine_.cancel(armed_); }
 
     void arm(time_point at) override {
         engine_.cancel(armed_);
-        armed_ = engine_.at(at, where_, [this] {
+        armed_ = engine_.at(at - ahead_, where_, [this] {
             armed_ = {};
             loop_.on_alarm();
         });
@@ -29,6 +29,7 @@ private:
     scheduler& engine_;
     std::shared_ptr<flow> where_;
     loop& loop_;
+    const duration& ahead_;
     scheduler::ticket armed_;
 };
 
@@ -40,7 +41,7 @@ public:
     sim_loop(process& owner, std::shared_ptr<flow> where)
         : owner_(owner), engine_(owner.host().world().engine()), where_(std::move(where)),
           loop_(owner, flow_executor(where_), [engine = &engine_] { return engine->running_here(); }) {
-        loop_.use_alarm(std::make_unique<sim_alarm>(engine_, where_, loop_));
+        loop_.use_alarm(std::make_unique<sim_alarm>(engine_, where_, loop_, owner.clock_offset_));
         owner_.loops_.push_back(this);
     }
 
@@ -131,7 +132,7 @@ void process::tear_down() {
     host_.world().engine().bury();
 }
 
-time_point process::now() const { return host_.world().now(); }
+time_point process::now() const { return host_.world().now() + clock_offset_; }
 
 wall_time process::wall() const { return host_.world().wall_start + host_.world().elapsed() + wall_offset_; }
 

@@ -37,6 +37,8 @@ public:
     void keep(std::shared_ptr<void> object) { kept_.push_back(std::move(object)); }
     /// An environment variable, such as ISE_NAME_SERVER.
     void set_variable(const std::string& name, std::string value) { variables_[name] = std::move(value); }
+    /// How much the monotonic clock of this process is ahead of the world's, as on a machine of its own. Before it runs anything.
+    void set_clock_offset(duration ahead) noexcept { clock_offset_ = ahead; }
     /// How much the wall clock of this process is ahead of the world's.
     void set_wall_offset(duration ahead) noexcept { wall_offset_ = ahead; }
 
@@ -94,6 +96,7 @@ private:
     std::vector<std::weak_ptr<resource>> resources_;
     std::vector<std::shared_ptr<void>> kept_;
     duration wall_offset_{};
+    duration clock_offset_{};
     bool running_ = true;
     bool paused_ = false;
 };

@@ -130,7 +130,7 @@ bool scheduler::step(time_point limit) {
         if (timed_.empty() || timed_.begin()->first.first > limit) return false;
         auto first = timed_.begin();
         auto next = std::move(first->second);
-        now_ = first->first.first;
+        advance_to(first->first.first); // an event before it may have taken time
         timed_.erase(first);
         run(std::move(next));
     }

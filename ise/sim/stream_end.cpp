@@ -6,10 +6,10 @@
 
 namespace ise::sim {
 
-stream_end::stream_end(process& owner, loop& on, std::size_t receive_limit_bytes, std::string peer)
+stream_end::stream_end(process& owner, loop& on, std::size_t receive_limit_bytes, std::string peer, std::optional<endpoint> local)
     : readable(on, [this] { readable.resume({asio::error::operation_aborted, 0}); }),
       writable_again(on, [this] { writable_again.resume({asio::error::operation_aborted, 0}); }), owner_(owner),
-      where_(owner.flow_of(on)), loop_(on), received_(receive_limit_bytes), peer_(std::move(peer)) {}
+      where_(owner.flow_of(on)), loop_(on), received_(receive_limit_bytes), peer_(std::move(peer)), local_(std::move(local)) {}
 
 transfer stream_end::read(std::span<std::byte> into) {
     if (closed_) return {asio::error::operation_aborted, 0};
@@ -113,6 +113,7 @@ public:
     void shutdown_write() override { end_->shutdown(); }
     void close() override { end_->close(); }
     std::string peer() const override { return end_->peer(); }
+    std::optional<endpoint> local() const override { return end_->local(); }
 
 private:
     static task<transfer> read(std::shared_ptr<stream_end> end, asio::mutable_buffer into) {

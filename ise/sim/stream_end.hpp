@@ -5,6 +5,7 @@
 #include <ise/sim/resource.hpp>
 
 #include <memory>
+#include <optional>
 #include <string>
 
 namespace ise::sim {
@@ -16,7 +17,7 @@ struct flow;
 /// hold on to it, so that the stream may be destroyed under them.
 class stream_end : public resource, public std::enable_shared_from_this<stream_end> {
 public:
-    stream_end(process& owner, loop& on, std::size_t receive_limit_bytes, std::string peer);
+    stream_end(process& owner, loop& on, std::size_t receive_limit_bytes, std::string peer, std::optional<endpoint> local = std::nullopt);
 
     // For the stream, on its loop.
     transfer read(std::span<std::byte> into); ///< would_block: nothing yet
@@ -36,6 +37,8 @@ public:
     bool gone() const noexcept { return closed_ || dead_; } ///< nobody will read from it any more
     bool unread() const noexcept { return !received_.empty(); }
     const std::string& peer() const noexcept { return peer_; }
+    /// Of the side that was connected to: the endpoint that the other one asked for.
+    const std::optional<endpoint>& local() const noexcept { return local_; }
     process& owner() noexcept { return owner_; }
 
     waiter<transfer> readable, writable_again;
@@ -58,6 +61,7 @@ private:
     loop& loop_;
     byte_queue received_;
     std::string peer_;
+    std::optional<endpoint> local_;
     std::error_code broken_;
     bool ended_ = false;
     bool shut_ = false;

@@ -70,7 +70,7 @@ private:
         }
         const auto back = one_way();
         connection_->not_before(1, world_.now() + back);
-        auto accepted = connection_->open_side(1, acceptor->owner(), acceptor->on(), peer.text());
+        auto accepted = connection_->open_side(1, acceptor->owner(), acceptor->on(), peer.text(), to_);
         after(back, [](dial& self) { self.answered(); });
         acceptor->push(std::move(accepted));
     }

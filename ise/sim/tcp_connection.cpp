@@ -12,8 +12,8 @@ namespace {
 class tcp_end final : public stream_end {
 public:
     tcp_end(std::shared_ptr<tcp_connection> connection, std::size_t side, process& owner, loop& on, std::size_t limit,
-            std::string peer)
-        : stream_end(owner, on, limit, std::move(peer)), connection_(std::move(connection)), side_(side) {}
+            std::string peer, std::optional<endpoint> local)
+        : stream_end(owner, on, limit, std::move(peer), std::move(local)), connection_(std::move(connection)), side_(side) {}
 
     void limit_unsent(std::size_t most) override { connection_->limit_unsent(side_, most); }
 
@@ -63,8 +63,8 @@ tcp_connection::tcp_connection(network& net, host& client, host& server, std::st
     if (auto rule = net.take_cut(client, server)) halves_[rule->which == direction::to_server ? 0 : 1].cut_at = rule->after_bytes;
 }
 
-std::unique_ptr<stream> tcp_connection::open_side(std::size_t side, process& owner, loop& on, std::string peer) {
-    auto end = std::make_shared<tcp_end>(shared_from_this(), side, owner, on, over_.receive_buffer_bytes, std::move(peer));
+std::unique_ptr<stream> tcp_connection::open_side(std::size_t side, process& owner, loop& on, std::string peer, std::optional<endpoint> local) {
+    auto end = std::make_shared<tcp_end>(shared_from_this(), side, owner, on, over_.receive_buffer_bytes, std::move(peer), std::move(local));
     ends_[side] = end;
     owner.attach(end);
     return make_stream(std::move(end));

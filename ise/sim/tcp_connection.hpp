@@ -17,8 +17,8 @@ class tcp_connection : public std::enable_shared_from_this<tcp_connection> {
 public:
     tcp_connection(network& net, host& client, host& server, std::string client_name, std::string server_name);
 
-    /// A stream on `on` at one of the sides.
-    std::unique_ptr<stream> open_side(std::size_t side, process& owner, loop& on, std::string peer);
+    /// A stream on `on` at one of the sides; `local` of the one that was connected to.
+    std::unique_ptr<stream> open_side(std::size_t side, process& owner, loop& on, std::string peer, std::optional<endpoint> local = std::nullopt);
 
     std::size_t room(std::size_t side) const;
     /// No room at that side while so many bytes wait there for the link's bandwidth.

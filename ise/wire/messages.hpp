@@ -19,7 +19,9 @@ inline constexpr std::uint64_t pieces = 1;  ///< big messages travel in pieces
 inline constexpr std::uint64_t schemas = 2; ///< schema texts are answered
 inline constexpr std::uint64_t resume = 4;  ///< subscriptions can be resumed by ticket
 inline constexpr std::uint64_t objects = 8; ///< within one process: packets as the objects that they are
-inline constexpr std::uint64_t all = pieces | schemas | resume; ///< over every transport
+inline constexpr std::uint64_t clock = 16; ///< what a side's clock says is told, and deadlines are times of the provider's
+inline constexpr std::uint64_t first = pieces | schemas | resume; ///< those of every peer
+inline constexpr std::uint64_t all = first | clock; ///< over every transport
 } // namespace feature
 
 /// Who speaks.
@@ -52,27 +54,42 @@ struct hello {
     std::uint32_t magic = wire::magic;
     std::uint16_t oldest = oldest_version;
     std::uint16_t newest = newest_version;
-    std::uint64_t features = feature::all;
+    std::uint64_t features = feature::first;
     identity self;
     std::string wanted_path;              ///< empty: whoever listens there
     std::uint64_t wanted_epoch = 0;       ///< 0: any
     std::uint64_t wanted_incarnation = 0; ///< 0: any
     limits accepts;
     credentials authentication;
+    /// Over datagrams: by which the responder keeps its replies to numbered calls. Secret between the two; 0: none.
+    std::uint64_t reply_key = 0;
+    /// With a shared key: the endpoint as it was connected, then as it was asked for where that is another text.
+    std::vector<std::string> dialled;
+    std::string host_key; ///< with `dialled`: equal where loopback and local sockets reach
 };
 
 struct welcome {
     std::uint16_t version = newest_version;
-    std::uint64_t features = feature::all;
+    std::uint64_t features = feature::first;
     identity self;
     limits accepts;
     credentials authentication;
+    std::int64_t clock_ns = 0; ///< the sender's monotonic clock (`feature::clock`)
 };
 
-/// Answers a hello that is not accepted, or ends a session (goodbye), or a subscription (ended).
+/// Answers a hello that is not accepted, or ends a session (goodbye).
 struct farewell {
     std::uint8_t code = 0; ///< ise::errc
     std::string reason;
+};
+
+inline constexpr std::uint64_t unknown_loss = ~std::uint64_t{0};
+
+/// Refuses a subscription, or ends it.
+struct ended {
+    std::uint8_t code = 0; ///< ise::errc
+    std::string reason;
+    std::uint64_t lost = 0; ///< packets that were to come and do not; or `unknown_loss`
 };
 
 /// A service and its packets. Of a request-response service it goes ahead of the first request, and the caller gives

@@ -101,6 +101,64 @@ void exact_gap(pair& at) {
     CHECK(out.subscribers() == 1);
 }
 
+struct parting {
+    std::string word;
+};
+struct parted {
+    std::string word = "default";
+};
+using rental = ise::subscription<fix, set_mode, mode_set, parting, parted>;
+constexpr rental rented("rented");
+
+ise::task<std::string> rent_and_leave(ise::remote from) {
+    ise::subscribe_options options;
+    options.deadline = 1min;
+    set_mode asked{"x"};
+    auto made = co_await from.subscribe(rented, asked, options);
+    parting said{"fair winds"};
+    auto answer = co_await made.leave(said, 1min);
+    co_return answer.word;
+}
+
+void leaves_with_a_word(pair& at) {
+    std::vector<std::string> heard;
+    ise::publication_callbacks<rental> callbacks;
+    callbacks.on_unsubscribe = [&](const parting& said, const ise::subscriber_info&) {
+        heard.push_back(said.word);
+        return parted{"and following seas"};
+    };
+    auto out = at.boat.publish(rented, std::move(callbacks));
+    at.open();
+    CHECK(at.run(rent_and_leave(at.there)) == "and following seas");
+    CHECK(heard == std::vector<std::string>{"fair winds"});
+    CHECK(out.subscribers() == 0);
+}
+
+// What was under way when the session broke goes again, and what was published meanwhile goes too.
+void lossless_over_a_cut(pair& at) {
+    if (!at.has.lossless) return;
+    auto out = at.boat.publish(position);
+    at.open();
+    auto got = follow(at.shore, at.there, ise::subscribe_options::lossless(50));
+    at.run_until([&] { return got->subscribed; });
+    for (int round = 0; round < 5; ++round) {
+        for (int i = 1; i <= 20; ++i) out(numbered(40 * round + i)); // they are on their way
+        at.cut();
+        for (int i = 21; i <= 40; ++i) out(numbered(40 * round + i));
+        at.run_until([&] { return got->last() == 40 * round + 40; });
+    }
+    got->check_exact();
+    CHECK(got->packets.size() == 200);
+    CHECK(got->lost() == 0);
+    CHECK(got->counts().resumed == 5);
+    at.cut();
+    for (int i = 201; i <= 400; ++i) out(numbered(i)); // more than may be kept
+    at.run_until([&] { return got->stream->ended(); });
+    CHECK(got->stream->cause().code() == errc::overloaded);
+    CHECK(got->packets.size() == 200);
+    CHECK(got->counts().lost_at_provider == 200);
+}
+
 void unknown_after_restart(pair& at) {
     auto out = at.boat.publish(position);
     at.open();
@@ -146,6 +204,12 @@ TEMPLATE_TEST_CASE("the answer precedes the first packet of a subscription", "",
 TEMPLATE_TEST_CASE("a packet is given to its subscriber at most once", "", OVER_EVERY_TRANSPORT) { over<TestType>(once); }
 
 TEMPLATE_TEST_CASE("a subscription resumes after the session was lost, with the exact gap", "", OVER_EVERY_TRANSPORT) { over<TestType>(exact_gap); }
+
+TEMPLATE_TEST_CASE("who leaves a subscription gets the provider's answer to what it says", "", OVER_EVERY_TRANSPORT) { over<TestType>(leaves_with_a_word); }
+
+TEMPLATE_TEST_CASE("a lossless subscription gets every packet over lost sessions, or ends with the number that is lost", "", OVER_EVERY_TRANSPORT) {
+    over<TestType>(lossless_over_a_cut);
+}
 
 TEMPLATE_TEST_CASE("after a restart of the provider a subscription goes on with a gap of unknown length", "", OVER_EVERY_TRANSPORT) {
     over<TestType>(unknown_after_restart);

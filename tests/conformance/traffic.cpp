@@ -12,11 +12,11 @@ ise::task<ise::result<mode_set>> try_helm(ise::remote boat, std::string mode, is
     co_return got;
 }
 
-ise::task<ise::result<blob>> try_echo(ise::remote boat, std::size_t size) {
+ise::task<ise::result<blob>> try_echo(ise::remote boat, std::size_t size, ise::duration limit) {
     blob big;
     big.content.resize(size);
     for (std::size_t i = 0; i < size; ++i) big.content[i] = static_cast<std::uint8_t>(i * 7);
-    auto got = co_await boat.try_call(echo, big, 60s);
+    auto got = co_await boat.try_call(echo, big, limit);
     co_return got;
 }
 

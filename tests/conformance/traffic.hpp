@@ -16,7 +16,7 @@ using fixes = ise::publication<ise::subscription<fix>>;
 using call = std::shared_ptr<started<ise::result<mode_set>>>;
 
 ise::task<ise::result<mode_set>> try_helm(ise::remote boat, std::string mode, ise::duration limit);
-ise::task<ise::result<blob>> try_echo(ise::remote boat, std::size_t size);
+ise::task<ise::result<blob>> try_echo(ise::remote boat, std::size_t size, ise::duration limit = std::chrono::seconds(60));
 /// Begins a call of the requester.
 call begin_helm(pair& at, std::string mode, ise::duration limit);
 

@@ -2,7 +2,7 @@
 """Nothing in ise/ and components/ reaches the world but through the environment of its node.
 
 usage: environment.py ROOT
-Excepted: ise/core/real*, components/*/http_server.cpp (RESTinio owns its sockets), and files that say in a comment of their first ten lines why they must:
+Excepted: ise/core/real*, and files that say in a comment of their first ten lines why they must:
     // environment-boundary: Boost.Process starts processes by itself
 A single line is excused by "// NOLINT(environment): why".
 """
@@ -75,8 +75,6 @@ def main():
     root, count = Path(sys.argv[1]), 0
     for path in files_below(root, {".hpp", ".cpp", ".h"}):
         if path.parts[0] not in ("ise", "components") or path.as_posix().startswith("ise/core/real"):
-            continue
-        if path.match("components/*/http_server.cpp"):
             continue
         for line, text in findings_in(read(root / path)):
             print(f"{path}:{line}: {text}")

@@ -72,8 +72,8 @@ void reading::packet(const beat& got, std::uint64_t lost_before, const ise::subs
     if (all_lost_ > counts.lost_at_provider + counts.lost_here + counts.undecodable)
         journal_.broken("{}: the gaps tell of {} packets, the counts of {} and {}", who_, all_lost_, counts.lost_at_provider, counts.lost_here);
     if (counts.undecodable > 0) journal_.broken("{}: {} packets were undecodable", who_, counts.undecodable);
-    if (terms_.policy == ise::overflow::lossless && all_lost_ > 0 && counts.resumed == 0)
-        journal_.broken("{}: {} packets of a lossless subscription were lost, and its session was not", who_, all_lost_);
+    if (terms_.policy == ise::overflow::lossless && all_lost_ + unknown_gaps_ > 0)
+        journal_.broken("{}: a lossless subscription went on with {} packets lost, and {} gaps of unknown length", who_, all_lost_, unknown_gaps_);
     if (counts.resumed > resumed_) {
         journal_.tally("subscriptions resumed", counts.resumed - resumed_);
         resumed_ = counts.resumed;

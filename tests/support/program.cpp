@@ -68,12 +68,14 @@ program::program(std::vector<std::string> arguments, start_options options) {
     }
     ::posix_spawn_file_actions_adddup2(&actions, err.write, STDERR_FILENO);
 
+    auto given = options.variables;
+    given.emplace_back("XDG_STATE_HOME", ISE_BINARY_DIR "/tests/state"); // nothing is left in the home of whoever runs the tests
     std::vector<std::string> variables;
-    for (const auto& [name, value] : options.variables) variables.push_back(name + "=" + value);
+    for (const auto& [name, value] : given) variables.push_back(name + "=" + value);
     for (char** one = environ; *one; ++one) {
         std::string_view text = *one;
         bool replaced = false;
-        for (const auto& [name, value] : options.variables) replaced = replaced || text.starts_with(name + "=");
+        for (const auto& [name, value] : given) replaced = replaced || text.starts_with(name + "=");
         if (!replaced) variables.emplace_back(text);
     }
     std::vector<char*> argument_list, variable_list;

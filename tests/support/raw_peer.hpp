@@ -60,6 +60,9 @@ public:
         hello.self.path = path;
         hello.self.incarnation = 1;
         hello.accepts = accepts;
+        greet(hello);
+    }
+    void greet(const ise::wire::hello& hello) {
         say(ise::wire::frame_type::hello, 0, hello);
         all_.world.run_for(std::chrono::milliseconds(200));
     }
@@ -77,6 +80,18 @@ public:
         auto content = ise::encode(packet);
         body.append(ise::bytes_view(content));
         say(ise::wire::frame_type::request, id, body.view());
+    }
+
+    /// One with a number that outlives the session.
+    template <class Packet>
+    void numbered_request(std::uint64_t id, std::uint32_t service, std::uint64_t number, const Packet& packet, std::uint8_t flags = 0) {
+        ise::buffer body;
+        body.append(service);
+        body.append(std::int64_t{3'600'000'000'000});
+        body.append(number);
+        auto content = ise::encode(packet);
+        body.append(ise::bytes_view(content));
+        say(ise::wire::frame_type::request, id, body.view(), static_cast<std::uint8_t>(flags | ise::wire::flag::numbered));
     }
 
     /// Lets the world run until all was taken, or the provider has closed.
@@ -102,6 +117,7 @@ public:
         auto as_failure = [](const auto& told) { return ise::failure(static_cast<ise::errc>(told.code), told.reason); };
         if (!frame) return {ise::errc::not_connected, ""};
         if (type == ise::wire::frame_type::error) return as_failure(ise::decode<ise::wire::call_failure>(frame->body));
+        if (type == ise::wire::frame_type::ended) return as_failure(ise::decode<ise::wire::ended>(frame->body));
         return as_failure(ise::decode<ise::wire::farewell>(frame->body));
     }
 

@@ -20,10 +20,12 @@ public:
         context_.poll();
     }
 
-    party& add(std::string path, ise::service_options options = {}) {
-        parties_.push_back(std::make_unique<party>(env_, env_.adopt(context_.get_executor(), true), std::move(path), options));
+    party& add(std::string path, ise::service_options options = {}, ise::security credentials = {}) {
+        parties_.push_back(std::make_unique<party>(env_, make_loop(), std::move(path), options, std::move(credentials)));
         return *parties_.back();
     }
+    /// On the thread of the test, too.
+    std::unique_ptr<ise::loop_host> make_loop() { return env_.adopt(context_.get_executor(), true); }
     bool run_until(const std::function<bool()>& done) {
         while (!done()) context_.run_one();
         return true;

@@ -6,6 +6,10 @@
 #include <components/web_server/http_server.hpp>
 #include <components/web_server/track_state.hpp>
 
+#include <ise/core/real/environment.hpp>
+#include <ise/core/task_scope.hpp>
+
+#include <asio/io_context.hpp>
 #include <asio/posix/stream_descriptor.hpp>
 #include <asio/read_until.hpp>
 #include <asio/steady_timer.hpp>
@@ -18,6 +22,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <exception>
 #include <istream>
 #include <numbers>
 #include <string_view>
@@ -90,6 +95,9 @@ private:
 
 int main(int argc, char** argv) {
     asio::io_context context(1);
+    ise::real_environment env;
+    auto host = env.adopt(context.get_executor(), true);
+    ise::task_scope scope(host->loop(), [](const std::string&, std::exception_ptr) {});
     atirma::track_options track;
     track.epoch = fmt::format("{:x}", wall_clock().time_since_epoch().count());
     track.stale_after = 6s;
@@ -116,7 +124,7 @@ int main(int argc, char** argv) {
         return fmt::format(R"({{"now":{},"boats":[{}{}{}]}})", wall_clock().time_since_epoch().count(), one(state), empty ? "" : ",", empty ? "" : one(vela));
     };
     auto open = [&] {
-        server = std::make_unique<atirma::http_server>(context, options);
+        server = std::make_unique<atirma::http_server>(host->loop(), options, [&](std::string name, ise::task<> body) { scope.spawn(std::move(name), std::move(body)); });
         server->serve(atirma::page_assets());
         server->serve_as("/embed", "/index.html", true);
         for (auto& [prefix, one] : {std::pair<std::string, atirma::track_state&>{"", state}, {"/a-tirma", state}, {"/vela", vela}})
@@ -215,4 +223,7 @@ int main(int argc, char** argv) {
     fmt::print("listening on {}\n", server->url());
     std::fflush(stdout);
     context.run();
+    server.reset();
+    scope.stop();
+    for (context.restart(); scope.size() > 0; context.restart()) context.poll();
 }

@@ -189,6 +189,8 @@ BROKEN: dict[str, tuple[Session, str]] = {
     "an unknown flag": (GREETED + I(encode_frame("ping", flags=1)), "flags 0x1 are not defined"),
     "a ping with a body": (GREETED + I(encode_frame("ping", body=b"x")), "it is empty"),
     "a pong with a body": (GREETED + I(encode_frame("ping", 3)) + R(encode_frame("pong", 3, b"x")), "it is empty"),
+    "a pong without the clock that both said": (I(hello(features=23)) + R(welcome(features=23)) + I(encode_frame("ping", 3)) + R(encode_frame("pong", 3)),
+                                                "it is the sender's clock"),
     "a pong that nobody asked for": (GREETED + R(encode_frame("pong", 9)), "the id of a ping that waits for it"),
     "a stalled pong that answers": (GREETED + I(encode_frame("ping", 3)) + R(encode_frame("pong", 3, flags=1)),
                                     "a stalled pong answers no ping"),

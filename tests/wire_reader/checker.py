@@ -3,7 +3,8 @@ import hmac
 from typing import Any
 
 import schema
-from frames import (CODES, DIGEST, FIRST_PIECE, FLAGS, FLAGS_OVER_DATAGRAMS, LONGEST_HANDSHAKE, MAGIC, NONCE, NUMBERS, SCHEME, TYPES, WITHOUT_ID,
+from frames import (CLOCK, CODES, DIGEST, FIRST_PIECE, FLAGS, FLAGS_OVER_DATAGRAMS, FLAGS_WITH_CLOCKS, LONGEST_HANDSHAKE, MAGIC,
+                    NONCE, NUMBERS, SCHEME, TYPES, WITHOUT_ID,
                     Frame, encode_frame, prove, read_body)
 from packet import Malformed, decode, to_json
 from recording import SIDES, Chunk, Datagram
@@ -137,6 +138,7 @@ class Checker:
         name = frame.name
         side.frames[name] = side.frames.get(name, 0) + 1
         known = sum(FLAGS.get(name, {})) | sum(FLAGS_OVER_DATAGRAMS.get(name, {}) if self.datagrams else ())
+        known |= sum(FLAGS_WITH_CLOCKS.get(name, {}) if self.has(CLOCK) else ())
         if frame.type in TYPES:
             self.require(not frame.flags & ~known, side, frame, f"flags {frame.flags:#x} are not defined for it")
         if name in WITHOUT_ID:
@@ -149,6 +151,10 @@ class Checker:
         self.history.append((side, frame, None))
         if read:
             self.history[place] = (side, frame, read(side, frame))
+
+    def has(self, feature: int) -> bool:
+        """Whether both sides said it."""
+        return all(side.greeting is not None and side.greeting["features"] & feature for side in self.sides.values())
 
     # §5
 
@@ -265,7 +271,10 @@ class Checker:
         side.pings.append(frame.id)
 
     def on_pong(self, side: Side, frame: Frame):
-        self.require(not frame.body, side, frame, "it is empty")
+        if self.has(CLOCK) and not frame.flags & 1:
+            self.require(len(frame.body) == 8, side, frame, "it is the sender's clock")
+        else:
+            self.require(not frame.body, side, frame, "it is empty")
         if frame.flags & 1:  # stalled: a sign of life, and no answer
             self.require(frame.id == 0, side, frame, "a stalled pong answers no ping: its id is 0")
             return

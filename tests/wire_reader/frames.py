@@ -19,6 +19,8 @@ NUMBERS = {name: number for number, name in TYPES.items()}
 DATAGRAMS = {4: "open", 5: "cookie", 6: "opened", 7: "closed", 8: "unknown", 9: "data", 10: "sign"}
 FLAGS = {"request": {1: "traced"}, "packet": {1: "skipped"}, "pong": {1: "stalled"}, "piece": {1: "last", 2: "abandoned"}}
 FLAGS_OVER_DATAGRAMS = {"request": {2: "numbered", 4: "again"}}
+FLAGS_WITH_CLOCKS = {"request": {8: "until"}}
+CLOCK = 16  # the feature
 WITHOUT_ID = {"hello", "welcome", "reject", "challenge", "proof", "goodbye", "schema_request", "schema"}
 CODES = ("refused no_such_service type_mismatch timed_out peer_lost cancelled overloaded handler_failed malformed too_large "
          "protocol_error version_mismatch wrong_peer unreachable no_such_name name_taken name_server_lost superseded "
@@ -46,13 +48,13 @@ _FAREWELL = "struct{code:u8,reason:string}"
 BODIES = {name: schema.parse(text) for name, text in {
     "hello": f"struct{{magic:u32={_preset('I', MAGIC)},oldest:u16={_preset('H', 1)},newest:u16={_preset('H', 1)},"
              f"features:u64={_preset('Q', 7)},self:{_IDENTITY},wanted_path:string,wanted_epoch:u64,wanted_incarnation:u64,"
-             f"accepts:{_LIMITS},authentication:{_CREDENTIALS}}}",
+             f"accepts:{_LIMITS},authentication:{_CREDENTIALS},reply_key:u64,dialled:vector<string>,host_key:string}}",
     "welcome": f"struct{{version:u16={_preset('H', 1)},features:u64={_preset('Q', 7)},self:{_IDENTITY},accepts:{_LIMITS},"
-               f"authentication:{_CREDENTIALS}}}",
+               f"authentication:{_CREDENTIALS},clock_ns:i64}}",
     "reject": _FAREWELL,
     "challenge": _CREDENTIALS,
     "proof": _CREDENTIALS,
-    "ended": _FAREWELL,
+    "ended": "struct{code:u8,reason:string,lost:u64}",
     "goodbye": _FAREWELL,
     "error": "struct{code:u8,execution:u8,reason:string}",
     "introduce": _INTRODUCTION,

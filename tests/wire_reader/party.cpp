@@ -1,5 +1,6 @@
 // The two programs whose sessions are recorded.
-//   wire_party provide ENDPOINT[,ENDPOINT] [PATH]   listens, prints where; with PATH it registers with ISE_NAME_SERVER
+//   wire_party provide ENDPOINT[,ENDPOINT] [PATH]   listens, prints where; with PATH it registers with ISE_NAME_SERVER;
+//                                                   WIRE_PARTY_ADVERTISE: where a relay of the test's own leads to it
 //   wire_party ask ENDPOINT STORY        plays one story against a provider, and prints what it saw
 // A line that begins with "!" asks whoever started it to do something to the link; it goes on at the next line of input.
 #include "services.hpp"
@@ -342,6 +343,7 @@ int play(const std::vector<std::string>& words) {
         return ise::run_until_signal(node);
     }
     how.listen = where;
+    if (auto through = env.variable("WIRE_PARTY_ADVERTISE")) how.advertise.push_back(ise::endpoint::parse(*through).value());
     auto& made = node.start<provider>(words.size() > 2 ? words[2] : "test/provider", how);
     return ise::run_until_signal(node, [&] {
         std::string listening = "at";

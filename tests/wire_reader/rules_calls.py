@@ -53,7 +53,7 @@ class CallRules:
         if traced:
             said["trace"], said["parent"] = TRACE.unpack_from(frame.body, REQUEST.size)
             self.on.require(said["trace"] != 0, side, frame, "a traced request has a trace")
-        self.on.require(left_ns >= 0, side, frame, f"the time that is left is not negative: {left_ns}")
+        self.on.require(left_ns >= 0 or bool(frame.flags & 8), side, frame, f"the time that is left is not negative: {left_ns}")
         if numbered:
             said |= {"number": struct.unpack_from("<Q", frame.body, prefix - 8)[0], "again": bool(frame.flags & 4)}
             self.on.require(said["number"] not in caller.numbers, side, frame, f"the number {said['number']} was used in this session")

@@ -111,7 +111,7 @@ class SubscriptionRules:
         if skips:
             self.on.note(skipped > 0, side, frame, "it says that 0 were skipped")
         policy, lost = out.asked["policy"], missing - min(skipped, missing)
-        whole = policy in (LOSSLESS, DISCONNECT) and not (out.terms["resumed"] and not out.packets)  # what the old session lost
+        whole = policy == LOSSLESS or (policy == DISCONNECT and not (out.terms["resumed"] and not out.packets))  # what the old session lost
         whole &= not frame.alone  # what datagrams lost
         self.on.require(not lost or not whole, side, frame, f"policy {policy} loses nothing, and {lost} are missing")
         out.packets, out.lost, out.skipped, out.expected = out.packets + 1, out.lost + lost, out.skipped + skipped, sequence + 1

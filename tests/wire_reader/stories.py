@@ -137,9 +137,10 @@ class RecordedSessions(unittest.IsolatedAsyncioTestCase):
         file = self.folder / "key"
         file.touch(0o600)
         file.write_bytes(key + b"\n")
-        provider = await self.stack.enter_async_context(Program(OPTIONS.party, "provide", "tcp://127.0.0.1:0", ISE_KEY=str(file)))
-        at = await provider.endpoint("at ")
-        relay = await self.relay(at, chunk_bytes=7)
+        relay = await self.relay("", chunk_bytes=7)
+        provider = await self.stack.enter_async_context(Program(OPTIONS.party, "provide", "tcp://127.0.0.1:0", ISE_KEY=str(file),
+                                                                WIRE_PARTY_ADVERTISE=relay.at))
+        relay.to = at = await provider.endpoint("at ")
         async with Program(OPTIONS.party, "ask", relay.at, "calls", ISE_KEY=str(file)) as asker:
             while line := await asker.line():
                 last = line
@@ -152,6 +153,9 @@ class RecordedSessions(unittest.IsolatedAsyncioTestCase):
         seen = self.frames([checked])
         self.assertEqual((seen["challenge"], seen["proof"], checked.over), (1, 2, True))
         self.assertNotIn(key, b"".join(chunk.data or b"" for chunk in read(recorded)))
+        said = checked.sides["initiator"].greeting
+        self.assertEqual(said["dialled"], [relay.at.encode()])
+        self.assertTrue(said["host_key"])
         for wrong, why in ((None, "a shared key is demanded here"), (b"x" * 64, "the shared key here is another one")):
             with self.assertRaisesRegex(ConnectionError, why):
                 await Peer(wrong).connect(at)

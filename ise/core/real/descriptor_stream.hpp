@@ -87,6 +87,14 @@ public:
     }
 
     std::string peer() const override { return peer_; }
+    std::optional<endpoint> local() const override {
+        if constexpr (requires { object_.local_endpoint().address(); }) {
+            std::error_code problem;
+            auto here = object_.local_endpoint(problem);
+            if (!problem) return endpoint{protocol::tcp, here.address().to_string(), here.port(), {}};
+        }
+        return std::nullopt;
+    }
 
 private:
     static constexpr bool is_socket = requires { Object::shutdown_send; };

@@ -28,6 +28,7 @@
 #include <pthread.h>
 #include <sys/random.h>
 #include <sys/stat.h>
+#include <time.h>
 #include <unistd.h>
 
 namespace ise {
@@ -210,6 +211,17 @@ real_environment::~real_environment() {
 }
 
 time_point real_environment::now() const { return steady_now(); }
+
+time_point real_environment::recently() const {
+#ifdef CLOCK_MONOTONIC_COARSE
+    timespec at{};
+    clock_gettime(CLOCK_MONOTONIC_COARSE, &at);
+    return time_point(std::chrono::seconds(at.tv_sec) + std::chrono::nanoseconds(at.tv_nsec));
+#else
+    return now();
+#endif
+}
+
 wall_time real_environment::wall() const { return std::chrono::system_clock::now(); }
 const process_identity& real_environment::identity() const { return state_->identity; }
 

@@ -13,6 +13,7 @@ public:
     ~real_environment() override;
 
     time_point now() const override;
+    time_point recently() const override;
     wall_time wall() const override;
     std::uint64_t random() override;
     const process_identity& identity() const override;
@@ -28,6 +29,7 @@ public:
     result<pseudo_terminal> open_pseudo_terminal(loop& on, const std::string& link) override;
     result<std::string> read_file(const std::string& path, std::size_t max_bytes) override;
     result<std::string> read_secret(const std::string& path, std::size_t max_bytes) override;
+    result<std::string> read_trusted(const std::string& path, std::size_t max_bytes) override;
     std::vector<std::string> interface_addresses() const override;
 
 private:

@@ -1,5 +1,7 @@
 #include <ise/core/real/environment.hpp>
 
+#include <ise/core/real/ownership.hpp>
+
 #include <fmt/format.h>
 
 #include <cerrno>
@@ -24,6 +26,12 @@ result<std::string> real_environment::read_file(const std::string& path, std::si
     return content;
 }
 
+result<std::string> real_environment::read_trusted(const std::string& path, std::size_t max_bytes) {
+    auto own = check_own_path(path);
+    if (!own) return failure(own.error().code(), fmt::format("cannot read {}: {}", path, own.error().message()));
+    return read_file(path, max_bytes);
+}
+
 result<std::string> real_environment::read_secret(const std::string& path, std::size_t max_bytes) {
     auto refuse = [&](std::string_view why) { return failure(errc::io_failed, fmt::format("cannot read {}: {}", path, why)); };
     int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK); // a pipe must not block
@@ -36,6 +44,8 @@ result<std::string> real_environment::read_secret(const std::string& path, std::
     if (::fstat(file, &about) != 0 || !S_ISREG(about.st_mode)) return refuse("it is no plain file");
     if ((about.st_mode & (S_IRWXO | S_IWGRP)) != 0)
         return failure(errc::unauthorized, fmt::format("{} holds a secret, and others than its owner may use it (mode {:o}): chmod 600 {}", path, about.st_mode & 0777, path));
+    auto own = check_own_path(path);
+    if (!own) return failure(own.error().code(), fmt::format("cannot read {}: {}", path, own.error().message()));
     std::string content;
     char piece[4096];
     for (;;) {

@@ -81,9 +81,9 @@ result<void> identity::refresh(environment& env) {
 
 result<identity::files> identity::read(environment& env) const {
     files made;
-    auto authorities = env.read_file(folder_ + "/ca.pem", largest_file);
+    auto authorities = env.read_trusted(folder_ + "/ca.pem", largest_file);
     if (!authorities) return authorities.error();
-    auto certificate = env.read_file(folder_ + "/certificate.pem", largest_file);
+    auto certificate = env.read_trusted(folder_ + "/certificate.pem", largest_file);
     if (!certificate) return certificate.error();
     auto key = env.read_secret(folder_ + "/key.pem", largest_file);
     if (!key) return key.error();

@@ -38,7 +38,7 @@ ise::task<> ask_and_listen(ise::component& self, ise::endpoint where, unsigned& 
     auto provider = self.at(where);
     set_mode impossible{"fly"};
     auto refused = co_await provider.call(helm, impossible, 30s);
-    auto short_form = co_await helm(provider, "hold");
+    auto short_form = co_await provider.call(helm, "hold");
     auto fixes = co_await provider.subscribe(position);
     std::uint32_t last = 0, lost = 0;
     for (int count = 0; count < 20; ++count) {

@@ -41,7 +41,7 @@ gprs_sea::watched_link& gprs_sea::watch_gprs() {
             auto packet = co_await packets.next();
             if (!packet) break;
             if (packet.lost_before() != ise::unknown_gap) into.lost += packet.lost_before();
-            if (into.known.first_time(packet->boot, packet->sequence)) into.telemetry.push_back(*packet);
+            if (into.known.first_time(packet->boot, packet->sequence, packet->raw)) into.telemetry.push_back(*packet);
             else ++into.again;
         }
     });

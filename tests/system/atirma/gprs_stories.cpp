@@ -9,14 +9,6 @@ using namespace atirma;
 
 namespace {
 
-telecommand_request set_mode(std::uint32_t id, sailing_mode mode) {
-    telecommand_request request;
-    request.id = id;
-    request.command.kind = command_kind::set_mode;
-    request.command.mode = mode;
-    return request;
-}
-
 carrier_request up(bool how) {
     carrier_request made;
     made.up = how;

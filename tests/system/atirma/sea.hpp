@@ -13,6 +13,14 @@
 #include <string>
 #include <vector>
 
+inline atirma::telecommand_request set_mode(std::uint32_t id, atirma::sailing_mode mode) {
+    atirma::telecommand_request request;
+    request.id = id;
+    request.command.kind = atirma::command_kind::set_mode;
+    request.command.mode = mode;
+    return request;
+}
+
 /// The whole slice on the virtual clock: the boat on one host, the proxy on another, two emulated modems and the air between
 /// their serial lines on a third. Components are the unmodified ones.
 class sea {

@@ -10,14 +10,6 @@ using namespace atirma;
 
 namespace {
 
-telecommand_request set_mode(std::uint32_t id, sailing_mode mode) {
-    telecommand_request request;
-    request.id = id;
-    request.command.kind = command_kind::set_mode;
-    request.command.mode = mode;
-    return request;
-}
-
 using asked = std::optional<ise::result<telecommand_reply>>;
 
 void command(sea& it, telecommand_request request, ise::duration deadline, asked& into) {
@@ -421,4 +413,14 @@ TEST_CASE("atirma: what the radio loses, and what was in a proxy that died, the 
     };
     CHECK(it.until([&] { return whole() && waiting() < 25; }, 20min));
     CHECK(seen.local->receipts_sent > 0);
+}
+
+TEST_CASE("atirma: a proxy without a store gives no receipts, and the boat sends nothing twice") {
+    sea it;
+    auto& seen = it.watch();
+    REQUIRE(it.until([&] { return radio_works(seen); }));
+    it.world.run_for(5min);
+    CHECK(seen.local->receipts_sent == 0);
+    CHECK(seen.local->duplicates == 0);
+    CHECK(it.boat_component().radio_waiting() > 200);
 }

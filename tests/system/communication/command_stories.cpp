@@ -178,7 +178,7 @@ TEST_CASE(
     auto stale = it.command("ana", adds_waypoint(5), 20s, one); // here ana still holds it
     REQUIRE(stale);
     CHECK(stale->result == ack_code::no_authority);
-    CHECK(stale->value == 3.0f);
+    CHECK(stale->boat_obeys == 3u);
     CHECK(it.waypoints() == 0);
     auto told = it.command("ana", adds_waypoint(6), 20s, one);
     REQUIRE_FALSE(told);
@@ -198,6 +198,58 @@ TEST_CASE(
                   return entry.id == 7 && entry.result == ack_code::done;
               }) == 1);
     }
+}
+
+TEST_CASE("communication: forged epochs at the boat end with the operator's next take, also over a restart of both nodes") {
+    crewed it;
+    REQUIRE(it.authority("ana", take));
+    REQUIRE(it.until([&] { return it.boat.boat.authority() == 2; }, 10s));
+    telecommand forged;
+    forged.id = 900;
+    forged.kind = command_kind::ping;
+    forged.authority = 0xFFFFFFFF;
+    it.boat.boat.execute(forged);
+    CHECK(it.command("ana", adds_waypoint(5))->result == ack_code::done);
+    forged.id = 901;
+    forged.authority = 2 + simulator::simulated_boat::max_epoch_step; // as far as one packet goes
+    it.boat.boat.execute(forged);
+    CHECK(it.command("ana", adds_waypoint(6))->result == ack_code::no_authority);
+    CHECK_THAT(it.command("ana", adds_waypoint(7)).error().message(),
+               Contains("the boat obeys epoch 1026") && Contains("take it anew"));
+    auto anew = it.authority("ana", take);
+    REQUIRE(anew);
+    CHECK(anew->boat_epoch > 1026);
+    CHECK(it.command("ana", adds_waypoint(8))->result == ack_code::done);
+    it.crash(one);
+    it.crash(two);
+    it.start_node(one);
+    it.start_node(two);
+    REQUIRE(it.until([&] { return it.serves(one) && it.state(one).authority.boat_epoch == anew->boat_epoch; }, 30s));
+    it.world.run_for(5s);
+    CHECK(it.command("ana", adds_waypoint(9), 60s)->result == ack_code::done);
+}
+
+TEST_CASE("communication: a telecommand's validity ends in time where the clock goes back an hour over a restart") {
+    crewed it;
+    REQUIRE(it.authority("ana", take));
+    REQUIRE(it.until([&] { return it.boat.boat.authority() == 2; }, 10s));
+    for (auto link : {link_id::xbee, link_id::gprs, link_id::iridium}) it.link_up(link, false);
+    auto request = adds_waypoint(5);
+    request.valid_s = 15;
+    it.command("ana", request, 2s);
+    it.crash(one);
+    it.crash(two);
+    it.start_node(one);
+    it.process(one).set_wall_offset(-1h);
+    it.world.run_for(22s);
+    auto page = it.ask("ana", services::telecommand_record, record_request(), 10s, one);
+    REQUIRE(page);
+    auto entry = std::ranges::find_if(page->entries, [](const auto& each) { return each.id == 5; });
+    REQUIRE(entry != page->entries.end());
+    CHECK(entry->state == telecommand_stage::expired);
+    for (auto link : {link_id::xbee, link_id::gprs, link_id::iridium}) it.link_up(link, true);
+    it.world.run_for(60s);
+    CHECK(it.boat.executed.count(5) == 0);
 }
 
 TEST_CASE("communication: a telecommand takes the link that was chosen, or the best one that is alive") {

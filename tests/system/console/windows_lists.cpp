@@ -9,6 +9,7 @@
 #include <QPlainTextEdit>
 #include <QStatusBar>
 #include <QTemporaryDir>
+#include <QToolTip>
 
 #include <thread>
 
@@ -211,4 +212,56 @@ TEST_CASE("console windows: a click that nobody takes is said") {
     it.takes = false;
     it.find("do_ping").click();
     CHECK(it.window->statusBar()->currentMessage().contains("Nothing was given"));
+}
+
+TEST_CASE("console windows: nothing that boat, proxies, nodes or operators say is taken for markup") {
+    desk it;
+    const std::string evil = "<evil>x</evil><img src='/etc/hostname'><b>all is well</b>";
+    it.hear(notice{evil.substr(0, notice::max_text)});
+    xbee_local modem;
+    modem.trouble = evil;
+    it.state.on_xbee(xbee_path, modem, it.now);
+    gprs_state carrier;
+    carrier.from = "tcp://" + evil;
+    carrier.trouble = evil;
+    it.state.on_gprs(gprs_path, carrier, it.now);
+    communication_state node;
+    node.node = evil;
+    node.trouble = evil;
+    it.state.on_node("atirma/shore/" + evil, false, evil, nullptr, it.now);
+    it.state.on_node("atirma/shore/one", true, evil, &node, it.now);
+    authority_state held;
+    held.holder = "atirma/console/" + evil;
+    held.asked_by = {evil};
+    held.epoch = 2;
+    it.state.on_authority(held, it.now);
+    finding_view found;
+    found.where = evil;
+    found.looking_for = evil;
+    for (bool reached : {true, false})
+        for (bool uses : {true, false}) {
+            found.reached = reached;
+            found.uses_names = uses;
+            it.state.on_finding(found);
+            it.state.on_present({{"atirma/console/" + evil, evil, evil, evil, 88, it.now - 300s, true, false},
+                                 {evil, evil, evil, evil, 89, it.now - 300s, false, false}});
+            it.show();
+            for (const auto* label : it.window->findChildren<QLabel*>()) {
+                INFO(label->objectName().toStdString() << ": " << label->text().toStdString());
+                REQUIRE(label->textFormat() != Qt::AutoText);
+                if (label->textFormat() != Qt::PlainText) CHECK_FALSE(label->text().contains("<evil"));
+            }
+        }
+    bool seen = false;
+    for (const auto* label : it.window->findChildren<QLabel*>()) seen = seen || label->text().contains("evil");
+    CHECK(seen);
+    QToolTip::showText(QPoint(5, 5), QString::fromStdString(evil), it.window.get());
+    bool shown = false;
+    for (auto* widget : QApplication::topLevelWidgets())
+        if (auto* tip = qobject_cast<QLabel*>(widget); tip && tip->inherits("QTipLabel")) {
+            shown = true;
+            CHECK(tip->textFormat() == Qt::PlainText);
+        }
+    CHECK(shown);
+    QToolTip::hideText();
 }

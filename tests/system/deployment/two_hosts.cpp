@@ -131,7 +131,7 @@ std::vector<std::string> two_hosts::left_behind() const {
     for (const char* folder : {"ports", "state-boat", "state-shore"})
         for (const auto& entry : std::filesystem::directory_iterator(folder_ / folder)) {
             auto name = entry.path().filename().string();
-            if (name != "state.json" && name != "lock" && name != ".lock") found.push_back(name);
+            if (name != "state.json" && name != "state.json.spare" && name != "lock" && name != ".lock") found.push_back(name);
         }
     return found;
 }

@@ -3,6 +3,10 @@
 
 #include <system/instantiation/host.hpp>
 
+#include <fstream>
+#include <iterator>
+#include <test_folders.hpp>
+
 using namespace deployment_test;
 using Catch::Contains;
 using host_test::lives;
@@ -18,6 +22,19 @@ std::string component(const std::string& name, const std::string& host, const st
 }
 
 std::string sea(const std::string& components) { return two_hosts_of_sea + components; }
+
+/// Puts the same program there as one that was linked again: with another build id, or another size where it has none.
+void rebuild(const std::filesystem::path& program) {
+    std::ifstream from(program, std::ios::binary);
+    std::string content(std::istreambuf_iterator<char>(from), {});
+    const std::string note("\4\0\0\0\x14\0\0\0\3\0\0\0GNU\0", 16);
+    auto at = content.find(note);
+    if (at != content.npos) content[at + note.size()] ^= 1;
+    auto fresh = program.string() + ".new";
+    std::ofstream(fresh, std::ios::binary) << content << '\0';
+    std::filesystem::permissions(fresh, std::filesystem::perms::owner_all);
+    std::filesystem::rename(fresh, program);
+}
 
 } // namespace
 
@@ -159,6 +176,70 @@ TEST_CASE("the doctor tells what has failed, and what waits to be started again"
     CHECK_THAT(sick.out, Contains("sea/two: it has failed on shore and is not started again: signal 9 (Killed)") && Contains("ise logs sea/two"));
     in.done({"down", file});
     CHECK_THAT(in.ise({"doctor"}).out, !Contains("started again"));
+}
+
+TEST_CASE("the doctor finds what was started by hand and has failed, until it is stopped") {
+    two_hosts in;
+    in.done({"start", "trouble", "sea/one", "--host", "boat", "--timeout", "120s", "--ready-within", "60s"});
+    int pid = in.state("sea/one")["process_id"];
+    REQUIRE(pid > 1);
+    ::kill(pid, SIGKILL);
+    wait_until([&] { return in.state("sea/one")["process_id"] == 0; });
+    auto sick = in.ise({"doctor"});
+    INFO(sick.out << sick.err);
+    CHECK(sick.exit_code == 1);
+    CHECK_THAT(sick.out, Contains("sea/one: it has failed on boat and is not started again") && !Contains("nothing is wrong"));
+    in.done({"stop", "sea/one"});
+    CHECK_THAT(in.ise({"doctor"}).out, !Contains("it has failed"));
+}
+
+TEST_CASE("what is against a deployment is told before anything is started") {
+    two_hosts in;
+    auto refused = [&](const std::string& second, const std::string& why) {
+        auto file = in.file("sea.toml", sea(component("one", "boat") + component("two", "shore", "after = 'one'\n" + second)));
+        for (const char* command : {"validate", "up"}) {
+            auto ran = in.ise({command, file});
+            INFO(command << ": " << ran.out << ran.err);
+            CHECK(ran.exit_code == 2);
+            CHECK(ran.out.empty());
+            CHECK_THAT(ran.err, Contains("sea.toml:8:13: ") && Contains(why));
+        }
+        CHECK(in.told({"ps", "sea"}).empty());
+    };
+    refused("listen = 'tcp://0.0.0.0:7411'\n", "--allow-address");
+    refused("parameters = { outlet = 'tcp://0.0.0.0:7411' }\n", "--allow-address");
+    refused("parameters = { file = '/etc/passwd' }\n", "--allow-path");
+    auto taken = in.name_server();
+    refused("listen = '" + taken + "'\n", taken);
+    refused("parameters = { outlet = '" + taken + "' }\n", taken);
+    ise_test::program holder({ISE_BINARY_DIR "/bin/ise_trouble", "run", "trouble", "--path=sea/two", "--name-server=" + in.name_server()});
+    in.done({"--wait", "--timeout", "60s", "describe", "--names", "sea/two"});
+    refused("", "'sea/two' is held by process");
+    holder.signal(SIGTERM);
+    holder.wait();
+}
+
+TEST_CASE("a program that was rebuilt is told and started again") {
+    two_hosts in;
+    auto program = in.folder() / "programs" / "ise_trouble";
+    std::filesystem::remove(program);
+    std::filesystem::copy_file(ISE_BINARY_DIR "/bin/ise_trouble", program);
+    auto file = in.file("sea.toml", sea(component("one", "boat") + component("two", "shore", "process = 'main'\n") + component("three", "shore", "process = 'main'\n")));
+    in.up(file);
+    int before = in.state("sea/one")["process_id"];
+    std::filesystem::copy_file(program, in.folder() / "fresh"); // copied again, it is the same program
+    std::filesystem::rename(in.folder() / "fresh", program);
+    CHECK_THAT(in.up(file), Contains("nothing was to be done"));
+    rebuild(program);
+    CHECK(in.state("sea/one")["rebuilt"] == true);
+    CHECK_THAT(in.done({"ps"}), Contains("program was rebuilt"));
+    CHECK_THAT(in.done({"diff", file}), Contains("restart sea/one on boat\n    program was rebuilt  (takes a restart)") && Contains("restart sea/two on shore") && Contains("restart sea/three on shore"));
+    CHECK_THAT(in.ise({"doctor"}).out, Contains("sea/one: it runs a program that was rebuilt on boat since it was started"));
+    CHECK_THAT(in.up(file), Contains("sea is up: 3 components, 3 steps"));
+    CHECK(in.state("sea/one")["process_id"] != before);
+    for (const char* path : {"sea/one", "sea/two", "sea/three"}) CHECK(in.state(path)["rebuilt"] == false);
+    CHECK(in.state("sea/two")["process_id"] == in.state("sea/three")["process_id"]);
+    CHECK_THAT(in.up(file), Contains("nothing was to be done"));
 }
 
 TEST_CASE("a change that fails leaves what ran before") {

@@ -1,16 +1,24 @@
 // What a host runs out of: descriptors, ports, room on the disk, addresses.
 #include "host.hpp"
 
+#include <support/no_descriptors.hpp>
+
+#include <asio/local/stream_protocol.hpp>
 #include <asio/write.hpp>
 #include <asio/ip/tcp.hpp>
 #include <asio/ip/udp.hpp>
 
 #include <sched.h>
-#include <sys/resource.h>
 #include <unistd.h>
 #include <test_folders.hpp>
 
+#include <array>
+#include <cstdlib>
+#include <filesystem>
+#include <thread>
+
 using namespace host_test;
+using ise_test::no_descriptors;
 using ise_test::program;
 using ise_test::run_program;
 
@@ -22,24 +30,6 @@ std::vector<std::string> with_descriptors(int most, std::vector<std::string> arg
     made.insert(made.end(), arguments.begin() + 1, arguments.end());
     return made;
 }
-
-// This process has all that it may open, as long as this lives.
-class no_descriptors {
-public:
-    no_descriptors() {
-        ::getrlimit(RLIMIT_NOFILE, &before_);
-        int next = ::dup(0);
-        ::close(next);
-        rlimit none = before_;
-        none.rlim_cur = static_cast<rlim_t>(next); // what is open below it stays
-        ::setrlimit(RLIMIT_NOFILE, &none);
-    }
-    ~no_descriptors() { end(); }
-    void end() { ::setrlimit(RLIMIT_NOFILE, &before_); }
-
-private:
-    rlimit before_{};
-};
 
 ise::task<ise::result<void>> connect(ise::remote to) { return to.connect(60s); }
 
@@ -61,7 +51,125 @@ std::size_t count_of(const std::string& text, std::string_view what) {
     return found;
 }
 
+class scratch_folder {
+public:
+    scratch_folder() : path_((std::filesystem::temp_directory_path() / "ise-scarce-XXXXXX").string()) { REQUIRE(::mkdtemp(path_.data())); }
+    ~scratch_folder() {
+        std::error_code ignored;
+        std::filesystem::remove_all(path_, ignored);
+    }
+    scratch_folder(const scratch_folder&) = delete;
+    scratch_folder& operator=(const scratch_folder&) = delete;
+    std::string file(const std::string& name) const { return path_ + "/" + name; }
+
+private:
+    std::string path_;
+};
+
+using address = asio::ip::tcp::endpoint;
+
+std::uint16_t free_port() {
+    asio::io_context context;
+    asio::ip::tcp::acceptor any(context, {asio::ip::make_address("127.0.0.1"), 0});
+    return any.local_endpoint().port();
+}
+
+/// Connections that the kernel has made and the program has not accepted yet; -1: nobody listens there.
+int backlog(std::uint16_t port) {
+    std::ifstream table("/proc/net/tcp");
+    std::string line;
+    std::getline(table, line);
+    while (std::getline(table, line)) {
+        std::istringstream words(line);
+        std::string number, local, remote, state, queues;
+        words >> number >> local >> remote >> state >> queues;
+        if (state != "0A" || std::stoul(local.substr(local.find(':') + 1), nullptr, 16) != port) continue;
+        return static_cast<int>(std::stoul(queues.substr(queues.find(':') + 1), nullptr, 16));
+    }
+    return -1;
+}
+
+/// What a program answers to `words` from 127.0.0.2 until it closes, or has said `enough`.
+std::string ask_from_elsewhere(std::uint16_t port, const std::string& words, const std::string& enough) {
+    asio::io_context context;
+    asio::ip::tcp::socket socket(context);
+    socket.open(asio::ip::tcp::v4());
+    socket.bind(address(asio::ip::make_address("127.0.0.2"), 0));
+    socket.connect(address(asio::ip::make_address("127.0.0.1"), port));
+    std::error_code failed;
+    asio::write(socket, asio::buffer(words), failed);
+    std::string heard;
+    std::array<char, 4096> room;
+    while (!failed && (enough.empty() || heard.find(enough) == std::string::npos)) heard.append(room.data(), socket.read_some(asio::buffer(room), failed));
+    return failed && failed != asio::error::eof && failed != asio::error::connection_reset ? failed.message() : heard + "<end>";
+}
+
 } // namespace
+
+TEST_CASE("host: a program whose descriptors one host holds serves another host, and accepts again when they are free") {
+    struct door {
+        std::string name, words, answer;
+        std::vector<std::string> arguments; // PORT and FILE stand for a port and a file
+    };
+    std::vector<std::string> iridium{"iridium-proxy", "--imei", "300234010753370", "--database", "FILE"};
+    auto of_iridium = [&](std::vector<std::string> more) {
+        more.insert(more.begin(), iridium.begin(), iridium.end());
+        return more;
+    };
+    auto one = GENERATE_REF(values<door>({
+        {"the page", "GET /api/status HTTP/1.1\r\nHost: x\r\n\r\n", "200 OK", {"web-server", "--address", "127.0.0.1", "--port", "PORT"}},
+        {"the web hook", "POST /rockblock/mo HTTP/1.1\r\nContent-Length: 1\r\n\r\nx", "400 Bad Request", of_iridium({"--webhook", "tcp://127.0.0.1:PORT"})},
+        {"DirectIP", std::string("\xff\xff\xff\xff", 4), "<end>", of_iridium({"--webhook", "", "--directip", "tcp://127.0.0.1:PORT"})},
+        {"the boat's door", "no login\r\n", "<end>", {"gprs-proxy", "--boat-listen", "tcp://127.0.0.1:PORT"}},
+        {"NMEA 0183", "", "", {"nmea-bridge", "--nmea-tcp", "tcp://127.0.0.1:PORT"}},
+    }));
+    INFO(one.name);
+    scratch_folder folder;
+    const auto port = free_port();
+    std::vector<std::string> arguments{"atirma", "run", "--name-server", "tcp://127.0.0.1:1"};
+    for (auto text : one.arguments) {
+        if (auto at = text.find("PORT"); at != std::string::npos) text.replace(at, 4, std::to_string(port));
+        if (text == "FILE") text = folder.file("iridium.db");
+        arguments.push_back(std::move(text));
+    }
+    program tested(with_descriptors(48, arguments));
+    auto until = [](auto done) {
+        auto limit = std::chrono::steady_clock::now() + 60s; // only what is broken takes that long
+        while (!done() && std::chrono::steady_clock::now() < limit) std::this_thread::yield();
+        return done();
+    };
+    REQUIRE(until([&] { return backlog(port) >= 0; }));
+    asio::io_context context;
+    std::vector<asio::ip::tcp::socket> crowd;
+    for (int i = 0; i < 100; ++i) {
+        crowd.emplace_back(context);
+        crowd.back().connect(address(asio::ip::make_address("127.0.0.1"), port));
+    }
+    if (!one.answer.empty()) CHECK_THAT(ask_from_elsewhere(port, one.words, one.answer), Contains(one.answer));
+    crowd.clear();
+    CHECK(until([&] { return backlog(port) == 0; }));
+    if (!one.answer.empty()) CHECK_THAT(ask_from_elsewhere(port, one.words, one.answer), Contains(one.answer));
+    tested.signal(SIGTERM);
+    CHECK(tested.wait().exit_code == 0);
+}
+
+TEST_CASE("host: out of file descriptors a provider on a local socket accepts again when there are some") {
+    scratch_folder folder;
+    auto file = folder.file("vessel.sock");
+    program vessel(with_descriptors(48, vessel_at("local://" + file)));
+    auto at = vessel.read_line();
+    asio::io_context context;
+    std::vector<asio::local::stream_protocol::socket> strangers;
+    for (int i = 0; i < 100; ++i) {
+        strangers.emplace_back(context);
+        strangers.back().connect(asio::local::stream_protocol::endpoint(file));
+    }
+    CHECK(run_program(ise_call(at, "nap", R"({"milliseconds":0})")).exit_code == 0);
+    vessel.signal(SIGTERM);
+    auto ended = vessel.wait();
+    CHECK(ended.exit_code == 0);
+    CHECK_THAT(ended.err, Contains("Too many open files") && Contains("ulimit -n"));
+}
 
 TEST_CASE("host: out of file descriptors a provider keeps its sessions, says what to do, and accepts again later") {
     console shore;

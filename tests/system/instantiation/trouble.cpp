@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
+#include <sys/wait.h>
 #include <unistd.h>
 
 namespace {
@@ -20,7 +21,7 @@ struct trouble_options {
     std::string say;
     std::string meets, other;
     std::string failing;
-    std::string file;
+    std::string file, outlet;
     std::vector<std::string> words;
 };
 
@@ -33,6 +34,12 @@ struct say_request {
     std::string text;
     std::uint32_t times = 1;
 };
+struct escaped {
+    std::int32_t pid = 0;
+};
+struct eat_request {
+    std::uint32_t mebibytes = 0;
+};
 struct exit_request {
     std::int32_t code = 0;
 };
@@ -42,6 +49,13 @@ inline constexpr ise::request_response<say_request, ise::nothing> say{"say"};
 /// It does not hear SIGTERM any more; to be called when the program has put its handler in, which it tells by "started".
 inline constexpr ise::request_response<question, ise::nothing> deafen{"deafen"};
 inline constexpr ise::request_response<exit_request, ise::nothing> leave{"leave"};
+/// A process that left its group, its session and its environment, and whose parent has gone.
+inline constexpr ise::request_response<question, escaped> escape{"escape"};
+/// Processes that start processes, without end.
+inline constexpr ise::request_response<question, ise::nothing> bomb{"bomb"};
+inline constexpr ise::request_response<eat_request, ise::nothing> eat{"eat"};
+/// It prints what is asked for, and crashes before anything is flushed.
+inline constexpr ise::request_response<say_request, ise::nothing> crash{"crash"};
 /// It fails by an exception soon after.
 inline constexpr ise::request_response<say_request, ise::nothing> fail{"fail"};
 
@@ -49,6 +63,31 @@ inline constexpr ise::request_response<say_request, ise::nothing> fail{"fail"};
 [[noreturn]] void stay() {
     ::signal(SIGTERM, SIG_IGN);
     for (;;) ::pause();
+}
+
+std::int32_t start_escaped() {
+    int ends[2] = {-1, -1};
+    if (::pipe(ends) != 0) return 0;
+    auto child = ::fork();
+    if (child == 0) {
+        ::setsid();
+        auto grandchild = ::fork();
+        if (grandchild == 0) {
+            char sleep[] = "/bin/sleep", length[] = "1000";
+            char* words[] = {sleep, length, nullptr};
+            char* nothing[] = {nullptr};
+            ::execve(sleep, words, nothing);
+            ::_exit(1);
+        }
+        [[maybe_unused]] auto told = ::write(ends[1], &grandchild, sizeof grandchild);
+        ::_exit(0);
+    }
+    pid_t escaped_pid = 0;
+    [[maybe_unused]] auto got = ::read(ends[0], &escaped_pid, sizeof escaped_pid);
+    ::waitpid(child, nullptr, 0);
+    ::close(ends[0]);
+    ::close(ends[1]);
+    return escaped_pid;
 }
 
 class trouble final : public ise::component {
@@ -83,6 +122,22 @@ private:
             ::signal(SIGTERM, SIG_IGN);
             return ise::nothing();
         });
+        provide(escape, [](question) { return escaped{start_escaped()}; });
+        provide(bomb, [](question) {
+            if (::fork() == 0) {
+                ::setsid();
+                for (;;) ::fork();
+            }
+            return ise::nothing();
+        });
+        provide(eat, [this](eat_request rq) {
+            eaten_.assign(std::size_t{rq.mebibytes} << 20, 'x');
+            return ise::nothing();
+        });
+        provide(crash, [](say_request rq) -> ise::nothing {
+            std::puts(rq.text.c_str());
+            std::abort();
+        });
         provide(leave, [](exit_request rq) -> ise::nothing { ::_exit(rq.code); });
         provide(fail, [this](say_request rq) {
             spawn("failing", give_up(rq.text));
@@ -108,6 +163,7 @@ private:
     }
 
     trouble_options options_;
+    std::string eaten_;
 };
 
 std::vector<ise::component_type> types() {
@@ -123,6 +179,7 @@ std::vector<ise::component_type> types() {
     type.parameters.add("failing", options->failing, "why it fails before it is ready");
     type.parameters.add("file", options->file, "a file").kind(ise::parameter_kind::path);
     type.parameters.add("word", options->words, "words");
+    type.parameters.add("outlet", options->outlet, "where it would listen").kind(ise::parameter_kind::endpoint);
     type.provides(ask).provides(say).provides(leave).reads("TROUBLE_FLAG");
     type.makes<trouble>(options);
     std::vector<ise::component_type> made;

@@ -44,6 +44,7 @@ ocean::ocean(std::uint64_t seed) : world(seed) {
     proxy_options.imei = modem_options.imei;
     proxy_options.database = disk;
     proxy_options.webhook = "tcp://0.0.0.0:7480";
+    proxy_options.gateway_addresses = "10.0.0.0/8"; // the virtual network
     proxy_options.rockblock.url = "http://gateway:7481/rockblock/MT";
     proxy_options.rockblock.username = "atirma";
     proxy_options.rockblock.password = "atirma";

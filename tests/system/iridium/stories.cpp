@@ -64,7 +64,7 @@ iridium::mo_delivery delivery(const ocean& it, std::uint32_t sequence) {
     packet_header header;
     header.boot = 9;
     header.sequence = sequence;
-    header.measured_at = utc_time(1'700'000'000'000ms) + std::chrono::seconds(sequence);
+    header.measured_at = utc_time(1'500'000'000'000ms) + std::chrono::seconds(sequence);
     location fix;
     fix.latitude_deg = 28.15;
     fix.quality = fix_quality::gps;
@@ -204,6 +204,38 @@ TEST_CASE("iridium: what came while nobody listened waits on disk for the first 
     CHECK(later.telemetry[1].history); // never the current position
     CHECK(later.telemetry[2].history);
     REQUIRE(it.until([&] { return seen.account->waiting_for_subscriber == 0; }));
+}
+
+TEST_CASE("iridium: a telecommand's validity ends in time where the clock goes back, also over a restart") {
+    for (bool restarts : {true, false}) {
+        ocean it;
+        it.start();
+        auto& seen = it.watch();
+        REQUIRE(it.until([&] { return seen.telemetry.size() >= 2; }));
+        it.set_gateway(gateway_up(false));
+        ocean::asked asked;
+        auto request = set_mode(21, sailing_mode::hold);
+        request.valid_s = 15;
+        it.command(request, 5s, asked);
+        REQUIRE(it.until([&] { return asked.has_value(); }));
+        if (restarts) it.proxy_process().crash();
+        it.proxy_process().set_wall_offset(-1h);
+        it.world.run_for(10s);
+        if (restarts) it.proxy_process().restart();
+        it.set_gateway(gateway_up(true));
+        it.world.run_for(12s);
+        std::optional<followed_telecommands> known;
+        it.user([&known](ise::component& self) -> ise::task<> {
+            auto shore = ocean::proxy(self);
+            follow_telecommand one;
+            one.id = 21;
+            auto states = co_await shore.subscribe(services::telecommand_state, one, ise::subscribe_options());
+            known = states.response();
+        });
+        REQUIRE(it.until([&] { return known.has_value(); }));
+        REQUIRE(known->now.size() == 1);
+        CHECK(known->now[0].state == telecommand_stage::expired);
+    }
 }
 
 TEST_CASE("iridium: the queue survives a restart of the proxy, and who follows it hears on") {
@@ -363,6 +395,7 @@ TEST_CASE("iridium: mail carries both directions, over a mail server that fails 
     it.gateway_options.open_mailbox = [&](ise::loop& on) { return it.mails.open_mailbox(on, "data@sbd.iridium.com"); };
     it.proxy_options.webhook.clear();
     it.proxy_options.open_mailbox = [&](ise::loop& on) { return it.mails.open_mailbox(on, "boat@shore.example"); };
+    it.proxy_options.mail_unchecked = true; // the server in memory authenticates nobody
     it.proxy_options.make_mail_sender = [&](ise::loop& on) { return it.mails.open_sender(on); };
     it.proxy_options.mail_from = "boat@shore.example";
     it.proxy_options.send_by = "mail";
@@ -414,5 +447,61 @@ TEST_CASE("iridium: the proxy says which option makes no sense, before it listen
     CHECK(failure_of([](auto& o) { o.jwt_key_file = "/no/such.pem"; }).find("/no/such.pem") != std::string::npos);
     CHECK(failure_of([](auto& o) { o.send_by = "directip"; }).find("--send-directip") != std::string::npos);
     CHECK(failure_of([](auto& o) { o.send_by = "mail"; }).find("--mail-from") != std::string::npos);
+    CHECK(failure_of([](auto& o) { o.gateway_addresses = "gateway"; }).find("'gateway'") != std::string::npos);
     CHECK(failure_of([](auto&) {}).empty());
+}
+
+TEST_CASE("iridium: beyond loopback the proxy demands what tells the gateway from others") {
+    auto problem = [](auto change) {
+        iridium_proxy_options options;
+        options.imei = "300234010753370";
+        options.database = "memory:who-is-the-gateway";
+        options.webhook = "tcp://0.0.0.0:7480";
+        change(options);
+        ise::sim::world world;
+        std::string failure;
+        world.host("shore").start_process("proxy", [&](ise::sim::process& here) -> std::shared_ptr<void> {
+            ise::node_options nameless;
+            nameless.use_names = false;
+            nameless.log = {};
+            auto node = std::make_shared<ise::node>(here, nameless);
+            ise::component_options silent;
+            silent.listens = false;
+            node->start<iridium_proxy>("atirma/shore/iridium", silent, options);
+            world.after(1s, [&failure, node = node.get()] {
+                for (const auto& report : node->reports()) failure = report.failure;
+            });
+            return node;
+        });
+        world.run_for(2s);
+        return failure;
+    };
+    CHECK(problem([](auto&) {}).find("--jwt-key") != std::string::npos);
+    CHECK(problem([](auto& o) { o.webhook = "tcp://127.0.0.1:7480"; }).empty());
+    CHECK(problem([](auto& o) { o.gateway_addresses = "10.0.0.0/8, 2001:db8::/32, 192.0.2.1"; }).empty());
+    CHECK(problem([](auto& o) { o.webhook = "tcp://127.0.0.1:7480", o.directip = "tcp://0.0.0.0:10800"; }).find("--gateway-addresses") != std::string::npos);
+    memory_mail mails;
+    auto with_mailbox = [&](auto change) {
+        return problem([&](auto& o) {
+            o.webhook.clear();
+            o.open_mailbox = [&](ise::loop& on) { return mails.open_mailbox(on, "boat@shore.example"); };
+            change(o);
+        });
+    };
+    CHECK(with_mailbox([](auto&) {}).find("--mail-authserv") != std::string::npos);
+    CHECK(with_mailbox([](auto& o) { o.mail_authserv = "mx.shore.example"; }).empty());
+    CHECK(with_mailbox([](auto& o) { o.mail_unchecked = true; }).empty());
+}
+
+TEST_CASE("iridium: posts and DirectIP from another address than the gateway's count for nothing") {
+    ocean it;
+    it.gateway_options.directip_to = "tcp://shore:10800";
+    it.proxy_options.directip = "tcp://0.0.0.0:10800";
+    it.proxy_options.gateway_addresses = "192.0.2.0/24";
+    it.start();
+    auto& seen = it.watch();
+    REQUIRE(it.until([&] { return seen.account && seen.account->refused >= 3; }));
+    CHECK(seen.telemetry.empty());
+    CHECK(seen.account->messages == 0);
+    CHECK(seen.gateway->trouble.find("403") != std::string::npos);
 }

@@ -59,7 +59,7 @@ public:
                 "atirma", "run", "--log-level", "error", "iridium-proxy", "--imei", imei, "--webhook", "",
                 "--database", folder_ + "/iridium.db", "--imap", host_.imaps(), "--smtp", host_.smtps(), "--mail-user",
                 "boat", "--mail-from", "boat@example.org", "--mail-to", "shore@example.org", "--send-by", "mail",
-                "--ca-file", host_.certificate()},
+                "--mail-unchecked", "--ca-file", host_.certificate()},
             variables_);
         auto line = proxy_->read_line();
         INFO(line);

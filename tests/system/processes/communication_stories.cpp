@@ -23,7 +23,7 @@ public:
     }
     ise_test::ran set_mode(int id, const std::string& mode) {
         return call("atirma/communication", "telecommand",
-                    fmt::format(R"({{"id":{},"command":{{"kind":"set_mode","mode":"{}"}}}})", id, mode));
+                    fmt::format(R"({{"id":{},"command":{{"kind":"set_mode","mode":"{}"}}}})", id, mode), "atirma/operators/ana");
     }
     // Of the packets on that node's disk that it shows.
     std::multiset<std::string> track(const std::string& name) {
@@ -53,9 +53,14 @@ TEST_CASE(
     auto refused = it.set_mode(1, "hold");
     CHECK(refused.exit_code != 0);
     CHECK_THAT(refused.err, Contains("nobody holds the authority"));
-    auto taken = it.call("atirma/communication", "authority", R"({"action":"take"})");
+    auto nobody = it.call("atirma/communication", "authority", R"({"action":"take"})");
+    CHECK(nobody.exit_code != 0); // the next anonymous command is somebody else
+    CHECK_THAT(nobody.err, Contains("anonymous@127.0.0.1:") && Contains("--as PATH"));
+    auto taken = it.call("atirma/communication", "authority", R"({"action":"take"})", "atirma/operators/ana");
     INFO(taken.err);
-    CHECK_THAT(taken.out, Contains(R"("holder":"anonymous@)"));
+    CHECK_THAT(taken.out, Contains(R"("holder":"atirma/operators/ana")"));
+    auto other = it.call("atirma/communication", "telecommand", R"({"id":3,"command":{"kind":"tack_now"}})");
+    CHECK_THAT(other.err, Contains("atirma/operators/ana holds the authority") && Contains("not anonymous@127.0.0.1:"));
     CHECK_THAT(it.set_mode(2, "hold").out, Contains(R"("state":"acknowledged")"));
     int id = 10;
     for (const char* victim : {"one", "two", "one"}) {

@@ -57,9 +57,12 @@ public:
     }
 
     /// As a person does it.
-    ise_test::ran call(const std::string& whom, const std::string& service, const std::string& request) {
-        return ise_test::run_program({"ise", "--wait", "--timeout", "60s", "call", whom, service, request},
-                                     variables());
+    ise_test::ran call(const std::string& whom, const std::string& service, const std::string& request,
+                       const std::string& as = {}) {
+        std::vector<std::string> words{"ise", "--wait", "--timeout", "60s"};
+        if (!as.empty()) words.insert(words.end(), {"--as", as});
+        words.insert(words.end(), {"call", whom, service, request});
+        return ise_test::run_program(words, variables());
     }
     /// The next packet.
     std::string next_of(const std::string& whom, const std::string& service) {

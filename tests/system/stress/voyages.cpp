@@ -64,6 +64,13 @@ TEST_CASE(
     CHECK(first.report == second.report);
     CHECK(first.picture == second.picture);
     CHECK(first.gpx == second.gpx);
+    std::string before;
+    for (auto at = first.gpx.find("<time>"); at != std::string::npos; at = first.gpx.find("<time>", at + 1)) {
+        auto time = first.gpx.substr(at, first.gpx.find("Z</time>", at) - at); // 08:00:32 is before 08:00:32.200
+        CHECK(before < time); // each instant once, in order
+        before = time;
+    }
+    CHECK_FALSE(before.empty());
     CHECK(without_disk_names(first.log) == without_disk_names(second.log));
 
     const auto& all = sea.book().entries();

@@ -7,6 +7,8 @@
 
 #include <new>
 
+namespace refused_test {
+
 using namespace ise_test;
 using namespace std::chrono_literals;
 using ise::reply_window;
@@ -44,3 +46,5 @@ TEST_CASE("a reply window that any allocation was refused goes on, and nothing o
         if (!refused) break;
     }
 }
+
+} // namespace refused_test

@@ -7,6 +7,8 @@
 
 #include <asio/post.hpp>
 
+namespace steady_test {
+
 using namespace boat_services;
 using namespace ise_test;
 using namespace std::chrono_literals;
@@ -171,3 +173,5 @@ TEST_CASE("messages that go in pieces use the memory of those before them") {
     CAPTURE(size, counted);
     CHECK(counted <= now_and_then);
 }
+
+} // namespace steady_test

@@ -5,6 +5,8 @@
 
 #include <support/catch.hpp>
 
+namespace command_book_test {
+
 using namespace std::chrono_literals;
 using namespace atirma;
 
@@ -174,20 +176,24 @@ TEST_CASE("a telecommand reads naturally as JSON") {
 
 TEST_CASE("duplicates are told by boot and sequence, in any order, within a bounded window") {
     duplicate_filter seen;
-    CHECK(seen.first_time(1, 10));
-    CHECK_FALSE(seen.first_time(1, 10));
-    CHECK(seen.first_time(1, 12));
-    CHECK(seen.first_time(1, 11)); // overtaken
-    CHECK_FALSE(seen.first_time(1, 11));
-    CHECK(seen.first_time(2, 10)); // another life of the boat
-    CHECK(seen.first_time(1, 12 + duplicate_filter::window));
-    CHECK_FALSE(seen.first_time(1, 12 + duplicate_filter::window));
-    CHECK(seen.first_time(1, 13)); // just inside the window, and new
-    CHECK_FALSE(seen.first_time(1, 13));
-    CHECK(seen.first_time(1, 0xFFFFFFFF));
-    CHECK_FALSE(seen.first_time(1, 0xFFFFFFFF));
-    for (std::uint16_t boot = 10; boot < 10 + duplicate_filter::max_boots; ++boot) CHECK(seen.first_time(boot, 1));
-    CHECK(seen.first_time(2, 10)); // long forgotten
+    const ise::bytes raw{std::byte{1}, std::byte{2}, std::byte{3}}, forged{std::byte{1}, std::byte{2}, std::byte{4}};
+    CHECK(seen.first_time(1, 10, raw));
+    CHECK_FALSE(seen.first_time(1, 10, raw));
+    CHECK(seen.first_time(1, 12, raw));
+    CHECK(seen.first_time(1, 11, raw)); // overtaken
+    CHECK_FALSE(seen.first_time(1, 11, raw));
+    CHECK(seen.first_time(2, 10, raw)); // another life of the boat
+    CHECK(seen.first_time(1, 12 + duplicate_filter::window, raw));
+    CHECK_FALSE(seen.first_time(1, 12 + duplicate_filter::window, raw));
+    CHECK(seen.first_time(1, 13, raw)); // just inside the window, and new
+    CHECK_FALSE(seen.first_time(1, 13, raw));
+    CHECK(seen.first_time(1, 0xFFFFFFFF, raw));
+    CHECK_FALSE(seen.first_time(1, 0xFFFFFFFF, raw));
+    for (std::uint16_t boot = 10; boot < 10 + duplicate_filter::max_boots; ++boot) CHECK(seen.first_time(boot, 1, raw));
+    CHECK(seen.first_time(2, 10, raw)); // long forgotten
+    CHECK(seen.first_time(2, 11, forged)); // before the boat comes to that number
+    CHECK(seen.first_time(2, 11, raw));
+    CHECK_FALSE(seen.first_time(2, 11, raw));
 }
 
 TEST_CASE("command book: the epoch of authority travels, and the boat's refusal tells the one that holds") {
@@ -207,8 +213,10 @@ TEST_CASE("command book: the epoch of authority travels, and the boat's refusal 
     no.id = 8;
     no.kind = command_kind::tack_now;
     no.code = ack_code::no_authority;
-    no.value = 9;
+    no.authority = 16'777'217; // 2^24 + 1: no float holds it
     CHECK(it.book.on_acknowledgement(it.wall, no));
     CHECK(it.book.find(8)->result == ack_code::no_authority);
-    CHECK(it.book.find(8)->value == 9.0f);
+    CHECK(it.book.find(8)->boat_obeys == 16'777'217u);
 }
+
+} // namespace command_book_test

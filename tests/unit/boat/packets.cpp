@@ -6,6 +6,8 @@
 
 #include <cmath>
 
+namespace packets_test {
+
 using namespace atirma;
 
 namespace {
@@ -205,6 +207,28 @@ TEST_CASE("a telecommand under authority carries its epoch, and one without is w
     }
 }
 
+TEST_CASE("an acknowledgement carries the epoch that the boat obeys as a number, and one of a boat without is what it always was") {
+    acknowledgement ack;
+    ack.id = 7;
+    ack.kind = command_kind::set_mode;
+    ack.code = ack_code::no_authority;
+    ack.text = std::string(acknowledgement::max_text, 'x');
+    auto plain = encode_acknowledgement(ack);
+    CHECK(plain[1] == std::byte{0x41});
+    CHECK_FALSE(parse_acknowledgement(plain)->authority);
+    for (std::uint32_t epoch : {0u, 1u, 16'777'217u, 0xFFFFFFFFu}) {
+        ack.authority = epoch;
+        auto raw = encode_acknowledgement(ack);
+        CHECK(raw[1] == std::byte{0x43});
+        CHECK(raw.size() == plain.size() + 4);
+        CHECK(raw.size() <= max_packet_size);
+        CHECK(classify(raw) == packet_class::acknowledgement);
+        auto back = parse_acknowledgement(raw);
+        REQUIRE(back);
+        CHECK(*back == ack);
+    }
+}
+
 TEST_CASE("what only asks needs no authority, and what can lose the boat is dangerous") {
     using enum command_kind;
     for (auto asks : {ping, get_parameter, waypoint_read_back, request_status}) CHECK_FALSE(needs_authority(asks));
@@ -254,3 +278,5 @@ TEST_CASE("a parameter out of range is refused with its range") {
     CHECK_FALSE(check_parameter(parameter_id::leeway_compensation, std::nanf("")));
     CHECK_FALSE(check_parameter(static_cast<parameter_id>(77), 1));
 }
+
+} // namespace packets_test

@@ -3,6 +3,8 @@
 
 #include <support/catch.hpp>
 
+namespace receipt_test {
+
 using namespace atirma;
 using namespace std::chrono_literals;
 
@@ -42,3 +44,5 @@ TEST_CASE("a receipt that is damaged, cut off, too long or another packet is ref
     CHECK(other.error().message().find("type 40 is no receipt") != std::string::npos);
     CHECK_FALSE(parse_telecommand(good));
 }
+
+} // namespace receipt_test

@@ -8,6 +8,8 @@
 #include <fstream>
 #include <algorithm>
 
+namespace boat_test {
+
 using namespace atirma;
 using namespace atirma::simulator;
 using namespace std::chrono_literals;
@@ -200,7 +202,7 @@ TEST_CASE("a boat that heard of an authority refuses what comes under a lower on
         add.authority = lower;
         auto no = boat.execute(add);
         CHECK(no.code == ack_code::no_authority);
-        CHECK(no.value == 6.0f);
+        CHECK(no.authority == 6u);
         CHECK(no.id == 3);
     }
     CHECK(boat.pilot().list().size() == 1);
@@ -215,6 +217,64 @@ TEST_CASE("a boat that heard of an authority refuses what comes under a lower on
     add.id = 9;
     CHECK(boat.execute(add).code == ack_code::no_authority);
     CHECK(boat.authority() == 8);
+}
+
+TEST_CASE("a forged epoch far above the boat's does not count, so that the operators ashore still have a higher one") {
+    simulated_boat boat(sailing({}), steady(6, 40));
+    auto add = command(1, command_kind::waypoint_add);
+    add.point = {28.16, -15.45};
+    for (std::uint32_t forged : {0xFFFFFFFFu, 0x80000000u, simulated_boat::max_epoch_step + 1}) {
+        auto ping = command(2, command_kind::ping);
+        ping.authority = forged;
+        CHECK(boat.execute(ping).authority == 0u); // it only asks, and is told which epoch counts
+        add.authority = forged;
+        CHECK(boat.execute(add).code == ack_code::no_authority);
+        CHECK(boat.authority() == 0);
+    }
+    CHECK(boat.pilot().list().empty());
+    auto ping = command(3, command_kind::ping);
+    ping.authority = simulated_boat::max_epoch_step;
+    CHECK(boat.execute(ping).code == ack_code::done);
+    CHECK(boat.authority() == simulated_boat::max_epoch_step);
+    ping.id = 4;
+    ping.authority = 0xFFFFFFFF;
+    CHECK(boat.execute(ping).authority == simulated_boat::max_epoch_step);
+    CHECK(boat.authority() == simulated_boat::max_epoch_step);
+    add.id = 5;
+    add.authority = simulated_boat::max_epoch_step + 2; // the operator ashore takes the authority anew
+    CHECK(boat.execute(add).code == ack_code::done);
+}
+
+TEST_CASE("the boat says which epoch it obeys exactly, also where a float cannot") {
+    boat_options options;
+    options.resumed = simulated_boat(sailing({}), steady(6, 40)).remember();
+    options.resumed->authority = 16'777'217; // 2^24 + 1
+    simulated_boat boat(options, steady(6, 40));
+    auto add = command(1, command_kind::waypoint_add);
+    add.authority = 2;
+    auto no = parse_acknowledgement(encode_acknowledgement(boat.execute(add)));
+    REQUIRE(no);
+    CHECK(no->code == ack_code::no_authority);
+    CHECK(no->authority == 16'777'217);
+}
+
+TEST_CASE("a boat that was left at the last epoch goes on with the first one") {
+    boat_options options;
+    options.resumed = simulated_boat(sailing({}), steady(6, 40)).remember();
+    options.resumed->authority = 0xFFFFFFFF;
+    simulated_boat boat(options, steady(6, 40));
+    auto add = command(1, command_kind::waypoint_add);
+    add.point = {28.16, -15.45};
+    for (std::uint32_t lower : {0u, 0xFFFFFFFEu, 0x80000000u}) {
+        add.authority = lower; // 0 is no epoch, and never the one after the last
+        CHECK(boat.execute(add).code == ack_code::no_authority);
+    }
+    add.authority = 2;
+    CHECK(boat.execute(add).code == ack_code::done);
+    CHECK(boat.authority() == 2);
+    add.id = 2;
+    add.authority = 0xFFFFFFFF;
+    CHECK(boat.execute(add).code == ack_code::no_authority);
 }
 
 TEST_CASE("waypoints are added, inserted, deleted, selected, read back and cleared") {
@@ -397,3 +457,5 @@ TEST_CASE("all legs of the courses lie in water") {
     }
     CHECK_FALSE(find_course("T3"));
 }
+
+} // namespace boat_test

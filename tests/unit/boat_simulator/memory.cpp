@@ -1,6 +1,12 @@
 #include <components/boat_simulator/boat_memory.hpp>
 
+#include <ise/packet/codec.hpp>
+
 #include <support/catch.hpp>
+
+#include <array>
+
+namespace memory_test {
 
 using namespace atirma;
 using namespace atirma::simulator;
@@ -69,6 +75,27 @@ TEST_CASE("a boat that lost its power goes on where it was, in its next boot, wi
     CHECK(next.execute(old).code == ack_code::no_authority);
 }
 
+TEST_CASE("a forged epoch is not kept over the loss of power, and the boat obeys the operators ashore afterwards") {
+    auto keeper = database::open("memory:boat-epoch", {}).value(); // the file, over the boat's lives
+    {
+        auto boat = sailed_for(10s, on_t1());
+        auto ping = command(1, command_kind::ping);
+        ping.authority = 4;
+        boat.execute(ping);
+        ping.id = 2;
+        ping.authority = 0xFFFFFFFF;
+        boat.execute(ping);
+        boat_memory::open("memory:boat-epoch").value().keep(boat.remember()).value();
+    }
+    auto options = on_t1();
+    options.resumed = boat_memory::open("memory:boat-epoch").value().last().value();
+    auto boat = sailed_for(0s, options);
+    CHECK(boat.authority() == 4);
+    auto clear = command(3, command_kind::waypoint_clear);
+    clear.authority = 4;
+    CHECK(boat.execute(clear).code == ack_code::done);
+}
+
 TEST_CASE("a boat's memory gives back what was put there, and the packets without acknowledgement under new numbers") {
     auto keeper = database::open("memory:boat-memory", {}).value(); // the file, over the boat's lives
     auto boat = sailed_for(60s, on_t1());
@@ -100,3 +127,24 @@ TEST_CASE("a boat's memory gives back what was put there, and the packets withou
     memory.forget(1).value(); // under the new numbers
     CHECK(memory.take_unacknowledged().value() == std::vector<ise::bytes>{packets[3]});
 }
+
+TEST_CASE("a boat's memory from before there were receipts is read, and has room for packets without one") {
+    const std::array<std::string_view, 1> before{
+        "CREATE TABLE boat(one INTEGER PRIMARY KEY CHECK(one = 1), state BLOB NOT NULL);"
+        "CREATE TABLE executed(number INTEGER PRIMARY KEY AUTOINCREMENT, id INTEGER NOT NULL UNIQUE, raw BLOB NOT NULL);"
+        "CREATE TABLE unacknowledged(number INTEGER PRIMARY KEY, raw BLOB NOT NULL)"};
+    auto boat = sailed_for(60s, on_t1());
+    auto packets = boat.take_packets(link_id::xbee);
+    REQUIRE(packets.size() > 1);
+    auto old = database::open("memory:boat-memory-before", before).value();
+    old.execute("INSERT INTO boat(one, state) VALUES(1, ?)", {ise::encode(boat.remember())}).value();
+    old.execute("INSERT INTO unacknowledged(number, raw) VALUES(7, ?)", {packets[0]}).value();
+    auto memory = boat_memory::open("memory:boat-memory-before").value();
+    CHECK(memory.last().value()->boot == 41);
+    CHECK(memory.take_unacknowledged().value() == std::vector<ise::bytes>{packets[0]});
+    CHECK(memory.not_receipted().value().empty());
+    memory.put({41, 1}, packets[1]).value();
+    CHECK(memory.not_receipted().value() == std::vector<ise::bytes>{packets[1]});
+}
+
+} // namespace memory_test

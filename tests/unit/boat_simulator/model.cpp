@@ -7,6 +7,8 @@
 #include <fstream>
 #include <iterator>
 
+namespace model_test {
+
 using namespace atirma::simulator;
 
 namespace {
@@ -155,3 +157,5 @@ TEST_CASE("the recorded series of a yacht can be sailed on") {
     CHECK((*series)->at(0).speed_mps == Approx(8.1 * 1852 / 3600).epsilon(1e-3));
     CHECK((*series)->at(0).from_deg == Approx(185.4));
 }
+
+} // namespace model_test

@@ -3,6 +3,8 @@
 
 #include <support/catch.hpp>
 
+namespace radio_backlog_test {
+
 using namespace atirma;
 using namespace atirma::simulator;
 using namespace std::chrono_literals;
@@ -80,6 +82,21 @@ TEST_CASE("radio backlog: while nobody hears it the boat holds what it has, and 
     CHECK(sequence_of(kept.next(silent + 60s)) == 102);
 }
 
+TEST_CASE("radio backlog: a receipt, forged or not, takes away no packet that was never sent") {
+    radio_backlog kept(start);
+    auto silent = start + 30s;
+    CHECK(kept.put(silent, packet(1)));
+    CHECK_FALSE(kept.put(silent, packet(2)));
+    kept.restore(packet(9, 2));
+    telemetry_receipt forged;
+    forged.packets = {{2, 9}, {3, 1}, {3, 2}, {3, 3}};
+    CHECK(kept.on_receipt(silent, forged) == std::vector<packet_name>{{3, 1}});
+    CHECK(kept.waiting() == 2);
+    CHECK(sequence_of(kept.next(silent)) == 9);
+    CHECK(sequence_of(kept.next(silent)) == 2);
+    CHECK(kept.on_receipt(silent + 1s, forged).size() == 2);
+}
+
 TEST_CASE("radio backlog: it is bounded, and the oldest goes") {
     radio_backlog kept(start);
     for (std::uint32_t i = 1; i <= radio_backlog::capacity + 5; ++i) kept.put(start, packet(i));
@@ -104,3 +121,5 @@ TEST_CASE("radio backlog: what the modem did not take, and what a boat had befor
     CHECK(sequence_of(kept.next(start)) == 3);
     CHECK(kept.waiting() == 3);
 }
+
+} // namespace radio_backlog_test

@@ -9,6 +9,8 @@
 
 #include <algorithm>
 
+namespace looking_test {
+
 using namespace ise::cli;
 using namespace std::chrono_literals;
 using Catch::Contains;
@@ -124,6 +126,15 @@ TEST_CASE("a clock that is off is told once a host, unless nobody can know") {
     CHECK_THAT(seen.front().message, Contains("boat is 3 s behind this machine's"));
     one.clock_doubt = two.clock_doubt = 5s; // the answer took ten seconds
     CHECK(found({one, two}).empty());
+}
+
+TEST_CASE("a subscription that ended and was not made again is a warning") {
+    auto one = well("a");
+    one.about->ended_subscriptions.push_back({"position", "boat", "5 packets are lost"});
+    auto seen = examine({}, {one}, 1s, "shore");
+    CHECK(kinds(seen) == list{"subscription_ended"});
+    CHECK(seen.front().weight == severity::warning);
+    CHECK_THAT(seen.front().message, Contains("'position' of boat") && Contains("5 packets are lost"));
 }
 
 TEST_CASE("what grows between two looks is a warning, what has happened before a note") {
@@ -250,3 +261,5 @@ TEST_CASE("the median is between the two in the middle") {
     of.add(100ms);
     CHECK(of.median() == 4ms);
 }
+
+} // namespace looking_test

@@ -2,6 +2,8 @@
 
 #include <support/catch.hpp>
 
+namespace coast_test {
+
 using namespace atirma;
 
 TEST_CASE("coast: the island is the greatest ring, closed and where it is") {
@@ -21,3 +23,5 @@ TEST_CASE("coast: the island is the greatest ring, closed and where it is") {
     CHECK(coast_attribution().find("LGPL") != std::string::npos);
     CHECK(&coast_rings() == &rings);
 }
+
+} // namespace coast_test

@@ -2,6 +2,8 @@
 
 #include <support/catch.hpp>
 
+namespace authority_test {
+
 using namespace atirma;
 using Catch::Contains;
 
@@ -101,13 +103,72 @@ TEST_CASE("authority: nodes that do not see each other never give the same epoch
 TEST_CASE("authority: a boat that obeys a higher epoch makes the holder take it anew, above that one") {
     helm it;
     REQUIRE(it.ask("ana", take));
-    it.book.boat_obeys(7);
-    it.book.boat_obeys(5);
+    it.book.boat_obeys(7, 2);
     CHECK_THAT(*it.book.refusal("ana"), Contains("epoch 7") && Contains("take it anew"));
     auto anew = it.ask("ana", take);
     REQUIRE(anew);
     CHECK(anew->epoch == 8);
+    CHECK(anew->boat_epoch == 8);
     CHECK_FALSE(it.book.refusal("ana"));
+    it.book.boat_obeys(7, 2); // of a telecommand that was under way for long
+    CHECK_FALSE(it.book.refusal("ana"));
+}
+
+TEST_CASE("authority: a forged answer of the boat costs the operators one take each time, at either node") {
+    for (bool odd : {false, true}) {
+        helm it(odd);
+        authority_state long_since;
+        long_since.holder = "ana";
+        long_since.epoch = odd ? 101 : 100;
+        it.book.apply(long_since, 0);
+        auto first = it.book.now().boat_epoch;
+        for (std::uint32_t forged : {0xFFFFFFFFu, 0xFFFFFFFEu, 0x80000000u, 0u}) {
+            CAPTURE(odd, forged);
+            auto before = it.book.now();
+            it.book.boat_obeys(forged, before.boat_epoch);
+            CHECK_THAT(*it.book.refusal("ana"), Contains("take it anew"));
+            auto follows = it.ask("ana", take);
+            REQUIRE(follows);
+            CHECK(follows->boat_epoch != 0);
+            CHECK(follows->boat_epoch - forged <= 4); // also where the numbers begin again
+            CHECK(follows->boat_epoch % 2 == (odd ? 1u : 0u));
+            CHECK(follows->epoch > before.epoch); // the nodes' own count is not the attacker's
+            CHECK(follows->epoch <= before.epoch + 2);
+            // The boat itself has not moved, and says so.
+            it.book.boat_obeys(first, follows->boat_epoch);
+            auto anew = it.ask("ana", take);
+            REQUIRE(anew);
+            CHECK(anew->boat_epoch > first);
+            CHECK(anew->boat_epoch <= first + 2);
+            CHECK_FALSE(it.book.refusal("ana"));
+            first = anew->boat_epoch;
+        }
+    }
+}
+
+TEST_CASE("authority: epochs that are used up are an error, and none begins anew below the others") {
+    for (bool odd : {false, true}) {
+        helm it(odd);
+        authority_state last;
+        last.holder = "ana";
+        last.epoch = odd ? 0xFFFFFFFF : 0xFFFFFFFE;
+        last.boat_epoch = 4;
+        it.book.apply(last, 0);
+        CHECK_THAT(it.refusal("bea", take, true), Contains("used up"));
+        CHECK_THAT(it.refusal("ana", release), Contains("used up"));
+        CHECK(it.book.now().epoch == last.epoch);
+        CHECK_FALSE(it.book.refusal("ana")); // who holds it goes on
+    }
+}
+
+TEST_CASE("authority: a state of a store that knew one epoch only goes on with it") {
+    helm it;
+    authority_state old;
+    old.holder = "ana";
+    old.epoch = 6;
+    it.book.apply(old, 0);
+    CHECK(it.book.now().boat_epoch == 6);
+    CHECK(it.ask("bea", take, true)->boat_epoch == 8);
 }
 
 TEST_CASE("authority: names and questions are bounded") {
@@ -120,3 +181,5 @@ TEST_CASE("authority: names and questions are bounded") {
     CHECK_FALSE(it.ask("ana", hand_over, false, std::string(201, 'x')));
     CHECK_FALSE(it.ask("ana", static_cast<authority_action>(99)));
 }
+
+} // namespace authority_test

@@ -4,6 +4,8 @@
 
 #include <support/catch.hpp>
 
+namespace command_desk_test {
+
 using namespace atirma;
 using namespace std::chrono_literals;
 using Catch::Contains;
@@ -35,7 +37,7 @@ struct table {
         return made;
     }
     command_record begin(const telecommand_request& asked) {
-        auto record = desk.prepare(wall, asked, 77, "ana", 4, me).value();
+        auto record = desk.prepare(now, wall, asked, 77, "ana", 4, me).value();
         REQUIRE(desk.know(now, wall, record, me));
         return record;
     }
@@ -171,7 +173,7 @@ TEST_CASE("command desk: the other node's telecommands are left to it, until it 
     table it, other;
     it.there(xbee);
     auto asked = other.request(8);
-    auto record = it.desk.prepare(it.wall, asked, 1, "bea", 2, "shore/two").value();
+    auto record = it.desk.prepare(it.now, it.wall, asked, 1, "bea", 2, "shore/two").value();
     REQUIRE(it.desk.know(it.now, it.wall, record, me));
     CHECK_FALSE(it.desk.know(it.now, it.wall, record, me)); // nothing new
     CHECK_FALSE(it.give());
@@ -194,6 +196,53 @@ TEST_CASE("command desk: the other node's telecommands are left to it, until it 
     CHECK_FALSE(knows_more(changed[2], answered));
 }
 
+namespace {
+
+/// How long a telecommand is still open.
+std::chrono::seconds ends_after(table& it, std::uint32_t id) {
+    std::chrono::seconds passed(0);
+    for (; passed < 2min; ++passed) {
+        it.desk.on_time(it.now + passed, it.wall + passed);
+        if (is_final(it.status(id).state)) break;
+    }
+    return passed;
+}
+
+} // namespace
+
+TEST_CASE("command desk: a validity ends in time over a restart, whatever the clocks do meanwhile") {
+    table before;
+    auto record = before.desk.prepare(before.now, before.wall, before.request(5, 15), 77, "ana", 4, me).value();
+    auto expires_after = [&](ise::duration down, ise::duration set, ise::duration rebooted, const std::string& who) {
+        table it;
+        it.now = before.now + down - rebooted;
+        it.wall = before.wall + std::chrono::duration_cast<std::chrono::milliseconds>(down + set);
+        it.desk.know(it.now, it.wall, record, who);
+        return ends_after(it, 5);
+    };
+    CHECK(expires_after(5s, 0s, 0s, me) == 10s);
+    CHECK(expires_after(5s, -1h, 0s, me) == 10s);   // an hour back
+    CHECK(expires_after(20s, -1h, 0s, me) == 0s);
+    CHECK(expires_after(5s, 1h, 0s, me) == 0s);     // an hour ahead: too early rather than too late
+    CHECK(expires_after(5s, 0s, 30min, me) == 10s); // the machine has started anew, its clock is right
+    CHECK(expires_after(5s, -1h, 30min, me) == 0s); // and is not: nobody knows
+    CHECK(expires_after(5s, -1h, 0s, "shore/two") <= 15s + 30s); // by another node's clock, which has 30 s of grace
+}
+
+TEST_CASE("command desk: one that was taken over ends in time over a restart, too") {
+    table it;
+    auto record = it.desk.prepare(it.now + 7min, it.wall, it.request(5, 15), 1, "bea", 2, "shore/two").value();
+    REQUIRE(it.desk.know(it.now, it.wall, record, me));
+    it.pass(4s);
+    it.desk.take_over(it.now, it.wall, me);
+    record = it.desk.take_changes().back();
+    table after;
+    after.now = it.now + 3s;
+    after.wall = it.wall - 1h;
+    after.desk.know(after.now, after.wall, record, me);
+    CHECK(ends_after(after, 5) == 8s);
+}
+
 TEST_CASE("command desk: the boat's refusal for want of authority tells its epoch") {
     table it;
     it.there(xbee);
@@ -201,10 +250,13 @@ TEST_CASE("command desk: the boat's refusal for want of authority tells its epoc
     it.give();
     auto no = it.says(5, telecommand_stage::acknowledged);
     no.result = ack_code::no_authority;
-    no.value = 9.0f;
+    no.boat_obeys = 16'777'217; // 2^24 + 1: no float holds it
     it.desk.on_status(it.wall, xbee, no);
-    CHECK(it.desk.take_boat_epoch() == 9);
-    CHECK(it.desk.take_boat_epoch() == 0);
+    auto told = it.desk.take_boat_epochs();
+    REQUIRE(told.size() == 1);
+    CHECK(told[0].sent_under == 4);
+    CHECK(told[0].obeyed == 16'777'217);
+    CHECK(it.desk.take_boat_epochs().empty());
     CHECK(it.status(5).result == ack_code::no_authority);
 }
 
@@ -214,7 +266,7 @@ TEST_CASE("command desk: what cannot be is refused, and the number of telecomman
     small.max_remembered = 3;
     table it(small);
     auto bad = it.request(1, 0);
-    CHECK(it.desk.prepare(it.wall, bad, 1, "ana", 0, me).error().code() == ise::errc::invalid_argument);
+    CHECK(it.desk.prepare(it.now, it.wall, bad, 1, "ana", 0, me).error().code() == ise::errc::invalid_argument);
     for (std::uint32_t id = 1; id <= 10; ++id) {
         it.begin(it.request(id));
         it.desk.on_status(it.wall, xbee, it.says(id, telecommand_stage::acknowledged));
@@ -223,7 +275,7 @@ TEST_CASE("command desk: what cannot be is refused, and the number of telecomman
     CHECK(it.desk.find(8));
     it.begin(it.request(21));
     it.begin(it.request(22));
-    CHECK(it.desk.prepare(it.wall, it.request(23), 1, "ana", 0, me).error().code() == ise::errc::overloaded);
+    CHECK(it.desk.prepare(it.now, it.wall, it.request(23), 1, "ana", 0, me).error().code() == ise::errc::overloaded);
     CHECK(it.desk.open().size() == 2);
     auto chosen = it.desk.find(21)->status;
     CHECK(chosen.command->kind == command_kind::tack_now);
@@ -273,6 +325,10 @@ TEST_CASE("newest by kind: what comes late over a slower link is history, each k
     said.history = true;
     CHECK(it.is_history(said));
     CHECK_FALSE(it.is_history(packet(1, 11s)));
-    CHECK_FALSE(it.is_history(packet(1, 1000000s, 30s))); // a clock that is days ahead
-    CHECK_FALSE(it.is_history(packet(1, 400s))); // does not make everything after it history
+    CHECK_FALSE(it.is_history(packet(1, 1000000s, 30s))); // a clock that is days ahead, or four minutes
+    CHECK_FALSE(it.is_history(packet(1, 31s + 4min, 31s)));
+    CHECK_FALSE(it.is_history(packet(1, 32s))); // makes nothing history that is measured after it came
+    CHECK(it.is_history(packet(1, 30s, 33s)));
 }
+
+} // namespace command_desk_test

@@ -3,6 +3,8 @@
 #include <csignal>
 #include <sys/resource.h>
 
+namespace store_test {
+
 using namespace store_test;
 using Catch::Contains;
 
@@ -215,3 +217,5 @@ TEST_CASE("node store: what is old goes, its numbers do not come again") {
     CHECK(store.newest().value().size() == 1);
     CHECK(store.last_of(1).value()->sequence == 11);
 }
+
+} // namespace store_test

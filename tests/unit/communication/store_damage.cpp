@@ -6,6 +6,8 @@
 #include <fstream>
 #include <sqlite3.h>
 
+namespace store_damage_test {
+
 using namespace store_test;
 using Catch::Contains;
 
@@ -190,3 +192,5 @@ TEST_CASE("node store: a file that is no store of a node is named as that") {
     std::ofstream(there.backup()) << std::string(5000, 'x');
     CHECK(check_store(there.backup()).error().code() == ise::errc::malformed);
 }
+
+} // namespace store_damage_test

@@ -1,6 +1,8 @@
 // A store that went back in time, and what the other node and followers then know of it.
 #include "stores.hpp"
 
+namespace store_lives_test {
+
 using namespace store_test;
 
 TEST_CASE("node store: a restart is a new life, of which nothing is told twice") {
@@ -118,3 +120,5 @@ TEST_CASE("node store: a position beyond its head is not believed") {
     CHECK(refused.error().code() == ise::errc::protocol_error);
     CHECK(b.head() == 0);
 }
+
+} // namespace store_lives_test

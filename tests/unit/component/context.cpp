@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+namespace context_test {
+
 using namespace sea;
 using ise::component;
 
@@ -143,3 +145,5 @@ TEST_CASE("a component that was not started says so") {
     };
     CHECK(code_of([] { early never; }) == ise::errc::invalid_argument);
 }
+
+} // namespace context_test

@@ -3,6 +3,8 @@
 
 #include <ise/core/sleep.hpp>
 
+namespace credentials_test {
+
 using namespace sea;
 using Catch::Matchers::Contains;
 using ise::errc;
@@ -171,3 +173,5 @@ TEST_CASE("a node whose credentials cannot be used is not made, and says which f
     process.set_variable("ISE_DEMAND_CREDENTIALS", "yes");
     CHECK_THAT(made(at.options()), Contains("ISE_DEMAND_CREDENTIALS is 0 or 1, not 'yes'"));
 }
+
+} // namespace credentials_test

@@ -1,5 +1,7 @@
 #include "sea.hpp"
 
+namespace declaring_test {
+
 using namespace sea;
 using ise::component;
 
@@ -147,3 +149,5 @@ TEST_CASE("a provider decides over its subscribers and hears of those that leave
     });
     CHECK(happened == std::vector<std::string>{"asked 1", "asked 2", "left 2"});
 }
+
+} // namespace declaring_test

@@ -12,6 +12,8 @@
 #include <future>
 #include <thread>
 
+namespace executors_test {
+
 using namespace sea;
 using ise::component;
 
@@ -337,18 +339,50 @@ TEST_CASE("a node is destroyed while calls are pending between its components") 
 
 TEST_CASE("components start and stop from many threads at once") {
     harbour here;
+    std::atomic<int> started = 0;
+    std::mutex mutex;
+    std::vector<std::string> unexpected; // another error than that the name is taken, or that it was stopped meanwhile
     std::vector<std::thread> threads;
     for (int who = 0; who < 3; ++who)
-        threads.emplace_back([&here, who] {
+        threads.emplace_back([&, who] {
             for (int n = 0; n < 10; ++n) {
                 auto path = fmt::format("c{}", (who + n) % 3); // they meet
                 try {
                     here.node.start<beacon>(path);
-                } catch (const ise::error&) { // taken, or stopped meanwhile
+                    ++started;
+                } catch (const ise::error& thrown) {
+                    std::lock_guard held(mutex);
+                    if (thrown.code() != ise::errc::name_taken && thrown.code() != ise::errc::cancelled) unexpected.push_back(thrown.what());
                 }
                 here.node.stop(path);
             }
         });
     for (auto& thread : threads) thread.join();
+    CHECK(unexpected == std::vector<std::string>{});
+    CHECK(started > 0);
+    here.stop();
+    for (const auto& one : here.node.components()) CHECK(one.state == ise::component_state::stopped);
+}
+
+TEST_CASE("a plain coroutine of the program awaits a task that runs on a component's loop") {
+    harbour here;
+    auto& provider = here.node.start<beacon>("beacon");
+    auto& asker = here.node.start("asker", idle);
+    auto where = here.at(provider);
+    auto ask_there = [](component& self, ise::endpoint at) -> task<std::string> {
+        auto answer = co_await self.at(at).call(echo, "ahoy", 5s);
+        co_return answer.text;
+    };
+    asio::io_context program;
+    std::string heard;
+    auto plain = [&](component& self, ise::endpoint at) -> task<> {
+        auto asking = asio::co_spawn(self.get_executor(), ask_there(self, at), asio::use_awaitable);
+        heard = co_await std::move(asking);
+    };
+    asio::co_spawn(program, plain(asker, where), asio::detached);
+    program.run();
+    CHECK(heard == "ahoy");
     here.stop();
 }
+
+} // namespace executors_test

@@ -2,6 +2,8 @@
 
 #include <asio/this_coro.hpp>
 
+namespace failures_test {
+
 using namespace sea;
 using ise::component;
 using ise::component_state;
@@ -185,3 +187,5 @@ TEST_CASE("a component whose last flow does not end cannot be restarted and says
     CHECK(all.log.has("cannot be restarted", "the mule"));
     CHECK(all.report("boat", "boat").still_running == std::vector<std::string>{"the mule"});
 }
+
+} // namespace failures_test

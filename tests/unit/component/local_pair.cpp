@@ -8,6 +8,8 @@
 
 #include <future>
 
+namespace local_pair_test {
+
 namespace {
 
 using namespace std::chrono_literals;
@@ -85,8 +87,10 @@ TEST_CASE("the short form builds the request from its fields") {
     auto& asker = node.start("atirma/console", [](ise::component& self) -> ise::task<> { co_await self.sleep(1h); });
     auto ask = [](ise::component& self, ise::endpoint where) -> ise::task<bool> {
         auto boat = self.at(where);
-        auto reply = co_await helm(boat, "hold");
+        auto reply = co_await boat.call(helm, "hold");
         co_return reply.accepted;
     };
     CHECK(asker.wait(ask(asker, at)));
 }
+
+} // namespace local_pair_test

@@ -7,6 +7,8 @@
 
 #include <algorithm>
 
+namespace log_test {
+
 using namespace sea;
 
 namespace {
@@ -53,6 +55,24 @@ TEST_CASE("a record is one line of bounded length, whatever a text holds") {
     }
 }
 
+TEST_CASE("what is no UTF-8, and what a terminal obeys or does not show, is escaped") {
+    auto shown = [](std::string value) {
+        auto line = line_of("gone", std::move(value));
+        auto at = line.find("device=");
+        return line.substr(at + 7, line.size() - at - 8);
+    };
+    CHECK(shown("Gr\xc3\xbc\xc3\x9f" "e\xe2\x82\xac\xf0\x9f\x9a\xa2") == "Gr\xc3\xbc\xc3\x9f" "e\xe2\x82\xac\xf0\x9f\x9a\xa2");
+    CHECK(shown("a\x9b" "31m") == "a\\x9b31m");                          // CSI in one byte
+    CHECK(shown("a\xc2\x9b" "31m") == "a\\u{9b}31m");                    // the same as UTF-8
+    CHECK(shown("\xff\xfe") == "\\xff\\xfe");
+    CHECK(shown("\xc0\xaf\xe0\x80\xaf") == "\\xc0\\xaf\\xe0\\x80\\xaf"); // overlong
+    CHECK(shown("\xed\xa0\x80") == "\\xed\\xa0\\x80");                  // half a pair
+    CHECK(shown("\xf4\x90\x80\x80") == "\\xf4\\x90\\x80\\x80");         // beyond Unicode
+    CHECK(shown("txt.\xe2\x80\xae" "exe") == "txt.\\u{202e}exe");         // backwards from here on
+    CHECK(shown("a\xe2\x80\xa8" "b") == "a\\u{2028}b");
+    CHECK(shown("cut\xe2\x82") == "cut\\xe2\\x82");
+}
+
 TEST_CASE("a full disk under the log stops nothing") {
     auto full = ::open("/dev/full", O_WRONLY);
     REQUIRE(full >= 0);
@@ -93,3 +113,5 @@ TEST_CASE("a sink that throws stops nothing") {
     all.world.run_for(1s);
     CHECK(went_on);
 }
+
+} // namespace log_test

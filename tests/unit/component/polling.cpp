@@ -9,6 +9,8 @@
 #include <csignal>
 #include <thread>
 
+namespace polling_test {
+
 using namespace sea;
 using ise::component;
 
@@ -155,3 +157,5 @@ TEST_CASE("polling: what is no time to poll for is refused") {
     CHECK(code_of([&] { ise::node node(env, polling(-1ns)); }) == ise::errc::invalid_argument);
     CHECK(code_of([&] { ise::node node(env, polling(2s)); }) == ise::errc::invalid_argument);
 }
+
+} // namespace polling_test

@@ -4,6 +4,8 @@
 
 #include <asio/this_coro.hpp>
 
+namespace shutdown_test {
+
 using namespace sea;
 using ise::component;
 using ise::component_state;
@@ -194,3 +196,5 @@ TEST_CASE("what a component is asked after its stop is refused, not kept waiting
     all.world.run_for(1s);
     CHECK(frames.alive == 0);
 }
+
+} // namespace shutdown_test

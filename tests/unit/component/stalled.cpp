@@ -7,6 +7,8 @@
 #include <condition_variable>
 #include <future>
 
+namespace stalled_test {
+
 using namespace sea;
 using ise::component;
 
@@ -192,3 +194,5 @@ TEST_CASE("offloading keeps the component's thread free") {
     release.open();
     CHECK(done.get_future().get() == 7);
 }
+
+} // namespace stalled_test

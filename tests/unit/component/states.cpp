@@ -4,6 +4,8 @@
 #include <asio/detached.hpp>
 #include <asio/this_coro.hpp>
 
+namespace states_test {
+
 using namespace sea;
 using ise::component;
 using ise::component_state;
@@ -124,3 +126,5 @@ TEST_CASE("who starts a component without a name server is told what is missing"
     CHECK(all.world.run_until([&] { return all.log.has("does not answer", "ise_name_server"); }, 1min));
     CHECK(all.log.has("ISE_NAME_SERVER", "tcp://boat:7400"));
 }
+
+} // namespace states_test

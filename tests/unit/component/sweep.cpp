@@ -1,5 +1,7 @@
 #include "sea.hpp"
 
+namespace sweep_test {
+
 // A scenario with all that a component can wait for, ended at each step of its way.
 using namespace sea;
 using ise::component;
@@ -79,3 +81,5 @@ TEST_CASE("a component can be stopped at every step of its life: it ends in time
         REQUIRE(n < 5000);
     }
 }
+
+} // namespace sweep_test

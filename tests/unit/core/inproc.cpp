@@ -5,6 +5,8 @@
 
 #include <support/catch.hpp>
 
+namespace inproc_test {
+
 using namespace threads;
 using ise::task;
 
@@ -153,3 +155,5 @@ TEST_CASE("inproc: a loop may end while the other side reads or writes") {
         CHECK_THROWS_AS(writing.get(), std::system_error);
     }
 }
+
+} // namespace inproc_test

@@ -9,6 +9,8 @@
 
 #include <support/catch.hpp>
 
+namespace inproc_loop_test {
+
 using namespace threads;
 using ise::task;
 
@@ -274,3 +276,5 @@ TEST_CASE("inproc: a full queue would block, a closed side says so on both sides
         one.io.poll();
     }
 }
+
+} // namespace inproc_loop_test

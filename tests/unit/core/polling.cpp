@@ -5,6 +5,8 @@
 
 #include <support/catch.hpp>
 
+namespace polling_test {
+
 namespace {
 
 using namespace std::chrono_literals;
@@ -155,3 +157,5 @@ TEST_CASE("polling: no more loops than cores look at the same time") {
     it.turn();
     CHECK(it.looks() == 0);
 }
+
+} // namespace polling_test

@@ -13,6 +13,8 @@
 #include <fcntl.h>
 #include <sys/stat.h>
 
+namespace pseudo_terminal_test {
+
 namespace {
 
 struct terminal_room {
@@ -125,3 +127,5 @@ TEST_CASE("pseudo-terminal: a link that a dead program left is replaced although
     REQUIRE(again);
     CHECK(std::filesystem::read_symlink(room.link()) != number);
 }
+
+} // namespace pseudo_terminal_test

@@ -5,6 +5,8 @@
 #include <memory>
 #include <stdexcept>
 
+namespace result_test {
+
 TEST_CASE("a result holds a value or throws the failure in its place") {
     ise::result<int> good = 7;
     REQUIRE(good.has_value());
@@ -72,3 +74,5 @@ TEST_CASE("an error code of ISE compares with its enumerator and names itself") 
     CHECK(code.message() == "peer_lost");
     CHECK(std::string(code.category().name()) == "ise");
 }
+
+} // namespace result_test

@@ -7,6 +7,8 @@
 #include <random>
 #include <string>
 
+namespace ring_test {
+
 TEST_CASE("a ring behaves as a queue, whatever is done with it") {
     std::mt19937 random(7);
     ise::ring<std::string> ring;
@@ -62,3 +64,5 @@ TEST_CASE("whether somebody else holds a counted value is known") {
     CHECK_FALSE(moved.alone());
     CHECK(mine.get() == moved.get());
 }
+
+} // namespace ring_test

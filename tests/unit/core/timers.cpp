@@ -10,6 +10,8 @@
 #include <random>
 #include <vector>
 
+namespace timers_test {
+
 namespace {
 
 using namespace std::chrono_literals;
@@ -117,3 +119,5 @@ TEST_CASE("a timer that is armed anew for each call does not wake the loop more 
     CHECK_FALSE(fired);
     CHECK_FALSE(one.alarm_at);
 }
+
+} // namespace timers_test

@@ -6,6 +6,8 @@
 #include <ise/sim/world.hpp>
 #include <support/catch.hpp>
 
+namespace http_test {
+
 using namespace atirma;
 using namespace curl_test;
 using namespace std::chrono_literals;
@@ -266,3 +268,5 @@ TEST_CASE("libcurl is refused on the virtual clock") {
     auto loop = process.make_loop("main");
     CHECK_THROWS_AS(curl_transfers(loop->loop()), ise::error);
 }
+
+} // namespace http_test

@@ -6,6 +6,8 @@
 
 #include <map>
 
+namespace imap_test {
+
 using namespace atirma;
 using namespace curl_test;
 using namespace std::chrono_literals;
@@ -27,6 +29,7 @@ struct imap_server {
         {"NOOP", "* 2 EXISTS\r\n{tag} OK done\r\n"},
     };
     std::string greeting = "* OK ready\r\n";
+    std::string continued; ///< what the client sent when it was asked to go on
 
     ise::task<> talk(visitor& who) {
         co_await who.say(greeting);
@@ -43,6 +46,10 @@ struct imap_server {
                 for (auto at = text.find("{tag}"); at != std::string::npos; at = text.find("{tag}"))
                     text.replace(at, 5, tag);
                 co_await who.say(text);
+                if (text == "+ \r\n") {
+                    continued = co_await who.next_line();
+                    co_await who.say(tag + " OK logged in\r\n");
+                }
                 if (text.empty()) co_await who.silence();
                 if (answer.ends_with("!")) co_return; // hangs up in the middle
                 break;
@@ -260,3 +267,24 @@ TEST_CASE("servers and folders that are none are refused") {
     CHECK_THROWS_AS(imap_mailbox(s.transfers, bad_server), ise::error);
     CHECK_THROWS_AS(imap_mailbox(s.transfers, bad_folder), ise::error);
 }
+
+TEST_CASE("imap: the first answer of a login comes with the command only where the server has SASL-IR (RFC 4959)") {
+    constexpr auto credentials = "AGJvYXQAc2VjcmV0"; // "\0boat\0secret"
+    {
+        shore s;
+        s.words.answers["CAPABILITY"] = "* CAPABILITY IMAP4rev1 UIDPLUS AUTH=PLAIN\r\n{tag} OK done\r\n";
+        s.words.answers["AUTHENTICATE PLAIN"] = s.words.answers["AUTHENTICATE"] = "+ \r\n";
+        auto got = s.fetch();
+        INFO(wrong(got));
+        CHECK(got);
+        CHECK(s.words.continued == credentials);
+        for (const auto& line : s.server.visitors.front().heard) CHECK(line.find(std::string(" ") + credentials) == std::string::npos);
+    }
+    shore s; // has it
+    CHECK(s.fetch());
+    bool at_once = false;
+    for (const auto& line : s.server.visitors.front().heard) at_once = at_once || line.ends_with(std::string("AUTHENTICATE PLAIN ") + credentials);
+    CHECK(at_once);
+}
+
+} // namespace imap_test

@@ -6,6 +6,8 @@
 
 #include <map>
 
+namespace smtp_test {
+
 using namespace atirma;
 using namespace curl_test;
 using namespace std::chrono_literals;
@@ -168,3 +170,5 @@ TEST_CASE("mails that cannot be are not sent, and servers that are none are refu
     options.server = "mail.example";
     CHECK_THROWS_AS(smtp_sender(s.transfers, options), ise::error);
 }
+
+} // namespace smtp_test

@@ -5,6 +5,8 @@
 #include <ise/deployment/ordering.hpp>
 #include <ise/deployment/planning.hpp>
 
+namespace planning_test {
+
 using namespace deployment_test;
 using Catch::Contains;
 using ise::instantiation::instance_state;
@@ -90,7 +92,7 @@ struct harbour {
             made.protocol = one.request.protocol;
             made.roles = one.request.roles;
             made.deployment = one.request.deployment;
-            for (const auto& each : one.request.variables) made.variables.push_back({each.name, ise::instantiation::mark_of(each)});
+            for (const auto& each : one.request.variables) made.variables.push_back({each.name, {}});
             host.instances.push_back(made);
         }
     }
@@ -166,11 +168,31 @@ TEST_CASE("other changes take a restart, and say which") {
     CHECK_THAT(in.steps(two("parameters={speed=6, mark='x'}\n")), Contains("mark: (none) -> x  (takes a restart)"));
     CHECK_THAT(in.steps(two("parameters={speed=6}\nroles={fleet=2}\n")), Contains("restart sea/boat") && Contains("roles: (none) -> fleet=2"));
     CHECK_THAT(in.steps(two("parameters={speed=6}\nlisten='tcp://127.0.0.1:7500'\n")), Contains("endpoints: (none) -> tcp://127.0.0.1:7500"));
-    CHECK_THAT(in.steps(two("parameters={speed=6}\nenvironment={BOAT_NAME='secret'}\n")), Contains("    environment  (takes a restart)") && !Contains("secret"));
+    auto secretive = two("parameters={speed=6}\nenvironment={BOAT_NAME='secret'}\n");
+    in.hosts[0].checked["sea/boat"].other_environment = true; // only the host can tell
+    CHECK_THAT(in.steps(secretive), Contains("    environment  (takes a restart)") && !Contains("secret"));
+    in.hosts[0].checked.clear();
+    in.instance("sea/boat").rebuilt = true;
+    CHECK(in.steps(two("parameters={speed=6}\n")) == "restart sea/boat on boat\n    program was rebuilt  (takes a restart)\n");
+    in.instance("sea/boat").rebuilt = false;
     in.instance("sea/boat").state = instance_state::waiting; // it cannot be asked to change now
     in.instance("sea/boat").reason = "exit code 3";
     CHECK_THAT(in.steps(two("parameters={speed=7}\n")), Contains("restart sea/boat"));
     CHECK(in.steps(two("parameters={speed=6}\n")) == "restart sea/boat on boat (it waits to be started again: exit code 3)\n");
+}
+
+TEST_CASE("what a host has against a start is told with its place, and nothing is begun") {
+    using ise::instantiation::start_outcome;
+    harbour in;
+    in.hosts[1].checked["sea/air"] = {start_outcome::address_in_use, "tcp://127.0.0.1:7411 is in use", false};
+    CHECK(in.steps(two()) == "problem: sea.toml:7:13: tcp://127.0.0.1:7411 is in use\n");
+    in.hosts[1].checked["sea/air"] = {start_outcome::name_taken, "'sea/air' is held by process 7 on boat", false};
+    CHECK_THAT(in.steps(two()), Contains("problem: sea.toml:7:13: 'sea/air' is held by process 7"));
+    // That process is the one that this stops first.
+    in.hosts[1].checked.clear();
+    in.carry_out(at_sea("[components.boat]\ntype='boat'\nhost='boat'\n[components.air]\ntype='air'\nhost='boat'\n"));
+    in.hosts[1].checked["sea/air"] = {start_outcome::name_taken, "'sea/air' is held by process 7 on boat", false};
+    CHECK(in.steps(two()) == "stop sea/air on boat (it moves to shore)\nstart sea/air on shore (it moves from boat)\n");
 }
 
 TEST_CASE("what is not in the file any more is stopped first, and what moves right before it starts") {
@@ -277,3 +299,5 @@ TEST_CASE("a host without an instantiation server is told, if something is to ru
     CHECK_THAT(in.wrong(two()), Contains("sea.toml:3:8: no instantiation server 'shore' is registered; there are boat; start it on that host"));
     CHECK(in.wrong(at_sea("[components.b]\ntype='boat'\nhost='boat'\n")).empty());
 }
+
+} // namespace planning_test

@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+namespace reading_test {
+
 using namespace deployment_test;
 using namespace std::chrono_literals;
 using Catch::Contains;
@@ -118,11 +120,50 @@ parameters = { deep = { er = 1 } }
     CHECK_THAT(text, Contains("the deployment has no key 'colour'; there are name, namespace, hosts, components"));
 }
 
+TEST_CASE("limits and probes are read, and told with their place where they are wrong") {
+    auto sea = at_sea("[components.a]\ntype='t'\nhost='boat'\nlimits={pids=64, memory='256 MiB', cpus=0.5}\nprobe={url='http://127.0.0.1:8080/', every='5s', failures=2}\n"
+                      "[components.b]\ntype='t'\nhost='boat'\nprobe='tcp://127.0.0.1:80'\n");
+    auto told = sea.read();
+    INFO(sea.wrong());
+    REQUIRE(told.problems.empty());
+    const auto& one = told.made.components[0].request;
+    CHECK(one.limits == ise::instantiation::resource_limits{64, 256 << 20, 0.5});
+    CHECK(one.terms.probe == "http://127.0.0.1:8080/");
+    CHECK(one.terms.probe_every == 5s);
+    CHECK(one.terms.probe_failures == 2);
+    CHECK(told.made.components[1].request.terms.probe == "tcp://127.0.0.1:80");
+    CHECK(told.made.components[1].request.limits == ise::instantiation::resource_limits());
+    auto wrong = at_sea("[components.a]\ntype='t'\nhost='boat'\nlimits={pids=0, disk=5}\nprobe={every='5s'}\n").wrong();
+    CHECK_THAT(wrong, Contains("the limit pids is a number of processes and threads from 1 to 32768, such as 64, not '0'"));
+    CHECK_THAT(wrong, Contains("'limits' of component 'a' has no key 'disk'; there are pids, memory, cpus"));
+    CHECK_THAT(wrong, Contains("'probe' of component 'a' has no 'url'"));
+}
+
 TEST_CASE("what is no TOML is told with its place") {
     CHECK_THAT(files("name = \n").wrong(), Contains("sea.toml:1:"));
     CHECK_THAT(files("name = 'a'\nname = 'b'\n").wrong(), Contains("sea.toml:2:") && Contains("name"));
     CHECK_THAT(files("name = 1979-05-27\n").wrong(), Contains("dates and times are no values here"));
     CHECK_THAT(files("").wrong(), Contains("no 'name'") && Contains("no host") && Contains("no component"));
+}
+
+TEST_CASE("a text without quotes is told to be put into some") {
+    CHECK(files("name = boat\n").wrong() == "sea.toml:1:8: boat is no value: put it in quotes, \"boat\"\n");
+    CHECK_THAT(at_sea("[components.a]\ntype=trouble # ours\n").wrong(), Contains("sea.toml:5:6: trouble is no value: put it in quotes, \"trouble\""));
+    CHECK_THAT(files("[variables]\nports = /run/sea\n").wrong(), Contains("put it in quotes, \"/run/sea\""));
+    CHECK_THAT(files("name = 'sea\n").wrong(), !Contains("put it in quotes"));
+    CHECK_THAT(files("name = 'sea' = boat\n").wrong(), !Contains("put it in quotes"));
+}
+
+TEST_CASE("a variable that there is not is one mistake") {
+    auto all = at_sea("[components.a]\ntype='${tpye}'\nhost='${hsot}'\nafter='${none}'\nlisten=['${none}']\nprotocol='x-${none}'\nrestart='${none}'\ngrace='${none}'\nroles={b='${none}'}\n"
+                      "parameters={speed='${none}', mark=['${none}']}\n[variables]\ntype='t'\n")
+                   .wrong();
+    std::size_t lines = 0, told = 0;
+    for (std::size_t at = 0; (at = all.find('\n', at)) != all.npos; ++at) ++lines;
+    for (std::size_t at = 0; (at = all.find("there is no variable", at)) != all.npos; ++at) ++told;
+    INFO(all);
+    CHECK(told == 10);
+    CHECK(lines == told);
 }
 
 TEST_CASE("wrong kinds are told as such") {
@@ -208,3 +249,5 @@ TEST_CASE("a deployment file that is not there is told") {
     none.all.clear();
     CHECK_THAT(none.wrong(), Contains("sea.toml: sea.toml: No such file"));
 }
+
+} // namespace reading_test

@@ -9,6 +9,8 @@
 #include <random>
 #include <set>
 
+namespace line_test {
+
 using namespace atirma;
 using namespace atirma::gprs;
 
@@ -35,7 +37,8 @@ std::vector<line> examples() {
     brief.id = whole.id = 99;
     brief.code = 2;
     whole.raw = gprs_test::ack_of(99);
-    return {login{"atirma", 17, 3, 9}, login{"x", 0, 1, 0}, data, receipt{17, 8}, told, brief, whole};
+    return {login{"atirma", 17, 3, 9, 0xFEDCBA9876543210}, login{"x", 0, 1, 0}, data, receipt{17, 8}, told, brief, whole,
+            challenge{0x0123456789ABCDEF, 1}, shown_key{0xFFFFFFFFFFFFFFFF}};
 }
 
 } // namespace
@@ -52,9 +55,11 @@ TEST_CASE("gprs: each kind of line comes back as it went, and none is longer tha
 }
 
 TEST_CASE("gprs: lines as they stand in the documents") {
-    CHECK(encode(login{"atirma", 7, 12, 40}) == "$PATL,atirma,7,12,40*3B\r\n");
+    CHECK(encode(login{"atirma", 7, 12, 40, 0x3f1c09b2a4d85e67}) == "$PATL,atirma,7,12,40,3f1c09b2a4d85e67*11\r\n");
+    CHECK(encode(challenge{0x3f1c09b2a4d85e67, 0x90ab12cd34ef5678}) == "$PATN,3f1c09b2a4d85e67,90ab12cd34ef5678*0B\r\n");
+    CHECK(encode(shown_key{0x90ab12cd34ef5678}) == "$PATK,90ab12cd34ef5678*24\r\n");
     CHECK(encode(receipt{7, 40}) == "$PATA,7,40*37\r\n");
-    auto small = parse("$PATL,atirma,7,12,40*3b"); // small digits do
+    auto small = parse("$PATL,atirma,7,12,40,3f1c09b2a4d85e67*11"); // small digits do
     REQUIRE(small);
     CHECK(std::get<login>(*small).last == 40);
 }
@@ -91,13 +96,21 @@ TEST_CASE("gprs: no changed character goes unnoticed, and none of these is a lin
                                 "PATA,65536,2",
                                 "PATA,1,2x",
                                 "PATA, 1,2",
-                                "PATL,,1,1,0",
-                                "PATL,a b,1,1,0",
-                                "PATL,boat,1,0,0",
-                                "PATL,boat,1,5,3",
+                                "PATL,,1,1,0,0000000000000000",
+                                "PATL,a b,1,1,0,0000000000000000",
+                                "PATL,boat,1,0,0,0000000000000000",
+                                "PATL,boat,1,5,3,0000000000000000",
                                 "PATL,boat,1,1",
+                                "PATL,boat,1,1,0",
                                 "PATL,boat,1,1,0,0",
-                                "PATL,012345678901234567890123456789012,1,1,0",
+                                "PATL,boat,1,1,0,0000000000000000,1",
+                                "PATL,boat,1,1,0,000000000000000g",
+                                "PATL,boat,1,1,0,-000000000000001",
+                                "PATN,0000000000000000",
+                                "PATN,0000000000000000,1",
+                                "PATK,1",
+                                "PATK,0000000000000000,1",
+                                "PATL,012345678901234567890123456789012,1,1,0,0000000000000000",
                                 "PATD,1,0,0,L,AAAA",
                                 "PATD,1,1,0,X,AAAA",
                                 "PATD,1,1,0,LH,AAAA",
@@ -219,3 +232,5 @@ TEST_CASE("gprs: only what was measured after the newest is news, of each type b
     CHECK_FALSE(fresh.is_history(false, 4, 1, 4'294'967'295u));
     CHECK(fresh.is_history(false, 4, 1, 4'294'967'295u));
 }
+
+} // namespace line_test

@@ -4,6 +4,8 @@
 
 #include <support/catch.hpp>
 
+namespace shore_test {
+
 using namespace std::chrono_literals;
 using namespace atirma;
 using namespace atirma::gprs;
@@ -25,6 +27,11 @@ struct coast {
         made.peer = ise::endpoint{ise::protocol::tcp, "10.0.0.9", static_cast<std::uint16_t>(door), {}};
         return made;
     }
+    static way call(std::uint64_t door, const std::string& host) {
+        auto made = call(door);
+        made.peer.host = host;
+        return made;
+    }
     static way address(std::uint16_t port) {
         way made;
         made.door = 1;
@@ -33,10 +40,24 @@ struct coast {
         return made;
     }
     void connect(std::uint64_t door) { shore.connected(now, call(door)), drain(); }
+    void connect(std::uint64_t door, const std::string& host) { shore.connected(now, call(door, host)), drain(); }
     void say(std::uint64_t door, std::string_view text) { shore.on_bytes(now, door, ise::as_bytes(text)), drain(); }
     void say(std::uint64_t door, const line& what) { say(door, encode(what)); }
     void datagram(std::uint16_t port, const std::string& text) {
         shore.on_datagram(now, address(port), ise::as_bytes(text)), drain();
+    }
+    /// The key that the shore sent to that address.
+    std::string key(std::uint16_t port) const {
+        for (const auto& sent : all<send_text>())
+            if (sent.to == address(port))
+                for (const auto& told : gprs_test::lines_of(sent.text))
+                    if (const auto* asked = std::get_if<challenge>(&told)) return encode(shown_key{asked->key});
+        return {};
+    }
+    /// As the boat does it: asks for the key, then shows it with all that it says.
+    void prove(std::uint16_t port, const login& what) {
+        datagram(port, encode(what));
+        datagram(port, key(port) + encode(what));
     }
     void pass(ise::duration time) {
         now += time;
@@ -214,6 +235,17 @@ TEST_CASE("gprs shore: a crowd of strangers leaves room for the boat") {
     CHECK(it.shore.boat());
 }
 
+TEST_CASE("gprs shore: a slow boat keeps its place while another host calls as often as it likes") {
+    coast it;
+    it.connect(1, "10.0.0.1");
+    for (std::uint64_t door = 2; door <= 1000; ++door) it.connect(door, door % 2 ? "fd00:1:2:3::" + std::to_string(door) : "10.0.0.9");
+    for (const auto& cut : it.all<cut_off>()) CHECK(cut.whom.door != 1);
+    it.pass(9s);
+    it.say(1, login{"atirma", 5, 1, 0});
+    CHECK(it.shore.boat());
+    CHECK(it.shore.strangers() == shore_options().max_strangers - 1);
+}
+
 TEST_CASE(
     "gprs shore: the boat's own connection is cut off when it brings nothing but nonsense, and its silence is noticed") {
     coast it;
@@ -236,51 +268,150 @@ TEST_CASE(
     CHECK(it.all<cut_off>().back().whom.door == 3);
 }
 
-TEST_CASE("gprs shore: datagrams need a login first, and again from each new address") {
+TEST_CASE("gprs shore: datagrams need a login first, which shows the key that was sent to their address") {
     coast it;
     it.datagram(40001, encode(data(1)));
     CHECK(it.all<record_came>().empty());
     CHECK(it.all<stranger_datagram>().size() == 1);
-    it.datagram(40001, encode(login{"atirma", 5, 1, 1}) + encode(data(1)));
+    CHECK(it.all<send_text>().empty()); // a stranger gets no answer
+    it.datagram(40001, encode(login{"atirma", 5, 1, 1, 99}) + encode(data(1)));
+    CHECK_FALSE(it.shore.boat()); // somebody may have written that address into it
+    REQUIRE(it.all<send_text>().size() == 1);
+    auto asked = gprs_test::lines_of(it.all<send_text>().front().text);
+    REQUIRE(asked.size() == 1);
+    CHECK(std::get<challenge>(asked.front()).token == 99);
+    it.datagram(40001, encode(shown_key{1}) + encode(login{"atirma", 5, 1, 1, 99}));
+    CHECK_FALSE(it.shore.boat());
+    it.datagram(40001, it.key(40001) + encode(login{"atirma", 5, 1, 1, 99}) + encode(data(1)));
     CHECK(it.all<record_came>().size() == 1);
-    it.datagram(40001, encode(data(2)));
+    it.datagram(40001, it.key(40001) + encode(data(2)));
     CHECK(it.all<record_came>().size() == 2);
-    it.datagram(40002, encode(data(3))); // who is that?
+    it.datagram(40001, encode(data(3))); // whoever writes that address into a datagram does not know its key
+    it.datagram(40002, it.key(40001) + encode(data(3))); // who is that?
     CHECK(it.all<record_came>().size() == 2);
-    it.datagram(40002, encode(login{"pirate", 5, 1, 3}) + encode(data(3)));
+    it.datagram(40002, encode(login{"pirate", 5, 1, 3, 99}) + encode(data(3)));
     it.datagram(40002, "");
     it.datagram(40002, "hello");
     CHECK(it.shore.boat()->peer.port == 40001);
-    CHECK(it.shore.counters().stranger_datagrams == 5);
-    it.datagram(40002, encode(login{"atirma", 5, 1, 3}) + encode(data(3)));
+    CHECK(it.shore.counters().stranger_datagrams == 6);
+    it.datagram(40002, it.key(40001) + encode(login{"atirma", 5, 1, 3, 99}) + encode(data(3)));
+    CHECK(it.shore.boat()->peer.port == 40001); // that key is of another address
+    it.datagram(40002, it.key(40002) + encode(login{"atirma", 5, 1, 3, 99}) + encode(data(3)));
     CHECK(it.shore.boat()->peer.port == 40002);
     CHECK(it.all<record_came>().size() == 3);
     CHECK(it.all<cut_off>().empty());
     it.safe_all();
-    CHECK(it.all<send_text>().back().to.peer.port == 40002);
+    auto last = it.all<send_text>().back();
+    CHECK(last.to.peer.port == 40002);
+    CHECK(last.text.starts_with(it.key(40002))); // so the boat knows who says it
 }
 
-TEST_CASE("gprs shore: a login that was under way for long moves nothing back for good, and nothing is lost by it") {
+TEST_CASE("gprs shore: keys follow from the shore's secret") {
+    shore_options other;
+    other.secret = {3, 4};
+    coast one, two(other);
+    for (auto* it : {&one, &two}) it->datagram(40001, encode(login{"atirma", 5, 1, 0}));
+    CHECK(one.key(40001) != two.key(40001));
+    two.datagram(40001, one.key(40001) + encode(login{"atirma", 5, 1, 0}));
+    CHECK_FALSE(two.shore.boat());
+}
+
+TEST_CASE("gprs shore: a login by datagram cuts off no connection of the boat, and gets none of its telecommands") {
     coast it;
-    it.datagram(40001, encode(login{"atirma", 5, 1, 0}));
-    for (std::uint32_t n = 1; n <= 20; ++n) it.datagram(40001, encode(data(n)));
+    it.connect(2);
+    it.say(2, login{"atirma", 5, 1, 0, 99});
+    auto said = it.all<send_text>().size();
+    it.datagram(40001, encode(login{"atirma", 5, 1, 0, 7}));
+    it.datagram(40001, encode(shown_key{0}) + encode(login{"atirma", 5, 1, 0, 7}));
+    CHECK(it.all<send_text>().size() == said); // not even a key
+    CHECK(it.all<cut_off>().empty());
+    CHECK(it.shore.boat()->door == 2);
+    CHECK(it.all<stranger_datagram>().size() == 2);
+    order what;
+    what.id = 7;
+    what.raw = ise::bytes(4);
+    CHECK(it.shore.send(what));
+    it.drain();
+    CHECK(it.all<send_text>().back().to.door == 2);
+    it.pass(180s); // the connection is silent: it is given up, and datagrams may come in its place
+    it.prove(40001, login{"atirma", 5, 1, 0, 99});
+    CHECK(it.shore.boat()->datagrams);
+    it.connect(3);
+    it.say(3, login{"atirma", 5, 1, 0, 99});
+    CHECK(it.shore.boat()->door == 3);
+}
+
+TEST_CASE("gprs shore: an answer counts for the life of the boat that the telecommand went to, by whichever way it comes") {
+    coast it;
+    order what;
+    what.id = 7;
+    what.raw = ise::bytes(4);
+    it.connect(2);
+    it.say(2, login{"atirma", 5, 1, 0, 99});
+    it.say(2, outcome{7, 0, {}}); // nobody has asked for that yet
+    CHECK(it.all<outcome_came>().empty());
+    CHECK(it.shore.send(what));
+    it.shore.disconnected(it.now, 2, "over");
+    it.prove(40001, login{"atirma", 5, 1, 0, 7}); // calls itself so
+    it.datagram(40001, it.key(40001) + encode(outcome{7, 0, {}}));
+    CHECK(it.all<outcome_came>().empty());
+    CHECK(it.shore.counters().strange_outcomes == 2);
+    it.connect(3);
+    it.say(3, login{"atirma", 5, 1, 0, 99});
+    it.say(3, outcome{7, 0, {}}); // the boat's own, which was under way when its connection broke
+    CHECK(it.all<outcome_came>().size() == 1);
+    for (std::uint32_t id = 100; id < 1100; ++id) {
+        what.id = id;
+        it.shore.send(what);
+    }
+    it.say(3, outcome{100, 0, {}}); // forgotten: it comes again when it is asked for again
+    it.say(3, outcome{1099, 0, {}});
+    CHECK(it.all<outcome_came>().size() == 2);
+}
+
+TEST_CASE("gprs shore: nothing that somebody says in the boat's name destroys what the boat still holds") {
+    for (bool datagrams : {true, false}) {
+        coast it;
+        it.connect(2);
+        it.say(2, login{"atirma", 5, 1, 0, 99});
+        for (std::uint32_t n = 1; n <= 3; ++n) it.say(2, data(n));
+        it.safe_all();
+        it.shore.disconnected(it.now, 2, "an outage");
+        const login forged{"atirma", 5, 8, 20, 7}; // "1 to 7 are given up"
+        if (datagrams) it.prove(40001, forged);
+        else it.connect(3), it.say(3, forged);
+        for (std::uint32_t n = 8; n <= 20; ++n)
+            datagrams ? it.datagram(40001, it.key(40001) + encode(data(n))) : it.say(3, data(n));
+        it.safe_all();
+        it.connect(4);
+        it.say(4, login{"atirma", 5, 4, 20, 99});
+        CHECK(it.acknowledged() == 3);
+        for (std::uint32_t n = 4; n <= 20; ++n) it.say(4, data(n));
+        it.safe_all();
+        CHECK(it.acknowledged() == 20);
+        CHECK(it.all<record_came>().size() == 3 + 13 + 17);
+        CHECK(it.shore.counters().given_up == 0);
+    }
+}
+
+TEST_CASE("gprs shore: a login that was under way for long moves nothing back, and nothing is lost by it") {
+    coast it;
+    it.prove(40001, login{"atirma", 5, 1, 0});
+    auto key = it.key(40001);
+    for (std::uint32_t n = 1; n <= 20; ++n) it.datagram(40001, key + encode(data(n)));
     it.safe_all();
     CHECK(it.acknowledged() == 20);
-    it.datagram(40001, encode(login{"atirma", 5, 1, 10}));       // of long ago
-    it.datagram(40001, encode(data(21)));                        // it is not clear of which life
-    CHECK(it.all<record_came>().size() == 20);
-    it.datagram(40001, encode(login{"atirma", 5, 21, 21}) + encode(data(21))); // what the boat says now
-    it.datagram(40001, encode(data(20)));
+    it.datagram(40001, key + encode(login{"atirma", 5, 1, 10}));       // of long ago
+    it.datagram(40001, key + encode(data(21)));
+    it.datagram(40001, key + encode(login{"atirma", 5, 21, 21}) + encode(data(21))); // what the boat says now
+    it.datagram(40001, key + encode(data(20)));
     it.safe_all();
+    CHECK(it.all<record_came>().size() == 21);
     CHECK(it.acknowledged() == 21);
     CHECK(it.shore.counters().given_up == 0);
     CHECK(it.all<remark>().empty());
-    // But a boat that says so for a minute has started again, under the boot number that it had.
-    for (int i = 0; i < 5; ++i) {
-        it.datagram(40001, encode(login{"atirma", 5, 1, 1}) + encode(data(1)));
-        it.pass(15s);
-    }
-    CHECK(it.all<remark>().size() == 1);
+    // A boat that has started again has another token, also under the boot number that it had.
+    it.datagram(40001, key + encode(login{"atirma", 5, 1, 1, 2}) + encode(data(1)));
     CHECK(it.all<record_came>().size() == 22);
     it.safe_all();
     CHECK(it.acknowledged() == 1);
@@ -319,3 +450,5 @@ TEST_CASE("gprs shore: a telecommand goes to the boat where it is, and is refuse
     REQUIRE(it.all<outcome_came>().size() == 1);
     CHECK(it.all<outcome_came>().front().what.id == 7);
 }
+
+} // namespace shore_test

@@ -62,7 +62,8 @@ public:
         dial();
     }
     void restart_shore() {
-        shore = atirma::gprs::shore();
+        std::destroy_at(&shore);
+        std::construct_at(&shore);
         if (!boat_options.datagrams) hang_up();
     }
     /// The boat's datagrams come from another port; or its connection breaks.

@@ -3,6 +3,8 @@
 
 #include <support/catch.hpp>
 
+namespace together_test {
+
 using namespace std::chrono_literals;
 using gprs_test::strait;
 
@@ -217,3 +219,5 @@ TEST_CASE("gprs link: a long history arrives in full, while news is not held up 
     CHECK(it.once_each(1, 5001));
     CHECK(it.never_back());
 }
+
+} // namespace together_test

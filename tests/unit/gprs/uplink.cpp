@@ -4,6 +4,8 @@
 
 #include <support/catch.hpp>
 
+namespace uplink_test {
+
 using namespace std::chrono_literals;
 using namespace atirma;
 using namespace atirma::gprs;
@@ -32,6 +34,9 @@ struct vessel {
         return all;
     }
     void hear(const line& what) { link.on_bytes(now, ise::as_bytes(encode(what))); }
+    void hear_with(std::uint64_t key, const line& what) {
+        link.on_bytes(now, ise::as_bytes(encode(shown_key{key}) + encode(what)));
+    }
     void pass(ise::duration time) {
         now += time;
         link.on_time(now);
@@ -47,6 +52,7 @@ using records = std::vector<std::pair<std::uint32_t, char>>;
 uplink_options by_datagrams() {
     uplink_options made;
     made.datagrams = true;
+    made.token = 99;
     return made;
 }
 
@@ -163,21 +169,77 @@ TEST_CASE(
     vessel it(by_datagrams());
     it.link.opened(it.now);
     it.said();
-    it.hear(receipt{5, 0});
+    it.hear(challenge{99, 8});
+    it.said();
+    it.hear_with(8, receipt{5, 0});
     for (std::uint32_t n = 1; n <= 3; ++n) it.link.put(gprs_test::fix(n));
     CHECK(it.records() == records{{1, 'L'}, {2, 'L'}, {3, 'L'}});
     it.pass(5s);
     auto text = it.link.take_text(it.now); // one datagram
     auto both = gprs_test::lines_of(text);
-    REQUIRE(both.size() == 2);
-    CHECK(std::get<login>(both[0]) == login{"atirma", 5, 1, 3});
-    CHECK(std::get<record>(both[1]).number == 1);
-    CHECK(std::get<record>(both[1]).history);
+    REQUIRE(both.size() == 3);
+    CHECK(std::get<shown_key>(both[0]).key == 8);
+    CHECK(std::get<login>(both[1]) == login{"atirma", 5, 1, 3, 99});
+    CHECK(std::get<record>(both[2]).number == 1);
+    CHECK(std::get<record>(both[2]).history);
     CHECK(it.records() == records{{2, 'H'}, {3, 'L'}}); // the newest fix is no history
-    it.hear(receipt{5, 3});
+    it.hear_with(8, receipt{5, 3});
     it.pass(5s);
     CHECK(it.said().empty());
     CHECK(it.link.counters().resent == 3);
+}
+
+TEST_CASE("gprs boat: by datagrams it says nothing but its login until the shore has sent the key of its address") {
+    vessel it(by_datagrams());
+    it.link.put(gprs_test::fix(1));
+    it.link.opened(it.now);
+    const line asks = login{"atirma", 5, 1, 1, 99};
+    CHECK(it.said() == std::vector{asks});
+    CHECK(it.said().empty());
+    it.pass(5s); // it may have been lost
+    CHECK(it.said() == std::vector{asks});
+    it.hear(challenge{98, 8}); // of who does not know what it said
+    CHECK(it.said().empty());
+    it.hear(challenge{99, 8});
+    auto said = it.said();
+    REQUIRE(said.size() == 3);
+    CHECK(said[0] == line(shown_key{8}));
+    CHECK(said[1] == asks);
+    CHECK(std::get<record>(said[2]).number == 1);
+    it.hear(challenge{99, 8}); // doubled on the way
+    CHECK(it.said().empty());
+    it.hear(challenge{99, 9}); // the address is another one now: what was sent meanwhile was a stranger's
+    it.pass(0s);
+    said = it.said();
+    REQUIRE(said.size() == 3);
+    CHECK(said[0] == line(shown_key{9}));
+    CHECK(std::get<record>(said[2]).number == 1);
+}
+
+TEST_CASE("gprs boat: a datagram without its key forgets no packet, brings no telecommand and closes no way") {
+    vessel it(by_datagrams());
+    it.link.put(gprs_test::fix(1));
+    it.link.opened(it.now);
+    it.said();
+    it.hear(challenge{99, 8});
+    it.said();
+    order told;
+    told.id = 77;
+    told.raw = ise::bytes(20, std::byte{1});
+    for (int i = 0; i < 20; ++i) {
+        it.hear(receipt{5, 1});
+        it.hear(told);
+        it.hear_with(7, receipt{5, 1});
+        it.hear_with(7, told);
+    }
+    CHECK(it.link.waiting() == 1);
+    CHECK_FALSE(it.link.take_order());
+    CHECK_FALSE(it.link.answered());
+    CHECK_FALSE(it.link.trouble(it.now));
+    it.hear_with(8, receipt{5, 1});
+    it.hear_with(8, told);
+    CHECK(it.link.waiting() == 0);
+    CHECK(it.link.take_order());
 }
 
 TEST_CASE("gprs boat: a telecommand is taken, its acknowledgement goes back as its outcome and needs no number") {
@@ -223,3 +285,5 @@ TEST_CASE("gprs boat: an unusable name is refused") {
         CHECK_THROWS_AS(uplink(1, options), ise::error);
     }
 }
+
+} // namespace uplink_test

@@ -70,7 +70,7 @@ public:
                 auto packet = co_await packets.next();
                 if (!packet) break;
                 if (packet.lost_before() != ise::unknown_gap) seen.lost += packet.lost_before();
-                if (seen.known.first_time(packet->boot, packet->sequence)) seen.telemetry.push_back(*packet);
+                if (seen.known.first_time(packet->boot, packet->sequence, packet->raw)) seen.telemetry.push_back(*packet);
                 else ++seen.again;
             }
         });

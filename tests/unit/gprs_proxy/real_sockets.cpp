@@ -11,6 +11,8 @@
 
 #include <future>
 
+namespace real_sockets_test {
+
 using namespace std::chrono_literals;
 using namespace atirma;
 
@@ -97,3 +99,5 @@ TEST_CASE("gprs real: over tcp and IPv6") { sail("tcp://[::1]:0", false); }
 TEST_CASE("gprs real: over udp and IPv6") { sail("udp://[::1]:0", false); }
 TEST_CASE("gprs real: over tcp through a carrier") { sail("tcp://127.0.0.1:0", true); }
 TEST_CASE("gprs real: over udp through a carrier") { sail("udp://127.0.0.1:0", true); }
+
+} // namespace real_sockets_test

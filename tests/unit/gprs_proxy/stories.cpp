@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <set>
 
+namespace stories_test {
+
 using namespace std::chrono_literals;
 using namespace atirma;
 using gprs_test::quay;
@@ -318,3 +320,5 @@ TEST_CASE("gprs proxy: an endpoint that is taken, or none, ends it with words th
         else CHECK(failed.find("tcp://") != std::string::npos);
     }
 }
+
+} // namespace stories_test

@@ -3,6 +3,11 @@
 
 #include <support/catch.hpp>
 
+#include <algorithm>
+#include <set>
+
+namespace strangers_test {
+
 using namespace std::chrono_literals;
 using namespace atirma;
 using gprs_test::quay;
@@ -61,7 +66,7 @@ TEST_CASE(
     stranger browser(it, "GET / HTTP/1.1\r\nHost: shore\r\n\r\n");
     stranger flood(it, std::string(1'000'000, 'x'));
     stranger other(it, atirma::gprs::encode(atirma::gprs::login{"pirate", 1, 1, 0}));
-    stranger slow(it, "$PATL,atirma,5,1,0", 1s);
+    stranger slow(it, "$PATL,atirma,5,1,0,", 1s);
     stranger silent(it, "");
     it.world.run_for(5s);
     CHECK(browser.cut);
@@ -132,6 +137,97 @@ TEST_CASE("gprs proxy: datagrams of strangers get no answer, cost nothing, and a
     CHECK(it.warned("brings no login"));
 }
 
+TEST_CASE("gprs proxy: who logs in by datagram beside the boat's connection gets no telecommand and answers none") {
+    quay it("tcp", 20);
+    it.boat.mute = true;
+    it.start();
+    REQUIRE(it.until([&] { return it.seen.telemetry.size() >= 3; }));
+    std::size_t answers = 0;
+    it.world.host("pirate").start_process("pirate", [&](ise::sim::process& here) -> std::shared_ptr<void> {
+        auto node = std::make_shared<ise::node>(here, quay::quiet());
+        node->start("", [&](ise::component& self) -> ise::task<> {
+            ise::endpoint any{ise::protocol::udp, "0.0.0.0", 0, {}};
+            auto socket = std::move(self.env().open_datagram(self.on(), any).value());
+            auto shore = ise::endpoint::parse("udp://shore:7420").value();
+            acknowledgement done;
+            done.id = 7;
+            auto login = gprs::encode(gprs::login{"atirma", 5, 1000, 999, 1});
+            auto lie = gprs::encode(gprs::outcome{7, 0, encode_acknowledgement(done)});
+            for (int i = 0; i < 400; ++i) {
+                socket->try_send(shore, ise::as_bytes(login));
+                socket->try_send(shore, ise::as_bytes(login + lie));
+                co_await self.sleep(50ms);
+            }
+            for (;;) {
+                auto [problem, got] = co_await socket->receive();
+                if (problem) break;
+                ++answers;
+            }
+        }, quay::asks_only());
+        return node;
+    });
+    quay::asked answer;
+    it.command(7, answer, 20, 30s);
+    REQUIRE(it.until([&] { return answer.has_value(); }));
+    CHECK((*answer)->state == telecommand_stage::expired); // nobody but the boat is believed
+    CHECK(it.boat.heard.size() >= 1);
+    REQUIRE(it.until([&] { return it.complete(); }));
+    CHECK(answers == 0);
+    CHECK(it.boat.half_open == 0);
+    CHECK(it.seen.state->moves == 0);
+    CHECK(it.seen.state->from.starts_with("tcp://"));
+    CHECK(it.warned("the boat is there over a connection"));
+}
+
+TEST_CASE("gprs proxy: what somebody sent in the boat's name during an outage takes no place of the boat's own packets") {
+    quay it("tcp", 20);
+    it.start();
+    REQUIRE(it.until([&] { return it.seen.telemetry.size() >= 3; }));
+    it.world.net().partition("boat", "shore");
+    it.world.run_for(4min); // until the shore has given the boat up
+    it.world.host("pirate").start_process("pirate", [&](ise::sim::process& here) -> std::shared_ptr<void> {
+        auto node = std::make_shared<ise::node>(here, quay::quiet());
+        node->start("", [&](ise::component& self) -> ise::task<> {
+            ise::endpoint any{ise::protocol::udp, "0.0.0.0", 0, {}};
+            auto socket = std::move(self.env().open_datagram(self.on(), any).value());
+            auto shore = ise::endpoint::parse("udp://shore:7420").value();
+            auto login = gprs::encode(gprs::login{"atirma", 5, 8, 20, 1});
+            socket->try_send(shore, ise::as_bytes(login));
+            auto [problem, got] = co_await socket->receive();
+            if (problem) co_return;
+            auto asked = gprs::parse(ise::as_text(got->content).substr(0, got->content.size() - 2)).value();
+            auto key = gprs::encode(gprs::shown_key{std::get<gprs::challenge>(asked).key});
+            socket->try_send(shore, ise::as_bytes(key + login));
+            for (std::uint32_t n = 8; n <= 20; ++n) {
+                gprs::record forged;
+                forged.boot = 5;
+                forged.number = n;
+                packet_header header;
+                header.boot = 5;
+                header.sequence = n;
+                header.measured_at = utc_time(std::chrono::seconds(4'000'000'000 + n)); // far in the future
+                forged.raw = encode_telemetry(header, location());
+                socket->try_send(shore, ise::as_bytes(key + gprs::encode(forged)));
+                co_await self.sleep(10ms);
+            }
+        }, quay::asks_only());
+        return node;
+    });
+    REQUIRE(it.until([&] { return it.seen.state && it.seen.state->from.starts_with("udp://"); }));
+    it.world.run_for(5s);
+    it.world.net().heal("boat", "shore");
+    REQUIRE(it.until([&] { return it.boat.measured == 20 && it.boat.waiting == 0; }));
+    std::set<std::uint32_t> own;
+    for (const auto& packet : it.seen.telemetry)
+        if (packet.raw == gprs_test::fix(packet.sequence)) own.insert(packet.sequence);
+    CHECK(own.size() == 20);
+    auto last = std::ranges::find_if(it.seen.telemetry, [](const auto& packet) {
+        return packet.raw == gprs_test::fix(20);
+    });
+    REQUIRE(last != it.seen.telemetry.end());
+    CHECK_FALSE(last->history); // where the boat is now
+}
+
 TEST_CASE("gprs proxy: a packet that is none is dropped and not asked for again") {
     quay it("tcp", 0);
     it.start_proxy();
@@ -147,3 +243,5 @@ TEST_CASE("gprs proxy: a packet that is none is dropped and not asked for again"
     CHECK(it.seen.telemetry.empty());
     CHECK_FALSE(boat.cut);
 }
+
+} // namespace strangers_test

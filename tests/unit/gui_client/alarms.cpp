@@ -2,6 +2,8 @@
 
 #include <support/catch.hpp>
 
+namespace alarms_test {
+
 using namespace console_test;
 
 TEST_CASE("console: an alarm stays until it is over and acknowledged, in either order") {
@@ -165,3 +167,5 @@ TEST_CASE("console: a link that falls silent while the other goes on calls the o
     CHECK_FALSE(find(alarms, "silent:" + gprs_path));
     CHECK_FALSE(find(alarms, "no_data"));
 }
+
+} // namespace alarms_test

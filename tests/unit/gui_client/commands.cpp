@@ -4,6 +4,8 @@
 
 #include <support/catch.hpp>
 
+namespace commands_test {
+
 using namespace console_test;
 
 TEST_CASE("console: the log tells own commands from those of others") {
@@ -195,3 +197,5 @@ TEST_CASE("console: commands and packets in words") {
     CHECK(std::count(hex.begin(), hex.end(), '\n') == static_cast<long>((packet.raw.size() + 15) / 16));
     CHECK(hex_dump({}).empty());
 }
+
+} // namespace commands_test

@@ -6,6 +6,8 @@
 
 #include <support/catch.hpp>
 
+namespace state_test {
+
 using namespace console_test;
 
 TEST_CASE("console: what comes late over a slow link never moves the current position backwards, and is in the track") {
@@ -202,3 +204,5 @@ TEST_CASE("console: the cheapest link that works is chosen for a command") {
     iridium.takes_commands = false;
     CHECK(choose_link(links, std::nullopt, t0 + 10s) == xbee_path);
 }
+
+} // namespace state_test

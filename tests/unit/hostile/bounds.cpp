@@ -6,6 +6,8 @@
 
 #include <random>
 
+namespace bounds_test {
+
 using namespace hostile_test;
 
 TEST_CASE("hostile: of the calls of one session max_calls_per_session are served at once") {
@@ -133,19 +135,12 @@ TEST_CASE("hostile: numbers of calls over udp that leap about cost bounded memor
     peer.introduce(0, "echo", echo.types().fingerprints);
     blob big;
     big.content.resize(10'000);
-    auto packet = ise::encode(big);
     std::mt19937_64 random(11);
     std::size_t most = 0;
     const auto calls = 3000u;
     for (std::uint32_t call = 0; call < calls; ++call) {
-        ise::buffer body;
-        body.append(std::uint32_t{0});
-        body.append(std::int64_t{3'600'000'000'000});
-        body.append(call % 2 ? random() : ~std::uint64_t{0} - 2 * call); // ranges without end, gaps without end
-        body.append(ise::bytes_view(packet));
-        auto flags = ise::wire::flag::numbered;
-        if (call % 5 == 0) flags |= ise::wire::flag::again;
-        peer.say(frame_type::request, call % 4096, body.view(), flags);
+        auto number = call % 2 ? random() : ~std::uint64_t{0} - 2 * call; // ranges without end, gaps without end
+        peer.numbered_request(call % 4096, 0, number, big, call % 5 == 0 ? ise::wire::flag::again : std::uint8_t{0});
         peer.finish();
         most = std::max(most, at.boat.services->reply_windows().room());
     }
@@ -178,3 +173,5 @@ TEST_CASE("hostile: a numbered call of a peer without an incarnation, or over tc
     CHECK(at.warned("a number that makes no sense"));
     at.others_do_not_notice();
 }
+
+} // namespace bounds_test

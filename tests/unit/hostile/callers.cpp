@@ -1,6 +1,8 @@
 // Sessions in good order whose calls are not.
 #include "harbour.hpp"
 
+namespace callers_test {
+
 using namespace hostile_test;
 
 TEST_CASE("hostile: a million service numbers end the session at introduced_services") {
@@ -170,3 +172,5 @@ TEST_CASE("hostile: pongs that nobody takes end the session at control_bytes") {
     CHECK(at.warned("control_bytes"));
     at.others_do_not_notice();
 }
+
+} // namespace callers_test

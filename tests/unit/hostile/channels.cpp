@@ -1,6 +1,8 @@
 // Peers over udp that have a session, and break the rules of the datagrams that carry it.
 #include "strait.hpp"
 
+namespace channels_test {
+
 using namespace hostile_test;
 using ise::wire::datagram_type;
 
@@ -223,3 +225,5 @@ TEST_CASE("hostile: who knows the id of its own session only is no other's peer,
     at.go_on();
     at.nobody_noticed(false);
 }
+
+} // namespace channels_test

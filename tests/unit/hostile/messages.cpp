@@ -1,6 +1,8 @@
 // Frames and messages that are too long, too many or never end.
 #include "harbour.hpp"
 
+namespace messages_test {
+
 using namespace hostile_test;
 
 namespace {
@@ -102,3 +104,5 @@ TEST_CASE("hostile: messages that are announced and do not come hold up nobody, 
     CHECK(at.of_raw());
     at.others_do_not_notice();
 }
+
+} // namespace messages_test

@@ -5,6 +5,8 @@
 
 #include <random>
 
+namespace openings_test {
+
 using namespace hostile_test;
 using ise::wire::datagram_type;
 
@@ -177,3 +179,5 @@ TEST_CASE("hostile: data for ids that nobody has is answered shortly, and forged
     CHECK(one.heard() < one.said / 4);
     at.nobody_noticed();
 }
+
+} // namespace openings_test

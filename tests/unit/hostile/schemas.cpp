@@ -1,6 +1,8 @@
 // Types as a hostile peer describes them.
 #include "harbour.hpp"
 
+namespace schemas_test {
+
 using namespace hostile_test;
 
 TEST_CASE("hostile: a schema of ten million fields, or nested too deep, is refused by the limit's name") {
@@ -72,3 +74,5 @@ TEST_CASE("hostile: a schema of ten million fields, or nested too deep, is refus
     CHECK((at.of_raw() != nullptr) == goes_on);
     at.others_do_not_notice();
 }
+
+} // namespace schemas_test

@@ -3,6 +3,8 @@
 
 #include <deque>
 
+namespace strangers_test {
+
 using namespace hostile_test;
 
 TEST_CASE("hostile: strangers who say nothing hold no place that others need") {
@@ -111,3 +113,5 @@ TEST_CASE("hostile: beyond max_sessions a peer is told so and others keep theirs
     CHECK_THAT(crowd.back()->why(frame_type::reject).message(), Contains("max_sessions"));
     at.others_do_not_notice();
 }
+
+} // namespace strangers_test

@@ -3,6 +3,8 @@
 
 #include <ise/packet/schema.hpp>
 
+namespace teachers_test {
+
 using namespace hostile_test;
 
 namespace {
@@ -238,3 +240,5 @@ TEST_CASE("hostile: requests that wait for schemas that never come are bounded")
     at.others_do_not_notice();
     CHECK(at.of_raw());
 }
+
+} // namespace teachers_test

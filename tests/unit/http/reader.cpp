@@ -3,6 +3,8 @@
 
 #include <support/catch.hpp>
 
+namespace reader_test {
+
 using namespace atirma;
 
 namespace {
@@ -109,3 +111,5 @@ TEST_CASE("http: URLs are taken apart, others are refused with a right one") {
         CHECK(parse_http_url(wrong).error().code() == ise::errc::invalid_argument);
     CHECK(parse_http_url("https://a/").error().message().find("TLS") != std::string::npos);
 }
+
+} // namespace reader_test

@@ -8,6 +8,8 @@
 
 #include <array>
 
+namespace server_test {
+
 using namespace atirma;
 using namespace std::chrono_literals;
 
@@ -172,17 +174,38 @@ TEST_CASE("http: strangers who say nothing, never end, talk nonsense or too much
     CHECK(it.server->server->connections() == 0);
 }
 
-TEST_CASE("http: too many connections are told so, and those that are open go on") {
+TEST_CASE("http: too many connections are told so, and those that are served go on") {
     webhook_limits limits;
     limits.max_connections = 2;
     harbour it(limits);
+    it.server->thinks = 5s;
     std::string a, b, c;
     bool a_closed = false, b_closed = false, c_closed = false;
-    it.raw({"POST /a HT"}, 5s, a, a_closed);
-    it.raw({"POST /a HTTP/1.1\r\nConnection: close\r\nContent-Length: 1\r\n\r\n", "1"}, 3s, b, b_closed);
+    std::string request = "POST /a HTTP/1.1\r\nConnection: close\r\nContent-Length: 1\r\n\r\n1";
+    it.raw({request}, 1s, a, a_closed);
+    it.raw({request}, 1s, b, b_closed);
     it.world.run_for(1s);
     it.raw({}, 0s, c, c_closed);
-    REQUIRE(it.world.run_until([&] { return b_closed && c_closed; }));
+    REQUIRE(it.world.run_until([&] { return a_closed && b_closed && c_closed; }));
     CHECK(c.starts_with("HTTP/1.1 503 "));
+    CHECK(a.starts_with("HTTP/1.1 200 "));
     CHECK(b.starts_with("HTTP/1.1 200 "));
 }
+
+TEST_CASE("http: a host that holds every connection and says nothing keeps no gateway out") {
+    harbour it; // 32
+    std::string silent[40];
+    bool closed[40] = {};
+    for (int i = 0; i < 40; ++i) it.raw({"POST /a HT"}, 1s, silent[i], closed[i]);
+    it.world.run_for(3s);
+    CHECK(it.server->server->connections() == 32);
+    CHECK(closed[0]);
+    CHECK_FALSE(closed[39]);
+    harbour::outcome answer;
+    it.ask("hello", answer, 2s);
+    REQUIRE(it.world.run_until([&] { return answer.has_value(); }));
+    REQUIRE(*answer);
+    CHECK((*answer)->status == 200);
+}
+
+} // namespace server_test

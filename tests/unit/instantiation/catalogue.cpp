@@ -6,6 +6,8 @@
 
 #include <numeric>
 
+namespace catalogue_test {
+
 using namespace ise::instantiation;
 using Catch::Contains;
 
@@ -19,6 +21,8 @@ struct boat_values {
     std::uint64_t address = 0x13A2;
     bool gusts = true;
     std::vector<std::string> marks{"buoy"};
+    std::vector<std::string> posts;
+    std::string page, gateway;
 };
 
 std::string described() {
@@ -33,6 +37,9 @@ std::string described() {
     set.add("address", values.address, "of the modem").kind(ise::parameter_kind::hexadecimal).preset("13A2");
     set.add("gusts", values.gusts, "or none");
     set.add("mark", values.marks, "to round");
+    set.add("post", values.posts, "where the gateway posts").kind(ise::parameter_kind::endpoint);
+    set.add("shown-at", values.page, "of the page").kind(ise::parameter_kind::address);
+    set.add("gateway", values.gateway, "that gets telecommands").kind(ise::parameter_kind::url);
     types.back().reads("BOAT_NAME");
     types.emplace_back("nameless", "has no path of its own");
     return ise::describe_types("boats", "1", types);
@@ -98,6 +105,48 @@ TEST_CASE("paths are allowed only below the folders of the rules") {
     for (const char* bad : {"/database", "/", "/data/../etc", "/data/x/..", "data/x", "../data", "/dev/ttyUSB00", "/dev/ttyUSB1", "~/x"})
         CHECK_THAT(refusal(request({{"log", bad}}), rules), Contains("it is a path below /data/ or /dev/ttyUSB0"));
     CHECK_THAT(refusal(request({{"log", "/data/x"}})), Contains("it allows none"));
+}
+
+TEST_CASE("parameters listen where components may, and nowhere else") {
+    launch_rules open;
+    open.listen_addresses.push_back("10.0.0.1");
+    for (const char* good : {"tcp://127.0.0.1:7411", "udp://[::1]:0", "local://@boat", ""}) CHECK(refusal(request({{"post", good}})) == "it was allowed");
+    CHECK(refusal(request({{"post", "tcp://10.0.0.1:7411"}, {"shown-at", "10.0.0.1"}}), open) == "it was allowed");
+    for (const char* bad : {"tcp://0.0.0.0:7411", "udp://10.0.0.2:0", "tcp://[::]:0", "tcp://localhost.evil.example:0", "tcp://127.0.0.01:0"})
+        CHECK_THAT(refusal(request({{"post", "tcp://127.0.0.1:0"}, {"post", bad}}), open),
+                   Contains("parameter 'post' cannot be") && Contains("the addresses that this instantiation server allows are 127.0.0.1, ::1, 10.0.0.1 (--allow-address)"));
+    CHECK_THAT(refusal(request({{"post", "local:///etc/passwd"}})), Contains("local://@name"));
+    CHECK_THAT(refusal(request({{"post", "127.0.0.1:80"}})), Contains("an endpoint to listen on"));
+    CHECK_THAT(refusal(request({{"shown-at", "0.0.0.0"}})), Contains("parameter 'shown-at' cannot be '0.0.0.0'") && Contains("--allow-address"));
+    CHECK_THAT(refusal(request({{"shown-at", "127.0.0.1 --x"}})), Contains("an address to listen on"));
+    auto made = known().plan(request({{"post", "tcp://127.0.0.1:7411"}}), {}, 1);
+    REQUIRE(made);
+    CHECK(made->listen.at(0).text() == "tcp://127.0.0.1:7411"); // looked at before it is started
+}
+
+TEST_CASE("parameters name no host that the rules do not") {
+    launch_rules open;
+    open.target_hosts = {"gateway.example", "127.0.0.1:7411", "::1"};
+    for (const char* good : {"https://gateway.example/post?x=1", "https://Gateway.Example:8443", "tcp://127.0.0.1:7411", "imaps://gateway.example", "udp://[::1]:9", ""})
+        CHECK(refusal(request({{"gateway", good}}), open) == "it was allowed");
+    for (const char* bad : {"https://evil.example/", "https://gateway.example.evil.example/", "http://127.0.0.1:7412/", "http://127.0.0.1/", "tcp://127.1:7411", "https://evil.example/gateway.example",
+                            "https://evil.example#@gateway.example", "https://evil.example?gateway.example"})
+        CHECK_THAT(refusal(request({{"gateway", bad}}), open), Contains("the hosts that this instantiation server lets parameters name are gateway.example, 127.0.0.1:7411, ::1 (--allow-host"));
+    for (const char* bad : {"https://gateway.example@evil.example/", "https://evil.example\\@gateway.example/", "gateway.example", "https:///x", "https://gateway.example:x/", "https://gateway.example:80:80/"})
+        CHECK_THAT(refusal(request({{"gateway", bad}}), open), Contains("a URL to connect to"));
+    for (const char* bad : {"local:///run/other.sock", "local://@other", "file:///etc/passwd"}) CHECK_THAT(refusal(request({{"gateway", bad}}), open), Contains("reaches what lies on this host"));
+    CHECK_THAT(refusal(request({{"gateway", "http://127.0.0.1:22/"}})), Contains("lets parameters name are none (--allow-host 127.0.0.1:22)"));
+}
+
+TEST_CASE("an endpoint in a text is no way around the rules") {
+    launch_rules open;
+    open.target_hosts = {"10.0.0.7"};
+    CHECK(refusal(request({{"mark", "xbee=atirma/shore/xbee"}})) == "it was allowed");
+    CHECK(refusal(request({{"mark", "xbee=tcp://10.0.0.7:7411"}}), open) == "it was allowed");
+    for (const char* bad : {"tcp://10.0.0.8:7411", "xbee=tcp://10.0.0.8:7411", "Vela=tcp://10.0.0.7:1,tcp://10.0.0.8:1", "udp://[fd00::1]:9"})
+        CHECK_THAT(refusal(request({{"mark", bad}}), open), Contains("parameter 'mark' cannot be") && Contains("--allow-host"));
+    CHECK_THAT(refusal(request({{"mark", "local:///run/other.sock"}}), open), Contains("reaches what lies on this host"));
+    CHECK_THAT(refusal(request({{"mark", "://x"}}), open), Contains("is no URL"));
 }
 
 TEST_CASE("endpoints are loopback unless the rules say otherwise") {
@@ -202,3 +251,5 @@ TEST_CASE("values are stored where they belong") {
     small.add("mode", values.mode, "");
     CHECK(small.set("mode", "256").error().message() == "parameter 'mode' cannot be '256': it is an integer from 0 to 255");
 }
+
+} // namespace catalogue_test

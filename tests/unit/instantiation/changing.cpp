@@ -6,6 +6,8 @@
 #include <ise/component/component_type.hpp>
 #include <ise/instantiation/instantiation_server.hpp>
 
+namespace changing_test {
+
 using namespace instantiation_test;
 using namespace std::chrono_literals;
 using Catch::Contains;
@@ -39,6 +41,7 @@ ise::component_type wind_type(const std::shared_ptr<wind_options>& options) {
     ise::component_type type("wind", "blows", "sea/wind");
     type.parameters.add("speed", options->speed, "how hard").range(0, 40).changeable();
     type.parameters.add("course", options->course, "what it sails");
+    type.reads("WIND_PASSWORD").reads("WIND_USER");
     type.makes<wind>(options);
     return type;
 }
@@ -109,6 +112,16 @@ public:
         made.terms.policy = restart_policy::always;
         made.deployment = "sea";
         return made;
+    }
+    static start_request secretive(const std::string& password) {
+        auto made = wanted({{"speed", "8"}});
+        made.variables = {{"WIND_USER", "gando"}, {"WIND_PASSWORD", password}};
+        return made;
+    }
+    checked_start check(start_request what) {
+        checks_request request;
+        request.wanted.push_back(std::move(what));
+        return call(host_services::check, std::move(request)).value().checked.at(0);
     }
     void start() { REQUIRE(call(host_services::start, wanted({{"speed", "8"}})).value().outcome == start_outcome::ready); }
     ise::result<change_response> change(start_request to) {
@@ -258,3 +271,131 @@ TEST_CASE("what is forgotten leaves nothing") {
     CHECK_FALSE(in.host.files.contains("/state/sea+wind.log"));
     CHECK_THAT(in.host.files.at("/state/state.json"), !Contains("sea/wind"));
 }
+
+TEST_CASE("secrets do not leave the instantiation server") {
+    harbour in;
+    REQUIRE(in.call(host_services::start, in.secretive("hunter2")).value().outcome == start_outcome::ready);
+    auto told = in.instances().front();
+    REQUIRE(told.variables.size() == 2);
+    CHECK(told.variables[0].name == "WIND_USER");
+    for (const auto& one : told.variables) CHECK(one.value.empty()); // not a mark either: who guesses would know when he is right
+    auto changed = in.change(in.secretive("hunter3")).value();
+    CHECK(changed.way == change_way::restarted);
+    for (const auto& one : changed.former.variables) CHECK(one.value.empty());
+    for (const auto& one : changed.outcome.started.variables) CHECK(one.value.empty());
+}
+
+TEST_CASE("a change of secrets is undone by who does not know them") {
+    harbour in;
+    REQUIRE(in.call(host_services::start, in.secretive("hunter2")).value().outcome == start_outcome::ready);
+    auto changed = in.change(in.secretive("hunter3")).value();
+    REQUIRE(changed.undo != 0);
+    in.server->crash();
+    in.open(); // also after that
+    change_request back;
+    back.to = changed.former;
+    back.to.path = "sea/wind";
+    back.undo = changed.undo;
+    CHECK(in.call(host_services::change, back).value().way == change_way::restarted);
+    CHECK_FALSE(in.check(in.secretive("hunter2")).other_environment);
+    CHECK(in.check(in.secretive("hunter3")).other_environment);
+    auto again = in.call(host_services::change, back);
+    REQUIRE(!again);
+    CHECK_THAT(again.error().message(), Contains("'sea/wind' cannot be undone: it was changed again since"));
+}
+
+TEST_CASE("secrets cannot be guessed quickly by comparing") {
+    harbour in;
+    REQUIRE(in.call(host_services::start, in.secretive("hunter2")).value().outcome == start_outcome::ready);
+    auto last = checked_start();
+    for (int guess = 0; guess < 21; ++guess) last = in.check(in.secretive("guess"));
+    CHECK(last.outcome == start_outcome::too_many);
+    CHECK_THAT(last.why, Contains("environment variables of 'sea/wind' were compared 20 times within 10 s"));
+    in.system.world.run_for(11s);
+    CHECK(in.check(in.secretive("hunter2")).outcome == start_outcome::ready);
+}
+
+TEST_CASE("a program that was rebuilt is told, and a change runs it") {
+    harbour in;
+    in.start();
+    CHECK_FALSE(in.instances().front().rebuilt);
+    int before = in.pid();
+    in.host.installed["winds"].version = "2";
+    CHECK(in.instances().front().rebuilt);
+    CHECK(in.set("speed", "9")); // no reason to end what runs
+    CHECK(in.pid() == before);
+    in.server->crash();
+    in.open();
+    CHECK(in.instances().front().rebuilt);
+    CHECK(in.change(in.wanted({{"speed", "9"}})).value().way == change_way::restarted);
+    CHECK(in.pid() != before);
+    CHECK_FALSE(in.instances().front().rebuilt);
+    in.host.installed["winds"].version = "3";
+    in.next_life();
+    CHECK_FALSE(in.instances().front().rebuilt); // what was started again is the new one
+}
+
+TEST_CASE("what is against a start is told before anything is started") {
+    harbour in;
+    CHECK(in.check(in.wanted()).outcome == start_outcome::ready);
+    CHECK(in.check(in.wanted({{"speed", "41"}})).outcome == start_outcome::bad_argument);
+    auto far = in.wanted();
+    far.listen = {"tcp://0.0.0.0:7411"};
+    auto forbidden = in.check(far);
+    CHECK(forbidden.outcome == start_outcome::bad_argument);
+    CHECK_THAT(forbidden.why, Contains("--allow-address"));
+    in.system.start("boat", "other", [](ise::node& node) {
+        node.start("sea/wind", [](ise::component& self) -> ise::task<> { co_await self.sleep(24h); });
+    });
+    REQUIRE(in.system.world.run_until([&] { return in.system.holds("sea/wind"); }, 30s));
+    auto held = in.check(in.wanted());
+    CHECK(held.outcome == start_outcome::name_taken);
+    CHECK_THAT(held.why, Contains("'sea/wind' is held by process"));
+    CHECK(in.host.launches.empty());
+}
+
+TEST_CASE("two that need the same port are told before either is started") {
+    harbour in;
+    checks_request request;
+    for (const char* path : {"sea/one", "sea/two"}) {
+        auto one = in.wanted();
+        one.path = path;
+        one.listen = {"tcp://127.0.0.1:7411"};
+        request.wanted.push_back(one);
+    }
+    auto told = in.call(host_services::check, request).value().checked;
+    CHECK(told.at(0).outcome == start_outcome::ready);
+    CHECK(told.at(1).outcome == start_outcome::address_in_use);
+    CHECK_THAT(told.at(1).why, Contains("another component of the file listens on tcp://127.0.0.1:7411 too"));
+}
+
+TEST_CASE("a port that another process listens on is told before anything is started") {
+    harbour in;
+    in.system.start("shore", "other", [](ise::node& node) {
+        node.start("", [](ise::component& self) -> ise::task<> { co_await self.sleep(24h); }, names_test::everywhere("tcp://127.0.0.1:7411"));
+    });
+    in.system.world.run_for(1s);
+    auto one = in.wanted();
+    one.listen = {"tcp://127.0.0.1:7411"};
+    CHECK(in.check(one).outcome == start_outcome::address_in_use);
+    one.listen = {"tcp://127.0.0.1:7412"};
+    CHECK(in.check(one).outcome == start_outcome::ready);
+}
+
+TEST_CASE("what has failed is no trouble any more once it was stopped") {
+    harbour in;
+    in.start();
+    auto to = in.wanted({{"speed", "8"}});
+    to.terms.policy = restart_policy::never;
+    REQUIRE(in.change(to));
+    in.host.end(in.host.at("sea/wind"), {true, true, 9});
+    in.system.world.run_for(2min);
+    REQUIRE(in.instances().front().state == instance_state::failed);
+    stop_request request;
+    request.path = "sea/wind";
+    auto ended = in.call(host_services::stop, request).value().ended;
+    CHECK(ended.state == instance_state::stopped);
+    CHECK_THAT(ended.reason, Contains("stopped after it had failed: "));
+}
+
+} // namespace changing_test

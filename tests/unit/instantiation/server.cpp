@@ -6,6 +6,8 @@
 #include <ise/component/component_type.hpp>
 #include <ise/instantiation/instantiation_server.hpp>
 
+namespace server_test {
+
 using namespace instantiation_test;
 using namespace std::chrono_literals;
 using Catch::Contains;
@@ -147,6 +149,24 @@ TEST_CASE("a component that ends is started again after a pause, when its name i
     REQUIRE(in.host.launches.size() == 2);
     CHECK(in.host.launches.back().first - died >= 250ms);
     CHECK(in.system.holds("sea/one"));
+}
+
+TEST_CASE("the name of a component that crashed is free before its lease is over, and it is ready as soon as it is started again") {
+    harbour in;
+    restart_terms at_once;
+    at_once.policy = restart_policy::on_failure;
+    at_once.first_pause = 10ms;
+    start_request request;
+    request.type = "doubler";
+    request.path = "sea/one";
+    request.terms = at_once;
+    REQUIRE(in.call(host_services::start, request).outcome == start_outcome::ready);
+    in.system.world.run_for(3s); // its lease was renewed, and is fresh
+    auto epoch = in.system.epoch_of("sea/one");
+    in.host.end(in.host.at("sea/one"), {true, true, 9});
+    REQUIRE(in.system.world.run_until([&] { return in.system.epoch_of("sea/one") > epoch; }, 300ms));
+    CHECK(in.becomes("sea/one", instance_state::ready, 300ms));
+    CHECK(in.state("sea/one").restarts == 1);
 }
 
 TEST_CASE("what ends again and again has failed, and is not started any more") {
@@ -301,3 +321,5 @@ TEST_CASE("a crash of the server at any of its operations loses no process and s
     }
     CHECK(crashes > 10);
 }
+
+} // namespace server_test

@@ -4,6 +4,8 @@
 
 #include <support/catch.hpp>
 
+namespace supervision_test {
+
 using namespace ise::instantiation;
 using namespace std::chrono_literals;
 using act = supervision::act;
@@ -207,6 +209,29 @@ TEST_CASE("a restart stops and starts, and one that fails then has failed") {
     CHECK(one.watch.restart(one.now) == act::launch);
 }
 
+TEST_CASE("what does not do its work is ended and started again, by its policy") {
+    watched one;
+    one.start();
+    CHECK(one.watch.unhealthy(one.now, "its probe failed") == act::terminate);
+    CHECK(one.watch.state() == state::stopping);
+    CHECK(one.next() == act::kill); // it does not hear SIGTERM either
+    CHECK(one.watch.ended(one.now, false, "signal 9") == act::nothing);
+    CHECK(one.watch.state() == state::waiting);
+    CHECK(one.watch.reason() == "its probe failed");
+    one.begin_again();
+    CHECK(one.watch.restarts() == 1);
+
+    one.watch.unhealthy(one.now, "its probe failed");
+    one.watch.stop(one.now, 1s); // the last word
+    one.watch.ended(one.now, true, "exit code 0");
+    CHECK(one.watch.state() == state::stopped);
+
+    watched never(restart_policy::never);
+    never.start();
+    CHECK(never.watch.unhealthy(never.now, "its probe failed") == act::nothing);
+    CHECK(never.watch.state() == state::ready);
+}
+
 TEST_CASE("a stop after a restart was asked for is the last word") {
     watched one;
     one.start();
@@ -247,3 +272,5 @@ TEST_CASE("what was adopted is watched over by its policy") {
     over.watch.adopt_over(state::stopped, "as asked", 1);
     CHECK(over.watch.over());
 }
+
+} // namespace supervision_test

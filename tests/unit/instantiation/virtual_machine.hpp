@@ -2,6 +2,7 @@
 // goes on when the server crashes, at any of its operations if a test wants that.
 #pragma once
 #include <ise/instantiation/machine.hpp>
+#include <ise/naming/services.hpp>
 #include <ise/sim/world.hpp>
 
 #include <algorithm>
@@ -20,6 +21,7 @@ public:
     struct program {
         std::string description;
         std::function<std::shared_ptr<void>(ise::sim::process&, const std::vector<std::string>& words)> run;
+        std::string version = "1"; ///< another after it was built again
         ise::duration lasts_after_term{}; ///< how long it takes to end
         bool deaf = false;
     };
@@ -73,6 +75,7 @@ public:
             if (word.starts_with("--path=")) made->path = word.substr(7);
         launches.emplace_back(world.now(), made->path);
         std::map<std::string, std::string> variables(what.variables.begin(), what.variables.end());
+        variables[ise::naming::launch_mark_variable] = what.mark;
         made->who = &world.host(host).start_process(
             "component", [made, words = what.words](ise::sim::process& env) {
                 env.keep(std::shared_ptr<void>(nullptr, [made](void*) { // when it ends, however that comes
@@ -100,8 +103,12 @@ public:
     std::string boot() const override { return "first"; }
     ise::result<std::vector<program_file>> programs(const std::string&) const override {
         std::vector<program_file> all;
-        for (const auto& [name, what] : installed) all.push_back({name, "1"});
+        for (const auto& [name, what] : installed) all.push_back({name, what.version, {}});
         return all;
+    }
+    std::string version_of(const std::string& program) const override {
+        auto found = installed.find(program.substr(program.rfind('/') + 1));
+        return found == installed.end() ? std::string() : found->second.version;
     }
     ise::task<ise::result<std::string>> ask(ise::loop&, std::string name, std::size_t, ise::duration) override {
         ise::result<std::string> told(installed.at(name.substr(name.rfind('/') + 1)).description);
@@ -117,6 +124,7 @@ public:
         files[path] = content;
         return {};
     }
+    ise::result<void> replace_reserved(const std::string& path, const std::string& content) override { return replace_file(path, content); }
     std::uint64_t size_of(const std::string& path) const override {
         auto found = files.find(path);
         return found == files.end() ? 0 : found->second.size();
@@ -124,10 +132,6 @@ public:
     std::string read_part(const std::string& path, std::uint64_t offset, std::size_t most) const override {
         auto found = files.find(path);
         return found == files.end() || offset >= found->second.size() ? std::string() : found->second.substr(offset, most);
-    }
-    ise::result<void> rotate(const std::string& path, const std::string& older) override {
-        files[older] = std::exchange(files[path], {});
-        return {};
     }
     void remove(const std::string& path) override { files.erase(path); }
 

@@ -5,6 +5,8 @@
 
 #include <functional>
 
+namespace client_test {
+
 using namespace atirma;
 using namespace atirma::iridium;
 using namespace std::chrono_literals;
@@ -248,3 +250,5 @@ TEST_CASE("iridium: the emulated modem answers as the data sheet says") {
     CHECK(ask("AT+SBDRB\r") == std::string("\0\0\0\0\r\nOK\r\n", 10));
     CHECK(ask(std::string(5000, 'x') + "\r") == "\r\nERROR\r\n");
 }
+
+} // namespace client_test

@@ -14,6 +14,8 @@
 #include <iterator>
 #include <set>
 
+namespace formats_test {
+
 using namespace atirma::iridium;
 using namespace std::chrono;
 using namespace std::chrono_literals;
@@ -301,3 +303,5 @@ TEST_CASE("iridium: packets go together as far as a message holds, and come apar
     CHECK_FALSE(unbundle(ise::as_bytes(std::string_view("B\0", 2))));
     CHECK_FALSE(unbundle(ise::as_bytes(std::string_view("B\x02""ab\0", 5))));
 }
+
+} // namespace formats_test

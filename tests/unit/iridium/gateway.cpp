@@ -2,6 +2,8 @@
 
 #include <support/catch.hpp>
 
+namespace gateway_test {
+
 using namespace atirma;
 using namespace std::chrono_literals;
 
@@ -139,3 +141,5 @@ TEST_CASE("iridium gateway: it refuses strangers, and nothing works while it is 
     auto failed = model.session(start, wall, session_of(3, 10)).value();
     CHECK(failed.mo_status >= 10);
 }
+
+} // namespace gateway_test

@@ -4,6 +4,8 @@
 
 #include <support/catch.hpp>
 
+namespace queue_test {
+
 using namespace atirma;
 using std::chrono::duration_cast;
 using std::chrono::seconds;
@@ -319,3 +321,5 @@ TEST_CASE("iridium: spending is summed by day and month, and a refund takes it b
     CHECK(store.spent_in_month_of(start + 24h * 40).value() == iridium_spending{});
     CHECK(store.spent_ever().value().mt_messages == 2);
 }
+
+} // namespace queue_test

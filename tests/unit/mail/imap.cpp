@@ -4,6 +4,8 @@
 
 #include <support/catch.hpp>
 
+namespace imap_test {
+
 using namespace atirma;
 using kind = imap_reply::kind;
 
@@ -125,3 +127,5 @@ TEST_CASE("no line of a mail ends it, and none stands alone without its carriage
     CHECK(smtp_content("a\r\n.\r\n..\r\n.x\nlast") == "a\r\n..\r\n...\r\n..x\r\nlast\r\n");
     CHECK(smtp_content("").empty());
 }
+
+} // namespace imap_test

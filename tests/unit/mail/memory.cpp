@@ -3,6 +3,8 @@
 #include <support/catch.hpp>
 #include <support/sim_parties.hpp>
 
+namespace memory_test {
+
 using namespace atirma;
 using namespace std::chrono_literals;
 
@@ -103,3 +105,5 @@ TEST_CASE("waiting for mail can be given up") {
     REQUIRE(here.all.run_until([&] { return waiting->done; }));
     CHECK(waiting->code() == ise::errc::cancelled);
 }
+
+} // namespace memory_test

@@ -4,6 +4,8 @@
 
 #include <fmt/format.h>
 
+namespace mime_test {
+
 using namespace atirma;
 
 namespace {
@@ -186,3 +188,5 @@ TEST_CASE("no header can be smuggled into a mail") {
         CHECK(text.error().code() == ise::errc::invalid_argument);
     }
 }
+
+} // namespace mime_test

@@ -8,6 +8,8 @@
 
 #include <algorithm>
 
+namespace meter_test {
+
 using namespace boat_services;
 using namespace ise_test;
 using namespace std::chrono_literals;
@@ -91,3 +93,5 @@ TEST_CASE("a plain handler is counted in every call, and measured") {
     CHECK(sum(load.handled) > 0);
     CHECK(load.overloaded == 0);
 }
+
+} // namespace meter_test

@@ -7,6 +7,8 @@
 #include <cstdlib>
 #include <iostream>
 
+namespace crash_sweeps_test {
+
 using namespace names_test;
 
 namespace {
@@ -224,3 +226,5 @@ TEST_CASE("crash: the name server or the component is killed at every event whil
         CHECK(run.look_until([&] { return run.it.epoch_of(std::string(path)) > before; }, 2 * lease));
     }
 }
+
+} // namespace crash_sweeps_test

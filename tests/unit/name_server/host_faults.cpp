@@ -1,6 +1,8 @@
 // What a host does to its programs: its clock is set, it stops them and lets them go on.
 #include "system.hpp"
 
+namespace host_faults_test {
+
 using namespace names_test;
 
 namespace {
@@ -95,3 +97,5 @@ TEST_CASE("host: a name server that was stopped for longer than all leases takes
     CHECK(it.holds("atirma/doubler"));
     CHECK(seen.failed == 0);
 }
+
+} // namespace host_faults_test

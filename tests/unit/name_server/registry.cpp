@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+namespace registry_test {
+
 using namespace std::chrono_literals;
 using ise::naming::name_change;
 using ise::naming::verdict;
@@ -26,7 +28,8 @@ ise::registry_options options(ise::duration recovery = {}) {
 
 // A registry and its clock, which it hears ticking.
 struct world {
-    explicit world(ise::registry_options with = options(), ise::wall_time wall = noon) : names(with, 1, start, wall) {}
+    explicit world(ise::registry_options with = options(), ise::wall_time wall = noon, ise::registry_memory memory = ise::registry_memory())
+        : names(with, 1, start, wall, memory) {}
 
     void pass(ise::duration time) {
         for (auto end = now + time; now < end;) {
@@ -41,8 +44,11 @@ struct world {
         wanted.epoch = epoch;
         wanted.incarnation = incarnation ? incarnation : node * 10;
         wanted.endpoints = {fmt::format("tcp://10.0.0.{}:4000", node)};
+        if (auto shown = proofs.find({node, wanted.path, epoch}); shown != proofs.end()) wanted.proof = shown->second;
         request.components.push_back(std::move(wanted));
-        return names.enroll(request, now).grants.at(0);
+        auto answer = names.enroll(request, now).grants.at(0);
+        if (answer.what == verdict::granted) proofs[{node, answer.path, answer.epoch}] = answer.proof;
+        return answer;
     }
     // Claims "n<node>" with a role.
     ise::naming::grant serve(std::uint64_t node, std::string role, std::int32_t priority, std::string state = "ready") {
@@ -85,6 +91,7 @@ struct world {
     bool holds(std::string_view path) { return names.resolve(path, now).has_value(); }
 
     ise::time_point now = start;
+    std::map<std::tuple<std::uint64_t, std::string, std::uint64_t>, std::uint64_t> proofs; // of its grants, which their holders show
     ise::registry names;
 };
 
@@ -680,3 +687,5 @@ TEST_CASE("registry: roles beyond a limit, or that are no paths, are refused") {
     CHECK(it.serve(3, "a", 1).reason.find("max_members_per_role") != std::string::npos);
     CHECK(it.serve(2, "a", 7).what == verdict::granted); // a member already
 }
+
+} // namespace registry_test

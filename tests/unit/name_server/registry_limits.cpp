@@ -6,6 +6,8 @@
 
 #include <fmt/format.h>
 
+namespace registry_limits_test {
+
 using namespace std::chrono_literals;
 using Catch::Matchers::Contains;
 using ise::naming::verdict;
@@ -108,20 +110,26 @@ TEST_CASE("registry: of names that nobody holds max_remembered keep their epoch,
     limits.max_remembered = 2;
     ise::registry names(options(limits), 1, start, noon);
     auto now = start;
-    std::map<std::string, std::uint64_t> epochs;
+    std::map<std::string, std::uint64_t> epochs, proofs;
     for (std::uint64_t node = 1; node <= 4; ++node) {
         auto path = fmt::format("c{}", node);
-        epochs[path] = names.enroll(request_of(node, path), now).grants.at(0).epoch;
+        auto granted = names.enroll(request_of(node, path), now).grants.at(0);
+        epochs[path] = granted.epoch;
+        proofs[path] = granted.proof;
     }
     for (auto end = now + 5s; now < end; names.advance(now)) now += names.tick();
     REQUIRE(names.components() == 0);
     int kept = 0;
     for (std::uint64_t node = 1; node <= 4; ++node) {
         auto path = fmt::format("c{}", node);
-        auto back = names.enroll(request_of(node, path, epochs[path]), now).grants.at(0);
+        auto request = request_of(node, path, epochs[path]);
+        request.components.front().proof = proofs[path];
+        auto back = names.enroll(request, now).grants.at(0);
         REQUIRE(back.what == verdict::granted);
         CHECK(back.epoch >= epochs[path]);
         kept += back.epoch == epochs[path];
     }
     CHECK(kept == 2);
 }
+
+} // namespace registry_limits_test

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+namespace roles_test {
+
 using namespace names_test;
 
 namespace {
@@ -342,3 +344,5 @@ TEST_CASE("roles: twenty clients follow every loss, whatever the network does") 
     start(1);
     CHECK(it.world.run_until(all_at(1), 40s));
 }
+
+} // namespace roles_test

@@ -6,6 +6,8 @@
 #include <array>
 #include <functional>
 
+namespace stories_test {
+
 using namespace names_test;
 
 TEST_CASE("names: a component on another host is found, called and listened to, whatever protocol it was started with") {
@@ -438,7 +440,7 @@ TEST_CASE("names: a watch begins with a snapshot and tells every change below it
         auto server = name_server_of(self);
         ise::naming::watch_request request;
         request.prefix = "atirma";
-        auto options = ise::subscribe_options::lossless(64);
+        auto options = ise::subscribe_options::last(64);
         auto changes = co_await server.subscribe(ise::naming::watch, request, options);
         for (;;) {
             auto packet = co_await changes.next();
@@ -518,3 +520,5 @@ TEST_CASE("names: restarts, losses and partitions leave every living component r
         return true;
     }, 20s));
 }
+
+} // namespace stories_test

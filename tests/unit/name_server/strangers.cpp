@@ -1,6 +1,8 @@
 // Whoever can connect can claim what he likes: the others' names go on.
 #include "system.hpp"
 
+namespace strangers_test {
+
 using namespace names_test;
 
 namespace {
@@ -116,3 +118,5 @@ TEST_CASE("strangers: a component that starts while there is no room is register
     first.stop();
     CHECK(it.world.run_until([&] { return it.holds("atirma/doubler"); }, 5s));
 }
+
+} // namespace strangers_test

@@ -4,6 +4,8 @@
 #include <ise/service/service_host.hpp>
 #include <ise/service/session.hpp>
 
+namespace superseded_test {
+
 using namespace names_test;
 
 namespace {
@@ -157,3 +159,5 @@ TEST_CASE("superseded: a component that does not say otherwise stops as failed, 
     CAPTURE(cause);
     CHECK(cause.find("another took this name over") != std::string::npos);
 }
+
+} // namespace superseded_test

@@ -56,8 +56,10 @@ using body = std::function<ise::task<>(ise::component&)>;
 
 class system {
 public:
-    explicit system(bool fresh = true, std::uint64_t seed = 1, ise::registry_limits limits = ise::registry_limits()) : world(seed), fresh_(fresh) {
-        server = &world.host("ns").start_process("names", [this, limits](ise::sim::process& env) {
+    explicit system(bool fresh = true, std::uint64_t seed = 1, ise::registry_limits limits = ise::registry_limits(),
+                    std::shared_ptr<ise::server_memory> memory = nullptr)
+        : world(seed), fresh_(fresh) {
+        server = &world.host("ns").start_process("names", [this, limits, memory](ise::sim::process& env) {
             auto options = node_options();
             options.use_names = false;
             auto made = std::make_shared<program>(env, std::move(options));
@@ -66,6 +68,7 @@ public:
             where.registers = false;
             ise::name_server_options terms;
             terms.limits = limits;
+            terms.memory = memory;
             terms.fresh = std::exchange(fresh_, false); // the next one has been there before
             names = &made->node.start<ise::name_server>(std::string(ise::naming::server_path), where, terms);
             return made;

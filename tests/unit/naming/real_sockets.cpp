@@ -7,6 +7,8 @@
 
 #include <future>
 
+namespace real_sockets_test {
+
 namespace {
 
 using namespace std::chrono_literals;
@@ -136,3 +138,5 @@ TEST_CASE("naming: a node that has ended left no name behind") {
     });
     CHECK(left.get_future().get() == 0);
 }
+
+} // namespace real_sockets_test

@@ -2,6 +2,8 @@
 
 #include <support/catch.hpp>
 
+namespace resolver_test {
+
 namespace {
 
 ise::naming::resolve_response component() {
@@ -46,3 +48,5 @@ TEST_CASE("naming: a prefix ends where a name of the path ends") {
     CHECK_FALSE(lies_below("atirma2", "atirma"));
     CHECK_FALSE(lies_below("atirma", "atirma/boat"));
 }
+
+} // namespace resolver_test

@@ -9,6 +9,8 @@
 #include <support/catch.hpp>
 #include <support/party.hpp>
 
+namespace connection_test {
+
 using namespace std::chrono_literals;
 using namespace ise_test;
 using Catch::Matchers::Contains;
@@ -301,3 +303,5 @@ TEST_CASE("a peer whose node answers for it is known to be busy until it is hear
     at.world.run_for(1ms);
     CHECK_FALSE(at.connection->peer_stalled());
 }
+
+} // namespace connection_test

@@ -6,6 +6,8 @@
 #include <random>
 #include <set>
 
+namespace interval_set_test {
+
 using ise::net::udp::interval_set;
 
 namespace {
@@ -52,3 +54,5 @@ TEST_CASE("intervals of numbers are what a set of the numbers is") {
         for (std::uint64_t n = 0; n < 140; ++n) REQUIRE(set.contains(n) == model.contains(n));
     }
 }
+
+} // namespace interval_set_test

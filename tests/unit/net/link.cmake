@@ -1,1 +1,1 @@
-target_sources(unit_net PRIVATE "${PROJECT_SOURCE_DIR}/tests/support/authority.cpp")
+target_sources(unit_net PRIVATE "${PROJECT_SOURCE_DIR}/tests/support/authority.cpp" "${PROJECT_SOURCE_DIR}/tests/support/relay_bytes.cpp")

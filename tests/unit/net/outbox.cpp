@@ -7,6 +7,8 @@
 #include <chrono>
 #include <deque>
 
+namespace outbox_test {
+
 using namespace std::chrono_literals;
 using ise::net::batch;
 using ise::net::outbox;
@@ -460,3 +462,5 @@ TEST_CASE("frames that are whole already leave as they are, with the number of w
     for (std::size_t i = 1; i <= 3; ++i) CHECK(sent[i].body == ise::bytes(news.size, static_cast<std::byte>(i)));
     CHECK(ise::wire::read_header(news.made.view().data()).id == 30); // others hold them too
 }
+
+} // namespace outbox_test

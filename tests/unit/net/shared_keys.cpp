@@ -10,6 +10,8 @@
 #include <support/catch.hpp>
 #include <support/party.hpp>
 
+namespace shared_keys_test {
+
 using namespace std::chrono_literals;
 using namespace ise_test;
 using Catch::Matchers::Contains;
@@ -364,3 +366,5 @@ TEST_CASE("a node that demands credentials listens beyond its host with them onl
     demanding = {};
     CHECK(may("tcp://0.0.0.0:0"));
 }
+
+} // namespace shared_keys_test

@@ -7,6 +7,8 @@
 #include <support/catch.hpp>
 #include <support/sim_parties.hpp>
 
+namespace tls_test {
+
 using namespace boat_services;
 using namespace ise_test;
 using namespace std::chrono_literals;
@@ -343,3 +345,5 @@ TEST_CASE("tls: the connection is cut at every byte of the handshakes, and nothi
     }
     CHECK(cuts_seen > 1000);
 }
+
+} // namespace tls_test

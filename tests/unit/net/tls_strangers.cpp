@@ -8,6 +8,8 @@
 
 #include <fstream>
 
+namespace tls_strangers_test {
+
 using namespace boat_services;
 using namespace ise_test;
 using namespace std::chrono_literals;
@@ -166,3 +168,5 @@ TEST_CASE("tls: certificates that are too large, or too long a chain, are refuse
     if (!expected.empty()) CHECK_THAT(at.warnings(), Contains(expected));
     at.others_do_not_notice();
 }
+
+} // namespace tls_strangers_test

@@ -6,6 +6,8 @@
 
 #include <algorithm>
 
+namespace udp_channel_test {
+
 using namespace ise_test;
 using namespace std::chrono_literals;
 using ise::net::udp::channel;
@@ -247,3 +249,5 @@ TEST_CASE("fragments of messages that never become whole hold bounded memory, an
     CHECK(in.bytes_held() == 0);
     CHECK(in.due() == ise::time_point::max());
 }
+
+} // namespace udp_channel_test

@@ -2,6 +2,8 @@
 #include <ise/sim/world.hpp>
 #include <support/catch.hpp>
 
+namespace udp_cookie_test {
+
 using namespace std::chrono_literals;
 
 TEST_CASE("the keyed hash is SipHash-2-4") {
@@ -38,3 +40,5 @@ TEST_CASE("a cookie is good for its address, its id and a while") {
     CHECK(jar.accepts(late, here, 7, now + 5s));
     CHECK_FALSE(ise::net::udp::cookie_jar(env).accepts(late, here, 7, now)); // of another life
 }
+
+} // namespace udp_cookie_test

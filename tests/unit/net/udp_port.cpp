@@ -6,6 +6,8 @@
 
 #include <cstring>
 
+namespace udp_port_test {
+
 namespace {
 
 using namespace ise::net::udp;
@@ -63,3 +65,5 @@ TEST_CASE("channels that were left and whose peers hear nothing are few, and gon
     CHECK(at->associations() == 0);
     at->close();
 }
+
+} // namespace udp_port_test

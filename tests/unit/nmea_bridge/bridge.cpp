@@ -12,6 +12,8 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+namespace bridge_test {
+
 using namespace atirma;
 using namespace std::chrono_literals;
 
@@ -285,3 +287,5 @@ TEST_CASE("gpsd sees the boat") {
     CHECK(fix["lon"].get<double>() == Approx(-15.448).margin(1e-5));
     CHECK(fix["speed"].get<double>() == Approx(1.5).margin(0.01));
 }
+
+} // namespace bridge_test

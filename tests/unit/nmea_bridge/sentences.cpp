@@ -4,6 +4,8 @@
 #include <nlohmann/json.hpp>
 #include <support/catch.hpp>
 
+namespace sentences_test {
+
 using namespace atirma;
 using namespace std::chrono_literals;
 
@@ -185,3 +187,5 @@ TEST_CASE("Signal K: who connects is greeted, and told what the paths beyond the
         if (meta["path"] == "communication.links.xbee.rssi") found = meta["value"]["units"] == "dBm";
     CHECK(found);
 }
+
+} // namespace sentences_test

@@ -12,6 +12,8 @@
 #include <memory>
 #include <sstream>
 
+namespace cereal_test {
+
 using namespace example;
 
 TEST_CASE("a plain struct goes through cereal's own archives as well") {
@@ -37,11 +39,15 @@ struct chain { // by pointer: only cereal knows how to follow it
     }
 };
 } // namespace
+} // namespace cereal_test
+
 template <>
-struct ise::opaque_type<chain> {
+struct ise::opaque_type<cereal_test::chain> {
     static constexpr std::string_view name = "test/chain";
     static constexpr std::uint32_t version = 1;
 };
+
+namespace cereal_test {
 
 TEST_CASE("cereal's own functions run on ISE's archive, as deep as is allowed and no deeper") {
     auto nested = [](int levels) {
@@ -67,3 +73,5 @@ TEST_CASE("cereal's own functions run on ISE's archive, as deep as is allowed an
     for (std::size_t size = 0; size < whole.size(); ++size)
         CHECK_FALSE(ise::try_decode<chain>(ise::bytes_view(whole).first(size)).has_value());
 }
+
+} // namespace cereal_test

@@ -6,6 +6,8 @@
 
 #include <unordered_set>
 
+namespace codec_test {
+
 using namespace example;
 using Catch::Matchers::Contains;
 
@@ -197,11 +199,15 @@ struct parcel {
     tree family;
 };
 } // namespace
+} // namespace codec_test
+
 template <>
-struct ise::opaque_type<tree> {
+struct ise::opaque_type<codec_test::tree> {
     static constexpr std::string_view name = "test/tree";
     static constexpr std::uint32_t version = 2;
 };
+
+namespace codec_test {
 
 TEST_CASE("types with a cereal serialize of their own travel inside packets") {
     parcel sent;
@@ -231,3 +237,5 @@ TEST_CASE("an opaque type's bytes that end early or late are refused") {
     good[8] = std::byte{1}; // fewer children than bytes
     CHECK_THAT(ise::try_decode<tree>(good).error().message(), Contains("another number of bytes"));
 }
+
+} // namespace codec_test

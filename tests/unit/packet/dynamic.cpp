@@ -3,6 +3,8 @@
 #include <ise/packet/dynamic.hpp>
 #include <support/catch.hpp>
 
+namespace dynamic_test {
+
 using namespace example;
 using Catch::Matchers::Contains;
 
@@ -88,3 +90,5 @@ TEST_CASE("bytes that are no such packet never become a dynamic packet") {
         CHECK((walked || !decoded)); // duplicates of keys are the typed decoder's to refuse
     }
 }
+
+} // namespace dynamic_test

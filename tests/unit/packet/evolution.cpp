@@ -4,6 +4,8 @@
 #include <ise/packet/compatibility.hpp>
 #include <support/catch.hpp>
 
+namespace evolution_test {
+
 using Catch::Matchers::Contains;
 using example::failure_of;
 
@@ -186,3 +188,5 @@ TEST_CASE("defaults cannot be made to grow without end by a hostile schema") {
     CHECK(grown.code() == ise::errc::too_large);
     CHECK_THAT(grown.message(), Contains("by its default values (max_total_bytes)"));
 }
+
+} // namespace evolution_test

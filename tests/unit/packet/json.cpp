@@ -5,6 +5,8 @@
 
 #include <limits>
 
+namespace json_test {
+
 using namespace example;
 using Catch::Matchers::Contains;
 
@@ -166,3 +168,5 @@ TEST_CASE("a long list of packets costs no more than its length") {
     for (std::size_t n = 1; n < count; ++n) json += ",{}";
     CHECK(ise::from_json<track>(json + "]}").waypoints.size() == count);
 }
+
+} // namespace json_test

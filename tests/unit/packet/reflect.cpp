@@ -9,6 +9,8 @@
 #include <unordered_map>
 #include <unordered_set>
 
+namespace reflect_test {
+
 namespace {
 struct no_default {
     explicit(false) no_default(int start) : value(start) {}
@@ -74,11 +76,15 @@ enum class flags : std::uint32_t { a = 1, high = 1u << 20, top = 1u << 31 };
 enum class letters : char { comma = ',', quote = '\'', minus = '-' }; // char has no sign on ARM
 enum class far : std::int16_t { one = 1000, two };
 } // namespace
+} // namespace reflect_test
+
 template <>
-struct ise::enum_range<far> {
+struct ise::enum_range<reflect_test::far> {
     static constexpr int min = 990;
     static constexpr int max = 1010;
 };
+
+namespace reflect_test {
 
 TEST_CASE("enumerators are found by name and value, flags and a chosen range included") {
     using list = std::vector<ise::enumerator>;
@@ -103,3 +109,5 @@ TEST_CASE("maps and sets of unique keys are packets by what they have, others ar
     STATIC_REQUIRE_FALSE(ise::packet<std::unordered_multiset<int>>);
     STATIC_REQUIRE_FALSE(ise::packet<std::list<int>>);
 }
+
+} // namespace reflect_test

@@ -4,6 +4,8 @@
 #include <ise/packet/schema.hpp>
 #include <support/catch.hpp>
 
+namespace schema_test {
+
 using namespace example;
 using Catch::Matchers::Contains;
 
@@ -114,3 +116,5 @@ TEST_CASE("a hostile schema text is bounded in every direction, and each limit i
     small.max_text_bytes = 10;
     CHECK_THAT(refusal("struct{a:i32}", small), Contains("at most 10 are accepted (max_text_bytes)"));
 }
+
+} // namespace schema_test

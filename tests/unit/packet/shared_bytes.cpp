@@ -4,6 +4,8 @@
 
 #include <vector>
 
+namespace shared_bytes_test {
+
 namespace {
 
 ise::shared_bytes make(ise::shared_bytes_maker& maker, std::size_t size, unsigned char fill) {
@@ -70,3 +72,5 @@ TEST_CASE("a chunk that somebody holds a part of is not used again") {
     for (int i = 0; i < 10'000; ++i) REQUIRE(holds(make(maker, 100, 2), 100, 2));
     CHECK(holds(kept, 100, 1));
 }
+
+} // namespace shared_bytes_test

@@ -7,6 +7,8 @@
 
 #include <limits>
 
+namespace bounded_test {
+
 using Catch::Contains;
 using ise::bounded;
 
@@ -114,3 +116,5 @@ TEST_CASE("the fields of a packet are parameters, with the ranges and units of t
     REQUIRE_FALSE(refused);
     CHECK(of.crew == 9);
 }
+
+} // namespace bounded_test

@@ -4,6 +4,8 @@
 #include <ise/component/component_type.hpp>
 #include <ise/component/nearest.hpp>
 
+namespace live_test {
+
 using namespace sea;
 using Catch::Contains;
 using ise::component;
@@ -209,3 +211,5 @@ TEST_CASE("the nearest names are found, and no others") {
     CHECK(ise::nearest("temperature", known).empty());
     CHECK(ise::nearest("", known).empty());
 }
+
+} // namespace live_test

@@ -5,6 +5,8 @@
 #include <cstdlib>
 #include <iostream>
 
+namespace crash_sweeps_test {
+
 using namespace crash_test;
 using ise::execution;
 
@@ -171,3 +173,5 @@ TEST_CASE("crash: a client is killed at every event of a session and comes back 
     CHECK(all.given_up > all.kills / 2);
     CHECK(all.unknown + all.not_executed == 0); // the other was answered every time
 }
+
+} // namespace crash_sweeps_test

@@ -8,6 +8,8 @@
 #include <cstdlib>
 #include <iostream>
 
+namespace storms_test {
+
 using namespace boat_services;
 using namespace ise_test;
 using namespace std::chrono_literals;
@@ -200,3 +202,5 @@ TEST_CASE("links: clients that are many more than may greet at once come back ov
     CHECK(was.rejected > 50); // they were in each other's way
     CHECK(was.healed < 40s);
 }
+
+} // namespace storms_test

@@ -7,6 +7,8 @@
 #include <asio/post.hpp>
 #include <asio/strand.hpp>
 
+namespace context_test {
+
 TEST_CASE("an executor carries its call's context, and posts like the one it stands for") {
     asio::io_context world;
     ise::call_context context;
@@ -26,3 +28,5 @@ TEST_CASE("an executor carries its call's context, and posts like the one it sta
     world.run();
     CHECK(order == "dispatched went on posted ");
 }
+
+} // namespace context_test

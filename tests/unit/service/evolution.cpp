@@ -2,6 +2,8 @@
 #include <support/catch.hpp>
 #include <support/sim_parties.hpp>
 
+namespace evolution_test {
+
 using namespace ise_test;
 using namespace std::chrono_literals;
 using Catch::Matchers::Contains;
@@ -235,3 +237,5 @@ TEST_CASE("a subscription between two versions resumes after a cut, and keeps th
     CHECK(reading->get() == 1);
     CHECK(speeds == std::vector<double>{1, 2});
 }
+
+} // namespace evolution_test

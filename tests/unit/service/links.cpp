@@ -7,6 +7,8 @@
 #include <cstdlib>
 #include <iostream>
 
+namespace links_test {
+
 using namespace boat_services;
 using namespace ise_test;
 using namespace std::chrono_literals;
@@ -174,3 +176,5 @@ TEST_CASE("links: through a relay of 2 kB/s the latest is no older than all buff
     between->stop();
     all.run_until([&] { return between->ended(); });
 }
+
+} // namespace links_test

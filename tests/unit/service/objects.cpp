@@ -9,6 +9,8 @@
 
 #include <atomic>
 
+namespace objects_test {
+
 using namespace boat_services;
 using namespace ise_test;
 using namespace std::chrono_literals;
@@ -461,3 +463,5 @@ TEST_CASE("objects: a request that was never written goes on with the next sessi
     }
     CHECK(asked >= 2);
 }
+
+} // namespace objects_test

@@ -4,6 +4,8 @@
 #include <support/catch.hpp>
 #include <support/in_one_process.hpp>
 
+namespace objects_sweeps_test {
+
 using namespace boat_services;
 using namespace ise_test;
 using namespace std::chrono_literals;
@@ -142,3 +144,5 @@ TEST_CASE("objects, sweep: the session is cut at every event") {
     }
     CHECK(events > 10);
 }
+
+} // namespace objects_sweeps_test

@@ -10,6 +10,8 @@
 
 #include <future>
 
+namespace objects_threads_test {
+
 using namespace boat_services;
 using namespace ise_test;
 using namespace std::chrono_literals;
@@ -156,3 +158,5 @@ TEST_CASE("objects between threads: whoever goes first, with calls and packets u
         second.reset();
     }
 }
+
+} // namespace objects_threads_test

@@ -6,6 +6,8 @@
 #include <memory>
 #include <random>
 
+namespace reply_window_test {
+
 using namespace std::chrono_literals;
 using ise::reply_window;
 using state = ise::reply_window::state;
@@ -184,7 +186,7 @@ TEST_CASE("answers of all clients together are bounded, and who called least rec
     ise::reply_windows windows;
     std::vector<std::shared_ptr<reply_window>> held;
     auto call = [&](std::uint64_t client, ise::time_point when) {
-        auto window = windows.of(client, when);
+        auto window = windows.of(client, 7, when);
         for (std::uint64_t number = 1; number <= 4; ++number) window->begin(number, at(number), later, when);
         for (std::uint64_t number = 1; number < 4; ++number) { // one runs on
             window->finish(number, frame_of(1 << 20), when);
@@ -200,23 +202,23 @@ TEST_CASE("answers of all clients together are bounded, and who called least rec
     }
     CHECK(windows.size() == 200);
     for (std::uint64_t client = 1; client <= 200; ++client) {
-        auto window = windows.of(client, now + 1s);
+        auto window = windows.of(client, 7, now + 1s);
         CHECK(window->look(4, true) == state::running);
         if (client <= 180) CHECK(window->look(1, true) == state::forgotten);
         if (client > 185) CHECK(window->look(1, true) == state::answered);
     }
-    for (std::uint64_t client = 1; client <= 200; ++client) windows.of(client, now)->forget_answers();
+    for (std::uint64_t client = 1; client <= 200; ++client) windows.of(client, 7, now)->forget_answers();
     CHECK(windows.room() < 200'000);
 }
 
 TEST_CASE("what is idle loses its answers by and by, without new clients, and what was called stays known") {
     ise::reply_windows windows;
     for (std::uint64_t client = 1; client <= 10; ++client) {
-        auto window = windows.of(client, now);
+        auto window = windows.of(client, 7, now);
         window->begin(1, at(1), later, now);
         window->finish(1, frame_of(1 << 20), now);
     }
-    auto mine = windows.of(99, now);
+    auto mine = windows.of(99, 7, now);
     auto call = [&](std::uint64_t number, ise::time_point when) {
         mine->begin(number, at(number), later, when);
         mine->finish(number, frame_of(100), when);
@@ -227,21 +229,23 @@ TEST_CASE("what is idle loses its answers by and by, without new clients, and wh
     call(2, now + ise::reply_windows::idle_caller_life + 1min);
     CHECK(windows.room() < 1000);
     CHECK(mine->look(2, true) == state::answered);
-    CHECK(windows.of(1, now)->look(1, true) == state::forgotten);
-    CHECK(windows.of(1, now)->look(2, true) == state::fresh);
+    CHECK(windows.of(1, 7, now)->look(1, true) == state::forgotten);
+    CHECK(windows.of(1, 7, now)->look(2, true) == state::fresh);
 }
 
 TEST_CASE("where a window of the client may have been dropped, what it repeats is refused and what is new is not") {
     ise::reply_windows windows;
     std::vector<std::shared_ptr<reply_window>> held;
-    auto mine = windows.of(1, now);
+    auto mine = windows.of(1, 7, now);
     mine->begin(7, at(1), later, now);
     mine->give_up(7);
     mine.reset();
-    for (std::uint64_t client = 2; client < 5000; ++client) windows.of(client, now + 1h);
+    for (std::uint64_t client = 2; client < 5000; ++client) windows.of(client, 7, now + 1h);
     CHECK(windows.size() < 4000);
-    auto again = windows.of(1, now + 1h);
+    auto again = windows.of(1, 7, now + 1h);
     CHECK(again->look(7, true) == state::forgotten);
     CHECK(again->look(8, true) == state::forgotten);
     CHECK(again->look(8, false) == state::fresh);
 }
+
+} // namespace reply_window_test

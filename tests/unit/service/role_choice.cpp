@@ -2,6 +2,8 @@
 
 #include <support/catch.hpp>
 
+namespace role_choice_test {
+
 using namespace std::chrono_literals;
 
 namespace {
@@ -136,3 +138,5 @@ TEST_CASE("role choice: one that has left the role is left at once, also by who 
         CHECK_FALSE(of.better());
     }
 }
+
+} // namespace role_choice_test

@@ -3,6 +3,8 @@
 #include <support/real_parties.hpp>
 #include <support/sim_parties.hpp>
 
+namespace smoke_test {
+
 using namespace boat_services;
 using namespace ise_test;
 using namespace std::chrono_literals;
@@ -22,8 +24,8 @@ ise::task<std::string> ask(ise::remote boat, std::string mode) {
 }
 
 ise::task<std::string> ask_by_fields(ise::remote boat, std::string mode) {
-    auto first = co_await helm(boat, mode);
-    auto answer = co_await helm.within(5s, boat, mode + " for longer than a short string has room");
+    auto first = co_await boat.call(helm, mode);
+    auto answer = co_await boat.call(helm, mode + " for longer than a short string has room", 5s);
     co_return first.reason + ", " + answer.reason;
 }
 
@@ -60,3 +62,5 @@ TEST_CASE("a call and a subscription go over tcp") {
     CHECK(boat.escaped.empty());
     CHECK(shore.escaped.empty());
 }
+
+} // namespace smoke_test

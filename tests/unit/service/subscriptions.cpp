@@ -4,6 +4,8 @@
 #include <support/catch.hpp>
 #include <support/sim_parties.hpp>
 
+namespace subscriptions_test {
+
 using namespace boat_services;
 using namespace ise_test;
 using namespace std::chrono_literals;
@@ -272,6 +274,162 @@ TEST_CASE("every policy of a subscriber that does not take its packets") {
     }
 }
 
+namespace {
+
+// Publishes with `send()`, and notes the longest time that one took.
+ise::task<> send_steadily(ise::publication<ise::subscription<fix>> out, ise::loop& on, int count, ise::duration& longest) {
+    for (int i = 1; i <= count; ++i) {
+        auto began = on.now();
+        auto packet = at_latitude(i);
+        co_await out.send(packet);
+        longest = std::max(longest, on.now() - began);
+        co_await ise::sleep_for(on, 10ms);
+    }
+}
+
+// Every packet arrived, or is counted where the subscription ended.
+void check_every_packet_or_the_end(const reading& got, std::uint64_t published) {
+    CHECK(std::count(got.gaps.begin(), got.gaps.end(), 0u) == std::ptrdiff_t(got.gaps.size()));
+    CHECK(got.packets == range(1, static_cast<int>(got.packets.size())));
+    const auto& counts = got.stream->counts();
+    if (!got.end) CHECK(got.packets.size() == published);
+    else CHECK(got.packets.size() + counts.lost_at_provider == published);
+}
+
+} // namespace
+
+TEST_CASE("a lossless subscriber that is out of reach holds up a publisher that waits for a second at most, and others hear everything") {
+    fixture at;
+    auto& far = at.all.add("far");
+    auto healthy = std::make_shared<reading>();
+    at.running.push_back(start(far.on, follow(far.at("tcp://boat:7400"), healthy, ise::subscribe_options::last(5000))));
+    auto got = at.read(ise::subscribe_options::lossless(4));
+    at.all.run_until([&] { return at.fixes.subscribers() == 2; });
+    ise::duration longest{};
+    auto sending = start(at.boat.on, send_steadily(at.fixes, at.boat.on, 1000, longest));
+    SECTION("its session is gone") {
+        at.all.world.run_for(2s);
+        at.all.world.net().partition("boat", "shore");
+        for (auto& [raw, held] : at.boat.services->sessions())
+            if (held->peer_name().find("far") == std::string::npos) held->wire().close(ise::failure(errc::peer_lost, "pulled"));
+        CHECK(at.all.run_until([&] { return sending->done; }));
+        CHECK(longest < 100ms);
+    }
+    SECTION("it is silent") {
+        at.all.world.run_for(2s);
+        at.all.world.net().partition("boat", "shore");
+        CHECK(at.all.run_until([&] { return sending->done; }));
+        CHECK(longest > 500ms);
+        CHECK(longest <= 1100ms);
+    }
+    SECTION("it is only slow") {
+        auto slow = std::make_shared<reading>();
+        at.all.run(at.shore, hold(at.there, slow, ise::subscribe_options::lossless(4)));
+        at.all.world.run_for(10s);
+        CHECK_FALSE(slow->stream->ended());
+        CHECK_FALSE(sending->done);
+        while (!sending->done) {
+            drain(*slow);
+            at.all.world.run_for(50ms);
+        }
+        for (int i = 0; i < 4; ++i) {
+            at.settle();
+            drain(*slow);
+        }
+        CHECK(slow->packets == range(static_cast<int>(slow->packets.front()), 1000));
+    }
+    at.settle();
+    CHECK(healthy->packets == range(1, 1000));
+    at.all.world.net().heal_all();
+    at.all.world.run_for(10s);
+    check_every_packet_or_the_end(*got, 1000);
+}
+
+TEST_CASE("a lossless subscription gets every packet over a lost session, or ends with the number of those that are lost") {
+    fixture at;
+    auto depth = GENERATE(1000u, 100u, 4u);
+    auto got = at.read(ise::subscribe_options::lossless(depth));
+    auto cut = GENERATE(false, true);
+    INFO("depth " << depth << (cut ? ", cut" : ", silent"));
+    int published = 0;
+    auto publish_for = [&](int count) {
+        for (int i = 0; i < count; ++i) {
+            ++published;
+            at.publish(published, published);
+            at.all.world.run_for(10ms);
+        }
+    };
+    publish_for(20);
+    at.all.world.net().partition("boat", "shore");
+    publish_for(1);
+    if (cut)
+        for (auto& [raw, held] : at.boat.services->sessions()) held->wire().close(ise::failure(errc::peer_lost, "pulled"));
+    publish_for(500);
+    at.all.world.net().heal_all();
+    at.all.world.run_for(10s);
+    if (depth == 1000) CHECK_FALSE(got->end);
+    if (depth == 4) {
+        REQUIRE(got->end);
+        CHECK(got->end->code() == (cut ? errc::overloaded : errc::peer_lost));
+        CHECK_THAT(got->end->message(), Contains(std::to_string(got->stream->counts().lost_at_provider)));
+        CHECK(at.fixes.subscribers() == 0);
+    }
+    if (!got->end) publish_for(20);
+    at.settle();
+    check_every_packet_or_the_end(*got, static_cast<std::uint64_t>(published));
+}
+
+TEST_CASE("whatever was under way when its session broke, a lossless subscription gets it once") {
+    fixture at;
+    auto got = at.read(ise::subscribe_options::lossless(200));
+    at.all.world.net().between("boat", "shore").bandwidth_bytes_per_second = 2000;
+    ise::duration longest{};
+    auto sending = start(at.boat.on, send_steadily(at.fixes, at.boat.on, 300, longest));
+    for (int cuts = 0; cuts < 20 && !sending->done; ++cuts) {
+        at.all.world.run_for(700ms + std::chrono::milliseconds(13 * cuts));
+        for (auto& [raw, held] : at.shore.services->sessions()) held->wire().close(ise::failure(errc::peer_lost, "pulled"));
+    }
+    CHECK(at.all.run_until([&] { return sending->done; }));
+    at.all.world.run_for(60s);
+    REQUIRE_FALSE(got->packets.empty());
+    CHECK(got->stream->counts().resumed > 0);
+    check_every_packet_or_the_end(*got, 300);
+}
+
+TEST_CASE("a lossless subscription does not go on with a gap: beyond the linger and after a restart of the provider it ends") {
+    ise::service_options options;
+    options.linger = 10s;
+    fixture at(options);
+    auto got = at.read(ise::subscribe_options::lossless(100));
+    at.publish(1, 3);
+    at.settle();
+    at.all.world.net().partition("boat", "shore");
+    SECTION("beyond the linger the number is known") {
+        at.all.run_until([&] { return at.fixes.subscribers() == 0; });
+        at.publish(4, 9);
+        at.all.world.net().heal_all();
+        at.all.run_until([&] { return got->end.has_value(); });
+        CHECK(got->end->code() == errc::peer_lost);
+        CHECK_THAT(got->end->message(), Contains("6 packets are lost"));
+        CHECK(got->stream->counts().lost_at_provider == 6);
+    }
+    SECTION("of another life it is not") {
+        at.boat.services->stop(100ms);
+        at.boat.scope.stop();
+        at.all.world.run_for(5s);
+        auto& second = at.all.add("boat");
+        auto again = second.publish(position);
+        second.listen("tcp://0.0.0.0:7400");
+        at.all.world.net().heal_all();
+        at.all.run_until([&] { return got->end.has_value(); });
+        CHECK(got->end->code() == errc::peer_lost);
+        CHECK_THAT(got->end->message(), Contains("unknown number"));
+        CHECK(got->stream->counts().restarts == 1);
+        CHECK(again.subscribers() == 0);
+    }
+    CHECK(got->packets == range(1, 3));
+}
+
 TEST_CASE("what the rate limit leaves out is counted apart from what was lost") {
     fixture at;
     ise::subscribe_options slow;
@@ -467,6 +625,110 @@ TEST_CASE("dropping the stream unsubscribes, and one that waits ends with its co
     CHECK(again->end->code() == errc::no_such_service);
 }
 
+namespace {
+
+struct goodbye {
+    std::string ticket;
+};
+struct receipt {
+    std::string text = "default";
+};
+constexpr ise::subscription<fix, area, granted, goodbye, receipt> rented("rented");
+
+template <class Stream, class Request>
+ise::task<receipt> leave_with(Stream& stream, Request request) {
+    auto answer = co_await stream.leave(std::move(request), 2s);
+    co_return answer;
+}
+
+} // namespace
+
+TEST_CASE("who leaves may say something, and gets the provider's answer") {
+    fixture at;
+    std::vector<std::string> heard;
+    ise::publication_callbacks<ise::subscription<fix, area, granted, goodbye, receipt>> callbacks;
+    callbacks.on_unsubscribe = [&](const goodbye& said, const ise::subscriber_info&) {
+        heard.push_back(said.ticket);
+        if (said.ticket == "forged") throw std::runtime_error("no such ticket");
+        return receipt{"paid " + said.ticket};
+    };
+    auto out = at.boat.publish(rented, std::move(callbacks));
+    auto subscribe = [&]() -> ise::task<ise::stream_of<ise::subscription<fix, area, granted, goodbye, receipt>>> {
+        auto stream = co_await at.there.subscribe(rented);
+        co_return stream;
+    };
+    auto stream = at.all.run(at.shore, subscribe());
+    SECTION("it is answered") {
+        CHECK(at.all.run(at.shore, leave_with(stream, goodbye{"42"})).text == "paid 42");
+        CHECK(heard == std::vector<std::string>{"42"});
+        CHECK(stream.ended());
+        CHECK(stream.cause().code() == errc::cancelled);
+        auto again = start(at.shore.on, leave_with(stream, goodbye{"43"}));
+        at.all.run_until([&] { return again->done; });
+        CHECK(again->code() == errc::cancelled);
+        CHECK(heard.size() == 1);
+    }
+    SECTION("dropping it says the default") {
+        stream = {};
+        at.settle();
+        CHECK(heard == std::vector<std::string>{""});
+    }
+    SECTION("a callback that throws answers nothing") {
+        auto leaving = start(at.shore.on, leave_with(stream, goodbye{"forged"}));
+        at.all.run_until([&] { return leaving->done; });
+        CHECK(leaving->code() == errc::handler_failed);
+    }
+    SECTION("a session that breaks meanwhile is told") {
+        at.all.world.net().partition("boat", "shore");
+        auto leaving = start(at.shore.on, leave_with(stream, goodbye{"42"}));
+        at.all.world.run_for(1s);
+        for (auto& [raw, held] : at.shore.services->sessions()) held->wire().close(ise::failure(errc::peer_lost, "pulled"));
+        at.all.run_until([&] { return leaving->done; });
+        CHECK(leaving->code() == errc::peer_lost);
+    }
+    SECTION("out of reach it is left without a word") {
+        at.all.world.net().partition("boat", "shore");
+        at.all.run_until([&] { return !stream.connected(); });
+        auto leaving = start(at.shore.on, leave_with(stream, goodbye{"42"}));
+        at.all.run_until([&] { return leaving->done; });
+        CHECK(leaving->code() == errc::peer_lost);
+        CHECK(stream.ended());
+    }
+    SECTION("who gives up waiting leaves nothing behind") {
+        at.all.world.net().partition("boat", "shore");
+        auto leaving = start(at.shore.on, leave_with(stream, goodbye{"42"}));
+        at.all.world.run_for(100ms);
+        leaving->cancel.emit(asio::cancellation_type::terminal);
+        at.all.run_until([&] { return leaving->done; });
+        at.all.world.net().heal_all();
+        at.settle();
+        CHECK(heard == std::vector<std::string>{"42"});
+    }
+    at.all.world.net().heal_all();
+}
+
+TEST_CASE("a subscription that ends other than by its user's wish is logged with its reason, and known until it is made again") {
+    fixture at;
+    auto got = at.sit(ise::subscribe_options::lossless(4));
+    at.publish(1, 4);
+    at.settle();
+    at.publish(5, 9);
+    at.settle();
+    REQUIRE(got->stream->ended());
+    REQUIRE(at.shore.warnings.size() == 1);
+    CHECK_THAT(at.shore.warnings.front(), Contains("'position'") && Contains("5 are lost"));
+    const auto& known = at.shore.services->ended_subscriptions();
+    REQUIRE(known.size() == 1);
+    CHECK(known.front().service == "position");
+    CHECK(known.front().provider == "tcp://boat:7400");
+    auto next = at.sit(ise::subscribe_options::lossless(4));
+    CHECK(known.empty());
+    next->stream->leave();
+    at.settle();
+    CHECK(known.empty());
+    CHECK(at.shore.warnings.size() == 1);
+}
+
 TEST_CASE("a subscription over the peer's own session ends with it") {
     sim_parties all;
     auto& boat = all.add("boat");
@@ -536,3 +798,5 @@ TEST_CASE("a packet that is kept stays as it was while others come") {
     CHECK(latitudes == std::vector<double>{1, 3, 4, 5, 6, 7, 8});
     CHECK(shared->latitude_deg == 2);
 }
+
+} // namespace subscriptions_test

@@ -4,6 +4,8 @@
 #include <support/catch.hpp>
 #include <support/sim_parties.hpp>
 
+namespace sweeps_test {
+
 using namespace boat_services;
 using namespace ise_test;
 using namespace std::chrono_literals;
@@ -155,3 +157,5 @@ TEST_CASE("sweep: the connection is cut at every byte of a session") {
         if (cuts == 0) break;
     }
 }
+
+} // namespace sweeps_test

@@ -12,6 +12,8 @@
 #include <map>
 #include <random>
 
+namespace udp_sessions_test {
+
 using namespace boat_services;
 using namespace ise_test;
 using namespace std::chrono_literals;
@@ -571,3 +573,5 @@ TEST_CASE("any operation may fail, and calls over datagrams end all the same") {
         if (!reached) break;
     }
 }
+
+} // namespace udp_sessions_test

@@ -7,6 +7,8 @@
 
 #include <random>
 
+namespace udp_subscriptions_test {
+
 using namespace boat_services;
 using namespace ise_test;
 using namespace std::chrono_literals;
@@ -185,3 +187,5 @@ TEST_CASE("through a slow way the latest value is not held up by those before it
     INFO(fmt::format("{} packets, the oldest {:.2f} s", all.size(), oldest));
     CHECK(oldest < 8000. / 2000 + 0.5); // what the bytes take, and its own way
 }
+
+} // namespace udp_subscriptions_test

@@ -5,6 +5,8 @@
 
 #include <vector>
 
+namespace waiting_packets_test {
+
 using ise::waiting_packets;
 namespace packet_frame = ise::packet_frame;
 
@@ -101,3 +103,5 @@ TEST_CASE("packets that wait for another session are addressed anew") {
     CHECK_FALSE(waiting.pop(100).addressed);
     CHECK(waiting.pop(100).addressed);
 }
+
+} // namespace waiting_packets_test

@@ -4,6 +4,8 @@
 
 #include <set>
 
+namespace clock_test {
+
 using namespace talk;
 
 namespace {
@@ -131,3 +133,5 @@ TEST_CASE("sim: processes with similar names draw different numbers") {
     }
     CHECK(first.size() == 10);
 }
+
+} // namespace clock_test

@@ -2,6 +2,8 @@
 
 #include <support/catch.hpp>
 
+namespace crash_test {
+
 using namespace talk;
 
 namespace {
@@ -197,3 +199,5 @@ TEST_CASE("sim: the same talk survives a kill at every step") {
         CHECK(boat.running() == (step % 3 != 1));
     }
 }
+
+} // namespace crash_test

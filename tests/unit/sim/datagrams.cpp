@@ -2,6 +2,8 @@
 
 #include <support/catch.hpp>
 
+namespace datagrams_test {
+
 using namespace talk;
 
 namespace {
@@ -100,3 +102,5 @@ TEST_CASE("sim: a datagram beyond the limit or to nowhere is an error or lost") 
     two.world.run_for(1s);
     CHECK(two.got.size() == 1);
 }
+
+} // namespace datagrams_test

@@ -2,6 +2,8 @@
 
 #include <support/catch.hpp>
 
+namespace network_test {
+
 using namespace talk;
 
 namespace {
@@ -213,3 +215,5 @@ TEST_CASE("sim: a process has variables, files and a wall clock") {
     CHECK(it.wall() == world.wall_start + 91s);
     CHECK(it.interface_addresses() == std::vector<std::string>{"10.0.0.1"});
 }
+
+} // namespace network_test

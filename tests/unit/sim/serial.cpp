@@ -2,6 +2,8 @@
 
 #include <support/catch.hpp>
 
+namespace serial_test {
+
 using namespace talk;
 
 namespace {
@@ -111,3 +113,5 @@ TEST_CASE("sim: at the wrong baud rate the bytes are garbled") {
     CHECK(it.at_far.size() == 5);
     CHECK(it.at_far != "hello");
 }
+
+} // namespace serial_test

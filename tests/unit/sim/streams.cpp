@@ -3,6 +3,8 @@
 #include <asio/bind_cancellation_slot.hpp>
 #include <support/catch.hpp>
 
+namespace streams_test {
+
 using namespace talk;
 
 namespace {
@@ -125,3 +127,5 @@ TEST_CASE("sim: giving up a connect at any time leaves nothing open") {
         if (step > 0 && server == "") CHECK(outcome != "connected");
     }
 }
+
+} // namespace streams_test

@@ -7,6 +7,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+namespace database_test {
+
 using atirma::database;
 using namespace std::string_view_literals;
 
@@ -191,3 +193,5 @@ TEST_CASE("a full disk is told and what was there stays") {
     CHECK(refused.error().message().find("full") != std::string::npos);
     CHECK(count(db) == 1);
 }
+
+} // namespace database_test

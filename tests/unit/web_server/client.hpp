@@ -1,4 +1,9 @@
 #pragma once
+#include <components/web_server/http_server.hpp>
+
+#include <ise/core/real/environment.hpp>
+#include <ise/core/task_scope.hpp>
+
 #include <asio/io_context.hpp>
 #include <asio/ip/tcp.hpp>
 #include <asio/post.hpp>
@@ -6,17 +11,44 @@
 #include <asio/read_until.hpp>
 #include <asio/write.hpp>
 
+#include <exception>
+#include <memory>
 #include <string>
 #include <string_view>
 
 namespace web_test {
 
+/// Where a server of a test runs: a loop on a context that the test polls.
+struct grounds {
+    grounds() = default;
+    ~grounds() {
+        scope.stop();
+        while (scope.size() > 0) turn();
+    }
+    auto spawner() {
+        return [this](std::string name, ise::task<> body) { scope.spawn(std::move(name), std::move(body)); };
+    }
+    void turn() {
+        context.restart();
+        context.poll();
+    }
+
+    asio::io_context context;
+    ise::real_environment env;
+    std::unique_ptr<ise::loop_host> host = env.adopt(context.get_executor(), true);
+    ise::task_scope scope{host->loop(), [](const std::string&, std::exception_ptr) {}};
+};
+
 /// A blocking HTTP client for tests: the server runs on `context`, which is polled between the socket's steps, so
 /// that everything happens on one thread and in one order.
 class client {
 public:
-    client(asio::io_context& context, std::uint16_t port, std::string_view address = "127.0.0.1")
+    client(asio::io_context& context, std::uint16_t port, std::string_view address = "127.0.0.1", std::string_view from = "")
         : context_(context), socket_(own_) {
+        if (!from.empty()) {
+            socket_.open(asio::ip::tcp::v4());
+            socket_.bind({asio::ip::make_address(from), 0});
+        }
         socket_.connect({asio::ip::make_address(address), port});
         socket_.non_blocking(true);
     }

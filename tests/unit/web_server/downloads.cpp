@@ -12,6 +12,8 @@
 
 #include <sstream>
 
+namespace downloads_test {
+
 using namespace std::chrono_literals;
 using namespace atirma;
 using Catch::Contains;
@@ -45,8 +47,8 @@ track_state voyage(std::string boat = "A<b>&\"c\"") {
     return state;
 }
 
-struct site {
-    explicit site(track_archive* archive = nullptr) : server(context, port_0()) {
+struct site : web_test::grounds {
+    explicit site(track_archive* archive = nullptr) : server(host->loop(), port_0(), spawner()) {
         offer_downloads(server, "/vela", state, archive, [this] { return now; });
         server.listen();
     }
@@ -62,7 +64,6 @@ struct site {
     }
     track_state state = voyage();
     utc_ms now = start;
-    asio::io_context context;
     http_server server;
 };
 
@@ -188,3 +189,5 @@ TEST_CASE("boats are told as NAME=PATH and have an address each") {
     CHECK_THROWS_WITH(name_boats(reserved), Contains("a part of the page"));
     CHECK_THROWS_WITH(name_boats(nameless), Contains("letters a-z"));
 }
+
+} // namespace downloads_test

@@ -7,13 +7,15 @@
 #include <memory>
 #include <optional>
 
+namespace event_stream_test {
+
 using web_test::client;
 
 namespace {
 bool has(const std::string& text, std::string_view part) { return text.find(part) != std::string::npos; }
 
-struct stream_site {
-    explicit stream_site(atirma::http_options options = {}) : server(context, port_0(std::move(options))) {
+struct stream_site : web_test::grounds {
+    explicit stream_site(atirma::http_options options = {}) : server(host->loop(), port_0(std::move(options)), spawner()) {
         events = &server.events("/events", [this](std::string_view last) {
             return atirma::page_event{"e:" + std::to_string(++snapshots), "snapshot", "after " + std::string(last)};
         });
@@ -33,7 +35,6 @@ struct stream_site {
         while (events->clients() != wanted) context.restart(), context.run_one();
     }
     int snapshots = 0;
-    asio::io_context context;
     atirma::http_server server;
     atirma::sse_channel* events = nullptr;
 };
@@ -103,6 +104,25 @@ TEST_CASE("more watchers than allowed are told so and the others stay") {
     CHECK(has(c->read_until("still"), "still"));
 }
 
+TEST_CASE("page: of too many streams the host with the most loses one to another host") {
+    atirma::http_options options;
+    options.address = "0.0.0.0";
+    options.limits.streams.max_clients = 3;
+    stream_site s(options);
+    std::vector<std::unique_ptr<client>> crowd;
+    for (int i = 0; i < 3; ++i) crowd.push_back(s.watcher());
+    client own(s.context, s.server.port());
+    own.get("/events");
+    CHECK(has(own.read_answer(), "HTTP/1.1 503"));
+    client viewer(s.context, s.server.port(), "127.0.0.1", "127.0.0.2");
+    viewer.get("/events");
+    CHECK(has(viewer.read_until("event: snapshot"), "200 OK"));
+    CHECK(has(crowd[0]->read_to_end(), "event: snapshot"));
+    CHECK(s.events->clients() == 3);
+    s.events->publish({"", "update", "still"});
+    for (auto* one : {crowd[1].get(), crowd[2].get(), &viewer}) CHECK(has(one->read_until("still"), "still"));
+}
+
 TEST_CASE("a quiet stream receives a comment on each tick") {
     stream_site s;
     auto c = s.watcher();
@@ -123,18 +143,18 @@ TEST_CASE("stopping ends streams and connections and leaves the port free") {
     idle.read_to_end();
     CHECK(s.events->clients() == 0);
     CHECK(s.server.statistics().open_connections == 0);
-    s.context.restart();
-    s.context.run(); // nothing is left that would keep the loop busy
+    while (s.scope.size() > 0) s.turn(); // every coroutine ends by itself
     atirma::http_options options;
     options.port = port;
-    atirma::http_server next(s.context, options);
+    atirma::http_server next(s.host->loop(), options, s.spawner());
     next.listen();
     CHECK(next.port() == port);
 }
 
 TEST_CASE("a server that is destroyed under open connections leaves nothing behind") {
-    asio::io_context context;
-    auto server = std::make_unique<atirma::http_server>(context, stream_site::port_0({}));
+    web_test::grounds here;
+    auto& context = here.context;
+    auto server = std::make_unique<atirma::http_server>(here.host->loop(), stream_site::port_0({}), here.spawner());
     server->events("/events", [](std::string_view) { return atirma::page_event{"", "snapshot", "{}"}; });
     server->listen();
     client watching(context, server->port()), halfway(context, server->port());
@@ -145,6 +165,7 @@ TEST_CASE("a server that is destroyed under open connections leaves nothing behi
     watching.read_to_end();
     halfway.read_to_end();
     CHECK(watching.closed);
+    while (here.scope.size() > 0) here.turn();
 }
 
 TEST_CASE("a real client that does not read holds a bounded amount and gets a fresh snapshot when it does") {
@@ -271,3 +292,5 @@ TEST_CASE("a client whose write fails is forgotten, also in the middle of publis
 TEST_CASE("line breaks in an event cannot forge another") {
     CHECK(atirma::encode_event({"1\nevent: x", "up\r\ndate", "a\nb\r\nc"}) == "id: 1event: x\nevent: update\ndata: a\ndata: b\ndata: c\n\n");
 }
+
+} // namespace event_stream_test

@@ -4,8 +4,12 @@
 #include <ise/core/error.hpp>
 
 #include <support/catch.hpp>
+#include <support/no_descriptors.hpp>
 
 #include <memory>
+#include <vector>
+
+namespace http_server_test {
 
 using web_test::client;
 
@@ -18,19 +22,14 @@ atirma::http_options on_any_port() {
 
 bool has(const std::string& text, std::string_view part) { return text.find(part) != std::string::npos; }
 
-struct site {
-    explicit site(atirma::http_options options = on_any_port()) : server(context, std::move(options)) {
+struct site : web_test::grounds {
+    explicit site(atirma::http_options options = on_any_port()) : server(host->loop(), std::move(options), spawner()) {
         server.serve(atirma::page_assets());
         server.get("/hello", [](const atirma::http_request& asked) { return atirma::http_reply{"hello " + asked.query, "text/plain"}; });
         server.get("/file", [](const auto&) { return atirma::http_reply{"x", "text/plain", 200, "a\"\r\nX: y.txt"}; });
         server.get("/broken", [](const auto&) -> atirma::http_reply { throw std::runtime_error("secret detail"); });
         server.listen();
     }
-    void turn() {
-        context.restart();
-        context.poll();
-    }
-    asio::io_context context;
     atirma::http_server server;
 };
 } // namespace
@@ -115,10 +114,10 @@ TEST_CASE("a file name for download cannot forge a header") {
 
 TEST_CASE("a port that is taken is a clear error that names it, and listening works later") {
     site s;
-    asio::io_context context;
+    web_test::grounds other;
     auto options = on_any_port();
     options.port = s.server.port();
-    atirma::http_server second(context, options);
+    atirma::http_server second(other.host->loop(), options, other.spawner());
     try {
         second.listen();
         FAIL("it listened on a port that is taken");
@@ -134,15 +133,15 @@ TEST_CASE("a port that is taken is a clear error that names it, and listening wo
     CHECK(second.port() == options.port);
 
     options.address = "localhost";
-    atirma::http_server named(context, options);
+    atirma::http_server named(other.host->loop(), options, other.spawner());
     CHECK_THROWS_AS(named.listen(), ise::error);
 }
 
 TEST_CASE("it listens on IPv6 and writes its address as browsers want it") {
     auto options = on_any_port();
     options.address = "::1";
-    asio::io_context context;
-    atirma::http_server server(context, options);
+    web_test::grounds here;
+    atirma::http_server server(here.host->loop(), options, here.spawner());
     try {
         server.listen();
     } catch (const ise::error& why) {
@@ -169,25 +168,45 @@ TEST_CASE("too large headers, too many of them, and garbage end the connection")
     CHECK(has(c.read_answer(), "200 OK"));
 }
 
-TEST_CASE("connections beyond the limit are closed, and there is room again when one ends") {
+TEST_CASE("page: beyond the limit the oldest idle connection of the host with the most is closed, and never another host's") {
     auto options = on_any_port();
-    options.limits.max_connections = 2;
+    options.address = "0.0.0.0";
+    options.limits.max_connections = 3;
     site s(options);
-    auto first = std::make_unique<client>(s.context, s.server.port());
-    first->get("/hello");
-    first->read_answer();
-    client second(s.context, s.server.port());
-    second.get("/hello");
-    second.read_answer();
-    client third(s.context, s.server.port());
-    third.get("/hello");
-    CHECK(third.read_to_end().empty());
-    CHECK(s.server.statistics().connections_refused == 1);
-    first.reset();
-    while (s.server.statistics().open_connections > 1) s.context.restart(), s.context.run_one();
-    client fourth(s.context, s.server.port());
-    fourth.get("/hello");
-    CHECK(has(fourth.read_answer(), "200 OK"));
+    client viewer(s.context, s.server.port(), "127.0.0.1", "127.0.0.2");
+    viewer.get("/hello");
+    viewer.read_answer();
+    std::vector<std::unique_ptr<client>> crowd;
+    for (int i = 0; i < 20; ++i) {
+        crowd.push_back(std::make_unique<client>(s.context, s.server.port()));
+        if (i % 2 == 0) crowd.back()->send("GET / HT"); // half of them begin and do not go on
+        s.turn();
+    }
+    while (s.server.statistics().connections < 21) s.turn();
+    for (int i = 0; i < 18; ++i) CHECK(crowd[static_cast<std::size_t>(i)]->read_to_end().empty());
+    CHECK(s.server.statistics().connections_displaced == 18);
+    viewer.received.clear();
+    viewer.get("/hello");
+    CHECK(has(viewer.read_answer(), "200 OK"));
+    client late(s.context, s.server.port(), "127.0.0.1", "127.0.0.3");
+    late.get("/hello");
+    CHECK(has(late.read_answer(), "200 OK"));
+}
+
+TEST_CASE("page: out of descriptors it closes whoever waits, and answers again") {
+    auto options = on_any_port();
+    std::string log;
+    options.log = [&](std::string_view line) { log += line; };
+    site s(options);
+    auto crowd = std::make_unique<std::vector<std::unique_ptr<client>>>();
+    for (int i = 0; i < 5; ++i) crowd->push_back(std::make_unique<client>(s.context, s.server.port()));
+    client viewer(s.context, s.server.port()); // waits in the kernel, as the others do
+    ise_test::no_descriptors full;
+    viewer.get("/hello");
+    while (!has(log, "ulimit -n")) s.context.restart(), s.context.run_one();
+    CHECK(s.server.statistics().connections == 0);
+    full.end();
+    CHECK(has(viewer.read_answer(), "200 OK"));
 }
 
 TEST_CASE("a request that is never finished is cut off") {
@@ -199,3 +218,5 @@ TEST_CASE("a request that is never finished is cut off") {
     c.read_to_end();
     CHECK(c.received.empty());
 }
+
+} // namespace http_server_test

@@ -16,6 +16,8 @@
 #include <future>
 #include <sstream>
 
+namespace told_test {
+
 using namespace std::chrono_literals;
 using namespace atirma;
 
@@ -181,3 +183,5 @@ TEST_CASE("page: a proxy is asked what it provides, and refuses nothing") {
     CHECK(now.calls_served > 0);
     CHECK(now.calls_refused == 0);
 }
+
+} // namespace told_test

@@ -10,6 +10,8 @@
 #include <limits>
 #include <random>
 
+namespace track_archive_test {
+
 using namespace std::chrono_literals;
 using namespace atirma;
 using Catch::Contains;
@@ -238,3 +240,5 @@ TEST_CASE("archive: on a real file it is there after the process's end") {
     CHECK_THAT(missing.error().message(), Contains("such.db"));
     std::filesystem::remove_all(folder);
 }
+
+} // namespace track_archive_test

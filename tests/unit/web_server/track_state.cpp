@@ -7,6 +7,8 @@
 #include <cmath>
 #include <limits>
 
+namespace track_state_test {
+
 using namespace std::chrono_literals;
 using nlohmann::json;
 
@@ -255,3 +257,5 @@ TEST_CASE("how a link is doing is told once, and when it was heard last with it"
     told.connected = false;
     CHECK(state.apply(told, start));
 }
+
+} // namespace track_state_test

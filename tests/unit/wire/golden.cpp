@@ -8,6 +8,8 @@
 
 #include <string>
 
+namespace golden_test {
+
 using namespace ise::wire;
 
 namespace {
@@ -59,17 +61,22 @@ TEST_CASE("golden: hello and welcome") {
     mine.self.path = "ab";
     mine.self.incarnation = 5;
     CHECK(frame_hex(frame_type::hello, 0, mine) ==
-          "6600000001000000" "0000000000000000"
+          "7600000001000000" "0000000000000000"
           "49534531" "0100" "0100" "0700000000000000"             // magic, oldest, newest, features
           "02000000" "6162" "00000000" "00000000" "0500000000000000" "0000000000000000" // self
           "00000000" "0000000000000000" "0000000000000000"          // wanted
           "00001000" "0000001000000000" "00001000" "00000100" "00ca9a3b00000000" // accepts
-          "00000000" "00000000");                                   // authentication
+          "00000000" "00000000"                                     // authentication
+          "0000000000000000" "00000000" "00000000");                // reply_key, dialled, host_key
+    auto body = ise::encode(mine);
+    body.resize(body.size() - 16); // of a version without the fields that were appended
+    CHECK(ise::wire::read_body<hello>(body).value().self.incarnation == 5);
     welcome theirs;
     CHECK(frame_hex(frame_type::welcome, 0, theirs) ==
-          "4a00000002000000" "0000000000000000" "0100" "0700000000000000"
+          "5200000002000000" "0000000000000000" "0100" "0700000000000000"
           "00000000" "00000000" "00000000" "0000000000000000" "0000000000000000"
-          "00001000" "0000001000000000" "00001000" "00000100" "00ca9a3b00000000" "00000000" "00000000");
+          "00001000" "0000001000000000" "00001000" "00000100" "00ca9a3b00000000" "00000000" "00000000"
+          "0000000000000000"); // clock
 }
 
 TEST_CASE("golden: control frames") {
@@ -119,3 +126,5 @@ TEST_CASE("a control body of another minor version is read: missing fields take 
     }
     CHECK(malformed > 20);
 }
+
+} // namespace golden_test

@@ -6,6 +6,8 @@
 #include <random>
 #include <string>
 
+namespace parser_test {
+
 using ise::wire::frame_header;
 using ise::wire::frame_type;
 using ise::wire::parser;
@@ -150,3 +152,5 @@ TEST_CASE("random bytes never do more than fail") {
         CHECK(in.capacity() <= 8192);
     }
 }
+
+} // namespace parser_test

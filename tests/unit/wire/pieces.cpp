@@ -4,6 +4,8 @@
 
 #include <random>
 
+namespace pieces_test {
+
 using namespace ise::wire;
 using Catch::Matchers::Contains;
 
@@ -106,3 +108,5 @@ TEST_CASE("random pieces never hold more than the limit") {
         }
     }
 }
+
+} // namespace pieces_test

@@ -3,6 +3,8 @@
 
 #include <support/catch.hpp>
 
+namespace client_test {
+
 using namespace atirma::xbee;
 using namespace std::chrono_literals;
 
@@ -251,3 +253,5 @@ TEST_CASE("hidden senders collide, and the receiver counts the damage") {
     CHECK(b.all<send_outcome>().size() == 10);
     CHECK(middle.all<packet_received>().size() > 0);
 }
+
+} // namespace client_test

@@ -12,6 +12,8 @@
 #include <fstream>
 #include <map>
 
+namespace frame_test {
+
 using namespace atirma::xbee;
 
 namespace {
@@ -202,3 +204,5 @@ TEST_CASE("a frame cut by silence is refused and what follows is heard") {
     CHECK(std::get<refused>(all[0]).reason == refusal::truncated);
     CHECK(std::get<frame>(all[1]) == frame(modem_status{0}));
 }
+
+} // namespace frame_test

@@ -3,6 +3,8 @@
 
 #include <support/catch.hpp>
 
+namespace modem_test {
+
 using namespace atirma::xbee;
 using namespace std::chrono_literals;
 
@@ -223,3 +225,5 @@ TEST_CASE("garbage on the serial line neither stops nor grows the modem") {
     m.on_serial(3s, ise::bytes(max_frame_data + 8)); // ends whatever false frame is open
     CHECK(ask(m, 3s, "PL").value == hex("04"));
 }
+
+} // namespace modem_test

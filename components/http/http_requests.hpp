@@ -1,0 +1,53 @@
+#pragma once
+#include <components/http/http_reader.hpp>
+#include <components/http/line_with_deadline.hpp>
+
+#include <array>
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace atirma {
+
+/// "Not Found"; "Status" for a number without a name here.
+std::string_view reason_of(int status) noexcept;
+
+struct http_times {
+    ise::duration request = std::chrono::seconds(10); ///< for a whole request, from its first byte to its last
+    ise::duration idle = std::chrono::seconds(30);    ///< before the first byte
+};
+
+struct http_refusal {
+    int status = 0; ///< to answer with; 0: the line is closed already
+    std::string why;
+};
+
+/// The requests that a server reads from one connection, one after the other. Used on one loop, by one coroutine.
+class http_requests {
+public:
+    http_requests(ise::loop& on, std::unique_ptr<ise::stream> line, http_reader_limits limits, http_times times)
+        : loop_(on), times_(times), line_(on, std::move(line)), reader_(http_reader::reads::requests, limits) {}
+
+    /// The next whole request; none once the connection is over: closed, too slow, or refused (see `refused`).
+    /// Cancellation: terminal.
+    ise::task<std::optional<http_message>> next();
+
+    /// Why the last request was no request, or none in time.
+    const std::optional<http_refusal>& refused() const noexcept { return refused_; }
+
+    /// To answer over; it has the deadline of the request until another one is set.
+    line_with_deadline& line() noexcept { return line_; }
+
+private:
+    void refuse(int status, std::string why);
+
+    ise::loop& loop_;
+    http_times times_;
+    line_with_deadline line_;
+    http_reader reader_;
+    std::array<std::byte, 4096> buffer_;
+    ise::bytes_view rest_;
+    std::optional<http_refusal> refused_;
+};
+
+} // namespace atirma

@@ -1,0 +1,14 @@
+#pragma once
+#include <ise/core/result.hpp>
+
+#include <string>
+
+namespace ise {
+
+/// Whether nobody but this process's user and root can put something else at `path`, as sshd's StrictModes asks: the file
+/// or folder, each folder above it and each symbolic link on the way belong to one of the two, and others cannot write there.
+/// Folders above it may be sticky ones that everybody writes to (/tmp); a group that is the user's own may write.
+/// errc::unauthorized says what is wrong and what to do; errc::io_failed.
+result<void> check_own_path(const std::string& path);
+
+} // namespace ise

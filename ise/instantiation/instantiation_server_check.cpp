@@ -1,0 +1,80 @@
+// What would be against a start, before anything is started.
+#include <ise/instantiation/instantiation_server.hpp>
+
+#include <ise/instantiation/refusal.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace ise::instantiation {
+namespace {
+
+constexpr std::size_t most_checks = 256;
+constexpr std::size_t most_compared = 20; // of one instance within the window: comparing guesses secrets
+constexpr duration compared_window = std::chrono::seconds(10);
+
+} // namespace
+
+task<checks_response> instantiation_server::check_all(checks_request request) {
+    if (request.wanted.size() > most_checks) throw error(errc::overloaded, fmt::format("{} components are to be checked, {} are allowed", request.wanted.size(), most_checks));
+    co_await read_catalogue();
+    checks_response made;
+    std::vector<endpoint> wanted;
+    for (auto& one : request.wanted) {
+        checked_start told;
+        bool name_server_lost = !made.checked.empty() && made.checked.back().outcome == start_outcome::name_server_lost;
+        if (name_server_lost) { // it is not waited for again and again
+            told = made.checked.back();
+        } else {
+            try {
+                told = co_await check_one(std::move(one), wanted);
+            } catch (const error& why) {
+                auto refused = refusal(why);
+                told.outcome = refused.outcome;
+                told.why = std::move(refused.why);
+            }
+        }
+        made.checked.push_back(std::move(told));
+    }
+    co_return made;
+}
+
+task<checked_start> instantiation_server::check_one(start_request request, std::vector<endpoint>& wanted) {
+    checked_start made;
+    check_wishes(request, options_.rules);
+    auto copy = request;
+    auto planned = co_await plan(std::move(copy));
+    check_process(request.process, planned.program);
+    for (const auto& at : planned.listen) {
+        bool any_port = at.port == 0 && at.kind != protocol::local;
+        if (!any_port && std::ranges::find(wanted, at) != wanted.end()) throw error(errc::address_in_use, fmt::format("another component of the file listens on {} too", at.text()));
+        wanted.push_back(at);
+    }
+    auto here = instances_.find(planned.path);
+    bool runs = here != instances_.end() && !here->second->watch.over();
+    if (runs) made.other_environment = compare_environment(here->second, request);
+    else co_await check_name(planned.path);
+    // What instances of the same deployment listen on is free when they have been changed or stopped.
+    auto is_theirs = [&](const endpoint& at) {
+        return std::ranges::any_of(instances_, [&](const auto& one) {
+            bool counts = one.first == planned.path || (!request.deployment.empty() && one.second->asked.deployment == request.deployment);
+            return counts && !one.second->watch.over() && std::ranges::find(one.second->plan.listen, at) != one.second->plan.listen.end();
+        });
+    };
+    std::erase_if(planned.listen, is_theirs);
+    check_endpoints(planned.listen);
+    co_return made;
+}
+
+bool instantiation_server::compare_environment(const instance_ptr& one, const start_request& wanted) {
+    auto& when = one->compared;
+    while (!when.empty() && now() - when.front() > compared_window) when.pop_front();
+    if (when.size() >= most_compared)
+        throw error(errc::overloaded, fmt::format("the environment variables of '{}' were compared {} times within {:g} s, which is the limit: try again soon", one->plan.path, when.size(),
+                                                  std::chrono::duration<double>(compared_window).count()));
+    when.push_back(now());
+    return one->other_environment(wanted);
+}
+
+} // namespace ise::instantiation

@@ -1,0 +1,117 @@
+#include <ise/name_server/server_memory.hpp>
+
+#include <ise/packet/json.hpp>
+
+#include <fmt/format.h>
+
+#include <array>
+#include <cerrno>
+#include <system_error>
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+namespace ise {
+namespace {
+
+constexpr std::size_t most_state_bytes = 4096;
+
+// What is in the file, as JSON: fields are only ever appended.
+struct saved_memory {
+    std::uint32_t version = 1;
+    std::array<std::uint64_t, 2> secret{};
+    std::uint64_t epochs_below = 0;
+};
+
+std::string last_problem() { return std::error_code(errno, std::system_category()).message(); }
+
+std::string folder_of(const std::string& path) {
+    auto slash = path.rfind('/');
+    return slash == path.npos ? "." : slash == 0 ? "/" : path.substr(0, slash);
+}
+
+// Whoever can write to the folder can put another file in place.
+result<void> objection_to_folder(const std::string& folder) {
+    struct stat about{};
+    if (::stat(folder.c_str(), &about) != 0) return failure(errc::io_failed, fmt::format("cannot use the folder {}: {}", folder, last_problem()));
+    bool ours = about.st_uid == ::geteuid() || about.st_uid == 0;
+    if (ours && (about.st_mode & (S_IWGRP | S_IWOTH)) == 0) return {};
+    return failure(errc::unauthorized, fmt::format("others can replace files in {} (owner {}, mode {:o}): choose a folder of your own", folder, about.st_uid, about.st_mode & 07777));
+}
+
+result<void> make_folders(const std::string& folder) {
+    if (::access(folder.c_str(), F_OK) == 0) return {};
+    if (auto above = folder_of(folder); above != folder)
+        if (auto made = make_folders(above); !made) return made;
+    if (::mkdir(folder.c_str(), 0700) == 0 || errno == EEXIST) return {};
+    return failure(errc::io_failed, fmt::format("cannot make the folder {}: {}", folder, last_problem()));
+}
+
+struct open_file {
+    int number;
+    ~open_file() {
+        if (number >= 0) ::close(number);
+    }
+};
+
+bool write_all(int file, std::string_view text) {
+    while (!text.empty()) {
+        auto count = ::write(file, text.data(), text.size());
+        if (count < 0 && errno == EINTR) continue;
+        if (count < 0) return false;
+        text.remove_prefix(static_cast<std::size_t>(count));
+    }
+    return ::fsync(file) == 0;
+}
+
+} // namespace
+
+result<std::optional<registry_memory>> state_file::load() {
+    std::optional<registry_memory> found;
+    if (::access(path_.c_str(), F_OK) != 0 && errno == ENOENT) return found;
+    if (auto folder = objection_to_folder(folder_of(path_)); !folder) return folder.error();
+    auto text = env_.read_secret(path_, most_state_bytes);
+    if (!text) return text.error();
+    try {
+        auto saved = from_json<saved_memory>(*text);
+        found.emplace();
+        found->secret = saved.secret;
+        found->epochs_below = saved.epochs_below;
+        found->of_former = true;
+    } catch (const error& unfit) {
+        return failure(errc::malformed, fmt::format("{} is no state of a name server: {}; remove it, or choose another file", path_, unfit.what()));
+    }
+    return found;
+}
+
+result<void> state_file::probe() {
+    auto there = load();
+    if (!there) return there.error();
+    auto folder = folder_of(path_);
+    if (auto made = make_folders(folder); !made) return made;
+    if (auto fit = objection_to_folder(folder); !fit) return fit;
+    if (::access(folder.c_str(), W_OK) != 0) return failure(errc::io_failed, fmt::format("cannot write {}: {}", path_, last_problem()));
+    return {};
+}
+
+result<void> state_file::keep(const registry_memory& what) {
+    auto folder = folder_of(path_);
+    if (auto made = make_folders(folder); !made) return made;
+    if (auto fit = objection_to_folder(folder); !fit) return fit;
+    saved_memory saved;
+    saved.secret = what.secret;
+    saved.epochs_below = what.epochs_below;
+    auto text = to_json(saved, json_style::pretty) + "\n";
+    auto beside = path_ + ".new";
+    auto refuse = [&] { return failure(errc::io_failed, fmt::format("cannot write {}: {}", path_, last_problem())); };
+    ::unlink(beside.c_str()); // of one that was killed meanwhile
+    open_file file{::open(beside.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600)};
+    if (file.number < 0 || !write_all(file.number, text)) return refuse();
+    if (::rename(beside.c_str(), path_.c_str()) != 0) return refuse();
+    open_file where{::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)};
+    if (where.number < 0 || ::fsync(where.number) != 0) return refuse(); // the new name is on the disk too
+    return {};
+}
+
+} // namespace ise

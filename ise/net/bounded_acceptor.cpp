@@ -1,0 +1,46 @@
+#include <ise/net/bounded_acceptor.hpp>
+
+#include <ise/core/sleep.hpp>
+
+#include <asio/error.hpp>
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <utility>
+
+namespace ise::net {
+namespace {
+
+constexpr duration accept_pause = std::chrono::milliseconds(100);
+
+// By number, as in io_failure: Asio's own category does not compare with std::errc.
+bool out_of_descriptors(const std::error_code& why) { return why.value() == EMFILE || why.value() == ENFILE; }
+bool out_of_memory(const std::error_code& why) { return why.value() == ENOMEM || why.value() == ENOBUFS; }
+
+} // namespace
+
+task<admitted> bounded_acceptor::next() {
+    for (;;) {
+        auto [problem, stranger] = co_await from_->accept();
+        admitted made;
+        if (problem == asio::error::operation_aborted) co_return made;
+        if (problem) {
+            bool scarce = out_of_descriptors(problem);
+            if (places_ && (scarce || out_of_memory(problem))) places_->make_way();
+            auto what = fmt::format("cannot accept: {}{}", problem.message(),
+                                    scarce ? "; sessions go on, new ones wait until some have ended or the limit is raised (ulimit -n)" : "");
+            report_(what, from_->where().text());
+            co_await sleep_for(on_, accept_pause);
+            continue;
+        }
+        if (places_) {
+            made.place = places_->take(stranger->peer());
+            made.refused = !made.place;
+            if (made.place) made.place->on_displaced([line = stranger.get()] { line->close(); });
+        }
+        made.line = std::move(stranger);
+        co_return made;
+    }
+}
+
+} // namespace ise::net
