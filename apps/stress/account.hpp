@@ -24,10 +24,12 @@ struct sample {
     ise::duration at{};
     std::size_t waiting = 0;       ///< virtual clock: in the scheduler: timers, waits, what is under way
     std::size_t sessions = 0;      ///< virtual clock: of all components
-    std::size_t gprs_waiting = 0, xbee_queued = 0; ///< at the boat
+    std::size_t gprs_waiting = 0, xbee_queued = 0, xbee_waiting = 0; ///< at the boat; waiting: for a receipt
     std::array<std::uint64_t, 2> packets{}, unseen{}, held{}, open{}; ///< of the nodes
     bool whole = true;             ///< nothing is down
     std::size_t processes = 0, resident_kib = 0, descriptors = 0; ///< real clock: of all processes together
+    /// What is down takes no memory, and what waits for the radio takes some for a while: neither tells whether it grows.
+    bool settled() const noexcept { return whole && xbee_waiting < 256; }
 };
 
 struct shown_page {

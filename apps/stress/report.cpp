@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <chrono>
 #include <fstream>
 #include <iterator>
+#include <ratio>
 #include <stdexcept>
 
 namespace atirma::stress {
@@ -191,17 +193,19 @@ void say_troubles(text& out, const account& of) {
                  "everything of it yet, it kept its disk.", of.set_back);
 }
 
-std::string flat(const std::vector<sample>& all, std::size_t sample::*what) {
-    std::vector<std::size_t> values;
-    for (const auto& one : all) values.push_back(one.*what);
-    return flatness(values);
+std::string change(const std::vector<sample>& all, std::size_t sample::*what) {
+    std::vector<std::pair<ise::duration, std::size_t>> values;
+    for (const auto& one : all)
+        if (one.settled()) values.emplace_back(one.at, one.*what);
+    return say(trend_of(values));
 }
 
 /// Of the processes of a real deployment.
 void say_processes(text& out, const account& of) {
     out.line("All processes of the deployment together; a process that is down is missing in its line.\n");
-    out.line("- resident KiB: {}", flat(of.samples, &sample::resident_kib));
-    out.line("- descriptors: {}", flat(of.samples, &sample::descriptors));
+    out.line("- resident KiB: {}", change(of.samples, &sample::resident_kib));
+    out.line("- descriptors: {}", change(of.samples, &sample::descriptors));
+    out.line("\n{}", meaning_of_flat());
     out.line("\n| at | processes | resident KiB | descriptors |\n|---|---:|---:|---:|");
     for (const auto& s : of.samples)
         out.line("| {} | {} | {} | {} |", clock_text(s.at), s.processes, s.resident_kib, s.descriptors);
@@ -212,17 +216,18 @@ void say_samples(text& out, const account& of) {
     if (!of.virtual_clock) return say_processes(out, of);
     out.line("Waiting: coroutines and timers in the world that wait for a time or have something under way, without the "
              "script's own. Sessions: of all components.");
-    out.line("Unacknowledged, queued: at the boat. The nodes: packets on disk; what is not shown yet; telecommands "
+    out.line("Unacknowledged, queued, no receipt: at the boat. The nodes: packets on disk; what is not shown yet; telecommands "
              "that are open.\n");
     const auto& all = of.samples;
-    out.line("- waiting: {}", flat(all, &sample::waiting));
-    out.line("- sessions: {}", flat(all, &sample::sessions));
-    out.line("\n| at | waiting | sessions | GPRS unacknowledged | XBee queued | node 1: packets | not shown | open | "
+    out.line("- waiting: {}", change(all, &sample::waiting));
+    out.line("- sessions: {}", change(all, &sample::sessions));
+    out.line("\n{} Samples while something was down, or while 256 packets or more had no receipt, do not count.", meaning_of_flat());
+    out.line("\n| at | waiting | sessions | GPRS unacknowledged | XBee queued | no receipt | node 1: packets | not shown | open | "
              "node 2: packets | not shown | open |");
-    out.line("|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|");
+    out.line("|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|");
     for (const auto& s : all)
-        out.line("| {}{} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |", clock_text(s.at),
-                 s.whole ? "" : " (something is down)", s.waiting, s.sessions, s.gprs_waiting, s.xbee_queued,
+        out.line("| {}{} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |", clock_text(s.at),
+                 s.whole ? "" : " (something is down)", s.waiting, s.sessions, s.gprs_waiting, s.xbee_queued, s.xbee_waiting,
                  s.packets[0], s.unseen[0], s.open[0], s.packets[1], s.unseen[1], s.open[1]);
 }
 
@@ -235,14 +240,38 @@ void say_complaints(text& out, const account& of) {
 
 } // namespace
 
-std::string flatness(const std::vector<std::size_t>& all) {
-    std::size_t early = 0, late = 0;
-    for (std::size_t i = 0; i < all.size(); ++i) {
-        auto& most = i < all.size() / 2 ? early : late;
-        most = std::max(most, all[i]);
+trend trend_of(const std::vector<std::pair<ise::duration, std::size_t>>& all) {
+    trend made;
+    if (all.empty()) return made;
+    auto hours = [](ise::duration at) { return std::chrono::duration<double, std::ratio<3600>>(at).count(); };
+    std::vector<std::pair<double, double>> late;
+    for (const auto& [at, value] : all)
+        if (at >= all.back().first / 2) late.emplace_back(hours(at), static_cast<double>(value));
+    double mean_at = 0, count = static_cast<double>(late.size());
+    for (const auto& [at, value] : late) {
+        mean_at += at / count;
+        made.mean += value / count;
     }
-    return fmt::format("{} at most in the first half, {} in the second: {}", early, late,
-                       late <= early + early / 4 + 8 ? "flat" : "**it grows**");
+    double together = 0, spread = 0;
+    for (const auto& [at, value] : late) {
+        together += (at - mean_at) * (value - made.mean);
+        spread += (at - mean_at) * (at - mean_at);
+    }
+    if (spread <= 0 || made.mean <= 0) return made;
+    made.per_hour = together / spread;
+    made.rise = made.per_hour * (late.back().first - late.front().first) / made.mean;
+    return made;
+}
+
+std::string say(const trend& found) {
+    return fmt::format("{:.1f} on average in the second half, {:+.2f} per hour: {}", found.mean, found.per_hour,
+                       found.flat() ? "flat" : "**it grows**");
+}
+
+std::string meaning_of_flat() {
+    return fmt::format("Per hour: the slope of the line by least squares through the second half. Flat: within that half the line rises by at most "
+                       "{:.0f} % of the average.",
+                       trend::most_rise * 100);
 }
 
 bool holds(const account& of, const ledger::verdict& proof) {

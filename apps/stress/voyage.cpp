@@ -221,14 +221,16 @@ void voyage::take_sample(ise::duration when) {
         one.held[i] = told.held;
         one.open[i] = told.telecommands_open;
     }
-    if (const auto* sails = at<boat_simulator>("atirma/boat"); sails && sails->boat())
+    if (const auto* sails = at<boat_simulator>("atirma/boat"); sails && sails->boat()) {
         one.xbee_queued = sails->boat()->queued(link_id::xbee);
+        one.xbee_waiting = sails->radio_waiting();
+    }
     one.gprs_waiting = numbers_.size();
     told_.samples.push_back(one);
     std::size_t tracks = 0;
     for (const auto& console : consoles_)
         if (auto shown = console ? console->latest() : nullptr) tracks += shown->track_bytes;
-    if (options_.on_sample) options_.on_sample(when, tracks);
+    if (options_.on_sample) options_.on_sample(told_.samples.back(), tracks);
 }
 
 void voyage::sail() {

@@ -6,6 +6,7 @@
 #include <support/catch.hpp>
 
 #include <algorithm>
+#include <cmath>
 
 using namespace std::chrono_literals;
 using namespace atirma;
@@ -82,6 +83,23 @@ TEST_CASE("stress: what was taken over after the end is not judged") {
     book.receipted(1, 10s);
     CHECK(book.judge(both({}), 9s).holds);
     CHECK_FALSE(book.judge(both({}), 10s).holds);
+}
+
+TEST_CASE("stress: what grows is told by its slope over the second half, and flat is at most five per cent there") {
+    std::vector<std::pair<ise::duration, std::size_t>> all;
+    for (int hour = 0; hour <= 40; ++hour) all.emplace_back(hour * 1h, hour < 10 ? 500 * hour : 5000 + hour % 2 * 20);
+    auto still = trend_of(all); // it fills up in the beginning, and then it stays
+    CHECK(still.flat());
+    CHECK(still.mean == Approx(5010).margin(1));
+    CHECK(std::abs(still.per_hour) < 1);
+    CHECK(say(still).find(": flat") != std::string::npos);
+    for (auto& [at, value] : all) value += static_cast<std::size_t>(at / 1h) * 25; // what 25 % of growth over 40 hours once hid
+    auto growing = trend_of(all);
+    CHECK_FALSE(growing.flat());
+    CHECK(growing.per_hour == Approx(25).margin(1));
+    CHECK(say(growing).find("per hour: **it grows**") != std::string::npos);
+    CHECK(meaning_of_flat().find("at most 5 % of the average.") != std::string::npos);
+    CHECK(trend_of({}).flat());
 }
 
 TEST_CASE("stress: a packet on one disk only breaks the proof") {
