@@ -82,8 +82,10 @@ component_type xbee_proxy_type() {
     auto options = std::make_shared<xbee_proxy_options>();
     add_port(type.parameters, options->port);
     add_address(type.parameters, "boat-address", options->boat_address, "of the boat's modem; 0: whoever is heard");
+    type.parameters.add("store", options->store_at, "who keeps telemetry before the boat gets a receipt: atirma/communication; empty: no receipts");
     type.provides(services::telemetry).provides(services::telecommand).provides(services::telecommand_state).provides(services::telecommand_recall);
     type.provides(services::xb_local).provides(services::xb_local_param);
+    type.requires_(services::telemetry_store);
     type.makes<xbee_proxy>(options);
     return type;
 }

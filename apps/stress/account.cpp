@@ -2,29 +2,9 @@
 
 #include <components/xbee_link/xbee_link_emulator.hpp>
 
-#include <fmt/format.h>
-
 namespace atirma::stress {
-namespace {
-
-std::string seconds(ise::duration time) { return fmt::format("{:g} s", std::chrono::duration<double>(time).count()); }
-
-} // namespace
 
 waypoint short_range_node() { return xbee_link_options().shore_position; }
-
-ledger::excuses excuse_for_xbee(const std::vector<episode>& all, ise::duration before, ise::duration after) {
-    auto text = fmt::format("the XBee proxy was killed {} after it, or had not opened its port {} before it",
-                            seconds(before), seconds(after));
-    return [&all, before, after, text](const ledger::entry& lost) -> std::string {
-        if (lost.link != link_id::xbee) return {};
-        for (const auto& one : all)
-            if (one.what == describe(trouble::xbee_proxy_crashed) && lost.arrived > one.from - before &&
-                lost.arrived < one.until + after)
-                return text;
-        return {};
-    };
-}
 
 console_view view_of(const std::string& name, const console::operator_port& at) {
     auto shown = at.latest();
@@ -43,6 +23,16 @@ std::set<packet_key> keys_on(database& disk) {
     std::set<packet_key> made;
     for (const auto& row : rows.value())
         made.insert(key_of(static_cast<std::uint16_t>(row.integer(0)), static_cast<std::uint32_t>(row.integer(1))));
+    return made;
+}
+
+std::set<packet_key> keys_at_boat(database& memory) {
+    std::set<packet_key> made;
+    for (const auto* sql : {"SELECT raw FROM not_receipted", "SELECT raw FROM unacknowledged"}) {
+        auto rows = memory.query(sql);
+        for (const auto& row : rows.value())
+            if (auto which = telemetry_key(row.bytes(0))) made.insert(*which);
+    }
     return made;
 }
 

@@ -24,10 +24,12 @@ struct sample {
     ise::duration at{};
     std::size_t waiting = 0;       ///< virtual clock: in the scheduler: timers, waits, what is under way
     std::size_t sessions = 0;      ///< virtual clock: of all components
-    std::size_t gprs_waiting = 0, xbee_queued = 0; ///< at the boat
+    std::size_t gprs_waiting = 0, xbee_queued = 0, xbee_waiting = 0; ///< at the boat; waiting: for a receipt
     std::array<std::uint64_t, 2> packets{}, unseen{}, held{}, open{}; ///< of the nodes
     bool whole = true;             ///< nothing is down
     std::size_t processes = 0, resident_kib = 0, descriptors = 0; ///< real clock: of all processes together
+    /// What is down takes no memory, and what waits for the radio takes some for a while: neither tells whether it grows.
+    bool settled() const noexcept { return whole && xbee_waiting < 256; }
 };
 
 struct shown_page {
@@ -64,16 +66,14 @@ struct account {
 
 console_view view_of(const std::string& name, const console::operator_port& at);
 
-/// What may be forgiven: what came out of the XBee within `before` of its proxy's death, or in the first `after` of its
-/// next life. No link acknowledges behind the modem.
-ledger::excuses excuse_for_xbee(const std::vector<episode>& all, ise::duration before, ise::duration after);
-
 /// Where the short-range node stands.
 waypoint short_range_node();
 
 /// The packets on a node's disk, in the order of the boat's measurements; and which they are.
 std::vector<telemetry_packet> packets_on(database& disk);
 std::set<packet_key> keys_on(database& disk);
+/// What the boat's computer keeps of what it sent, until the shore has it.
+std::set<packet_key> keys_at_boat(database& memory);
 /// How many telecommands are on record there.
 std::uint64_t commands_on(database& disk);
 

@@ -122,6 +122,7 @@ void voyage::start_sea() {
 void voyage::start_shore() {
     start("atirma/shore/xbee", "beach", [](ise::node& node, ise::component_options where) -> ise::component& {
         xbee_proxy_options options;
+        options.store_at = std::string(communication_role);
         options.port.device = "/dev/ttyUSB0";
         options.port.baud = 115200;
         return node.start<xbee_proxy>("atirma/shore/xbee", std::move(where), std::move(options));

@@ -28,6 +28,19 @@ std::string cause_of(const std::vector<episode>& all, std::optional<link_id> lin
 
 } // namespace
 
+std::map<std::string, std::uint64_t> findings::causes_of(const account& of, const std::vector<ledger::entry>& lost,
+                                                         link_id link) {
+    std::map<std::string, std::uint64_t> made;
+    for (const auto& one : lost) {
+        if (one.link != link) continue;
+        auto cause = cause_of(of.episodes, link, one.sent, one.sent);
+        if (cause.empty() && one.sent >= of.plan.length - silence_of(link, of.plan)) cause = "sent at the end";
+        if (cause.empty()) cause = one.heard() ? "lost ashore, no cause known" : "never came ashore, no cause known";
+        ++made[cause];
+    }
+    return made;
+}
+
 ise::duration findings::silence_of(link_id link, const voyage_plan& script) {
     if (link == link_id::xbee) return 30s;
     if (link == link_id::gprs) return 60s;

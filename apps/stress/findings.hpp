@@ -35,6 +35,9 @@ struct findings {
     std::vector<gap> track_gaps;                                ///< nothing of any link tells where the boat was
     std::array<std::vector<span>, link_count> heard;            ///< when something arrived over it, again and again
 
+    /// What may have cost packets of that link that are lost: each cause with how many.
+    static std::map<std::string, std::uint64_t> causes_of(const account& of, const std::vector<ledger::entry>& lost,
+                                                          link_id link);
     static ise::duration silence_of(link_id link, const voyage_plan& script); ///< longer than this is a gap
 };
 

@@ -39,13 +39,18 @@ void ledger::arrived(packet_key which, ise::duration when) {
     if (e.arrived.count() < 0) e.arrived = when;
 }
 
+void ledger::receipted(packet_key which, ise::duration when) {
+    auto found = entries_.find(which);
+    if (found != entries_.end() && found->second.receipted.count() < 0) found->second.receipted = when;
+}
+
 void ledger::shown(const std::string& who, packet_key which) {
     auto& s = subscribers_[who];
     if (!s.known.insert(which).second) ++s.twice;
 }
 
 ledger::verdict ledger::judge(std::span<const std::set<packet_key>> disks, ise::duration until,
-                              const excuses& excuse) const {
+                              const std::set<packet_key>& at_boat) const {
     verdict made;
     std::set<packet_key> all;
     for (const auto& disk : disks) all.insert(disk.begin(), disk.end());
@@ -61,13 +66,19 @@ ledger::verdict ledger::judge(std::span<const std::set<packet_key>> disks, ise::
         auto& counts = made.links[static_cast<std::size_t>(e.link)];
         ++counts.sent;
         counts.acknowledged += e.acknowledged.count() >= 0;
-        counts.kept += all.contains(which);
+        counts.heard += e.heard();
+        const bool kept = all.contains(which);
+        counts.kept += kept;
+        if (!kept && at_boat.contains(which)) ++counts.waiting;
+        else if (!kept) made.lost.push_back(e);
         if (!e.owed() || e.owed_since() > until) continue;
         ++counts.owed;
-        if (all.contains(which)) continue;
-        auto& lost = made.missing.emplace_back(missing_packet{which, e, excuse ? excuse(e) : std::string()});
-        if (lost.excuse.empty()) nothing_lost = false;
-        else ++made.excused;
+        if (kept) continue;
+        missing_packet missed;
+        missed.which = which;
+        missed.what = e;
+        made.missing.push_back(missed);
+        nothing_lost = false;
     }
     bool shown_well = true;
     for (const auto& [who, s] : subscribers_) {

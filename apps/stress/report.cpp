@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <chrono>
 #include <fstream>
 #include <iterator>
+#include <ratio>
 #include <stdexcept>
 
 namespace atirma::stress {
@@ -24,24 +26,38 @@ public:
     std::string all;
 };
 
-void say_proof(text& out, const account& of, const ledger::verdict& proof) {
-    out.line("\n## The proof");
-    out.line("Read off the boat's own wires, not told by the components: GPRS by the shore's receipts, XBee by what "
-             "the proxy read from its modem");
-    out.line("(the boat's modem had its MAC acknowledgement), Iridium by the sessions that the gateway accepted. "
-             "*Owed* is what the shore had taken");
-    out.line("over by then; all of it must be on the disks of both communication nodes.\n");
-    out.line("| link | sent by the boat | acknowledged to the boat | owed | on disk | lost | excused |");
-    out.line("|---|---:|---:|---:|---:|---:|---:|");
+/// Of everything that was sent, also of what nobody promised to keep.
+void say_links(text& out, const account& of, const ledger::verdict& proof) {
+    out.line("\n| link | sent | came ashore | kept | still at the boat | lost | causes of the loss |");
+    out.line("|---|---:|---:|---:|---:|---:|---|");
     for (std::size_t i = 0; i < link_count; ++i) {
         const auto& one = proof.links[i];
-        std::uint64_t lost = 0, excused = 0;
-        for (const auto& missing : proof.missing) {
-            if (missing.what.link != static_cast<link_id>(i)) continue;
-            ++(missing.excuse.empty() ? lost : excused);
+        std::uint64_t lost = 0;
+        std::string causes;
+        for (const auto& [cause, count] : findings::causes_of(of, proof.lost, static_cast<link_id>(i))) {
+            lost += count;
+            causes += fmt::format("{}{} {}", causes.empty() ? "" : "; ", count, cause);
         }
-        out.line("| {} | {} | {} | {} | {} | {} | {} |", link_names[i], one.sent, one.acknowledged, one.owed, one.kept,
-                 lost, excused);
+        out.line("| {} | {} | {} | {} | {} | {} | {} |", link_names[i], one.sent, one.heard, one.kept, one.waiting, lost,
+                 causes);
+    }
+    out.line("\nSent: given to the link's modem at least once. Came ashore: read by the XBee proxy, receipted over GPRS, "
+             "accepted by Iridium's gateway. Kept: on the disk of a communication node.");
+}
+
+void say_proof(text& out, const account& of, const ledger::verdict& proof) {
+    out.line("\n## The proof");
+    out.line("Read off the boat's own wires, not told by the components: XBee and GPRS by the shore's receipts, Iridium "
+             "by the sessions that the gateway accepted.");
+    out.line("*Owed* is what the shore had acknowledged by the end; all of it must be on the disks of both communication "
+             "nodes.\n");
+    out.line("| link | sent by the boat | acknowledged by the modem or the shore | owed | missing |");
+    out.line("|---|---:|---:|---:|---:|");
+    for (std::size_t i = 0; i < link_count; ++i) {
+        const auto& one = proof.links[i];
+        auto missing = std::ranges::count_if(
+            proof.missing, [&](const auto& missed) { return missed.what.link == static_cast<link_id>(i); });
+        out.line("| {} | {} | {} | {} | {} |", link_names[i], one.sent, one.acknowledged, one.owed, missing);
     }
     out.line("\nOn one disk only: {}. On the disks and not seen on a wire: {}. After the end it took {} of calm until "
              "nothing was owed any more.",
@@ -53,9 +69,9 @@ void say_proof(text& out, const account& of, const ledger::verdict& proof) {
             break;
         }
         const auto& e = missing.what;
-        out.line("- {}: boot {} packet {}, sent {}, owed since {}: {}", link_names[static_cast<std::size_t>(e.link)],
-                 missing.which >> 32, missing.which & 0xFFFFFFFF, clock_text(e.sent), clock_text(e.owed_since()),
-                 missing.excuse.empty() ? "**lost**" : missing.excuse);
+        out.line("- {}: boot {} packet {}, sent {}, owed since {}: **missing**",
+                 link_names[static_cast<std::size_t>(e.link)], missing.which >> 32, missing.which & 0xFFFFFFFF,
+                 clock_text(e.sent), clock_text(e.owed_since()));
     }
     out.line("\n| subscriber of the role | shown | twice | never | not on disk |");
     out.line("|---|---:|---:|---:|---:|");
@@ -177,17 +193,19 @@ void say_troubles(text& out, const account& of) {
                  "everything of it yet, it kept its disk.", of.set_back);
 }
 
-std::string flat(const std::vector<sample>& all, std::size_t sample::*what) {
-    std::vector<std::size_t> values;
-    for (const auto& one : all) values.push_back(one.*what);
-    return flatness(values);
+std::string change(const std::vector<sample>& all, std::size_t sample::*what) {
+    std::vector<std::pair<ise::duration, std::size_t>> values;
+    for (const auto& one : all)
+        if (one.settled()) values.emplace_back(one.at, one.*what);
+    return say(trend_of(values));
 }
 
 /// Of the processes of a real deployment.
 void say_processes(text& out, const account& of) {
     out.line("All processes of the deployment together; a process that is down is missing in its line.\n");
-    out.line("- resident KiB: {}", flat(of.samples, &sample::resident_kib));
-    out.line("- descriptors: {}", flat(of.samples, &sample::descriptors));
+    out.line("- resident KiB: {}", change(of.samples, &sample::resident_kib));
+    out.line("- descriptors: {}", change(of.samples, &sample::descriptors));
+    out.line("\n{}", meaning_of_flat());
     out.line("\n| at | processes | resident KiB | descriptors |\n|---|---:|---:|---:|");
     for (const auto& s : of.samples)
         out.line("| {} | {} | {} | {} |", clock_text(s.at), s.processes, s.resident_kib, s.descriptors);
@@ -198,17 +216,18 @@ void say_samples(text& out, const account& of) {
     if (!of.virtual_clock) return say_processes(out, of);
     out.line("Waiting: coroutines and timers in the world that wait for a time or have something under way, without the "
              "script's own. Sessions: of all components.");
-    out.line("Unacknowledged, queued: at the boat. The nodes: packets on disk; what is not shown yet; telecommands "
+    out.line("Unacknowledged, queued, no receipt: at the boat. The nodes: packets on disk; what is not shown yet; telecommands "
              "that are open.\n");
     const auto& all = of.samples;
-    out.line("- waiting: {}", flat(all, &sample::waiting));
-    out.line("- sessions: {}", flat(all, &sample::sessions));
-    out.line("\n| at | waiting | sessions | GPRS unacknowledged | XBee queued | node 1: packets | not shown | open | "
+    out.line("- waiting: {}", change(all, &sample::waiting));
+    out.line("- sessions: {}", change(all, &sample::sessions));
+    out.line("\n{} Samples while something was down, or while 256 packets or more had no receipt, do not count.", meaning_of_flat());
+    out.line("\n| at | waiting | sessions | GPRS unacknowledged | XBee queued | no receipt | node 1: packets | not shown | open | "
              "node 2: packets | not shown | open |");
-    out.line("|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|");
+    out.line("|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|");
     for (const auto& s : all)
-        out.line("| {}{} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |", clock_text(s.at),
-                 s.whole ? "" : " (something is down)", s.waiting, s.sessions, s.gprs_waiting, s.xbee_queued,
+        out.line("| {}{} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |", clock_text(s.at),
+                 s.whole ? "" : " (something is down)", s.waiting, s.sessions, s.gprs_waiting, s.xbee_queued, s.xbee_waiting,
                  s.packets[0], s.unseen[0], s.open[0], s.packets[1], s.unseen[1], s.open[1]);
 }
 
@@ -221,14 +240,38 @@ void say_complaints(text& out, const account& of) {
 
 } // namespace
 
-std::string flatness(const std::vector<std::size_t>& all) {
-    std::size_t early = 0, late = 0;
-    for (std::size_t i = 0; i < all.size(); ++i) {
-        auto& most = i < all.size() / 2 ? early : late;
-        most = std::max(most, all[i]);
+trend trend_of(const std::vector<std::pair<ise::duration, std::size_t>>& all) {
+    trend made;
+    if (all.empty()) return made;
+    auto hours = [](ise::duration at) { return std::chrono::duration<double, std::ratio<3600>>(at).count(); };
+    std::vector<std::pair<double, double>> late;
+    for (const auto& [at, value] : all)
+        if (at >= all.back().first / 2) late.emplace_back(hours(at), static_cast<double>(value));
+    double mean_at = 0, count = static_cast<double>(late.size());
+    for (const auto& [at, value] : late) {
+        mean_at += at / count;
+        made.mean += value / count;
     }
-    return fmt::format("{} at most in the first half, {} in the second: {}", early, late,
-                       late <= early + early / 4 + 8 ? "flat" : "**it grows**");
+    double together = 0, spread = 0;
+    for (const auto& [at, value] : late) {
+        together += (at - mean_at) * (value - made.mean);
+        spread += (at - mean_at) * (at - mean_at);
+    }
+    if (spread <= 0 || made.mean <= 0) return made;
+    made.per_hour = together / spread;
+    made.rise = made.per_hour * (late.back().first - late.front().first) / made.mean;
+    return made;
+}
+
+std::string say(const trend& found) {
+    return fmt::format("{:.1f} on average in the second half, {:+.2f} per hour: {}", found.mean, found.per_hour,
+                       found.flat() ? "flat" : "**it grows**");
+}
+
+std::string meaning_of_flat() {
+    return fmt::format("Per hour: the slope of the line by least squares through the second half. Flat: within that half the line rises by at most "
+                       "{:.0f} % of the average.",
+                       trend::most_rise * 100);
 }
 
 bool holds(const account& of, const ledger::verdict& proof) {
@@ -249,8 +292,9 @@ std::string make_report(const account& of, const findings& found, const ledger::
     out.line("The wind: {}.", of.wind);
     out.line("\n**{}**",
              holds(of, proof)
-                 ? "The proof holds: nothing that the shore had taken over is missing, and nothing was shown twice."
+                 ? "The proof holds: nothing that the shore had acknowledged is missing, and nothing was shown twice."
                  : "THE PROOF DOES NOT HOLD; see below.");
+    say_links(out, of, proof);
     say_proof(out, of, proof);
     say_packets(out, found);
     say_gaps(out, of, found);

@@ -3,6 +3,8 @@
 
 #include <filesystem>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace atirma::stress {
 
@@ -11,9 +13,17 @@ std::string make_report(const account& of, const findings& found, const ledger::
 /// Whether everything is proved: nothing lost, nothing shown twice, and the page counts the same.
 bool holds(const account& of, const ledger::verdict& proof);
 
-/// In words, whether something that was counted over time grows: over the last half never more than a little above the
-/// first half, which had all kinds of trouble as well.
-std::string flatness(const std::vector<std::size_t>& all);
+/// How something that was counted over time changes: the line by least squares through the second half of the time.
+struct trend {
+    static constexpr double most_rise = 0.05; ///< of the mean, within that half; above, it is not flat
+    double mean = 0, per_hour = 0;
+    double rise = 0; ///< from the beginning of that half to its end, as a part of the mean
+    bool flat() const noexcept { return rise <= most_rise; }
+};
+trend trend_of(const std::vector<std::pair<ise::duration, std::size_t>>& all);
+/// The same in words. What flat means is said by `meaning_of_flat`.
+std::string say(const trend& found);
+std::string meaning_of_flat();
 
 /// track.svg: the track coloured by link, on the coast; below it, when each link and each server was there.
 std::string make_picture(const account& of, const findings& found);

@@ -1,5 +1,6 @@
 #include "taps.hpp"
 
+#include <components/boat/receipt.hpp>
 #include <components/iridium/at.hpp>
 #include <components/iridium/bundle.hpp>
 
@@ -36,6 +37,12 @@ public:
     }
     void read(ise::bytes_view bytes) override {
         decode(in_, bytes, [this](const xbee::frame& frame) {
+            if (const auto* packet = std::get_if<xbee::received_packet>(&frame)) {
+                auto receipt = parse_receipt(packet->payload);
+                if (!receipt) return;
+                for (const auto& [boot, sequence] : receipt->packets) into_.receipted(key_of(boot, sequence), time_());
+                return;
+            }
             const auto* status = std::get_if<xbee::transmit_status>(&frame);
             if (!status || status->outcome != xbee::delivery::success) return;
             auto found = under_way_.find(status->frame_id);

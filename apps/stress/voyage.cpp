@@ -221,14 +221,16 @@ void voyage::take_sample(ise::duration when) {
         one.held[i] = told.held;
         one.open[i] = told.telecommands_open;
     }
-    if (const auto* sails = at<boat_simulator>("atirma/boat"); sails && sails->boat())
+    if (const auto* sails = at<boat_simulator>("atirma/boat"); sails && sails->boat()) {
         one.xbee_queued = sails->boat()->queued(link_id::xbee);
+        one.xbee_waiting = sails->radio_waiting();
+    }
     one.gprs_waiting = numbers_.size();
     told_.samples.push_back(one);
     std::size_t tracks = 0;
     for (const auto& console : consoles_)
         if (auto shown = console ? console->latest() : nullptr) tracks += shown->track_bytes;
-    if (options_.on_sample) options_.on_sample(when, tracks);
+    if (options_.on_sample) options_.on_sample(told_.samples.back(), tracks);
 }
 
 void voyage::sail() {
@@ -243,14 +245,14 @@ void voyage::sail() {
 bool voyage::nothing_owed() {
     auto verdict = judge();
     const auto* page = at<web_server>("atirma/page");
-    return verdict.missing.size() == verdict.excused && verdict.only_on_one == 0 && page &&
+    return verdict.missing.empty() && verdict.only_on_one == 0 && page &&
            page->statistics().received >= keys_on(disk(0)).size() &&
            std::ranges::all_of(verdict.subscribers, [](const auto& one) { return one.second.missed == 0; });
 }
 
 ledger::verdict voyage::judge() {
     std::array<std::set<packet_key>, 2> disks{keys_on(disk(0)), keys_on(disk(1))};
-    return book_.judge(disks, options_.length, excuse_for_xbee(told_.episodes, 200ms, 500ms));
+    return book_.judge(disks, options_.length, keys_at_boat(disks_.back()));
 }
 
 account voyage::story() {

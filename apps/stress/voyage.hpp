@@ -28,7 +28,7 @@ struct voyage_options {
     double xbee_range_m = 2000;    ///< from the beach; beyond, nothing is heard
     /// Called with each sample, for what only this machine can measure; `tracks`: bytes that the
     /// consoles' tracks take.
-    std::function<void(ise::duration at, std::size_t tracks)> on_sample;
+    std::function<void(const sample& taken, std::size_t tracks)> on_sample;
 };
 
 /// The whole deployment of A-Tirma on the virtual clock, its troubles by the plan, and everything that the report

@@ -15,28 +15,29 @@ std::uint16_t mark_of(ise::bytes_view raw) {
 } // namespace
 
 bool duplicate_filter::first_time(std::uint16_t boot, std::uint32_t sequence, ise::bytes_view raw) {
-    auto mark = mark_of(raw);
     auto known = std::find_if(lives_.begin(), lives_.end(), [&](const life& l) { return l.boot == boot; });
-    if (known == lives_.end()) {
+    if (known != lives_.end()) {
+        lives_.splice(lives_.begin(), lives_, known);
+    } else {
         if (lives_.size() >= max_boots) lives_.pop_back();
-        auto& made = lives_.emplace_front();
-        made.boot = boot;
-        made.newest = sequence;
-        made.seen[sequence % window] = mark;
-        return true;
+        lives_.emplace_front().boot = boot;
     }
-    lives_.splice(lives_.begin(), lives_, known);
-    auto& of = *known;
-    if (sequence > of.newest) {
-        if (sequence - of.newest >= window) of.seen.fill(0);
-        else
-            for (auto passed = of.newest + 1; passed != sequence; ++passed) of.seen[passed % window] = 0;
-        of.newest = sequence;
-        of.seen[sequence % window] = mark;
-        return true;
+    auto [here, made] = lives_.front().pages.try_emplace(sequence / page);
+    auto mark = mark_of(raw);
+    bool first = std::exchange(here->second[sequence % page], mark) != mark;
+    if (made) make_room();
+    return first;
+}
+
+/// The boot with most pages gives up its oldest: neither history nor the present can take the whole window from the other.
+void duplicate_filter::make_room() {
+    std::size_t all = 0;
+    auto* most = &lives_.front();
+    for (auto& one : lives_) {
+        all += one.pages.size();
+        if (one.pages.size() >= most->pages.size()) most = &one;
     }
-    if (of.newest - sequence >= window) return true;
-    return std::exchange(of.seen[sequence % window], mark) != mark;
+    if (all > max_pages) most->pages.erase(most->pages.begin());
 }
 
 } // namespace atirma

@@ -12,7 +12,7 @@ inline constexpr std::size_t header_size = 14;
 inline constexpr std::size_t checksum_size = 2;
 
 /// First bodies of a class of packets.
-enum : std::uint8_t { first_telemetry = 0x01, last_telemetry = 0x3F, telecommand_type = 0x40, acknowledgement_type = 0x41, authorised_type = 0x42, authorised_acknowledgement_type = 0x43 };
+enum : std::uint8_t { first_telemetry = 0x01, last_telemetry = 0x3F, telecommand_type = 0x40, acknowledgement_type = 0x41, authorised_type = 0x42, authorised_acknowledgement_type = 0x43, receipt_type = 0x44 };
 
 /// CRC-16/CCITT (polynomial 0x1021, initial value 0xFFFF, not reflected, no final XOR; "123456789" gives 0x29B1).
 std::uint16_t crc16(ise::bytes_view raw) noexcept;

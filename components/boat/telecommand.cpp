@@ -120,6 +120,7 @@ packet_class classify(ise::bytes_view raw) noexcept {
     if (type == layout::telecommand_type || type == layout::authorised_type) return packet_class::telecommand;
     if (type == layout::acknowledgement_type || type == layout::authorised_acknowledgement_type)
         return packet_class::acknowledgement;
+    if (type == layout::receipt_type) return packet_class::receipt;
     return packet_class::unknown;
 }
 

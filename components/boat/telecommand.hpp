@@ -60,7 +60,7 @@ ise::bytes encode_acknowledgement(const acknowledgement& ack);
 ise::result<acknowledgement> parse_acknowledgement(ise::bytes_view raw);
 
 /// What a packet is, from its type byte alone.
-enum class packet_class : std::uint8_t { unknown, telemetry, telecommand, acknowledgement };
+enum class packet_class : std::uint8_t { unknown, telemetry, telecommand, acknowledgement, receipt };
 packet_class classify(ise::bytes_view raw) noexcept;
 
 } // namespace atirma

@@ -7,10 +7,12 @@
 namespace atirma {
 namespace {
 
-constexpr std::array<std::string_view, 1> schema{
+constexpr std::array<std::string_view, 2> schema{
     "CREATE TABLE boat(one INTEGER PRIMARY KEY CHECK(one = 1), state BLOB NOT NULL);"
     "CREATE TABLE executed(number INTEGER PRIMARY KEY AUTOINCREMENT, id INTEGER NOT NULL UNIQUE, raw BLOB NOT NULL);"
-    "CREATE TABLE unacknowledged(number INTEGER PRIMARY KEY, raw BLOB NOT NULL)"};
+    "CREATE TABLE unacknowledged(number INTEGER PRIMARY KEY, raw BLOB NOT NULL)",
+    "CREATE TABLE not_receipted(place INTEGER PRIMARY KEY AUTOINCREMENT, boot INTEGER NOT NULL, sequence INTEGER NOT "
+    "NULL, raw BLOB NOT NULL, UNIQUE(boot, sequence))"};
 
 ise::result<void> done(const ise::result<std::int64_t>& changed) {
     if (!changed) return changed.error();
@@ -85,6 +87,32 @@ ise::result<void> boat_memory::put(std::uint32_t number, const ise::bytes& raw) 
 
 ise::result<void> boat_memory::forget(std::uint32_t number) {
     return done(disk_.execute("DELETE FROM unacknowledged WHERE number <= ?", {static_cast<std::int64_t>(number)}));
+}
+
+ise::result<std::vector<ise::bytes>> boat_memory::not_receipted() {
+    auto rows = disk_.query("SELECT raw FROM not_receipted ORDER BY place");
+    if (!rows) return rows.error();
+    std::vector<ise::bytes> all;
+    for (const auto& row : *rows) all.push_back(row.bytes(0));
+    return all;
+}
+
+ise::result<void> boat_memory::put(packet_name name, const ise::bytes& raw) {
+    return done(disk_.execute("INSERT OR REPLACE INTO not_receipted(boot, sequence, raw) VALUES(?, ?, ?)",
+                              {std::int64_t{name.first}, std::int64_t{name.second}, raw}));
+}
+
+ise::result<void> boat_memory::forget(const std::vector<packet_name>& names) {
+    auto begun = disk_.begin();
+    if (!begun) return begun;
+    for (const auto& [boot, sequence] : names) {
+        auto gone = disk_.execute("DELETE FROM not_receipted WHERE boot = ? AND sequence = ?",
+                                  {std::int64_t{boot}, std::int64_t{sequence}});
+        if (gone) continue;
+        disk_.rollback();
+        return gone.error();
+    }
+    return disk_.commit();
 }
 
 } // namespace atirma

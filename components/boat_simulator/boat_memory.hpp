@@ -1,12 +1,13 @@
 #pragma once
+#include <components/boat/receipt.hpp>
 #include <components/boat_simulator/simulated_boat.hpp>
 #include <components/storage/database.hpp>
 
 namespace atirma {
 
 /// What the boat's computer keeps over the loss of its power, in one file: where it was and what it was told, which
-/// telecommands it has executed, and the packets that the shore has not acknowledged over GPRS, as a tracker keeps them
-/// in its flash. Used on one loop; each call blocks for as long as the disk takes.
+/// telecommands it has executed, and the packets that the shore has not acknowledged over GPRS or the radio, as a tracker
+/// keeps them in its flash. Used on one loop; each call blocks for as long as the disk takes.
 class boat_memory {
 public:
     static constexpr std::size_t kept_commands = simulator::simulated_boat::remembered_commands;
@@ -27,6 +28,11 @@ public:
     ise::result<void> put(std::uint32_t number, const ise::bytes& raw);
     /// All up to this number.
     ise::result<void> forget(std::uint32_t number);
+
+    /// The same for the radio, by name: the packets that were not receipted, in the order in which they were put.
+    ise::result<std::vector<ise::bytes>> not_receipted();
+    ise::result<void> put(packet_name name, const ise::bytes& raw);
+    ise::result<void> forget(const std::vector<packet_name>& names);
 
 private:
     explicit boat_memory(database opened) : disk_(std::move(opened)) {}

@@ -15,6 +15,7 @@ using namespace std::chrono_literals;
 constexpr std::size_t in_hand_at_most = 3;
 constexpr std::size_t max_wind_file_bytes = 64u << 20;
 constexpr ise::duration send_time = 30s;
+constexpr ise::duration duty_period = 10s;
 
 double in_range(const char* what, double value, double low, double high) {
     if (value >= low && value <= high) return value; // not a number fails
@@ -92,6 +93,10 @@ ise::task<> boat_simulator::run() {
     rssi_dbm_ = 0;
     if (!options_.port.device.empty()) {
         port_ = std::make_unique<xbee::modem_port>(on(), log(), options_.port);
+        backlog_.emplace(now());
+        for (auto& raw : std::exchange(not_receipted_, {})) backlog_->restore(std::move(raw));
+        asked_duty_.reset();
+        ask_duty_at_ = now();
         port_->on_event = [this](const xbee::client_event& event) { on_radio_event(event); };
         spawn("modem", port_->run());
     }
@@ -156,29 +161,64 @@ void boat_simulator::send() {
         boat_->take_packets(link_id::xbee);
         return;
     }
+    ask_duty_cycle();
+    auto gone = backlog_->take_given_up();
+    if (memory_ && !gone.empty()) kept(memory_->forget(gone));
     while (port_->modem_ready() && port_->in_hand() < in_hand_at_most) {
         auto raw = boat_->take_packet(link_id::xbee);
-        if (raw.empty()) return;
-        auto taken = port_->send(options_.shore_address, std::move(raw), send_time);
-        if (!taken) {
-            ++failed_;
-            return;
+        bool telemetry = raw.empty() || classify(raw) == packet_class::telemetry;
+        if (raw.empty()) {
+            if (port_->in_hand() > 0) return; // what is new overtakes
+            raw = backlog_->next(now());
+            if (raw.empty()) return;
+        } else if (telemetry) {
+            auto message = parse_telemetry(raw);
+            bool goes = backlog_->put(now(), raw);
+            if (memory_ && message) kept(memory_->put({message->header.boot, message->header.sequence}, raw));
+            if (!goes) continue;
         }
+        auto taken = port_->send(options_.shore_address, raw, send_time);
+        if (taken) continue;
+        ++failed_;
+        if (telemetry) backlog_->not_taken(raw);
+        return;
     }
+}
+
+void boat_simulator::ask_duty_cycle() {
+    if (!port_->modem_ready() || now() < ask_duty_at_) return;
+    ask_duty_at_ = now() + duty_period;
+    if (auto asked = port_->local_at(xbee::at("DC"))) asked_duty_ = *asked;
+}
+
+void boat_simulator::on_receipt(ise::bytes_view raw) {
+    auto told = parse_receipt(raw);
+    if (!told) {
+        log().warning("a receipt was refused", {{"cause", told.error().message()}});
+        return;
+    }
+    auto safe = backlog_->on_receipt(now(), *told);
+    if (memory_ && !safe.empty()) kept(memory_->forget(safe));
 }
 
 void boat_simulator::on_radio_event(const xbee::client_event& event) {
     if (const auto* outcome = std::get_if<xbee::send_outcome>(&event)) {
         ++(outcome->delivered ? sent_ : failed_);
+        if (outcome->delivered) backlog_->on_radio_acknowledgement(now());
     } else if (const auto* packet = std::get_if<xbee::packet_received>(&event)) {
         if (!radio_on_ || packet->source != options_.shore_address) return;
         heard_at_ = now();
         if (auto asked = port_->local_at(xbee::at("DB"))) asked_rssi_ = *asked;
-        heard(link_id::xbee, packet->payload);
+        if (classify(packet->payload) == packet_class::receipt) on_receipt(packet->payload);
+        else heard(link_id::xbee, packet->payload);
     } else if (const auto* answer = std::get_if<xbee::at_outcome>(&event); answer && answer->id == asked_rssi_) {
         asked_rssi_.reset();
         auto level = answer->status == xbee::at_status::ok ? xbee::at_number(answer->value) : std::nullopt;
         if (level) rssi_dbm_ = static_cast<std::int16_t>(-static_cast<int>(*level));
+    } else if (const auto* used = std::get_if<xbee::at_outcome>(&event); used && used->id == asked_duty_) {
+        asked_duty_.reset();
+        auto percent = used->status == xbee::at_status::ok ? xbee::at_number(used->value) : std::nullopt;
+        if (percent) backlog_->on_duty(static_cast<unsigned>(*percent));
     }
     // The next packets go with the boat's next step: sending from within an event could go on for ever.
 }

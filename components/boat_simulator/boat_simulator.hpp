@@ -1,6 +1,7 @@
 #pragma once
 #include <components/boat_simulator/boat_memory.hpp>
 #include <components/boat_simulator/iridium_uplink.hpp>
+#include <components/boat_simulator/radio_backlog.hpp>
 #include <components/boat_simulator/scene_wind.hpp>
 #include <components/boat_simulator/services.hpp>
 #include <components/boat_simulator/simulated_boat.hpp>
@@ -47,6 +48,8 @@ public:
 
     /// Where the boat is now; nothing before it was started. On the component's loop.
     const simulator::simulated_boat* boat() const noexcept { return boat_.get(); }
+    /// Telemetry that the shore has not receipted over the radio; the same.
+    std::size_t radio_waiting() const noexcept { return backlog_ ? backlog_->waiting() : 0; }
 
 private:
     ise::task<> run() override;
@@ -58,6 +61,8 @@ private:
     void remember();
     void kept(const ise::result<void>& outcome);
     void send();
+    void ask_duty_cycle();
+    void on_receipt(ise::bytes_view raw);
     void send_uplink();
     void heard(link_id link, ise::bytes_view raw);
     void on_radio_event(const xbee::client_event& event);
@@ -71,6 +76,10 @@ private:
     std::shared_ptr<simulator::scene_wind> wind_;
     std::unique_ptr<simulator::simulated_boat> boat_;
     std::unique_ptr<xbee::modem_port> port_;
+    std::optional<simulator::radio_backlog> backlog_; // of the radio
+    std::vector<ise::bytes> not_receipted_;           // in the life before
+    std::optional<xbee::token> asked_duty_;
+    ise::time_point ask_duty_at_{};
     std::unique_ptr<iridium_uplink> iridium_;
     std::unique_ptr<gprs::uplink_port> uplink_;
     std::optional<boat_memory> memory_;

@@ -13,6 +13,7 @@ void boat_simulator::open_memory(simulator::boat_options& made) {
     made.resumed = memory_->last().value();
     made.executed = memory_->executed().value();
     not_acknowledged_ = memory_->take_unacknowledged().value();
+    not_receipted_ = memory_->not_receipted().value();
     commands_kept_ = 0;
     forgotten_ = 0;
     remember_at_ = {};

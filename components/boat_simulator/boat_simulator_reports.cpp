@@ -56,6 +56,10 @@ ground_truth boat_simulator::truth() const {
     told.packets_sent = sent_;
     told.packets_failed = failed_;
     told.packets_queued = boat_->queued(link_id::xbee);
+    if (backlog_) {
+        told.radio_waiting = backlog_->waiting();
+        told.radio_sent_again = backlog_->sent_again();
+    }
     told.telecommands_heard = heard_ + (iridium_ ? iridium_->telecommands_heard() : 0);
     told.packets_refused = boat_->refused_packets();
     if (uplink_) {

@@ -31,6 +31,8 @@ struct ground_truth {
     std::uint64_t packets_sent = 0;      ///< acknowledged by the shore's modem
     std::uint64_t packets_failed = 0;    ///< given to the modem, and not
     std::uint64_t packets_queued = 0;
+    std::uint64_t radio_waiting = 0;     ///< telemetry that the shore has not receipted over the radio
+    std::uint64_t radio_sent_again = 0;
     std::uint64_t telecommands_heard = 0;
     std::uint64_t packets_refused = 0;   ///< heard, and no telecommand
     bool gprs_connected = false;         ///< the shore has acknowledged something by this connection

@@ -26,6 +26,7 @@ struct xbee_local {
     std::uint64_t duplicates = 0;                      ///< dropped
     std::uint64_t malformed = 0;                       ///< bad checksum, unknown type…: dropped
     std::uint64_t foreign = 0;                         ///< from another modem than the boat's: dropped
+    std::uint64_t receipts_sent = 0;                   ///< each for many packets of telemetry
     std::uint64_t telecommands_sent = 0;               ///< attempts
     std::uint64_t telecommands_acknowledged = 0;
     std::uint64_t telecommands_open = 0;

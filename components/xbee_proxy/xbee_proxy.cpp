@@ -1,21 +1,37 @@
 #include <components/xbee_proxy/xbee_proxy.hpp>
 
 #include <components/boat/duplicate_filter.hpp>
+#include <components/boat/find_component.hpp>
+#include <components/boat/receipt.hpp>
+#include <components/boat/remote_telemetry_store.hpp>
 #include <components/boat/telecommand_desk.hpp>
+
+#include <ise/core/task_scope.hpp>
+#include <ise/core/waiter.hpp>
+
+#include <asio/error.hpp>
 
 #include <algorithm>
 #include <deque>
 #include <map>
+#include <set>
 
 namespace atirma {
 namespace {
+using namespace std::chrono_literals;
 constexpr std::size_t max_unheard = 4096; // an hour of telemetry
-}
+constexpr std::size_t max_unkept = 8192;  // what a boat keeps at most
+constexpr std::size_t max_receipts = 8192;
+constexpr ise::duration receipt_time = 4s;    // to be sent in; then the boat has sent the packets again
+constexpr ise::duration boat_is_near = 30s;   // since it was heard; receipts would be sent into the void
+constexpr ise::duration shortest_keep_pause = 250ms, longest_keep_pause = 10s;
+} // namespace
 
 struct xbee_proxy::radio {
     radio(xbee_proxy& self, const xbee_proxy_options& options)
         : port(self.on(), self.log(), options.port), modem(self.on(), port), desk(self, options.book),
-          hand_on_soon(self.on(), [this] { hand_on(); }) {}
+          hand_on_soon(self.on(), [this] { hand_on(); }), stored(!options.store_at.empty()),
+          more(self.on(), [this] { more.resume(asio::error::operation_aborted); }) {}
 
     /// The boat's modem has the radio's acknowledgement, and so the boat does not send it again: it waits here for the
     /// first subscriber, such as a communication node that has not found this proxy's new life yet.
@@ -34,6 +50,13 @@ struct xbee_proxy::radio {
     std::deque<telemetry_packet> unheard; // oldest first
     bool full = false;
     duplicate_filter seen;
+    bool stored;
+    std::deque<telemetry_packet> unkept;            // for the store, oldest first
+    std::set<packet_name> unsafe;                   // the names of these
+    std::set<packet_name> receipts;                 // to be given
+    ise::waiter<std::error_code> more;
+    std::string store_trouble;
+    ise::time_point heard_at{};
     std::map<xbee::token, std::uint32_t> under_way; // telecommands at the modem
     std::uint64_t heard_from = 0;
     xbee_local counts;
@@ -53,10 +76,64 @@ ise::task<> xbee_proxy::run() {
     radio_->port.on_event = [this](const xbee::client_event& event) { on_radio_event(event); };
     provide_all();
     spawn("serial port", radio_->port.run());
+    if (radio_->stored) {
+        spawn("store", keep());
+        spawn("receipts", give_receipts());
+    }
     for (;;) {
         co_await sleep(options_.local_period);
         publish_local();
         radio_->modem.refresh();
+    }
+}
+
+/// Has what came kept; then the boat gets receipts.
+ise::task<> xbee_proxy::keep() {
+    auto& r = *radio_;
+    require(services::telemetry_store);
+    remote_telemetry_store store(find_component(*this, options_.store_at));
+    auto pause = shortest_keep_pause;
+    for (;;) {
+        if (r.unkept.empty()) co_await r.more.wait(); // throws what it was resumed with
+        auto many = std::min(r.unkept.size(), keep_request::max_packets);
+        std::vector<telemetry_packet> packets(r.unkept.begin(), r.unkept.begin() + static_cast<std::ptrdiff_t>(many));
+        std::string trouble;
+        try {
+            auto keeping = store.keep(packets);
+            co_await std::move(keeping);
+        } catch (...) {
+            auto thrown = std::current_exception();
+            if (ise::is_cancellation(thrown)) throw;
+            trouble = "telemetry cannot be kept, the boat gets no receipts: " + ise::describe(thrown);
+        }
+        if (trouble != r.store_trouble && !trouble.empty()) log().error(trouble); // once, not with every attempt
+        r.store_trouble = trouble;
+        if (!trouble.empty()) {
+            co_await sleep(pause);
+            pause = std::min(2 * pause, longest_keep_pause);
+            continue;
+        }
+        pause = shortest_keep_pause;
+        for (const auto& packet : packets) {
+            packet_name name(packet.boot, packet.sequence);
+            r.unsafe.erase(name);
+            if (r.receipts.size() < max_receipts) r.receipts.insert(name);
+        }
+        r.unkept.erase(r.unkept.begin(), r.unkept.begin() + static_cast<std::ptrdiff_t>(many));
+    }
+}
+
+/// One that is lost is made up for by the boat, which sends the packets again.
+ise::task<> xbee_proxy::give_receipts() {
+    auto& r = *radio_;
+    for (;;) {
+        co_await sleep(options_.receipt_period);
+        auto to = options_.boat_address != 0 ? options_.boat_address : r.heard_from;
+        if (to == 0 || !r.port.modem_ready() || now() - r.heard_at >= boat_is_near) continue;
+        for (int few = 0; few < 4 && !r.receipts.empty(); ++few) {
+            auto sent = r.port.send(to, encode_receipt(clock(), r.receipts), receipt_time);
+            if (sent) ++r.counts.receipts_sent;
+        }
     }
 }
 
@@ -94,6 +171,7 @@ void xbee_proxy::on_packet(const xbee::packet_received& packet) {
         return;
     }
     ++r.counts.packets_received;
+    r.heard_at = now();
     if (classify(packet.payload) == packet_class::acknowledgement) {
         auto ack = parse_acknowledgement(packet.payload);
         if (!ack) {
@@ -111,8 +189,11 @@ void xbee_proxy::on_packet(const xbee::packet_received& packet) {
         return;
     }
     r.heard_from = packet.source;
-    if (!r.seen.first_time(message->header.boot, message->header.sequence, packet.payload)) {
+    packet_name name(message->header.boot, message->header.sequence);
+    if (r.unkept.size() >= max_unkept) return; // without a receipt it comes again
+    if (!r.seen.first_time(name.first, name.second, packet.payload)) {
         ++r.counts.duplicates;
+        if (r.stored && !r.unsafe.contains(name) && r.receipts.size() < max_receipts) r.receipts.insert(name);
         return;
     }
     telemetry_packet out;
@@ -127,6 +208,11 @@ void xbee_proxy::on_packet(const xbee::packet_received& packet) {
         if (!std::exchange(r.full, true))
             log().warning("nobody subscribes to the telemetry, and the oldest packet is dropped",
                           {{"waiting", std::to_string(r.unheard.size())}});
+    }
+    if (r.stored) {
+        r.unsafe.insert(name);
+        r.unkept.push_back(out);
+        r.more.resume({});
     }
     r.unheard.push_back(std::move(out));
     r.hand_on();
@@ -168,7 +254,7 @@ void xbee_proxy::publish_local() {
     told.port_open = r.port.is_open();
     told.modem_ready = r.port.modem_ready();
     told.device = r.port.options().device;
-    told.trouble = r.port.trouble();
+    told.trouble = !r.port.trouble().empty() ? r.port.trouble() : r.store_trouble;
     told.api_mode = told.modem_ready ? static_cast<std::uint8_t>(r.port.mode()) : std::uint8_t{0};
     told.port_openings = r.port.openings();
     told.telecommands_open = r.desk.book().open_count();

@@ -15,7 +15,10 @@ struct xbee_proxy_options {
     std::uint64_t boat_address = 0x0013A20040000002; ///< of the boat's modem; 0: whoever is heard last
     ise::duration local_period = std::chrono::seconds(2); ///< of xb_local
     ise::duration send_time = std::chrono::seconds(30);   ///< that one attempt may take; then it is tried again
+    ise::duration receipt_period = std::chrono::seconds(5); ///< of receipts for telemetry that is safe
     book_options book;
+    /// Path or role of the store that keeps telemetry before the boat gets a receipt: `atirma/communication`; empty: no receipts.
+    std::string store_at;
 };
 
 /// The boat over the XBee radio: what comes through the serial port of a modem is published, telecommands go the other
@@ -34,6 +37,8 @@ private:
     void on_radio_event(const xbee::client_event& event);
     void on_packet(const xbee::packet_received& packet);
     void on_sent(const xbee::send_outcome& outcome);
+    ise::task<> keep();
+    ise::task<> give_receipts();
     void publish_local();
     /// Gives the telecommands that are due to the radio.
     void give();

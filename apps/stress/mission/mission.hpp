@@ -26,6 +26,7 @@ struct mission_options {
     std::vector<line> lines;
     std::string carrier_tcp, carrier_udp; ///< where the boat's calls go on to; empty: not
     std::vector<std::string> stores;      ///< the files of the two communication nodes, the primary's first
+    std::string boat_memory;              ///< the file of the boat's computer
     std::string page;                     ///< "127.0.0.1:8080": asked at the end what it has shown
     ise::endpoint names;
     std::string wind;                     ///< in words, for the report

@@ -54,6 +54,7 @@ int main(int argc, char** argv) {
     app.add_option("--store", options.stores, "the files of the communication nodes, the primary's first")
         ->expected(2)
         ->required();
+    app.add_option("--boat-memory", options.boat_memory, "the file of the boat's computer")->required();
     app.add_option("--page", options.page, "host:port of the page");
     app.add_option("--wind", options.wind, "in words, for the report");
     CLI11_PARSE(app, argc, argv);

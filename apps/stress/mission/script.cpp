@@ -135,7 +135,7 @@ void mission::script::take_sample() {
 bool mission::script::nothing_owed() {
     of_.judge();
     const auto& verdict = of_.proof();
-    return verdict.missing.size() == verdict.excused && verdict.only_on_one == 0 &&
+    return verdict.missing.empty() && verdict.only_on_one == 0 &&
            std::ranges::all_of(verdict.subscribers, [](const auto& one) { return one.second.missed == 0; });
 }
 

@@ -336,3 +336,91 @@ TEST_CASE("atirma: the boat tells how strongly it hears the shore, once it has h
     CHECK(last->rssi_dbm == Approx(seen.local->rssi_dbm.value()).margin(30)); // as far there as back
     CHECK(last->rssi_dbm < -20);
 }
+
+namespace {
+
+using packet_numbers = std::set<std::pair<int, std::uint32_t>>;
+
+// A store of packets, as communication nodes are one, that can refuse.
+struct stored {
+    packet_numbers packets;
+    bool refuses = false;
+
+    void start(sea& it) {
+        it.world.host("store").start_process("store", [this](ise::sim::process& here) -> std::shared_ptr<void> {
+            auto node = std::make_shared<ise::node>(here, sea::quiet());
+            node->start("store", [this](ise::component& self) -> ise::task<> {
+                self.provide(services::telemetry_store, [this](const keep_request& request) {
+                    if (refuses) throw ise::error(ise::errc::refused, "the disk is full");
+                    for (const auto& one : request.packets) packets.emplace(one.boot, one.sequence);
+                    return keep_reply();
+                });
+                for (;;) co_await self.sleep(1h);
+            }, sea::listening(7415));
+            return node;
+        });
+    }
+};
+
+} // namespace
+
+TEST_CASE("atirma: what the radio loses, and what was in a proxy that died, the boat sends again until it is kept") {
+    sea it;
+    stored disk;
+    disk.start(it);
+    it.proxy_options.store_at = "tcp://store:7415";
+    it.proxy_process().crash();
+    auto& proxy = it.proxy_process().restart();
+    auto& seen = it.watch();
+    REQUIRE(it.until([&] { return radio_works(seen) && disk.packets.size() > 20; }));
+    auto waiting = [&] { return it.boat_component().radio_waiting(); };
+    CHECK(it.until([&] { return waiting() < 20; }));
+    SECTION("noise") {
+        xbee_air_request noise;
+        noise.extra_loss = 0.9;
+        set_air(it, noise);
+        it.world.run_for(3min);
+        noise.extra_loss = 0;
+        set_air(it, noise);
+    }
+    SECTION("out of range for a while") {
+        switch_link(it, false);
+        it.world.run_for(3min);
+        CHECK(waiting() > 100);
+        switch_link(it, true);
+    }
+    SECTION("the store refuses") {
+        disk.refuses = true;
+        it.world.run_for(1min);
+        CHECK(waiting() > 50);
+        REQUIRE(seen.local->trouble.find("the boat gets no receipts") != std::string::npos);
+        disk.refuses = false;
+    }
+    SECTION("the proxy is killed") {
+        proxy.crash();
+        it.world.run_for(30s);
+        proxy.restart();
+    }
+    // Everything up to then comes ashore, though the boat goes on sending.
+    it.world.run_for(30s);
+    auto newest = disk.packets.rbegin()->second;
+    CHECK(newest > 100);
+    auto whole = [&] {
+        auto boot = it.boat().boot();
+        for (std::uint32_t i = 0; i < newest; ++i)
+            if (!disk.packets.contains({boot, i})) return false;
+        return true;
+    };
+    CHECK(it.until([&] { return whole() && waiting() < 25; }, 20min));
+    CHECK(seen.local->receipts_sent > 0);
+}
+
+TEST_CASE("atirma: a proxy without a store gives no receipts, and the boat sends nothing twice") {
+    sea it;
+    auto& seen = it.watch();
+    REQUIRE(it.until([&] { return radio_works(seen); }));
+    it.world.run_for(5min);
+    CHECK(seen.local->receipts_sent == 0);
+    CHECK(seen.local->duplicates == 0);
+    CHECK(it.boat_component().radio_waiting() > 200);
+}

@@ -1,3 +1,4 @@
+#include <apps/stress/findings.hpp>
 #include <apps/stress/ledger.hpp>
 #include <apps/stress/plan.hpp>
 #include <apps/stress/report.hpp>
@@ -5,6 +6,7 @@
 #include <support/catch.hpp>
 
 #include <algorithm>
+#include <cmath>
 
 using namespace std::chrono_literals;
 using namespace atirma;
@@ -38,19 +40,66 @@ TEST_CASE("stress: what was sent and never taken over may be missing") {
     book.acknowledged(link_id::xbee, 2, 2s); // by the modem; the proxy never read it
     book.sent(link_id::xbee, 3, 1s);
     book.arrived(3, 2s);
+    book.receipted(3, 3s);
+    book.sent(link_id::xbee, 4, 1s);
+    book.arrived(4, 2s); // the proxy died with it
     CHECK(book.judge(both({3}), 1h).holds);
-    CHECK_FALSE(book.judge(both({1, 2}), 1h).holds);
+    CHECK_FALSE(book.judge(both({1, 2, 4}), 1h).holds);
 }
 
-TEST_CASE("stress: what was taken over after the end is not judged, and an excuse is counted") {
+TEST_CASE("stress: what was sent and is neither on a disk nor at the boat is told as lost, with its cause") {
+    ledger book;
+    for (packet_key n = 1; n <= 5; ++n) book.sent(link_id::xbee, n, n * 10min);
+    book.arrived(1, 11min);
+    book.receipted(1, 12min);
+    book.arrived(2, 21min);
+    auto verdict = book.judge(both({1}), 1h, {4});
+    CHECK(verdict.holds);
+    const auto& radio = verdict.links[static_cast<std::size_t>(link_id::xbee)];
+    CHECK(radio.sent == 5);
+    CHECK(radio.heard == 2);
+    CHECK(radio.kept == 1);
+    CHECK(radio.waiting == 1);
+    CHECK(verdict.lost.size() == 3);
+    account told;
+    told.plan.length = 1h;
+    auto& noise = told.episodes.emplace_back();
+    noise.from = 29min;
+    noise.until = 31min;
+    noise.what = "noise";
+    noise.link = link_id::xbee;
+    auto causes = findings::causes_of(told, verdict.lost, link_id::xbee);
+    CHECK(causes.size() == 3);
+    CHECK(causes["noise"] == 1);
+    CHECK(causes["lost ashore, no cause known"] == 1);
+    CHECK(causes["never came ashore, no cause known"] == 1);
+    CHECK(findings::causes_of(told, verdict.lost, link_id::gprs).empty());
+}
+
+TEST_CASE("stress: what was taken over after the end is not judged") {
     ledger book;
     book.sent(link_id::xbee, 1, 1s);
-    book.arrived(1, 10s);
+    book.arrived(1, 5s);
+    book.receipted(1, 10s);
     CHECK(book.judge(both({}), 9s).holds);
     CHECK_FALSE(book.judge(both({}), 10s).holds);
-    auto excused = book.judge(both({}), 10s, [](const ledger::entry&) { return std::string("because"); });
-    CHECK(excused.holds);
-    CHECK(excused.excused == 1);
+}
+
+TEST_CASE("stress: what grows is told by its slope over the second half, and flat is at most five per cent there") {
+    std::vector<std::pair<ise::duration, std::size_t>> all;
+    for (int hour = 0; hour <= 40; ++hour) all.emplace_back(hour * 1h, hour < 10 ? 500 * hour : 5000 + hour % 2 * 20);
+    auto still = trend_of(all); // it fills up in the beginning, and then it stays
+    CHECK(still.flat());
+    CHECK(still.mean == Approx(5010).margin(1));
+    CHECK(std::abs(still.per_hour) < 1);
+    CHECK(say(still).find(": flat") != std::string::npos);
+    for (auto& [at, value] : all) value += static_cast<std::size_t>(at / 1h) * 25; // what 25 % of growth over 40 hours once hid
+    auto growing = trend_of(all);
+    CHECK_FALSE(growing.flat());
+    CHECK(growing.per_hour == Approx(25).margin(1));
+    CHECK(say(growing).find("per hour: **it grows**") != std::string::npos);
+    CHECK(meaning_of_flat().find("at most 5 % of the average.") != std::string::npos);
+    CHECK(trend_of({}).flat());
 }
 
 TEST_CASE("stress: a packet on one disk only breaks the proof") {
@@ -115,7 +164,7 @@ TEST_CASE("stress: a proof about a link that brought nothing, or a page that was
     for (packet_key n = 1; n <= link_count; ++n) {
         auto link = static_cast<link_id>(n - 1);
         book.sent(link, n, 1s);
-        if (link == link_id::xbee) book.arrived(n, 2s);
+        if (link == link_id::xbee) book.receipted(n, 2s);
         else book.acknowledged(link, n, 2s);
     }
     account told;

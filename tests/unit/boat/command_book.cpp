@@ -196,6 +196,18 @@ TEST_CASE("duplicates are told by boot and sequence, in any order, within a boun
     CHECK_FALSE(seen.first_time(2, 11, raw));
 }
 
+TEST_CASE("a duplicate filter's window belongs to all boots, and history cannot take it from the present") {
+    duplicate_filter seen;
+    const ise::bytes raw{std::byte{1}, std::byte{2}};
+    constexpr auto half = duplicate_filter::window / 2;
+    for (std::uint32_t i = 0; i < half; ++i) REQUIRE(seen.first_time(9, i, raw));
+    for (std::uint32_t i = 0; i < 4 * half; ++i) REQUIRE(seen.first_time(8, i, raw)); // of the boot before
+    for (std::uint32_t i = 0; i < half; ++i) REQUIRE_FALSE(seen.first_time(9, i, raw));
+    CHECK_FALSE(seen.first_time(8, 4 * half - 1, raw)); // the newest of it are known
+    CHECK(seen.first_time(8, 0, raw));                  // the oldest are not
+    CHECK_FALSE(seen.first_time(9, half - 1, raw));
+}
+
 TEST_CASE("command book: the epoch of authority travels, and the boat's refusal tells the one that holds") {
     desk it;
     telecommand_request request;

@@ -1,6 +1,10 @@
 #include <components/boat_simulator/boat_memory.hpp>
 
+#include <ise/packet/codec.hpp>
+
 #include <support/catch.hpp>
+
+#include <array>
 
 namespace memory_test {
 
@@ -122,6 +126,25 @@ TEST_CASE("a boat's memory gives back what was put there, and the packets withou
     auto memory = boat_memory::open("memory:boat-memory").value();
     memory.forget(1).value(); // under the new numbers
     CHECK(memory.take_unacknowledged().value() == std::vector<ise::bytes>{packets[3]});
+}
+
+TEST_CASE("a boat's memory from before there were receipts is read, and has room for packets without one") {
+    const std::array<std::string_view, 1> before{
+        "CREATE TABLE boat(one INTEGER PRIMARY KEY CHECK(one = 1), state BLOB NOT NULL);"
+        "CREATE TABLE executed(number INTEGER PRIMARY KEY AUTOINCREMENT, id INTEGER NOT NULL UNIQUE, raw BLOB NOT NULL);"
+        "CREATE TABLE unacknowledged(number INTEGER PRIMARY KEY, raw BLOB NOT NULL)"};
+    auto boat = sailed_for(60s, on_t1());
+    auto packets = boat.take_packets(link_id::xbee);
+    REQUIRE(packets.size() > 1);
+    auto old = database::open("memory:boat-memory-before", before).value();
+    old.execute("INSERT INTO boat(one, state) VALUES(1, ?)", {ise::encode(boat.remember())}).value();
+    old.execute("INSERT INTO unacknowledged(number, raw) VALUES(7, ?)", {packets[0]}).value();
+    auto memory = boat_memory::open("memory:boat-memory-before").value();
+    CHECK(memory.last().value()->boot == 41);
+    CHECK(memory.take_unacknowledged().value() == std::vector<ise::bytes>{packets[0]});
+    CHECK(memory.not_receipted().value().empty());
+    memory.put({41, 1}, packets[1]).value();
+    CHECK(memory.not_receipted().value() == std::vector<ise::bytes>{packets[1]});
 }
 
 } // namespace memory_test
