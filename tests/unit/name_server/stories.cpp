@@ -521,4 +521,17 @@ TEST_CASE("names: restarts, losses and partitions leave every living component r
     }, 20s));
 }
 
+TEST_CASE("a component that a name server does not register yet logs the cause: here, that the server has just started") {
+    names_test::system it;
+    it.server->crash();
+    it.start_doubler("boat", "atirma/doubler");
+    it.world.run_for(1min);
+    it.restart_server();
+    REQUIRE(it.world.run_until([&] { return it.holds("atirma/doubler"); }, 1min));
+    auto told = std::ranges::find_if(it.warnings, [](const std::string& line) { return line.find("does not register this component yet") != line.npos; });
+    REQUIRE(told != it.warnings.end());
+    CHECK_THAT(*told, Catch::Contains("the name server has just started"));
+    CHECK_THAT(*told, !Catch::Contains("no room"));
+}
+
 } // namespace stories_test
