@@ -2,6 +2,7 @@
 #include "hosting.hpp"
 #include "observer.hpp"
 
+#include <components/boat/decoded_telemetry.hpp>
 #include <components/communication_node/store_check.hpp>
 
 #include <ise/core/real/environment.hpp>
@@ -10,8 +11,10 @@
 #include <fmt/format.h>
 
 #include <cstdio>
+#include <iostream>
 #include <map>
 #include <mutex>
+#include <string>
 #include <string_view>
 
 namespace {
@@ -112,6 +115,23 @@ int check_store(const std::string& file) {
     return checked->sound ? 0 : 1;
 }
 
+// Lines that say nothing of the boat are reported, and the next one is read.
+int decode_input() {
+    int code = 0;
+    std::size_t number = 0;
+    for (std::string line; std::getline(std::cin, line);) {
+        ++number;
+        auto decoded = atirma::decoded_telemetry(line);
+        if (decoded) {
+            say(*decoded);
+        } else {
+            complain(fmt::format("line {}: {}", number, decoded.error().message()));
+            code = 1;
+        }
+    }
+    return code;
+}
+
 int obey(int count, char** words) {
     auto types = atirma::component_types(say);
     CLI::App app{"The shore side of A-Tirma, and a boat to try it with"};
@@ -148,6 +168,10 @@ int obey(int count, char** words) {
     checks->footer("Exit codes: 0 the file is sound, 1 it is damaged or cannot be read, 2 wrong arguments.\n"
                    "Example: atirma store check /var/lib/atirma/node.db");
 
+    auto* decodes = app.add_subcommand("decode", "reads lines of `ise echo NAME telemetry` and prints them with the fields of the boat's reports");
+    decodes->footer("Exit codes: 0 every line was decoded, 1 one was not (the reason is on standard error), 2 wrong arguments.\n"
+                    "Example: ise echo atirma/shore/xbee telemetry | atirma decode");
+
     try {
         app.parse(count, words);
     } catch (const CLI::ParseError& why) {
@@ -168,6 +192,7 @@ int obey(int count, char** words) {
     observer.length = std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(length_s));
     try {
         if (checks->parsed()) return check_store(file);
+        if (decodes->parsed()) return decode_input();
         return observes->parsed() ? observe(common, observer) : run(common, wanted);
     } catch (const std::exception& why) {
         complain(why.what());

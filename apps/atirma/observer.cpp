@@ -59,7 +59,7 @@ ise::task<> observer::follow_telemetry(std::string from) {
             for (;;) {
                 auto packet = co_await packets.next();
                 if (!packet) break;
-                if (packet.lost_before() != ise::unknown_gap) seen_->lost += packet.lost_before();
+                seen_->lost += packet.lost_before().value_or(0);
                 if (!seen_->known.first_time(packet->boot, packet->sequence, packet->raw)) {
                     ++seen_->twice;
                     continue;

@@ -3,6 +3,7 @@
 #include "commands.hpp"
 #include "completion.hpp"
 #include "deployment_commands.hpp"
+#include "help.hpp"
 #include "instance_commands.hpp"
 #include "look_commands.hpp"
 #include "text.hpp"
@@ -14,6 +15,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <charconv>
 #include <iostream>
 #include <iterator>
 #include <memory>
@@ -23,8 +25,8 @@ namespace {
 
 constexpr const char* exit_codes = R"(Exit codes:
   0    the answer is complete; also when its reader (head) has gone, and when Ctrl-C ended echo, hz, bw, delay or top
-  1    the component was reached and refused, or failed; doctor found something
-  2    the command line makes no sense: an option, an endpoint, a name; a call without its request
+  1    the component was reached and refused, or failed; a start or a step of up failed; doctor found something
+  2    the command line or a deployment file makes no sense; a call without its request
   3    not reached: no name server, no such name or service, no answer in time
   4    JSON or packets do not fit; the message has the path
   5    the answer could not be written to standard output
@@ -85,15 +87,6 @@ command_info describe_command(const CLI::App& app) {
     return made;
 }
 
-/// Like CLI::IsMember, for people: "'tcsh' is none of bash, zsh, fish". Completion reads the choices from its name.
-CLI::Validator one_of(std::vector<std::string> choices) {
-    auto name = "{" + CLI::detail::join(choices, ",") + "}";
-    auto check = [choices = std::move(choices)](std::string& word) {
-        return std::ranges::find(choices, word) != choices.end() ? std::string() : fmt::format("'{}' is none of {}", printable(word), CLI::detail::join(choices, ", "));
-    };
-    return {check, name};
-}
-
 void build(CLI::App& app, places& to) {
     auto& set = to.made.set;
     app.require_subcommand(1);
@@ -132,8 +125,8 @@ void build(CLI::App& app, places& to) {
 
     auto* echo_command = app.add_subcommand("echo", "subscribes and prints each packet as a line of JSON");
     add_subscription(*echo_command, to.echo.what, to.json);
-    auto* count = echo_command->add_option("--count,-n", to.echo_count, "end after so many packets")->type_name("N")->check(CLI::PositiveNumber);
-    echo_command->add_option("--for", to.length, "end after this time; with --count: 3 unless that many came")->type_name("TIME");
+    auto* count = echo_command->add_option("--count,-n", to.echo_count, "end after so many packets")->type_name("N")->check(positive_count());
+    echo_command->add_option("--for", to.length, "end after this time; with --count: exit code 3 unless that many came")->type_name("TIME");
     echo_command->add_option("--every", to.every, "at most one packet in this time; those between are skipped")->type_name("TIME");
     echo_command->add_flag("--no-last", to.echo.no_last_value, "not the packet that was published before we came");
     echo_command->add_flag("--losses", to.echo.losses, R"(each line is {"lost_before":N,"packet":{...}}; null: nobody knows how many)");
@@ -146,10 +139,10 @@ void build(CLI::App& app, places& to) {
         to.made.talk.body = [options = to.echo](context& in) { return echo(in, options); };
     });
 
-    auto* hz_command = app.add_subcommand("hz", "how often and how evenly packets come, and how many are lost");
+    auto* hz_command = app.add_subcommand("hz", "rate, evenness and losses of a subscription's packets");
     add_subscription(*hz_command, to.hz.what, to.json);
     hz_command->add_option("--window", to.window, "time of one line (default: 1s)")->type_name("TIME");
-    auto* lines = hz_command->add_option("--count,-n", to.hz_count, "end after so many lines")->type_name("N")->check(CLI::PositiveNumber);
+    auto* lines = hz_command->add_option("--count,-n", to.hz_count, "end after so many lines")->type_name("N")->check(positive_count());
     hz_command->callback([&to, lines] {
         to.hz.what.json = json_given(to.json);
         if (lines->count() > 0) to.hz.count = to.hz_count;
@@ -162,7 +155,7 @@ void build(CLI::App& app, places& to) {
     add_deployment_commands(app, to.deployments, to.made);
     add_look_commands(app, to.look, to.made);
 
-    auto* completion_command = app.add_subcommand("completion", "prints a completion script: eval \"$(ise completion bash)\"");
+    auto* completion_command = app.add_subcommand("completion", "prints a completion script for a shell");
     completion_command->add_option("SHELL", to.shell, "bash, zsh or fish")->required()->check(one_of({"bash", "zsh", "fish"}));
     completion_command->callback([&to, &app] { to.made.text = completion_script(cli::describe_command(app), to.shell); });
 
@@ -183,7 +176,25 @@ void add_subscription(CLI::App& command, subscribe_choice& what, std::string& js
     command.add_option("JSON", json, "subscribe request; - reads standard input (default: {})");
     auto* latest = command.add_flag("--latest", what.latest, "of packets that come too fast only the latest is kept");
     command.add_flag("--lossless", what.lossless, "the provider holds packets back; a subscription that falls too far behind ends")->excludes(latest);
-    command.add_option("--depth", what.depth, "packets kept for us at either end (default: 1024)")->check(CLI::Range(1u, 65536u))->type_name("N");
+    command.add_option("--depth", what.depth, "packets kept for us at either end, 1 to 65536 (default: 1024)")->check(CLI::Range(1u, 65536u))->type_name("N");
+}
+
+CLI::Validator one_of(std::vector<std::string> choices) {
+    auto name = "{" + CLI::detail::join(choices, ",") + "}"; // completion reads it
+    auto check = [choices = std::move(choices)](std::string& word) {
+        return std::ranges::find(choices, word) != choices.end() ? std::string() : fmt::format("'{}' is none of {}", printable(word), CLI::detail::join(choices, ", "));
+    };
+    return {check, name};
+}
+
+CLI::Validator positive_count() {
+    auto check = [](std::string& word) {
+        std::uint64_t number = 0;
+        auto [end, problem] = std::from_chars(word.data(), word.data() + word.size(), number);
+        bool fits = problem == std::errc() && end == word.data() + word.size() && number > 0;
+        return fits ? std::string() : fmt::format("'{}' is no whole number from 1 on", printable(word));
+    };
+    return {check, ""};
 }
 
 duration positive_time(const std::string& text, std::string_view option) {
@@ -197,20 +208,20 @@ wish read_command_line(int count, const char* const* arguments) {
     places to;
     CLI::App app("Lists, describes, calls, listens to, looks after and starts components.", "ise");
     build(app, to);
+    complete_help(app);
     refuse_unknown_command(app, count, arguments);
     try {
         app.parse(count, arguments);
     } catch (const CLI::CallForHelp&) {
         to.made.talk = {};
-        to.made.text = app.help();
+        to.made.text = help_text(app);
         return to.made;
     } catch (const CLI::CallForVersion& version) {
         to.made.talk = {};
         to.made.text = std::string(version.what()) + "\n";
         return to.made;
     } catch (const CLI::ParseError& wrong) {
-        auto selected = app.get_subcommands();
-        throw problem(exit_code::usage, "usage", wrong.what(), fmt::format("ise {}--help says how", selected.empty() ? "" : selected.back()->get_name() + " "));
+        throw unfit(app, wrong);
     }
     to.made.set.timeout = positive_time(to.timeout, "--timeout");
     auto patience = std::max(to.instances.patience, to.deployments.patience);

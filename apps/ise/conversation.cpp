@@ -52,9 +52,7 @@ task<> converse(component& self, const settings& set, const conversation& what, 
 }
 
 // As ise::run_until_signal, for a command that may care.
-void run_until_interrupted(node& running, interrupt& ctrl_c) {
-    asio::io_context context(1);
-    asio::signal_set signals(context, SIGINT, SIGTERM);
+void run_until_interrupted(node& running, interrupt& ctrl_c, asio::io_context& context, asio::signal_set& signals) {
     std::function<void()> listen = [&] {
         signals.async_wait([&](std::error_code problem, int number) {
             if (problem) return;
@@ -103,8 +101,11 @@ exit_code run(const settings& set, const conversation& what) {
         auto path = what.looks ? fmt::format("{}{}", looker_prefix, env.identity().process_id) : set.as;
         if (!path.empty() && !naming::is_path(path))
             throw problem(exit_code::usage, "usage", fmt::format("--as: '{}' is no path, such as atirma/operators/ana", path));
+        // Before anything is printed: whoever reads it may answer with Ctrl-C.
+        asio::io_context context(1);
+        asio::signal_set signals(context, SIGINT, SIGTERM);
         running.start(path, [&](component& self) { return converse(self, set, what, ctrl_c, end); }, mine);
-        run_until_interrupted(running, ctrl_c);
+        run_until_interrupted(running, ctrl_c, context, signals);
     } catch (const problem& why) {
         end.why = why;
         end.code = why.code();

@@ -15,10 +15,9 @@ void append_line(std::string& text, const received<dynamic_packet>& packet, json
     auto json = packet->to_json(style);
     if (!envelope) {
         text += json;
-    } else if (packet.lost_before() == unknown_gap) {
-        text += fmt::format("{{\"lost_before\":null,\"packet\":{}}}", json);
     } else {
-        text += fmt::format("{{\"lost_before\":{},\"packet\":{}}}", packet.lost_before(), json);
+        auto lost = packet.lost_before();
+        text += fmt::format("{{\"lost_before\":{},\"packet\":{}}}", lost ? std::to_string(*lost) : "null", json);
     }
     text += '\n';
 }

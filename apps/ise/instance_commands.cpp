@@ -1,5 +1,7 @@
 #include "instance_commands.hpp"
 
+#include "look_commands.hpp"
+
 #include <CLI/CLI.hpp>
 
 namespace ise::cli {
@@ -19,21 +21,21 @@ void add_host(CLI::App& to, std::string& host) { to.add_option("--host", host, "
 
 void add_start(CLI::App& app, instance_places& to, wish& made) {
     auto& into = to.start;
-    auto* command = app.add_subcommand("start", "starts a component by its host's instantiation server, and waits until it is ready");
+    auto* command = app.add_subcommand("start", "starts a component, and waits until it is ready");
     command->add_option("TYPE", into.type, "type of the component: ise start --types");
     command->add_option("PATH", into.name, "its path (default: the one that the type has)");
     command->add_option("--host", into.host, "name of the host (default: the only one, or this one)")->type_name("HOST");
     command->add_option("--set,-s", into.set, "a parameter of the type; several are allowed")->type_name("NAME=VALUE")->allow_extra_args(false);
     command->add_option("--namespace", into.name_space, "put before its path")->type_name("PREFIX");
     auto* listen = command->add_option("--listen", into.listen, "where it listens (default: in-process, local and loopback)")->type_name("ENDPOINT")->allow_extra_args(false);
-    command->add_option("--protocol", into.protocol, "listen on any endpoint of that kind")->check(CLI::IsMember({"tcp", "udp", "tls", "local"}))->excludes(listen);
+    command->add_option("--protocol", into.protocol, "listen on any endpoint of that kind")->check(one_of({"tcp", "udp", "tls", "local"}))->excludes(listen);
     command->add_option("--env", into.variables, "an environment variable that the type reads")->type_name("NAME=VALUE")->allow_extra_args(false);
     command->add_option("--role", into.roles, "a role it serves, and its priority there; several are allowed")->type_name("ROLE=PRIORITY")->allow_extra_args(false);
     command->add_option("--process", into.process, "a process that it shares with others of its program, each on a thread of its own (default: one to itself)")->type_name("NAME");
     command->add_option("--limit", into.limits, "what it may use with all that it starts: pids=64, memory=256MiB or cpus=0.5; several are allowed (default: pids=256)")
         ->type_name("NAME=VALUE")->allow_extra_args(false);
-    command->add_option("--restart", to.policy, "when it ends by itself")->check(CLI::IsMember({"never", "on-failure", "always"}))->default_str("never");
-    command->add_option("--restarts", into.terms.limit, "at most so many within a minute, then it has failed (default: 5)")->check(CLI::Range(0u, 1000u))->type_name("N");
+    command->add_option("--restart", to.policy, "when it ends by itself (default: never)")->check(one_of({"never", "on-failure", "always"}))->default_str("never");
+    command->add_option("--restarts", into.terms.limit, "at most so many within a minute, 0 to 1000, then it has failed (default: 5)")->check(CLI::Range(0u, 1000u))->type_name("N");
     command->add_option("--ready-within", to.ready_within, "how long it may take (default: 10s)")->type_name("TIME");
     command->add_option("--grace", to.grace, "between SIGTERM and SIGKILL when it is stopped (default: 5s)")->type_name("TIME");
     command->add_flag("--types", into.types, "instead: tells what can be started, or all about TYPE");
@@ -64,11 +66,11 @@ void add_for_one(CLI::App& app, instance_places& to, wish& made, const std::stri
 
 void add_instance_commands(CLI::App& app, instance_places& to, wish& made) {
     add_start(app, to, made);
-    add_for_one(app, to, made, "stop", "stops what was started, with all that it started itself", stop);
-    add_for_one(app, to, made, "restart", "stops and starts it with the same arguments", restart);
-    add_for_one(app, to, made, "kill", "ends it at once; it is not started again", kill);
+    add_for_one(app, to, made, "stop", "stops a component, with all that it started itself", stop);
+    add_for_one(app, to, made, "restart", "stops and starts a component with the same arguments", restart);
+    add_for_one(app, to, made, "kill", "ends a component at once; it is not started again", kill);
 
-    auto* logs_command = app.add_subcommand("logs", "what an instance has printed");
+    auto* logs_command = app.add_subcommand("logs", "what a component has printed");
     logs_command->add_option("INSTANCE", to.logs.name, "its path: ise ps")->required();
     add_host(*logs_command, to.logs.host);
     logs_command->add_flag("--follow,-f", to.logs.follow, "go on with what it prints from now on");

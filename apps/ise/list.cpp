@@ -59,10 +59,16 @@ std::string as_json(const std::vector<naming::listed_name>& names, const role_li
 
 std::string as_table(const std::vector<naming::listed_name>& names, std::size_t width) {
     table rows({"PATH", "STATE", "HOST", "PROCESS", "LEASE AGE", "SERVICES", "ENDPOINTS"});
-    for (const auto& one : names)
-        rows.add({one.path, one.waits_for.empty() ? one.state : fmt::format("{}, waits for {}", one.state, one.waits_for), one.host_name, std::to_string(one.process_id), show_duration(one.lease_age), std::to_string(one.services_provided),
-                  fmt::format("{}", fmt::join(one.endpoints, " "))});
-    return rows.text(width);
+    std::size_t longest = 0;
+    for (const auto& one : names) {
+        auto endpoints = reachable_first(one.endpoints);
+        if (!endpoints.empty()) longest = std::max(longest, columns(endpoints.front()));
+        auto state = one.waits_for.empty() ? one.state : fmt::format("{}, waits for {}", one.state, one.waits_for);
+        rows.add({one.path, state, one.host_name, std::to_string(one.process_id), show_duration(one.lease_age), std::to_string(one.services_provided),
+                  fmt::format("{}", fmt::join(endpoints, " "))});
+    }
+    constexpr std::size_t cut_mark = 2; // " …"
+    return rows.text(width, {}, {"SERVICES", "LEASE AGE", "PROCESS", "HOST"}, longest + cut_mark);
 }
 
 // Who is found under a role is marked: the handles of others may be with another member.

@@ -18,7 +18,7 @@ constexpr const char* component_name = "path of a component, or endpoint such as
 void add_prefix(CLI::App& command, std::string& prefix) { command.add_option("PREFIX", prefix, "only this path and what is below it"); }
 
 void add_doctor(CLI::App& app, look_places& to, wish& made) {
-    auto* command = app.add_subcommand("doctor", "what is wrong with the system, and what to do about it; exit code 1 if anything is");
+    auto* command = app.add_subcommand("doctor", "what is wrong, and what to do; exit code 1 if anything is");
     command->add_option("--interval", to.interval, "between its two looks (default: 1s)")->type_name("TIME");
     command->callback([&to, &made] {
         if (!to.interval.empty()) to.doctor.interval = positive_time(to.interval, "--interval");
@@ -39,11 +39,11 @@ void add_graph(CLI::App& app, look_places& to, wish& made) {
 }
 
 void add_top(CLI::App& app, look_places& to, wish& made) {
-    auto* command = app.add_subcommand("top", "what every component does: rates, queues, drops, round trips; q or Ctrl-C ends");
+    auto* command = app.add_subcommand("top", "what every component does now; q or Ctrl-C ends");
     add_prefix(*command, to.top.prefix);
     command->add_option("--every", to.every, "time between two tables (default: 1s)")->type_name("TIME");
     auto* once = command->add_flag("--once", to.once, "one table, after that time");
-    auto* lines = command->add_option("--count,-n", to.lines, "end after so many tables")->type_name("N")->check(CLI::PositiveNumber)->excludes(once);
+    auto* lines = command->add_option("--count,-n", to.lines, "end after so many tables")->type_name("N")->check(positive_count())->excludes(once);
     command->callback([&to, &made, lines] {
         check_prefix(to.top.prefix);
         if (!to.every.empty()) to.top.every = positive_time(to.every, "--every");
@@ -68,7 +68,7 @@ void add_ping(CLI::App& app, look_places& to, wish& made) {
 }
 
 void add_bench(CLI::App& app, look_places& to, wish& made) {
-    auto* command = app.add_subcommand("bench", "calls a service as fast as it answers: calls per second, and how long they take");
+    auto* command = app.add_subcommand("bench", "calls per second of a service, and how long they take");
     command->add_option("NAME", to.bench.name, component_name)->required();
     command->add_option("SERVICE", to.bench.service, "a request-response service, which does what it is asked for each time (default: ISE's own question)");
     command->add_option("JSON", to.json, "the request; - reads it from standard input");
@@ -86,7 +86,7 @@ CLI::App* add_meter(CLI::App& app, look_places& to, hz_options& into, const std:
     auto* command = app.add_subcommand(name, what);
     add_subscription(*command, into.what, to.json);
     command->add_option("--window", to.window, "time of one line (default: 1s)")->type_name("TIME");
-    command->add_option("--count,-n", to.lines, "end after so many lines")->type_name("N")->check(CLI::PositiveNumber);
+    command->add_option("--count,-n", to.lines, "end after so many lines")->type_name("N")->check(positive_count());
     return command;
 }
 
@@ -103,7 +103,7 @@ void add_meters(CLI::App& app, look_places& to, wish& made) {
         read_meter(to, made, to.bw);
         made.talk.body = [options = to.bw](context& in) { return bw(in, options); };
     });
-    auto* delay_command = add_meter(app, to, to.delay.from, "delay", "how old the packets of a subscription are when they come");
+    auto* delay_command = add_meter(app, to, to.delay.from, "delay", "how old a subscription's packets are when they come");
     delay_command->add_option("--field", to.delay.field, "a time in the packets (default: measured_at, else received_at, else the only one)")->type_name("FIELD");
     delay_command->callback([&to, &made] {
         read_meter(to, made, to.delay.from);
@@ -132,8 +132,8 @@ void add_for_all(CLI::App& app, look_places& to, wish& made, const std::string& 
 }
 
 void add_type(CLI::App& app, look_places& to, wish& made) {
-    auto* command = app.add_subcommand("type", "type show NAME SERVICE: its packets; type diff NAME SERVICE OTHER_NAME [OTHER_SERVICE]: whether those of two fit");
-    command->add_option("ACTION", to.type.act, "show or diff")->required()->check(CLI::IsMember({"diff", "show"}));
+    auto* command = app.add_subcommand("type", "the packets of a service, or whether those of two fit");
+    command->add_option("ACTION", to.type.act, "show: the packets of a service; diff: whether those of two fit")->required()->check(one_of({"diff", "show"}));
     command->add_option("NAME", to.type.name, component_name)->required();
     command->add_option("SERVICE", to.type.service, "name of a service that it provides or needs")->required();
     command->add_option("OTHER_NAME", to.type.other_name, "of diff: the component to compare with");
@@ -157,8 +157,8 @@ void add_look_commands(CLI::App& app, look_places& to, wish& made) {
     add_bench(app, to, made);
     add_meters(app, to, made);
     add_tree(app, to, made);
-    add_for_all(app, to, made, "services", "the services of all components: who provides and who needs them", services);
-    add_for_all(app, to, made, "types", "the packet types of all components, and where they are used", types);
+    add_for_all(app, to, made, "services", "who provides and who needs which service", services);
+    add_for_all(app, to, made, "types", "the packet types, and where they are used", types);
     add_type(app, to, made);
 }
 

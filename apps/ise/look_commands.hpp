@@ -4,6 +4,7 @@
 
 namespace CLI {
 class App;
+class Validator;
 }
 
 namespace ise::cli {
@@ -33,6 +34,9 @@ void refuse_unknown_command(const CLI::App& app, int count, const char* const* a
 
 /// Of the options that all subscribing commands have.
 void add_subscription(CLI::App& command, subscribe_choice& what, std::string& json);
+/// Like CLI::IsMember and CLI::PositiveNumber, for people: "'tcsh' is none of bash, zsh, fish".
+CLI::Validator one_of(std::vector<std::string> choices);
+CLI::Validator positive_count();
 /// What stands for a request: `{}` where nothing was given, standard input for `-`.
 std::string json_given(const std::string& text);
 

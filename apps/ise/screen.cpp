@@ -1,5 +1,7 @@
 #include "screen.hpp"
 
+#include "text.hpp"
+
 #include <poll.h>
 #include <sys/ioctl.h>
 #include <termios.h>
@@ -49,7 +51,7 @@ std::size_t screen::height() const {
     return size.ws_row;
 }
 
-std::string screen::page(std::string text) const {
+std::string screen::page(std::string text, std::size_t width) const {
     if (!live_) return text;
     auto lines = height();
     std::string shown = "\x1b[H";
@@ -58,7 +60,7 @@ std::string screen::page(std::string text) const {
         auto to = text.find('\n', from);
         if (to == text.npos) to = text.size();
         if (lines > 1 && ++count >= lines) break; // the last line stays free: an end of line there would scroll
-        shown += text.substr(from, to - from) + "\x1b[K\n";
+        shown += cut(text.substr(from, to - from), width) + "\x1b[K\n";
         from = to + 1;
     }
     return shown + "\x1b[J";

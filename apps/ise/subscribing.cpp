@@ -16,9 +16,9 @@ task<dynamic_stream> open_stream(context& in, subscribe_choice choice, subscribe
     co_return std::move(*stream);
 }
 
-std::string show_loss(std::uint64_t lost) {
-    if (lost == unknown_gap) return "the provider restarted: nobody knows how many packets were lost";
-    return fmt::format("{} packet{} lost", lost, lost == 1 ? " was" : "s were");
+std::string show_loss(std::optional<std::uint64_t> lost) {
+    if (!lost) return "the provider restarted: it is unknown how many packets were lost";
+    return fmt::format("{} packet{} lost", *lost, *lost == 1 ? " was" : "s were");
 }
 
 } // namespace ise::cli

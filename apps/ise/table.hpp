@@ -1,5 +1,7 @@
 #pragma once
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace ise::cli {
@@ -11,8 +13,10 @@ public:
 
     /// As many cells as headings, which are made printable here.
     void add(std::vector<std::string> cells);
-    /// `width` 0: nothing is cut.
-    std::string text(std::size_t width = 0, const std::string& indent = {}) const;
+    /// Lines of `width` columns; 0: nothing is cut. Where less than `for_last` (default: all that it takes) is left for the last column,
+    /// others are left out: those of `less_important`, by heading, the first one first. Then the last column is cut.
+    std::string text(std::size_t width = 0, const std::string& indent = {}, const std::vector<std::string_view>& less_important = {},
+                     std::optional<std::size_t> for_last = std::nullopt) const;
 
 private:
     std::vector<std::vector<std::string>> rows_;

@@ -1,5 +1,7 @@
 #include "text.hpp"
 
+#include <ise/core/endpoint.hpp>
+
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 
@@ -23,13 +25,21 @@ std::size_t character_length(std::string_view text) {
     return length;
 }
 
+// 0: from other hosts, …
+int nearness(const std::string& text) {
+    auto at = endpoint::parse(text);
+    if (!at || !within_host(*at)) return 0;
+    return at->kind == protocol::inproc ? 3 : at->kind == protocol::local ? 2 : 1;
+}
+
 } // namespace
 
 std::string show_duration(duration length) {
     double seconds = std::chrono::duration<double>(length).count();
     double size = std::abs(seconds);
-    if (size < 1e-3) return fmt::format("{:.3g} us", seconds * 1e6);
-    if (size < 1) return fmt::format("{:.3g} ms", seconds * 1e3);
+    // The next unit from where three digits would not do: 999.6 ms is 1 s, not 1e+03 ms.
+    if (size < 0.9995e-3) return fmt::format("{:.3g} us", seconds * 1e6);
+    if (size < 0.9995) return fmt::format("{:.3g} ms", seconds * 1e3);
     if (size < 99.5) return fmt::format("{:.3g} s", seconds);
     auto minutes = std::llround(seconds / 60);
     if (minutes < 100) return fmt::format("{} min", minutes);
@@ -86,6 +96,11 @@ std::string indented(std::string_view text, std::string_view by) {
         if (letter == '\n') out += by;
     }
     return out + '\n';
+}
+
+std::vector<std::string> reachable_first(std::vector<std::string> endpoints) {
+    std::ranges::stable_sort(endpoints, {}, nearness);
+    return endpoints;
 }
 
 std::string enumerate(const std::vector<std::string>& names) {

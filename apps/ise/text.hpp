@@ -11,7 +11,7 @@
 namespace ise::cli {
 
 using deployment::parse_duration;
-/// "1.25 ms", "3.4 s", "2 h 05 m": three significant digits, for people.
+/// "1.25 ms", "3.4 s", "2 h 05 min": three significant digits, for people.
 std::string show_duration(duration length);
 /// "2026-05-01T12:00:03Z"
 std::string show_wall(wall_time at);
@@ -27,6 +27,9 @@ std::string cut(std::string_view text, std::size_t width);
 
 /// Every line, and an end of line behind the last.
 std::string indented(std::string_view text, std::string_view by);
+
+/// Those first that most can reach: from other hosts, then from this one, then from the same process.
+std::vector<std::string> reachable_first(std::vector<std::string> endpoints);
 
 using ise::nearest;
 /// "a, b and c"

@@ -14,6 +14,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <string_view>
 
 namespace ise::cli {
 namespace {
@@ -40,12 +41,12 @@ std::string as_table(const std::vector<activity>& all, std::size_t width) {
                   one.has_health ? std::to_string(one.running) : "-", one.has_health ? show_bytes(one.unsent_bytes) : "-", show_count(one.dropped_ever, one.dropped),
                   one.has_health ? show_count(one.refused_ever, one.refused) : "-", one.round_trip > duration{} ? show_duration(one.round_trip) : "-", one.path});
     }
-    return rows.text(width);
+    return rows.text(width, {}, {"SESSIONS", "UNSENT", "RUNNING", "ROUND TRIP", "IN/S", "OUT/S"});
 }
 
 // The slowest first.
 std::string connections_table(std::vector<connection_line> lines, std::size_t width, std::size_t most) {
-    if (lines.empty()) return {};
+    if (lines.empty() || most == 0) return {};
     std::ranges::stable_sort(lines, std::greater(), &connection_line::round_trip);
     table rows({"ROUND TRIP", "OVER", "SENT", "SENT BACK", "CONNECTION"});
     for (std::size_t at = 0; at < std::min(lines.size(), most); ++at) {
@@ -53,7 +54,7 @@ std::string connections_table(std::vector<connection_line> lines, std::size_t wi
         rows.add({one.round_trip > duration{} ? show_duration(one.round_trip) : "-", one.over, show_bytes(one.bytes_to_b), show_bytes(one.bytes_to_a),
                   fmt::format("{} -> {}{}", one.a, one.b.empty() ? one.address : one.b, one.stalled ? " (stalled)" : "")});
     }
-    return fmt::format("\n{}", rows.text(width));
+    return fmt::format("\n{}", rows.text(width, {}, {"SENT BACK", "SENT"}));
 }
 
 std::string as_json(const std::vector<activity>& all, const std::vector<connection_line>& lines, wall_time at) {
@@ -100,6 +101,24 @@ std::string as_json(const std::vector<activity>& all, const std::vector<connecti
     return told.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
 }
 
+std::size_t lines_of(std::string_view text) { return static_cast<std::size_t>(std::ranges::count(text, '\n')); }
+
+// All components, and of services and connections as many as there is room for in `height` lines; 0: any number.
+std::string as_page(const std::vector<activity>& seen, const std::vector<connection_line>& lines, const std::string& ending, std::size_t width, std::size_t height) {
+    auto components = as_table(seen, width);
+    std::string below;
+    for (auto most = most_rows; most > 0; --most) {
+        below = services_table(seen, width, most) + connections_table(lines, width, most);
+        if (height == 0 || lines_of(components) + lines_of(below) + lines_of(ending) < height) return components + below + ending;
+    }
+    // The last line stays free: an end of line there would scroll.
+    auto room = height > lines_of(ending) + 2 ? height - lines_of(ending) - 2 : 0;
+    if (lines_of(components) <= room + 1) return components + ending;
+    std::size_t end = 0;
+    for (std::size_t shown = 0; shown < room; ++shown) end = components.find('\n', end) + 1;
+    return fmt::format("{}{} more components: a taller terminal, or `ise top PREFIX`, shows them\n{}", components.substr(0, end), lines_of(components) - room, ending);
+}
+
 // Until then, or a key; false: it is to end.
 task<bool> wait_for(context& in, const screen& on, time_point at) {
     constexpr duration look = std::chrono::milliseconds(50);
@@ -131,8 +150,7 @@ task<> top(context& in, top_options options) {
             text = as_json(seen, connections_of(now), in.self.wall());
         } else {
             auto ending = on.live() ? "TOO SLOW: packets that slow subscribers did not take, ever and now; q ends\n" : tables + 1 == options.count ? "" : "\n";
-            text = on.page(as_table(seen, in.out.width()) + services_table(seen, in.out.width(), most_rows) + connections_table(connections_of(now), in.out.width(), most_rows) +
-                           show_age(in, now) + ending);
+            text = on.page(as_page(seen, connections_of(now), show_age(in, now) + ending, in.out.width(), on.height()), in.out.width());
         }
         co_await in.out.write(in.self, std::move(text));
         before = std::move(now);

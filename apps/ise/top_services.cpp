@@ -55,13 +55,13 @@ std::string services_table(const std::vector<activity>& all, std::size_t width, 
         for (const auto& [of, one] : rows)
             calls.add({fmt::format("{:.1f}", one->hz), show_took(one->handled_p50), show_took(one->handled_p99), show_wait(one->waited_p50), show_wait(one->waited_p99),
                        std::to_string(one->running), std::to_string(one->waiting), show_losses(*one), fmt::format("{} {}", of->path, one->name)});
-        text += fmt::format("\n{}", calls.text(width));
+        text += fmt::format("\n{}", calls.text(width, {}, {"WAIT P50", "P50", "RUNNING", "WAITING", "WAIT P99"}));
     }
     if (auto rows = busiest(all, true, most); !rows.empty()) {
         table packets({"PACKETS/S", "SUBSCRIBERS", "WAITING", "NOT SENT", "PUBLICATION"});
         for (const auto& [of, one] : rows)
             packets.add({fmt::format("{:.1f}", one->hz), std::to_string(one->subscribers), std::to_string(one->waiting), show_losses(*one), fmt::format("{} {}", of->path, one->name)});
-        text += fmt::format("\n{}", packets.text(width));
+        text += fmt::format("\n{}", packets.text(width, {}, {"WAITING", "SUBSCRIBERS"}));
     }
     return text;
 }

@@ -35,7 +35,7 @@ ise::task<> telemetry_follower::run() {
     for (;;) {
         auto packet = co_await packets.next();
         if (!packet) break;
-        if (plain_ && packet.lost_before() != ise::unknown_gap) lost_ += packet.lost_before();
+        if (plain_) lost_ += packet.lost_before().value_or(0);
         on_packet(*packet);
     }
 }

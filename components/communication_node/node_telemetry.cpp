@@ -35,8 +35,8 @@ ise::task<> communication_node::follow_telemetry(std::size_t which) {
                 if (!packet) break;
                 std::vector<telemetry_packet> together;
                 while (packet) {
-                    if (packet.lost_before() == ise::unknown_gap) ++here.health.gaps;
-                    else here.health.lost += packet.lost_before();
+                    if (auto lost = packet.lost_before()) here.health.lost += *lost;
+                    else ++here.health.gaps;
                     together.push_back(*packet);
                     if (together.size() >= batch) break;
                     packet = packets.try_next();

@@ -92,7 +92,7 @@ ise::task<> gui_client::follow_telemetry(std::string path) {
                 auto packet = co_await packets.next();
                 if (!packet) break;
                 auto lost = packet.lost_before();
-                if (lost != 0 && lost != ise::unknown_gap) state_->on_lost(path, lost);
+                if (lost.value_or(0) != 0) state_->on_lost(path, *lost);
                 state_->on_telemetry(path, *packet, clock());
                 news();
             }

@@ -2,6 +2,8 @@
 
 #include <fmt/core.h>
 
+#include <string>
+
 using namespace std::chrono_literals;
 
 struct fix {
@@ -36,7 +38,8 @@ class shore : public ise::component {
                 fmt::print("it ended: {}\n", fixes.cause().message());
                 break;
             }
-            if (before != 0) fmt::print("{:.2f} degrees north, {} lost\n", packet->latitude_deg - before, packet.lost_before());
+            auto lost = packet.lost_before(); // empty where nobody knows: the boat restarted
+            if (before != 0) fmt::print("{:.2f} degrees north, {} lost\n", packet->latitude_deg - before, lost ? std::to_string(*lost) : "unknown");
             before = packet->latitude_deg;
         }
         fmt::print("received {}\n", fixes.counts().received);

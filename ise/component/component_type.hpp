@@ -27,10 +27,14 @@ struct component_type {
         about.path = std::move(path);
     }
 
+    /// Declares a service that components of this type provide, for `ise start --types`, `--help` and the order of a deployment:
+    /// providers are started before those who require. A declaration only: the component itself calls `provide` or `publish`.
     template <class Contract>
     component_type& provides(const Contract& service) {
         return has(service, true);
     }
+    /// Declares a service of others that components of this type use; the `_` because `requires` is a keyword. A declaration only:
+    /// the component itself calls `require`, by which `ise doctor` finds that nobody provides it.
     template <class Contract>
     component_type& requires_(const Contract& service) {
         return has(service, false);
@@ -48,6 +52,7 @@ struct component_type {
     /// For component_options, once the parameters are set. Throws errc::invalid_argument where a parameter is changeable and
     /// nobody would hear of it.
     std::shared_ptr<live_parameters> live() const;
+    /// Declares an environment variable that the program reads: `ise start --env` and deployment files may set only these.
     component_type& reads(std::string variable) { return about.variables.push_back(std::move(variable)), *this; }
 
 private:
@@ -70,6 +75,7 @@ result<std::pair<std::string, std::int32_t>> parse_role(std::string_view text);
 /// A program that runs one component of the types that it has:
 ///
 ///     PROGRAM --describe                     what there is, as JSON, for instantiation servers
+///     PROGRAM run TYPE --help                parameters with defaults, services, options
 ///     PROGRAM run TYPE [--path=PATH] [--listen=ENDPOINT]... [--advertise=ENDPOINT]... [--name-server=ENDPOINT]
 ///                      [--role=ROLE=PRIORITY]... [--log-level=LEVEL] [--key=FILE] [--tls=FOLDER]
 ///                      [--demand-credentials=yes|no] [--poll=MICROSECONDS] [--PARAMETER=VALUE]...

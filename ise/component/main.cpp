@@ -61,25 +61,6 @@ bool take_common(program_words& to, const std::string& name, const std::string& 
     return true;
 }
 
-std::string usage(const std::string& program, const std::vector<component_type>& types, bool shares) {
-    auto text = fmt::format("usage: {0} run TYPE [--path=PATH] [--listen=ENDPOINT]... [--advertise=ENDPOINT]...\n"
-                            "           [--role=ROLE=PRIORITY]... [--name-server=ENDPOINT] [--log-level=LEVEL]\n"
-                            "           [--key=FILE] [--tls=FOLDER] [--demand-credentials=yes|no] [--poll=MICROSECONDS]\n"
-                            "           [--PARAMETER=VALUE]...\n"
-                            "       {0} --describe | --version | --help\n", program);
-    if (shares) text += fmt::format("       {} host --control=ENDPOINT... [--name-server=ENDPOINT] [--log-level=LEVEL]\n", program);
-    for (const auto& type : types) {
-        text += fmt::format("\n{}: {}{}\n", type.about.name, type.about.description, type.about.path.empty() ? "" : fmt::format(" (path: {})", type.about.path));
-        for (const auto& one : type.parameters.all())
-            text += fmt::format("  --{:<20} {}; {}{}\n", one.name, one.description, allowed_values(one), one.preset.empty() ? "" : fmt::format(", unless given {}", one.preset));
-    }
-    text += "\nA parameter that is not given is taken from the environment: ISE_PARAMETER_WIND_SPEED for --wind-speed.\n";
-    text += "Credentials: --key or ISE_KEY names the file of a key that both sides prove, --tls or ISE_TLS a folder with ca.pem, certificate.pem\n"
-            "and key.pem for tls://; with --demand-credentials=yes nothing is listened on beyond this host without one of both.\n"
-            "--poll or ISE_POLL_US: for how long the component's thread looks for what comes next before it sleeps, while that pays.\n";
-    return text + "Exit codes: 0 ended as asked, 1 failed, 2 wrong arguments.\n";
-}
-
 int run(component_type& type, program_words where, const std::string& program) {
     real_environment world;
     where.node.name = program;
@@ -103,16 +84,20 @@ int obey(std::vector<std::string> words, std::vector<component_type>& types, con
     std::string first = words.empty() ? "" : words.front();
     if (first == "--describe") return fmt::print("{}\n", describe_types(program, version, types, again != nullptr)), 0;
     if (first == "--version") return fmt::print("{} {}\n", program, version), 0;
-    if (first == "--help" || first == "-h") return fmt::print("{}", usage(program, types, again != nullptr)), 0;
+    if (first == "--help" || first == "-h") return fmt::print("{}", detail::help_of(program, types, again != nullptr)), 0;
     if (first == "host") {
         if (!again) throw wrong("components of this program cannot share a process: each runs in one of its own");
         words.erase(words.begin());
-        return detail::run_process_host(again, detail::read_words(words, nullptr), program);
+        auto where = detail::read_words(words, nullptr);
+        if (where.help) return fmt::print("{}", detail::help_of(program, types, true)), 0;
+        return detail::run_process_host(again, std::move(where), program);
     }
-    if (first != "run" || words.size() < 2) throw wrong("say `run TYPE`, or --help");
+    if (first != "run" || words.size() < 2) throw wrong(fmt::format("say `{} run TYPE`; `{} --help` lists the types", program, program));
+    if (words[1] == "--help" || words[1] == "-h") return fmt::print("{}", detail::help_of(program, types, again != nullptr)), 0;
     auto& type = detail::type_among(types, words[1]);
     words.erase(words.begin(), words.begin() + 2);
     auto where = detail::read_words(words, &type);
+    if (where.help) return fmt::print("{}", detail::help_of(program, type)), 0;
     if (where.path.empty()) where.path = type.about.path;
     return run(type, std::move(where), program);
 }
@@ -149,6 +134,10 @@ program_words read_words(const std::vector<std::string>& words, component_type* 
     program_words where;
     for (std::size_t at = 0; at < words.size(); ++at) {
         std::string word = words[at], value;
+        if (word == "--help" || word == "-h") {
+            where.help = true;
+            continue;
+        }
         auto equals = word.find('=');
         if (!word.starts_with("--")) throw wrong(fmt::format("'{}' is no option: options are written --name=value", word));
         if (equals != std::string::npos) value = word.substr(equals + 1);

@@ -19,6 +19,7 @@ struct program_words {
     component_options component;
     node_options node;
     std::vector<endpoint> control; ///< of a host
+    bool help = false; ///< asked for, in place of a run
 };
 
 /// The type of that name; `wrong_words` names those that there are.
@@ -26,6 +27,11 @@ component_type& type_among(std::vector<component_type>& types, const std::string
 
 /// Reads options, `--name=value` or `--name value`; parameters go to `type`, where there is one. `wrong_words` says what is wrong.
 program_words read_words(const std::vector<std::string>& words, component_type* type);
+
+/// What `run TYPE --help` prints.
+std::string help_of(const std::string& program, const component_type& type);
+/// What `--help` prints.
+std::string help_of(const std::string& program, const std::vector<component_type>& types, bool shares);
 
 /// Completes what was read by the environment's parameters: ISE_PARAMETER_WIND_SPEED. `wrong_words` says what is wrong.
 void take_parameters(component_type& type, component_options& into, environment& world);

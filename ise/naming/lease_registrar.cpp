@@ -233,7 +233,7 @@ void lease_registrar::take(naming::grant answer) {
     if (answer.what == verdict::granted && !answer.reason.empty())
         host_.log().warning("the name server has an objection", {{"component", answer.path}, {"cause", answer.reason}});
     if (answer.what == verdict::wait && !waited && !name.enrolling)
-        host_.log().warning("the name server has no room now for what this component tells, trying on", {{"component", answer.path}, {"cause", answer.reason}});
+        host_.log().warning("the name server does not register this component yet, trying on", {{"component", answer.path}, {"cause", answer.reason}});
     // What the server knows nothing of under this lease may go to another meanwhile.
     auto valid = name.told == 0 ? 0 : name.epoch;
     if (std::exchange(name.shown, valid) == valid) return;

@@ -33,6 +33,13 @@ void call_worker::begin(incoming_call call, time_point began) {
     wake_.resume(true);
 }
 
+// A call that leads back to the handler that made it can only be among those that came while it ran.
+void call_worker::note_waiting(const session& from) {
+    if (!busy_ || !context_.waiting.empty()) return;
+    waiting_ = from.peer_name();
+    context_.waiting = waiting_;
+}
+
 // Those that came with it in the same turn may have taken long.
 bool call_worker::may_begin() {
     if (wanted_ && !service_.refuse_late(*call_.from, call_)) return true;
@@ -52,7 +59,10 @@ bool call_worker::finish() {
 // The caller has been told, and so is the handler; its own outcome comes too late.
 void call_worker::expire() {
     if (!std::exchange(wanted_, false)) return;
-    call_service::refuse(*call_.from, call_, failure(errc::timed_out, fmt::format("'{}' did not finish before its deadline", service_.name()), execution::unknown));
+    auto cycle = suspected_cycle(context_);
+    auto text = fmt::format("'{}' did not finish before its deadline{}", service_.name(), cycle);
+    if (!cycle.empty()) host_.tell(peer_trouble::handler, text, call_.from->peer_name());
+    call_service::refuse(*call_.from, call_, failure(errc::timed_out, std::move(text), execution::unknown));
     give_up();
 }
 
@@ -107,6 +117,7 @@ void call_service::serve(session& from, incoming_call call, incoming_packet requ
     }
     // A new worker takes the request from the queue as soon as its coroutine has come up.
     bool more_workers = workers_.size() < options_.concurrent && may_begin(from);
+    if (options_.concurrent == 1 && !workers_.empty()) workers_.front()->note_waiting(from);
     waiting_->push(waiting_call{std::move(call), request.keep(), measured ? began : host_.env().now()});
     while (auto beyond = waiting_->overflow(options_.waiting, options_.waiting_bytes))
         refuse_overloaded(*beyond->call.from, beyond->call, failure(errc::overloaded, fmt::format("'{}' has {} requests of {} bytes waiting (waiting, waiting_bytes)", name_, waiting_->size(), waiting_->bytes_held())));

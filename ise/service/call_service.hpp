@@ -46,6 +46,7 @@ protected:
 
 private:
     void begin(incoming_call call, time_point began);
+    void note_waiting(const session& from);
     bool finish();
     void expire();
 
@@ -58,6 +59,7 @@ private:
     bool wanted_ = false; // somebody waits for the answer
     time_point began_ = time_point::max(); // max: it is not measured
     call_context context_;
+    std::string waiting_; // context_ borrows it
     bool busy_ = false;
 };
 

@@ -5,6 +5,8 @@
 
 #include <asio/io_context.hpp>
 
+#include <fmt/format.h>
+
 #include <utility>
 
 namespace ise {
@@ -62,6 +64,12 @@ const call_context* context_of(const asio::any_io_executor& on) noexcept {
     if (auto* known = executor_cast<plain>(on)) return known->context();
     if (auto* known = executor_cast<general>(on)) return known->context();
     return nullptr;
+}
+
+std::string suspected_cycle(const call_context& context) {
+    if (context.waiting.empty()) return {};
+    return fmt::format("; '{}' runs one request at a time (provide_exclusive), and one from {} came meanwhile and waits for it: if its handler waits for that caller, this is a cycle",
+                       context.service, context.waiting);
 }
 
 } // namespace ise

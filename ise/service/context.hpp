@@ -4,6 +4,7 @@
 #include <asio/any_io_executor.hpp>
 
 #include <cstdint>
+#include <string>
 #include <string_view>
 
 namespace ise {
@@ -21,7 +22,11 @@ struct call_context {
     std::string_view caller; ///< the caller's path, or its address if it has none
     time_point deadline = time_point::max(); ///< when nobody waits any more, on the loop's clock
     trace_id trace; ///< what it belongs to
+    std::string_view waiting; ///< of an exclusive service: the first caller whose request came while this one ran, and waits. Else empty
 };
+
+/// What a call that ran out of time inside `context` has to add: that it may have waited for its own handler. Empty where it did not.
+std::string suspected_cycle(const call_context& context);
 
 /// `on`, carrying `context`, which outlives every coroutine on it.
 asio::any_io_executor with_context(const asio::any_io_executor& on, const call_context* context);

@@ -6,6 +6,9 @@
 
 #include <fmt/format.h>
 
+#include <string>
+#include <utility>
+
 namespace ise {
 namespace {
 
@@ -73,12 +76,20 @@ void call_desk::end(pending_call& call, const call_outcome& outcome) {
     if (!std::exchange(call.cancelling, false) && call.slot.is_connected()) call.slot.emplace<nothing_to_cancel>();
     call.slot = {};
     auto done = std::move(call.done);
+    auto* made_in = std::exchange(call.made_in, nullptr);
     auto owner = std::move(call.owner); // lives until the completion has run
     call.sent_on = nullptr;
     call.waiting.clear();
     if (call.waiting.raw.capacity() > kept_capacity) call.waiting.raw = buffer();
     call.number = call.sent_to = 0;
     free_.push_back(&call);
+    if (auto cycle = made_in && outcome.why && outcome.why->code() == errc::timed_out ? suspected_cycle(*made_in) : std::string(); !cycle.empty()) {
+        failure why(errc::timed_out, outcome.why->message() + cycle, outcome.why->executed());
+        call_outcome told;
+        told.why = &why;
+        on_.later(done(told));
+        return;
+    }
     on_.later(done(outcome));
 }
 

@@ -36,6 +36,7 @@ struct pending_call final : suspended {
     const packet_types* types = nullptr;
     time_point deadline;
     trace_id trace;
+    const call_context* made_in = nullptr; ///< the handler that waits for it
     call_completion done;
     timer alarm;
     asio::cancellation_slot slot;

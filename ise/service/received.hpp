@@ -3,9 +3,17 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <utility>
 
 namespace ise {
+
+namespace detail {
+
+// The length of a gap that nobody knows: the provider restarted, or did not know the subscriber any more.
+inline constexpr std::uint64_t unknown_gap = ~std::uint64_t{0};
+
+} // namespace detail
 
 /// A published packet as a subscriber holds it: points to a const packet, shared, never copied; may be kept for any time
 /// and on any thread. Where the publisher is in the same process it is the very packet that was published there. Empty once the subscription has ended.
@@ -35,8 +43,11 @@ public:
         return *held;
     }
 
-    /// Packets that were published since the one before and did not arrive; `unknown_gap` after a restart.
-    std::uint64_t lost_before() const noexcept { return lost_before_; }
+    /// The number of packets that were published since the one before and did not arrive. Empty where nobody knows it: the provider restarted.
+    std::optional<std::uint64_t> lost_before() const noexcept {
+        if (lost_before_ == detail::unknown_gap) return std::nullopt;
+        return lost_before_;
+    }
 
 private:
     counted<Packet> packet_;

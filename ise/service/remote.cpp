@@ -42,9 +42,10 @@ void start(Link&& to, service_key service, duration deadline, const asio::any_io
     call.types = service.types;
     call.deadline = saturating_add(host.on().now(), deadline > duration{} ? deadline : host.options().default_deadline);
     call.trace = {};
-    if (const auto* context = context_of(waiting ? waiting : host.on().get_executor())) {
-        call.deadline = std::min(call.deadline, context->deadline);
-        call.trace = context->trace;
+    call.made_in = context_of(waiting ? waiting : host.on().get_executor());
+    if (call.made_in) {
+        call.deadline = std::min(call.deadline, call.made_in->deadline);
+        call.trace = call.made_in->trace;
     }
     host.calls().watch(call, slot);
     call.done = std::move(done);

@@ -8,6 +8,8 @@
 
 namespace ise {
 
+using detail::gap_of;
+
 subscribe_options subscribe_options::latest() {
     subscribe_options made;
     made.policy = overflow::keep_latest;
@@ -181,7 +183,7 @@ void subscriber_core::establish(const wire::subscribed& answer) {
     } else {
         if (again) {
             ++counts_.restarts;
-            lost_before_ = unknown_gap;
+            lost_before_ = detail::unknown_gap;
         }
         if (again && options_.policy == overflow::lossless) { // by a provider that does not know better
             end_here(failure(errc::peer_lost, fmt::format("an unknown number of packets of '{}' from {} were lost", service_, link_->name())));

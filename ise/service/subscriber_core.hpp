@@ -4,6 +4,7 @@
 #include <ise/packet/adapt.hpp>
 #include <ise/service/contract.hpp>
 #include <ise/service/packet_queue.hpp>
+#include <ise/service/received.hpp>
 #include <ise/wire/messages.hpp>
 
 #include <memory>
@@ -38,13 +39,14 @@ struct subscribe_options {
     static subscribe_options lossless(std::uint32_t depth);
 };
 
-/// The length of a gap that nobody can tell: the provider restarted, or did not know us any more.
-inline constexpr std::uint64_t unknown_gap = ~std::uint64_t{0};
+namespace detail {
 
-/// Two gaps, one behind the other.
+// Two gaps, one behind the other.
 constexpr std::uint64_t gap_of(std::uint64_t first, std::uint64_t then) noexcept {
     return first == unknown_gap || then == unknown_gap ? unknown_gap : first + then;
 }
+
+} // namespace detail
 
 /// What became of the packets of a subscription; every drop has its reason.
 struct subscription_counts {

@@ -77,7 +77,7 @@ ise::task<> count_pictures(ise::remote from, std::shared_ptr<std::uint64_t> told
     for (;;) {
         auto packet = co_await stream.next();
         if (!packet) co_return;
-        *told += 1 + packet.lost_before();
+        *told += 1 + packet.lost_before().value();
     }
 }
 

@@ -2,6 +2,7 @@
 #include "pair.hpp"
 
 #include <map>
+#include <optional>
 #include <set>
 
 /// What the two say to each other.
@@ -26,7 +27,7 @@ inline fix numbered(double number) { return fix{number, 0, 0}; }
 /// What a subscriber got.
 struct reading {
     std::vector<double> packets;
-    std::vector<std::uint64_t> gaps; ///< lost before each
+    std::vector<std::optional<std::uint64_t>> gaps; ///< lost before each
     std::optional<ise::stream_of<ise::subscription<fix>>> stream;
     bool subscribed = false;
 

@@ -2,7 +2,6 @@
 
 namespace seeds {
 
-using ise::unknown_gap;
 
 std::uint64_t press::opened(const std::string& by) {
     auto life = ++last_;
@@ -36,7 +35,7 @@ void reading::committed() {
     journal_.tally("subscriptions");
 }
 
-void reading::packet(const beat& got, std::uint64_t lost_before, const ise::subscription_counts& counts) {
+void reading::packet(const beat& got, std::optional<std::uint64_t> lost_before, const ise::subscription_counts& counts) {
     auto number = got.number;
     if (number_ != 0 && planted_.strikes(bug::packet_lost)) return;
     if (number_ != 0 && planted_.strikes(bug::packets_swapped)) {
@@ -45,7 +44,7 @@ void reading::packet(const beat& got, std::uint64_t lost_before, const ise::subs
     }
     if (lost_before != 0 && planted_.strikes_once(bug::gap_forgotten)) lost_before = 0;
     journal_.note("{} has packet {} of life {} from {}, {} lost before", who_, number, got.life, provider_,
-                  lost_before == unknown_gap ? "unknown" : std::to_string(lost_before));
+                  lost_before ? std::to_string(*lost_before) : "unknown");
     journal_.tally("packets received");
     if (sum_of(got.content) != got.check) journal_.broken("{}: packet {} of life {} has other content", who_, number, got.life);
     if (!press_.knows(got.life) || number > press_.at(got.life).began)
@@ -56,16 +55,16 @@ void reading::packet(const beat& got, std::uint64_t lost_before, const ise::subs
 
     if (life_ == 0) {
         check_first(got.life, number, lost_before, counts);
-    } else if (got.life == life_ && lost_before != unknown_gap) {
-        check_next(number, lost_before, counts);
+    } else if (got.life == life_ && lost_before) {
+        check_next(number, *lost_before, counts);
     } else {
         note_life(got.life, lost_before);
     }
-    if (lost_before == unknown_gap) {
+    if (!lost_before) {
         ++unknown_gaps_;
         journal_.tally("gaps of unknown length");
-    } else if (lost_before > 0) {
-        all_lost_ += lost_before;
+    } else if (*lost_before > 0) {
+        all_lost_ += *lost_before;
         journal_.tally("gaps that were counted");
     }
     if (unknown_gaps_ > counts.restarts) journal_.broken("{}: {} gaps of unknown length, and {} restarts are counted", who_, unknown_gaps_, counts.restarts);
@@ -90,15 +89,15 @@ void reading::packet(const beat& got, std::uint64_t lost_before, const ise::subs
     }
 }
 
-void reading::check_first(std::uint64_t life, std::uint64_t number, std::uint64_t lost_before, const ise::subscription_counts& counts) {
-    if (lost_before == unknown_gap) {
+void reading::check_first(std::uint64_t life, std::uint64_t number, std::optional<std::uint64_t> lost_before, const ise::subscription_counts& counts) {
+    if (!lost_before) {
         if (counts.restarts == 0) journal_.broken("{}: its first packet tells of an unknown gap, and nothing was restarted", who_);
         first_ = number;
         return;
     }
-    if (lost_before >= number) return journal_.broken("{}: {} packets were lost before packet {}", who_, lost_before, number);
-    first_ = number - lost_before;
-    lost_ = lost_before;
+    if (*lost_before >= number) return journal_.broken("{}: {} packets were lost before packet {}", who_, *lost_before, number);
+    first_ = number - *lost_before;
+    lost_ = *lost_before;
     if (life == life_at_begin_ && !limited() && counts.restarts == 0) {
         auto least = published_at_begin_ + (terms_.last_value ? 0 : 1);
         if (first_ < least) journal_.broken("{}: begins with packet {}, which is older than packet {} when it subscribed", who_, first_, least);
@@ -116,9 +115,9 @@ void reading::check_next(std::uint64_t number, std::uint64_t lost_before, const 
 }
 
 // Another life of the publication, or the same one that did not know the subscriber any more.
-void reading::note_life(std::uint64_t life, std::uint64_t lost_before) {
-    if (lost_before != unknown_gap)
-        journal_.broken("{}: life {} follows on life {}, and the gap says {} packets", who_, life, life_, lost_before);
+void reading::note_life(std::uint64_t life, std::optional<std::uint64_t> lost_before) {
+    if (lost_before)
+        journal_.broken("{}: life {} follows on life {}, and the gap says {} packets", who_, life, life_, *lost_before);
     if (!rivalled_.contains(provider_) && life < life_) journal_.broken("{}: life {} of {} follows on life {}: time goes backwards", who_, life, provider_, life_);
     bool kept = terms_.policy == ise::overflow::keep_last || terms_.policy == ise::overflow::keep_latest;
     auto since = world_.now() - press_.at(life_).at[number_ - 1]; // the subscriber was known when that was published

@@ -6,6 +6,7 @@
 #include <ise/service/subscriber_core.hpp>
 
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -53,7 +54,7 @@ public:
 
     /// `subscribe` has completed.
     void committed();
-    void packet(const beat& got, std::uint64_t lost_before, const ise::subscription_counts& counts);
+    void packet(const beat& got, std::optional<std::uint64_t> lost_before, const ise::subscription_counts& counts);
     void ended(const ise::failure& why, const ise::subscription_counts& counts);
     /// Nothing is published any more, and everything has had time to arrive: it has, or it was counted.
     void finish(const ise::subscription_counts& counts, bool queue_empty);
@@ -61,9 +62,9 @@ public:
     std::uint64_t life() const noexcept { return life_; }
 
 private:
-    void check_first(std::uint64_t life, std::uint64_t number, std::uint64_t lost_before, const ise::subscription_counts& counts);
+    void check_first(std::uint64_t life, std::uint64_t number, std::optional<std::uint64_t> lost_before, const ise::subscription_counts& counts);
     void check_next(std::uint64_t number, std::uint64_t lost_before, const ise::subscription_counts& counts);
-    void note_life(std::uint64_t life, std::uint64_t lost_before);
+    void note_life(std::uint64_t life, std::optional<std::uint64_t> lost_before);
     bool limited() const noexcept { return terms_.min_interval > ise::duration{}; }
 
     journal& journal_;

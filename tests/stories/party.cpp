@@ -11,6 +11,7 @@
 #include <cstdlib>
 #include <fcntl.h>
 #include <map>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <thread>
@@ -207,11 +208,12 @@ private:
                 if (slow_ms > 0) co_await sleep(std::chrono::milliseconds(slow_ms));
             }
             const auto& counts = packets.counts();
-            auto lost = counts.restarts > 0 ? ise::unknown_gap : counts.lost_at_provider + counts.lost_here;
+            std::optional<std::uint64_t> lost;
+            if (counts.restarts == 0) lost = counts.lost_at_provider + counts.lost_here;
             log_("ended {} {} {}", ise::name_of(packets.cause().code()), gap(lost), one_word(packets.cause().message()));
         }
     }
-    static std::string gap(std::uint64_t lost) { return lost == ise::unknown_gap ? "unknown" : std::to_string(lost); }
+    static std::string gap(std::optional<std::uint64_t> lost) { return lost ? std::to_string(*lost) : "unknown"; }
 
     const journal& log_;
     const settings& set_;

@@ -199,7 +199,7 @@ private:
         co_await there_.call(publish_pictures, wanted, 1min);
         for (std::uint64_t seen = 0; seen < 5;) {
             auto packet = co_await images.next();
-            seen += 1 + packet.lost_before();
+            seen += 1 + packet.lost_before().value();
         }
         co_await ask_for("hold");
         request.content.resize(32u << 20);
@@ -222,7 +222,7 @@ private:
         co_await there_.call(publish_pictures, wanted, 1min);
         for (std::uint64_t seen = 0; seen < 5;) {
             auto packet = co_await images.next();
-            seen += 1 + packet.lost_before();
+            seen += 1 + packet.lost_before().value();
             if (seen == 5) say(fmt::format("picture {}", packet->content.size()));
         }
     }
@@ -308,7 +308,7 @@ private:
         for (std::uint64_t seen = 0; seen < count;) {
             auto packet = co_await stream.next();
             if (!packet) break;
-            seen += 1 + packet.lost_before();
+            seen += 1 + packet.lost_before().value();
         }
     }
     // Lets whoever started this program do something, and waits for its line.

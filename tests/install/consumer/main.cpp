@@ -44,7 +44,7 @@ ise::task<> ask_and_listen(ise::component& self, ise::endpoint where, unsigned& 
     for (int count = 0; count < 20; ++count) {
         auto packet = co_await fixes.next();
         if (!packet) co_return;
-        if (count > 0) lost += packet->number - last - 1 - static_cast<std::uint32_t>(packet.lost_before());
+        if (count > 0) lost += packet->number - last - 1 - static_cast<std::uint32_t>(packet.lost_before().value());
         last = packet->number;
     }
     good += !refused.accepted && refused.reason == "boats sail" && short_form.accepted && lost == 0;

@@ -40,7 +40,7 @@ gprs_sea::watched_link& gprs_sea::watch_gprs() {
         for (;;) {
             auto packet = co_await packets.next();
             if (!packet) break;
-            if (packet.lost_before() != ise::unknown_gap) into.lost += packet.lost_before();
+            into.lost += packet.lost_before().value_or(0);
             if (into.known.first_time(packet->boot, packet->sequence, packet->raw)) into.telemetry.push_back(*packet);
             else ++into.again;
         }

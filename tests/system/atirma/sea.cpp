@@ -84,8 +84,8 @@ sea::watched& sea::watch() {
             auto packet = co_await packets.next();
             if (!packet) break;
             into.telemetry.push_back(*packet);
-            if (packet.lost_before() == ise::unknown_gap) ++into.unknown_gaps;
-            else into.lost += packet.lost_before();
+            if (auto lost = packet.lost_before()) into.lost += *lost;
+            else ++into.unknown_gaps;
         }
     });
     return into;

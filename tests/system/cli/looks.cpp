@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <csignal>
+#include <sstream>
 #include <thread>
 #include <test_folders.hpp>
 
@@ -157,6 +158,38 @@ TEST_CASE("top shows rates between two looks") {
         CHECK(shown.exit_code == 0);
         CHECK_THAT(shown.out, Contains("\x1b[?1049h") && Contains("\x1b[?1049l"));
     }
+}
+
+TEST_CASE("top and list fit on a terminal of 80 columns and 24 lines, however much there is") {
+    port in;
+    start(in, "sea/console", watch_boat);
+    for (int number = 0; number < 30; ++number) in.boats->start("atirma/a/component/of/many/number" + std::to_string(number), [](ise::component& self) -> ise::task<> { co_await self.sleep(1h); });
+    auto shown = [&](const std::string& command) {
+        auto line = "stty cols 80 rows 24; " ISE_BINARY_DIR "/bin/ise --timeout 120s --name-server " + in.at.text() + " " + command;
+        auto ran = run_program({"/usr/bin/script", "-qec", line, "/dev/null"});
+        CHECK(ran.exit_code == 0);
+        std::vector<std::string> lines;
+        std::istringstream text(ran.out.substr(0, ran.out.find("\x1b[J")));
+        for (std::string one; std::getline(text, one);) {
+            if (one.ends_with('\r')) one.pop_back();
+            if (auto escape = one.rfind("\x1b[H"); escape != one.npos) one.erase(0, escape + 3);
+            if (auto escape = one.find("\x1b[K"); escape != one.npos) one.erase(escape);
+            INFO(one);
+            CHECK(std::ranges::count_if(one, [](char byte) { return (static_cast<unsigned char>(byte) & 0xC0) != 0x80; }) <= 80);
+            lines.push_back(one);
+        }
+        return lines;
+    };
+    auto many = shown("top --every 20ms -n 1");
+    CHECK(many.size() == 23);
+    CHECK_THAT(many.front(), Catch::StartsWith("STATE") && Contains("PATH"));
+    CHECK_THAT(many.at(20), Contains(" more components"));
+    CHECK_THAT(many.at(22), Contains("q ends"));
+    auto few = shown("top --every 20ms -n 1 sea");
+    CHECK(few.size() <= 23);
+    CHECK_THAT(few.at(1), Contains("sea/console"));
+    CHECK_THAT(few.back(), Contains("q ends"));
+    for (const auto& line : shown("list atirma/boat")) CHECK_THAT(line, Contains("tcp://127.0.0.1:") || Contains("ENDPOINTS") || Contains("TAKEN") || Catch::Equals(""));
 }
 
 TEST_CASE("ping, bw and delay measure") {

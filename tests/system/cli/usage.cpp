@@ -3,8 +3,20 @@
 #include <support/program.hpp>
 #include <test_folders.hpp>
 
+#include <algorithm>
+#include <cctype>
+#include <sstream>
+
 using ise_test::run_program;
 using ise_test::start_options;
+
+namespace {
+
+std::size_t columns(const std::string& of) {
+    return static_cast<std::size_t>(std::ranges::count_if(of, [](char byte) { return (static_cast<unsigned char>(byte) & 0xC0) != 0x80; }));
+}
+
+} // namespace
 
 TEST_CASE("wrong command lines end with 2, say why and print no answer") {
     auto arguments = GENERATE(std::vector<std::string>{"ise"},
@@ -46,6 +58,21 @@ TEST_CASE("a command that there is not is answered with the one that was meant")
     CHECK_THAT(run_program({"ise", "photosynthesis"}).err, Catch::Contains("no command 'photosynthesis'") && Catch::Contains("ise --help"));
 }
 
+TEST_CASE("a wrong command line is answered with what is wrong and how the command is used") {
+    auto said = [](std::vector<std::string> words) {
+        words.insert(words.begin(), "ise");
+        auto ran = run_program(words);
+        CHECK(ran.exit_code == 2);
+        return ran.err;
+    };
+    CHECK_THAT(said({}), Catch::StartsWith("ise: a command is missing\n") && Catch::Contains("ise --help"));
+    CHECK_THAT(said({"list", "--tmeout", "3s"}), Catch::StartsWith("ise: 'ise list' has no option '--tmeout', did you mean '--timeout'?\n") && Catch::Contains("usage: ise list [OPTIONS] [PREFIX]"));
+    CHECK_THAT(said({"list", "x", "y"}), Catch::StartsWith("ise: 'y' is one argument too many\n"));
+    CHECK_THAT(said({"call", "atirma/boat"}), Catch::StartsWith("ise: SERVICE is required\n") && Catch::Contains("usage: ise call [OPTIONS] NAME SERVICE [JSON]\n"));
+    CHECK_THAT(said({"echo", "a", "b", "--count", "many"}), Catch::Contains("--count: 'many' is no whole number from 1 on\n"));
+    CHECK_THAT(said({"param", "frob", "a"}), Catch::Contains("'frob' is none of get, list, set"));
+}
+
 TEST_CASE("a shell that there is no completion for is answered with those that there are") {
     CHECK_THAT(run_program({"ise", "completion", "tcsh"}).err, Catch::StartsWith("ise: SHELL: 'tcsh' is none of bash, zsh, fish"));
 }
@@ -83,6 +110,34 @@ TEST_CASE("help and version are answers") {
     CHECK(version.exit_code == 0);
     CHECK(version.out.starts_with("ise "));
     CHECK(run_program({"ise", "--version"}).out == version.out);
+}
+
+TEST_CASE("commands are grouped, and the help of each has examples and the options of every command, in 80 columns") {
+    auto all = run_program({"ise", "--help"});
+    for (const char* group : {"See what there is:", "Talk to a component:", "Measure and find faults:", "Start and stop components:", "Whole systems, from a deployment file:"})
+        CHECK_THAT(all.out, Catch::Contains(group));
+    CHECK_THAT(all.out, !Catch::Contains("Subcommands"));
+    std::vector<std::string> commands;
+    std::istringstream lines(all.out);
+    for (std::string line; std::getline(lines, line);) {
+        INFO(line);
+        CHECK(columns(line) <= 80);
+        if (line.starts_with("Exit codes:")) break;
+        if (line.starts_with("  ") && std::islower(static_cast<unsigned char>(line[2]))) commands.push_back(line.substr(2, line.find(' ', 2) - 2));
+    }
+    CHECK(commands.size() >= 28);
+    for (const auto& command : commands) {
+        auto help = run_program({"ise", command, "--help"});
+        INFO(help.out << help.err);
+        CHECK(help.exit_code == 0);
+        CHECK_THAT(help.out, Catch::Contains("Examples:\n  ") && Catch::Contains("ise " + command) && Catch::Contains("Options of every command:") && Catch::Contains("--name-server ENDPOINT") &&
+                                 Catch::Contains("--json") && Catch::Contains("Exit codes: ise --help"));
+        std::istringstream text(help.out);
+        for (std::string line; std::getline(text, line);) {
+            INFO(line);
+            CHECK(columns(line) <= 80);
+        }
+    }
 }
 
 TEST_CASE("where no name server runs the command says how to start one") {

@@ -71,8 +71,8 @@ private:
             auto packet = co_await packets.next();
             if (!packet) co_return;
             ++self.heard;
-            if (packet.lost_before() == ise::unknown_gap) ++self.restarts;
-            else self.lost += packet.lost_before();
+            if (auto lost = packet.lost_before()) self.lost += *lost;
+            else ++self.restarts;
         }
     }
 };

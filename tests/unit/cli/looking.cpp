@@ -4,6 +4,8 @@
 #include <apps/ise/rates.hpp>
 #include <apps/ise/service_activity.hpp>
 #include <apps/ise/spread.hpp>
+#include <apps/ise/table.hpp>
+#include <apps/ise/text.hpp>
 
 #include <support/catch.hpp>
 
@@ -302,6 +304,39 @@ TEST_CASE("the median is between the two in the middle") {
     CHECK(of.longest() == 5ms);
     of.add(100ms);
     CHECK(of.median() == 4ms);
+}
+
+TEST_CASE("a length of time has three digits, and its unit is the next one from where these would not do") {
+    CHECK(show_duration(1250us) == "1.25 ms");
+    CHECK(show_duration(999'400ns) == "999 us");
+    CHECK(show_duration(999'600ns) == "1 ms");
+    CHECK(show_duration(999'400us) == "999 ms");
+    CHECK(show_duration(999'600us) == "1 s");
+    CHECK(show_duration(-999'900us) == "-1 s");
+    CHECK(show_duration(1s) == "1 s");
+    CHECK(show_duration(3400ms) == "3.4 s");
+    CHECK(show_duration(99'400ms) == "99.4 s");
+    CHECK(show_duration(7500s) == "2 h 05 min");
+}
+
+TEST_CASE("of the endpoints of a component those come first that most can reach") {
+    CHECK(reachable_first({"inproc://a", "local://@b", "tcp://127.0.0.1:1", "tcp://192.168.1.7:2", "tls://[::1]:3"}) ==
+          list{"tcp://192.168.1.7:2", "tcp://127.0.0.1:1", "tls://[::1]:3", "local://@b", "inproc://a"});
+    CHECK(reachable_first({"local://@b", "what a newer component says"}) == list{"what a newer component says", "local://@b"});
+}
+
+TEST_CASE("a table that is too wide loses the columns that matter least, then the end of the last one") {
+    table rows({"PATH", "STATE", "HOST", "ENDPOINT"});
+    rows.add({"atirma/boat", "ready", "gando", "tcp://127.0.0.1:7411"});
+    auto line = [&](std::size_t width) {
+        auto text = rows.text(width, {}, {"HOST", "STATE"});
+        return text.substr(text.find('\n') + 1);
+    };
+    CHECK(line(0) == "atirma/boat  ready  gando  tcp://127.0.0.1:7411\n");
+    CHECK(line(47) == "atirma/boat  ready  gando  tcp://127.0.0.1:7411\n");
+    CHECK(line(46) == "atirma/boat  ready  tcp://127.0.0.1:7411\n");
+    CHECK(line(39) == "atirma/boat  tcp://127.0.0.1:7411\n");
+    CHECK(line(30) == "atirma/boat  tcp://127.0.0.1:…\n");
 }
 
 } // namespace looking_test

@@ -9,7 +9,9 @@
 #include <asio/io_context.hpp>
 #include <fmt/format.h>
 
+#include <atomic>
 #include <future>
+#include <memory>
 #include <thread>
 
 namespace executors_test {
@@ -317,11 +319,18 @@ TEST_CASE("a path that is none is refused with what one looks like") {
     CHECK(here.node.components().empty());
 }
 
-TEST_CASE("a node is destroyed while calls are pending between its components") {
-    harbour here;
+TEST_CASE("a node is destroyed while calls are pending between its components: both ends of them are cancelled first") {
+    struct at_end {
+        explicit at_end(std::atomic<bool>& of) : flag(of) {}
+        ~at_end() { flag = true; }
+        std::atomic<bool>& flag;
+    };
+    std::atomic<bool> handler_ended = false, caller_ended = false;
     std::promise<void> provided, serving;
-    auto& provider = here.node.start("provider", [&](component& self) -> task<> {
+    auto here = std::make_unique<harbour>();
+    auto& provider = here->node.start("provider", [&](component& self) -> task<> {
         self.provide(echo, [&](question) -> task<reply> {
+            at_end mark(handler_ended);
             serving.set_value();
             co_await self.sleep(1h);
             co_return reply{};
@@ -329,12 +338,16 @@ TEST_CASE("a node is destroyed while calls are pending between its components") 
         provided.set_value();
         co_await self.sleep(1h);
     });
-    auto where = here.at(provider);
+    auto where = here->at(provider);
     provided.get_future().get(); // sooner, there is no such service
-    here.node.start("asker", [where](component& self) -> task<> {
+    here->node.start("asker", [where, &caller_ended](component& self) -> task<> {
+        at_end mark(caller_ended);
         auto answer = co_await ask(self, where);
     });
     serving.get_future().get();
+    CHECK_FALSE((handler_ended || caller_ended));
+    here.reset();
+    CHECK((handler_ended && caller_ended));
 }
 
 TEST_CASE("components start and stop from many threads at once") {

@@ -71,7 +71,7 @@ TEST_CASE("a component calls and subscribes to another over each transport") {
         auto fixes = co_await boat.subscribe(position);
         auto first = co_await fixes.next();
         auto second = co_await fixes.next();
-        heard.set_value(fmt::format("{} {} {:.2f} {:.2f} {}", reply.accepted, no.accepted, first->latitude_deg, second->longitude_deg, second.lost_before()));
+        heard.set_value(fmt::format("{} {} {:.2f} {:.2f} {}", reply.accepted, no.accepted, first->latitude_deg, second->longitude_deg, second.lost_before().value()));
     });
     CHECK(answer.get() == "true false 28.15 -15.45 0");
     node.stop();

@@ -260,6 +260,8 @@ TEST_CASE("a component that is stopped in the middle of an exchange ends, and it
     s.all.run_until([&] { return !server.visitors.empty() && !server.visitors.front().heard.empty(); });
     node.stop();
     s.all.run_until([&] { return server.visitors.front().ended; });
+    node.wait();
+    for (const auto& one : node.components()) CHECK(one.state == ise::component_state::stopped);
 }
 
 TEST_CASE("libcurl is refused on the virtual clock") {

@@ -69,7 +69,7 @@ public:
             for (;;) {
                 auto packet = co_await packets.next();
                 if (!packet) break;
-                if (packet.lost_before() != ise::unknown_gap) seen.lost += packet.lost_before();
+                seen.lost += packet.lost_before().value_or(0);
                 if (seen.known.first_time(packet->boot, packet->sequence, packet->raw)) seen.telemetry.push_back(*packet);
                 else ++seen.again;
             }

@@ -42,8 +42,8 @@ struct onlooker {
             auto packet = co_await numbers.next();
             if (!packet) co_return;
             ++into.heard;
-            if (packet.lost_before() == ise::unknown_gap) ++into.unknown_gaps;
-            else into.lost += packet.lost_before();
+            if (auto lost = packet.lost_before()) into.lost += *lost;
+            else ++into.unknown_gaps;
         }
     }
 };

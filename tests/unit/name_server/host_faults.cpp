@@ -29,7 +29,7 @@ struct console {
             auto packet = co_await counts.next();
             if (!packet) co_return;
             ++self.heard;
-            self.lost += packet.lost_before();
+            self.lost += packet.lost_before().value();
         }
     }
 };

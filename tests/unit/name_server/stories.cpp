@@ -313,7 +313,7 @@ TEST_CASE("names: a server that restarts is whole within two leases, and nobody'
             auto packet = co_await counts.next();
             if (!packet) break;
             ++heard;
-            lost += packet.lost_before();
+            lost += packet.lost_before().value();
             auto got = co_await doubler.try_call(twice, number{1}, 1s);
             ++calls;
             if (!got) ++failed_calls;
@@ -485,7 +485,7 @@ TEST_CASE("names: a watch begins with a snapshot and tells every change below it
         for (;;) {
             auto packet = co_await changes.next();
             if (!packet) break;
-            if (packet.lost_before() != ise::unknown_gap) lost += packet.lost_before();
+            lost += packet.lost_before().value_or(0);
             if (packet->snapshot) seen.push_back("snapshot");
             for (const auto& event : packet->events)
                 seen.push_back((event.what == ise::naming::name_change::added ? "+" : event.what == ise::naming::name_change::removed ? "-" : "~") + event.name.path);
@@ -559,6 +559,19 @@ TEST_CASE("names: restarts, losses and partitions leave every living component r
             if (!it.holds("fleet/boat" + std::to_string(i))) return false;
         return true;
     }, 20s));
+}
+
+TEST_CASE("a component that a name server does not register yet logs the cause: here, that the server has just started") {
+    names_test::system it;
+    it.server->crash();
+    it.start_doubler("boat", "atirma/doubler");
+    it.world.run_for(1min);
+    it.restart_server();
+    REQUIRE(it.world.run_until([&] { return it.holds("atirma/doubler"); }, 1min));
+    auto told = std::ranges::find_if(it.warnings, [](const std::string& line) { return line.find("does not register this component yet") != line.npos; });
+    REQUIRE(told != it.warnings.end());
+    CHECK_THAT(*told, Catch::Contains("the name server has just started"));
+    CHECK_THAT(*told, !Catch::Contains("no room"));
 }
 
 } // namespace stories_test

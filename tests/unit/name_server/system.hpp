@@ -1,12 +1,18 @@
 // A system of several hosts with a name server on one of them, for tests on the virtual world.
 #pragma once
 #include <ise/component/node.hpp>
+#include <ise/core/log.hpp>
 #include <ise/name_server/name_server.hpp>
 #include <ise/sim/world.hpp>
 
 #include <support/catch.hpp>
 
 #include <cstdlib>
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
 
 namespace names_test {
 
@@ -77,8 +83,13 @@ public:
 
     /// A process on a host, with the system's name server.
     ise::sim::process& start(const std::string& host, const std::string& process, std::function<void(ise::node&)> begin) {
-        auto run = [begin](ise::sim::process& env) {
-            auto made = std::make_shared<program>(env);
+        auto run = [begin, this](ise::sim::process& env) {
+            auto options = node_options();
+            options.log = [this, print = options.log](const ise::log_record& record) {
+                if (record.level >= ise::log_level::warning) warnings.push_back(ise::format_line(record));
+                print(record);
+            };
+            auto made = std::make_shared<program>(env, std::move(options));
             begin(made->node);
             return made;
         };
@@ -99,6 +110,7 @@ public:
     }
     void restart_server() { server = &server->restart(); }
 
+    std::vector<std::string> warnings; ///< of what was started here; outlives the world, which logs to the end
     ise::sim::world world;
     ise::sim::process* server = nullptr;
     ise::name_server* names = nullptr;

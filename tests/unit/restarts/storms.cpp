@@ -82,7 +82,7 @@ ise::task<> follow(ise::remote from, last_heard& into) {
         auto packet = co_await fixes.next();
         if (!packet) break;
         into.latitude = packet->latitude_deg;
-        into.unknown_gaps += packet.lost_before() == ise::unknown_gap;
+        into.unknown_gaps += !packet.lost_before();
     }
 }
 

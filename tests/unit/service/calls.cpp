@@ -280,6 +280,43 @@ TEST_CASE("a request that is given up while it waits for an exclusive service ne
     CHECK(at.book.modes == std::vector<std::string>{"wait", "third"});
 }
 
+TEST_CASE("an exclusive handler whose call leads back to itself: the error names the handler and the request that waits for it") {
+    sim_parties all;
+    auto& boat = all.add("boat");
+    auto& shore = all.add("shore");
+    auto& user = all.add("user");
+    ise::serve_options exclusive;
+    exclusive.concurrent = 1;
+    auto limit = GENERATE(ise::duration(1s), ise::duration(10s)); // of the call on the way: within the first call's time, or all of it
+    boat.provide(helm, [&](set_mode request) -> ise::task<mode_set> {
+        auto there = boat.at("tcp://shore:7400");
+        blob packet;
+        auto echoed = there.call(echo, packet, limit);
+        co_await std::move(echoed);
+        mode_set answer{true, request.mode};
+        co_return answer;
+    }, exclusive);
+    shore.provide(echo, [&](blob request) -> ise::task<blob> {
+        auto there = shore.at("tcp://boat:7400");
+        set_mode back{"back"};
+        auto steered = there.call(helm, back, 60s);
+        co_await std::move(steered);
+        co_return request;
+    });
+    boat.listen("tcp://0.0.0.0:7400");
+    shore.listen("tcp://0.0.0.0:7400");
+    auto got = all.run(user, try_helm(user.at("tcp://boat:7400"), "hold", 10s));
+    REQUIRE_FALSE(got);
+    std::string logged;
+    for (const auto& line : boat.warnings) logged += line + "\n";
+    CHECK_THAT(logged, Contains("'helm' runs one request at a time (provide_exclusive), and one from "));
+    if (limit == 1s) {
+        CHECK(got.error().code() == errc::handler_failed);
+        CHECK_THAT(got.error().message(), Contains("'helm' runs one request at a time (provide_exclusive), and one from ") && Contains("this is a cycle"));
+    }
+    all.stop();
+}
+
 TEST_CASE("the deadline that remains travels with the request") {
     fixture at;
     at.all.world.net().between("boat", "shore").latency = 100ms;

@@ -32,11 +32,11 @@ ise::task<> follow(ise::remote from, std::shared_ptr<gaps> into, ise::subscribe_
         if (!packet) break;
         into->packets.push_back(packet->latitude_deg);
         if (into->packets.size() == 1) {
-            into->before_first = packet.lost_before();
-        } else if (packet.lost_before() == ise::unknown_gap) {
-            ++into->unknown;
+            into->before_first = packet.lost_before().value_or(0);
+        } else if (auto lost = packet.lost_before()) {
+            into->lost += *lost;
         } else {
-            into->lost += packet.lost_before();
+            ++into->unknown;
         }
         into->counts = fixes.counts();
     }

@@ -360,7 +360,7 @@ TEST_CASE("objects: what waits is bounded in bytes, and what is dropped is count
         auto got = f.run(take(in, 1));
         REQUIRE(got.size() == 1);
         ++came;
-        lost += got[0].lost_before();
+        lost += got[0].lost_before().value();
         last = got[0]->content.size() == 1;
     }
     CHECK(came + lost == 21);

@@ -89,7 +89,7 @@ ise::task<std::uint64_t> listen_to(ise::remote there, ise::subscribe_options opt
     for (;;) {
         auto packet = co_await in.next();
         if (!packet || packet->content.empty()) break;
-        sum += packet.lost_before() + 1;
+        sum += packet.lost_before().value() + 1;
         auto mine = packet.take();
         mine.content.push_back(1); // nobody else sees it
     }

@@ -27,7 +27,7 @@ ise::task<> read(ise::remote boat, ise::subscribe_options options, double last, 
         auto packet = co_await stream.next();
         if (!packet) break;
         into->packets.push_back(packet->latitude_deg);
-        into->lost += packet.lost_before();
+        into->lost += packet.lost_before().value();
         into->counts = stream.counts();
     }
 }

@@ -1,0 +1,22 @@
+#pragma once
+#include "exit_code.hpp"
+
+#include <string>
+
+namespace CLI {
+class App;
+class ParseError;
+}
+
+namespace ise::cli {
+
+/// Groups the commands, and gives each its examples and the options that every command has. Once all commands are there.
+void complete_help(CLI::App& app);
+
+/// problem(usage) of a command line that CLI11 refused, with the usage of the command.
+problem unfit(const CLI::App& app, const CLI::ParseError& wrong);
+
+/// The help of what was chosen, in lines of 80 columns at most.
+std::string help_text(const CLI::App& app);
+
+} // namespace ise::cli
