@@ -21,42 +21,42 @@ struct command_help {
     std::string_view name, group, examples;
 };
 
-constexpr std::string_view see = "See what there is", talk = "Talk to a component", measure = "Measure and find faults", run = "Start and stop components",
-                           deploy = "Whole systems, from a deployment file", shell = "Of the command itself";
+constexpr std::string_view see_group = "See what there is", talk_group = "Talk to a component", measure_group = "Measure and find faults", run_group = "Start and stop components",
+                           deploy_group = "Whole systems, from a deployment file", shell_group = "Of the command itself";
 
 constexpr command_help commands[] = {
-    {"list", see, "  ise list\n  ise list atirma/shore\n"},
-    {"tree", see, "  ise tree --services\n"},
-    {"describe", see, "  ise describe atirma/boat\n  ise describe tcp://127.0.0.1:7411        without a name server\n"},
-    {"services", see, "  ise services\n"},
-    {"types", see, "  ise types atirma\n"},
-    {"type", see, "  ise type show atirma/boat helm\n  ise type diff atirma/boat helm atirma/new_boat\n"},
-    {"graph", see, "  ise graph\n  ise graph --dot | dot -Tsvg > graph.svg\n"},
-    {"call", talk, "  ise call atirma/boat helm '{\"mode\":\"hold\"}'\n  ise call atirma/boat helm {}             every field has its default\n"
+    {"list", see_group, "  ise list\n  ise list atirma/shore\n"},
+    {"tree", see_group, "  ise tree --services\n"},
+    {"describe", see_group, "  ise describe atirma/boat\n  ise describe tcp://127.0.0.1:7411        without a name server\n"},
+    {"services", see_group, "  ise services\n"},
+    {"types", see_group, "  ise types atirma\n"},
+    {"type", see_group, "  ise type show atirma/boat helm\n  ise type diff atirma/boat helm atirma/new_boat\n"},
+    {"graph", see_group, "  ise graph\n  ise graph --dot | dot -Tsvg > graph.svg\n"},
+    {"call", talk_group, "  ise call atirma/boat helm '{\"mode\":\"hold\"}'\n  ise call atirma/boat helm {}             every field has its default\n"
                    "  ise call atirma/boat plan - < route.json\n"},
-    {"echo", talk, "  ise echo atirma/boat position\n  ise echo atirma/boat position -n 1       the last value, then end\n"
+    {"echo", talk_group, "  ise echo atirma/boat position\n  ise echo atirma/boat position -n 1       the last value, then end\n"
                    "  ise echo atirma/boat position --every 1s --json\n"},
-    {"param", talk, "  ise param list atirma/wind\n  ise param get atirma/wind speed\n  ise param set atirma/wind speed 8\n"},
-    {"doctor", measure, "  ise doctor\n  ise doctor && echo healthy               exit code 1: something is wrong\n"},
-    {"top", measure, "  ise top\n  ise top atirma --once\n"},
-    {"ping", measure, "  ise ping atirma/boat -n 10\n"},
-    {"hz", measure, "  ise hz atirma/boat position\n"},
-    {"bw", measure, "  ise bw atirma/boat position --window 5s\n"},
-    {"delay", measure, "  ise delay atirma/boat position --field measured_at\n"},
-    {"bench", measure, "  ise bench atirma/boat --for 3s\n  ise bench atirma/boat helm {} -c 8       really calls helm each time\n"},
-    {"start", run, "  ise start --types                        what can be started\n  ise start --types wind                   its parameters\n"
+    {"param", talk_group, "  ise param list atirma/wind\n  ise param get atirma/wind speed\n  ise param set atirma/wind speed 8\n"},
+    {"doctor", measure_group, "  ise doctor\n  ise doctor && echo healthy               exit code 1: something is wrong\n"},
+    {"top", measure_group, "  ise top\n  ise top atirma --once\n"},
+    {"ping", measure_group, "  ise ping atirma/boat -n 10\n"},
+    {"hz", measure_group, "  ise hz atirma/boat position\n"},
+    {"bw", measure_group, "  ise bw atirma/boat position --window 5s\n"},
+    {"delay", measure_group, "  ise delay atirma/boat position --field measured_at\n"},
+    {"bench", measure_group, "  ise bench atirma/boat --for 3s\n  ise bench atirma/boat helm {} -c 8       really calls helm each time\n"},
+    {"start", run_group, "  ise start --types                        what can be started\n  ise start --types wind                   its parameters\n"
                    "  ise start wind sea/wind --set speed=8\n"},
-    {"ps", run, "  ise ps\n"},
-    {"stop", run, "  ise stop sea/wind\n"},
-    {"restart", run, "  ise restart sea/wind\n"},
-    {"kill", run, "  ise kill sea/wind\n"},
-    {"logs", run, "  ise logs sea/wind -n 20\n  ise logs sea/wind --follow\n"},
-    {"validate", deploy, "  ise validate atirma.toml\n  ise validate atirma.toml --offline\n"},
-    {"diff", deploy, "  ise diff atirma.toml\n"},
-    {"up", deploy, "  ise up atirma.toml\n  ise up atirma.toml --set boat=nina\n  ise up atirma.toml wind                  only this, and what it comes after\n"},
-    {"down", deploy, "  ise down atirma.toml\n"},
-    {"completion", shell, "  eval \"$(ise completion bash)\"\n  ise completion fish | source\n"},
-    {"version", shell, "  ise version\n"},
+    {"ps", run_group, "  ise ps\n"},
+    {"stop", run_group, "  ise stop sea/wind\n"},
+    {"restart", run_group, "  ise restart sea/wind\n"},
+    {"kill", run_group, "  ise kill sea/wind\n"},
+    {"logs", run_group, "  ise logs sea/wind -n 20\n  ise logs sea/wind --follow\n"},
+    {"validate", deploy_group, "  ise validate atirma.toml\n  ise validate atirma.toml --offline\n"},
+    {"diff", deploy_group, "  ise diff atirma.toml\n"},
+    {"up", deploy_group, "  ise up atirma.toml\n  ise up atirma.toml --set boat=nina\n  ise up atirma.toml wind                  only this, and what it comes after\n"},
+    {"down", deploy_group, "  ise down atirma.toml\n"},
+    {"completion", shell_group, "  eval \"$(ise completion bash)\"\n  ise completion fish | source\n"},
+    {"version", shell_group, "  ise version\n"},
 };
 
 /// Says no more of an option than its value, and no more of a place than its name.
