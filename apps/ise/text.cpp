@@ -1,6 +1,7 @@
 #include "text.hpp"
 
 #include <ise/core/endpoint.hpp>
+#include <ise/core/readable.hpp>
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
@@ -12,18 +13,6 @@ namespace ise::cli {
 namespace {
 
 bool continues(char byte) { return (static_cast<unsigned char>(byte) & 0xC0) == 0x80; }
-
-// Bytes of the UTF-8 character at the start of `text`; 0 if there is none.
-std::size_t character_length(std::string_view text) {
-    auto first = static_cast<unsigned char>(text.front());
-    std::size_t length = first < 0x80 ? 1 : first >= 0xC2 && first < 0xE0 ? 2 : first >= 0xE0 && first < 0xF0 ? 3 : first >= 0xF0 && first < 0xF5 ? 4 : 0;
-    if (length > text.size()) return 0;
-    for (std::size_t at = 1; at < length; ++at)
-        if (!continues(text[at])) return 0;
-    // C1 control characters do what escape sequences do.
-    if (length == 2 && first == 0xC2 && static_cast<unsigned char>(text[1]) < 0xA0) return 0;
-    return length;
-}
 
 // 0: from other hosts, …
 int nearness(const std::string& text) {
@@ -62,15 +51,10 @@ std::string show_bytes(std::uint64_t count) {
 std::string printable(std::string_view text, bool keep_lines) {
     std::string shown;
     while (!text.empty()) {
-        auto length = character_length(text);
-        bool line_end = keep_lines && text.front() == '\n';
-        if (length == 0 || (length == 1 && !line_end && (static_cast<unsigned char>(text.front()) < 0x20 || text.front() == 0x7F))) {
-            shown += "\uFFFD";
-            length = 1;
-        } else {
-            shown += text.substr(0, length);
-        }
-        text.remove_prefix(length);
+        auto length = keep_lines && text.front() == '\n' ? 1 : readable_length(text);
+        if (length > 0) shown += text.substr(0, length);
+        else shown += "\uFFFD";
+        text.remove_prefix(std::max<std::size_t>(length, 1));
     }
     return shown;
 }

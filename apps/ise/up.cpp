@@ -40,7 +40,7 @@ std::string summary(const deployment::deployment& of, const char* word, std::siz
         told["steps"] = steps;
         return told.dump() + "\n";
     }
-    auto done = steps == 0 ? std::string("nothing was to be done") : fmt::format("{} step{}", steps, steps == 1 ? "" : "s");
+    auto done = steps == 0 ? std::string("nothing to do") : fmt::format("{} step{}", steps, steps == 1 ? "" : "s");
     return fmt::format("{} is {}: {} component{}, {}\n", of.name.text, word, components, components == 1 ? "" : "s", done);
 }
 

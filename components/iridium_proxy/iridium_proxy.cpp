@@ -96,7 +96,7 @@ ise::task<> iridium_proxy::run() {
         options_.store = std::make_shared<remote_telemetry_store>(find_component(*this, options_.store_at));
     }
     if (!options_.jwt_key_file.empty()) {
-        auto pem = env().read_file(options_.jwt_key_file, max_key_bytes).value();
+        auto pem = env().read_trusted(options_.jwt_key_file, max_key_bytes).value();
         auto key = iridium::jwt_key::parse(pem);
         if (!key) throw wrong(fmt::format("--jwt-key {}: {}", options_.jwt_key_file, key.error().message()));
         s.key.emplace(std::move(*key));

@@ -92,8 +92,13 @@ public:
     /// Throws errc::invalid_argument for a period that is none.
     template <class Contract, class Make>
     void publish_every(const Contract& service, duration period, Make make) {
-        check_period(period);
-        spawn(std::string(service.name()), tick(publish(service), period, std::function<typename Contract::packet_type()>(std::move(make))));
+        using packet_type = typename Contract::packet_type;
+        if constexpr (std::is_invocable_r_v<packet_type, Make&>) {
+            check_period(period);
+            spawn(std::string(service.name()), tick(publish(service), period, std::function<packet_type()>(std::move(make))));
+        } else {
+            static_assert(detail::never<Make>, "ise: publish_every takes a function without arguments that returns a packet of the service");
+        }
     }
     /// Ends a provided service.
     template <class Contract>

@@ -3,6 +3,7 @@
 
 #include <ise/component/poll_window.hpp>
 #include <ise/component/program_words.hpp>
+#include <ise/core/readable.hpp>
 #include <ise/core/real/environment.hpp>
 #include <ise/packet/json.hpp>
 
@@ -73,7 +74,7 @@ int run(component_type& type, program_words where, const std::string& program) {
         std::fflush(stdout);
     });
     for (const auto& report : running.reports()) {
-        if (!report.failure.empty()) fmt::print(stderr, "{}: {}: {}\n", program, report.path, report.failure);
+        if (!report.failure.empty()) fmt::print(stderr, "{}: {}: {}\n", program, report.path, readable(report.failure));
         for (const auto& name : report.still_running) fmt::print(stderr, "{}: {} did not end in time: {}\n", program, report.path, name);
     }
     return code;
@@ -112,7 +113,7 @@ int guarded(int count, const char* const* words, std::vector<component_type> typ
         fmt::print(stderr, "{}: {}\n", program, why.what());
         return wrong_arguments;
     } catch (const std::exception& why) {
-        fmt::print(stderr, "{}: {}\n", program, why.what());
+        fmt::print(stderr, "{}: {}\n", program, readable(why.what()));
         return failed;
     }
 }

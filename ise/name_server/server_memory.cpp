@@ -1,6 +1,7 @@
 // environment-boundary: the real state file of a name server; tests give it a memory of their own
 #include <ise/name_server/server_memory.hpp>
 
+#include <ise/core/real/ownership.hpp>
 #include <ise/packet/json.hpp>
 
 #include <fmt/format.h>
@@ -30,15 +31,6 @@ std::string last_problem() { return std::error_code(errno, std::system_category(
 std::string folder_of(const std::string& path) {
     auto slash = path.rfind('/');
     return slash == path.npos ? "." : slash == 0 ? "/" : path.substr(0, slash);
-}
-
-// Whoever can write to the folder can put another file in place.
-result<void> objection_to_folder(const std::string& folder) {
-    struct stat about{};
-    if (::stat(folder.c_str(), &about) != 0) return failure(errc::io_failed, fmt::format("cannot use the folder {}: {}", folder, last_problem()));
-    bool ours = about.st_uid == ::geteuid() || about.st_uid == 0;
-    if (ours && (about.st_mode & (S_IWGRP | S_IWOTH)) == 0) return {};
-    return failure(errc::unauthorized, fmt::format("others can replace files in {} (owner {}, mode {:o}): choose a folder of your own", folder, about.st_uid, about.st_mode & 07777));
 }
 
 result<void> make_folders(const std::string& folder) {
@@ -71,7 +63,7 @@ bool write_all(int file, std::string_view text) {
 result<std::optional<registry_memory>> state_file::load() {
     std::optional<registry_memory> found;
     if (::access(path_.c_str(), F_OK) != 0 && errno == ENOENT) return found;
-    if (auto folder = objection_to_folder(folder_of(path_)); !folder) return folder.error();
+    if (auto folder = check_own_path(folder_of(path_)); !folder) return folder.error();
     auto text = env_.read_secret(path_, most_state_bytes);
     if (!text) return text.error();
     try {
@@ -91,7 +83,7 @@ result<void> state_file::probe() {
     if (!there) return there.error();
     auto folder = folder_of(path_);
     if (auto made = make_folders(folder); !made) return made;
-    if (auto fit = objection_to_folder(folder); !fit) return fit;
+    if (auto fit = check_own_path(folder); !fit) return fit;
     if (::access(folder.c_str(), W_OK) != 0) return failure(errc::io_failed, fmt::format("cannot write {}: {}", path_, last_problem()));
     return {};
 }
@@ -99,7 +91,7 @@ result<void> state_file::probe() {
 result<void> state_file::keep(const registry_memory& what) {
     auto folder = folder_of(path_);
     if (auto made = make_folders(folder); !made) return made;
-    if (auto fit = objection_to_folder(folder); !fit) return fit;
+    if (auto fit = check_own_path(folder); !fit) return fit;
     saved_memory saved;
     saved.secret = what.secret;
     saved.epochs_below = what.epochs_below;

@@ -33,12 +33,11 @@ public:
     /// How far a time of ours may be off at the peer, to either side.
     duration uncertainty(time_point now) const noexcept { return same_ ? duration{} : (high_ - low_) / 2 + (now - taken_) / steadiness; }
 
-    /// A deadline of ours, which is to come, on the peer's clock: not later, and by up to twice the uncertainty earlier. Of a
-    /// deadline that is closer than that, half of what remains is left.
+    /// A deadline of ours on the peer's clock: not later, and by up to twice the uncertainty earlier. That is a round trip: of a
+    /// deadline that is closer no answer would come in time.
     time_point deadline(time_point ours, time_point now) const noexcept {
         if (same_) return ours;
-        const auto remaining = ours - now;
-        return saturating_add(now + (low_ + high_) / 2, remaining - std::min(uncertainty(now), remaining / 2));
+        return saturating_add(now + (low_ + high_) / 2, ours - now - uncertainty(now));
     }
 
 private:

@@ -26,10 +26,20 @@ public:
     /// The same with a packet that is given away: for those it is moved and not copied.
     void operator()(packet_type&& packet) const { core().publish(made(std::move(packet))); }
 
-    /// A mistake of the packet's type.
+    // Mistakes of the packet's type.
     template <class Other>
         requires(!std::is_convertible_v<Other, packet_type>)
     void operator()(const Other&) const {
+        static_assert(sizeof(Other) == 0, "ise: this publication publishes packets of another type: the one that its service names");
+    }
+    template <class Other>
+        requires(!std::is_convertible_v<Other, packet_type>)
+    task<> send(const Other&) const {
+        static_assert(sizeof(Other) == 0, "ise: this publication publishes packets of another type: the one that its service names");
+    }
+    template <class Other>
+        requires(!std::is_convertible_v<Other, packet_type>)
+    bool try_send(const Other&) const {
         static_assert(sizeof(Other) == 0, "ise: this publication publishes packets of another type: the one that its service names");
     }
 

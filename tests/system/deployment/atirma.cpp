@@ -94,7 +94,7 @@ TEST_CASE("kill -9 of any process of the demo heals as its policy says") {
     CHECK(lives(boat));
     in.hears_the_boat(); // nobody needs it for that
     in.open("boat");
-    CHECK_THAT(in.up(file), Contains("nothing was to be done"));
+    CHECK_THAT(in.up(file), Contains("nothing to do"));
     CHECK(in.pid("atirma/boat") == boat);
 
     in.crash_name_server();
@@ -102,7 +102,7 @@ TEST_CASE("kill -9 of any process of the demo heals as its policy says") {
     in.done({"--wait", "--timeout", "60s", "describe", "--names", "atirma/page"});
     in.hears_the_boat();
     wait_until([&] { return in.ise({"ps"}).exit_code == 0 && in.told({"ps"}).size() == 4; });
-    CHECK_THAT(in.up(file), Contains("nothing was to be done"));
+    CHECK_THAT(in.up(file), Contains("nothing to do"));
     CHECK(in.pid("atirma/boat") == boat);
 
     in.done({"down", file});

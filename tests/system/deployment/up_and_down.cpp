@@ -49,7 +49,7 @@ TEST_CASE("a deployment comes up in order, is up the second time, and goes down 
     CHECK(in.told({"call", "sea/best", "ask"})["answer"] == 3);
     CHECK(in.state("sea/one")["host"] == "boat");
     int pid = in.state("sea/two")["process_id"];
-    CHECK_THAT(in.up(file), Contains("sea is up: 2 components, nothing was to be done"));
+    CHECK_THAT(in.up(file), Contains("sea is up: 2 components, nothing to do"));
     CHECK_THAT(in.done({"diff", file}), Contains("sea is as"));
     CHECK(in.state("sea/two")["process_id"] == pid);
     auto down = in.done({"down", file});
@@ -133,7 +133,7 @@ TEST_CASE("components of one file share a process") {
     in.up(file);
     CHECK(in.state("sea/one")["process_id"] == in.state("sea/two")["process_id"]);
     CHECK(in.state("sea/one")["process_id"] != in.state("sea/three")["process_id"]);
-    CHECK_THAT(in.up(file), Contains("nothing was to be done"));
+    CHECK_THAT(in.up(file), Contains("nothing to do"));
     auto apart = in.file("apart.toml", sea(component("one", "boat", "process = 'main'\n") + component("two", "boat") + component("three", "shore", "process = 'main'\n")));
     CHECK_THAT(in.up(apart), Contains("restart sea/two on boat\n    process: main -> (none)"));
     CHECK(in.state("sea/one")["process_id"] != in.state("sea/two")["process_id"]);
@@ -229,7 +229,7 @@ TEST_CASE("a program that was rebuilt is told and started again") {
     int before = in.state("sea/one")["process_id"];
     std::filesystem::copy_file(program, in.folder() / "fresh"); // copied again, it is the same program
     std::filesystem::rename(in.folder() / "fresh", program);
-    CHECK_THAT(in.up(file), Contains("nothing was to be done"));
+    CHECK_THAT(in.up(file), Contains("nothing to do"));
     rebuild(program);
     CHECK(in.state("sea/one")["rebuilt"] == true);
     CHECK_THAT(in.done({"ps"}), Contains("program was rebuilt"));
@@ -239,7 +239,7 @@ TEST_CASE("a program that was rebuilt is told and started again") {
     CHECK(in.state("sea/one")["process_id"] != before);
     for (const char* path : {"sea/one", "sea/two", "sea/three"}) CHECK(in.state(path)["rebuilt"] == false);
     CHECK(in.state("sea/two")["process_id"] == in.state("sea/three")["process_id"]);
-    CHECK_THAT(in.up(file), Contains("nothing was to be done"));
+    CHECK_THAT(in.up(file), Contains("nothing to do"));
 }
 
 TEST_CASE("a change that fails leaves what ran before") {
@@ -278,7 +278,7 @@ TEST_CASE("a running deployment is changed: in place, by a restart, by a move, b
     CHECK_FALSE(lives(moves));
     CHECK(in.state("sea/moves")["host"] == "shore");
     CHECK(in.told({"ps"}).size() == 5); // of what has gone, nothing is kept
-    CHECK_THAT(in.up(file), Contains("nothing was to be done"));
+    CHECK_THAT(in.up(file), Contains("nothing to do"));
 }
 
 TEST_CASE("a component that refuses a change, and values that are not allowed, end an up with the reason") {

@@ -339,4 +339,10 @@ TEST_CASE("a table that is too wide loses the columns that matter least, then th
     CHECK(line(30) == "atirma/boat  tcp://127.0.0.1:…\n");
 }
 
+TEST_CASE("what a terminal obeys or turns round is not printed") {
+    CHECK(printable("boat\x1b[2J", false) == "boat\uFFFD[2J");
+    CHECK(printable("txt.\xe2\x80\xae" "exe", false).find("\xe2\x80\xae") == std::string::npos);
+    CHECK(printable("un año\nmás", true) == "un año\nmás");
+}
+
 } // namespace looking_test

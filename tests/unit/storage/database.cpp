@@ -92,6 +92,22 @@ TEST_CASE("a database in memory is shared by its openings and goes with the last
     CHECK(count(again) == 0);
 }
 
+TEST_CASE("a database that another user could replace is refused") {
+    if (::geteuid() != 0) return; // only root can give a folder away
+    std::string folder = "/tmp/ise-storage-XXXXXX";
+    REQUIRE(::mkdtemp(folder.data()));
+    auto file = folder + "/boat.db";
+    REQUIRE(database::open(file, first_schema));
+    REQUIRE(::chown(file.c_str(), 54321, 54321) == 0);
+    CHECK(database::open(file, first_schema).error().code() == ise::errc::unauthorized);
+    REQUIRE(::chown(file.c_str(), 0, 0) == 0);
+    REQUIRE(::chown(folder.c_str(), 54321, 54321) == 0);
+    auto refused = database::open(folder + "/new.db", first_schema);
+    CHECK(refused.error().code() == ise::errc::unauthorized);
+    CHECK(refused.error().message().find("new.db") != std::string::npos);
+    std::filesystem::remove_all(folder);
+}
+
 TEST_CASE("a database that cannot be opened says which file and why") {
     auto refused = database::open("/nowhere/at/all/boat.db", first_schema);
     REQUIRE_FALSE(refused);
