@@ -175,6 +175,18 @@ int obey(int count, char** words) {
     try {
         app.parse(count, words);
     } catch (const CLI::ParseError& why) {
+        if (count > 2 && std::string_view(words[1]) == "run" && words[2][0] != '-') {
+            std::string known;
+            bool there = false;
+            for (const auto* type : runs->get_subcommands(nullptr)) {
+                there = there || type->get_name() == words[2];
+                known += (known.empty() ? "" : ", ") + type->get_name();
+            }
+            if (!there) {
+                complain(fmt::format("there is no component type '{}'; there are {}", words[2], known));
+                return 2;
+            }
+        }
         return app.exit(why) == 0 ? 0 : 2; // prints help, or what is wrong
     }
     try {

@@ -149,3 +149,9 @@ TEST_CASE("processes: who listens is told when the boat is not reached any more,
     echo.signal(SIGINT);
     CHECK(echo.wait().exit_code == 0);
 }
+
+TEST_CASE("processes: a type that does not exist is told with those that do") {
+    auto ran = ise_test::run_program({"atirma", "run", "boat"});
+    CHECK(ran.exit_code == 2);
+    CHECK_THAT(ran.err, Contains("there is no component type 'boat'; there are") && Contains("boat-simulator"));
+}
