@@ -77,7 +77,7 @@ task<> validate(context& in, deployment_options options) {
         text = made.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
     } else {
         text = fmt::format("{} is well formed: {} with {} component{} on {} host{}{}\n", options.file, wanted.name.text, wanted.components.size(), many(wanted.components.size()), wanted.hosts.size(), many(wanted.hosts.size()),
-                           checked ? ", all of types and with parameters that there are, and nothing is against starting it" : "");
+                           checked ? ", all of types and with parameters that there are, and no obstacle was found" : "");
     }
     co_await in.out.write(in.self, std::move(text));
 }
