@@ -114,7 +114,7 @@ TEST_CASE("authority: a boat that obeys a higher epoch makes the holder take it 
     CHECK_FALSE(it.book.refusal("ana"));
 }
 
-TEST_CASE("authority: a forged answer of the boat costs the operators one take each time, at either node") {
+TEST_CASE("authority: a forged answer of the boat costs the operators two takes at most, at either node") {
     for (bool odd : {false, true}) {
         helm it(odd);
         authority_state long_since;
