@@ -6,11 +6,19 @@
 
 namespace atirma {
 
+bool is_answer(const acknowledgement& ack, command_kind kind, std::uint32_t sent_under) noexcept {
+    if (ack.kind != kind) return false; // of another shore's telecommand with that number
+    if (sent_under == 0 || ack.code == ack_code::no_authority) return true;
+    return ack.authority && (!needs_authority(kind) || *ack.authority == sent_under);
+}
+
 ise::result<std::uint32_t> command_book::submit(ise::time_point now, utc_time wall, const telecommand_request& request, std::uint32_t chosen) {
     auto id = request.id != 0 ? request.id : chosen;
     if (auto known = entries_.find(id); known != entries_.end()) {
-        if (known->second.command == request.command) {
-            known->second.authority = std::max(known->second.authority, request.authority); // taken anew meanwhile
+        auto& e = known->second;
+        if (e.command == request.command) {
+            bool here = e.status.state == telecommand_stage::queued && !e.at_link; // else its answer names the epoch that it left with
+            if (here) e.authority = std::max(e.authority, request.authority);     // taken anew meanwhile
             return id;
         }
         return ise::failure(ise::errc::invalid_argument,
@@ -75,7 +83,7 @@ bool command_book::on_acknowledgement(utc_time wall, const acknowledgement& ack)
     auto found = entries_.find(ack.id);
     if (found == entries_.end() || found->second.status.state == telecommand_stage::acknowledged) return false;
     auto& e = found->second;
-    if (ack.kind != e.command.kind) return false; // of another shore's telecommand with that number
+    if (!is_answer(ack, e.command.kind, e.authority)) return false;
     e.status.result = ack.code;
     bool tells = e.command.kind == command_kind::get_parameter || e.command.kind == command_kind::set_parameter ||
                  (e.command.kind >= command_kind::waypoint_add && e.command.kind <= command_kind::waypoint_select) ||

@@ -18,6 +18,11 @@ struct book_options {
     ise::duration longest_pause = std::chrono::seconds(60);
 };
 
+/// Whether `ack` may be the boat's answer to a telecommand of that kind that was sent under that epoch of authority (0: none).
+/// Under an epoch it names one, as the boat answers type 42 with 43: that of the telecommand if the boat did what needs
+/// authority, any if the telecommand only asks, and any or none with no_authority.
+bool is_answer(const acknowledgement& ack, command_kind kind, std::uint32_t sent_under) noexcept;
+
 /// The telecommands that one link has in hand, from request to acknowledgement, without I/O: it decides what is sent when,
 /// and again, and what a repeated id means. The boat executes an id once, so sending again is safe. Bounded. Not thread safe.
 ///
@@ -30,7 +35,8 @@ class command_book {
 public:
     explicit command_book(book_options options = book_options()) : options_(options) {}
 
-    /// Takes a telecommand, or finds the one of that id. Gives its id. `chosen` serves where the request has none.
+    /// Takes a telecommand, or finds the one of that id. Gives its id. `chosen` serves where the request has none. One that has not
+    /// left the shore goes under the highest epoch of authority that it was given with.
     /// Errors: invalid_argument, overloaded.
     ise::result<std::uint32_t> submit(ise::time_point now, utc_time wall, const telecommand_request& request, std::uint32_t chosen);
 
@@ -43,7 +49,7 @@ public:
     std::optional<due> next_due(ise::time_point now, utc_time wall);
     /// The link's word: it arrived at the boat's modem (or what `reason` says instead), or not (`certain`: it never left the shore).
     void on_outcome(ise::time_point now, utc_time wall, std::uint32_t id, bool delivered, bool certain, const std::string& reason);
-    /// False if nobody waits for it.
+    /// False if nobody waits for it, or it is no answer (`is_answer`).
     bool on_acknowledgement(utc_time wall, const acknowledgement& ack);
     /// The way to the boat is open (again): what waits for an answer is due now.
     void on_link_up(ise::time_point now);

@@ -27,7 +27,8 @@ acknowledgement simulated_boat::execute(const telecommand& command, link_id from
         if (command.kind == command_kind::waypoint_read_back) schedule_.request(packet_type::waypoints, from); // may have been lost
         auto again = *known;
         again.header = next_header(); // another packet that says the same
-        if (command.authority != 0) again.authority = authority_;
+        // What was done names the epoch under which it was done, whatever has been heard since.
+        if (command.authority != 0 && !needs_authority(command.kind)) again.authority = authority_;
         return again;
     }
     bool obeyed = obeys(command.authority);

@@ -1,5 +1,7 @@
 #include <components/communication_node/authority_book.hpp>
 
+#include <ise/naming/services.hpp>
+
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 
@@ -14,7 +16,25 @@ ise::failure refused(std::string why) { return ise::failure(ise::errc::refused, 
 // Epochs of the boat begin again after the last one: half of all numbers lie ahead of each.
 bool is_ahead(std::uint32_t epoch, std::uint32_t of) { return epoch != of && epoch - of < 0x8000'0000; }
 
+bool may_hold(std::string_view who) { return who.size() <= authority_book::longest_name && ise::naming::is_path(who); }
+
+std::string has_no_path(const std::string& who) {
+    return fmt::format("{} has no path, and is not known again by its next call: it cannot hold the authority; give it a "
+                       "path of its own (ise --as PATH call …)", who);
+}
+
 } // namespace
+
+std::string operator_of(std::string_view caller) {
+    auto address = caller;
+    if (auto at = caller.rfind(" ("); at != caller.npos && caller.ends_with(')')) {
+        if (may_hold(caller.substr(0, at))) return std::string(caller.substr(0, at));
+        address = caller.substr(at + 2, caller.size() - at - 3);
+    }
+    if (address.starts_with("local:")) return "anonymous@local"; // its address names the socket, not the caller
+    auto scheme = address.find("://");
+    return fmt::format("anonymous@{}", scheme == address.npos ? address : address.substr(scheme + 3));
+}
 
 std::string authority_book::held() const {
     return fmt::format("{} holds the authority over the boat since {:%Y-%m-%d %H:%M:%S} UTC", state_.holder,
@@ -54,8 +74,7 @@ ise::result<authority_state> authority_book::decide(const authority_request& req
         made.asked_by.clear();
         return made;
     };
-    if (who.empty() || who.size() > longest_name)
-        return refused("an operator is known by a path of 1 to 200 characters");
+    if (!may_hold(who) && request.action != authority_action::look) return refused(has_no_path(who));
     // Under another epoch than the boat's what is held here is worth nothing until it is taken anew.
     bool outdated = boat_.has_value();
     switch (request.action) {
@@ -83,10 +102,10 @@ ise::result<authority_state> authority_book::decide(const authority_request& req
                 return refused(state_.holder.empty()
                                    ? "nobody holds the authority over the boat: there is nothing to hand over"
                                    : held() + ": only the holder hands it over");
-            if (request.to.empty() || request.to.size() > longest_name || request.to == who)
+            if (!may_hold(request.to) || request.to == who)
                 return refused(
                     "hand_over names in `to` the path of the operator who gets the authority, another one than "
-                    "the holder");
+                    "the holder: letters, digits, '_', '-', '.', and '/' between them, 200 characters at most");
             return change_hands(request.to, fmt::format("handed over to {} by {}", request.to, who));
         case authority_action::release:
             if (state_.holder != who)
@@ -124,6 +143,7 @@ std::optional<std::string> authority_book::refusal(const std::string& who) const
                    ", not {}: ask for it (service authority, action ask), or take it against the holder's will "
                    "(action take, confirmed true)",
                    who);
+    if (!may_hold(who)) return has_no_path(who); // of a store that an older program wrote
     if (boat_)
         return fmt::format(
             "the boat obeys epoch {} of the authority, which was given where this node could not see it, or forged; "

@@ -2,11 +2,18 @@
 #include <components/boat/communication.hpp>
 
 #include <optional>
+#include <string>
+#include <string_view>
 
 namespace atirma {
 
+/// The operator behind a caller ("PATH (ADDRESS)", or "ADDRESS"): the path that it claims. Without one, or where what it
+/// claims is no path: "anonymous@ADDRESS", which is no path either and belongs to that session only.
+std::string operator_of(std::string_view caller);
+
 /// Who holds the authority over the boat: what may be done with it, without I/O. Two nodes that cannot see each other
 /// never give the same epoch: one gives even ones, the other odd ones. Where they meet again the higher one wins.
+/// Only a path holds the authority; what is none is nobody that would be known again.
 class authority_book {
 public:
     static constexpr std::size_t max_asking = 16;

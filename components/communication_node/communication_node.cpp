@@ -13,15 +13,6 @@ using namespace std::chrono_literals;
 constexpr std::int32_t primary_priority = 100, secondary_priority = 50;
 constexpr ise::duration housekeeping = 1s;
 
-// Operators are known by the path that they claim; one without, by the address of this session, which a local one has not.
-operator_name operator_of(std::string_view caller) {
-    auto text = std::string(caller.substr(0, caller.find(" ("))); // "path (address)"
-    auto scheme = text.find("://");
-    if (scheme == std::string::npos) return {text, false};
-    auto address = text.substr(scheme + 3);
-    return {"anonymous@" + (text.starts_with("local:") ? "local" : address), true};
-}
-
 } // namespace
 
 communication_node::communication_node(communication_node_options options) : options_(std::move(options)) {

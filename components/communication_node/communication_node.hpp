@@ -15,12 +15,6 @@ struct proxy_of_link {
     std::string path;                     ///< or an endpoint
 };
 
-/// Who asks for something.
-struct operator_name {
-    std::string text;
-    bool anonymous = false; ///< two of them are never known to be one
-};
-
 struct communication_node_options {
     std::string file = "communication.db";///< of its store; "memory:NAME" on the virtual world
     bool secondary = false;               ///< backs the primary: the lower priority under the role
@@ -101,8 +95,8 @@ private:
     ise::task<> recall(command_desk::recall what);
     ise::task<> follow_states(std::size_t proxy);
     ise::result<void> begin_command(const command_record& record);
-    ise::task<telecommand_reply> command(telecommand_request request, operator_name who, ise::time_point deadline);
-    ise::task<authority_state> change_authority(authority_request request, operator_name who);
+    ise::task<telecommand_reply> command(telecommand_request request, std::string who, ise::time_point deadline);
+    ise::task<authority_state> change_authority(authority_request request, std::string who);
     void announce_authority();
     record_page record(const record_request& request);
 

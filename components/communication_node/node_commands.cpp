@@ -84,7 +84,7 @@ ise::result<void> communication_node::begin_command(const command_record& record
     return {};
 }
 
-ise::task<telecommand_reply> communication_node::command(telecommand_request request, operator_name who,
+ise::task<telecommand_reply> communication_node::command(telecommand_request request, std::string who,
                                                          ise::time_point deadline) {
     auto& c = *core_;
     auto arrived = now();
@@ -109,7 +109,7 @@ ise::task<telecommand_reply> communication_node::command(telecommand_request req
                 "{} can lose the boat or its mission: send it again with confirmed true if it is meant",
                 request.command.kind == command_kind::set_mode ? "set_mode manual" : name_of(request.command.kind)));
         if (needs_authority(request.command.kind))
-            if (auto why = c.authority.refusal(who.text)) throw command_refused(*why);
+            if (auto why = c.authority.refusal(who)) throw command_refused(*why);
         if (request.via &&
             std::ranges::none_of(c.proxies, [&](const auto& one) { return one.health.link == *request.via; })) {
             std::string there;
@@ -119,7 +119,7 @@ ise::task<telecommand_reply> communication_node::command(telecommand_request req
                                       there.empty() ? "none" : there));
         }
         auto chosen = static_cast<std::uint32_t>(env().random()) | 1u; // never 0
-        auto record = c.desk.prepare(now(), clock(), request, chosen, who.text, c.authority.now().boat_epoch, path());
+        auto record = c.desk.prepare(now(), clock(), request, chosen, who, c.authority.now().boat_epoch, path());
         if (!record) throw command_refused(record.error().message());
         id = record->status.id;
         auto begun = begin_command(*record);
@@ -140,13 +140,9 @@ ise::task<telecommand_reply> communication_node::command(telecommand_request req
     co_return last;
 }
 
-ise::task<authority_state> communication_node::change_authority(authority_request request, operator_name who) {
+ise::task<authority_state> communication_node::change_authority(authority_request request, std::string who) {
     auto& c = *core_;
-    if (who.anonymous && request.action != authority_action::look)
-        throw command_refused(fmt::format("{} has no path, and is not known again by its next call: it cannot hold the authority; "
-                                  "give it a path of its own (ise --as PATH call …)",
-                                  who.text));
-    auto made = c.authority.decide(request, who.text, clock());
+    auto made = c.authority.decide(request, who, clock());
     if (!made) throw ise::error(made.error());
     bool hands = made->epoch != c.authority.now().epoch;
     if (hands || made->asked_by != c.authority.now().asked_by) {
@@ -160,7 +156,7 @@ ise::task<authority_state> communication_node::change_authority(authority_reques
         c.authorities(*made);
         c.news.ring();
         log().info("authority over the boat",
-                   {{"how", hands ? made->how : who.text + " asks for it"}, {"epoch", std::to_string(made->epoch)}});
+                   {{"how", hands ? made->how : who + " asks for it"}, {"epoch", std::to_string(made->epoch)}});
         if (hands) announce_authority();
     }
     auto change = c.authority.change();

@@ -16,7 +16,7 @@ namespace {
 
 using namespace store_rows;
 
-constexpr std::array<std::string_view, 2> schema{
+constexpr std::array<std::string_view, 3> schema{
     "CREATE TABLE meta(name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;"
     "CREATE TABLE packets(position INTEGER PRIMARY KEY, boot INTEGER NOT NULL, sequence INTEGER NOT NULL, "
     "measured INTEGER NOT NULL,"
@@ -42,7 +42,21 @@ constexpr std::array<std::string_view, 2> schema{
     "INSERT INTO meta(name, value) SELECT 'life', value FROM meta WHERE name = 'store';"
     "UPDATE meta SET sum = row_sum(name, value);"
     "CREATE TABLE lives(place INTEGER PRIMARY KEY AUTOINCREMENT, number INTEGER NOT NULL UNIQUE, peer INTEGER NOT "
-    "NULL, packets INTEGER NOT NULL, commands INTEGER NOT NULL, sum INTEGER NOT NULL)"};
+    "NULL, packets INTEGER NOT NULL, commands INTEGER NOT NULL, sum INTEGER NOT NULL)",
+    // The content belongs to a packet's identity. Rows and their checksums stay as they are, also those without one.
+    "CREATE TABLE packets_by_content(position INTEGER PRIMARY KEY, boot INTEGER NOT NULL, sequence INTEGER NOT NULL, "
+    "measured INTEGER NOT NULL,"
+    " link INTEGER NOT NULL, received INTEGER NOT NULL, history INTEGER NOT NULL, kind INTEGER NOT NULL, raw "
+    "BLOB NOT NULL,"
+    " peer_position INTEGER, sum INTEGER, UNIQUE(boot, sequence, measured, raw));"
+    "INSERT INTO packets_by_content SELECT position, boot, sequence, measured, link, received, history, kind, raw, "
+    "peer_position, sum FROM packets ORDER BY position;"
+    "DROP TABLE packets;"
+    "ALTER TABLE packets_by_content RENAME TO packets;"
+    "CREATE INDEX packets_by_time ON packets(measured);"
+    "CREATE INDEX packets_by_kind ON packets(kind, history, measured);"
+    "CREATE INDEX packets_at_peer ON packets(peer_position);"
+    "CREATE INDEX packets_without_sum ON packets(position) WHERE sum IS NULL"};
 
 constexpr std::size_t lives_kept = 1000; // what follows a node and was away for more of its lives begins anew
 
@@ -213,7 +227,8 @@ ise::result<void> node_store::begin_anew(std::uint64_t fresh_number) {
     return {};
 }
 
-// Known already: its position, and that at the peer is noted.
+// Known already with the same content: its position, and that at the peer is noted. Another content under its numbers is
+// another packet, so that a forged one does not take the place of the boat's own.
 ise::result<std::uint64_t> node_store::insert(const telemetry_packet& p, std::uint64_t at_peer, std::uint64_t& head,
                                               std::uint32_t& fresh) {
     auto kind = p.raw.size() > 1 ? std::to_integer<std::int64_t>(p.raw[1]) : 0;
@@ -231,8 +246,8 @@ ise::result<std::uint64_t> node_store::insert(const telemetry_packet& p, std::ui
         return ++head;
     }
     static const auto sql = fmt::format(
-        "SELECT position, {} FROM packets WHERE boot = ? AND sequence = ? AND measured = ?", packet_is_sound);
-    auto known = db_.query(sql, {std::int64_t{p.boot}, std::int64_t{p.sequence}, cell(p.measured_at)});
+        "SELECT position, {} FROM packets WHERE boot = ? AND sequence = ? AND measured = ? AND raw = ?", packet_is_sound);
+    auto known = db_.query(sql, {std::int64_t{p.boot}, std::int64_t{p.sequence}, cell(p.measured_at), p.raw});
     if (!known) return known.error();
     if (known->empty())
         return ise::failure(ise::errc::malformed,

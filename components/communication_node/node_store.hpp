@@ -9,7 +9,7 @@
 namespace atirma {
 
 /// What a communication node must not lose, in one SQLite file: packets, telecommands, who has the authority, and how
-/// far the other node's store is known. Packets are numbered 1, 2, 3… in the order in which they came to this disk, and
+/// far the other node's store is known. A packet is its boot, sequence, time and content. Packets are numbered 1, 2, 3… in the order in which they came to this disk, and
 /// know their number at the other node. What a call returned success for is on the disk. Used by one component, on its
 /// loop. Errors of everything: io_failed with what the disk says; malformed where the file is damaged (a row that
 /// differs from its checksum, or a file that SQLite cannot read). Nothing of that call is kept then.
@@ -47,7 +47,7 @@ public:
     ise::result<std::vector<telemetry_packet>> packets(std::uint64_t after, std::uint64_t up_to, std::size_t most);
     /// A page for somebody who knows what `request.seen` says; nothing beyond `up_to`.
     ise::result<track_page> track(const track_request& request, std::uint64_t up_to);
-    /// Kind byte and time of the newest packet of each kind, no later than five minutes after its reception.
+    /// Kind byte and time of the newest packet of each kind, no later than its reception.
     ise::result<std::vector<std::pair<std::uint8_t, utc_time>>> newest();
     /// The newest packet of that kind that is not history.
     ise::result<std::optional<telemetry_packet>> last_of(std::uint8_t kind);

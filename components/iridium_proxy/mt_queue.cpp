@@ -85,8 +85,10 @@ void mt_queue::restore(utc_time now, std::vector<mt_entry> kept) {
 ise::result<std::uint32_t> mt_queue::submit(utc_time now, const telecommand_request& request, std::uint32_t chosen) {
     auto id = request.id != 0 ? request.id : chosen;
     if (auto known = entries_.find(id); known != entries_.end()) {
-        if (known->second.command == request.command) {
-            known->second.authority = std::max(known->second.authority, request.authority); // taken anew meanwhile
+        auto& e = known->second;
+        if (e.command == request.command) {
+            bool here = e.stage == iridium_stage::waiting && !e.may_have_left; // else its answer names the epoch that it left with
+            if (here) e.authority = std::max(e.authority, request.authority);  // taken anew meanwhile
             return id;
         }
         return ise::failure(ise::errc::invalid_argument, fmt::format("telecommand {} is {} already; choose another id",
@@ -203,7 +205,7 @@ bool mt_queue::on_acknowledgement(utc_time now, const acknowledgement& ack) {
     auto found = entries_.find(ack.id);
     if (found == entries_.end() || found->second.stage == iridium_stage::acknowledged) return false;
     auto& e = found->second;
-    if (ack.kind != e.command.kind) return false; // of another shore's telecommand with that number
+    if (!is_answer(ack, e.command.kind, e.authority)) return false;
     e.result = ack.code;
     bool tells = e.command.kind == command_kind::get_parameter || e.command.kind == command_kind::set_parameter ||
                  (e.command.kind >= command_kind::waypoint_add && e.command.kind <= command_kind::waypoint_select) ||

@@ -61,7 +61,8 @@ public:
     /// What the disk has kept, at the start. One that was being sent then is sent again.
     void restore(utc_time now, std::vector<mt_entry> kept);
 
-    /// Takes a telecommand, or finds the one of that id. Gives its id. `chosen` serves where the request has none.
+    /// Takes a telecommand, or finds the one of that id. Gives its id. `chosen` serves where the request has none. One that has not
+    /// left the shore goes under the highest epoch of authority that it was given with.
     /// Errors: invalid_argument, overloaded.
     ise::result<std::uint32_t> submit(utc_time now, const telecommand_request& request, std::uint32_t chosen);
     /// Forgets one that could not be kept on disk.
@@ -80,7 +81,7 @@ public:
     void on_delivered(utc_time now);
     /// The gateway's later word about one that it had taken.
     void on_gateway_word(utc_time now, std::uint32_t id, bool kept, const std::string& text);
-    /// False if nobody waits for it.
+    /// False if nobody waits for it, or it is no answer (`is_answer`).
     bool on_acknowledgement(utc_time now, const acknowledgement& ack);
     /// The boat has answered elsewhere. True if nothing more of it leaves the shore: what the gateway has cannot be
     /// called back, and what is being given to it goes through.

@@ -231,4 +231,45 @@ TEST_CASE("command book: the epoch of authority travels, and the boat's refusal 
     CHECK(it.book.find(8)->boat_obeys == 16'777'217u);
 }
 
+TEST_CASE("command book: an answer to what was sent under authority names its epoch, another one is nobody's") {
+    desk it;
+    telecommand_request request;
+    request.authority = 6;
+    auto send = [&](std::uint32_t id, command_kind kind) {
+        request.id = id;
+        request.command.kind = kind;
+        it.book.submit(it.now, it.wall, request, 1).value();
+        REQUIRE(it.due());
+        it.book.on_outcome(it.now, it.wall, id, true, true, "");
+    };
+    auto answer = [&](std::uint32_t id, command_kind kind, std::optional<std::uint32_t> epoch, ack_code code = ack_code::done) {
+        acknowledgement ack;
+        ack.id = id;
+        ack.kind = kind;
+        ack.code = code;
+        ack.authority = epoch;
+        return it.book.on_acknowledgement(it.wall, ack);
+    };
+    send(8, command_kind::tack_now);
+    for (auto code : {ack_code::done, ack_code::refused, ack_code::unknown_command})
+        for (std::optional<std::uint32_t> forged : {std::optional<std::uint32_t>(), {0u}, {4u}, {8u}, {0xFFFFFFFFu}})
+            CHECK_FALSE(answer(8, command_kind::tack_now, forged, code));
+    CHECK(it.stage(8) == telecommand_stage::sent);
+    CHECK_FALSE(it.book.find(8)->boat_obeys);
+    request.authority = 8; // asked for again while it is under way: the boat answers what it got
+    it.book.submit(it.now, it.wall, request, 1).value();
+    CHECK(answer(8, command_kind::tack_now, 6));
+    CHECK(it.stage(8) == telecommand_stage::acknowledged);
+    // The boat refuses under its own epoch, and answers questions under any.
+    send(9, command_kind::tack_now);
+    CHECK(answer(9, command_kind::tack_now, 12, ack_code::no_authority));
+    send(10, command_kind::ping);
+    CHECK_FALSE(answer(10, command_kind::ping, {}));
+    CHECK(answer(10, command_kind::ping, 12));
+    // Nor does an answer need an epoch where none was sent.
+    request.authority = 0;
+    send(11, command_kind::tack_now);
+    CHECK(answer(11, command_kind::tack_now, {}));
+}
+
 } // namespace command_book_test

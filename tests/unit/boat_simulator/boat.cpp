@@ -188,6 +188,21 @@ TEST_CASE("a command that arrives twice is done once") {
     CHECK(boat.boot() == 2);
 }
 
+TEST_CASE("a boat that repeats an answer names the epoch under which it did what was asked") {
+    simulated_boat boat(sailing({}), steady(6, 40));
+    auto add = command(1, command_kind::waypoint_add);
+    add.point = {28.16, -15.45};
+    add.authority = 6;
+    CHECK(boat.execute(add).authority == 6u);
+    auto ping = command(2, command_kind::ping);
+    ping.authority = 8; // the authority has changed hands
+    CHECK(boat.execute(ping).authority == 8u);
+    auto again = boat.execute(add);
+    CHECK(again.code == ack_code::done);
+    CHECK(again.authority == 6u);
+    CHECK(boat.authority() == 8);
+}
+
 TEST_CASE("a boat that heard of an authority refuses what comes under a lower one, and forgets neither over a reboot") {
     simulated_boat boat(sailing({}), steady(6, 40));
     auto add = command(1, command_kind::waypoint_add);

@@ -44,6 +44,26 @@ TEST_CASE("node store: a packet is kept once, whichever links brought it, and is
     CHECK(store.packets(0, 100, 2).value().size() == 2);
 }
 
+TEST_CASE("node store: a packet of another content under the same numbers is kept beside the first, at both nodes") {
+    auto a = opened("memory:content-a", 100), b = opened("memory:content-b", 200);
+    auto forged = packet(2), own = packet(2, link_id::gprs);
+    forged.raw.back() = std::byte{99};
+    CHECK(a.add(std::span(&forged, 1)).value().fresh == 1);
+    auto kept = a.add(std::span(&own, 1)).value();
+    CHECK(kept.fresh == 1);
+    CHECK(kept.last == 2);
+    for (const auto& again : {own, forged}) CHECK(a.add(std::span(&again, 1)).value().fresh == 0);
+    b.add(std::span(&own, 1)).value(); // has come there as well
+    CHECK(pull(b, a) == 1);
+    CHECK(pull(a, b) == 0);
+    for (auto* store : {&a, &b}) {
+        auto all = store->track(track_request(), store->head()).value().packets;
+        REQUIRE(all.size() == 2);
+        for (const auto& one : {forged, own})
+            CHECK(std::ranges::count_if(all, [&](const auto& listed) { return listed.raw == one.raw; }) == 1);
+    }
+}
+
 TEST_CASE("node store: a page leaves out what is known, by the numbers of either node") {
     auto a = opened("memory:page-a", 100), b = opened("memory:page-b", 200);
     a.add(packets(1, 3)).value();

@@ -1,1 +1,1 @@
-target_link_libraries(unit_gprs_proxy PRIVATE atirma_gprs_proxy atirma_gprs_link)
+target_link_libraries(unit_gprs_proxy PRIVATE atirma_gprs_proxy atirma_gprs_link atirma_communication)

@@ -1,9 +1,12 @@
 // Who calls and is not the boat.
 #include "quay.hpp"
 
+#include <components/communication_node/communication_node.hpp>
+
 #include <support/catch.hpp>
 
 #include <algorithm>
+#include <functional>
 #include <set>
 
 namespace strangers_test {
@@ -56,6 +59,37 @@ private:
     ise::duration between_;
     std::unique_ptr<ise::stream> line_;
 };
+
+/// Logs in by datagram with the boat's name, and sends packets under its numbers.
+void logs_in_as_the_boat(quay& it, std::uint32_t first, std::uint32_t last, std::function<ise::bytes(packet_header)> forge) {
+    it.world.host("pirate").start_process("pirate", [=](ise::sim::process& here) -> std::shared_ptr<void> {
+        auto node = std::make_shared<ise::node>(here, quay::quiet());
+        node->start("", [=](ise::component& self) -> ise::task<> {
+            ise::endpoint any{ise::protocol::udp, "0.0.0.0", 0, {}};
+            auto socket = std::move(self.env().open_datagram(self.on(), any).value());
+            auto shore = ise::endpoint::parse("udp://shore:7420").value();
+            auto login = gprs::encode(gprs::login{"atirma", 5, first, last, 1});
+            socket->try_send(shore, ise::as_bytes(login));
+            auto [problem, got] = co_await socket->receive();
+            if (problem) co_return;
+            auto asked = gprs::parse(ise::as_text(got->content).substr(0, got->content.size() - 2)).value();
+            auto key = gprs::encode(gprs::shown_key{std::get<gprs::challenge>(asked).key});
+            socket->try_send(shore, ise::as_bytes(key + login));
+            for (std::uint32_t n = first; n <= last; ++n) {
+                gprs::record forged;
+                forged.boot = 5;
+                forged.number = n;
+                packet_header header;
+                header.boot = 5;
+                header.sequence = n;
+                forged.raw = forge(header);
+                socket->try_send(shore, ise::as_bytes(key + gprs::encode(forged)));
+                co_await self.sleep(10ms);
+            }
+        }, quay::asks_only());
+        return node;
+    });
+}
 
 } // namespace
 
@@ -185,33 +219,9 @@ TEST_CASE("gprs proxy: what somebody sent in the boat's name during an outage ta
     REQUIRE(it.until([&] { return it.seen.telemetry.size() >= 3; }));
     it.world.net().partition("boat", "shore");
     it.world.run_for(4min); // until the shore has given the boat up
-    it.world.host("pirate").start_process("pirate", [&](ise::sim::process& here) -> std::shared_ptr<void> {
-        auto node = std::make_shared<ise::node>(here, quay::quiet());
-        node->start("", [&](ise::component& self) -> ise::task<> {
-            ise::endpoint any{ise::protocol::udp, "0.0.0.0", 0, {}};
-            auto socket = std::move(self.env().open_datagram(self.on(), any).value());
-            auto shore = ise::endpoint::parse("udp://shore:7420").value();
-            auto login = gprs::encode(gprs::login{"atirma", 5, 8, 20, 1});
-            socket->try_send(shore, ise::as_bytes(login));
-            auto [problem, got] = co_await socket->receive();
-            if (problem) co_return;
-            auto asked = gprs::parse(ise::as_text(got->content).substr(0, got->content.size() - 2)).value();
-            auto key = gprs::encode(gprs::shown_key{std::get<gprs::challenge>(asked).key});
-            socket->try_send(shore, ise::as_bytes(key + login));
-            for (std::uint32_t n = 8; n <= 20; ++n) {
-                gprs::record forged;
-                forged.boot = 5;
-                forged.number = n;
-                packet_header header;
-                header.boot = 5;
-                header.sequence = n;
-                header.measured_at = utc_time(std::chrono::seconds(4'000'000'000 + n)); // far in the future
-                forged.raw = encode_telemetry(header, location());
-                socket->try_send(shore, ise::as_bytes(key + gprs::encode(forged)));
-                co_await self.sleep(10ms);
-            }
-        }, quay::asks_only());
-        return node;
+    logs_in_as_the_boat(it, 8, 20, [](packet_header header) {
+        header.measured_at = utc_time(std::chrono::seconds(4'000'000'000 + header.sequence)); // far in the future
+        return encode_telemetry(header, location());
     });
     REQUIRE(it.until([&] { return it.seen.state && it.seen.state->from.starts_with("udp://"); }));
     it.world.run_for(5s);
@@ -226,6 +236,48 @@ TEST_CASE("gprs proxy: what somebody sent in the boat's name during an outage ta
     });
     REQUIRE(last != it.seen.telemetry.end());
     CHECK_FALSE(last->history); // where the boat is now
+}
+
+TEST_CASE("gprs proxy: a node keeps the boat's packets also where forged ones of the same numbers and times came first") {
+    quay it("tcp", 20);
+    it.options.store_at = "tcp://node:7430";
+    it.world.host("node").start_process("node", [](ise::sim::process& here) -> std::shared_ptr<void> {
+        auto node = std::make_shared<ise::node>(here, quay::quiet());
+        ise::component_options where;
+        where.listen = {ise::endpoint::parse("tcp://0.0.0.0:7430").value()};
+        communication_node_options options;
+        options.file = "memory:gprs-node";
+        options.role.clear();
+        node->start<communication_node>("atirma/shore/node-1", where, options);
+        return node;
+    });
+    it.start();
+    REQUIRE(it.until([&] { return it.seen.telemetry.size() >= 3; }));
+    it.world.net().partition("boat", "shore");
+    it.world.run_for(4min); // until the shore has given the boat up
+    auto forge = [](packet_header header) {
+        header.measured_at = parse_telemetry(gprs_test::fix(header.sequence))->header.measured_at;
+        return encode_telemetry(header, location());
+    };
+    logs_in_as_the_boat(it, 8, 20, forge);
+    REQUIRE(it.until([&] { return it.seen.state && it.seen.state->from.starts_with("udp://"); }));
+    it.world.run_for(5s);
+    it.world.net().heal("boat", "shore");
+    REQUIRE(it.until([&] { return it.boat.measured == 20 && it.boat.waiting == 0; }));
+    std::optional<track_page> listed;
+    it.user([&](ise::component& self) -> ise::task<> {
+        auto node = self.at(ise::endpoint::parse("tcp://node:7430").value());
+        track_request everything;
+        listed = co_await node.call(services::track, everything, 10s);
+    });
+    REQUIRE(it.until([&] { return listed.has_value(); }));
+    std::set<std::uint32_t> own;
+    std::size_t forged = 0;
+    for (const auto& packet : listed->packets)
+        if (packet.raw == gprs_test::fix(packet.sequence)) own.insert(packet.sequence);
+        else ++forged;
+    CHECK(own.size() == 20);
+    CHECK(forged > 0);
 }
 
 TEST_CASE("gprs proxy: a packet that is none is dropped and not asked for again") {

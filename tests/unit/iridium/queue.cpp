@@ -75,6 +75,40 @@ TEST_CASE("iridium: a telecommand goes under the epoch of authority that it was 
     CHECK(waits.find(7)->authority == 8);
 }
 
+TEST_CASE("iridium: an answer to what was sent under authority names its epoch, another one is nobody's, also after a restart") {
+    auto store = opened("epochs");
+    mt_queue queue;
+    auto steer = request(7, command_kind::tack_now);
+    steer.authority = 6;
+    queue.submit(start, steer, 0).value();
+    REQUIRE(queue.next_due(start, {}));
+    queue.on_outcome(start, 7, outcome(mt_outcome::kind::accepted));
+    steer.authority = 8; // asked for again: the gateway has it under the old one
+    queue.submit(start, steer, 0).value();
+    store.save(*queue.find(7)).value();
+    mt_queue again;
+    again.restore(start, store.load().value());
+    for (auto* one : {&queue, &again}) {
+        auto ack = answer(7, command_kind::tack_now);
+        CHECK_FALSE(one->on_acknowledgement(start, ack));
+        for (std::uint32_t forged : {0u, 4u, 8u, 0xFFFFFFFFu}) {
+            ack.authority = forged;
+            CHECK_FALSE(one->on_acknowledgement(start, ack));
+        }
+        CHECK(one->find(7)->stage == iridium_stage::at_gateway);
+        ack.authority = 6;
+        CHECK(one->on_acknowledgement(start, ack));
+        CHECK(one->find(7)->boat_obeys == 6u);
+    }
+    steer.id = 9;
+    queue.submit(start, steer, 0).value();
+    REQUIRE(queue.next_due(start, {}));
+    auto no = answer(9, command_kind::tack_now);
+    no.code = ack_code::no_authority;
+    no.authority = 12;
+    CHECK(queue.on_acknowledgement(start, no));
+}
+
 TEST_CASE("iridium: what the boat has answered over another link is called back while it waits, and only then") {
     mt_queue queue;
     queue.submit(start, request(1, command_kind::ping), 0).value();
