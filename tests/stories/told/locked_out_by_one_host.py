@@ -55,17 +55,6 @@ def callers(world: World, to: tuple[str, int], every_s: float):
             each.close()
 
 
-@contextmanager
-def at_most(files: int):
-    """What is started meanwhile may open no more files."""
-    before = resource.getrlimit(resource.RLIMIT_NOFILE)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (files, files))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_NOFILE, before)
-
-
 def greeting(world: World) -> bytes:
     """What the command line says first to a name server."""
     with world.on("crowd"), socket.create_server((world.addresses["crowd"], 7400)) as door:
@@ -155,8 +144,8 @@ def tell(world: World):
     with callers(world, boat, 0.02):
         world.sleep(1)
         world.expect(world.until(logged_in, 6), "50 connections a second of one host keep the boat from logging in")
-    with at_most(160):
-        few = world.run("few", ["ise_name_server", "--fresh", "--state", "none", "--listen", f"tcp://{shore}:7405"], "shore")
+    few = world.run("few", ["/bin/sh", "-c", 'ulimit -n 160 && exec "$@"', "sh", world.bin / "ise_name_server", "--fresh", "--state", "none",
+                            "--listen", f"tcp://{shore}:7405"], "shore")
     few.line("tcp://")
 
     def listed() -> bool:
