@@ -25,36 +25,37 @@ ise::result<ise::endpoint> stream_relay::open(const ise::endpoint& at) {
 }
 
 ise::task<> stream_relay::accept(std::shared_ptr<ise::listener> at) {
-    // Bounded by `max_calls`.
-    ise::net::bounded_acceptor entrance(loop_, at, nullptr, [this](const std::string& what, const std::string& where) {
+    ise::net::bounded_acceptor entrance(loop_, at, &places_, [this](const std::string& what, const std::string& where) {
         log_.warning(what, {{"at", where}});
     });
     for (;;) {
         auto who = co_await entrance.next();
         if (!who.line) co_return;
-        if (!air_.up) {
+        if (!air_.up || who.refused) {
             ++air_.turned_away;
             continue;
         }
-        std::shared_ptr<ise::stream> boat = std::move(who.line);
-        spawn_("connection", carry(std::move(boat)));
+        auto made = std::make_shared<call>(*this);
+        made->boat = std::move(who.line);
+        made->place = std::move(who.place);
+        made->place->on_displaced([this, whose = made.get()] { end(*whose); });
+        calls_.push_back(made);
+        spawn_("connection", carry(std::move(made)));
     }
 }
 
-ise::task<> stream_relay::carry(std::shared_ptr<ise::stream> boat) {
+ise::task<> stream_relay::carry(std::shared_ptr<call> of) {
     auto made = co_await ise::net::connect_until(loop_, proxy_, ise::saturating_add(loop_.now(), connect_time));
+    if (of->over) co_return;
     if (!made) {
         ++air_.turned_away;
         log_.warning("the proxy is not reached", {{"cause", made.error().message()}});
+        end(*of);
         co_return;
     }
-    if (calls_.size() >= max_calls) end(*calls_.front());
-    auto of = std::make_shared<call>(*this);
-    of->boat = std::move(boat);
     of->proxy = std::move(*made);
     of->halves[up].from = of->halves[1 - up].to = of->boat.get();
     of->halves[up].to = of->halves[1 - up].from = of->proxy.get();
-    calls_.push_back(of);
     spawn_("connection up", pump(of, up));
     spawn_("connection down", pump(std::move(of), 1 - up));
 }
@@ -127,8 +128,9 @@ void stream_relay::write(call& of, half& way, bool upward) {
 void stream_relay::end(call& of) {
     if (std::exchange(of.over, true)) return;
     of.due.disarm();
+    of.place.reset();
     of.boat->close();
-    of.proxy->close();
+    if (of.proxy) of.proxy->close();
     auto listed = std::find_if(calls_.begin(), calls_.end(), [&](const auto& one) { return one.get() == &of; });
     loop_.later([held = *listed] {}); // its own timer may have brought us here
     calls_.erase(listed);

@@ -5,6 +5,7 @@
 #include <ise/core/environment.hpp>
 #include <ise/core/log.hpp>
 #include <ise/core/task.hpp>
+#include <ise/net/fair_places.hpp>
 
 #include <array>
 #include <deque>
@@ -18,7 +19,7 @@ namespace atirma {
 /// complete, for as long as nobody breaks it. Used on one loop; must outlive the coroutines that it spawns.
 class stream_relay {
 public:
-    static constexpr std::size_t max_calls = 64;             ///< beyond, the oldest breaks
+    static constexpr std::size_t max_calls = 64;             ///< beyond, `ise::net::fair_places` decides
     static constexpr std::size_t most_held = 64 * 1024;      ///< under way in one direction; then nothing more is read
 
     stream_relay(ise::loop& on, ise::logger log, carrier_air& air, ise::endpoint proxy,
@@ -51,14 +52,15 @@ private:
     };
     struct call {
         explicit call(stream_relay& self) : due(self.loop_, [this, &self] { self.turn(*this); }) {}
-        std::shared_ptr<ise::stream> boat, proxy;
+        std::shared_ptr<ise::stream> boat, proxy; // no proxy while it is dialled
+        std::unique_ptr<ise::net::fair_places::place> place; // from its first moment on
         std::array<half, 2> halves; // up, down
         ise::timer due;
         bool frozen = false, over = false;
     };
 
     ise::task<> accept(std::shared_ptr<ise::listener> at);
-    ise::task<> carry(std::shared_ptr<ise::stream> boat);
+    ise::task<> carry(std::shared_ptr<call> of);
     ise::task<> pump(std::shared_ptr<call> of, std::size_t which);
     void turn(call& of);
     void write(call& of, half& way, bool upward);
@@ -69,6 +71,7 @@ private:
     carrier_air& air_;
     ise::endpoint proxy_;
     std::function<void(std::string, ise::task<>)> spawn_;
+    ise::net::fair_places places_{max_calls}; // before the calls, which hold them
     std::list<std::shared_ptr<call>> calls_; // as they came
 };
 

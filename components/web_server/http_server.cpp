@@ -1,11 +1,11 @@
 #include <components/web_server/http_server.hpp>
 
 #include <components/web_server/http_answers.hpp>
-#include <components/web_server/room_for_sockets.hpp>
 
 #include <ise/core/environment.hpp>
 #include <ise/core/error.hpp>
 #include <ise/core/log_limiter.hpp>
+#include <ise/core/real/room_for_sockets.hpp>
 #include <ise/core/waiter.hpp>
 #include <ise/net/bounded_acceptor.hpp>
 
@@ -386,7 +386,7 @@ void http_server::listen() {
     if (not_numeric)
         throw ise::error(ise::errc::invalid_argument,
                          fmt::format("web server: \"{}\" is no numeric IP address; use such as 127.0.0.1, 0.0.0.0 or ::", options.address));
-    auto room = room_for_sockets(options.limits.max_connections);
+    auto room = ise::room_for_sockets(options.limits.max_connections);
     if (room < options.limits.max_connections)
         self.log(fmt::format("this process may open too few files for {} viewers: at most {} are served at once; raise the limit "
                              "(ulimit -Hn, or LimitNOFILE= of systemd)",

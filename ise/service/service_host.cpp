@@ -14,6 +14,8 @@ namespace ise {
 
 namespace {
 
+constexpr duration displaced_grace = std::chrono::seconds(1); // to take the goodbye
+
 // Not by their addresses in memory: a run on the virtual world is the same every time.
 std::vector<std::shared_ptr<session>> in_order(const std::map<session*, std::shared_ptr<session>>& all) {
     std::vector<std::shared_ptr<session>> made;
@@ -26,7 +28,7 @@ std::vector<std::shared_ptr<session>> in_order(const std::map<session*, std::sha
 
 service_host::service_host(environment& env, loop& on, task_scope& scope, wire::identity self, service_options options, logger log, security credentials)
     : env_(env), on_(on), scope_(scope), self_(std::move(self)), options_(options), log_(std::move(log)), uses_(*this), calls_(on), dispatcher_(schemas_),
-      handshakes_(options_.max_handshakes), credentials_(std::move(credentials)) {}
+      places_(options_.max_sessions), handshakes_(options_.max_handshakes), credentials_(std::move(credentials)) {}
 
 service_host::~service_host() { resolver_.reset(); }
 
@@ -65,20 +67,24 @@ wire::hello service_host::greeting_to(const location& whom, const endpoint& at, 
 
 class service_host::door final : public net::gatekeeper {
 public:
-    door(service_host& of, endpoint reached) : of_(of), reached_(std::move(reached)) {}
+    door(service_host& of, endpoint reached, std::string peer) : of_(of), reached_(std::move(reached)), peer_(std::move(peer)) {}
 
     result<wire::welcome> admit(const wire::hello& caller) override {
         if (of_.credentials_.key)
             if (auto relayed = net::objection_to_way(caller, reached_, of_.advertised_, of_.env_)) return std::move(*relayed);
-        return of_.admit(caller);
+        return of_.admit(caller, peer_, reached_.kind == protocol::inproc ? nullptr : &place_);
     }
+    /// Null before it was admitted, and within a process.
+    session_place take_place() { return std::move(place_); }
 
 private:
     service_host& of_;
     endpoint reached_;
+    std::string peer_;
+    session_place place_;
 };
 
-result<wire::welcome> service_host::admit(const wire::hello& caller) {
+result<wire::welcome> service_host::admit(const wire::hello& caller, const std::string& peer, session_place* into) {
     auto me = self_.path.empty() ? "an unnamed component" : fmt::format("'{}'", self_.path);
     if (!caller.wanted_path.empty() && caller.wanted_path != self_.path)
         return failure(errc::wrong_peer, fmt::format("here is {}, not '{}'", me, caller.wanted_path));
@@ -88,8 +94,14 @@ result<wire::welcome> service_host::admit(const wire::hello& caller) {
         return failure(errc::wrong_peer, fmt::format("{} has epoch {} here, {} was wanted", me, self_.epoch, caller.wanted_epoch));
     if (stopping_) return failure(errc::cancelled, fmt::format("{} stops", me));
     if (paused_) return *paused_;
-    if (sessions_.size() >= options_.max_sessions)
-        return failure(errc::overloaded, fmt::format("{} has {} sessions, no more are allowed (max_sessions)", me, sessions_.size()));
+    if (into) {
+        auto taken = places_.take(peer);
+        if (!taken)
+            return failure(errc::overloaded, fmt::format("{} has {} sessions, no more are allowed (max_sessions), and no host has more of them than {}",
+                                                         me, places_.most(), net::host_of(peer)));
+        taken->serve();
+        *into = std::move(taken);
+    }
     auto mine = greeting();
     wire::welcome made;
     made.features = mine.features;
@@ -132,8 +144,13 @@ task<> service_host::accept(std::shared_ptr<listener> from) {
         if (scope_.stopping()) co_return;
         if (!cancel) continue;
         held->on_displaced([this, cancel, host = net::host_of(peer)] {
+            bool full = handshakes_.taken() + 1 >= handshakes_.most(); // else there are no descriptors, which the listener has told
             tell(peer_trouble::crowded,
-                 fmt::format("{} handshakes at once (max_handshakes), most from {}: the oldest of these make way", handshakes_.most(), host), host);
+                 fmt::format("{}, most from {}: the oldest of these make way",
+                             full ? fmt::format("{} handshakes at once (max_handshakes)", handshakes_.most())
+                                  : fmt::format("{} handshakes hold file descriptors of which none are left (ulimit -n)", handshakes_.taken() + 1),
+                             host),
+                 host);
             cancel->emit(asio::cancellation_type::terminal);
         });
     }
@@ -172,7 +189,7 @@ task<> service_host::greet(std::unique_ptr<stream> stranger, endpoint reached, h
         }
     } guard{++greeting_, place};
     auto peer = stranger->peer();
-    door gate(*this, std::move(reached));
+    door gate(*this, std::move(reached), peer);
     auto deadline = saturating_add(on_.now(), options_.handshake_time);
     result<std::shared_ptr<net::connection>> made = failure(errc::cancelled, "the handshake was cancelled");
     try {
@@ -185,12 +202,28 @@ task<> service_host::greet(std::unique_ptr<stream> stranger, endpoint reached, h
         if (scope_.stopping()) co_return;
         auto code = made.error().code();
         bool strange = place->displaced() || broke_rules(code) || code == errc::timed_out || code == errc::unauthorized || code == errc::invalid_argument || code == errc::io_failed;
-        auto cause = place->displaced() ? fmt::format("{} had not greeted when its place was needed (max_handshakes)", peer) : made.error().message();
+        auto cause = place->displaced() ? fmt::format("{} had not greeted when its place was needed", peer) : made.error().message();
         tell(strange ? peer_trouble::handshake : peer_trouble::rejected, fmt::format("a session was not made: {}", cause), peer);
         co_return;
     }
     ++counts_.sessions_accepted;
-    run(std::move(*made), {});
+    auto begun = run(std::move(*made), {});
+    auto held = gate.take_place();
+    if (held) keep_place(begun, peer, std::move(held));
+}
+
+void service_host::keep_place(const std::shared_ptr<session>& of, const std::string& peer, session_place held) {
+    if (!sessions_.contains(of.get())) return; // over already
+    auto make_way = [this, whose = std::weak_ptr(of), host = net::host_of(peer)] {
+        auto told = whose.lock();
+        if (!told) return;
+        tell(peer_trouble::excess, fmt::format("{} sessions (max_sessions), most from {}: the oldest of these make way for other hosts", places_.most(), host), host);
+        told->finish(failure(errc::overloaded, fmt::format("{} sessions are allowed (max_sessions), of which {} has most: its place was needed for another host",
+                                                           places_.most(), host)), displaced_grace);
+    };
+    if (held->displaced()) return make_way(); // during the handshake
+    held->on_displaced(make_way);
+    held_places_.emplace(of.get(), std::move(held));
 }
 
 std::shared_ptr<session> service_host::run(std::shared_ptr<net::connection> connection, std::weak_ptr<link> owner) {
@@ -208,6 +241,7 @@ void service_host::forget(session& ended) {
     // Its coroutines are on their way out; it goes when they and its calls have let go.
     auto last = std::move(found->second);
     sessions_.erase(found);
+    held_places_.erase(&ended);
     on_.later([last = std::move(last)] {});
     if (sessions_.empty())
         for (auto* told : awaiting_sessions_end_) told->resume();

@@ -17,7 +17,7 @@ struct service_options {
     duration reconnect_spread = std::chrono::milliseconds(500); ///< the first try after a loss comes within it, at random
     duration default_deadline = std::chrono::seconds(5); ///< of calls that give none
     duration linger = std::chrono::seconds(30);          ///< a vanished subscriber is kept, and a call over udp of a vanished client goes on, for this long
-    std::size_t max_sessions = 20'000;                   ///< with peers that have greeted
+    std::size_t max_sessions = 20'000;                   ///< of other processes that have greeted; beyond, the host with most loses its oldest to one with fewer
     std::size_t max_handshakes = 256;                    ///< strangers at once; beyond, the oldest from the host with most makes way
     std::uint32_t max_calls_per_session = 4096;          ///< served at once for one peer
     std::uint32_t max_subscriptions_per_session = 1024;  ///< of one peer

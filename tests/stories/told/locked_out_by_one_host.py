@@ -1,6 +1,9 @@
-"""One host that takes all connections it can get keeps nobody else out: page, web hook, the boat's GPRS."""
+"""One host that takes all connections it can get keeps nobody else out: page, web hook, the boat's GPRS, names."""
+import os
 import resource
 import socket
+import struct
+import subprocess
 import threading
 from contextlib import contextmanager
 
@@ -52,6 +55,56 @@ def callers(world: World, to: tuple[str, int], every_s: float):
             each.close()
 
 
+def greeting(world: World) -> bytes:
+    """What the command line says first to a name server."""
+    with world.on("crowd"), socket.create_server((world.addresses["crowd"], 7400)) as door:
+        door.settimeout(10)
+        subprocess.Popen(["nsenter", f"--net={world.namespaces['crowd']}", world.bin / "ise", "--timeout", "2s", "list"], stdin=subprocess.DEVNULL,
+                                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                                env=os.environ | {"ISE_NAME_SERVER": f"tcp://{world.addresses['crowd']}:7400"})
+        line, _ = door.accept()
+        with line:
+            line.settimeout(10)
+            head = line.recv(16, socket.MSG_WAITALL)
+            return head + line.recv(struct.unpack_from("<I", head)[0], socket.MSG_WAITALL)
+
+
+@contextmanager
+def sessions(world: World, to: tuple[str, int], many: int, hello: bytes):
+    """So many sessions of one host that want nothing, and come again where they are refused."""
+    over, ping = threading.Event(), struct.pack("<IBBHQ", 0, 48, 0, 0, 1)
+    all_: list[socket.socket] = []
+
+    def hold():
+        while not over.wait(0.5):
+            for each in list(all_):
+                try:
+                    each.send(ping, socket.MSG_DONTWAIT)
+                    if not each.recv(65536, socket.MSG_DONTWAIT):
+                        raise ConnectionError
+                except BlockingIOError:
+                    pass
+                except OSError:
+                    each.close()
+                    all_.remove(each)
+            for _ in range(many - len(all_)):
+                try:
+                    all_.append(world.dial("crowd", to, wait=1))
+                    all_[-1].sendall(hello)
+                except OSError:
+                    break
+
+    thread = threading.Thread(target=hold)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+        for each in all_:
+            each.close()
+
+
 def tell(world: World):
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (min(hard, 8192), hard))
@@ -91,4 +144,15 @@ def tell(world: World):
     with callers(world, boat, 0.02):
         world.sleep(1)
         world.expect(world.until(logged_in, 6), "50 connections a second of one host keep the boat from logging in")
+    few = world.run("few", ["/bin/sh", "-c", 'ulimit -n 160 && exec "$@"', "sh", world.bin / "ise_name_server", "--fresh", "--state", "none",
+                            "--listen", f"tcp://{shore}:7405"], "shore")
+    few.line("tcp://")
+
+    def listed() -> bool:
+        return world.ise("list", host="visitor", wait=5, ISE_NAME_SERVER=f"tcp://{shore}:7405").returncode == 0
+
+    world.expect(listed(), "the name server does not answer although nobody else is there")
+    with sessions(world, (shore, 7405), 144, greeting(world)):
+        world.sleep(5)
+        world.expect(listed(), "144 sessions of one host keep all others off a name server that may open 160 files")
     world.judge(Rules())

@@ -2,6 +2,7 @@
 #include "quay.hpp"
 
 #include <components/communication_node/communication_node.hpp>
+#include <components/gprs_link/gprs_link_emulator.hpp>
 
 #include <support/catch.hpp>
 
@@ -20,7 +21,8 @@ namespace {
 /// One who connects and says what he likes, on the virtual network.
 class stranger {
 public:
-    stranger(quay& at, std::string words, ise::duration between = 0s) : words_(std::move(words)), between_(between) {
+    stranger(quay& at, std::string words, ise::duration between = 0s, const std::string& host = "shore")
+        : words_(std::move(words)), between_(between), to_("tcp://" + host + ":7420") {
         at.world.host("pirate").start_process("pirate", [this](ise::sim::process& here) -> std::shared_ptr<void> {
             auto node = std::make_shared<ise::node>(here, quay::quiet());
             node->start("", [this](ise::component& self) { return talk(self); }, quay::asks_only());
@@ -32,7 +34,7 @@ public:
 
 private:
     ise::task<> talk(ise::component& self) {
-        auto shore = ise::endpoint::parse("tcp://shore:7420").value();
+        auto shore = ise::endpoint::parse(to_).value();
         auto made = co_await self.env().connect(self.on(), shore);
         line_ = std::move(made.value());
         self.spawn("words", say(self));
@@ -57,6 +59,7 @@ private:
 
     std::string words_;
     ise::duration between_;
+    std::string to_;
     std::unique_ptr<ise::stream> line_;
 };
 
@@ -132,6 +135,39 @@ TEST_CASE("gprs proxy: a crowd of strangers holds no place that the boat needs, 
     CHECK(it.seen.state->strangers_cut_off == 300);
     CHECK(std::all_of(crowd.begin(), crowd.end(), [](const auto& one) { return one->cut; }));
     CHECK(it.warnings.size() < 20);
+}
+
+TEST_CASE("gprs link: a crowd on the carrier breaks its own oldest connections, not the boat's, also while the proxy is dialled") {
+    const bool reached = GENERATE(true, false);
+    INFO("the proxy is reached: " << reached);
+    quay it("tcp", 20);
+    it.options.shore.max_strangers = 1000; // the carrier is what is asked
+    it.boat.shore = "tcp://carrier:7420";
+    it.world.host("carrier").start_process("carrier", [](ise::sim::process& here) -> std::shared_ptr<void> {
+        auto node = std::make_shared<ise::node>(here, quay::quiet());
+        gprs_link_options between;
+        between.listen = {"tcp://0.0.0.0:7420"};
+        between.proxy_tcp = "tcp://shore:7420";
+        between.delay_s = between.jitter_s = 0;
+        node->start<gprs_link_emulator>("", quay::asks_only(), between);
+        return node;
+    });
+    it.start();
+    REQUIRE(it.until([&] { return it.boat.measured >= 5 && it.boat.waiting == 0; }));
+    auto since = it.seen.state->connected_since;
+    REQUIRE(since);
+    if (!reached) it.world.net().partition("carrier", "shore");
+    std::vector<std::unique_ptr<stranger>> crowd;
+    for (int i = 0; i < 200; ++i) {
+        crowd.push_back(std::make_unique<stranger>(it, "", 0s, "carrier"));
+        it.world.run_for(1ms);
+    }
+    it.world.run_for(200ms);
+    CHECK(std::count_if(crowd.begin(), crowd.end(), [](const auto& one) { return one->cut; }) == 200 - 63);
+    CHECK_FALSE(crowd.back()->cut);
+    it.world.net().heal("carrier", "shore");
+    REQUIRE(it.until([&] { return it.complete(); }));
+    CHECK(it.seen.state->connected_since == since); // over the same connection
 }
 
 TEST_CASE("gprs proxy: datagrams of strangers get no answer, cost nothing, and are told now and then") {

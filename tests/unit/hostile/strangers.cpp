@@ -114,4 +114,39 @@ TEST_CASE("hostile: beyond max_sessions a peer is told so and others keep theirs
     at.others_do_not_notice();
 }
 
+TEST_CASE("hostile: a host that holds all sessions loses its oldest to another host, and none to itself") {
+    ise::service_options few;
+    few.max_sessions = 4;
+    harbour at(either(), few);
+    INFO(at.door);
+    std::deque<std::unique_ptr<raw_peer>> crowd;
+    auto comes = [&] {
+        for (auto& peer : crowd) peer->say(frame_type::ping, 1, ise::bytes_view()); // who is silent loses its session anyway
+        crowd.push_back(std::make_unique<raw_peer>(at.all, at.sea, at.door));
+        crowd.back()->greet();
+        return crowd.back()->count(frame_type::reject) == 0;
+    };
+    auto lost = [&] { return std::ranges::count_if(crowd, [](const auto& peer) { return peer->count(frame_type::goodbye) > 0; }); };
+    for (int i = 0; i < 4; ++i) CHECK(comes());
+    CHECK_FALSE(comes());
+    CHECK(lost() == 0);
+    at.others_do_not_notice();
+    CHECK(lost() == 1);
+    CHECK_THAT(crowd.front()->why(frame_type::goodbye).message(), Contains("max_sessions") && Contains("another host"));
+    CHECK(at.warned("make way for other hosts"));
+    auto& pier = at.all.add("pier");
+    auto over_there = pier.at(at.door);
+    CHECK(at.all.run(pier, at.try_helm(over_there, 1s)));
+    CHECK(lost() == 2);
+    for (int i = 0; i < 10; ++i) CHECK_FALSE(comes());
+    at.all.world.run_for(1s); // whoever did not close by itself
+    CHECK(at.boat.services->sessions().size() == 4);
+    CHECK(lost() == 2);
+    crowd.clear();
+    at.all.world.run_for(1s);
+    CHECK(at.boat.services->sessions().size() == 2);
+    for (int i = 0; i < 2; ++i) CHECK(comes()); // their places are free again
+    at.others_do_not_notice();
+}
+
 } // namespace strangers_test

@@ -71,6 +71,8 @@ TEST_CASE("places: a host is an IPv4 address, the /64 of an IPv6 address, or a l
     CHECK(host_of("tcp://[::ffff:10.0.0.2]:5") == "10.0.0.2");
     CHECK(host_of("tcp://[2001:db8:1:2::1]:5") == host_of("tls://[2001:db8:1:2:ffff::9]:6"));
     CHECK(host_of("tcp://[2001:db8:1:2::1]:5") != host_of("tcp://[2001:db8:1:3::1]:5"));
+    for (auto own : {"tcp://127.0.0.1:5", "tcp://127.255.3.4:5", "tcp://[::1]:5", "tcp://[::ffff:127.0.0.2]:5"}) CHECK(host_of(own) == "127.0.0.1");
+    CHECK(host_of("tcp://128.0.0.1:5") != "127.0.0.1");
     CHECK(host_of("local:///run/boat.sock") == "local:///run/boat.sock");
     CHECK(host_of("tcp://buoy:5") == "buoy");
     CHECK(host_of("").empty());

@@ -1,4 +1,4 @@
-#include <components/web_server/room_for_sockets.hpp>
+#include <ise/core/real/room_for_sockets.hpp>
 
 #include <algorithm>
 
@@ -6,7 +6,7 @@
 #include <sys/resource.h>
 #endif
 
-namespace atirma {
+namespace ise {
 
 std::size_t room_for_sockets(std::size_t wanted) {
 #if defined(__unix__)
@@ -24,4 +24,4 @@ std::size_t room_for_sockets(std::size_t wanted) {
 #endif
 }
 
-} // namespace atirma
+} // namespace ise
