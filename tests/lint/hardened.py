@@ -2,12 +2,21 @@
 """The programs are hardened: position independent, relocations read-only and bound at once, stack protector, checked
 library functions, a stack that is not executable.
 
-usage: hardened.py [--fortified] PROGRAM...
+usage: hardened.py [--fortified] [--commands=compile_commands.json] PROGRAM...
 --fortified: the build optimizes, so calls of the C library are checked (_FORTIFY_SOURCE).
+--commands: what leaves no trace in every program is looked for in how its sources are compiled.
 """
 
+import json
+import platform
+import shlex
 import subprocess
 import sys
+from pathlib import Path
+
+COMPILED_WITH = ["-fstack-clash-protection", "-D_GLIBCXX_ASSERTIONS"]
+if platform.machine() in ("x86_64", "i686"):
+    COMPILED_WITH.append("-fcf-protection")
 
 
 def readelf(*words):
@@ -31,17 +40,30 @@ def findings_in(program, fortified):
         yield "calls no checked function of the C library (-D_FORTIFY_SOURCE=2)"
 
 
+def findings_in_commands(file):
+    """One line for each option that a source is compiled without."""
+    for option in COMPILED_WITH:
+        bare = [entry["file"] for entry in json.loads(Path(file).read_text()) if option not in shlex.split(entry["command"])]
+        if bare:
+            yield f"{len(bare)} sources are compiled without {option}, the first is {bare[0]}"
+
+
 def main():
     words = sys.argv[1:]
+    commands = [word.split("=", 1)[1] for word in words if word.startswith("--commands=")]
     fortified = "--fortified" in words
     programs = [word for word in words if not word.startswith("--")]
     if not programs:
-        print("usage: hardened.py [--fortified] PROGRAM...", file=sys.stderr)
+        print("usage: hardened.py [--fortified] [--commands=compile_commands.json] PROGRAM...", file=sys.stderr)
         return 2
     count = 0
     for program in programs:
         for text in findings_in(program, fortified):
             print(f"{program}: {text}")
+            count += 1
+    for file in commands:
+        for text in findings_in_commands(file):
+            print(text)
             count += 1
     print(f"{len(programs)} programs, {count} findings")
     return 1 if count else 0
