@@ -6,7 +6,6 @@
 #include <components/communication_node/store_check.hpp>
 
 #include <ise/core/real/environment.hpp>
-#include <ise/core/real/room_for_sockets.hpp>
 
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
@@ -41,7 +40,6 @@ ise::node_options node_options_of(const common_options& options) {
     made.name = "atirma";
     made.log = ise::log_to_stderr(options.level);
     made.security = options.security;
-    made.services.max_sessions = ise::room_for_sockets(made.services.max_sessions);
     if (!options.name_server.empty()) made.name_server = ise::endpoint::parse(options.name_server).value();
     return made;
 }

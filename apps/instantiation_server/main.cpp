@@ -3,7 +3,6 @@
 #include <ise/component/node.hpp>
 #include <ise/core/readable.hpp>
 #include <ise/core/real/environment.hpp>
-#include <ise/core/real/room_for_sockets.hpp>
 #include <ise/instantiation/instantiation_server.hpp>
 #include <ise/instantiation/keeper.hpp>
 #include <ise/instantiation/real_machine.hpp>
@@ -122,7 +121,6 @@ int run(const settings& wanted) {
     node_options.name = "instantiation_server";
     node_options.name_server = options.name_server;
     node_options.security = std::move(security);
-    node_options.services.max_sessions = ise::room_for_sockets(node_options.services.max_sessions);
     node_options.log = ise::log_to_stderr(level_of(wanted.log_level));
     ise::node node(env, std::move(node_options));
     node.start<ise::instantiation::instantiation_server>(path, std::move(where), host, std::move(options));

@@ -2,7 +2,6 @@
 // Exit codes: 0 ended by SIGINT or SIGTERM, 1 it cannot run (the reason is on stderr), 2 wrong usage.
 #include <ise/component/node.hpp>
 #include <ise/core/real/environment.hpp>
-#include <ise/core/real/room_for_sockets.hpp>
 #include <ise/name_server/name_server.hpp>
 #include <ise/service/service_host.hpp>
 
@@ -94,7 +93,6 @@ int run(const settings& wanted, ise::duration lease) {
     options.name = "name_server";
     options.use_names = false; // it needs nobody to be found
     options.security = wanted.security;
-    options.services.max_sessions = ise::room_for_sockets(options.services.max_sessions);
     options.log = ise::log_to_stderr(level_of(wanted.log_level));
     ise::node node(env, std::move(options));
 

@@ -5,7 +5,6 @@
 #include <ise/component/program_words.hpp>
 #include <ise/core/readable.hpp>
 #include <ise/core/real/environment.hpp>
-#include <ise/core/real/room_for_sockets.hpp>
 #include <ise/packet/json.hpp>
 
 #include <fmt/format.h>
@@ -66,7 +65,6 @@ bool take_common(program_words& to, const std::string& name, const std::string& 
 int run(component_type& type, program_words where, const std::string& program) {
     real_environment world;
     where.node.name = program;
-    where.node.services.max_sessions = room_for_sockets(where.node.services.max_sessions);
     detail::take_parameters(type, where.component, world);
     where.component.policy = on_failure::stop_node;
     node running(world, std::move(where.node));

@@ -4,7 +4,6 @@
 
 #include <ise/core/readable.hpp>
 #include <ise/core/real/environment.hpp>
-#include <ise/core/real/room_for_sockets.hpp>
 
 #include <fmt/format.h>
 
@@ -100,7 +99,6 @@ int run_process_host(const type_maker& types, program_words where, const std::st
     if (where.control.empty()) throw wrong_words("a host needs an endpoint for whoever starts components in it: --control=ENDPOINT");
     real_environment world;
     where.node.name = program;
-    where.node.services.max_sessions = room_for_sockets(where.node.services.max_sessions);
     node running(world, std::move(where.node));
     component_options mine;
     mine.listen = where.control;

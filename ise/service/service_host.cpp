@@ -1,5 +1,6 @@
 #include <ise/service/service_host.hpp>
 
+#include <ise/core/real/room_for_sockets.hpp>
 #include <ise/net/bounded_acceptor.hpp>
 #include <ise/net/connect.hpp>
 #include <ise/net/relayed.hpp>
@@ -72,19 +73,18 @@ public:
     result<wire::welcome> admit(const wire::hello& caller) override {
         if (of_.credentials_.key)
             if (auto relayed = net::objection_to_way(caller, reached_, of_.advertised_, of_.env_)) return std::move(*relayed);
-        return of_.admit(caller, peer_, reached_.kind == protocol::inproc ? nullptr : &place_);
+        return of_.admit(caller, peer_, reached_.kind, places_);
     }
-    /// Null before it was admitted, and within a process.
-    session_place take_place() { return std::move(place_); }
+    session_places take_places() { return std::move(places_); }
 
 private:
     service_host& of_;
     endpoint reached_;
     std::string peer_;
-    session_place place_;
+    session_places places_;
 };
 
-result<wire::welcome> service_host::admit(const wire::hello& caller, const std::string& peer, session_place* into) {
+result<wire::welcome> service_host::admit(const wire::hello& caller, const std::string& peer, protocol over, session_places& into) {
     auto me = self_.path.empty() ? "an unnamed component" : fmt::format("'{}'", self_.path);
     if (!caller.wanted_path.empty() && caller.wanted_path != self_.path)
         return failure(errc::wrong_peer, fmt::format("here is {}, not '{}'", me, caller.wanted_path));
@@ -94,13 +94,16 @@ result<wire::welcome> service_host::admit(const wire::hello& caller, const std::
         return failure(errc::wrong_peer, fmt::format("{} has epoch {} here, {} was wanted", me, self_.epoch, caller.wanted_epoch));
     if (stopping_) return failure(errc::cancelled, fmt::format("{} stops", me));
     if (paused_) return *paused_;
-    if (into) {
-        auto taken = places_.take(peer);
-        if (!taken)
-            return failure(errc::overloaded, fmt::format("{} has {} sessions, no more are allowed (max_sessions), and no host has more of them than {}",
-                                                         me, places_.most(), net::host_of(peer)));
-        taken->serve();
-        *into = std::move(taken);
+    const bool has_socket = over != protocol::udp && over != protocol::inproc;
+    if (has_socket && sockets_) {
+        auto taken = place_for(peer, *sockets_);
+        if (!taken) return taken.error();
+        into.socket = std::move(*taken);
+    }
+    if (over != protocol::inproc) {
+        auto taken = place_for(peer, places_);
+        if (!taken) return taken.error();
+        into.session = std::move(*taken);
     }
     auto mine = greeting();
     wire::welcome made;
@@ -115,6 +118,8 @@ result<endpoint> service_host::listen(const endpoint& at) {
     if (!may) return may.error();
     auto opened = net::listen(on_, at, credentials_.tls);
     if (!opened) return opened.error();
+    bool with_sockets = at.kind != protocol::udp && at.kind != protocol::inproc;
+    if (with_sockets && !sockets_) sockets_.emplace(env_.is_virtual() ? options_.max_sessions : room_for_sockets(options_.max_sessions));
     std::shared_ptr<listener> from = std::move(*opened);
     listeners_.push_back(from);
     scope_.spawn("listener on " + from->where().text(), accept(from));
@@ -208,21 +213,38 @@ task<> service_host::greet(std::unique_ptr<stream> stranger, endpoint reached, h
     }
     ++counts_.sessions_accepted;
     auto begun = run(std::move(*made), {});
-    auto held = gate.take_place();
-    if (held) keep_place(begun, peer, std::move(held));
+    keep_places(begun, peer, gate.take_places());
 }
 
-void service_host::keep_place(const std::shared_ptr<session>& of, const std::string& peer, session_place held) {
+std::string service_host::session_limit(const net::fair_places& all) const {
+    return fmt::format("{} sessions{} are allowed ({})", all.most(), &all == &places_ ? "" : " over connections",
+                       all.most() == options_.max_sessions ? "max_sessions" : "the limit of open files, ulimit -n");
+}
+
+result<std::unique_ptr<net::fair_places::place>> service_host::place_for(const std::string& peer, net::fair_places& all) const {
+    auto taken = all.take(peer);
+    if (!taken)
+        return failure(errc::overloaded, fmt::format("{} at {}, and no host has more of them than {}", session_limit(all),
+                                                     self_.path.empty() ? "an unnamed component" : fmt::format("'{}'", self_.path), net::host_of(peer)));
+    taken->serve();
+    return taken;
+}
+
+void service_host::keep_places(const std::shared_ptr<session>& of, const std::string& peer, session_places held) {
     if (!sessions_.contains(of.get())) return; // over already
-    auto make_way = [this, whose = std::weak_ptr(of), host = net::host_of(peer)] {
+    auto make_way = [this, whose = std::weak_ptr(of), host = net::host_of(peer)](const net::fair_places& all) {
         auto told = whose.lock();
         if (!told) return;
-        tell(peer_trouble::excess, fmt::format("{} sessions (max_sessions), most from {}: the oldest of these make way for other hosts", places_.most(), host), host);
-        told->finish(failure(errc::overloaded, fmt::format("{} sessions are allowed (max_sessions), of which {} has most: its place was needed for another host",
-                                                           places_.most(), host)), displaced_grace);
+        held_places_.erase(told.get());
+        auto limit = session_limit(all);
+        tell(peer_trouble::excess, fmt::format("{}, {} has most: the oldest of these make way for other hosts", limit, host), host);
+        told->finish(failure(errc::overloaded, fmt::format("{}, of which {} has most: its place was needed for another host", limit, host)), displaced_grace);
     };
-    if (held->displaced()) return make_way(); // during the handshake
-    held->on_displaced(make_way);
+    bool lost_socket = held.socket && held.socket->displaced(); // during the handshake
+    bool lost_session = held.session && held.session->displaced();
+    if (lost_socket || lost_session) return make_way(lost_socket ? *sockets_ : places_);
+    if (held.socket) held.socket->on_displaced([this, make_way] { make_way(*sockets_); });
+    if (held.session) held.session->on_displaced([this, make_way] { make_way(places_); });
     held_places_.emplace(of.get(), std::move(held));
 }
 

@@ -151,11 +151,16 @@ public:
 private:
     std::uint64_t reply_key_for(const location& whom, const endpoint& at);
     class door; // for one stranger
-    using session_place = std::unique_ptr<net::fair_places::place>;
-    /// `into`: the place of the session that is to be made, for a peer of another process.
-    result<wire::welcome> admit(const wire::hello& caller, const std::string& peer, session_place* into);
-    /// It keeps that place for as long as it lives, or until another host needs it.
-    void keep_place(const std::shared_ptr<session>& of, const std::string& peer, session_place held);
+    struct session_places { // null: it needs none
+        std::unique_ptr<net::fair_places::place> socket, session;
+    };
+    /// `into`: the places of the session that is to be made.
+    result<wire::welcome> admit(const wire::hello& caller, const std::string& peer, protocol over, session_places& into);
+    /// A place among `all` for one more session of that peer.
+    result<std::unique_ptr<net::fair_places::place>> place_for(const std::string& peer, net::fair_places& all) const;
+    std::string session_limit(const net::fair_places& all) const;
+    /// It keeps them for as long as it lives, or until another host needs one.
+    void keep_places(const std::shared_ptr<session>& of, const std::string& peer, session_places held);
     task<> accept(std::shared_ptr<listener> from);
     using handshake_place = std::shared_ptr<net::fair_places::place>;
     task<> greet(std::unique_ptr<stream> stranger, endpoint reached, handshake_place place);
@@ -176,8 +181,9 @@ private:
     std::vector<std::shared_ptr<listener>> listeners_;
     std::map<std::string, std::weak_ptr<link>> links_;
     std::map<session*, std::shared_ptr<session>> sessions_;
-    net::fair_places places_; // of sessions that others made
-    std::map<session*, session_place> held_places_;
+    net::fair_places places_;                 // of sessions that other processes made
+    std::optional<net::fair_places> sockets_; // of those that have a descriptor each; once it listens for such
+    std::map<session*, session_places> held_places_;
     std::vector<waiter<>*> awaiting_sessions_end_;
     net::fair_places handshakes_;
     std::size_t greeting_ = 0; // coroutines: those that lost their place and are on their way out included

@@ -4,6 +4,8 @@
 #include <ise/core/real/environment.hpp>
 #include <ise/core/task_scope.hpp>
 
+#include <support/catch.hpp>
+
 #include <asio/io_context.hpp>
 #include <asio/ip/tcp.hpp>
 #include <asio/post.hpp>
@@ -39,16 +41,22 @@ struct grounds {
     ise::task_scope scope{host->loop(), [](const std::string&, std::exception_ptr) {}};
 };
 
+/// An address of this machine that is no loopback address, and so another host to the server; empty: it has none.
+inline std::string another_host() {
+    for (const auto& text : ise::real_environment().interface_addresses()) {
+        auto address = asio::ip::make_address(text);
+        if (address.is_v4() && !address.is_loopback()) return text;
+    }
+    WARN("this machine has no address beyond loopback: what another host gets is not tested");
+    return "";
+}
+
 /// A blocking HTTP client for tests: the server runs on `context`, which is polled between the socket's steps, so
 /// that everything happens on one thread and in one order.
 class client {
 public:
-    client(asio::io_context& context, std::uint16_t port, std::string_view address = "127.0.0.1", std::string_view from = "")
+    client(asio::io_context& context, std::uint16_t port, std::string_view address = "127.0.0.1")
         : context_(context), socket_(own_) {
-        if (!from.empty()) {
-            socket_.open(asio::ip::tcp::v4());
-            socket_.bind({asio::ip::make_address(from), 0});
-        }
         socket_.connect({asio::ip::make_address(address), port});
         socket_.non_blocking(true);
     }

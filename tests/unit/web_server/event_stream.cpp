@@ -9,6 +9,7 @@
 
 namespace event_stream_test {
 
+using web_test::another_host;
 using web_test::client;
 
 namespace {
@@ -105,6 +106,8 @@ TEST_CASE("more watchers than allowed are told so and the others stay") {
 }
 
 TEST_CASE("page: of too many streams the host with the most loses one to another host") {
+    const auto elsewhere = another_host();
+    if (elsewhere.empty()) return;
     atirma::http_options options;
     options.address = "0.0.0.0";
     options.limits.streams.max_clients = 3;
@@ -114,7 +117,7 @@ TEST_CASE("page: of too many streams the host with the most loses one to another
     client own(s.context, s.server.port());
     own.get("/events");
     CHECK(has(own.read_answer(), "HTTP/1.1 503"));
-    client viewer(s.context, s.server.port(), "127.0.0.1", "127.0.0.2");
+    client viewer(s.context, s.server.port(), elsewhere);
     viewer.get("/events");
     CHECK(has(viewer.read_until("event: snapshot"), "200 OK"));
     CHECK(has(crowd[0]->read_to_end(), "event: snapshot"));

@@ -11,6 +11,7 @@
 
 namespace http_server_test {
 
+using web_test::another_host;
 using web_test::client;
 
 namespace {
@@ -169,11 +170,13 @@ TEST_CASE("too large headers, too many of them, and garbage end the connection")
 }
 
 TEST_CASE("page: beyond the limit the oldest idle connection of the host with the most is closed, and never another host's") {
+    const auto elsewhere = another_host();
+    if (elsewhere.empty()) return;
     auto options = on_any_port();
     options.address = "0.0.0.0";
     options.limits.max_connections = 3;
     site s(options);
-    client viewer(s.context, s.server.port(), "127.0.0.1", "127.0.0.2");
+    client viewer(s.context, s.server.port(), elsewhere);
     viewer.get("/hello");
     viewer.read_answer();
     std::vector<std::unique_ptr<client>> crowd;
@@ -188,7 +191,7 @@ TEST_CASE("page: beyond the limit the oldest idle connection of the host with th
     viewer.received.clear();
     viewer.get("/hello");
     CHECK(has(viewer.read_answer(), "200 OK"));
-    client late(s.context, s.server.port(), "127.0.0.1", "127.0.0.3");
+    client late(s.context, s.server.port(), elsewhere);
     late.get("/hello");
     CHECK(has(late.read_answer(), "200 OK"));
 }
