@@ -34,12 +34,12 @@ public:
     }
     template <class Other>
         requires(!std::is_convertible_v<Other, packet_type>)
-    task<> send(const Other&) const {
+    void send(const Other&) const {
         static_assert(sizeof(Other) == 0, "ise: this publication publishes packets of another type: the one that its service names");
     }
     template <class Other>
         requires(!std::is_convertible_v<Other, packet_type>)
-    bool try_send(const Other&) const {
+    void try_send(const Other&) const {
         static_assert(sizeof(Other) == 0, "ise: this publication publishes packets of another type: the one that its service names");
     }
 

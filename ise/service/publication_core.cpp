@@ -166,8 +166,8 @@ void provided_subscription::grant(std::uint64_t total) {
 
 bool provided_subscription::full(std::size_t more) const noexcept {
     if (queue_.size() - resent_ >= depth_) return true;
-    const auto bytes = session_ ? session_->subscriber_bytes() : held();
-    return !queue_.empty() && bytes + more > publication_.host().options().max_subscriber_bytes;
+    const auto waiting = session_ ? session_->subscriber_bytes() : held();
+    return !queue_.empty() && waiting + more > publication_.host().options().max_subscriber_bytes;
 }
 
 bool provided_subscription::offer(const published_packet& packet) {
