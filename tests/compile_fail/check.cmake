@@ -7,6 +7,9 @@ set(flags -std=c++20 -fsyntax-only)
 foreach(folder IN LISTS INCLUDES)
   list(APPEND flags -I "${folder}")
 endforeach()
+foreach(definition IN LISTS DEFINITIONS) # such as what Asio needs with clang
+  list(APPEND flags "-D${definition}")
+endforeach()
 # The same file without its mistake compiles: what fails is the mistake, not the setting.
 execute_process(COMMAND "${COMPILER}" ${flags} -DWITHOUT_MISTAKE "${SOURCE}" RESULT_VARIABLE failed ERROR_VARIABLE said)
 if(failed)
