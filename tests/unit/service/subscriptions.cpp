@@ -646,8 +646,8 @@ ise::task<receipt> leave_with(Stream& stream, Request request) {
 } // namespace
 
 TEST_CASE("who leaves may say something, and gets the provider's answer") {
+    std::vector<std::string> heard; // also from who leaves at the end
     fixture at;
-    std::vector<std::string> heard;
     ise::publication_callbacks<ise::subscription<fix, area, granted, goodbye, receipt>> callbacks;
     callbacks.on_unsubscribe = [&](const goodbye& said, const ise::subscriber_info&) {
         heard.push_back(said.ticket);
