@@ -40,6 +40,7 @@ asio::any_io_executor component::get_executor() const { return started(runner_).
 const logger& component::log() const noexcept { return runner_->log(); }
 component_state component::state() const noexcept { return runner_ ? runner_->state() : component_state::starting; }
 service_host& component::services() const noexcept { return runner_->services(); }
+service_runtime& component::service_parts() const noexcept { return runner_->services(); }
 
 void component::add(std::shared_ptr<call_service> service) { started(runner_).add(std::move(service)); }
 void component::add(std::shared_ptr<publication_core> service) { started(runner_).add(std::move(service)); }
@@ -68,7 +69,7 @@ remote component::at(const endpoint& where, const std::string& path) { return re
 remote component::caller(const call_context& context) {
     auto& services = started(runner_).services();
     for (const auto& [raw, held] : services.sessions())
-        if (held->peer_name().data() == context.caller.data()) return remote(std::make_shared<link>(services, held));
+        if (held->peer_name().data() == context.caller.data()) return remote(services.link_back(held));
     throw error(errc::peer_lost, fmt::format("the session with {} has ended", context.caller));
 }
 

@@ -18,6 +18,7 @@
 namespace ise {
 
 class component_runner;
+class service_host;
 
 /// Where a component is in its life.
 enum class component_state : std::uint8_t { starting, ready, stopping, stopped, failed };
@@ -61,7 +62,7 @@ public:
     /// Throws errc::invalid_argument if the name is taken.
     template <class Contract, class Handler>
     void provide(const Contract& service, Handler handler, serve_options options = serve_options()) {
-        add(make_call_service(services(), service, std::move(handler), options));
+        add(make_call_service(service_parts(), service, std::move(handler), options));
     }
     /// The same for handlers of which one runs at a time.
     template <class Contract, class Handler>
@@ -73,7 +74,7 @@ public:
     /// A subscription service: call the result to publish.
     template <class Contract>
     publication<Contract> publish(const Contract& service, publication_callbacks<Contract> callbacks = publication_callbacks<Contract>()) {
-        auto core = make_publication(services(), service, std::move(callbacks));
+        auto core = make_publication(service_parts(), service, std::move(callbacks));
         add(core);
         return publication<Contract>(core);
     }
@@ -200,7 +201,9 @@ protected:
 
 private:
     friend class component_runner;
+class service_host;
 
+    service_runtime& service_parts() const noexcept;
     void add(std::shared_ptr<call_service> service);
     void add(std::shared_ptr<publication_core> service);
     void withdraw_service(const std::string& name);

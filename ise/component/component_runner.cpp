@@ -103,7 +103,7 @@ void component_runner::open() {
     if (options_.parameters) options_.parameters->offer(*services_, *component_);
     if (options_.listens) {
         auto wanted = options_.listen.empty() ? default_endpoints(env_, services_->self().incarnation) : options_.listen;
-        services_->advertise(options_.advertise);
+        services_->acceptor().advertise(options_.advertise);
         for (const auto& at : wanted) services_->listen(at).value();
     }
     make_flow();

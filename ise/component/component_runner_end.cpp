@@ -51,7 +51,7 @@ task<> component_runner::restart() {
         co_return;
     }
     services_->pause(failure(errc::peer_lost, fmt::format("'{}' restarts after a failure", path_)), grace_ / 2);
-    co_await services_->sessions_ended(saturating_add(on().now(), grace_ / 2)); // subscribers shall not hear that the services have ended, which they have not
+    co_await services_->peers().ended(saturating_add(on().now(), grace_ / 2)); // subscribers shall not hear that the services have ended, which they have not
     for (const auto& name : std::vector(own_services_)) withdraw_service(name);
     if (on().now() - flow_began_ >= steady_flow) pause_.reset();
     auto pause = pause_.next();
@@ -94,7 +94,7 @@ task<> component_runner::shut_down(std::shared_ptr<component_runner> self) {
         if (!ended) note(*me.flow_);
     }
     me.services_->stop(me.grace_ / 2);
-    co_await me.services_->sessions_ended(saturating_add(me.on().now(), me.grace_ / 2));
+    co_await me.services_->peers().ended(saturating_add(me.on().now(), me.grace_ / 2));
     me.connections_->stop();
     bool closed = co_await me.connections_->join_until(saturating_add(me.on().now(), me.grace_));
     if (!closed) note(*me.connections_);

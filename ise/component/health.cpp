@@ -52,7 +52,7 @@ health_text health_of(service_host& services) {
             load.subscribers = publication->subscribers();
             load.published = publication->published();
             load.waiting = publication->queued();
-            load.drops = counts_of(publication->losses());
+            load.drops = counts_of(publication->losses);
         }
         made.services.push_back(std::move(load));
     }

@@ -2,6 +2,7 @@
 
 #include <ise/core/limits.hpp>
 #include <ise/wire/pieces.hpp>
+#include <ise/wire/request_head.hpp>
 
 #include <algorithm>
 #include <cassert>
@@ -14,19 +15,14 @@ namespace {
 using wire::frame_header;
 using wire::frame_type;
 
-// A request's body: service number (4 bytes), time (8 bytes).
-constexpr std::size_t deadline_at = 4;
-constexpr std::size_t request_head = 12;
 // Payloads up to this size are copied beside their header; longer ones go by reference.
 constexpr std::size_t copied_bytes = 4 * 1024;
 constexpr std::size_t quantum = 16 * 1024;
 
-time_point deadline_of(const std::byte* body) {
-    return time_point(duration(detail::load_little<std::int64_t>(body + deadline_at)));
-}
+time_point deadline_of(const std::byte* body) { return time_point(duration(wire::request_head::time_of(body))); }
 
 bool is_request(const frame_header& header) {
-    return header.type == frame_type::request && header.length >= request_head;
+    return header.type == frame_type::request && header.length >= wire::request_head::least_size;
 }
 
 } // namespace
@@ -40,7 +36,7 @@ bool outbox::stamp(std::byte* body, std::uint8_t& flags, time_point now) const {
         told = clock_->deadline(deadline, now).time_since_epoch().count();
         flags |= wire::flag::until;
     }
-    detail::store_little(body + deadline_at, static_cast<std::int64_t>(told));
+    wire::request_head::set_time(body, told);
     return true;
 }
 
@@ -371,7 +367,7 @@ bool outbox::withdraw(std::uint64_t request_id) {
         auto header = wire::read_header(calls_.data() + at);
         if (header.id == request_id && is_request(header)) {
             // Its deadline becomes the past; writing passes it over.
-            detail::store_little(calls_.data() + at + frame_header::size + deadline_at, std::int64_t{0});
+            wire::request_head::set_time(calls_.data() + at + frame_header::size, 0);
             return true;
         }
         at += frame_header::size + header.length;

@@ -9,12 +9,12 @@
 
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace ise {
 
-class session;
-class service_host;
+class service_runtime;
 class call_service;
 class waiting_calls;
 
@@ -22,7 +22,7 @@ class waiting_calls;
 /// coroutine for each call costs more than the call.
 class call_worker {
 public:
-    call_worker(call_service& service, service_host& host);
+    call_worker(call_service& service, service_runtime& runtime);
     virtual ~call_worker() = default;
 
     /// Cancels the handler that runs now.
@@ -46,12 +46,12 @@ protected:
 
 private:
     void begin(incoming_call call, time_point began);
-    void note_waiting(const session& from);
+    void note_waiting(const call_origin& from);
     bool finish();
     void expire();
 
     call_service& service_;
-    service_host& host_;
+    service_runtime& runtime_;
     waiter<bool> wake_;
     asio::cancellation_signal* cancel_ = nullptr; // of its coroutine
     timer deadline_;
@@ -73,17 +73,15 @@ struct serve_options {
 /// One provided request-response service; its typed part makes workers, or answers at once.
 class call_service : public std::enable_shared_from_this<call_service> {
 public:
-    call_service(service_host& host, std::string name, const packet_types& types, serve_options options);
+    call_service(service_runtime& runtime, std::string name, const packet_types& types, serve_options options);
     virtual ~call_service();
 
     const std::string& name() const noexcept { return name_; }
     const packet_types& types() const noexcept { return types_; }
 
-    void serve(session& from, incoming_call call, incoming_packet request);
-    static void reply(session& to, const incoming_call& call, outgoing_packet response);
-    static void refuse(session& to, const incoming_call& call, const failure& why);
+    void serve(call_origin& from, incoming_call call, incoming_packet request);
     /// Requests of a session that ended, or that the caller gave up.
-    void withdraw(const session& from, std::uint64_t id);
+    void withdraw(const call_origin& from, std::uint64_t id);
     void stop();
     std::size_t running() const noexcept { return workers_.size() - idle_.size(); }
     std::size_t waiting() const noexcept;
@@ -91,25 +89,25 @@ public:
 
 protected:
     /// Answers at once, without a coroutine: for handlers that are plain functions. False: a worker is needed.
-    virtual bool serve_now(session& from, const incoming_call& call, incoming_packet& request) = 0;
+    virtual bool serve_now(call_origin& from, const incoming_call& call, incoming_packet& request) = 0;
     virtual std::unique_ptr<call_worker> make_worker() = 0;
-    call_context context_of_call(const session& from, const incoming_call& call) const;
+    call_context context_of_call(const call_origin& from, const incoming_call& call) const;
     /// Logs what a handler threw, at a bounded rate.
-    void tell_failure(const session& from, const failure& why);
-    service_host& host() noexcept { return host_; }
+    void tell_failure(const call_origin& from, const failure& why);
+    service_runtime& runtime() noexcept { return runtime_; }
 
 private:
     friend class call_worker;
     void idle(call_worker& worker);
     bool begin(incoming_call& call, incoming_packet& request, time_point began); // false: no worker is idle
-    void refuse_overloaded(session& to, const incoming_call& call, const failure& why);
-    bool refuse_late(session& to, const incoming_call& call);
+    void refuse_overloaded(call_origin& to, const incoming_call& call, const failure& why);
+    bool refuse_late(call_origin& to, const incoming_call& call);
     void add_worker();
 
     // One session never has every handler, where there are several: the others' calls go on.
-    bool may_begin(const session& from) const;
+    bool may_begin(const call_origin& from) const;
 
-    service_host& host_;
+    service_runtime& runtime_;
     std::string name_;
     const packet_types& types_;
     serve_options options_;
@@ -118,6 +116,18 @@ private:
     std::unique_ptr<waiting_calls> waiting_;
     service_meter meter_;
     bool stopped_ = false;
+};
+
+/// Where request-response services are looked up.
+class call_directory {
+public:
+    /// Null where there is none.
+    virtual std::shared_ptr<call_service> find_calls(std::string_view name) const = 0;
+    /// Why there is none, for whoever called it.
+    virtual failure no_calls(std::string_view name) const = 0;
+
+protected:
+    ~call_directory() = default;
 };
 
 } // namespace ise

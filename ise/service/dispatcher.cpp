@@ -1,7 +1,6 @@
 #include <ise/service/dispatcher.hpp>
 
 #include <ise/core/limits.hpp>
-#include <ise/service/publication_core.hpp>
 
 #include <fmt/format.h>
 
@@ -59,6 +58,16 @@ std::shared_ptr<call_service> dispatcher::find_calls(std::string_view name) cons
 std::shared_ptr<publication_core> dispatcher::find_publication(std::string_view name) const {
     auto found = publications_.find(name);
     return found == publications_.end() ? nullptr : found->second;
+}
+
+failure dispatcher::no_calls(std::string_view name) const {
+    return {errc::no_such_service, find_publication(name) ? fmt::format("'{}' is a subscription, not a request-response service", name)
+                                                          : fmt::format("there is no service '{}'", name)};
+}
+
+failure dispatcher::no_publication(std::string_view name) const {
+    return {errc::no_such_service, find_calls(name) ? fmt::format("'{}' is a request-response service, not a subscription", name)
+                                                    : fmt::format("there is no service '{}'", name)};
 }
 
 std::vector<service_description> dispatcher::describe() const {

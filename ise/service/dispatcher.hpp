@@ -1,7 +1,8 @@
 #pragma once
 #include <ise/core/result.hpp>
+#include <ise/service/call_service.hpp>
 #include <ise/service/contract.hpp>
-#include <ise/service/incoming_calls.hpp>
+#include <ise/service/publication_core.hpp>
 #include <ise/service/schema_book.hpp>
 
 #include <map>
@@ -10,8 +11,6 @@
 #include <vector>
 
 namespace ise {
-
-class publication_core;
 
 /// What a component tells about one of its services.
 struct service_description {
@@ -22,7 +21,7 @@ struct service_description {
 };
 
 /// The services of a component by name.
-class dispatcher {
+class dispatcher final : public call_directory, public publication_directory {
 public:
     /// `book` learns the schemas of what is provided, to answer for them.
     explicit dispatcher(schema_book& book) : book_(book) {}
@@ -33,8 +32,10 @@ public:
     void remove(const std::string& name);
     void declare_required(const std::string& name, const packet_types& types);
 
-    std::shared_ptr<call_service> find_calls(std::string_view name) const;
-    std::shared_ptr<publication_core> find_publication(std::string_view name) const;
+    std::shared_ptr<call_service> find_calls(std::string_view name) const override;
+    failure no_calls(std::string_view name) const override;
+    std::shared_ptr<publication_core> find_publication(std::string_view name) const override;
+    failure no_publication(std::string_view name) const override;
     /// All, provided first; the names of ISE's own services begin with "ise.".
     std::vector<service_description> describe() const;
 

@@ -1,7 +1,6 @@
 #include <ise/service/dynamic.hpp>
 
 #include <ise/service/link.hpp>
-#include <ise/service/service_host.hpp>
 
 #include <fmt/format.h>
 
@@ -64,7 +63,7 @@ task<result<dynamic_packet>> call_dynamic(remote provider, dynamic_contract serv
     auto& way = provider.way();
     if (auto misplaced = detail::check_place(way, {service.name(), nullptr})) co_return std::move(*misplaced);
     if (auto wrong = check_kind(provider, service, service_kind::request_response)) co_return std::move(*wrong);
-    auto kept = way.host().schemas().keep(service.types());
+    auto kept = way.runtime().schemas().keep(service.types());
     if (!kept) co_return kept.error();
     bytes body;
     try {
@@ -161,7 +160,7 @@ task<result<dynamic_stream>> subscribe_dynamic(remote provider, dynamic_contract
     auto& way = provider.way();
     if (auto misplaced = detail::check_place(way, {service.name(), nullptr})) co_return std::move(*misplaced);
     if (auto wrong = check_kind(provider, service, service_kind::subscription)) co_return std::move(*wrong);
-    auto kept = way.host().schemas().keep(service.types());
+    auto kept = way.runtime().schemas().keep(service.types());
     if (!kept) co_return kept.error();
     std::shared_ptr<dynamic_stream::core> core;
     try {

@@ -1,18 +1,33 @@
 #pragma once
+#include <ise/core/error.hpp>
 #include <ise/core/time.hpp>
 #include <ise/packet/adapt.hpp>
+#include <ise/service/carried_packet.hpp>
 #include <ise/service/context.hpp>
 
 #include <cstdint>
 #include <memory>
+#include <string>
 
 namespace ise {
 
-class session;
+/// Where requests came from, and where their answers go: one session.
+class call_origin {
+public:
+    virtual void reply(std::uint64_t id, outgoing_packet response) = 0;
+    virtual void refuse(std::uint64_t id, const failure& why) = 0;
+    /// The caller for people.
+    virtual const std::string& caller() const noexcept = 0;
+    /// Lives on as long as this is held.
+    virtual std::shared_ptr<call_origin> held() = 0;
+
+protected:
+    ~call_origin() = default;
+};
 
 /// A request on its way to a handler.
 struct incoming_call {
-    std::shared_ptr<session> from;  ///< set where it is kept for longer than it takes to receive it
+    std::shared_ptr<call_origin> from;  ///< set where it is kept for longer than it takes to receive it
     std::uint64_t id = 0;
     time_point deadline;
     trace_id trace;

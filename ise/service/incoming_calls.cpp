@@ -3,9 +3,8 @@
 #include <ise/core/limits.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/packet/compatibility.hpp>
-#include <ise/service/service_host.hpp>
-#include <ise/service/session.hpp>
 #include <ise/wire/body.hpp>
+#include <ise/wire/request_head.hpp>
 
 #include <fmt/format.h>
 
@@ -32,16 +31,6 @@ failure replies_not_taken(std::size_t unsent, execution state) {
 
 } // namespace
 
-std::optional<failure> objection_to(const wire::introduction& told) {
-    if (told.service.size() > limit::service_name_bytes)
-        return failure(errc::too_large, fmt::format("the name of a service has {} bytes, {} are allowed (service_name_bytes)", told.service.size(),
-                                                    limit::service_name_bytes));
-    if (told.fingerprints.size() > limit::service_fingerprints)
-        return failure(errc::too_large, fmt::format("'{}' was introduced with {} packets, {} are allowed (service_fingerprints)", told.service,
-                                                    told.fingerprints.size(), limit::service_fingerprints));
-    return std::nullopt;
-}
-
 result<void> incoming_calls::on_introduce(const wire::frame& received) {
     auto introduced = wire::read_body<wire::introduction>(received.body);
     if (!introduced) return introduced.error();
@@ -56,52 +45,57 @@ result<void> incoming_calls::on_introduce(const wire::frame& received) {
     return {};
 }
 
+reply_window& incoming_calls::replies() {
+    if (!replies_) {
+        replies_ = answered_.of(over_.peer().reply_key, over_.peer().incarnation, over_.on().now());
+        self_ = std::shared_ptr<incoming_calls>(over_.shared_from_this(), this);
+    }
+    return *replies_;
+}
+
+reply_window::place incoming_calls::here(std::uint64_t id) {
+    reply_window::place made;
+    made.over = self_;
+    made.id = id;
+    return made;
+}
+
 result<void> incoming_calls::on_request(const wire::frame& received) {
     auto malformed = [](std::string_view what) { return failure(errc::protocol_error, fmt::format("a request came {}", what)); };
-    bytes_view body = received.body;
-    if (body.size() < 12) return malformed("without its head");
-    auto number = detail::load_little<std::uint32_t>(body.data());
-    auto remaining = detail::load_little<std::int64_t>(body.data() + 4);
-    body = body.subspan(12);
-    const bool until = (received.header.flags & wire::flag::until) && session_.wire().tells_clock();
-    if (remaining < 0 && !until) return malformed("with a negative time");
-    if (number >= bindings_.size()) return malformed("for a service that was not introduced");
-    trace_id trace;
-    if (received.header.flags & wire::flag::traced) {
-        if (body.size() < 16) return malformed("with half a trace");
-        trace.trace = detail::load_little<std::uint64_t>(body.data());
-        trace.parent = detail::load_little<std::uint64_t>(body.data() + 8);
-        body = body.subspan(16);
-    }
+    const auto flags = received.header.flags;
+    auto told = wire::request_head::read(flags, received.body);
+    if (!told) return malformed("with half a head");
+    const bytes_view packet = received.body.subspan(wire::request_head::size(flags));
+    const bool until = (flags & wire::flag::until) && over_.wire().tells_clock();
+    if (told->time_ns < 0 && !until) return malformed("with a negative time");
+    if (told->service >= bindings_.size()) return malformed("for a service that was not introduced");
+    const bool numbered = flags & wire::flag::numbered;
+    if (numbered && (!over_.wire().lossy() || over_.peer().incarnation == 0)) return malformed("with a number that makes no sense");
     auto id = received.header.id;
     request_head head;
     head.id = id;
-    head.trace = trace;
-    if (received.header.flags & wire::flag::numbered) {
-        if (body.size() < 8 || !session_.wire().lossy() || session_.peer().incarnation == 0) return malformed("with a number that makes no sense");
-        head.number = detail::load_little<std::uint64_t>(body.data());
-        head.again = received.header.flags & wire::flag::again;
-        body = body.subspan(8);
-    }
-    auto& host = session_.host();
-    if (slot_of(id) >= host.options().max_calls_per_session) {
-        turn_away(head, failure(errc::overloaded, fmt::format("more than {} calls of one session at once (max_calls_per_session)", host.options().max_calls_per_session)));
+    head.trace.trace = told->trace;
+    head.trace.parent = told->parent;
+    head.number = told->number;
+    head.again = numbered && (flags & wire::flag::again);
+    auto& runtime = over_.runtime();
+    if (slot_of(id) >= runtime.options().max_calls_per_session) {
+        turn_away(head, failure(errc::overloaded, fmt::format("more than {} calls of one session at once (max_calls_per_session)", runtime.options().max_calls_per_session)));
         return {};
     }
     if (slot_of(id) < running_.size() && running_[slot_of(id)].of) return malformed("with the number of a call that runs");
-    auto unsent = session_.wire().out().pending_call_bytes();
-    if (unsent > 2 * host.options().max_unsent_bytes) return failure(errc::overloaded, fmt::format("does not take its replies: {} bytes of them wait (max_unsent_bytes)", unsent));
-    if (unsent > host.options().max_unsent_bytes) {
+    if (auto good = over_.takes_answers(); !good) return good;
+    if (auto unsent = over_.wire().out().pending_call_bytes(); unsent > runtime.options().max_unsent_bytes) {
         turn_away(head, replies_not_taken(unsent, execution::not_executed));
         return {};
     }
 
-    head.deadline = until ? time_point(duration(remaining)) : saturating_add(host.on().now(), duration(remaining));
-    auto& of = *bindings_[number];
+    head.deadline = until ? time_point(duration(told->time_ns)) : saturating_add(over_.on().now(), duration(told->time_ns));
+    auto& of = *bindings_[told->service];
     if (of.now == state::refused) {
         turn_away(head, of.why);
     } else if (of.now == state::comparing) {
-        incoming_packet request(body, received.object);
+        incoming_packet request(packet, received.object);
         if (of.held.size() >= limit::held_requests || held_bytes_ + request.size() > limit::held_bytes) {
             turn_away(head, failure(errc::overloaded, fmt::format("{} requests wait for the schemas of '{}' (held_requests, held_bytes)", of.held.size(), of.name)));
         } else {
@@ -110,19 +104,16 @@ result<void> incoming_calls::on_request(const wire::frame& received) {
             of.held.push_back(held_request{head, request.keep()});
         }
     } else {
-        serve(of, head, incoming_packet(body, received.object));
+        serve(of, head, incoming_packet(packet, received.object));
     }
     return {};
 }
 
 void incoming_calls::bind(binding& made, const std::vector<std::uint64_t>& fingerprints) {
-    auto& services = session_.host().services();
-    made.service = services.find_calls(made.name);
+    made.service = services_.find_calls(made.name);
     if (!made.service) {
         made.now = state::refused;
-        auto why = services.find_publication(made.name) ? fmt::format("'{}' is a subscription, not a request-response service", made.name)
-                                                        : fmt::format("there is no service '{}'", made.name);
-        made.why = failure(errc::no_such_service, std::move(why));
+        made.why = services_.no_calls(made.name);
         return;
     }
     const auto& ours = made.service->types();
@@ -138,9 +129,7 @@ void incoming_calls::bind(binding& made, const std::vector<std::uint64_t>& finge
         // Ahead of every reply, which it overtakes.
         wire::provider_packets told;
         told.fingerprints = ours.fingerprints;
-        auto number = bindings_.size() - 1;
-        wire::put_frame(session_.wire().out().control(), wire::frame_type::answers, 0, number, [&](buffer& body) { encode(told, body); });
-        session_.wire().written();
+        over_.send_ahead(wire::frame_type::answers, bindings_.size() - 1, [&](buffer& body) { encode(told, body); });
     }
     compare(static_cast<std::uint32_t>(bindings_.size() - 1), fingerprints);
 }
@@ -150,7 +139,7 @@ void incoming_calls::compare(std::uint32_t number, std::vector<std::uint64_t> fi
         auto& of = *bindings_[number];
         of.now = problem ? state::refused : state::ready;
         if (problem) {
-            session_.host().tell(peer_trouble::mismatch, problem->message(), session_.peer_name());
+            over_.runtime().tell(peer_trouble::mismatch, problem->message(), over_.peer_name());
             of.why = std::move(*problem);
         }
         for (auto& request : std::exchange(of.held, {})) {
@@ -177,18 +166,18 @@ void incoming_calls::compare(std::uint32_t number, std::vector<std::uint64_t> fi
             of.request = std::make_unique<adapter>(theirs[role::request], ours.schemas[role::request]);
         decide(std::nullopt);
     };
-    session_.schemas().need(std::move(fingerprints), told, [decide](const failure& why) { decide(why); });
+    over_.schemas().need(std::move(fingerprints), told, [decide](const failure& why) { decide(why); });
 }
 
 // Before it is looked up what became of it, if it may have come before.
 void incoming_calls::turn_away(const request_head& head, failure why) {
-    session_.host().counts().refused(why.code());
+    over_.runtime().counts().refused(why.code());
     refuse(head.id, head.again ? failure(why.code(), why.message(), execution::unknown) : why);
 }
 
 void incoming_calls::serve(binding& of, const request_head& head, incoming_packet request) {
-    auto& host = session_.host();
-    if (head.deadline <= host.on().now()) {
+    auto& runtime = over_.runtime();
+    if (head.deadline <= runtime.on().now()) {
         of.service->meter().refused_expired();
         turn_away(head, failure(errc::timed_out, fmt::format("'{}' was asked too late: the deadline had passed before the request was read", of.name)));
         return;
@@ -200,8 +189,8 @@ void incoming_calls::serve(binding& of, const request_head& head, incoming_packe
     call.deadline = head.deadline;
     call.trace = head.trace;
     call.adapt = of.request.get();
-    ++host.counts().calls_served;
-    of.service->serve(session_, std::move(call), std::move(request));
+    ++runtime.counts().calls_served;
+    of.service->serve(*this, std::move(call), std::move(request));
 }
 
 void incoming_calls::occupy(binding& of, const request_head& head, bool elsewhere) {
@@ -217,16 +206,13 @@ void incoming_calls::occupy(binding& of, const request_head& head, bool elsewher
 
 // A call that the client makes again after its session was lost: it runs once, and its answer goes to where it asked last.
 bool incoming_calls::seen_before(binding& of, const request_head& head) {
-    auto& window = session_.replies();
-    reply_window::place here;
-    here.over = session_.weak_from_this();
-    here.id = head.id;
+    auto& window = replies();
     switch (window.look(head.number, head.again)) {
         case reply_window::state::fresh:
-            window.begin(head.number, std::move(here), head.deadline, session_.host().on().now());
+            window.begin(head.number, here(head.id), head.deadline, over_.on().now());
             return false;
         case reply_window::state::running:
-            window.redirect(head.number, std::move(here));
+            window.redirect(head.number, here(head.id));
             occupy(of, head, true);
             return true;
         case reply_window::state::answered:
@@ -234,7 +220,7 @@ bool incoming_calls::seen_before(binding& of, const request_head& head) {
             return true;
         case reply_window::state::forgotten: break;
     }
-    session_.host().counts().refused(errc::peer_lost);
+    over_.runtime().counts().refused(errc::peer_lost);
     refuse(head.id, failure(errc::peer_lost, fmt::format("'{}' may have been executed before the session was lost; nobody asked for it within its linger, or its answer is not kept any more (max_replies, max_reply_bytes, max_kept_bytes, idle_caller_life)", of.name), execution::unknown));
     return true;
 }
@@ -247,13 +233,13 @@ void incoming_calls::on_cancel(std::uint64_t id) {
         auto service = running.of->service;
         forget(id);
         if (running.elsewhere) {
-            auto origin = session_.replies().origin(running.number);
+            auto origin = replies().origin(running.number);
             auto over = origin ? origin->over.lock() : nullptr;
-            if (over) over->incoming().on_cancel(origin->id);
+            if (over) over->on_cancel(origin->id);
             return;
         }
-        if (running.number != 0) session_.replies().give_up(running.number);
-        service->withdraw(session_, id);
+        if (running.number != 0) replies().give_up(running.number);
+        service->withdraw(*this, id);
         return;
     }
     if (held_ == 0) return;
@@ -276,21 +262,21 @@ void incoming_calls::forget(std::uint64_t id) noexcept {
 void incoming_calls::orphan(std::uint64_t id) {
     auto slot = slot_of(id);
     if (slot >= running_.size() || running_[slot].id != id || !running_[slot].of) return;
-    auto& host = session_.host();
-    running_[slot].orphaned_until = saturating_add(host.on().now(), host.options().linger);
-    if (!orphans_) orphans_ = std::make_unique<timer>(host.on(), [this] { end_orphans(); });
+    auto& runtime = over_.runtime();
+    running_[slot].orphaned_until = saturating_add(runtime.on().now(), runtime.options().linger);
+    if (!orphans_) orphans_ = std::make_unique<timer>(runtime.on(), [this] { end_orphans(); });
     if (!orphans_->armed()) orphans_->arm(running_[slot].orphaned_until); // the others come later
 }
 
 bool incoming_calls::awaited(const running_call& call) {
-    const auto* to = session_.replies().destination(call.number);
+    const auto* to = replies().destination(call.number);
     auto over = to ? to->over.lock() : nullptr;
-    return over && over->open();
+    return over && over->over_.open();
 }
 
 void incoming_calls::end_orphans() {
-    session_.host().on().later([held = session_.shared_from_this()] {}); // its last call may go now
-    auto now = session_.host().on().now();
+    over_.on().later([held = over_.shared_from_this()] {}); // its last call may go now
+    auto now = over_.on().now();
     auto next = time_point::max();
     for (auto& entry : running_) {
         if (!entry.of || entry.orphaned_until == time_point::max()) continue;
@@ -305,8 +291,8 @@ void incoming_calls::end_orphans() {
 }
 
 void incoming_calls::on_session_end() {
-    auto held = session_.shared_from_this();
-    if (auto* window = session_.known_replies()) window->touch(session_.host().on().now());
+    auto held = over_.shared_from_this();
+    if (replies_) replies_->touch(over_.on().now());
     for (auto& entry : running_) {
         if (!entry.of) continue;
         // Who numbers its calls may come back for the answer.
@@ -314,9 +300,9 @@ void incoming_calls::on_session_end() {
             on_cancel(entry.id);
         } else if (entry.elsewhere) {
             forget(entry.id);
-            auto origin = session_.replies().origin(entry.number);
+            auto origin = replies().origin(entry.number);
             auto over = origin ? origin->over.lock() : nullptr;
-            if (over) over->incoming().orphan(origin->id);
+            if (over) over->orphan(origin->id);
         } else {
             orphan(entry.id);
         }
@@ -329,13 +315,13 @@ void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
     auto& of = *running_[slot].of;
     auto number = running_[slot].number;
     if (number == 0) forget(id);
-    if (number == 0 && !session_.open()) return;
-    auto& wire = session_.wire();
-    if (auto unsent = wire.out().pending_call_bytes(); number == 0 && unsent > session_.host().options().max_unsent_bytes) {
+    if (number == 0 && !over_.open()) return;
+    auto& wire = over_.wire();
+    if (auto unsent = wire.out().pending_call_bytes(); number == 0 && unsent > over_.runtime().options().max_unsent_bytes) {
         refuse(id, replies_not_taken(unsent, execution::unknown));
         return;
     }
-    buffer& out = number == 0 ? wire.out().begin_call() : session_.host().on().common<answer_room>().cleared();
+    buffer& out = number == 0 ? wire.out().begin_call() : over_.on().common<answer_room>().cleared();
     std::size_t start = out.size();
     passed_object object;
     std::optional<failure> problem;
@@ -366,20 +352,20 @@ void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
 }
 
 void incoming_calls::answer_numbered(std::uint64_t number, bytes_view frame) {
-    auto& host = session_.host();
-    auto now = host.on().now();
-    auto to = session_.replies().finish(number, frame, now);
-    host.reply_windows().tidy(now);
+    auto& runtime = over_.runtime();
+    auto now = runtime.on().now();
+    auto to = replies().finish(number, frame, now);
+    answered_.tidy(now);
     auto over = to ? to->over.lock() : nullptr;
-    if (over) over->incoming().send_answer(to->id, frame);
+    if (over) over->send_answer(to->id, frame);
 }
 
 void incoming_calls::send_answer(std::uint64_t id, bytes_view frame) {
     forget(id);
-    if (!session_.open()) return;
-    auto& wire = session_.wire();
+    if (!over_.open()) return;
+    auto& wire = over_.wire();
     auto unsent = wire.out().pending_call_bytes();
-    if (unsent > session_.host().options().max_unsent_bytes && wire::read_header(frame.data()).type == wire::frame_type::reply) {
+    if (unsent > over_.runtime().options().max_unsent_bytes && wire::read_header(frame.data()).type == wire::frame_type::reply) {
         refuse(id, replies_not_taken(unsent, execution::unknown));
         return;
     }
@@ -395,12 +381,12 @@ void incoming_calls::refuse(std::uint64_t id, const failure& why) {
     auto slot = slot_of(id);
     std::uint64_t number = slot < running_.size() && running_[slot].id == id && running_[slot].of ? running_[slot].number : 0;
     forget(id);
-    if (number == 0 && !session_.open()) return;
+    if (number == 0 && !over_.open()) return;
     wire::call_failure told;
     told.code = static_cast<std::uint8_t>(why.code());
     told.execution = static_cast<std::uint8_t>(why.executed());
     told.reason = why.message();
-    auto& wire = session_.wire();
+    auto& wire = over_.wire();
     buffer kept;
     buffer& out = number == 0 ? wire.out().begin_call() : kept;
     wire::put_frame(out, wire::frame_type::error, 0, id, [&](buffer& body) { encode(told, body); });

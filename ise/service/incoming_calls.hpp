@@ -2,6 +2,8 @@
 #include <ise/core/loop.hpp>
 #include <ise/core/result.hpp>
 #include <ise/service/call_service.hpp>
+#include <ise/service/conversation.hpp>
+#include <ise/service/reply_window.hpp>
 #include <ise/wire/frame.hpp>
 #include <ise/wire/messages.hpp>
 
@@ -12,15 +14,10 @@
 
 namespace ise {
 
-class session;
-
-/// Why a peer's introduction of a service cannot be taken, by the limit's name; the session ends over it.
-std::optional<failure> objection_to(const wire::introduction& told);
-
 /// The requests that come over one session: which service they mean, and whether its packets fit.
-class incoming_calls {
+class incoming_calls final : public call_origin {
 public:
-    explicit incoming_calls(session& owner) : session_(owner) {}
+    incoming_calls(conversation& over, const call_directory& services, reply_windows& answered) : over_(over), services_(services), answered_(answered) {}
 
     result<void> on_introduce(const wire::frame& received);
     result<void> on_request(const wire::frame& received);
@@ -28,8 +25,10 @@ public:
     void on_session_end();
 
     /// Answers a request.
-    void reply(std::uint64_t id, outgoing_packet response);
-    void refuse(std::uint64_t id, const failure& why);
+    void reply(std::uint64_t id, outgoing_packet response) override;
+    void refuse(std::uint64_t id, const failure& why) override;
+    const std::string& caller() const noexcept override { return over_.peer_name(); }
+    std::shared_ptr<call_origin> held() override { return {over_.shared_from_this(), this}; }
     /// Sends an answer that was made before, or for another session: a whole frame, whose id is replaced.
     void send_answer(std::uint64_t id, bytes_view frame);
 
@@ -77,8 +76,15 @@ private:
     bool awaited(const running_call& call);
     void end_orphans();
     void answer_numbered(std::uint64_t number, bytes_view frame);
+    /// What the peer was answered, over this session and those before.
+    reply_window& replies();
+    reply_window::place here(std::uint64_t id);
 
-    session& session_;
+    conversation& over_;
+    const call_directory& services_;
+    reply_windows& answered_;
+    std::shared_ptr<reply_window> replies_; // once it has numbered a call
+    std::weak_ptr<incoming_calls> self_;    // the same
     std::vector<std::unique_ptr<binding>> bindings_; // by the caller's number
     std::vector<running_call> running_;              // by the call's slot
     std::size_t running_count_ = 0;

@@ -2,12 +2,8 @@
 
 #include <ise/core/limits.hpp>
 #include <ise/core/sleep.hpp>
-#include <ise/net/connect.hpp>
-#include <ise/service/back_off.hpp>
-#include <ise/service/link_role.hpp>
-#include <ise/service/service_host.hpp>
-#include <ise/service/session.hpp>
-#include <ise/service/subscriber_core.hpp>
+#include <ise/service/peer_sessions.hpp>
+#include <ise/service/role_state.hpp>
 
 #include <fmt/format.h>
 
@@ -23,42 +19,30 @@ constexpr duration member_patience = std::chrono::seconds(1);
 
 // Why a session in good order did not take a call.
 failure overloaded(session& over, const std::string& who, execution began = execution::not_executed) {
-    if (auto unsent = over.wire().out().pending_call_bytes(); unsent > over.host().options().max_unsent_bytes)
+    if (auto unsent = over.wire().out().pending_call_bytes(); unsent > over.runtime().options().max_unsent_bytes)
         return {errc::overloaded, fmt::format("{} bytes of calls and replies wait for being sent to {} (max_unsent_bytes)", unsent, who), began};
     return {errc::overloaded, fmt::format("too many calls are pending at {} (max_calls_per_session there)", who), began};
 }
 
 } // namespace
 
-void let_go_of_link::operator()(link* held) const noexcept {
-    if (--held->calls_ == 0) auto last = std::move(held->self_); // may be the last of all
+link::link(link_context& of, std::string path, std::optional<endpoint> fixed, role_options how)
+    : session_owner(of.calls.next_range(), true), of_(of), path_(std::move(path)), fixed_(std::move(fixed)), name_(fixed_ ? fixed_->text() : path_), how_(how),
+      pause_(of.runtime.env(), runtime().options().first_back_off, runtime().options().longest_back_off), connect_time_(runtime().options().connect_time),
+      spread_(runtime().options().reconnect_spread), located_(fixed_.has_value()) {
+    of_.uses.add(*this);
 }
 
-held_link hold(const std::shared_ptr<link>& to) {
-    if (to->calls_++ == 0) to->self_ = to;
-    return held_link(to.get());
-}
-
-held_link hold(std::shared_ptr<link>&& to) {
-    auto& of = *to;
-    if (of.calls_++ == 0) of.self_ = std::move(to);
-    return held_link(&of);
-}
-
-link::link(service_host& host, std::string path, std::optional<endpoint> fixed, role_options how)
-    : host_(host), path_(std::move(path)), fixed_(std::move(fixed)), name_(fixed_ ? fixed_->text() : path_),
-      next_call_number_(host.next_call_range()), how_(how), pause_(host.env(), host.options().first_back_off, host.options().longest_back_off),
-      connect_time_(host.options().connect_time), spread_(host.options().reconnect_spread), located_(fixed_.has_value()) {}
-
-link::link(service_host& host, const std::shared_ptr<session>& peer)
-    : host_(host), name_(peer->peer_name()), session_(peer), next_call_number_(host.next_call_range()),
-      pause_(host.env(), host.options().first_back_off, host.options().longest_back_off), connect_time_(host.options().connect_time),
-      spread_(host.options().reconnect_spread), peer_only_(true) {}
+link::link(link_context& of, const std::shared_ptr<session>& peer)
+    : session_owner(of.calls.next_range(), false), of_(of), name_(peer->peer_name()), session_(peer),
+      pause_(of.runtime.env(), runtime().options().first_back_off, runtime().options().longest_back_off), connect_time_(runtime().options().connect_time),
+      spread_(runtime().options().reconnect_spread) {}
 
 link::~link() {
+    of_.uses.remove(*this);
     forget_role();
     // Nobody talks to the peer over it any more; a peer that made the session itself keeps it.
-    if (session_ && session_->open() && !peer_only_ && !host_.on().abandoned()) session_->finish(failure(errc::cancelled, "nothing more to say"), std::chrono::seconds(1));
+    if (session_ && session_->open() && goes_on() && !runtime().on().abandoned()) session_->finish(failure(errc::cancelled, "nothing more to say"), std::chrono::seconds(1));
 }
 
 void link::hurry(duration longest_pause, duration connect_time) noexcept {
@@ -68,73 +52,96 @@ void link::hurry(duration longest_pause, duration connect_time) noexcept {
 }
 
 std::string link::obstacle() const {
-    if (!obstacle_.empty() || fixed_ || peer_only_) return obstacle_;
-    auto* names = host_.resolver();
-    return names ? names->trouble() : std::string();
+    if (!obstacle_.empty() || fixed_ || !goes_on()) return obstacle_;
+    return of_.names ? of_.names->trouble() : std::string();
 }
 
+// ISE's own links back to a caller are nothing that it waits for.
+void link::note_wait(std::string_view service, const packet_types* types) {
+    if (goes_on()) of_.uses.waits(*this, service, types);
+}
+
+void link::note_miss(std::string_view service, const packet_types* types, std::string cause) {
+    if (goes_on()) of_.uses.missed(*this, service, types, std::move(cause));
+}
+
+void link::on_first_call(std::string_view service, const packet_types& types) {
+    if (goes_on()) of_.uses.reached(*this, service, &types);
+}
+
+void link::on_established(const subscriber_core& subscriber) {
+    if (goes_on()) of_.uses.reached(*this, subscriber.service(), &subscriber.types());
+}
+
+void link::on_missed(const subscriber_core& subscriber) { note_miss(subscriber.service(), &subscriber.types(), obstacle()); }
+
 void link::submit(pending_call& call, outgoing_packet request) {
-    if (host_.on().abandoned()) { // nothing would ever complete it: whoever waits is unwound, as everywhere then
-        if (call.slot.is_connected()) call.slot.clear();
-        host_.on().delist(call);
-        auto dropped = std::move(call.done);
-        auto owner = std::move(call.owner);
+    if (runtime().on().abandoned()) {
+        of_.calls.abandon(call);
         return;
     }
-    if (call.deadline <= host_.on().now()) {
-        host_.calls().fail(call, failure(errc::timed_out, fmt::format("'{}' at {} was called after its deadline", call.service, name_)));
+    if (call.deadline <= runtime().on().now()) {
+        of_.calls.fail(call, failure(errc::timed_out, fmt::format("'{}' at {} was called after its deadline", call.service, name_)));
         return;
     }
     call.alarm.arm(call.deadline);
     try {
         if (session_ && session_->open()) {
-            if (session_->send(call, request)) return;
-            host_.calls().fail(call, overloaded(*session_, name_));
+            if (session_->calls().send(call, request)) return;
+            of_.calls.fail(call, overloaded(*session_, name_));
             return;
         }
-        if (host_.stopping() || peer_only_) {
-            auto why = peer_only_ ? failure(errc::peer_lost, fmt::format("the session with {} has ended", name_))
+        if (runtime().stopping() || !goes_on()) {
+            auto why = !goes_on() ? failure(errc::peer_lost, fmt::format("the session with {} has ended", name_))
                                   : failure(errc::cancelled, "the component stops");
-            host_.calls().fail(call, why);
+            of_.calls.fail(call, why);
             return;
         }
         if (waiting_.size() >= limit::waiting_calls) {
-            host_.calls().fail(call, failure(errc::overloaded, fmt::format("{} calls wait for a session with {} (waiting_calls)", waiting_.size(), name_)));
+            of_.calls.fail(call, failure(errc::overloaded, fmt::format("{} calls wait for a session with {} (waiting_calls)", waiting_.size(), name_)));
             return;
         }
         call.waiting = request.keep();
     } catch (const error& thrown) {
-        host_.calls().fail(call, thrown.why());
+        of_.calls.fail(call, thrown.why());
         return;
     }
-    call.sent_on = nullptr;
-    waiting_.push_back(&call);
-    host_.uses().waits(*this, call.service, call.types);
+    wait_for_session(call, call_state::waiting);
+    note_wait(call.service, call.types);
     wake();
 }
 
+void link::wait_for_session(pending_call& call, call_state how) {
+    call.moves(how, *this);
+    waiting_.push_back(&call);
+}
+
 void link::requeue(pending_call& call, kept_packet request) {
-    call.sent_on = nullptr;
     call.number = call.sent_to = 0;
     call.waiting = std::move(request);
-    waiting_.push_back(&call);
+    wait_for_session(call, call_state::waiting);
 }
 
-void link::repeat(pending_call& call) {
-    call.sent_on = nullptr;
-    waiting_.push_back(&call);
-}
+void link::repeat(pending_call& call) { wait_for_session(call, call_state::repeating); }
 
-void link::forget(pending_call& call) noexcept { waiting_.remove(&call); }
+failure link::let_go(pending_call& call, errc why) {
+    waiting_.remove(&call);
+    if (why == errc::cancelled) return {why, fmt::format("the call of '{}' at {} was cancelled", call.service, name_), call.executed()};
+    auto cause = obstacle();
+    if (call.state == call_state::repeating)
+        return {why, fmt::format("'{}' at {} did not answer in time; the session was lost meanwhile: {}", call.service, name_, cause), call.executed()};
+    note_miss(call.service, call.types, cause);
+    return {why, fmt::format("'{}' at {} could not be called in time: {}", call.service, name_, cause.empty() ? "no session was made" : cause)};
+}
 
 void link::attach(subscriber_core& subscriber) {
     subscribers_.push_back(&subscriber);
     if (session_ && session_->open()) {
-        session_->subscribe(subscriber);
-    } else if (peer_only_ || host_.stopping()) {
+        session_->subscriptions().subscribe(subscriber);
+    } else if (!goes_on() || runtime().stopping()) {
         subscriber.on_refused(failure(errc::peer_lost, fmt::format("the session with {} has ended", name_)));
     } else {
-        host_.uses().waits(*this, subscriber.service(), &subscriber.types());
+        note_wait(subscriber.service(), &subscriber.types());
         wake();
     }
 }
@@ -144,45 +151,44 @@ void link::detach(subscriber_core& subscriber) noexcept { std::erase(subscribers
 task<result<void>> link::connect(time_point deadline) {
     ++connectors_;
     bool late = false;
-    waiter<> arrival(host_.on(), [&arrival] { arrival.resume(); });
-    timer alarm(host_.on(), [&] {
+    waiter<> arrival(runtime().on(), [&arrival] { arrival.resume(); });
+    timer alarm(runtime().on(), [&] {
         late = true;
         arrival.resume();
     });
     alarm.arm(deadline);
     arrivals_.push_back(&arrival);
     auto self = shared_from_this();
-    if (!session_) host_.uses().waits(*this, {}, nullptr);
+    if (!session_) note_wait({}, nullptr);
     wake();
-    if (!session_ && !host_.stopping()) co_await arrival.wait();
+    if (!session_ && !runtime().stopping()) co_await arrival.wait();
     std::erase(arrivals_, &arrival);
     --connectors_;
     if (session_ && session_->open()) {
-        host_.uses().reached(*this, {}, nullptr);
+        of_.uses.reached(*this, {}, nullptr);
         co_return result<void>();
     }
-    if (late) host_.uses().missed(*this, {}, nullptr, obstacle());
+    if (late) note_miss({}, nullptr, obstacle());
     co_return failure(late ? errc::timed_out : errc::cancelled,
                       fmt::format("no session with {}{}{}", name_, late ? " in time" : "", obstacle().empty() ? "" : ": " + obstacle()));
 }
 
 task<result<void>> link::find(std::shared_ptr<link> self, time_point deadline) {
-    auto& host = self->host_;
-    auto* names = host.resolver();
+    auto names = self->of_.names;
     if (!names) co_return failure(errc::invalid_argument, fmt::format("'{}' cannot be found: this component has no name server; use at(endpoint)", self->path_));
     struct seeking {
         link& of;
         explicit seeking(link& who) : of(who) { ++of.seekers_; }
         ~seeking() { --of.seekers_; }
     } guard(*self);
-    host.uses().waits(*self, {}, nullptr);
+    self->note_wait({}, nullptr);
     auto place = co_await names->resolve_when_present(self->path_, deadline);
     if (place) {
         self->located_ = true;
-        host.uses().reached(*self, {}, nullptr);
+        self->of_.uses.reached(*self, {}, nullptr);
         co_return result<void>();
     }
-    if (place.error().code() != errc::cancelled) host.uses().missed(*self, {}, nullptr, place.error().message());
+    if (place.error().code() != errc::cancelled) self->note_miss({}, nullptr, place.error().message());
     co_return place.error();
 }
 
@@ -193,8 +199,8 @@ bool link::awaits(std::string_view service) const noexcept {
 }
 
 void link::wake() {
-    if (maintaining_ || peer_only_ || session_ || host_.stopping()) return;
-    maintaining_ = host_.scope().spawn("link to " + name_, maintain(shared_from_this())) != nullptr;
+    if (maintaining_ || !goes_on() || session_ || runtime().stopping()) return;
+    maintaining_ = runtime().scope().spawn("link to " + name_, maintain(shared_from_this())) != nullptr;
 }
 
 // One coroutine makes a session as long as somebody wants one and there is none; it holds the link meanwhile.
@@ -203,15 +209,15 @@ task<> link::maintain(std::shared_ptr<link> self) {
         link& of;
         ~leaving() { of.maintaining_ = false; }
     } guard{*self};
-    auto& host = self->host_;
+    auto& runtime = self->runtime();
     duration pause{};
     if (self->since_ != time_point{}) { // again: many may have lost the same provider at this moment
-        if (host.on().now() - self->since_ >= steady_session) self->pause_.reset();
+        if (runtime.on().now() - self->since_ >= steady_session) self->pause_.reset();
         pause = self->pause_.after_loss(self->spread_);
     }
     for (;;) {
         if (pause > duration{}) co_await self->wait_before_next_try(pause);
-        if (!self->wanted() || host.stopping()) co_return;
+        if (!self->wanted() || runtime.stopping()) co_return;
         auto made = co_await self->establish();
         if (made) {
             self->adopt(std::move(*made));
@@ -219,16 +225,16 @@ task<> link::maintain(std::shared_ptr<link> self) {
         } else {
             bool news = self->obstacle_ != made.error().message();
             self->obstacle_ = made.error().message();
-            if (news) host.log().debug(self->obstacle_, {{"link", self->name_}});
+            if (news) runtime.log().debug(self->obstacle_, {{"link", self->name_}});
         }
         pause = self->pause_.next();
     }
 }
 
 task<> link::wait_before_next_try(duration pause) {
-    auto& on = host_.on();
+    auto& on = runtime().on();
     auto until = saturating_add(on.now(), pause);
-    auto* names = fixed_ ? nullptr : host_.resolver();
+    auto names = fixed_ ? nullptr : of_.names;
     // A short pause is over before it is worth a question.
     if (names && pause > spread_) {
         auto life = co_await names->next_life(path_, tried_life_, until);
@@ -242,7 +248,7 @@ task<> link::wait_before_next_try(duration pause) {
 }
 
 void link::adopt(std::shared_ptr<session> made) {
-    if (host_.stopping()) {
+    if (runtime().stopping()) {
         made->finish(failure(errc::peer_lost, "the component stops"), std::chrono::seconds(1));
         return;
     }
@@ -250,13 +256,13 @@ void link::adopt(std::shared_ptr<session> made) {
         obstacle_ = made->wire().cause().message();
         return;
     }
-    loop::turn in(host_.on());
-    if (since_ != time_point{} && !subscribers_.empty()) host_.log().info("is reached again", {{"provider", name_}});
+    loop::turn in(runtime().on());
+    if (since_ != time_point{} && !subscribers_.empty()) runtime().log().info("is reached again", {{"provider", name_}});
     session_ = std::move(made);
-    since_ = host_.on().now();
+    since_ = runtime().on().now();
     obstacle_.clear();
     for (auto* arrival : arrivals_) arrival->resume();
-    for (auto* subscriber : std::vector(subscribers_)) session_->subscribe(*subscriber);
+    for (auto* subscriber : std::vector(subscribers_)) session_->subscriptions().subscribe(*subscriber);
     send_waiting();
     consider_moving();
 }
@@ -265,18 +271,18 @@ void link::send_waiting() {
     for (auto* call : std::exchange(waiting_, {})) {
         if (call->number != 0 && (!session_->wire().lossy() || call->sent_to != session_->peer().incarnation)) {
             auto why = session_->wire().lossy() ? "it was restarted before it answered" : "the session ended before the answer, and the next one is none over which calls are repeated";
-            host_.calls().fail(*call, failure(errc::peer_lost, fmt::format("'{}' at {}: {}", call->service, name_, why), execution::unknown));
+            of_.calls.fail(*call, failure(errc::peer_lost, fmt::format("'{}' at {}: {}", call->service, name_, why), execution::unknown));
             continue;
         }
         auto began = call->number != 0 ? execution::unknown : execution::not_executed; // it was sent once before
         auto request = std::exchange(call->waiting, {});
         try {
-            bool sent = session_->send(*call, outgoing_packet(request));
-            if (!sent) host_.calls().fail(*call, overloaded(*session_, name_, began));
+            bool sent = session_->calls().send(*call, outgoing_packet(request));
+            if (!sent) of_.calls.fail(*call, overloaded(*session_, name_, began));
         } catch (const error& thrown) {
-            host_.calls().fail(*call, failure(thrown.code(), thrown.why().message(), began));
+            of_.calls.fail(*call, failure(thrown.code(), thrown.why().message(), began));
         } catch (const std::exception& thrown) { // of a packet with functions of its own
-            host_.calls().fail(*call, failure(errc::malformed, thrown.what(), began));
+            of_.calls.fail(*call, failure(errc::malformed, thrown.what(), began));
         }
     }
 }
@@ -285,7 +291,7 @@ void link::stop() {
     failure why(errc::cancelled, "the component stops");
     for (auto* arrival : arrivals_) arrival->resume();
     failure in_doubt(why.code(), why.message(), execution::unknown);
-    for (auto* call : std::exchange(waiting_, {})) host_.calls().fail(*call, call->number != 0 ? in_doubt : why);
+    for (auto* call : std::exchange(waiting_, {})) of_.calls.fail(*call, call->number != 0 ? in_doubt : why);
 }
 
 task<result<std::shared_ptr<session>>> link::establish() {
@@ -295,7 +301,7 @@ task<result<std::shared_ptr<session>>> link::establish() {
         there.path = path_;
         there.endpoints.push_back(*fixed_);
     } else {
-        auto* names = host_.resolver();
+        auto names = of_.names;
         if (!names) co_return failure(errc::invalid_argument, fmt::format("'{}' is a name, and this component was given no name server", path_));
         auto answer = co_await names->resolve(path_);
         located_ = answer.has_value();
@@ -313,7 +319,7 @@ task<result<std::shared_ptr<session>>> link::establish() {
     for (std::size_t at = 0; at < found.members.size(); ++at) {
         const auto& member = found.members[at];
         // Who is not the last that can be tried gets less patience.
-        auto until = at + 1 < found.members.size() ? saturating_add(host_.on().now(), std::min(connect_time_, member_patience)) : time_point::max();
+        auto until = at + 1 < found.members.size() ? saturating_add(runtime().on().now(), std::min(connect_time_, member_patience)) : time_point::max();
         auto made = co_await reach(member, connect_time_, until);
         if (made) {
             if (role_) role_->choice.took(member);
@@ -329,17 +335,11 @@ task<result<std::shared_ptr<session>>> link::reach(location where, duration pati
     std::string tried;
     failure last(errc::unreachable, fmt::format("{} has no endpoint that can be reached from here", where.path.empty() ? name_ : where.path));
     for (const auto& at : where.endpoints) {
-        auto deadline = std::min(saturating_add(host_.on().now(), patience), until);
+        auto deadline = std::min(saturating_add(runtime().on().now(), patience), until);
         // The stream is connected under the same deadline as the greeting.
-        auto transport = co_await net::connect_until(host_.on(), at, deadline, host_.credentials().tls);
-        if (!transport) {
-            last = transport.error();
-        } else {
-            auto hello = host_.greeting_to(where, at, (*transport)->peer());
-            auto greeted = co_await net::initiate(host_.on(), std::move(*transport), std::move(hello), deadline, host_.credentials().key.get());
-            if (greeted) co_return host_.run(std::move(*greeted), weak_from_this());
-            last = greeted.error();
-        }
+        auto made = co_await of_.sessions.connect(where, at, deadline, weak_from_this());
+        if (made) co_return made;
+        last = made.error();
         tried += fmt::format("{}{}", tried.empty() ? "" : "; ", last.message());
     }
     co_return failure(last.code(), tried.empty() ? last.message() : tried);
@@ -356,17 +356,17 @@ void link::on_session_end(session& ended, const failure& cause) {
     }
     session_.reset();
     obstacle_ = cause.message();
-    if (role_) role_->on_loss(ended, cause);
-    if (host_.stopping()) {
+    if (role_) lose_member(ended, cause);
+    if (runtime().stopping()) {
         stop();
     } else if (wanted()) {
-        for (const auto* one : subscribers_) host_.uses().waits(*this, one->service(), &one->types());
+        for (const auto* one : subscribers_) note_wait(one->service(), &one->types());
         const std::string* last = nullptr; // many calls are mostly of few services
         for (const auto* call : waiting_) {
-            if (!last || *last != call->service) host_.uses().waits(*this, call->service, call->types);
+            if (!last || *last != call->service) note_wait(call->service, call->types);
             last = &call->service;
         }
-        if (!subscribers_.empty()) host_.log().info("was lost; its subscriptions go on when it is back", {{"provider", name_}, {"cause", cause.message()}});
+        if (!subscribers_.empty()) runtime().log().info("was lost; its subscriptions go on when it is back", {{"provider", name_}, {"cause", cause.message()}});
         wake();
     }
 }

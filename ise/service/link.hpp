@@ -4,10 +4,10 @@
 #include <ise/core/task.hpp>
 #include <ise/core/waiter.hpp>
 #include <ise/service/back_off.hpp>
-#include <ise/service/pending_call.hpp>
 #include <ise/service/resolver.hpp>
-#include <ise/service/role_choice.hpp>
-#include <ise/wire/messages.hpp>
+#include <ise/service/role_options.hpp>
+#include <ise/service/session.hpp>
+#include <ise/service/use_book.hpp>
 
 #include <list>
 #include <memory>
@@ -18,9 +18,17 @@
 
 namespace ise {
 
-class service_host;
-class session;
-class subscriber_core;
+class peer_sessions;
+struct role_state;
+
+/// What the links of one component share.
+struct link_context {
+    service_runtime& runtime;
+    call_desk& calls;
+    peer_sessions& sessions;
+    use_book& uses;
+    std::shared_ptr<resolver> names; ///< null: none was given
+};
 
 /// The way to one component, found by name or by address, or to the peer of one session. It makes a session when
 /// something wants one, keeps what waits meanwhile, and heals: a session that ended is made anew, with back-off and
@@ -29,19 +37,34 @@ class subscriber_core;
 /// A role is served by several: the link talks to the best of them that it reaches, goes on with the next one when that is
 /// lost, and comes back to a better one as `role_options` say. It moves when the new session is there; calls that were
 /// written to the one before end there, subscriptions go on with a gap of unknown length.
-class link : public std::enable_shared_from_this<link> {
+class link final : public std::enable_shared_from_this<link>, public session_owner, public call_holder, public subscription_owner, public use_target {
 public:
-    /// To whoever holds `path`, or to that component at `fixed`, where an empty path is whoever listens.
-    link(service_host& host, std::string path, std::optional<endpoint> fixed, role_options how = role_options());
+    /// To whoever holds `path`, or to that component at `fixed`, where an empty path is whoever listens. Lifetime: `of` outlives it.
+    link(link_context& of, std::string path, std::optional<endpoint> fixed, role_options how = role_options());
     /// Back to the peer of a session that it made.
-    link(service_host& host, const std::shared_ptr<session>& peer);
+    link(link_context& of, const std::shared_ptr<session>& peer);
     ~link();
+
+    service_runtime& runtime() const noexcept override { return of_.runtime; }
+    call_desk& calls() const noexcept { return of_.calls; }
+    /// For people: the path, or the endpoint.
+    const std::string& name() const noexcept override { return name_; }
+    std::string obstacle() const override;
+    bool located() const noexcept override { return located_ && seekers_ == 0; }
+    bool awaits(std::string_view service) const noexcept override;
 
     /// Starts a call. Its outcome comes later, even on refusal.
     void submit(pending_call& call, outgoing_packet request);
+    failure let_go(pending_call& call, errc why) override;
+    void requeue(pending_call& call, kept_packet request) override;
+    void repeat(pending_call& call) override;
+    void on_first_call(std::string_view service, const packet_types& types) override;
 
-    void attach(subscriber_core& subscriber);
-    void detach(subscriber_core& subscriber) noexcept;
+    void attach(subscriber_core& subscriber) override;
+    void detach(subscriber_core& subscriber) noexcept override;
+    bool renews() const noexcept override { return goes_on(); }
+    void on_established(const subscriber_core& subscriber) override;
+    void on_missed(const subscriber_core& subscriber) override;
 
     /// Makes a session without a call; completes when it is there. errc::timed_out names the last obstacle.
     task<result<void>> connect(time_point deadline);
@@ -53,39 +76,18 @@ public:
     /// Tries again sooner than the component's options say: for a provider that many depend on.
     void hurry(duration longest_pause, duration connect_time) noexcept;
 
-    /// For people: the path, or the endpoint.
-    const std::string& name() const noexcept { return name_; }
     const std::shared_ptr<session>& current() const noexcept { return session_; }
     /// The path of the component that it talks to now, of a role the member; empty without a session.
     std::string holder() const;
-    service_host& host() noexcept { return host_; }
-
-    // For sessions and the call desk.
-    void on_session_end(session& ended, const failure& cause);
-    void requeue(pending_call& call, kept_packet request);
-    /// One that may have been executed, but can be sent again by its number.
-    void repeat(pending_call& call);
-    std::uint64_t next_call_number() noexcept { return next_call_number_++; }
-    void forget(pending_call& call) noexcept;
+    void on_session_end(session& ended, const failure& cause) override;
     /// For the resolver: those who serve the role have changed.
     void on_members(const resolution& found);
     /// The component stops: what waits for a session has waited in vain.
     void stop();
-    /// Whether it ends with the session it was made from.
-    bool peer_only() const noexcept { return peer_only_; }
-    /// Why there is no session, for the text of a call that waited in vain.
-    std::string obstacle() const;
-    /// Whether something waits for a session for this service, or, where that is empty, for the component itself.
-    bool awaits(std::string_view service) const noexcept;
-    /// Whether it was known at the last try where the component is.
-    bool located() const noexcept { return located_ && seekers_ == 0; }
     std::size_t waiting_calls() const noexcept { return waiting_.size(); }
     std::size_t subscribers() const noexcept { return subscribers_.size(); }
 
 private:
-    friend struct let_go_of_link;
-    friend held_link hold(const std::shared_ptr<link>& to);
-    friend held_link hold(std::shared_ptr<link>&& to);
     bool wanted() const noexcept { return !waiting_.empty() || !subscribers_.empty() || connectors_ > 0; }
     void wake();
     static task<> maintain(std::shared_ptr<link> self);
@@ -97,24 +99,27 @@ private:
     void adopt(std::shared_ptr<session> made);
     void send_waiting();
 
-    // A role's (link_role.cpp).
-    struct role_state;
+    void wait_for_session(pending_call& call, call_state how);
+    void note_wait(std::string_view service, const packet_types* types);
+    void note_miss(std::string_view service, const packet_types* types, std::string cause);
+
+    // A role's (link_moves.cpp).
     void take_members(const resolution& found);
     void forget_role() noexcept;
+    void lose_member(session& ended, const failure& cause);
     void consider_moving();
     static task<> move(std::shared_ptr<link> self);
     static task<> ask_about(std::shared_ptr<link> self, location unlisted);
     void switch_to(std::shared_ptr<session> made, const location& member);
     static task<> retire(std::shared_ptr<session> old);
 
-    service_host& host_;
+    link_context& of_;
     std::string path_;
     std::optional<endpoint> fixed_;
     std::string name_;
     std::string obstacle_;
     std::shared_ptr<session> session_;
     std::list<pending_call*> waiting_;
-    std::uint64_t next_call_number_;
     std::vector<subscriber_core*> subscribers_;
     std::vector<waiter<>*> arrivals_;
     role_options how_;
@@ -127,11 +132,8 @@ private:
     int connectors_ = 0;
     int seekers_ = 0;
     bool located_ = false;
-    std::size_t calls_ = 0; // that hold it
-    std::shared_ptr<link> self_; // while there are any
     bool maintaining_ = false;
     bool moving_ = false;
-    bool peer_only_ = false;
 };
 
 } // namespace ise

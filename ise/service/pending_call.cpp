@@ -1,11 +1,5 @@
 #include <ise/service/pending_call.hpp>
 
-#include <ise/service/link.hpp>
-#include <ise/service/service_host.hpp>
-#include <ise/service/session.hpp>
-
-#include <fmt/format.h>
-
 #include <string>
 #include <utility>
 
@@ -37,7 +31,11 @@ struct nothing_to_cancel {
 
 } // namespace
 
-pending_call::pending_call(call_desk& of) : desk(of), alarm(of.on(), [this] { desk.expire(*this); }) {}
+void let_go_of_owner::operator()(call_owner* held) const noexcept {
+    if (--held->calls_ == 0) auto last = std::move(held->self_); // may be the last of all
+}
+
+pending_call::pending_call(call_desk& of) : desk(of), alarm(of.on(), [this] { desk.give_up(*this, errc::timed_out); }) {}
 
 void pending_call::drop() noexcept {
     alarm.disarm();
@@ -66,7 +64,7 @@ void call_desk::watch(pending_call& call, asio::cancellation_slot slot) {
     call.slot = slot;
     call.cancelling = false;
     if (!slot.is_connected()) return;
-    slot.emplace<cancel_operation>(&call, [](pending_call& given_up) { given_up.desk.give_up(given_up); });
+    slot.emplace<cancel_operation>(&call, [](pending_call& given_up) { given_up.desk.give_up(given_up, errc::cancelled); });
 }
 
 void call_desk::end(pending_call& call, const call_outcome& outcome) {
@@ -78,7 +76,8 @@ void call_desk::end(pending_call& call, const call_outcome& outcome) {
     auto done = std::move(call.done);
     auto* made_in = std::exchange(call.made_in, nullptr);
     auto owner = std::move(call.owner); // lives until the completion has run
-    call.sent_on = nullptr;
+    call.state = call_state::starting;
+    call.holder = nullptr;
     call.waiting.clear();
     if (call.waiting.raw.capacity() > kept_capacity) call.waiting.raw = buffer();
     call.number = call.sent_to = 0;
@@ -99,34 +98,13 @@ void call_desk::fail(pending_call& call, const failure& why) {
     end(call, outcome);
 }
 
-void call_desk::expire(pending_call& call) {
-    auto who = call.owner->name();
-    auto service = call.service;
-    if (call.sent_on) {
-        call.sent_on->abandon(call);
-        fail(call, failure(errc::timed_out, fmt::format("'{}' at {} did not answer in time", service, who), execution::unknown));
-        return;
-    }
-    auto obstacle = call.owner->obstacle();
-    call.owner->forget(call);
-    if (call.number != 0) {
-        fail(call, failure(errc::timed_out, fmt::format("'{}' at {} did not answer in time; the session was lost meanwhile: {}", service, who, obstacle), execution::unknown));
-        return;
-    }
-    call.owner->host().uses().missed(*call.owner, call.service, call.types, obstacle);
-    fail(call, failure(errc::timed_out, fmt::format("'{}' at {} could not be called in time: {}", service, who,
-                                                    obstacle.empty() ? "no session was made" : obstacle)));
+void call_desk::abandon(pending_call& call) {
+    if (call.slot.is_connected()) call.slot.clear();
+    on_.delist(call);
+    auto dropped = std::move(call.done);
+    auto owner = std::move(call.owner);
 }
 
-void call_desk::give_up(pending_call& call) {
-    auto state = call.sent_on || call.number != 0 ? execution::unknown : execution::not_executed;
-    auto text = fmt::format("the call of '{}' at {} was cancelled", call.service, call.owner->name());
-    if (call.sent_on) {
-        call.sent_on->abandon(call);
-    } else {
-        call.owner->forget(call);
-    }
-    fail(call, failure(errc::cancelled, std::move(text), state));
-}
+void call_desk::give_up(pending_call& call, errc why) { fail(call, call.holder->let_go(call, why)); }
 
 } // namespace ise

@@ -20,13 +20,13 @@ failure failure_of(const std::exception_ptr& thrown);
 template <class Request, class Response, class Handler>
 class coroutine_service final : public call_service {
 public:
-    coroutine_service(service_host& host, std::string name, const packet_types& types, serve_options options, Handler handler)
-        : call_service(host, std::move(name), types, options), handler_(std::move(handler)) {}
+    coroutine_service(service_runtime& runtime, std::string name, const packet_types& types, serve_options options, Handler handler)
+        : call_service(runtime, std::move(name), types, options), handler_(std::move(handler)) {}
 
 private:
     class worker final : public call_worker {
     public:
-        worker(coroutine_service& of, service_host& host) : call_worker(of, host), service_(of) {}
+        worker(coroutine_service& of, service_runtime& runtime) : call_worker(of, runtime), service_(of) {}
 
     private:
         void load(incoming_packet& request) override { request.take_into(request_.emplace()); }
@@ -64,8 +64,8 @@ private:
         std::optional<Request> request_;
     };
 
-    bool serve_now(session&, const incoming_call&, incoming_packet&) override { return false; }
-    std::unique_ptr<call_worker> make_worker() override { return std::make_unique<worker>(*this, host()); }
+    bool serve_now(call_origin&, const incoming_call&, incoming_packet&) override { return false; }
+    std::unique_ptr<call_worker> make_worker() override { return std::make_unique<worker>(*this, runtime()); }
 
     Handler handler_;
 };
@@ -74,24 +74,24 @@ private:
 template <class Request, class Response, class Handler>
 class plain_service final : public call_service {
 public:
-    plain_service(service_host& host, std::string name, const packet_types& types, Handler handler)
-        : call_service(host, std::move(name), types, {}), handler_(std::move(handler)) {}
+    plain_service(service_runtime& runtime, std::string name, const packet_types& types, Handler handler)
+        : call_service(runtime, std::move(name), types, {}), handler_(std::move(handler)) {}
 
 private:
-    bool serve_now(session& from, const incoming_call& call, incoming_packet& came) override {
+    bool serve_now(call_origin& from, const incoming_call& call, incoming_packet& came) override {
         Request request{};
         came.take_into(request);
         auto response = answer(from, call, std::move(request));
         if (response) {
-            reply(from, call, outgoing_packet(*response));
+            from.reply(call.id, outgoing_packet(*response));
         } else {
             tell_failure(from, response.error());
-            refuse(from, call, response.error());
+            from.refuse(call.id, response.error());
         }
         return true;
     }
 
-    result<Response> answer(const session& from, const incoming_call& call, Request request) {
+    result<Response> answer(const call_origin& from, const incoming_call& call, Request request) {
         try {
             if constexpr (std::is_invocable_v<Handler&, Request, const call_context&>) {
                 auto context = context_of_call(from, call);
@@ -125,7 +125,7 @@ struct handler_result<Handler, Request> {
 /// `const ise::call_context&`. What it throws reaches the caller as an error with its text: an ise::error of errc::refused as
 /// it is, all else as errc::handler_failed. A failure that it returns keeps its code.
 template <class Contract, class Handler>
-std::shared_ptr<call_service> make_call_service(service_host& host, const Contract& contract, Handler handler, serve_options options = serve_options()) {
+std::shared_ptr<call_service> make_call_service(service_runtime& runtime, const Contract& contract, Handler handler, serve_options options = serve_options()) {
     using request = typename Contract::request_type;
     using response = typename Contract::response_type;
     static_assert(std::is_invocable_v<Handler&, request> || std::is_invocable_v<Handler&, request, const call_context&>,
@@ -133,11 +133,11 @@ std::shared_ptr<call_service> make_call_service(service_host& host, const Contra
     using answer = typename detail::handler_result<Handler, request>::type;
     auto name = std::string(contract.name());
     if constexpr (std::is_same_v<answer, task<response>>) {
-        return std::make_shared<detail::coroutine_service<request, response, Handler>>(host, std::move(name), Contract::types(), options, std::move(handler));
+        return std::make_shared<detail::coroutine_service<request, response, Handler>>(runtime, std::move(name), Contract::types(), options, std::move(handler));
     } else {
         static_assert(std::is_convertible_v<answer, result<response>>,
                       "ise: a handler returns the service's response packet, or an ise::task or ise::result of it");
-        return std::make_shared<detail::plain_service<request, response, Handler>>(host, std::move(name), Contract::types(), std::move(handler));
+        return std::make_shared<detail::plain_service<request, response, Handler>>(runtime, std::move(name), Contract::types(), std::move(handler));
     }
 }
 

@@ -117,8 +117,8 @@ struct publication_callbacks {
 
 /// What `component::publish` is made of.
 template <class Contract>
-std::shared_ptr<publication_core> make_publication(service_host& host, const Contract& contract, publication_callbacks<Contract> callbacks = {}) {
-    auto made = std::make_shared<publication_core>(host, std::string(contract.name()), Contract::types());
+std::shared_ptr<publication_core> make_publication(service_runtime& runtime, const Contract& contract, publication_callbacks<Contract> callbacks = {}) {
+    auto made = std::make_shared<publication_core>(runtime, std::string(contract.name()), Contract::types());
     auto read = [](bytes_view raw, const adapter* adapt, auto packet) {
         if (!raw.empty() && adapt) {
             decode_into(packet, (*adapt)(raw));

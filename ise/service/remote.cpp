@@ -1,7 +1,6 @@
 #include <ise/service/remote.hpp>
 
 #include <ise/service/link.hpp>
-#include <ise/service/service_host.hpp>
 
 #include <asio/post.hpp>
 #include <asio/system_executor.hpp>
@@ -13,13 +12,15 @@ namespace ise {
 const std::string& remote::name() const noexcept { return link_->name(); }
 std::string remote::holder() const { return link_->holder(); }
 task<result<void>> remote::connect(duration deadline) const {
-    return link_->connect(saturating_add(link_->host().on().now(), deadline));
+    return link_->connect(saturating_add(link_->runtime().on().now(), deadline));
 }
 
 namespace detail {
 
+std::shared_ptr<subscription_owner> subscriptions_of(std::shared_ptr<link> to) { return to; }
+
 std::optional<failure> check_place(link& to, service_key service) {
-    if (to.host().on().running_here()) return std::nullopt;
+    if (to.runtime().on().running_here()) return std::nullopt;
     return failure(errc::invalid_argument,
                    fmt::format("'{}' at {} was used off its component's thread: spawn the call on that component (component::spawn), or wait for it from another thread (component::wait)", service.name, to.name()));
 }
@@ -35,21 +36,22 @@ void start(Link&& to, service_key service, duration deadline, const asio::any_io
         else asio::post(asio::system_executor(), std::move(completion));
         return;
     }
-    auto& host = to->host();
-    auto& call = host.calls().open();
-    call.owner = hold(std::forward<Link>(to));
+    auto& way = *to;
+    auto& on = way.runtime().on();
+    auto& call = way.calls().open();
+    call.owner = call_owner::hold(std::forward<Link>(to));
     call.service.assign(service.name);
     call.types = service.types;
-    call.deadline = saturating_add(host.on().now(), deadline > duration{} ? deadline : host.options().default_deadline);
+    call.deadline = saturating_add(on.now(), deadline > duration{} ? deadline : way.runtime().options().default_deadline);
     call.trace = {};
-    call.made_in = context_of(waiting ? waiting : host.on().get_executor());
+    call.made_in = context_of(waiting ? waiting : on.get_executor());
     if (call.made_in) {
         call.deadline = std::min(call.deadline, call.made_in->deadline);
         call.trace = call.made_in->trace;
     }
-    host.calls().watch(call, slot);
+    way.calls().watch(call, slot);
     call.done = std::move(done);
-    call.owner->submit(call, request);
+    way.submit(call, request);
 }
 
 } // namespace

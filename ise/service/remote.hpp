@@ -29,6 +29,8 @@ void start_call(const std::shared_ptr<link>& to, service_key service, duration d
                 call_completion done, outgoing_packet request);
 void start_call(std::shared_ptr<link>&& to, service_key service, duration deadline, const asio::any_io_executor& waiting, asio::cancellation_slot slot,
                 call_completion done, outgoing_packet request);
+/// The same as what a subscriber needs of it.
+std::shared_ptr<subscription_owner> subscriptions_of(std::shared_ptr<link> to);
 /// A failure where `to` is used on another thread than its component's.
 std::optional<failure> check_place(link& to, service_key service);
 
@@ -211,7 +213,7 @@ private:
     static task<stream_of<Contract>> begin(std::shared_ptr<link> to, std::string service, subscribe_options options, bytes request) {
         if (auto misplaced = detail::check_place(*to, {service, nullptr})) throw error(std::move(*misplaced));
         if (request.empty()) request = encode(typename Contract::subscribe_request{});
-        auto core = std::make_shared<typename stream_of<Contract>::core>(std::move(to), std::move(service), Contract::types(), options, std::move(request));
+        auto core = std::make_shared<typename stream_of<Contract>::core>(detail::subscriptions_of(std::move(to)), std::move(service), Contract::types(), options, std::move(request));
         stream_of<Contract> made(core); // leaves again if the wait is cancelled
         auto begun = co_await core->begin();
         begun.value();

@@ -12,7 +12,7 @@
 
 namespace ise {
 
-class session;
+class incoming_calls;
 
 /// What is known of the numbered calls of one client in one of its lives, over all of its sessions: which were begun,
 /// and what they were answered. A client that lost its session asks again by the same number, and what ran once does
@@ -34,7 +34,7 @@ public:
     };
     /// Where a call came from, or where its answer goes.
     struct place {
-        std::weak_ptr<session> over;
+        std::weak_ptr<incoming_calls> over; ///< of a session
         std::uint64_t id = 0;
     };
 

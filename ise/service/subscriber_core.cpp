@@ -1,8 +1,7 @@
 #include <ise/service/subscriber_core.hpp>
 
 #include <ise/packet/compatibility.hpp>
-#include <ise/service/service_host.hpp>
-#include <ise/service/session.hpp>
+#include <ise/service/conversation.hpp>
 
 #include <fmt/format.h>
 
@@ -30,8 +29,8 @@ subscribe_options subscribe_options::lossless(std::uint32_t depth) {
     return made;
 }
 
-subscriber_core::subscriber_core(std::shared_ptr<link> to, std::string service, const packet_types& types, subscribe_options options, bytes request)
-    : on_(to->host().on()), link_(std::move(to)), options_(options), service_(std::move(service)), types_(types), request_(std::move(request)),
+subscriber_core::subscriber_core(std::shared_ptr<subscription_owner> to, std::string service, const packet_types& types, subscribe_options options, bytes request)
+    : on_(to->runtime().on()), owner_(std::move(to)), options_(options), service_(std::move(service)), types_(types), request_(std::move(request)),
       farewell_(adapt(schema(), types.schemas[role::unsubscribe_request], {})), packet_(on_, [this] { packet_.resume(); }), answer_(on_, [this] { answer_.resume(); }) {
     if (options_.depth == 0) options_.depth = 1;
 }
@@ -41,31 +40,31 @@ subscriber_core::~subscriber_core() = default;
 std::size_t subscriber_core::capacity() const noexcept { return options_.policy == overflow::keep_latest ? 1 : options_.depth; }
 
 task<result<void>> subscriber_core::begin() {
-    auto limit = options_.deadline > duration{} ? options_.deadline : link_->host().options().default_deadline;
+    auto limit = options_.deadline > duration{} ? options_.deadline : owner_->runtime().options().default_deadline;
     bool late = false;
     timer deadline(on_, [&] {
         late = true;
         answer_.resume();
     });
     deadline.arm(saturating_add(on_.now(), limit));
-    link_->attach(*this);
+    owner_->attach(*this);
     if (!established_ && !refused_) co_await answer_.wait();
     // Committed is committed, also where the session has ended again before this runs: the link goes on by the ticket.
     if (established_ || (resume_ && !refused_)) co_return result<void>();
     auto why = refused_ ? *refused_
-               : late   ? failure(errc::timed_out, fmt::format("'{}' at {} was not subscribed to in time{}{}", service_, link_->name(),
-                                                             link_->obstacle().empty() ? "" : ": ", link_->obstacle()))
+               : late   ? failure(errc::timed_out, fmt::format("'{}' at {} was not subscribed to in time{}{}", service_, owner_->name(),
+                                                             owner_->obstacle().empty() ? "" : ": ", owner_->obstacle()))
                         : failure(errc::cancelled, fmt::format("subscribing to '{}' was cancelled", service_));
-    if (late && !session_) link_->host().uses().missed(*link_, service_, &types_, link_->obstacle());
+    if (late && !session_) owner_->on_missed(*this);
     leave();
     co_return why;
 }
 
 void subscriber_core::leave() {
-    if (session_) session_->unsubscribe(*this);
+    if (session_) session_->unsubscribe(*this, farewell_, {});
     session_ = nullptr;
     established_ = false;
-    link_->detach(*this);
+    owner_->detach(*this);
     if (!ended_) finish(failure(errc::cancelled, fmt::format("the subscription to '{}' was left", service_)));
 }
 
@@ -73,20 +72,20 @@ task<result<bytes>> subscriber_core::leave_with(bytes request, duration deadline
     if (ended_) co_return *ended_;
     if (!session_ || !established_) {
         leave();
-        co_return failure(errc::peer_lost, fmt::format("'{}' at {} was left while it was out of reach: it was not asked", service_, link_->name()));
+        co_return failure(errc::peer_lost, fmt::format("'{}' at {} was left while it was out of reach: it was not asked", service_, owner_->name()));
     }
-    departure going(*session_, id_);
-    timer alarm(on_, [&going] { going.answered.resume(); });
-    alarm.arm(saturating_add(on_.now(), deadline > duration{} ? deadline : link_->host().options().default_deadline));
-    session_->unsubscribe(*this, request, &going);
+    auto going = std::make_shared<departure>(on_);
+    timer alarm(on_, [going] { going->answered.resume(); });
+    alarm.arm(saturating_add(on_.now(), deadline > duration{} ? deadline : owner_->runtime().options().default_deadline));
+    session_->unsubscribe(*this, request, going);
     session_ = nullptr;
     leave();
-    if (!going.outcome) co_await going.answered.wait();
-    if (!going.outcome) co_return failure(errc::timed_out, fmt::format("'{}' at {} was left, and did not answer in time", service_, link_->name()), execution::unknown);
-    if (!*going.outcome) co_return going.outcome->error();
-    auto& raw = **going.outcome;
+    if (!going->outcome) co_await going->answered.wait();
+    if (!going->outcome) co_return failure(errc::timed_out, fmt::format("'{}' at {} was left, and did not answer in time", service_, owner_->name()), execution::unknown);
+    if (!*going->outcome) co_return going->outcome->error();
+    auto& raw = **going->outcome;
     if (raw.empty() && !adapt(schema(), types_.schemas[role::unsubscribe_response], {}).empty())
-        co_return failure(errc::handler_failed, fmt::format("'{}' at {} was left, and gave no answer: it had ended, or failed over it", service_, link_->name()), execution::unknown);
+        co_return failure(errc::handler_failed, fmt::format("'{}' at {} was left, and gave no answer: it had ended, or failed over it", service_, owner_->name()), execution::unknown);
     if (raw.empty() || !farewell_adapter_) co_return std::move(raw);
     try {
         co_return (*farewell_adapter_)(raw);
@@ -118,7 +117,7 @@ wire::subscribe subscriber_core::terms() const {
     return made;
 }
 
-void subscriber_core::on_sent(session& over, std::uint64_t id) {
+void subscriber_core::on_sent(subscription_session& over, std::uint64_t id) {
     session_ = &over;
     id_ = id;
     consumed_ = 0;
@@ -141,12 +140,12 @@ result<void> subscriber_core::on_subscribed(wire::subscribed answer) {
     auto id = id_;
     // The subscription may be gone when the schemas come: it is looked up then.
     auto refuse = [over = session_, id](const failure& why) {
-        if (auto* who = over->find_subscriber(id)) who->refuse_packets(why);
+        if (auto* who = over->find(id)) who->refuse_packets(why);
     };
-    session_->schemas().need(
+    session_->over().schemas().need(
         {shared->fingerprints[role::subscribe_response], shared->fingerprints[role::published], shared->fingerprints[role::unsubscribe_response]},
         [over = session_, id, shared, refuse](const std::vector<schema>& theirs) {
-            auto* who = over->find_subscriber(id);
+            auto* who = over->find(id);
             if (!who) return;
             try {
                 who->adapt_to(theirs, *shared);
@@ -161,7 +160,7 @@ result<void> subscriber_core::on_subscribed(wire::subscribed answer) {
 }
 
 void subscriber_core::refuse_packets(const failure& why) {
-    end_here(failure(errc::type_mismatch, fmt::format("'{}' at {}: {}", service_, link_->name(), why.message())));
+    end_here(failure(errc::type_mismatch, fmt::format("'{}' at {}: {}", service_, owner_->name(), why.message())));
 }
 
 void subscriber_core::adapt_to(const std::vector<schema>& theirs, wire::subscribed& answer) {
@@ -186,7 +185,7 @@ void subscriber_core::establish(const wire::subscribed& answer) {
             lost_before_ = detail::unknown_gap;
         }
         if (again && options_.policy == overflow::lossless) { // by a provider that does not know better
-            end_here(failure(errc::peer_lost, fmt::format("an unknown number of packets of '{}' from {} were lost", service_, link_->name())));
+            end_here(failure(errc::peer_lost, fmt::format("an unknown number of packets of '{}' from {} were lost", service_, owner_->name())));
             return;
         }
         next_sequence_ = answer.first_sequence;
@@ -197,8 +196,8 @@ void subscriber_core::establish(const wire::subscribed& answer) {
     resume_ = point;
     comparing_ = false;
     established_ = true;
-    link_->host().uses().reached(*link_, service_, &types_);
-    if (!again) link_->host().on_subscribed(service_, link_->name());
+    owner_->on_established(*this);
+    if (!again) owner_->runtime().on_subscribed(service_, owner_->name());
     try {
         take_response(std::as_bytes(std::span(answer.response)));
     } catch (const error& unreadable) {
@@ -216,8 +215,8 @@ void subscriber_core::on_refused(const failure& why) {
     const bool committed = resume_.has_value();
     established_ = false;
     refused_ = why;
-    link_->detach(*this);
-    if (auto& host = link_->host(); committed && !host.stopping()) host.on_subscription_ended(service_, link_->name(), why);
+    owner_->detach(*this);
+    if (auto& host = owner_->runtime(); committed && !host.stopping()) host.on_subscription_ended(service_, owner_->name(), why);
     finish(why);
 }
 
@@ -229,7 +228,7 @@ void subscriber_core::on_ended(const failure& why, std::uint64_t lost) {
 }
 
 void subscriber_core::end_here(const failure& why) {
-    if (session_) session_->unsubscribe(*this);
+    if (session_) session_->unsubscribe(*this, farewell_, {});
     session_ = nullptr;
     on_refused(why);
 }
@@ -240,7 +239,7 @@ void subscriber_core::on_session_end(const failure& cause) {
     comparing_ = false;
     held_.clear();
     // The link makes a new session and subscribes again, unless there was only this one.
-    if (link_->peer_only()) on_refused(cause);
+    if (!owner_->renews()) on_refused(cause);
 }
 
 result<void> subscriber_core::on_packet(std::uint64_t sequence, std::uint32_t skipped, incoming_packet& packet) {
@@ -267,7 +266,7 @@ result<void> subscriber_core::on_other_packet(std::uint64_t sequence, std::uint3
         held_.emplace_back(sequence, skipped, packet.keep());
         return {};
     }
-    if (sequence < next_sequence_ && session_ && session_->wire().lossy()) {
+    if (sequence < next_sequence_ && session_ && session_->over().wire().lossy()) {
         ++counts_.late;
         return {};
     }
@@ -279,7 +278,7 @@ result<void> subscriber_core::on_other_packet(std::uint64_t sequence, std::uint3
     lost_before_ = gap_of(lost_before_, lost);
     next_sequence_ = sequence + 1;
     if (lost > 0 && options_.policy == overflow::lossless) { // such as one that is too large for this side
-        end_here(failure(errc::overloaded, fmt::format("{} packets of '{}' from {} were lost", lost, service_, link_->name())));
+        end_here(failure(errc::overloaded, fmt::format("{} packets of '{}' from {} were lost", lost, service_, owner_->name())));
         return {};
     }
 
@@ -336,7 +335,7 @@ void subscriber_core::drop_undecodable(const error& why) {
 
 void subscriber_core::count_undecodable(const error& why) {
     ++counts_.undecodable;
-    if (counts_.undecodable == 1) link_->host().log().warning(why.what(), {{"service", service_}, {"peer", link_->name()}});
+    if (counts_.undecodable == 1) owner_->runtime().log().warning(why.what(), {{"service", service_}, {"peer", owner_->name()}});
 }
 
 void subscriber_core::taken() {

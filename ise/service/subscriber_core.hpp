@@ -5,6 +5,7 @@
 #include <ise/service/contract.hpp>
 #include <ise/service/packet_queue.hpp>
 #include <ise/service/received.hpp>
+#include <ise/service/service_runtime.hpp>
 #include <ise/wire/messages.hpp>
 
 #include <memory>
@@ -13,8 +14,51 @@
 
 namespace ise {
 
-class link;
-class session;
+class conversation;
+class subscriber_core;
+
+/// A subscriber that left and waits for the provider's answer.
+struct departure {
+    explicit departure(loop& on) : answered(on, [this] { answered.resume(); }) {}
+
+    waiter<> answered;
+    std::optional<result<bytes>> outcome;
+};
+
+/// What a subscriber asks of the session over which its packets come.
+class subscription_session {
+public:
+    virtual conversation& over() noexcept = 0;
+    /// `farewell` is the unsubscribe packet; its answer is for `waiting`, where there is somebody.
+    virtual void unsubscribe(subscriber_core& subscriber, bytes_view farewell, std::weak_ptr<departure> waiting) = 0;
+    /// Grants more packets to the provider: so many in all.
+    virtual void grant(const subscriber_core& subscriber, std::uint64_t total) = 0;
+    /// The subscriber of that number, if it is still there.
+    virtual subscriber_core* find(std::uint64_t id) const noexcept = 0;
+
+protected:
+    ~subscription_session() = default;
+};
+
+/// What a subscriber asks of the way to its provider, which subscribes again over every new session.
+class subscription_owner {
+public:
+    virtual service_runtime& runtime() const noexcept = 0;
+    /// The provider for people.
+    virtual const std::string& name() const noexcept = 0;
+    /// Why there is no session; empty: nothing is known against it.
+    virtual std::string obstacle() const = 0;
+    /// Whether subscriptions go on over its next session.
+    virtual bool renews() const noexcept = 0;
+    virtual void attach(subscriber_core& subscriber) = 0;
+    virtual void detach(subscriber_core& subscriber) noexcept = 0;
+    virtual void on_established(const subscriber_core& subscriber) = 0;
+    /// It was given up before there was a session.
+    virtual void on_missed(const subscriber_core& subscriber) = 0;
+
+protected:
+    ~subscription_owner() = default;
+};
 
 /// What becomes of packets that a subscriber does not take in time: `keep_latest`, `keep_last`, `lossless`, `disconnect`.
 using overflow = wire::overflow;
@@ -61,11 +105,11 @@ struct subscription_counts {
 };
 
 /// One subscription on the subscriber's side, without its types. Lives on its component's loop; held by the user's
-/// subscription object, and known to its link.
+/// subscription object, and known to its owner and its session.
 class subscriber_core {
 public:
     /// Throws errc::too_large where the unsubscribe packet is beyond what may be decoded.
-    subscriber_core(std::shared_ptr<link> to, std::string service, const packet_types& types, subscribe_options options, bytes request);
+    subscriber_core(std::shared_ptr<subscription_owner> to, std::string service, const packet_types& types, subscribe_options options, bytes request);
     virtual ~subscriber_core();
 
     /// Completes when the provider has committed, or refused.
@@ -89,7 +133,7 @@ public:
     /// The unsubscribe packet: the user's own, if there is one, with its defaults.
     const bytes& farewell() const noexcept { return farewell_; }
     bool takes_objects() const noexcept { return knows_type(); }
-    void on_sent(session& over, std::uint64_t id);
+    void on_sent(subscription_session& over, std::uint64_t id);
     result<void> on_subscribed(wire::subscribed answer);
     void on_refused(const failure& why);
     result<void> on_packet(std::uint64_t sequence, std::uint32_t skipped, incoming_packet& packet);
@@ -112,7 +156,7 @@ protected:
     task<> wait_for_packet();
 
     loop& on_;
-    std::shared_ptr<link> link_;
+    std::shared_ptr<subscription_owner> owner_;
     subscription_counts counts_;
     subscribe_options options_;
 
@@ -139,7 +183,7 @@ private:
     waiter<> answer_;
     std::unique_ptr<adapter> adapter_;
     std::unique_ptr<adapter> farewell_adapter_; // of the answer to the unsubscribe packet
-    session* session_ = nullptr;
+    subscription_session* session_ = nullptr;
     std::uint64_t id_ = 0;
     std::optional<wire::resumption> resume_;
     std::uint64_t next_sequence_ = 0;

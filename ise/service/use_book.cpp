@@ -1,8 +1,7 @@
 #include <ise/service/use_book.hpp>
 
 #include <ise/core/limits.hpp>
-#include <ise/service/link.hpp>
-#include <ise/service/service_host.hpp>
+#include <ise/service/service_runtime.hpp>
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
@@ -41,10 +40,10 @@ std::string_view name_of(wait_stage stage) noexcept {
     return "?";
 }
 
-use_book::use_book(service_host& host) : host_(host), due_(host.on(), [this] { look(); }) {}
+use_book::use_book(service_runtime& runtime) : runtime_(runtime), due_(runtime.on(), [this] { look(); }) {}
 
-use_book::entry* use_book::touch(const link& way, std::string_view service, const packet_types* types) {
-    if (stopped_ || service.starts_with("ise.") || way.peer_only()) return nullptr;
+use_book::entry* use_book::touch(const use_target& way, std::string_view service, const packet_types* types) {
+    if (stopped_ || service.starts_with("ise.")) return nullptr;
     key which(way.name(), service);
     auto found = all_.find(which);
     if (found == all_.end()) {
@@ -57,15 +56,15 @@ use_book::entry* use_book::touch(const link& way, std::string_view service, cons
     return &made;
 }
 
-void use_book::waits(const link& way, std::string_view service, const packet_types* types) {
+void use_book::waits(const use_target& way, std::string_view service, const packet_types* types) {
     auto* one = touch(way, service, types);
     if (!one) return;
     one->failed = false;
-    if (!std::exchange(one->missing, true)) one->since = host_.on().now();
+    if (!std::exchange(one->missing, true)) one->since = runtime_.on().now();
     watch();
 }
 
-void use_book::reached(const link& way, std::string_view service, const packet_types* types) {
+void use_book::reached(const use_target& way, std::string_view service, const packet_types* types) {
     auto* one = touch(way, service, types);
     if (!one) return;
     one->missing = one->failed = false;
@@ -74,16 +73,16 @@ void use_book::reached(const link& way, std::string_view service, const packet_t
     awaited_use what;
     what.target = way.name();
     what.service = service;
-    host_.log().info("waits no longer", {{"for", subject_of(what)}, {"waited_s", fmt::format("{:.1f}", std::chrono::duration<double>(host_.on().now() - one->since).count())}});
+    runtime_.log().info("waits no longer", {{"for", subject_of(what)}, {"waited_s", fmt::format("{:.1f}", std::chrono::duration<double>(runtime_.on().now() - one->since).count())}});
     if (on_change) on_change();
 }
 
-void use_book::missed(const link& way, std::string_view service, const packet_types* types, std::string cause) {
+void use_book::missed(const use_target& way, std::string_view service, const packet_types* types, std::string cause) {
     auto* one = touch(way, service, types);
     if (!one) return;
-    if (!std::exchange(one->missing, true)) one->since = host_.on().now();
+    if (!std::exchange(one->missing, true)) one->since = runtime_.on().now();
     one->failed = true;
-    one->failed_at = host_.on().now();
+    one->failed_at = runtime_.on().now();
     one->cause = std::move(cause);
     watch();
 }
@@ -97,19 +96,19 @@ std::vector<use_book::used_service> use_book::services() const {
     return made;
 }
 
-std::multimap<std::string_view, const link*> use_book::ways() const {
-    std::multimap<std::string_view, const link*> made;
-    host_.for_each_link([&](const link& one) { made.emplace(one.name(), &one); });
+use_book::ways_by_name use_book::ways() const {
+    ways_by_name made;
+    for (const auto* way : ways_) made.emplace(way->name(), way);
     return made;
 }
 
-bool use_book::look_at(const key& of, const entry& what, const std::multimap<std::string_view, const link*>& ways, awaited_use& found) const {
+bool use_book::look_at(const key& of, const entry& what, const ways_by_name& ways, awaited_use& found) const {
     if (!what.missing) return false;
-    const link* waiting = nullptr;
+    const use_target* waiting = nullptr;
     auto [at, end] = ways.equal_range(of.first);
     for (; at != end && !waiting; ++at)
         if (at->second->awaits(of.second)) waiting = at->second;
-    if (!waiting && (!what.failed || host_.on().now() - what.failed_at >= memory)) return false;
+    if (!waiting && (!what.failed || runtime_.on().now() - what.failed_at >= memory)) return false;
     found.target = of.first;
     found.service = of.second;
     found.since = what.since;
@@ -147,7 +146,7 @@ std::string use_book::summary() const {
 // Only while something is missing.
 void use_book::look() {
     auto all = ways();
-    auto now = host_.on().now();
+    auto now = runtime_.on().now();
     bool changed = false;
     for (auto& [which, one] : all_) {
         awaited_use found;
@@ -158,15 +157,15 @@ void use_book::look() {
         }
         if (now - one.since < patience || std::exchange(one.told, true)) continue;
         changed = true;
-        auto since = host_.env().wall() - std::chrono::duration_cast<wall_time::duration>(now - one.since);
-        host_.log().warning(text_of(found.stage), {{"for", subject_of(found)}, {"since", civil_text(since)}, {"cause", found.cause}});
+        auto since = runtime_.env().wall() - std::chrono::duration_cast<wall_time::duration>(now - one.since);
+        runtime_.log().warning(text_of(found.stage), {{"for", subject_of(found)}, {"since", civil_text(since)}, {"cause", found.cause}});
     }
     if (std::ranges::any_of(all_, [](const auto& one) { return one.second.missing; })) watch();
     if (changed && on_change) on_change();
 }
 
 void use_book::watch() {
-    if (!stopped_ && !due_.armed()) due_.arm(saturating_add(host_.on().now(), use_watch_period));
+    if (!stopped_ && !due_.armed()) due_.arm(saturating_add(runtime_.on().now(), use_watch_period));
 }
 
 void use_book::stop() noexcept {

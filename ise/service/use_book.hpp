@@ -13,8 +13,7 @@
 
 namespace ise {
 
-class link;
-class service_host;
+class service_runtime;
 
 /// What a use waits for.
 enum class wait_stage : std::uint8_t {
@@ -35,19 +34,39 @@ struct awaited_use {
     std::string cause;                  ///< the last obstacle
 };
 
+/// A way to a provider, as far as it concerns what is waited for.
+class use_target {
+public:
+    /// The path, role or address.
+    virtual const std::string& name() const noexcept = 0;
+    /// Whether something waits for a session for this service, or, where that is empty, for the provider itself.
+    virtual bool awaits(std::string_view service) const noexcept = 0;
+    /// Whether it was known at the last try where the provider is.
+    virtual bool located() const noexcept = 0;
+    /// Why there is no session; empty: nothing is known against it.
+    virtual std::string obstacle() const = 0;
+
+protected:
+    ~use_target() = default;
+};
+
 /// The services of others that a component uses, and what it waits for. Written where a session is missing or new, never
 /// with every call. ISE's own services are left out. Bounded (`limit::used_services`): the entry that was touched longest ago goes.
 class use_book {
 public:
-    /// Lifetime: `host` outlives it.
-    explicit use_book(service_host& host);
+    /// Lifetime: `runtime` outlives it.
+    explicit use_book(service_runtime& runtime);
+
+    /// Through which services are used, from now on until it goes.
+    void add(const use_target& way) { ways_.push_back(&way); }
+    void remove(const use_target& way) noexcept { std::erase(ways_, &way); }
 
     /// There is no session for it, and something begins to wait for one. An empty service: for the target itself.
-    void waits(const link& way, std::string_view service, const packet_types* types);
+    void waits(const use_target& way, std::string_view service, const packet_types* types);
     /// There is a session over which it goes.
-    void reached(const link& way, std::string_view service, const packet_types* types);
+    void reached(const use_target& way, std::string_view service, const packet_types* types);
     /// It has ended without a session.
-    void missed(const link& way, std::string_view service, const packet_types* types, std::string cause);
+    void missed(const use_target& way, std::string_view service, const packet_types* types, std::string cause);
 
     struct used_service {
         std::string name;
@@ -81,16 +100,18 @@ private:
         std::string cause;
     };
     using key = std::pair<std::string, std::string>; // target, service
+    using ways_by_name = std::multimap<std::string_view, const use_target*>;
 
-    entry* touch(const link& way, std::string_view service, const packet_types* types);
+    entry* touch(const use_target& way, std::string_view service, const packet_types* types);
     /// Whether it is still waited for: how.
-    bool look_at(const key& of, const entry& what, const std::multimap<std::string_view, const link*>& ways, awaited_use& found) const;
-    std::multimap<std::string_view, const link*> ways() const;
+    bool look_at(const key& of, const entry& what, const ways_by_name& ways, awaited_use& found) const;
+    ways_by_name ways() const;
     void look();
     void watch();
 
-    service_host& host_;
+    service_runtime& runtime_;
     timer due_;
+    std::vector<const use_target*> ways_;
     std::map<key, entry> all_;
     std::uint64_t touches_ = 0;
     bool stopped_ = false;

@@ -29,7 +29,7 @@ waiting_call waiting_calls::take(lines::iterator from, std::size_t place) {
     return taken;
 }
 
-std::optional<waiting_call> waiting_calls::pop(function_ref<bool(const session&)> may) {
+std::optional<waiting_call> waiting_calls::pop(function_ref<bool(const call_origin&)> may) {
     for (std::size_t turn = 0; turn < turns_.size(); ++turn) {
         const auto* from = turns_[turn];
         if (!may(*from)) continue;
@@ -50,7 +50,7 @@ std::optional<waiting_call> waiting_calls::overflow(std::size_t most, std::size_
     return take(largest, largest->second.calls.size() - 1);
 }
 
-void waiting_calls::withdraw(const session& from, std::uint64_t id) {
+void waiting_calls::withdraw(const call_origin& from, std::uint64_t id) {
     auto found = lines_.find(&from);
     if (found == lines_.end()) return;
     auto& calls = found->second.calls;

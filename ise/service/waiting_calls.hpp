@@ -28,11 +28,11 @@ public:
 
     void push(waiting_call one);
     /// The next whose session `may` be served now.
-    std::optional<waiting_call> pop(function_ref<bool(const session&)> may);
+    std::optional<waiting_call> pop(function_ref<bool(const call_origin&)> may);
     /// The newest request of the session that has most of them, or the most bytes, while there are more than allowed.
     std::optional<waiting_call> overflow(std::size_t most, std::size_t most_bytes);
     /// One that nobody waits for any more.
-    void withdraw(const session& from, std::uint64_t id);
+    void withdraw(const call_origin& from, std::uint64_t id);
     std::vector<waiting_call> take_all();
 
 private:
@@ -40,11 +40,11 @@ private:
         std::deque<waiting_call> calls;
         std::size_t bytes = 0;
     };
-    using lines = std::map<const session*, line>;
+    using lines = std::map<const call_origin*, line>;
     waiting_call take(lines::iterator from, std::size_t place);
 
     lines lines_;
-    std::deque<const session*> turns_; // each session of lines_ once
+    std::deque<const call_origin*> turns_; // each session of lines_ once
     std::size_t count_ = 0;
     std::size_t bytes_ = 0;
 };

@@ -96,7 +96,7 @@ void bounded_bytes(pair& at) {
         REQUIRE(core->queued() <= 6);
     }
     at.run_until([&] { return *told == 300; }); // each one came, or is counted
-    CHECK(core->losses().too_many_bytes >= 200);
+    CHECK(core->losses.too_many_bytes >= 200);
 }
 
 void newest_only(pair& at) {

@@ -42,7 +42,7 @@ void wrong_peer(pair& at) {
 // Greets, and is silent from then on.
 ise::task<> greet(pair& at, std::unique_ptr<ise::stream>& held, std::shared_ptr<bool> welcome) {
     auto& on = at.shore.on;
-    auto made = co_await ise::net::connect_until(on, at.where, on.now() + 1h, at.shore.services->credentials().tls);
+    auto made = co_await ise::net::connect_until(on, at.where, on.now() + 1h, at.shore.services->peers().credentials().tls);
     held = std::move(made.value());
     ise::buffer out;
     ise::wire::hello mine;

@@ -85,9 +85,9 @@ void hold(ise::bytes_view input) {
     std::weak_ptr<ise::session> alive;
     {
         auto made = std::make_shared<ise::net::connection>(boat.on, std::move(pair.second), terms, ise::wire::parser(1 << 16));
-        auto session = boat.services->run(std::move(made), {});
+        auto session = boat.services->peers().run(std::move(made), {});
         alive = session;
-        ise::remote back(std::make_shared<ise::link>(*boat.services, session));
+        ise::remote back(boat.services->link_back(session));
         boat.scope.spawn("calls", want(back));
         boat.scope.spawn("subscribes", follow(back));
     }

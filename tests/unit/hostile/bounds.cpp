@@ -59,7 +59,7 @@ TEST_CASE("hostile: replies that wait for a schema that never comes end the sess
             back.try_call(confirm, set_mode{"any"}, 1h, [&](ise::result<mode_set> got) { failed += !got; });
         co_return;
     };
-    at.all.run(at.boat, ask(ise::remote(std::make_shared<ise::link>(*at.boat.services, over))));
+    at.all.run(at.boat, ask(ise::remote(at.boat.services->link_back(over))));
     over.reset();
     REQUIRE(at.all.run_until([&] { return peer.count(frame_type::request) == calls; }));
     ise::wire::provider_packets told;

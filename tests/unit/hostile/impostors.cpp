@@ -61,7 +61,7 @@ TEST_CASE("impostors: a client tells each life of a provider a key of its own, a
     buoy.incarnation = 5;
     auto udp = ise::endpoint::parse("udp://boat:7400").value();
     auto elsewhere = ise::endpoint::parse("udp://boat:7500").value();
-    auto key = [&](const ise::location& whom, const ise::endpoint& where) { return shore.services->greeting_to(whom, where, where.text()).reply_key; };
+    auto key = [&](const ise::location& whom, const ise::endpoint& where) { return shore.services->peers().greeting_to(whom, where, where.text()).reply_key; };
     CHECK(key(boat, udp) != 0);
     CHECK(key(boat, udp) == key(boat, elsewhere));
     CHECK(key(boat, udp) != key(reborn, udp));

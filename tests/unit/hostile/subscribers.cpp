@@ -126,7 +126,7 @@ TEST_CASE("hostile: a subscriber that never reads is held no more than max_subsc
         at.publish(1);
         at.all.world.run_for(2ms);
         peer.say(frame_type::ping, 1, ise::bytes_view()); // it is heard
-        if (auto* session = at.of_raw()) most = std::max(most, session->subscriber_bytes());
+        if (auto* session = at.of_raw()) most = std::max(most, session->held_bytes());
     }
     CHECK(most > 900'000);
     CHECK(most <= (1 << 20) + 20'000);

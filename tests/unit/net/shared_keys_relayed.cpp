@@ -121,7 +121,7 @@ TEST_CASE("relayed: a local socket is its own, and one that passes on to it is n
 TEST_CASE("relayed: a tunnel of one's own is named where it ends") {
     street at;
     auto tunnel = at.put_between(at.host.listen("tcp://127.0.0.1:0"));
-    at.host.services->advertise({tunnel});
+    at.host.services->acceptor().advertise({tunnel});
     auto got = at.call(at.dial(tunnel, "ise/host/shore"));
     INFO((got ? "" : got.error().message()));
     CHECK(got);

@@ -69,7 +69,7 @@ struct guarded {
         };
         auto hearing = start(host->loop(), listen(*ear, heard));
         auto asking = start(shore.on, ise::net::connect_until(shore.on, ise::endpoint::parse("tls://sea:7400").value(), shore.on.now() + 1s,
-                                                              shore.services->credentials().tls));
+                                                              shore.services->peers().credentials().tls));
         all.run_until([&] { return hearing->done && asking->done; });
         return heard;
     }

@@ -93,7 +93,7 @@ public:
 private:
     ise::remote to_caller(const std::string& path) {
         for (const auto& [key, one] : at.services->sessions())
-            if (one->peer_name() == path) return ise::remote(std::make_shared<ise::link>(*at.services, one));
+            if (one->peer_name() == path) return ise::remote(at.services->link_back(one));
         throw ise::error(ise::errc::peer_lost, "the caller has gone");
     }
     static ise::task<> publish(provider& self, std::string where) {

@@ -473,7 +473,7 @@ TEST_CASE("a handler calls its caller back over the same session, without deadlo
     constexpr ise::request_response<set_mode, mode_set> confirm("confirm");
     shore.provide(confirm, [](set_mode asked) { return mode_set{true, "yes, " + asked.mode}; });
     boat.provide(helm, [&boat, confirm](set_mode request) -> ise::task<mode_set> {
-        ise::remote back(std::make_shared<ise::link>(*boat.services, boat.services->sessions().begin()->second));
+        ise::remote back(boat.services->link_back(boat.services->sessions().begin()->second));
         auto confirmed = co_await back.call(confirm, request, 2s);
         co_return confirmed;
     });
@@ -533,7 +533,7 @@ TEST_CASE("a call back over the session of a request ends with that session, als
     fixture at;
     REQUIRE(at.all.run(at.shore, try_helm(at.there, "first")));
     // Back to whoever made the session, on the side that made it; its own link to the boat is `at.there`.
-    ise::remote back(std::make_shared<ise::link>(*at.shore.services, at.shore.services->sessions().begin()->second));
+    ise::remote back(at.shore.services->link_back(at.shore.services->sessions().begin()->second));
     at.all.world.net().partition("shore", "boat");
     auto big = start(at.shore.on, try_echo(at.there, 400'000, 2s)); // the socket takes no more
     at.all.world.run_for(10ms);

@@ -451,7 +451,7 @@ TEST_CASE("objects: a request that was never written goes on with the next sessi
         calls.push_back(start(shore.on, ask(there, echo, large)));
     }
     auto session = shore.services->sessions().begin()->second;
-    REQUIRE(all.world.run_until([&] { return session->pending_calls() == 2; }));
+    REQUIRE(all.world.run_until([&] { return session->calls().pending() == 2; }));
     session->wire().flush();
     session->wire().flush();
     session->wire().close(ise::failure(errc::peer_lost, "cut"));

@@ -740,7 +740,7 @@ TEST_CASE("a subscription over the peer's own session ends with it") {
     boat.listen("tcp://0.0.0.0:7400");
     auto there = shore.at("tcp://boat:7400"); // the session lives as long as somebody may talk over it
     all.run(shore, there.connect(5s)).value();
-    auto back = ise::remote(std::make_shared<ise::link>(*boat.services, boat.services->sessions().begin()->second));
+    auto back = ise::remote(boat.services->link_back(boat.services->sessions().begin()->second));
     auto got = std::make_shared<reading>();
     auto following = start(boat.on, follow(back, got, ise::subscribe_options()));
     all.run_until([&] { return fixes.subscribers() == 1; });

@@ -25,7 +25,7 @@ struct voyage {
         boat.provide(helm, [this](set_mode asked) -> ise::task<mode_set> {
             ++handlers;
             co_await ise::sleep_for(boat.on, 10ms);
-            ise::remote back(std::make_shared<ise::link>(*boat.services, boat.services->sessions().begin()->second));
+            ise::remote back(boat.services->link_back(boat.services->sessions().begin()->second));
             set_mode echoed{asked.mode};
             auto confirmed = co_await back.call(ise::request_response<set_mode, mode_set>("confirm"), echoed, 1s);
             co_return confirmed;

@@ -1,30 +1,48 @@
 #pragma once
 #include <ise/net/outbox.hpp>
-#include <ise/service/publication_core.hpp>
+#include <ise/service/conversation.hpp>
+#include <ise/service/subscriber_group.hpp>
 #include <ise/service/waiting_packets.hpp>
 #include <ise/wire/messages.hpp>
 
 #include <cstdint>
-#include <map>
 #include <memory>
-#include <vector>
 
 namespace ise {
 
-class session;
+/// The session that subscribers are reached over, and what is held for all of them together.
+class subscriber_line {
+public:
+    conversation& over() const noexcept { return over_; }
+    net::connection& wire() const noexcept { return over_.wire(); }
+    std::size_t& held_bytes() noexcept { return held_bytes_; }
+    std::size_t held_bytes() const noexcept { return held_bytes_; }
+    /// Tells a subscriber that its subscription is over, and how many packets it does not get for that.
+    virtual void end(std::uint64_t id, const failure& why, std::uint64_t lost) = 0;
+    /// A subscription has moved to another session, or its publication has gone.
+    virtual void forget(std::uint64_t id) noexcept = 0;
+
+protected:
+    explicit subscriber_line(conversation& over) noexcept : over_(over) {}
+    ~subscriber_line() = default;
+
+private:
+    conversation& over_;
+    std::size_t held_bytes_ = 0;
+};
 
 /// One subscriber at the provider: its queue, its policy, and the session it is reached over, if any.
-class provided_subscription final : public net::publication_source {
+class remote_subscriber final : public net::publication_source {
 public:
-    provided_subscription(publication_core& of, const wire::subscribe& terms, subscriber_info info, bool takes_objects);
-    ~provided_subscription();
+    remote_subscriber(subscriber_group& of, const wire::subscribe& terms, subscriber_info info, bool takes_objects);
+    ~remote_subscriber();
 
-    void attach(session& over, std::uint64_t id);
+    void attach(subscriber_line& over, std::uint64_t id);
     /// The session is gone; packets go on being kept by the policy until it comes back or the linger is over.
     void detach();
     /// Its session is destroyed without having ended, as its loop has.
-    void let_go(const session& of);
-    bool attached() const noexcept { return session_ != nullptr; }
+    void let_go(const subscriber_line& of);
+    bool attached() const noexcept { return line_ != nullptr; }
 
     /// False: the queue is full, and the policy is to end it then.
     bool offer(const published_packet& packet);
@@ -36,22 +54,32 @@ public:
     /// A lossless one that is connected and full: a publisher that waits waits for it.
     bool holds_up() const noexcept;
     bool take(net::outbox& out, std::size_t quantum) override;
-    /// Goes on at `next`, the first packet that did not arrive: of a lossless one, what was sent in vain goes again.
-    void resume_at(std::uint64_t next);
+    /// It comes back. Goes on at the first packet that did not arrive: of a lossless one, what was sent in vain goes again.
+    void resume(const wire::subscribe& terms, bool takes_objects);
+    /// Ends it at the subscriber, if that is reached.
+    void end(const failure& why);
+    /// When it must have moved, or been heard, where it holds up a publisher that waits since then.
+    time_point held_up_until(time_point since);
+    /// The first of these two.
+    time_point stalled_at(time_point since) const;
+    /// It lingers, and vanishes in this turn.
+    void vanish_now();
+    /// Packets did not fit while it was out of reach.
+    bool overrun() const noexcept { return beyond_ > 0; }
     /// Packets that did not arrive and are not sent any more if it ends now.
     std::uint64_t unsent() const noexcept { return queue_.size() + beyond_; }
 
     const wire::ticket& ticket() const noexcept { return ticket_; }
     std::uint64_t id() const noexcept { return id_; }
-    session* over() const noexcept { return session_; }
+    subscriber_line* line() const noexcept { return line_; }
     const subscriber_info& info() const noexcept { return info_; }
     std::uint64_t dropped() const noexcept { return dropped_; }
     std::size_t queued() const noexcept { return queue_.size(); }
     bool loses_nothing() const noexcept { return policy_ == wire::overflow::lossless || policy_ == wire::overflow::disconnect; }
 
 private:
-    friend class publication_core;
     void wake();
+    void resume_at(std::uint64_t next);
     waiting_packets::stretch pop(std::size_t most);
     void keep(const waiting_packets::stretch& sent);
     void forget_arrived();
@@ -65,8 +93,8 @@ private:
     void stop_lingering();
     bool may_send() const noexcept;
 
-    publication_core& publication_;
-    session* session_ = nullptr;
+    subscriber_group& group_;
+    subscriber_line* line_ = nullptr;
     std::uint64_t id_ = 0;
     wire::ticket ticket_{};
     bool takes_objects_ = false;
@@ -85,37 +113,6 @@ private:
     time_point full_since_ = time_point::max(); // lossless: nothing was taken since
     subscriber_info info_;
     std::unique_ptr<timer> linger_;
-};
-
-/// The subscriptions of one session's peer.
-class provided_subscriptions {
-public:
-    explicit provided_subscriptions(session& owner) : session_(owner) {}
-    ~provided_subscriptions();
-    provided_subscriptions(const provided_subscriptions&) = delete;
-    provided_subscriptions& operator=(const provided_subscriptions&) = delete;
-
-    result<void> on_subscribe(const wire::frame& received);
-    result<void> on_unsubscribe(const wire::frame& received);
-    result<void> on_credit(const wire::frame& received);
-    void on_session_end();
-    void forget(std::uint64_t id) { by_id_.erase(id); }
-    std::size_t size() const noexcept { return by_id_.size(); }
-    /// What is held for all of them together.
-    std::size_t& held_bytes() noexcept { return held_bytes_; }
-
-private:
-    struct entry {
-        std::shared_ptr<publication_core> publication;
-        provided_subscription* who = nullptr; // null while schemas are compared
-        std::unique_ptr<adapter> unsubscribe;
-    };
-    void admit(std::uint64_t id, wire::subscribe terms, const std::vector<schema>* theirs, bool takes_objects);
-    void refuse(std::uint64_t id, const failure& why, std::uint64_t lost = 0);
-
-    session& session_;
-    std::map<std::uint64_t, entry> by_id_;
-    std::size_t held_bytes_ = 0;
 };
 
 } // namespace ise

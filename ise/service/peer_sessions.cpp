@@ -1,0 +1,100 @@
+#include <ise/service/peer_sessions.hpp>
+
+#include <ise/net/connect.hpp>
+#include <ise/net/handshake.hpp>
+
+#include <algorithm>
+
+namespace ise {
+
+peer_sessions::peer_sessions(const session_context& shared, security credentials) : shared_(shared), credentials_(std::move(credentials)) {}
+
+wire::hello peer_sessions::greeting() const {
+    const auto& options = shared_.runtime.options();
+    wire::hello made;
+    made.features = wire::feature::all;
+    made.self = shared_.runtime.self();
+    made.accepts = options.accepts;
+    made.accepts.max_calls = options.max_calls_per_session;
+    made.accepts.max_subscriptions = options.max_subscriptions_per_session;
+    return made;
+}
+
+// The same in each session with the same life of a provider, and another one for every other provider: none of them can
+// show another one what it was told.
+std::uint64_t peer_sessions::reply_key_for(const location& whom, const endpoint& at) {
+    auto& env = shared_.runtime.env();
+    if (!reply_secret_) reply_secret_ = net::udp::secret{env.random(), env.random()};
+    buffer text(64);
+    text.append(whom.incarnation);
+    text.append(as_bytes(whom.incarnation != 0 ? whom.path : at.text()));
+    return net::udp::keyed_hash(*reply_secret_, text.view()) | 1; // 0 says that there is none
+}
+
+wire::hello peer_sessions::greeting_to(const location& whom, const endpoint& at, const std::string& connected) {
+    auto made = greeting();
+    made.wanted_path = whom.path;
+    made.wanted_epoch = whom.epoch;
+    made.wanted_incarnation = whom.incarnation;
+    if (at.kind == protocol::udp) made.reply_key = reply_key_for(whom, at);
+    if (!credentials_.key) return made;
+    made.dialled.push_back(connected);
+    if (at.text() != connected) made.dialled.push_back(at.text());
+    made.host_key = shared_.runtime.env().identity().host_key;
+    return made;
+}
+
+task<result<std::shared_ptr<session>>> peer_sessions::connect(location whom, endpoint at, time_point deadline, std::weak_ptr<session_owner> owner) {
+    auto& on = shared_.runtime.on();
+    auto transport = co_await net::connect_until(on, at, deadline, credentials_.tls);
+    if (!transport) co_return transport.error();
+    auto hello = greeting_to(whom, at, (*transport)->peer());
+    auto greeted = co_await net::initiate(on, std::move(*transport), std::move(hello), deadline, credentials_.key.get());
+    if (!greeted) co_return greeted.error();
+    co_return run(std::move(*greeted), std::move(owner));
+}
+
+std::shared_ptr<session> peer_sessions::run(std::shared_ptr<net::connection> connection, std::weak_ptr<session_owner> owner) {
+    connection->limit_unsent(shared_.runtime.options().unsent_bytes);
+    shared_.runtime.signs()->add(connection->signs());
+    auto made = std::make_shared<session>(shared_, std::move(connection), std::move(owner), [this](session& ended) { forget(ended); });
+    all_.emplace(made.get(), made);
+    made->start();
+    return made;
+}
+
+void peer_sessions::forget(session& ended) {
+    auto found = all_.find(&ended);
+    if (found == all_.end()) return;
+    // Its coroutines are on their way out; it goes when they and its calls have let go.
+    auto last = std::move(found->second);
+    all_.erase(found);
+    release(ended);
+    shared_.runtime.on().later([last = std::move(last)] {});
+    if (all_.empty())
+        for (auto* told : awaiting_end_) told->resume();
+}
+
+void peer_sessions::finish_all(const failure& why, duration grace) {
+    // Not by their addresses in memory: a run on the virtual world is the same every time.
+    std::vector<std::shared_ptr<session>> in_order;
+    for (const auto& [raw, held] : all_) in_order.push_back(held);
+    std::stable_sort(in_order.begin(), in_order.end(), [](const auto& a, const auto& b) { return a->peer_name() < b->peer_name(); });
+    for (auto& held : in_order) held->finish(why, grace);
+}
+
+task<> peer_sessions::ended(time_point limit) {
+    auto& on = shared_.runtime.on();
+    waiter<> told(on, [&told] { told.resume(); });
+    timer late(on, [&told] { told.resume(); });
+    struct listed {
+        std::vector<waiter<>*>& all;
+        waiter<>* who;
+        ~listed() { std::erase(all, who); }
+    } among{awaiting_end_, &told};
+    awaiting_end_.push_back(&told);
+    late.arm(limit);
+    if (!all_.empty()) co_await told.wait();
+}
+
+} // namespace ise

@@ -1,0 +1,62 @@
+#pragma once
+#include <ise/core/environment.hpp>
+#include <ise/net/fair_places.hpp>
+#include <ise/service/peer_sessions.hpp>
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace ise {
+
+/// Where a component listens: greets who comes, decides who is admitted, and shares its places fairly among hosts.
+class session_acceptor {
+public:
+    /// Lifetime: both outlive it.
+    session_acceptor(service_runtime& runtime, peer_sessions& sessions);
+
+    /// Listens and accepts sessions. errc::address_in_use and others as environment::listen, errc::unauthorized where credentials
+    /// are demanded and there are none for `at`.
+    result<endpoint> listen(const endpoint& at);
+    /// Where it listens, with real ports.
+    std::vector<endpoint> listening() const;
+    /// Further endpoints that peers may have dialled: those of tunnels and address translations that lead here. With a shared
+    /// key, sessions that were dialled elsewhere are refused as relayed.
+    void advertise(std::vector<endpoint> through) { advertised_ = std::move(through); }
+
+    /// Stops listening.
+    void close();
+    /// Admits nobody until `go_on()`.
+    void pause(const failure& why) { paused_ = why; }
+    void go_on() noexcept { paused_.reset(); }
+
+private:
+    class door; // for one stranger
+    struct session_places { // null: it needs none
+        std::unique_ptr<net::fair_places::place> socket, session;
+    };
+    using handshake_place = std::shared_ptr<net::fair_places::place>;
+
+    task<> accept(std::shared_ptr<listener> from);
+    task<> greet(std::unique_ptr<stream> stranger, endpoint reached, handshake_place place);
+    /// `into`: the places of the session that is to be made.
+    result<wire::welcome> admit(const wire::hello& caller, const std::string& peer, protocol over, session_places& into);
+    /// A place among `all` for one more session of that peer.
+    result<std::unique_ptr<net::fair_places::place>> place_for(const std::string& peer, net::fair_places& all) const;
+    std::string session_limit(const net::fair_places& all) const;
+    /// It keeps them for as long as it lives, or until another host needs one.
+    void keep_places(const std::shared_ptr<session>& of, const std::string& peer, session_places held);
+
+    service_runtime& runtime_;
+    peer_sessions& sessions_;
+    std::vector<std::shared_ptr<listener>> listeners_;
+    std::vector<endpoint> advertised_;
+    std::optional<failure> paused_;
+    net::fair_places places_;                 // of sessions that other processes made
+    std::optional<net::fair_places> sockets_; // of those that have a descriptor each; once it listens for such
+    net::fair_places handshakes_;
+    std::size_t greeting_ = 0; // coroutines: those that lost their place and are on their way out included
+};
+
+} // namespace ise

@@ -1,0 +1,68 @@
+#pragma once
+#include <ise/packet/packet_object.hpp>
+#include <ise/packet/shared_bytes.hpp>
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <utility>
+
+namespace ise {
+
+class remote_subscriber;
+class service_runtime;
+
+/// Who subscribed, as the provider's callbacks see it.
+struct subscriber_info {
+    std::string peer;          ///< its path, or its address
+    std::uint64_t number = 0;  ///< of this subscriber within the publication
+};
+
+/// A packet that is being published: as a frame (`packet_frame`), as an object, or both, as its subscribers need it.
+struct published_packet {
+    shared_bytes frame;
+    shared_packet object;
+    bool has_frame = false;
+    std::uint64_t sequence = 0;
+};
+
+/// Packets that were not sent to a subscriber, by their reason, and subscribers that were ended.
+struct publication_losses {
+    std::uint64_t replaced = 0;  ///< keep the latest: a newer one came before it was taken
+    std::uint64_t overrun = 0;   ///< keep the last N: more than N waited
+    std::uint64_t too_many_bytes = 0; ///< max_subscriber_bytes of its session
+    std::uint64_t too_large = 0; ///< for what the subscriber accepts
+    std::uint64_t ended = 0;     ///< subscribers that were too slow for a policy that drops nothing
+};
+
+/// What the subscribers of one publication share, and what they ask of it.
+class subscriber_group {
+public:
+    service_runtime& runtime() const noexcept { return runtime_; }
+    const std::string& name() const noexcept { return name_; }
+
+    /// The object as a frame, for a subscriber that does not take objects any more. Throws what encoding throws.
+    virtual shared_bytes frame_of(const shared_packet& object, std::uint64_t sequence) = 0;
+    /// A publisher that waits for room may go on.
+    virtual void room_made() = 0;
+    /// Its session is gone, and it is kept for a while; until it is attached again, or vanishes.
+    virtual void began_to_linger(remote_subscriber& who) = 0;
+    virtual void stopped_lingering(remote_subscriber& who) noexcept = 0;
+    /// It did not come back in time.
+    virtual void vanish(remote_subscriber& who) = 0;
+
+    publication_losses losses;
+    std::uint64_t usual_id = 0;    ///< of a subscription: frames bear it, and most need no other
+    std::size_t lossless = 0;      ///< subscribers
+    std::size_t object_takers = 0; ///< subscribers
+
+protected:
+    subscriber_group(service_runtime& runtime, std::string name) : runtime_(runtime), name_(std::move(name)) {}
+    ~subscriber_group() = default;
+
+private:
+    service_runtime& runtime_;
+    std::string name_;
+};
+
+} // namespace ise
