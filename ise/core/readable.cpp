@@ -46,11 +46,15 @@ std::string readable(std::string_view line) {
     std::string shown;
     while (!line.empty()) {
         if (shown.size() > longest_readable) return shown + "...";
+        if (auto length = readable_length(line); length > 0) {
+            shown += line.substr(0, length);
+            line.remove_prefix(length);
+            continue;
+        }
         auto letter = character_at(line);
         if (!letter) shown += fmt::format("\\x{:02x}", static_cast<unsigned char>(line.front()));
         else if (letter->first < 0x20 || letter->first == 0x7f) shown += ' ';
-        else if (is_unseen(letter->first)) shown += fmt::format("\\u{{{:x}}}", static_cast<std::uint32_t>(letter->first));
-        else shown += line.substr(0, letter->second);
+        else shown += fmt::format("\\u{{{:x}}}", static_cast<std::uint32_t>(letter->first));
         line.remove_prefix(letter ? letter->second : 1);
     }
     return shown;

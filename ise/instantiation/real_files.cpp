@@ -1,4 +1,5 @@
 // environment-boundary: what an instantiation server does to its host is done here
+#include <ise/core/real/own_file.hpp>
 #include <ise/core/real/ownership.hpp>
 #include <ise/instantiation/process_table.hpp>
 #include <ise/instantiation/real_machine.hpp>
@@ -20,16 +21,6 @@ failure refused(std::string_view what, const std::string& path) {
     return io_failure(fmt::format("cannot {} {}", what, path), std::error_code(errno, std::system_category()));
 }
 
-bool write_all(int to, std::string_view text) {
-    while (!text.empty()) {
-        auto moved = ::write(to, text.data(), text.size());
-        if (moved < 0 && errno == EINTR) continue;
-        if (moved <= 0) return false;
-        text.remove_prefix(static_cast<std::size_t>(moved));
-    }
-    return true;
-}
-
 std::string read_some(int from, std::uint64_t offset, std::size_t most) {
     std::string text(most, '\0');
     std::size_t have = 0;
@@ -41,11 +32,6 @@ std::string read_some(int from, std::uint64_t offset, std::size_t most) {
     }
     text.resize(have);
     return text;
-}
-
-std::string folder_of(const std::string& path) {
-    auto slash = path.rfind('/');
-    return slash == std::string::npos ? "." : slash == 0 ? "/" : path.substr(0, slash);
 }
 
 bool is_program_name(std::string_view name) {
@@ -97,18 +83,7 @@ result<std::string> real_machine::read_file(const std::string& path, std::size_t
     }
 }
 
-result<void> real_machine::replace_file(const std::string& path, const std::string& content) {
-    auto fresh = path + ".new";
-    {
-        ::unlink(fresh.c_str()); // of a server that was killed; whatever else lies there is not written through
-        file_handle file(::open(fresh.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
-        if (!file || !write_all(file.get(), content) || ::fsync(file.get()) != 0) return refused("write", fresh);
-    }
-    if (::rename(fresh.c_str(), path.c_str()) != 0) return refused("replace", path);
-    file_handle folder(::open(folder_of(path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-    if (folder) ::fsync(folder.get());
-    return {};
-}
+result<void> real_machine::replace_file(const std::string& path, const std::string& content) { return replace_own_file(path, content); }
 
 std::uint64_t real_machine::size_of(const std::string& path) const {
     struct stat about {};

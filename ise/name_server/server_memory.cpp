@@ -1,6 +1,7 @@
 // environment-boundary: the real state file of a name server; tests give it a memory of their own
 #include <ise/name_server/server_memory.hpp>
 
+#include <ise/core/real/own_file.hpp>
 #include <ise/core/real/ownership.hpp>
 #include <ise/packet/json.hpp>
 
@@ -10,7 +11,6 @@
 #include <cerrno>
 #include <system_error>
 
-#include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -28,34 +28,12 @@ struct saved_memory {
 
 std::string last_problem() { return std::error_code(errno, std::system_category()).message(); }
 
-std::string folder_of(const std::string& path) {
-    auto slash = path.rfind('/');
-    return slash == path.npos ? "." : slash == 0 ? "/" : path.substr(0, slash);
-}
-
 result<void> make_folders(const std::string& folder) {
     if (::access(folder.c_str(), F_OK) == 0) return {};
     if (auto above = folder_of(folder); above != folder)
         if (auto made = make_folders(above); !made) return made;
     if (::mkdir(folder.c_str(), 0700) == 0 || errno == EEXIST) return {};
     return failure(errc::io_failed, fmt::format("cannot make the folder {}: {}", folder, last_problem()));
-}
-
-struct open_file {
-    int number;
-    ~open_file() {
-        if (number >= 0) ::close(number);
-    }
-};
-
-bool write_all(int file, std::string_view text) {
-    while (!text.empty()) {
-        auto count = ::write(file, text.data(), text.size());
-        if (count < 0 && errno == EINTR) continue;
-        if (count < 0) return false;
-        text.remove_prefix(static_cast<std::size_t>(count));
-    }
-    return ::fsync(file) == 0;
 }
 
 } // namespace
@@ -95,16 +73,7 @@ result<void> state_file::keep(const registry_memory& what) {
     saved_memory saved;
     saved.secret = what.secret;
     saved.epochs_below = what.epochs_below;
-    auto text = to_json(saved, json_style::pretty) + "\n";
-    auto beside = path_ + ".new";
-    auto refuse = [&] { return failure(errc::io_failed, fmt::format("cannot write {}: {}", path_, last_problem())); };
-    ::unlink(beside.c_str()); // of one that was killed meanwhile
-    open_file file{::open(beside.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600)};
-    if (file.number < 0 || !write_all(file.number, text)) return refuse();
-    if (::rename(beside.c_str(), path_.c_str()) != 0) return refuse();
-    open_file where{::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)};
-    if (where.number < 0 || ::fsync(where.number) != 0) return refuse(); // the new name is on the disk too
-    return {};
+    return replace_own_file(path_, to_json(saved, json_style::pretty) + "\n");
 }
 
 } // namespace ise

@@ -34,13 +34,13 @@ public:
     }
     template <class Other>
         requires(!std::is_convertible_v<Other, packet_type>)
-    void send(const Other&) const {
-        static_assert(sizeof(Other) == 0, "ise: this publication publishes packets of another type: the one that its service names");
+    void send(const Other& packet) const {
+        (*this)(packet);
     }
     template <class Other>
         requires(!std::is_convertible_v<Other, packet_type>)
-    void try_send(const Other&) const {
-        static_assert(sizeof(Other) == 0, "ise: this publication publishes packets of another type: the one that its service names");
+    void try_send(const Other& packet) const {
+        (*this)(packet);
     }
 
     /// Publishes to those subscribers for which `wants(const subscriber_info&)` holds: a watch that was narrowed down, a

@@ -187,8 +187,8 @@ public:
         static_assert(detail::never<Packets...>, "ise: this service is a subscription, which is not called: co_await remote.subscribe(service)");
     }
     template <class... Packets, class... Arguments>
-    void try_call(const subscription<Packets...>&, Arguments&&...) const {
-        static_assert(detail::never<Packets...>, "ise: this service is a subscription, which is not called: co_await remote.subscribe(service)");
+    void try_call(const subscription<Packets...>& service, Arguments&&...) const {
+        call(service);
     }
     template <class... Packets, class... Arguments>
     void subscribe(const request_response<Packets...>&, Arguments&&...) const {
