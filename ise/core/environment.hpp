@@ -45,7 +45,7 @@ struct pseudo_terminal {
 class loop_host {
 public:
     virtual ~loop_host() = default;
-    virtual ise::loop& loop() noexcept = 0;
+    virtual ise::loop& loop() noexcept = 0; ///< always the same one
     /// Lets it look for events for up to `window` before it sleeps, as long as that pays. Only a thread of its own does
     /// that: a program polls its own executors as it likes, and in the virtual world nothing sleeps. At most once; thread-safe.
     virtual void poll([[maybe_unused]] duration window) {}

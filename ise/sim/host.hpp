@@ -106,6 +106,7 @@ private:
 /// A machine of the virtual world with its processes, made by `world::host(name)`. Lives as long as the world.
 class host final : public machine {
 public:
+    /// See `process::program`.
     using program = process::program;
 
     /// Made by `world::host`.

@@ -17,6 +17,7 @@ class serial_line;
 /// A host as the network and its sockets know it: an address, ports, files and serial lines.
 class machine {
 public:
+    /// Made as a `host`.
     machine(std::string name, std::string address) : name_(std::move(name)), address_(std::move(address)) {}
     machine(const machine&) = delete;
     machine& operator=(const machine&) = delete;
@@ -42,13 +43,13 @@ public:
     std::vector<datagram_end*> datagrams;
     std::map<std::string, std::shared_ptr<serial_line>> serial_lines; ///< each by its name and by "/dev/" + name
     std::uint16_t ephemeral_port();
-    /// @endcond
 
 protected:
     ~machine() = default;
 
     bool up_ = true;
     unsigned boots_ = 1;
+    /// @endcond
 
 private:
     std::string name_, address_;

@@ -33,7 +33,6 @@ public:
             std::erase_if(resources_, [](const auto& each) { return each.expired(); });
         resources_.push_back(what);
     }
-    /// @endcond
 
 protected:
     socket_owner(world_core& world, network& net, machine& here) : world_(world), net_(net), here_(here) {}
@@ -41,6 +40,7 @@ protected:
 
     std::vector<std::weak_ptr<resource>> resources_;
     bool running_ = true;
+    /// @endcond
 
 private:
     world_core& world_;

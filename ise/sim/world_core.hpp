@@ -11,6 +11,7 @@ namespace ise::sim {
 /// What all parts of a virtual world stand on: its seed, its clock, its faults and its trace.
 class world_core {
 public:
+    /// Made as a `world`.
     explicit world_core(std::uint64_t seed) : seed_(seed) {}
     world_core(const world_core&) = delete;
     world_core& operator=(const world_core&) = delete;
