@@ -41,6 +41,13 @@ struct conversation {
     bool looks = false; ///< under a name of its own, so that it is known where sessions are shown
 };
 
+/// What the user wants: a conversation, or a text that is there already.
+struct wish {
+    settings set;
+    conversation talk; ///< empty: print `text`
+    std::string text;
+};
+
 /// Runs a command to its end, a failure or Ctrl-C; says on standard error why it failed.
 exit_code run(const settings& set, const conversation& what);
 

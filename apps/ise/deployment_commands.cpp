@@ -1,6 +1,6 @@
 #include "deployment_commands.hpp"
 
-#include "look_commands.hpp"
+#include "arguments.hpp"
 
 #include <CLI/CLI.hpp>
 

@@ -1,5 +1,4 @@
 #pragma once
-#include "command_line.hpp"
 #include "commands.hpp"
 
 namespace CLI {

@@ -1,5 +1,4 @@
 #pragma once
-#include "command_line.hpp"
 #include "commands.hpp"
 
 #include <string>
@@ -22,8 +21,5 @@ struct instance_places {
 };
 
 void add_instance_commands(CLI::App& app, instance_places& to, wish& made);
-
-/// A time that was given to an option; problem(usage) if it is none.
-duration positive_time(const std::string& text, std::string_view option);
 
 } // namespace ise::cli

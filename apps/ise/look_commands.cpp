@@ -1,6 +1,6 @@
 #include "look_commands.hpp"
 
-#include "instance_commands.hpp"
+#include "arguments.hpp"
 #include "names.hpp"
 #include "text.hpp"
 

@@ -1,10 +1,9 @@
 #pragma once
-#include "command_line.hpp"
+#include "conversation.hpp"
 #include "look.hpp"
 
 namespace CLI {
 class App;
-class Validator;
 }
 
 namespace ise::cli {
@@ -31,13 +30,5 @@ void add_look_commands(CLI::App& app, look_places& to, wish& made);
 /// problem(usage) where the first word is no command, with the nearest that there is. Before the parse, whose own words
 /// about it say less.
 void refuse_unknown_command(const CLI::App& app, int count, const char* const* arguments);
-
-/// Of the options that all subscribing commands have.
-void add_subscription(CLI::App& command, subscribe_choice& what, std::string& json);
-/// Like CLI::IsMember and CLI::PositiveNumber, for people: "'tcsh' is none of bash, zsh, fish".
-CLI::Validator one_of(std::vector<std::string> choices);
-CLI::Validator positive_count();
-/// What stands for a request: `{}` where nothing was given, standard input for `-`.
-std::string json_given(const std::string& text);
 
 } // namespace ise::cli

@@ -1,8 +1,14 @@
 #pragma once
-#include <components/boat/telemetry.hpp>
+#include <components/boat/enums.hpp>
+#include <components/boat/packet_header.hpp>
+
+#include <ise/core/bytes.hpp>
+#include <ise/core/result.hpp>
 
 #include <cmath>
 #include <limits>
+#include <string>
+#include <string_view>
 
 /// How fields lie in a packet: little-endian, fixed, scaled integers. Private to this folder.
 namespace atirma::layout {

@@ -1,37 +1,17 @@
 #pragma once
 #include <components/boat/enums.hpp>
+#include <components/boat/packet_header.hpp>
 
 #include <ise/core/bytes.hpp>
 #include <ise/core/result.hpp>
 
 #include <array>
-#include <chrono>
 #include <cstdint>
 #include <string>
 #include <variant>
 #include <vector>
 
 namespace atirma {
-
-/// No packet is longer than this, header and checksum included: one XBee 868 frame.
-inline constexpr std::size_t max_packet_size = 100;
-
-using utc_time = std::chrono::sys_time<std::chrono::milliseconds>;
-
-/// A place on the chart (WGS 84).
-struct waypoint {
-    double latitude_deg = 0;  ///< -90 … 90, north positive
-    double longitude_deg = 0; ///< -180 … 180, east positive
-    bool operator==(const waypoint&) const = default;
-};
-
-/// Who measured, when, and which packet of that boot it is: (boot, sequence) tells duplicates on all links.
-struct packet_header {
-    std::uint16_t boot = 0;
-    std::uint32_t sequence = 0;
-    utc_time measured_at{};
-    bool operator==(const packet_header&) const = default;
-};
 
 // Directions: true, clockwise from north, 0 <= x < 360. Angles relative to the bow: -180 … 180, starboard positive.
 

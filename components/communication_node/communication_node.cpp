@@ -1,6 +1,7 @@
-#include <components/communication_node/node_core.hpp>
+#include <components/communication_node/communication_node.hpp>
 
 #include <components/boat/recall.hpp>
+#include <components/communication_node/node_core.hpp>
 #include <components/communication_node/services.hpp>
 
 #include <fmt/format.h>
@@ -59,7 +60,7 @@ void communication_node::provide_all() {
     c.telemetry = publish(services::telemetry);
     c.authorities = publish(services::authority_changes);
     c.state = publish(services::communication);
-    ise::publication_callbacks<core::states_contract> follow;
+    ise::publication_callbacks<node_core::states_contract> follow;
     follow.on_subscribe = [this](const follow_telecommand& which,
                                  const ise::subscriber_info& who) -> ise::result<followed_telecommands> {
         core_->followers[who.number] = which.id;

@@ -1,5 +1,6 @@
 #pragma once
 #include <components/communication_node/command_desk.hpp>
+#include <components/communication_node/options.hpp>
 #include <components/communication_node/services.hpp>
 
 #include <ise/component/component.hpp>
@@ -10,25 +11,7 @@
 
 namespace atirma {
 
-struct proxy_of_link {
-    link_id link = link_id::xbee;
-    std::string path;                     ///< or an endpoint
-};
-
-struct communication_node_options {
-    std::string file = "communication.db";///< of its store; "memory:NAME" on the virtual world
-    bool secondary = false;               ///< backs the primary: the lower priority under the role
-    std::string peer;                     ///< path of the other node; empty: it stands alone
-    std::vector<proxy_of_link> proxies;
-    std::string role = std::string(communication_role); ///< empty: it serves none
-    ise::duration silence = std::chrono::seconds(3);    ///< the other node is given up for so long; at least 1 s
-    std::size_t max_held = 20'000;        ///< packets in memory while the disk takes none
-    ise::duration state_period = std::chrono::seconds(2);
-    std::uint64_t max_packets = 5'000'000; ///< on disk; then the oldest go. A gigabyte, and weeks at sea
-    std::uint64_t max_commands = 100'000;  ///< on record, the same
-    std::vector<link_terms> links = usual_links();
-    desk_options desk;
-};
+struct node_core;
 
 /// The boat over all links together: keeps every packet of all proxies once, tells them on, takes the telecommands of
 /// all operators, and knows who has the authority. Two of them back each other. Services: those of a proxy
@@ -47,8 +30,6 @@ public:
     communication_state how() const;
 
 private:
-    struct core; // node_core.hpp
-
     ise::task<> run() override;
     void provide_all();
     void require_all();
@@ -66,8 +47,11 @@ private:
     bool take_salvaged(const std::vector<command_record>& records);
     bool take_salvaged(const std::vector<telemetry_packet>& packets);
     void went_back(const store_part& known_there, const store_part& shared);
+    /// Every answer of the store passes here that does not pass `disk`: one that shows damage has it replaced.
     template <class T>
-    void look_for_damage(const ise::result<T>& answer);
+    void look_for_damage(const ise::result<T>& answer) {
+        if (!answer && answer.error().code() == ise::errc::malformed) replace_store(answer.error());
+    }
 
     // node_telemetry.cpp
     ise::task<> follow_telemetry(std::size_t proxy);
@@ -101,7 +85,7 @@ private:
     record_page record(const record_request& request);
 
     communication_node_options options_;
-    std::unique_ptr<core> core_;
+    std::unique_ptr<node_core> core_;
 };
 
 } // namespace atirma

@@ -1,4 +1,5 @@
 // What goes to the boat, and who may send it.
+#include <components/communication_node/communication_node.hpp>
 #include <components/communication_node/node_core.hpp>
 
 #include <fmt/format.h>

@@ -3,21 +3,32 @@
 #include <components/boat/find_component.hpp>
 #include <components/communication_node/authority_book.hpp>
 #include <components/communication_node/bell.hpp>
-#include <components/communication_node/communication_node.hpp>
+#include <components/communication_node/command_desk.hpp>
 #include <components/communication_node/newest_by_kind.hpp>
 #include <components/communication_node/node_store.hpp>
+#include <components/communication_node/options.hpp>
 #include <components/communication_node/peer_watch.hpp>
+#include <components/communication_node/services.hpp>
+
+#include <ise/component/component.hpp>
+
+#include <deque>
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
 
 namespace atirma {
 
-struct communication_node::core {
+struct node_core {
     using states_contract = std::decay_t<decltype(services::telecommand_state)>;
 
-    core(communication_node& self, node_store opened, const communication_node_options& options)
+    node_core(ise::loop& on, node_store opened, const communication_node_options& options, std::function<void()> work,
+              std::function<void()> tick)
         : store(std::move(opened)), links(options.links), desk(options.desk), authority(options.secondary),
-          peer(!options.peer.empty(), options.silence, self.now()), news(self.on()), progress(self.on()),
-          due(self.on(), [&self] { self.work(); }), silence(self.on(), [&self] { self.tick(); }),
-          proxies(options.proxies.size()) {}
+          peer(!options.peer.empty(), options.silence, on.now()), news(on), progress(on), due(on, std::move(work)),
+          silence(on, std::move(tick)), proxies(options.proxies.size()) {}
 
     struct proxy_state {
         ise::remote proxy;
@@ -55,11 +66,5 @@ struct communication_node::core {
     ise::publication<ise::subscription<authority_state>> authorities;
     ise::publication<ise::subscription<communication_state>> state;
 };
-
-/// Every answer of the store passes here that does not pass `disk`: one that shows damage has it replaced.
-template <class T>
-void communication_node::look_for_damage(const ise::result<T>& answer) {
-    if (!answer && answer.error().code() == ise::errc::malformed) replace_store(answer.error());
-}
 
 } // namespace atirma

@@ -1,4 +1,5 @@
 // Telecommands at the proxies: given, followed, called back.
+#include <components/communication_node/communication_node.hpp>
 #include <components/communication_node/node_core.hpp>
 
 #include <components/boat/recall.hpp>

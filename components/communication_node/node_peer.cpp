@@ -1,4 +1,5 @@
 // The other node: each asks the other for what it does not have, and says by that what it has.
+#include <components/communication_node/communication_node.hpp>
 #include <components/communication_node/node_core.hpp>
 
 #include <fmt/format.h>

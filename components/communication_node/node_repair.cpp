@@ -1,4 +1,5 @@
 // A store that is damaged, or went back in time.
+#include <components/communication_node/communication_node.hpp>
 #include <components/communication_node/node_core.hpp>
 #include <components/communication_node/store_check.hpp>
 
@@ -56,7 +57,8 @@ ise::task<> communication_node::open_store() {
         std::optional<node_store> store;
         auto known = remember(options_.file, env().random(), store);
         if (known) {
-            core_ = std::make_unique<core>(*this, std::move(*store), options_);
+            core_ = std::make_unique<node_core>(
+                on(), std::move(*store), options_, [this] { work(); }, [this] { tick(); });
             auto& c = *core_;
             c.store_notice = notice;
             c.refilling = !aside.empty();

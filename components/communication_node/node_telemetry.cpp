@@ -1,4 +1,5 @@
 // What comes from the boat: kept once, told on when it is safe.
+#include <components/communication_node/communication_node.hpp>
 #include <components/communication_node/node_core.hpp>
 
 #include <fmt/format.h>
@@ -21,7 +22,7 @@ ise::task<> communication_node::follow_telemetry(std::size_t which) {
         try {
             auto packets = co_await here.proxy.subscribe(services::telemetry, ise::subscribe_options::last(4096));
             struct registered {
-                core::proxy_state& of;
+                node_core::proxy_state& of;
                 ~registered() { of.stream = nullptr; }
             } guard{here};
             here.stream = &packets;

@@ -1,9 +1,10 @@
 #pragma once
-#include <components/curl/imap_mailbox.hpp>
+#include <components/curl/curl_transfers.hpp>
+#include <components/curl/imap_options.hpp>
 #include <components/mail/imap_replies.hpp>
 
 #include <memory>
-#include <optional>
+#include <set>
 #include <string>
 #include <vector>
 

@@ -4,6 +4,7 @@
 
 #include <ise/core/environment.hpp>
 #include <ise/core/log.hpp>
+#include <ise/core/loop.hpp>
 #include <ise/core/task.hpp>
 #include <ise/net/fair_places.hpp>
 

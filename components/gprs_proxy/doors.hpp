@@ -5,6 +5,7 @@
 #include <ise/core/environment.hpp>
 #include <ise/core/log.hpp>
 #include <ise/core/log_limiter.hpp>
+#include <ise/core/loop.hpp>
 #include <ise/core/task.hpp>
 
 #include <array>

@@ -1,7 +1,7 @@
 #pragma once
 #include <components/gui_client/view.hpp>
 
-#include <ise/core/loop_gate.hpp>
+#include <ise/core/loop.hpp>
 
 #include <functional>
 #include <memory>

@@ -1,3 +1,4 @@
+#include <components/iridium_proxy/iridium_proxy.hpp>
 #include <components/iridium_proxy/proxy_state.hpp>
 
 #include <components/iridium/directip.hpp>

@@ -1,4 +1,5 @@
 // What the boat's messages become: acknowledgements of telecommands, and telemetry for the others.
+#include <components/iridium_proxy/iridium_proxy.hpp>
 #include <components/iridium_proxy/proxy_state.hpp>
 
 #include <components/iridium/bundle.hpp>

@@ -1,8 +1,9 @@
-#include <components/iridium_proxy/proxy_state.hpp>
+#include <components/iridium_proxy/iridium_proxy.hpp>
 
 #include <components/boat/find_component.hpp>
 #include <components/boat/remote_telemetry_store.hpp>
 #include <components/http/stream_http_client.hpp>
+#include <components/iridium_proxy/proxy_state.hpp>
 
 #include <asio/error.hpp>
 #include <fmt/format.h>
@@ -86,7 +87,8 @@ std::unique_ptr<mt_path> iridium_proxy::make_path() {
 ise::task<> iridium_proxy::run() {
     check_options();
     state_.reset();
-    state_ = std::make_unique<state>(*this, sbd_store::open(options_.database).value());
+    state_ = std::make_unique<proxy_state>(on(), sbd_store::open(options_.database).value(), options_.queue,
+                                           [this] { work(); }, [this] { hand_on(); });
     auto& s = *state_;
     s.clock_ahead = s.store.clock_ahead().value();
     s.queue.restore(queue_clock(), s.store.load().value());

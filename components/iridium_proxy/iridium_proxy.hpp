@@ -57,6 +57,8 @@ struct iridium_proxy_options {
     std::chrono::days keep{30};                  ///< messages and decided telecommands
 };
 
+struct proxy_state;
+
 /// The boat over Iridium SBD: what the gateway brings by web hook, DirectIP or mail is kept on disk, then published;
 /// telecommands are queued on disk and given to the gateway by priority within a daily budget. Services: `telemetry`,
 /// `telecommand`, `telecommand_state` (components/boat/services.hpp), `iridium_account` (services.hpp).
@@ -72,9 +74,6 @@ public:
     std::optional<ise::endpoint> directip_at() const;
 
 private:
-    struct state;        // what lives from one run() to the next
-    struct waiting_call;
-
     ise::task<> run() override;
     void check_options() const;
     std::unique_ptr<mt_path> make_path();
@@ -108,7 +107,7 @@ private:
     utc_time queue_clock();
 
     iridium_proxy_options options_;
-    std::unique_ptr<state> state_;
+    std::unique_ptr<proxy_state> state_; // what lives from one run() to the next
 };
 
 } // namespace atirma

@@ -1,3 +1,4 @@
+#include <components/iridium_proxy/iridium_proxy.hpp>
 #include <components/iridium_proxy/proxy_state.hpp>
 
 #include <asio/error.hpp>
@@ -117,10 +118,10 @@ ise::task<telecommand_reply> iridium_proxy::command(telecommand_request request,
         }
     }
     work();
-    waiting_call here(on(), id);
+    proxy_state::waiting_call here(on(), id);
     struct listed {
-        std::list<waiting_call*>& in;
-        std::list<waiting_call*>::iterator at;
+        std::list<proxy_state::waiting_call*>& in;
+        std::list<proxy_state::waiting_call*>::iterator at;
         ~listed() { in.erase(at); }
     } guard{s.calls, s.calls.insert(s.calls.end(), &here)};
     auto until = deadline == ise::time_point::max() ? ise::saturating_add(now(), 30s)

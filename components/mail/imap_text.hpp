@@ -1,6 +1,7 @@
 #pragma once
-#include <components/mail/imap_replies.hpp>
+#include <ise/core/result.hpp>
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>

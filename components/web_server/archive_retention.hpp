@@ -1,7 +1,8 @@
 #pragma once
 #include <components/boat/telemetry.hpp>
 #include <components/storage/database.hpp>
-#include <components/web_server/track_archive.hpp>
+#include <components/web_server/archive_options.hpp>
+#include <components/web_server/track_updates.hpp>
 
 #include <array>
 #include <string_view>

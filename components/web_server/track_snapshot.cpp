@@ -1,3 +1,5 @@
+#include <components/web_server/track_state.hpp>
+
 #include <components/web_server/track_state_parts.hpp>
 
 #include <fmt/format.h>
@@ -9,7 +11,7 @@
 // What is known, as the page gets it.
 namespace atirma {
 
-std::optional<page_event> track_state::implementation::event(utc_ms now, json state, const track_point* point) const {
+std::optional<page_event> track_state_parts::event(utc_ms now, json state, const track_point* point) const {
     json data = {{"now", to_json(now)}, {"state", std::move(state)}};
     if (point) {
         data["points"] = json::array({to_json(*point)});
@@ -18,7 +20,7 @@ std::optional<page_event> track_state::implementation::event(utc_ms now, json st
     return page_event{id(), "update", to_text(data)};
 }
 
-json track_state::implementation::trip() const {
+json track_state_parts::trip() const {
     if (line.points().empty()) return nullptr;
     const auto& first = line.points().front();
     return {{"started_at", to_json(first.at)},
@@ -26,7 +28,7 @@ json track_state::implementation::trip() const {
             {"distance_m", rounded(line.sailed_m(), 1)}};
 }
 
-json track_state::implementation::next_waypoint() const {
+json track_state_parts::next_waypoint() const {
     if (!position || !waypoints || !waypoints->active || *waypoints->active >= waypoints->points.size()) return nullptr;
     const auto& target = waypoints->points[*waypoints->active];
     double there_m =
@@ -50,7 +52,7 @@ json track_state::implementation::next_waypoint() const {
     return next;
 }
 
-std::optional<double> track_state::implementation::closing_mps(const track_waypoint& target, double there_m) const {
+std::optional<double> track_state_parts::closing_mps(const track_waypoint& target, double there_m) const {
     auto now = position->from.measured_at;
     auto since = std::max(now - std::chrono::minutes(5), leg_since.value_or(utc_ms::min() + std::chrono::hours(1)));
     if (now - since >= beside) {
@@ -68,13 +70,13 @@ std::optional<double> track_state::implementation::closing_mps(const track_waypo
            std::cos((towards - *position->course_over_ground_deg) * 0.017453292519943295);
 }
 
-json track_state::implementation::feeds_json() const {
+json track_state_parts::feeds_json() const {
     json list = json::array();
     for (const auto& [source, feed] : feeds) list.push_back(to_json(feed));
     return list;
 }
 
-json track_state::implementation::heard_json() const {
+json track_state_parts::heard_json() const {
     json all = json::object();
     for (const auto& [source, at] : heard) all[printable(source)] = to_json(at);
     return all;

@@ -1,3 +1,5 @@
+#include <components/web_server/track_state.hpp>
+
 #include <components/web_server/track_state_parts.hpp>
 
 #include <algorithm>
@@ -25,7 +27,7 @@ bool on_earth(double latitude_deg, double longitude_deg) {
 }
 } // namespace
 
-bool track_state::implementation::accept(report_origin& from) {
+bool track_state_parts::accept(report_origin& from) {
     if (from.measured_at > from.received_at) { // so that it hides nothing that is measured afterwards
         from.measured_at = from.received_at;
         ++statistics.clock_corrected;
@@ -40,7 +42,7 @@ bool track_state::implementation::accept(report_origin& from) {
     return true;
 }
 
-bool track_state::implementation::would_blur(const position_update& update) const {
+bool track_state_parts::would_blur(const position_update& update) const {
     auto rough = [this](const position_update& p) {
         return p.circular_error_m.value_or(0) > options.track.rough_fix_m;
     };
@@ -48,7 +50,7 @@ bool track_state::implementation::would_blur(const position_update& update) cons
            update.from.measured_at - position->from.measured_at <= options.stale_after;
 }
 
-std::uint32_t track_state::implementation::source_index(const std::string& source) {
+std::uint32_t track_state_parts::source_index(const std::string& source) {
     auto known = std::find(sources.begin(), sources.end(), source);
     if (known == sources.end()) {
         if (sources.size() >= max_track_sources) return static_cast<std::uint32_t>(sources.size() - 1);
@@ -57,13 +59,13 @@ std::uint32_t track_state::implementation::source_index(const std::string& sourc
     return static_cast<std::uint32_t>(known - sources.begin());
 }
 
-void track_state::implementation::set_active(std::optional<std::size_t> active, utc_ms at) {
+void track_state_parts::set_active(std::optional<std::size_t> active, utc_ms at) {
     if (active && *active >= waypoints->points.size()) active.reset();
     if (active != waypoints->active) leg_since = at;
     waypoints->active = active;
 }
 
-track_state::track_state(track_options options) : self_(std::make_unique<implementation>(std::move(options))) {}
+track_state::track_state(track_options options) : self_(std::make_unique<track_state_parts>(std::move(options))) {}
 track_state::~track_state() = default;
 track_state::track_state(track_state&&) noexcept = default;
 track_state& track_state::operator=(track_state&&) noexcept = default;

@@ -1,13 +1,18 @@
 #pragma once
+#include <components/web_server/page_event.hpp>
 #include <components/web_server/track_json.hpp>
-#include <components/web_server/track_state.hpp>
+#include <components/web_server/track_options.hpp>
+#include <components/web_server/track_updates.hpp>
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
 
-// What track_state keeps; for its own files only.
+/// What track_state keeps; for its own files only.
 namespace atirma {
 
 constexpr std::size_t max_track_text = 64;
@@ -17,8 +22,8 @@ constexpr std::chrono::seconds beside{60};
 
 inline std::string bounded(std::string_view text) { return std::string(text.substr(0, max_track_text)); }
 
-struct track_state::implementation {
-    explicit implementation(track_options chosen) : options(std::move(chosen)), line(options.track) {}
+struct track_state_parts {
+    explicit track_state_parts(track_options chosen) : options(std::move(chosen)), line(options.track) {}
 
     track_options options;
     track_line line;

@@ -1,6 +1,6 @@
 #include <components/xbee/decoder.hpp>
 
-#include <components/xbee/unescape.hpp>
+#include <components/xbee/framing.hpp>
 
 #include <algorithm>
 

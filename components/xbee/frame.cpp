@@ -1,7 +1,5 @@
 #include <components/xbee/frame.hpp>
 
-#include <components/xbee/unescape.hpp>
-
 #include <fmt/format.h>
 
 namespace atirma::xbee {
@@ -116,20 +114,6 @@ std::string_view name_of(at_status code) noexcept {
         case at_status::bad_command: return "bad_command";
         case at_status::bad_parameter: return "bad_parameter";
         case at_status::tx_failure: return "tx_failure";
-    }
-    return "unknown";
-}
-
-std::string_view name_of(refusal reason) noexcept {
-    switch (reason) {
-        case refusal::no_delimiter: return "no_delimiter";
-        case refusal::truncated: return "truncated";
-        case refusal::bad_length: return "bad_length";
-        case refusal::too_short_for_type: return "too_short_for_type";
-        case refusal::bad_checksum: return "bad_checksum";
-        case refusal::bad_escape: return "bad_escape";
-        case refusal::unexpected_delimiter: return "unexpected_delimiter";
-        case refusal::trailing_bytes: return "trailing_bytes";
     }
     return "unknown";
 }

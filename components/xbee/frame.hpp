@@ -1,4 +1,6 @@
 #pragma once
+#include <components/xbee/framing.hpp>
+
 #include <ise/core/bytes.hpp>
 #include <ise/core/result.hpp>
 
@@ -10,16 +12,9 @@
 
 namespace atirma::xbee {
 
-/// The modem's AP parameter, as far as it concerns framing.
-enum class api_mode : std::uint8_t {
-    plain = 1,   ///< AP=1: bytes as they are
-    escaped = 2, ///< AP=2: 7E 7D 11 13 are escaped everywhere after the delimiter
-};
-
 inline constexpr std::uint64_t broadcast_address = 0x000000000000FFFF;
 inline constexpr std::uint16_t unknown_network = 0xFFFE;
 inline constexpr std::uint8_t option_purge_if_delayed = 0x10; ///< TX option of the 868: drop rather than wait for duty cycle
-inline constexpr std::size_t max_frame_data = 1024;           ///< larger than any frame of an XBee; bounds the decoder
 
 /// Two letters, such as {'D', 'B'}.
 using at_name = std::array<char, 2>;
@@ -133,19 +128,6 @@ struct raw_frame {
 
 using frame = std::variant<at_request, at_response, transmit_request, transmit_status, received_packet,
                            remote_at_request, remote_at_response, modem_status, raw_frame>;
-
-/// Why bytes are no frame.
-enum class refusal : std::uint8_t {
-    no_delimiter,         ///< the first byte is not 7E
-    truncated,            ///< the bytes end before the checksum
-    bad_length,           ///< a length of zero, or above the bound
-    too_short_for_type,   ///< a known type whose fixed fields do not fit in
-    bad_checksum,
-    bad_escape,           ///< AP=2: 7D before a byte that is never escaped
-    unexpected_delimiter, ///< AP=2: 7E inside a frame
-    trailing_bytes,       ///< one frame was expected and more followed
-};
-std::string_view name_of(refusal reason) noexcept;
 
 /// A refusal with its text. Never throws; a hostile frame costs no more than its own bytes.
 struct refused {

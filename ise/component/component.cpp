@@ -9,18 +9,6 @@
 #include <fmt/format.h>
 
 namespace ise {
-
-std::string_view name_of(component_state state) noexcept {
-    switch (state) {
-        case component_state::starting: return "starting";
-        case component_state::ready: return "ready";
-        case component_state::stopping: return "stopping";
-        case component_state::stopped: return "stopped";
-        case component_state::failed: return "failed";
-    }
-    return "?";
-}
-
 namespace {
 
 component_runner& started(component_runner* runner) {

@@ -1,5 +1,6 @@
 #pragma once
 #include <ise/component/introspection.hpp>
+#include <ise/component/runnable.hpp>
 #include <ise/core/blocking_outcome.hpp>
 #include <ise/core/environment.hpp>
 #include <ise/core/log.hpp>
@@ -17,14 +18,7 @@
 
 namespace ise {
 
-class component_runner;
 class service_host;
-
-/// Where a component is in its life.
-enum class component_state : std::uint8_t { starting, ready, stopping, stopped, failed };
-
-/// "starting", "ready", "stopping", "stopped", "failed".
-std::string_view name_of(component_state state) noexcept;
 
 /// An active object: a flow of execution of its own (`run()`), the services it provides, and the services of others
 /// that it uses. Derive from it, or give a coroutine to `node::start`.
@@ -33,12 +27,10 @@ std::string_view name_of(component_state state) noexcept;
 /// coroutines are cancelled at their next suspension (`operation_aborted` is thrown there), its sessions say goodbye,
 /// and its name is withdrawn. An exception that escapes from `run()` or a spawned coroutine is reported with the
 /// component's name and follows the failure policy it was started with.
-class component {
+class component : public runnable {
 public:
     component();
-    virtual ~component();
-    component(const component&) = delete;
-    component& operator=(const component&) = delete;
+    ~component() override;
 
     /// Where it is found: "atirma/boat". Empty for an anonymous one.
     const std::string& path() const noexcept;
@@ -192,17 +184,14 @@ public:
 protected:
     /// The component's own flow. Returning ends the flow, not the component: what it provides goes on until it is
     /// stopped.
-    virtual task<> run() = 0;
+    task<> run() override = 0;
 
     /// Another component holds the name now, under a higher epoch (errc::superseded). Called on the loop, once; its
     /// sessions are ending with that error and no new ones are made. The component stops as failed, unless this is
     /// overridden: then it goes on without a name, serving nobody, until `stop()`.
-    virtual void on_name_lost(const failure& why);
+    void on_name_lost(const failure& why) override;
 
 private:
-    friend class component_runner;
-class service_host;
-
     service_runtime& service_parts() const noexcept;
     void add(std::shared_ptr<call_service> service);
     void add(std::shared_ptr<publication_core> service);
@@ -275,9 +264,6 @@ class service_host;
             co_return std::move(*made);
         }
     }
-
-    component_runner* runner_ = nullptr; // before it is started there is none
-    bool announce_when_ready_ = false;
 };
 
 } // namespace ise

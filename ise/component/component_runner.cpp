@@ -1,9 +1,9 @@
 #include <ise/component/component_runner.hpp>
 
 #include <ise/component/health.hpp>
-#include <ise/component/live_parameters.hpp>
-#include <ise/component/node_state.hpp>
 #include <ise/naming/name_resolver.hpp>
+#include <ise/service/provide.hpp>
+#include <ise/service/publication_core.hpp>
 #include <ise/service/session.hpp>
 
 #include <asio/bind_cancellation_slot.hpp>
@@ -47,7 +47,7 @@ std::vector<endpoint> reachable(environment& env, const endpoint& at) {
 }
 
 // The class of a component for people; empty for one that is a bare coroutine.
-std::string class_of(const component& of) {
+std::string class_of(const runnable& of) {
     int status = 0;
     std::unique_ptr<char, decltype(&std::free)> name(abi::__cxa_demangle(typeid(of).name(), nullptr, nullptr, &status), &std::free);
     std::string_view text = name ? name.get() : "";
@@ -58,8 +58,8 @@ std::string class_of(const component& of) {
 
 } // namespace
 
-component_runner::component_runner(std::weak_ptr<node::state> of, environment& env, std::shared_ptr<loop_share> share, std::string path,
-                                   std::unique_ptr<component> made, component_options options, const node_options& node, const security& credentials,
+component_runner::component_runner(std::weak_ptr<component_owner> of, environment& env, std::shared_ptr<loop_share> share, std::string path,
+                                   std::unique_ptr<runnable> made, component_options options, const node_options& node, const security& credentials,
                                    std::uint64_t incarnation)
     : node_(std::move(of)), env_(env), share_(std::move(share)), path_(std::move(path)), options_(std::move(options)), grace_(node.grace),
       names_(node.use_names), name_server_(node.name_server), log_(env, path_.empty() ? "(anonymous)" : path_, node.log),
@@ -100,7 +100,6 @@ void component_runner::open() {
     if (names_ && name_server_) services_->use_resolver(std::make_shared<name_resolver>(*services_, *name_server_));
     services_->services().add(make_call_service(*services_, describe_service, [this](const describe_request&) { return describe_self(); })).value();
     services_->services().add(make_call_service(*services_, health_service, [this](const health_request&) { return health_of(*services_); })).value();
-    if (options_.parameters) options_.parameters->offer(*services_, *component_);
     if (options_.listens) {
         auto wanted = options_.listen.empty() ? default_endpoints(env_, services_->self().incarnation) : options_.listen;
         services_->acceptor().advertise(options_.advertise);
@@ -138,7 +137,7 @@ void component_runner::announce() {
         return;
     }
     auto owner = node_.lock();
-    if (path_.empty() || !options_.registers || !owner || !owner->names) {
+    if (path_.empty() || !options_.registers || !owner || !owner->names()) {
         tell_announced();
         return;
     }
@@ -149,7 +148,7 @@ task<> component_runner::enroll([[maybe_unused]] std::shared_ptr<component_runne
     auto owner = node_.lock();
     if (!owner) co_return;
     // On the node's loop; not cancelled from here, it ends by its deadline.
-    auto asked = owner->enroll(describe_for_names(), name_wait);
+    auto asked = owner->names()->enroll(describe_for_names(), name_wait);
     auto granted = co_await asio::co_spawn(owner->loop().get_executor(), std::move(asked),
                                            asio::bind_cancellation_slot(asio::cancellation_slot(), asio::use_awaitable));
     if (granted) {
@@ -199,8 +198,8 @@ registration component_runner::describe_for_names() const {
 void component_runner::services_changed() {
     if (!announcing_ || path_.empty() || !options_.registers) return;
     auto owner = node_.lock();
-    if (!owner || !owner->names) return;
-    owner->loop().gate()->post([owner, told = describe_for_names()]() mutable { owner->names->update(std::move(told)); });
+    if (!owner || !owner->names()) return;
+    owner->loop().gate()->post([owner, told = describe_for_names()]() mutable { owner->names()->update(std::move(told)); });
 }
 
 void component_runner::add(std::shared_ptr<call_service> service) {
@@ -243,7 +242,7 @@ void component_runner::leave_role(const std::string& role) {
 
 bool component_runner::name_confirmed() const {
     auto owner = node_.lock();
-    return owner && owner->names && !name_lost_ && services_->self().epoch != 0 && owner->names->confirmed();
+    return owner && owner->names() && !name_lost_ && services_->self().epoch != 0 && owner->names()->confirmed();
 }
 
 void component_runner::stop_as_failed(std::string why) {

@@ -1,7 +1,10 @@
 #pragma once
+#include <ise/component/component_owner.hpp>
+#include <ise/component/introspection.hpp>
 #include <ise/component/job_count.hpp>
 #include <ise/component/loop_share.hpp>
-#include <ise/component/node.hpp>
+#include <ise/component/node_options.hpp>
+#include <ise/component/runnable.hpp>
 #include <ise/core/task_scope.hpp>
 #include <ise/naming/registrar.hpp>
 #include <ise/service/back_off.hpp>
@@ -18,8 +21,8 @@ namespace ise {
 /// the constructor, `stop()` and what reads atomics happens on the component's loop.
 class component_runner : public std::enable_shared_from_this<component_runner> {
 public:
-    component_runner(std::weak_ptr<node::state> of, environment& env, std::shared_ptr<loop_share> share, std::string path,
-                     std::unique_ptr<component> made, component_options options, const node_options& node, const security& credentials,
+    component_runner(std::weak_ptr<component_owner> of, environment& env, std::shared_ptr<loop_share> share, std::string path,
+                     std::unique_ptr<runnable> made, component_options options, const node_options& node, const security& credentials,
                      std::uint64_t incarnation);
     ~component_runner();
 
@@ -87,7 +90,7 @@ private:
     void finish();
     void fail(std::string why);
 
-    std::weak_ptr<node::state> node_;
+    std::weak_ptr<component_owner> node_;
     environment& env_;
     std::shared_ptr<loop_share> share_;
     std::string path_;
@@ -108,7 +111,7 @@ private:
     std::unique_ptr<task_scope> connections_;
     std::unique_ptr<service_host> services_;
     std::unique_ptr<task_scope> flow_;
-    std::unique_ptr<component> component_;
+    std::unique_ptr<runnable> component_;
     std::vector<std::string> own_services_; // what the flow provided: withdrawn when it restarts
     std::vector<waiter<>*> awaiting_announced_;
     back_off pause_;

@@ -1,7 +1,7 @@
 // How a component fails, is restarted, and ends.
 #include <ise/component/component_runner.hpp>
 
-#include <ise/component/node_state.hpp>
+#include <ise/core/sleep.hpp>
 #include <ise/service/session.hpp>
 
 #include <asio/co_spawn.hpp>
@@ -80,8 +80,8 @@ task<> component_runner::shut_down(std::shared_ptr<component_runner> self) {
     auto& me = *self;
     auto limit = saturating_add(me.on().now(), me.grace_);
     if (!me.over()) me.state_ = component_state::stopping;
-    if (auto owner = me.node_.lock(); owner && owner->names && me.announcing_ && !me.path_.empty() && me.options_.registers)
-        asio::co_spawn(owner->loop().get_executor(), owner->names->withdraw(me.path_), asio::detached);
+    if (auto owner = me.node_.lock(); owner && owner->names() && me.announcing_ && !me.path_.empty() && me.options_.registers)
+        asio::co_spawn(owner->loop().get_executor(), owner->names()->withdraw(me.path_), asio::detached);
 
     std::vector<std::string> still;
     auto note = [&still](const task_scope& scope) {

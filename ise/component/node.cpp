@@ -1,6 +1,7 @@
 #include <ise/component/node.hpp>
 
 #include <ise/component/left_behind.hpp>
+#include <ise/component/live_parameters.hpp>
 #include <ise/component/node_state.hpp>
 #include <ise/component/poll_window.hpp>
 #include <ise/naming/lease_registrar.hpp>
@@ -49,12 +50,12 @@ node::node(environment& env, node_options options) {
     }
     options.poll = detail::poll_window_of(options.poll, env);
     auto credentials = security::load(env, options.security).value();
-    state_ = std::make_shared<state>(env, std::move(options), std::move(credentials));
+    state_ = std::make_shared<node_state>(env, std::move(options), std::move(credentials));
     auto setup = [held = state_] {
         if (held->options.use_names) held->start_names();
         if (!held->env.is_virtual()) {
             held->watch = std::make_unique<timer>(held->loop(), [raw = held.get()] { raw->watch_loops(); });
-            held->watch->arm(saturating_add(held->loop().now(), state::watch_period));
+            held->watch->arm(saturating_add(held->loop().now(), node_state::watch_period));
         }
     };
     if (env.is_virtual()) {
@@ -71,9 +72,9 @@ node::~node() {
         // Components withdrew their names; the node's own sessions end with its loop.
         std::promise<void> closed;
         auto over = closed.get_future();
-        auto closing = [](std::shared_ptr<state> held) -> task<> {
+        auto closing = [](std::shared_ptr<node_state> held) -> task<> {
             held->watch.reset();
-            if (held->names) co_await held->names->farewell();
+            if (held->names()) co_await held->names()->farewell();
             if (held->services) {
                 held->services->stop(held->options.grace / 4);
                 held->scope->stop();
@@ -114,11 +115,15 @@ component& node::launch(const std::string& path, std::unique_ptr<component> made
     if (!options.roles.empty() && path.empty()) throw error(errc::invalid_argument, "an anonymous component serves no role: give it a path");
     auto share = state_->loop_for(path, options);
     auto& reference = *made;
+    auto parameters = options.parameters;
     auto incarnation = state_->env.random() | 1; // never 0
     auto runner = std::make_shared<component_runner>(state_, state_->env, share, path, std::move(made), std::move(options), state_->options, state_->credentials, incarnation);
     state_->take_in(runner); // first, so that whoever stops the node stops it too
     try {
-        share->run_alone([&] { runner->start(); });
+        share->run_alone([&] {
+            if (parameters) parameters->offer(runner->services(), reference);
+            runner->start();
+        });
     } catch (...) {
         runner->stop(); // it may not even have been let in; it counts among those of its loop until it has ended
         state_->let_go(*runner);
@@ -144,7 +149,7 @@ void node::wait() {
 
 task<> node::stopped() {
     return asio::async_initiate<const asio::use_awaitable_t<>, void()>(
-        [](auto handler, std::shared_ptr<state> held) {
+        [](auto handler, std::shared_ptr<node_state> held) {
             auto executor = asio::get_associated_executor(handler);
             unique_function<void()> resume = [handler = std::move(handler), executor]() mutable { asio::post(executor, std::move(handler)); };
             {

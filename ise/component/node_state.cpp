@@ -8,13 +8,13 @@
 
 namespace ise {
 
-node::state::state(environment& of, node_options given, security loaded)
+node_state::node_state(environment& of, node_options given, security loaded)
     : env(of), options(std::move(given)), host(of.make_loop(options.name.empty() ? "ise-node" : options.name)),
       log(of, options.name.empty() ? "node" : options.name, options.log), credentials(std::move(loaded)) {}
 
-node::state::~state() = default;
+node_state::~node_state() = default;
 
-void node::state::start_names() {
+void node_state::start_names() {
     scope = std::make_unique<task_scope>(loop(), [this](const std::string& name, std::exception_ptr thrown) {
         log.error(describe(thrown), {{"coroutine", name}});
     });
@@ -23,16 +23,14 @@ void node::state::start_names() {
     self.process_key = env.identity().process_key;
     self.incarnation = env.random();
     services = std::make_unique<service_host>(env, loop(), *scope, std::move(self), options.services, log, credentials);
-    names = std::make_unique<lease_registrar>(*services, *options.name_server, options.lease);
-    names->on_change = [this](const std::string& path, result<std::uint64_t> epoch) {
+    kept_names = std::make_unique<lease_registrar>(*services, *options.name_server, options.lease);
+    kept_names->on_change = [this](const std::string& path, result<std::uint64_t> epoch) {
         if (auto runner = find(path)) runner->on_name_change(std::move(epoch));
     };
 }
 
-task<result<std::uint64_t>> node::state::enroll(registration who, duration deadline) { return names->enroll(std::move(who), deadline); }
-
 // A component whose loop does not turn is shown as stalled; its name, its lease and its sessions do not suffer.
-void node::state::watch_loops() {
+void node_state::watch_loops() {
     std::vector<std::shared_ptr<component_runner>> all;
     {
         std::lock_guard lock(mutex);
@@ -54,20 +52,20 @@ void node::state::watch_loops() {
         } else {
             log.warning("a component is stalled: its thread does not come back to its loop", {{"component", runner->path()}});
         }
-        if (names && !runner->path().empty()) names->set_state(runner->path(), turning ? name_of(runner->state()) : "stalled");
+        if (kept_names && !runner->path().empty()) kept_names->set_state(runner->path(), turning ? name_of(runner->state()) : "stalled");
     }
     if (now >= poke_at) poke_at = now + watch_period;
     watch->arm(now + period);
 }
 
-void node::state::watch_sooner() {
+void node_state::watch_sooner() {
     loop().gate()->post([weak = weak_from_this()] {
         auto held = weak.lock();
         if (held && held->watch) held->watch_loops();
     });
 }
 
-std::shared_ptr<component_runner> node::state::find(const std::string& path) const {
+std::shared_ptr<component_runner> node_state::find(const std::string& path) const {
     std::lock_guard lock(mutex);
     std::shared_ptr<component_runner> stopped;
     for (const auto& runner : runners) {
@@ -78,7 +76,7 @@ std::shared_ptr<component_runner> node::state::find(const std::string& path) con
     return stopped;
 }
 
-void node::state::take_in(const std::shared_ptr<component_runner>& made) {
+void node_state::take_in(const std::shared_ptr<component_runner>& made) {
     std::shared_ptr<component_runner> old;
     std::unique_lock lock(mutex);
     for (auto& runner : runners) {
@@ -94,12 +92,12 @@ void node::state::take_in(const std::shared_ptr<component_runner>& made) {
     if (old) old->share()->host->end();
 }
 
-void node::state::let_go(const component_runner& which) {
+void node_state::let_go(const component_runner& which) {
     std::lock_guard lock(mutex);
     std::erase_if(runners, [&](const auto& runner) { return runner.get() == &which; });
 }
 
-std::shared_ptr<loop_share> node::state::loop_for(const std::string& path, const component_options& wanted) {
+std::shared_ptr<loop_share> node_state::loop_for(const std::string& path, const component_options& wanted) {
     if (wanted.executor) return std::make_shared<loop_share>(env.adopt(*wanted.executor, wanted.one_thread), true);
     if (wanted.together_with.empty()) {
         auto made = env.make_loop(path.empty() ? "component" : path.substr(path.rfind('/') + 1));
@@ -113,7 +111,7 @@ std::shared_ptr<loop_share> node::state::loop_for(const std::string& path, const
     return other->share();
 }
 
-void node::state::stop_all() {
+void node_state::stop_all() {
     std::vector<std::shared_ptr<component_runner>> all;
     {
         std::lock_guard lock(mutex);
@@ -122,11 +120,11 @@ void node::state::stop_all() {
     for (auto& runner : all) runner->stop();
 }
 
-bool node::state::all_stopped() const {
+bool node_state::all_stopped() const {
     return std::ranges::all_of(runners, [](const auto& runner) { return runner->over(); });
 }
 
-void node::state::on_stopped() {
+void node_state::on_stopped() {
     std::vector<unique_function<void()>> waiting;
     {
         std::lock_guard lock(mutex);

@@ -1,6 +1,7 @@
 #pragma once
+#include <ise/component/component_owner.hpp>
 #include <ise/component/component_runner.hpp>
-#include <ise/naming/registrar.hpp>
+#include <ise/component/node_options.hpp>
 
 #include <condition_variable>
 #include <map>
@@ -10,21 +11,21 @@
 namespace ise {
 
 /// What a node is behind its interface: the components, its own loop, and the names that it keeps there.
-struct node::state : std::enable_shared_from_this<node::state> {
-    state(environment& of, node_options given, security loaded);
-    ~state();
+struct node_state final : component_owner, std::enable_shared_from_this<node_state> {
+    node_state(environment& of, node_options given, security loaded);
+    ~node_state();
 
     /// How often it looks whether the loops of its components turn; more often where a peer wants to hear from one sooner.
     static constexpr duration watch_period = std::chrono::milliseconds(500);
 
-    ise::loop& loop() noexcept { return host->loop(); }
+    ise::loop& loop() noexcept override { return host->loop(); }
+    registrar* names() const noexcept override { return kept_names.get(); }
     void start_names();
-    task<result<std::uint64_t>> enroll(registration who, duration deadline);
     void watch_loops();
     /// Looks at once, and as often as peers want from then on. From any thread.
-    void watch_sooner();
-    void stop_all();
-    void on_stopped();
+    void watch_sooner() override;
+    void stop_all() override;
+    void on_stopped() override;
     bool all_stopped() const;
     /// The one that runs under a path, else one that has stopped.
     std::shared_ptr<component_runner> find(const std::string& path) const;
@@ -42,7 +43,7 @@ struct node::state : std::enable_shared_from_this<node::state> {
     // On the node's loop.
     std::unique_ptr<task_scope> scope;
     std::unique_ptr<service_host> services;
-    std::unique_ptr<registrar> names;
+    std::unique_ptr<registrar> kept_names;
     std::unique_ptr<timer> watch;
     time_point poke_at{};
 

@@ -1,7 +1,11 @@
 #pragma once
-#include <ise/core/loop.hpp>
+#include <ise/core/endpoint.hpp>
 #include <ise/core/result.hpp>
 #include <ise/core/stream.hpp>
+#include <ise/core/task.hpp>
+#include <ise/core/time.hpp>
+
+#include <asio/any_io_executor.hpp>
 
 #include <cstdint>
 #include <functional>
@@ -12,6 +16,8 @@
 #include <vector>
 
 namespace ise {
+
+class loop;
 
 /// Who this process is, for "the nearest transport" and for telling one life of a component from the next.
 struct process_identity {
@@ -33,6 +39,21 @@ struct serial_options {
 struct pseudo_terminal {
     std::unique_ptr<stream> far_end; ///< what the emulated device reads and writes
     std::string device; ///< what `open_serial` opens: the link where one was asked for
+};
+
+/// Owns a loop and whatever runs it; destroying it ends the loop and waits for its thread.
+class loop_host {
+public:
+    virtual ~loop_host() = default;
+    virtual ise::loop& loop() noexcept = 0; ///< always the same one
+    /// Lets it look for events for up to `window` before it sleeps, as long as that pays. Only a thread of its own does
+    /// that: a program polls its own executors as it likes, and in the virtual world nothing sleeps. At most once; thread-safe.
+    virtual void poll([[maybe_unused]] duration window) {}
+    /// Ends the loop: nothing runs on it any more, its thread has been waited for, and what was suspended there is
+    /// destroyed, all while what that refers to still stands. The loop and its executor stay as husks until the host is
+    /// destroyed, so that what was made on them (sockets, timers) can be destroyed in between. Any number of times; not
+    /// from the loop's own thread, except for an adopted loop: that one is ended on its executor.
+    virtual void end() = 0;
 };
 
 /// The world as one process sees it. Nothing in ISE reads a clock, sleeps, draws a random number or opens

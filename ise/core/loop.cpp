@@ -1,7 +1,5 @@
 #include <ise/core/loop.hpp>
 
-#include <ise/core/environment.hpp>
-
 #include <asio/post.hpp>
 
 #include <algorithm>
@@ -22,6 +20,27 @@ void work_off(std::vector<T>& list, std::vector<T>& next, const bool& ended, Do 
 }
 
 } // namespace
+
+bool loop_gate::post(unique_function<void()> work) {
+    std::lock_guard lock(mutex_); // held while posting: the executor lives as long as the loop
+    if (!loop_) return false;
+    asio::post(loop_->get_executor(), [gate = shared_from_this(), work = std::move(work)]() mutable {
+        loop* into = nullptr;
+        {
+            std::lock_guard look(gate->mutex_);
+            into = gate->loop_;
+        }
+        if (!into) return;
+        loop::turn in(*into); // on the loop's own thread, which alone can end it
+        work();
+    });
+    return true;
+}
+
+void loop_gate::shut() noexcept {
+    std::lock_guard lock(mutex_);
+    loop_ = nullptr;
+}
 
 timer::timer(loop& owner, std::function<void()> fire) : loop_(owner), fire_(std::move(fire)) {}
 timer::~timer() {
@@ -86,9 +105,6 @@ void loop::delist(suspended& entry) noexcept {
     if (entry.next_) entry.next_->previous_ = entry.previous_;
     entry.previous_ = entry.next_ = nullptr;
 }
-
-time_point loop::clock_now() const { return environment_.now(); }
-time_point loop::env_recently() const { return environment_.recently(); }
 
 bool loop::before(const timer& a, const timer& b) noexcept {
     return a.listed_at_ != b.listed_at_ ? a.listed_at_ < b.listed_at_ : a.listed_order_ < b.listed_order_;

@@ -1,5 +1,5 @@
 #pragma once
-#include <ise/core/loop_gate.hpp>
+#include <ise/core/environment.hpp>
 #include <ise/core/suspended.hpp>
 #include <ise/core/time.hpp>
 #include <ise/core/unique_function.hpp>
@@ -9,14 +9,28 @@
 #include <algorithm>
 #include <functional>
 #include <memory>
-#include <string>
+#include <mutex>
 #include <utility>
 #include <vector>
 
 namespace ise {
 
-class environment;
-class loop;
+/// The way into a loop for other threads. It may be kept for longer than the loop: then it is shut.
+class loop_gate : public std::enable_shared_from_this<loop_gate> {
+public:
+    explicit loop_gate(loop& owner) : loop_(&owner) {}
+
+    /// Runs `work` in a turn of the loop, soon. False, and `work` is dropped, once the loop has ended; work
+    /// that was accepted is dropped too when the loop ends before its turn comes. Thread-safe.
+    bool post(unique_function<void()> work);
+
+private:
+    friend class loop;
+    void shut() noexcept;
+
+    std::mutex mutex_;
+    loop* loop_;
+};
 
 /// What wakes a loop at a time: an Asio timer, or the virtual clock.
 class alarm {
@@ -135,12 +149,12 @@ public:
     ise::environment& env() noexcept { return environment_; }
 
     /// Monotonic time; read once a turn, fresh outside of turns.
-    time_point now() const { return depth_ > 0 ? turn_time_ : clock_now(); }
+    time_point now() const { return depth_ > 0 ? turn_time_ : environment_.now(); }
 
     /// The same to some milliseconds, however long this turn has lasted: for whatever must not begin too late.
     time_point fresh_now() {
-        const bool lasts = depth_ > 0 && env_recently() > turn_time_;
-        if (lasts) turn_time_ = std::max(turn_time_, clock_now());
+        const bool lasts = depth_ > 0 && environment_.recently() > turn_time_;
+        if (lasts) turn_time_ = std::max(turn_time_, environment_.now());
         return now();
     }
 
@@ -211,8 +225,6 @@ private:
     void wake_for_first();
     void end_turn();
     void flush_first();
-    time_point clock_now() const;
-    time_point env_recently() const;
     void post_turn();
 
     environment& environment_;
@@ -233,21 +245,6 @@ private:
     std::vector<std::pair<const void*, std::shared_ptr<void>>> common_;
     std::shared_ptr<loop_gate> gate_;
     std::shared_ptr<bool> alive_ = std::make_shared<bool>(true); // posted turns look at it
-};
-
-/// Owns a loop and whatever runs it; destroying it ends the loop and waits for its thread.
-class loop_host {
-public:
-    virtual ~loop_host() = default;
-    virtual ise::loop& loop() noexcept = 0;
-    /// Lets it look for events for up to `window` before it sleeps, as long as that pays. Only a thread of its own does
-    /// that: a program polls its own executors as it likes, and in the virtual world nothing sleeps. At most once; thread-safe.
-    virtual void poll([[maybe_unused]] duration window) {}
-    /// Ends the loop: nothing runs on it any more, its thread has been waited for, and what was suspended there is
-    /// destroyed, all while what that refers to still stands. The loop and its executor stay as husks until the host is
-    /// destroyed, so that what was made on them (sockets, timers) can be destroyed in between. Any number of times; not
-    /// from the loop's own thread, except for an adopted loop: that one is ended on its executor.
-    virtual void end() = 0;
 };
 
 } // namespace ise

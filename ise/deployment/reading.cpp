@@ -2,8 +2,6 @@
 
 #include <ise/component/nearest.hpp>
 #include <ise/deployment/form.hpp>
-#include <ise/deployment/including.hpp>
-#include <ise/deployment/variables.hpp>
 #include <ise/naming/services.hpp>
 
 #include <fmt/format.h>

@@ -1,18 +1,12 @@
 #pragma once
-#include <ise/core/result.hpp>
 #include <ise/deployment/deployment.hpp>
+#include <ise/deployment/including.hpp>
+#include <ise/deployment/variables.hpp>
 
-#include <functional>
 #include <string>
-#include <utility>
 #include <vector>
 
 namespace ise::deployment {
-
-/// The content of a file, or why it cannot be read.
-using file_reader = std::function<result<std::string>(const std::string& path)>;
-/// Variables that were given beside the file: name and value.
-using settings = std::vector<std::pair<std::string, std::string>>;
 
 struct reading {
     deployment made;               ///< only where there is no problem

@@ -1,5 +1,7 @@
 #include <ise/instantiation/probe.hpp>
 
+#include <ise/core/loop.hpp>
+
 #include <asio/buffer.hpp>
 #include <asio/error.hpp>
 

@@ -1,21 +1,19 @@
 #include <ise/sim/datagram_end.hpp>
 
-#include <ise/sim/world.hpp>
-
 #include <asio/error.hpp>
 #include <fmt/format.h>
 
 namespace ise::sim {
 
-datagram_end::datagram_end(process& owner, loop& on, endpoint at)
+datagram_end::datagram_end(socket_owner& owner, loop& on, endpoint at)
     : incoming(on, [this] { incoming.resume({asio::error::operation_aborted}); }), owner_(owner),
       where_(owner.flow_of(on)), loop_(on), at_(std::move(at)) {
-    owner_.host().datagrams.push_back(this);
+    owner_.here().datagrams.push_back(this);
 }
 
 datagram_end::~datagram_end() { leave(); }
 
-void datagram_end::leave() { std::erase(owner_.host().datagrams, this); }
+void datagram_end::leave() { std::erase(owner_.here().datagrams, this); }
 
 std::pair<std::error_code, const datagram*> datagram_end::take() {
     if (closed_) return {asio::error::operation_aborted, nullptr};
@@ -29,11 +27,12 @@ std::pair<std::error_code, const datagram*> datagram_end::take() {
 std::error_code datagram_end::send(const endpoint& to, bytes_view content) {
     if (closed_) return asio::error::operation_aborted;
     if (!owner_.running()) return asio::error::network_down;
-    auto& here = owner_.host();
-    auto& world = here.world();
-    auto* target = here.is_me(to.host) ? &here : world.find_host(to.host);
+    auto& here = owner_.here();
+    auto& world = owner_.world();
+    auto& net = owner_.net();
+    auto* target = here.is_me(to.host) ? &here : net.find(to.host);
     if (!target || to.kind != protocol::udp) return asio::error::host_not_found;
-    auto& over = world.net().between(here.name(), target->name());
+    auto& over = net.between(here.name(), target->name());
     if (content.size() > over.datagram_limit_bytes) return asio::error::message_size;
 
     auto from = at_;
@@ -44,21 +43,21 @@ std::error_code datagram_end::send(const endpoint& to, bytes_view content) {
     for (int copy = 0; copy < copies; ++copy) {
         const bool upward = here.name() <= target->name();
         // What finds the queue full takes no bandwidth; what is lost on the way does.
-        if (world.net().queue(over, upward) > over.datagram_queue) {
+        if (net.queue(over, upward) > over.datagram_queue) {
             world.note("drop", name, content.size());
             continue;
         }
         const bool lost = over.random_loss();
-        auto flight = world.net().send(over, upward, content.size());
+        auto flight = net.send(over, upward, content.size());
         flight.arrives += over.random_reordering();
-        if (lost || !world.net().passes(here, *target)) {
+        if (lost || !net.passes(here, *target)) {
             world.note("drop", name, content.size());
             continue;
         }
         datagram made{from, bytes(content.begin(), content.end())};
         world.engine().at(flight.arrives, nullptr,
-                          [&world, &here, target, to, name, made = std::move(made)]() mutable {
-            auto* there = world.net().passes(here, *target) ? target->datagram_for(to) : nullptr;
+                          [&world, &net, &here, target, to, name, made = std::move(made)]() mutable {
+            auto* there = net.passes(here, *target) ? datagram_for(*target, to) : nullptr;
             world.note(there ? "datagram" : "drop", name, made.content.size());
             if (there) there->arrive(std::move(made));
         });
@@ -68,7 +67,7 @@ std::error_code datagram_end::send(const endpoint& to, bytes_view content) {
 
 void datagram_end::arrive(datagram what) {
     if (received_bytes_ + what.content.size() > receive_limit_bytes) {
-        owner_.host().world().note("drop", owner_.host().name() + " receive buffer", what.content.size());
+        owner_.world().note("drop", owner_.here().name() + " receive buffer", what.content.size());
         return;
     }
     received_bytes_ += what.content.size();
@@ -127,11 +126,17 @@ private:
 
 } // namespace
 
-result<std::unique_ptr<datagram_socket>> open_udp(process& owner, loop& on, const endpoint& wanted) {
+datagram_end* datagram_for(const machine& there, const endpoint& to) {
+    for (auto* each : there.datagrams)
+        if (there.hears(each->at(), to)) return each;
+    return nullptr;
+}
+
+result<std::unique_ptr<datagram_socket>> open_udp(socket_owner& owner, loop& on, const endpoint& wanted) {
     std::vector<endpoint> taken;
-    for (auto* each : owner.host().datagrams) taken.push_back(each->at());
+    for (auto* each : owner.here().datagrams) taken.push_back(each->at());
     endpoint at;
-    auto claimed = owner.host().claim(at, wanted, taken);
+    auto claimed = owner.here().claim(at, wanted, taken);
     if (!claimed) return claimed.error();
     auto end = std::make_shared<datagram_end>(owner, on, at);
     owner.attach(end);

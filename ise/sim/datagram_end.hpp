@@ -2,15 +2,12 @@
 #include <ise/core/environment.hpp>
 #include <ise/core/waiter.hpp>
 #include <ise/sim/resource.hpp>
+#include <ise/sim/socket_owner.hpp>
 
 #include <deque>
 #include <memory>
 
 namespace ise::sim {
-
-class process;
-class host;
-struct flow;
 
 /// A bound datagram port of a host.
 class datagram_end final : public resource, public std::enable_shared_from_this<datagram_end> {
@@ -20,11 +17,11 @@ public:
         std::error_code problem;
     };
 
-    datagram_end(process& owner, loop& on, endpoint at);
+    datagram_end(socket_owner& owner, loop& on, endpoint at);
     ~datagram_end() override;
 
     const endpoint& at() const noexcept { return at_; }
-    process& owner() noexcept { return owner_; }
+    socket_owner& owner() noexcept { return owner_; }
 
     std::pair<std::error_code, const datagram*> take(); ///< would_block: nothing yet; it stays until the next
     std::error_code send(const endpoint& to, bytes_view content);
@@ -37,7 +34,7 @@ public:
 private:
     void leave();
 
-    process& owner_;
+    socket_owner& owner_;
     std::shared_ptr<flow> where_;
     loop& loop_;
     endpoint at_;
@@ -47,6 +44,9 @@ private:
     bool closed_ = false;
 };
 
-result<std::unique_ptr<datagram_socket>> open_udp(process& owner, loop& on, const endpoint& at);
+/// What hears there what is sent to `to`, or null.
+datagram_end* datagram_for(const machine& there, const endpoint& to);
+
+result<std::unique_ptr<datagram_socket>> open_udp(socket_owner& owner, loop& on, const endpoint& at);
 
 } // namespace ise::sim

@@ -1,99 +1,251 @@
 #include <ise/sim/host.hpp>
 
 #include <ise/sim/datagram_end.hpp>
+#include <ise/sim/serial_line.hpp>
 #include <ise/sim/tcp_acceptor.hpp>
-#include <ise/sim/world.hpp>
 
 #include <fmt/format.h>
+
+#include <algorithm>
 
 namespace ise::sim {
 namespace {
 
-bool loopback(const std::string& host) { return host == "localhost" || host.starts_with("127.") || host == "::1"; }
-bool wildcard(const std::string& host) { return host == "0.0.0.0" || host == "::"; }
-bool v6(const std::string& host) { return host.find(':') != std::string::npos; }
+class sim_alarm final : public alarm {
+public:
+    sim_alarm(scheduler& engine, std::shared_ptr<flow> where, loop& owner, const duration& ahead)
+        : engine_(engine), where_(std::move(where)), loop_(owner), ahead_(ahead) {}
+    ~sim_alarm() override { engine_.cancel(armed_); }
 
-// Whether something bound at `at` hears what is sent to `to`.
-bool hears(const endpoint& at, const std::string& to_host, bool own_name, const std::string& address) {
-    if (wildcard(at.host)) return v6(at.host) == v6(to_host);
-    if (own_name) return at.host == address;
-    return at.host == to_host;
-}
+    void arm(time_point at) override {
+        engine_.cancel(armed_);
+        armed_ = engine_.at(at - ahead_, where_, [this] {
+            armed_ = {};
+            loop_.on_alarm();
+        });
+    }
+
+private:
+    scheduler& engine_;
+    std::shared_ptr<flow> where_;
+    loop& loop_;
+    const duration& ahead_;
+    scheduler::ticket armed_;
+};
 
 } // namespace
 
-host::host(sim::world& world, std::string name, std::string address)
-    : world_(world), name_(std::move(name)), address_(std::move(address)) {}
+// A loop of a process, and its end.
+class sim_loop final : public loop_host {
+public:
+    sim_loop(process& owner, std::shared_ptr<flow> where)
+        : owner_(owner), engine_(owner.world().engine()), where_(std::move(where)),
+          loop_(owner, flow_executor(where_), [engine = &engine_] { return engine->running_here(); }) {
+        loop_.use_alarm(std::make_unique<sim_alarm>(engine_, where_, loop_, owner.clock_offset_));
+        owner_.loops_.push_back(this);
+    }
+
+    ~sim_loop() override {
+        end();
+        std::erase(owner_.loops_, this);
+    }
+
+    // What is suspended is destroyed here, while everything that it refers to still stands.
+    void end() override {
+        ended_ = true;
+        where_->alive = false;
+        loop_.abandon();
+        engine_.kill(*where_);
+    }
+
+    bool ended() const noexcept { return ended_; }
+    ise::loop& loop() noexcept override { return loop_; }
+    const std::shared_ptr<flow>& where() const noexcept { return where_; }
+
+private:
+    process& owner_;
+    scheduler& engine_;
+    std::shared_ptr<flow> where_;
+    ise::loop loop_;
+    bool ended_ = false;
+};
+
+process::process(sim::host& on, network& net, std::string name, unsigned life, std::uint64_t id, program run,
+                 std::map<std::string, std::string> variables)
+    : socket_owner(on.world(), net, on), host_(on), name_(std::move(name)),
+      random_(on.world().seed(), fmt::format("process {}/{}#{}", on.name(), name_, life)), program_(std::move(run)),
+      variables_(std::move(variables)) {
+    identity_.host_name = on.name();
+    identity_.host_key = fmt::format("sim:{}#{}", on.name(), on.boots());
+    identity_.process_key = fmt::format("sim:{}/{}#{}", on.name(), name_, life);
+    identity_.process_id = id;
+}
+
+process::~process() { tear_down(); }
+
+void process::start() {
+    if (program_) keep(program_(*this));
+}
+
+process& process::restart() {
+    if (running_) crash();
+    return host_.start_process(name_, program_, variables_);
+}
+
+void process::pause() {
+    paused_ = true;
+    for (auto* each : loops_) world().engine().pause(*each->where());
+}
+
+void process::go_on() {
+    paused_ = false;
+    for (auto* each : loops_) world().engine().go_on(each->where());
+}
+
+void process::finish(ending how) {
+    if (!std::exchange(running_, false)) return;
+    auto& engine = world().engine();
+    world().note(how == ending::stop ? "stop" : "crash", host_.name() + "/" + name_);
+    bool inside = false;
+    for (auto* each : loops_) {
+        inside = inside || engine.current() == each->where().get();
+        each->where()->alive = false;
+    }
+    for (auto& each : std::exchange(resources_, {}))
+        if (auto open = each.lock()) open->end(how);
+    if (inside) engine.when_outside([this] { tear_down(); });
+    else tear_down();
+}
+
+void process::tear_down() {
+    running_ = false;
+    // First what is suspended, then what it refers to.
+    for (;;) { // what ends may own another loop
+        auto next = std::find_if(loops_.begin(), loops_.end(), [](auto* each) { return !each->ended(); });
+        if (next == loops_.end()) break;
+        (*next)->end();
+    }
+    while (!kept_.empty()) {
+        auto last = std::move(kept_.back());
+        kept_.pop_back();
+    }
+    world().engine().bury();
+}
+
+time_point process::now() const { return world().now() + clock_offset_; }
+
+wall_time process::wall() const { return world().wall_start + world().elapsed() + wall_offset_; }
+
+std::optional<std::string> process::variable(const std::string& name) const {
+    auto found = variables_.find(name);
+    if (found == variables_.end()) return {};
+    return found->second;
+}
+
+std::unique_ptr<loop_host> process::new_loop(std::string name) {
+    if (!running_) throw std::logic_error(fmt::format("process '{}' has ended: it makes no loops", name_));
+    auto where = world().engine().make_flow(fmt::format("{}/{}/{}", host_.name(), name_, name));
+    where->paused = paused_;
+    return std::make_unique<sim_loop>(*this, std::move(where));
+}
+
+std::unique_ptr<loop_host> process::make_loop(const std::string& name) { return new_loop(name); }
+
+std::unique_ptr<loop_host> process::adopt(asio::any_io_executor executor, bool) {
+    const auto* its = executor ? &asio::query(executor, asio::execution::context) : nullptr;
+    if (its != &static_cast<asio::execution_context&>(world().context()))
+        throw std::logic_error(fmt::format("process '{}' of the virtual world can adopt only executors of that world: "
+                                           "world.context(), or a loop's", name_));
+    return new_loop("adopted");
+}
+
+std::shared_ptr<flow> process::flow_of(const loop& on) const {
+    for (auto* each : loops_)
+        if (&each->loop() == &on) return each->where();
+    throw std::logic_error(fmt::format("this loop belongs to another process than '{}'", name_));
+}
+
+result<void> process::usable(const char* what) const {
+    if (!running_) return failure(errc::io_failed, fmt::format("{}: process '{}' has ended", what, name_));
+    return {};
+}
+
+task<result<std::unique_ptr<stream>>> process::connect(loop& on, endpoint to) {
+    auto can = usable("connect");
+    if (!can) co_return can.error();
+    if (auto fault = begin_operation())
+        co_return failure(errc::unreachable, fmt::format("cannot connect to {}: {}", to.text(), fault.message()));
+    if (to.kind == protocol::udp)
+        co_return failure(errc::invalid_argument, fmt::format("{} carries datagrams: open_datagram", to.text()));
+    if (to.kind == protocol::tls) co_return failure(errc::invalid_argument, fmt::format("{} is no endpoint of a plain stream", to.text()));
+    if (to.kind == protocol::inproc) co_return inproc_.connect(on, to.path);
+    auto made = co_await connect_tcp(*this, on, to);
+    co_return made;
+}
+
+result<std::unique_ptr<listener>> process::listen(loop& on, const endpoint& at) {
+    auto can = usable("listen");
+    if (!can) return can.error();
+    if (auto fault = begin_operation()) return io_failure(fmt::format("cannot listen on {}", at.text()), fault);
+    if (at.kind == protocol::inproc) return inproc_.listen(on, at.path);
+    if (at.kind == protocol::udp)
+        return failure(errc::invalid_argument, fmt::format("{} carries datagrams: open_datagram", at.text()));
+    if (at.kind == protocol::tls) return failure(errc::invalid_argument, fmt::format("{} is no endpoint that accepts plain streams", at.text()));
+    return listen_tcp(*this, on, at);
+}
+
+result<std::unique_ptr<datagram_socket>> process::open_datagram(loop& on, const endpoint& at) {
+    auto can = usable("open_datagram");
+    if (!can) return can.error();
+    if (auto fault = begin_operation()) return io_failure(fmt::format("cannot open {}", at.text()), fault);
+    if (at.kind != protocol::udp)
+        return failure(errc::invalid_argument, fmt::format("{} is no datagram endpoint: udp://...", at.text()));
+    return open_udp(*this, on, at);
+}
+
+result<std::unique_ptr<stream>> process::open_serial(loop& on, const serial_options& options) {
+    auto can = usable("open_serial");
+    if (!can) return can.error();
+    if (auto fault = begin_operation()) return io_failure(fmt::format("cannot open {}", options.device), fault);
+    if (options.baud == 0) return failure(errc::invalid_argument, fmt::format("cannot open {} at 0 baud", options.device));
+    auto found = host_.serial_lines.find(options.device);
+    if (found == host_.serial_lines.end())
+        return failure(errc::io_failed, fmt::format("cannot open {}: host '{}' has no such device", options.device, host_.name()));
+    return found->second->open_device(*this, on, options.device, options.baud);
+}
+
+result<pseudo_terminal> process::open_pseudo_terminal(loop& on, const std::string& link) {
+    auto can = usable("open_pseudo_terminal");
+    if (!can) return can.error();
+    if (auto fault = begin_operation()) return io_failure(fmt::format("cannot make {}", link), fault);
+    auto name = link.substr(link.rfind('/') + 1);
+    if (name.empty()) name = fmt::format("pts{}", host_.serial_lines.size());
+    auto far = serial_line::into(world(), host_, name).open_far_end(*this, on);
+    if (!far) return far.error();
+    return pseudo_terminal{std::move(*far), "/dev/" + name};
+}
+
+result<std::string> process::read_file(const std::string& path, std::size_t max_bytes) {
+    auto can = usable("read_file");
+    if (!can) return can.error();
+    if (auto fault = begin_operation()) return io_failure(fmt::format("cannot read {}", path), fault);
+    auto found = host_.files().find(path);
+    if (found == host_.files().end())
+        return failure(errc::io_failed, fmt::format("cannot read {}: no such file on host '{}'", path, host_.name()));
+    if (found->second.size() > max_bytes)
+        return failure(errc::too_large, fmt::format("{} has {} bytes, more than {}", path, found->second.size(), max_bytes));
+    return found->second;
+}
+
+host::host(world_core& world, network& net, std::string name, std::string address)
+    : machine(std::move(name), std::move(address)), world_(world), net_(net) {}
 host::~host() = default;
 
-bool host::is_me(const std::string& other) const {
-    return loopback(other) || wildcard(other) || other == name_ || other == address_;
-}
-
-std::uint16_t host::ephemeral_port() {
-    const auto port = next_port_;
-    next_port_ = next_port_ == 65535 ? std::uint16_t{49152} : static_cast<std::uint16_t>(next_port_ + 1);
-    return port;
-}
-
-// Where a listener or a datagram port is bound, given what is bound already.
-result<void> host::claim(endpoint& at, const endpoint& wanted, const std::vector<endpoint>& taken) {
-    at = wanted;
-    if (at.kind == protocol::local) {
-        for (const auto& other : taken)
-            if (other.kind == protocol::local && other.path == at.path)
-                return failure(errc::address_in_use, fmt::format("cannot listen on {}: address in use on host '{}'", at.text(), name_));
-        return {};
-    }
-    if (at.host == "localhost") at.host = "127.0.0.1";
-    if (at.host == name_) at.host = address_;
-    if (!is_me(at.host))
-        return failure(errc::io_failed, fmt::format("cannot listen on {}: host '{}' has no such address, it has {}",
-                                                    at.text(), name_, address_));
-    auto conflicts = [&](std::uint16_t port) {
-        for (const auto& other : taken)
-            if (other.kind == at.kind && other.port == port &&
-                (other.host == at.host ||
-                 (v6(other.host) == v6(at.host) && (wildcard(other.host) || wildcard(at.host)))))
-                return true;
-        return false;
-    };
-    if (at.port != 0) {
-        if (conflicts(at.port))
-            return failure(errc::address_in_use, fmt::format("cannot listen on {}: address in use on host '{}'", at.text(), name_));
-        return {};
-    }
-    for (int tries = 0; tries < 16384; ++tries) {
-        at.port = ephemeral_port();
-        if (!conflicts(at.port)) return {};
-    }
-    return failure(errc::address_in_use, fmt::format("cannot listen on {}: no free port on host '{}'", wanted.text(), name_));
-}
-
-tcp_acceptor* host::acceptor_for(const endpoint& to) const {
-    const auto to_host = to.host == "localhost" ? std::string("127.0.0.1") : to.host;
-    for (auto* each : acceptors) {
-        const auto& at = each->at();
-        if (at.kind != to.kind) continue;
-        if (at.kind == protocol::local ? at.path == to.path
-                                       : at.port == to.port && hears(at, to_host, to_host == name_, address_))
-            return each;
-    }
-    return nullptr;
-}
-
-datagram_end* host::datagram_for(const endpoint& to) const {
-    const auto to_host = to.host == "localhost" ? std::string("127.0.0.1") : to.host;
-    for (auto* each : datagrams)
-        if (each->at().port == to.port && hears(each->at(), to_host, to_host == name_, address_)) return each;
-    return nullptr;
-}
-
 process& host::start_process(std::string name, program run, std::map<std::string, std::string> variables) {
-    if (!up_) throw std::logic_error(fmt::format("host '{}' is down: boot() it first", name_));
+    if (!up_) throw std::logic_error(fmt::format("host '{}' is down: boot() it first", this->name()));
     const auto life = ++lives_[name];
-    world_.note("start", name_ + "/" + name, life);
-    processes_.push_back(std::make_unique<process>(*this, std::move(name), life, next_process_id_++, std::move(run),
+    world_.note("start", this->name() + "/" + name, life);
+    processes_.push_back(std::make_unique<process>(*this, net_, std::move(name), life, next_process_id_++, std::move(run),
                                                    std::move(variables)));
     auto& made = *processes_.back();
     made.start();
@@ -107,7 +259,7 @@ void host::end_processes(bool quietly) {
 
 void host::crash() {
     if (!up_) return;
-    world_.note("host_lost", name_);
+    world_.note("host_lost", name());
     up_ = false;
     end_processes(true);
 }
@@ -116,8 +268,8 @@ void host::boot() {
     if (up_) return;
     up_ = true;
     ++boots_;
-    world_.note("boot", name_, boots_);
-    world_.net().look_again();
+    world_.note("boot", name(), boots_);
+    net_.look_again();
 }
 
 } // namespace ise::sim

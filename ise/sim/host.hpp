@@ -1,8 +1,9 @@
 #pragma once
-#include <ise/core/endpoint.hpp>
-#include <ise/core/result.hpp>
+#include <ise/core/environment.hpp>
+#include <ise/core/inproc.hpp>
+#include <ise/sim/random.hpp>
+#include <ise/sim/socket_owner.hpp>
 
-#include <cstdint>
 #include <functional>
 #include <map>
 #include <memory>
@@ -11,31 +12,106 @@
 
 namespace ise::sim {
 
-class world;
-class process;
-class tcp_acceptor;
-class datagram_end;
-class serial_line;
+class host;
 
-/// A machine of the virtual world, made by `world::host(name)`: an address, ports, files, serial lines and
-/// processes. Lives as long as the world.
-class host {
+/// A process of the virtual world: the environment of a node there. Made by `host::start_process`, lives as
+/// long as the world; once it has ended it refuses everything.
+class process final : public environment, public socket_owner {
 public:
     /// What a process does: makes its components and returns what holds them, which is destroyed when the
     /// process ends, after everything that was suspended on its loops.
     using program = std::function<std::shared_ptr<void>(process&)>;
 
-    /// Made by `world::host`.
-    host(sim::world& world, std::string name, std::string address);
-    ~host();
-
-    /// As in `world::host`, and in endpoints: tcp://boat:7000.
+    /// As it was given when it was started.
     const std::string& name() const noexcept { return name_; }
-    const std::string& address() const noexcept { return address_; } ///< "10.0.0.1"
-    /// Not crashed.
-    bool up() const noexcept { return up_; }
-    /// How often it was started, the first time included.
-    unsigned boots() const noexcept { return boots_; }
+    /// Where it runs.
+    sim::host& host() noexcept { return host_; }
+
+    /// Gone at once: its loops turn no more, what was suspended on them is destroyed, then what its program
+    /// made; its connections are reset. Inside one of its own handlers that handler goes on to its end first.
+    void crash() { finish(ending::crash); }
+    /// The same, but its connections are closed in order: as a program that leaves without much ado.
+    void stop() { finish(ending::stop); }
+    /// Frozen, as by SIGSTOP: its host still takes bytes for it.
+    void pause();
+    /// Ends the pause; what is due runs now.
+    void go_on();
+    /// Its program again in a process of a new identity, with the same variables; ends this one if it runs.
+    process& restart();
+
+    /// Held until the process ends.
+    void keep(std::shared_ptr<void> object) { kept_.push_back(std::move(object)); }
+    /// An environment variable, such as ISE_NAME_SERVER.
+    void set_variable(const std::string& name, std::string value) { variables_[name] = std::move(value); }
+    /// How much the monotonic clock of this process is ahead of the world's, as on a machine of its own. Before it runs anything.
+    void set_clock_offset(duration ahead) noexcept { clock_offset_ = ahead; }
+    /// How much the wall clock of this process is ahead of the world's.
+    void set_wall_offset(duration ahead) noexcept { wall_offset_ = ahead; }
+
+    // environment
+    time_point now() const override;
+    wall_time wall() const override;
+    std::uint64_t random() override { return random_.next(); }
+    const process_identity& identity() const override { return identity_; }
+    std::optional<std::string> variable(const std::string& name) const override;
+    std::unique_ptr<loop_host> make_loop(const std::string& name) override;
+    /// `executor` must be one of this world (`world::context()`, or a loop's); everything runs on one thread,
+    /// so the loop has a flow of its own there. Throws std::logic_error for another.
+    std::unique_ptr<loop_host> adopt(asio::any_io_executor executor, bool one_thread) override;
+    /// Runs `job` here and now; a dead process runs nothing.
+    void offload(std::function<void()> job) override {
+        if (running_) job();
+    }
+    bool is_virtual() const noexcept override { return true; }
+    task<result<std::unique_ptr<stream>>> connect(loop& on, endpoint to) override;
+    result<std::unique_ptr<listener>> listen(loop& on, const endpoint& at) override;
+    result<std::unique_ptr<datagram_socket>> open_datagram(loop& on, const endpoint& at) override;
+    result<std::unique_ptr<stream>> open_serial(loop& on, const serial_options& options) override;
+    /// A serial line into this host under the last part of `link` ("ttyA" of "/run/demo/ttyA").
+    result<pseudo_terminal> open_pseudo_terminal(loop& on, const std::string& link) override;
+    result<std::string> read_file(const std::string& path, std::size_t max_bytes) override;
+    result<std::string> read_secret(const std::string& path, std::size_t max_bytes) override { return read_file(path, max_bytes); }
+    std::vector<std::string> interface_addresses() const override { return {here().address()}; }
+
+    /// @cond
+    // For the world's parts.
+    process(sim::host& on, network& net, std::string name, unsigned life, std::uint64_t id, program run,
+            std::map<std::string, std::string> variables);
+    ~process() override;
+    std::shared_ptr<flow> flow_of(const loop& on) const override;
+    void finish(ending how);
+    void start();
+    /// @endcond
+
+private:
+    friend class sim_loop;
+    std::unique_ptr<loop_host> new_loop(std::string name);
+    result<void> usable(const char* what) const;
+    void tear_down();
+
+    sim::host& host_;
+    std::string name_;
+    process_identity identity_;
+    generator random_;
+    program program_;
+    std::map<std::string, std::string> variables_;
+    inproc_registry inproc_;
+    std::vector<class sim_loop*> loops_;
+    std::vector<std::shared_ptr<void>> kept_;
+    duration wall_offset_{};
+    duration clock_offset_{};
+    bool paused_ = false;
+};
+
+/// A machine of the virtual world with its processes, made by `world::host(name)`. Lives as long as the world.
+class host final : public machine {
+public:
+    /// See `process::program`.
+    using program = process::program;
+
+    /// Made by `world::host`.
+    host(world_core& world, network& net, std::string name, std::string address);
+    ~host();
 
     /// A new process, whose program runs at once. The reference stays good after the process has ended.
     process& start_process(std::string name, program run = {}, std::map<std::string, std::string> variables = {});
@@ -45,37 +121,19 @@ public:
     /// Up again, with another boot identity and no processes; connections from before are reset when used.
     void boot();
 
-    /// A file that the host's processes read.
-    void write_file(const std::string& path, std::string content) { files_[path] = std::move(content); }
-
     /// The world that it is in.
-    sim::world& world() noexcept { return world_; }
+    world_core& world() noexcept { return world_; }
 
     /// @cond
     // For the world's parts.
-    bool is_me(const std::string& name_or_address) const;
-    result<void> claim(endpoint& at, const endpoint& wanted, const std::vector<endpoint>& taken);
-    tcp_acceptor* acceptor_for(const endpoint& to) const;
-    datagram_end* datagram_for(const endpoint& to) const;
-    const std::map<std::string, std::string>& files() const noexcept { return files_; }
-    std::vector<tcp_acceptor*> acceptors;   ///< as they came
-    std::vector<datagram_end*> datagrams;
-    std::map<std::string, serial_line*> serial_lines;
-    std::uint16_t ephemeral_port();
     void end_processes(bool quietly);
     /// @endcond
 
 private:
-    friend class process;
-
-    sim::world& world_;
-    std::string name_, address_;
-    bool up_ = true;
-    unsigned boots_ = 1;
-    std::uint16_t next_port_ = 49152;
+    world_core& world_;
+    network& net_;
     std::uint64_t next_process_id_ = 1000;
     std::map<std::string, unsigned> lives_;
-    std::map<std::string, std::string> files_;
     std::vector<std::unique_ptr<process>> processes_;
 };
 

@@ -1,7 +1,5 @@
 #include <ise/sim/network.hpp>
 
-#include <ise/sim/world.hpp>
-
 #include <algorithm>
 
 namespace ise::sim {
@@ -34,7 +32,7 @@ void network::look_again() {
 }
 
 void network::isolate(const std::string& host) {
-    for (const auto& [other, _] : world_.hosts())
+    for (const auto& [other, _] : hosts_)
         if (other != host) partition(host, other);
 }
 
@@ -47,7 +45,7 @@ void network::cut(const std::string& client, const std::string& server, directio
     cuts_to_come_.push_back({client, server, which, after_bytes});
 }
 
-std::optional<network::cut_rule> network::take_cut(const host& client, const host& server) {
+std::optional<network::cut_rule> network::take_cut(const machine& client, const machine& server) {
     auto found = std::find_if(cuts_to_come_.begin(), cuts_to_come_.end(), [&](const cut_rule& rule) {
         return rule.client == client.name() && rule.server == server.name();
     });
@@ -57,7 +55,14 @@ std::optional<network::cut_rule> network::take_cut(const host& client, const hos
     return taken;
 }
 
-bool network::passes(const host& from, const host& to) {
+machine* network::find(const std::string& wanted) const {
+    if (auto found = hosts_.find(wanted); found != hosts_.end()) return found->second;
+    for (const auto& [_, each] : hosts_)
+        if (each->address() == wanted) return each;
+    return nullptr;
+}
+
+bool network::passes(const machine& from, const machine& to) {
     return to.up() && !between(from.name(), to.name()).partitioned_;
 }
 

@@ -1,7 +1,9 @@
 #pragma once
-#include <ise/core/result.hpp>
 #include <ise/sim/link.hpp>
+#include <ise/sim/machine.hpp>
+#include <ise/sim/world_core.hpp>
 
+#include <array>
 #include <functional>
 #include <map>
 #include <memory>
@@ -12,9 +14,6 @@
 
 namespace ise::sim {
 
-class world;
-class host;
-
 /// Which way bytes go in a connection.
 enum class direction { to_server, to_client };
 
@@ -22,7 +21,7 @@ enum class direction { to_server, to_client };
 class network {
 public:
     /// Made by the world.
-    explicit network(sim::world& world) : world_(world) {}
+    explicit network(world_core& world) : world_(world) {}
 
     /// The link between two hosts, or within one (`between("boat", "boat")`).
     link& between(const std::string& a, const std::string& b);
@@ -55,8 +54,10 @@ public:
         direction which;
         std::uint64_t after_bytes;
     };
-    sim::world& world() noexcept { return world_; }
-    bool passes(const host& from, const host& to);
+    world_core& world() noexcept { return world_; }
+    void join(machine& host) { hosts_[host.name()] = &host; }
+    machine* find(const std::string& name_or_address) const;
+    bool passes(const machine& from, const machine& to);
     /// When a packet sent now arrives, by the link's bandwidth, latency and jitter.
     struct flight {
         time_point departs, arrives;
@@ -65,7 +66,7 @@ public:
     duration queue(const link& over, bool upward) const; ///< how long what is sent now waits for bandwidth
     void look_again(); ///< what stalled tries once more
     void hold_until_heal(std::weak_ptr<void> life, std::function<void()> go_on);
-    std::optional<cut_rule> take_cut(const host& client, const host& server);
+    std::optional<cut_rule> take_cut(const machine& client, const machine& server);
     void count_cut() noexcept { ++cuts_; }
     void count_delivered(direction which, std::uint64_t bytes) noexcept {
         delivered_[which == direction::to_client] += bytes;
@@ -78,7 +79,8 @@ private:
         std::function<void()> go_on;
     };
 
-    sim::world& world_;
+    world_core& world_;
+    std::map<std::string, machine*> hosts_;
     std::map<std::pair<std::string, std::string>, std::unique_ptr<link>> links_; // names in order
     std::vector<held> held_;
     std::vector<cut_rule> cuts_to_come_;

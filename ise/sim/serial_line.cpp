@@ -1,7 +1,6 @@
 #include <ise/sim/serial_line.hpp>
 
 #include <ise/sim/stream_end.hpp>
-#include <ise/sim/world.hpp>
 
 #include <fmt/format.h>
 
@@ -9,7 +8,7 @@ namespace ise::sim {
 
 class serial_end final : public stream_end {
 public:
-    serial_end(serial_line& line, std::size_t side, process& owner, loop& on, std::string peer)
+    serial_end(serial_line& line, std::size_t side, socket_owner& owner, loop& on, std::string peer)
         : stream_end(owner, on, serial_line::receive_buffer_bytes, std::move(peer)), line_(line), side_(side) {}
 
 private:
@@ -30,15 +29,17 @@ namespace {
 constexpr std::size_t piece_bytes = 32; // what a UART hands over at once
 }
 
-serial_line::serial_line(sim::world& world, sim::host& into, std::string name)
-    : world_(world), name_(into.name() + " " + name), random_(world.seed(), "serial " + into.name() + " " + name) {
-    into.serial_lines[name] = this;
-    into.serial_lines["/dev/" + name] = this;
+serial_line& serial_line::into(world_core& world, machine& host, const std::string& name) {
+    auto& found = host.serial_lines[name];
+    if (!found) found = host.serial_lines["/dev/" + name] = std::make_shared<serial_line>(world, host, name);
+    return *found;
 }
 
+serial_line::serial_line(world_core& world, const machine& into, const std::string& name)
+    : world_(world), name_(into.name() + " " + name), random_(world.seed(), "serial " + into.name() + " " + name) {}
 serial_line::~serial_line() = default;
 
-result<std::unique_ptr<stream>> serial_line::open_far_end(process& owner, loop& on) {
+result<std::unique_ptr<stream>> serial_line::open_far_end(socket_owner& owner, loop& on) {
     auto open = ends_[far].lock();
     if (open && !open->gone()) return failure(errc::io_failed, fmt::format("the far end of {} is open already", name_));
     auto end = std::make_shared<serial_end>(*this, far, owner, on, "serial far end " + name_);
@@ -47,7 +48,7 @@ result<std::unique_ptr<stream>> serial_line::open_far_end(process& owner, loop& 
     return make_stream(std::move(end));
 }
 
-result<std::unique_ptr<stream>> serial_line::open_device(process& owner, loop& on, const std::string& path, unsigned baud) {
+result<std::unique_ptr<stream>> serial_line::open_device(socket_owner& owner, loop& on, const std::string& path, unsigned baud) {
     if (!present_) return failure(errc::io_failed, fmt::format("cannot open {}: no such device; is it plugged in?", path));
     auto open = ends_[device].lock();
     if (open && !open->gone()) return failure(errc::io_failed, fmt::format("cannot open {}: it is in use", path));

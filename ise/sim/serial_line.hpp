@@ -3,6 +3,7 @@
 #include <ise/core/loop.hpp>
 #include <ise/core/stream.hpp>
 #include <ise/sim/random.hpp>
+#include <ise/sim/socket_owner.hpp>
 
 #include <array>
 #include <memory>
@@ -10,9 +11,6 @@
 
 namespace ise::sim {
 
-class world;
-class process;
-class host;
 class serial_end;
 
 /// A serial line into a host: the device that `environment::open_serial` opens, and the far end for whatever is
@@ -23,13 +21,15 @@ public:
     static constexpr std::size_t send_buffer_bytes = 4096; ///< beyond it a write would block
     static constexpr std::size_t receive_buffer_bytes = 16 * 1024; ///< beyond it bytes are lost (overrun, traced)
 
-    /// Made by `world::serial_line`.
-    serial_line(sim::world& world, sim::host& into, std::string name);
+    /// The line of that name into that host, made when it is first asked for.
+    static serial_line& into(world_core& world, machine& host, const std::string& name);
+    /// Made by `into`.
+    serial_line(world_core& world, const machine& into, const std::string& name);
     ~serial_line();
 
     /// The far end, for use on that loop of any process; one at a time.
     /// Errors: errc::io_failed (the far end is open already).
-    result<std::unique_ptr<stream>> open_far_end(process& owner, loop& on);
+    result<std::unique_ptr<stream>> open_far_end(socket_owner& owner, loop& on);
 
     /// Unplugged: the device end fails with `no_such_device`, opening fails, what the far end writes is lost.
     void vanish();
@@ -43,7 +43,7 @@ public:
 
     /// @cond
     // For the world's parts.
-    result<std::unique_ptr<stream>> open_device(process& owner, loop& on, const std::string& device, unsigned baud);
+    result<std::unique_ptr<stream>> open_device(socket_owner& owner, loop& on, const std::string& device, unsigned baud);
     /// @endcond
 
 private:
@@ -53,7 +53,7 @@ private:
     void carry(std::size_t from, bytes_view content);
     void arrive(std::size_t to, bytes content);
 
-    sim::world& world_;
+    world_core& world_;
     std::string name_;
     generator random_;
     std::array<std::weak_ptr<serial_end>, 2> ends_;

@@ -1,12 +1,10 @@
 #include <ise/sim/stream_end.hpp>
 
-#include <ise/sim/process.hpp>
-
 #include <asio/error.hpp>
 
 namespace ise::sim {
 
-stream_end::stream_end(process& owner, loop& on, std::size_t receive_limit_bytes, std::string peer, std::optional<endpoint> local)
+stream_end::stream_end(socket_owner& owner, loop& on, std::size_t receive_limit_bytes, std::string peer, std::optional<endpoint> local)
     : readable(on, [this] { readable.resume({asio::error::operation_aborted, 0}); }),
       writable_again(on, [this] { writable_again.resume({asio::error::operation_aborted, 0}); }), owner_(owner),
       where_(owner.flow_of(on)), loop_(on), received_(receive_limit_bytes), peer_(std::move(peer)), local_(std::move(local)) {}

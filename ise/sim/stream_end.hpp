@@ -3,6 +3,7 @@
 #include <ise/core/stream.hpp>
 #include <ise/core/waiter.hpp>
 #include <ise/sim/resource.hpp>
+#include <ise/sim/socket_owner.hpp>
 
 #include <memory>
 #include <optional>
@@ -10,14 +11,11 @@
 
 namespace ise::sim {
 
-class process;
-struct flow;
-
 /// One end of a virtual byte stream: what its host keeps for it, and who waits there. A stream's coroutines
 /// hold on to it, so that the stream may be destroyed under them.
 class stream_end : public resource, public std::enable_shared_from_this<stream_end> {
 public:
-    stream_end(process& owner, loop& on, std::size_t receive_limit_bytes, std::string peer, std::optional<endpoint> local = std::nullopt);
+    stream_end(socket_owner& owner, loop& on, std::size_t receive_limit_bytes, std::string peer, std::optional<endpoint> local = std::nullopt);
 
     // For the stream, on its loop.
     transfer read(std::span<std::byte> into); ///< would_block: nothing yet
@@ -39,7 +37,7 @@ public:
     const std::string& peer() const noexcept { return peer_; }
     /// Of the side that was connected to: the endpoint that the other one asked for.
     const std::optional<endpoint>& local() const noexcept { return local_; }
-    process& owner() noexcept { return owner_; }
+    socket_owner& owner() noexcept { return owner_; }
 
     waiter<transfer> readable, writable_again;
 
@@ -56,7 +54,7 @@ protected:
 private:
     void wake(waiter<transfer>& who);
 
-    process& owner_;
+    socket_owner& owner_;
     std::shared_ptr<flow> where_;
     loop& loop_;
     byte_queue received_;

@@ -1,21 +1,19 @@
 #include <ise/sim/tcp_acceptor.hpp>
 
-#include <ise/sim/world.hpp>
-
 #include <asio/error.hpp>
 #include <fmt/format.h>
 
 namespace ise::sim {
 
-tcp_acceptor::tcp_acceptor(process& owner, loop& on, endpoint at)
+tcp_acceptor::tcp_acceptor(socket_owner& owner, loop& on, endpoint at)
     : incoming(on, [this] { incoming.resume({asio::error::operation_aborted}); }), owner_(owner),
       where_(owner.flow_of(on)), loop_(on), at_(std::move(at)) {
-    owner_.host().acceptors.push_back(this);
+    owner_.here().acceptors.push_back(this);
 }
 
 tcp_acceptor::~tcp_acceptor() { leave(); }
 
-void tcp_acceptor::leave() { std::erase(owner_.host().acceptors, this); }
+void tcp_acceptor::leave() { std::erase(owner_.here().acceptors, this); }
 
 void tcp_acceptor::push(std::unique_ptr<stream> connected) {
     backlog_.push_back(std::move(connected));
@@ -78,15 +76,23 @@ private:
 
 } // namespace
 
-result<std::unique_ptr<listener>> listen_tcp(process& owner, loop& on, const endpoint& wanted) {
+tcp_acceptor* acceptor_for(const machine& there, const endpoint& to) {
+    for (auto* each : there.acceptors) {
+        const auto& at = each->at();
+        if (at.kind == to.kind && (at.kind == protocol::local ? at.path == to.path : there.hears(at, to))) return each;
+    }
+    return nullptr;
+}
+
+result<std::unique_ptr<listener>> listen_tcp(socket_owner& owner, loop& on, const endpoint& wanted) {
     std::vector<endpoint> taken;
-    for (auto* each : owner.host().acceptors) taken.push_back(each->at());
+    for (auto* each : owner.here().acceptors) taken.push_back(each->at());
     endpoint at;
-    auto claimed = owner.host().claim(at, wanted, taken);
+    auto claimed = owner.here().claim(at, wanted, taken);
     if (!claimed) return claimed.error();
     auto acceptor = std::make_shared<tcp_acceptor>(owner, on, at);
     owner.attach(acceptor);
-    owner.host().world().note("listen", owner.host().name() + " " + at.text());
+    owner.world().note("listen", owner.here().name() + " " + at.text());
     return std::unique_ptr<listener>(std::make_unique<tcp_listener>(std::move(acceptor)));
 }
 

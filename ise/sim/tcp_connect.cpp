@@ -1,7 +1,6 @@
 // The client's side of a virtual connection: asks again while the way is closed, until it is over.
 #include <ise/sim/tcp_acceptor.hpp>
 #include <ise/sim/tcp_connection.hpp>
-#include <ise/sim/world.hpp>
 
 #include <asio/error.hpp>
 #include <fmt/format.h>
@@ -16,17 +15,16 @@ struct outcome {
 
 class dial : public std::enable_shared_from_this<dial> {
 public:
-    dial(process& owner, loop& on, endpoint to, host& target)
+    dial(socket_owner& owner, loop& on, endpoint to, machine& target)
         : done(on, [this] { give_up(asio::error::operation_aborted); }), owner_(owner), loop_(on),
-          where_(owner.flow_of(on)), to_(std::move(to)), target_(target), world_(owner.host().world()),
-          over_(world_.net().between(owner.host().name(), target.name())) {}
+          where_(owner.flow_of(on)), to_(std::move(to)), target_(target), world_(owner.world()), net_(owner.net()),
+          over_(net_.between(owner.here().name(), target.name())) {}
 
     void start() {
-        auto& net = world_.net();
-        port_ = to_.kind == protocol::tcp ? owner_.host().ephemeral_port() : std::uint16_t{0};
-        name_ = fmt::format("{}:{}", owner_.host().name(), port_);
+        port_ = to_.kind == protocol::tcp ? owner_.here().ephemeral_port() : std::uint16_t{0};
+        name_ = fmt::format("{}:{}", owner_.here().name(), port_);
         world_.note("connect", name_ + "->" + to_.text());
-        deadline_ = world_.engine().at(world_.now() + net.connect_timeout, where_, [self = weak_from_this()] {
+        deadline_ = world_.engine().at(world_.now() + net_.connect_timeout, where_, [self = weak_from_this()] {
             if (auto still = self.lock()) still->finish({asio::error::timed_out, nullptr});
         });
         ask();
@@ -39,33 +37,33 @@ private:
     void after(duration time, F what) {
         world_.engine().at(world_.now() + time, nullptr, [self = shared_from_this(), what] { what(*self); });
     }
-    bool passes() { return world_.net().passes(owner_.host(), target_) && owner_.host().up(); }
+    bool passes() { return net_.passes(owner_.here(), target_) && owner_.here().up(); }
     duration one_way() {
-        const auto flight = world_.net().send(over_, owner_.host().name() <= target_.name(), 0);
+        const auto flight = net_.send(over_, owner_.here().name() <= target_.name(), 0);
         return flight.arrives - world_.now();
     }
 
     void ask() {
         if (over_now_ || !owner_.running()) return;
-        if (!passes() || over_.random_loss()) return after(world_.net().connect_retry, [](dial& self) { self.ask(); });
+        if (!passes() || over_.random_loss()) return after(net_.connect_retry, [](dial& self) { self.ask(); });
         after(one_way(), [](dial& self) { self.arrive(); });
     }
 
     void arrive() {
         if (over_now_ || !owner_.running()) return;
-        if (!passes()) return after(world_.net().connect_retry, [](dial& self) { self.ask(); });
-        auto* acceptor = target_.acceptor_for(to_);
+        if (!passes()) return after(net_.connect_retry, [](dial& self) { self.ask(); });
+        auto* acceptor = acceptor_for(target_, to_);
         if (!acceptor) {
             world_.note("refused", name_ + "->" + to_.text());
             return after(one_way(), [](dial& self) { self.refused(); });
         }
-        if (acceptor->full()) return after(world_.net().connect_retry, [](dial& self) { self.ask(); });
-        connection_ = std::make_shared<tcp_connection>(world_.net(), owner_.host(), target_, name_,
+        if (acceptor->full()) return after(net_.connect_retry, [](dial& self) { self.ask(); });
+        connection_ = std::make_shared<tcp_connection>(net_, owner_.here(), target_, name_,
                                                        fmt::format("{}:{}", target_.name(), to_.kind == protocol::tcp ? std::to_string(to_.port) : to_.path));
         auto peer = to_;
         if (to_.kind == protocol::tcp) {
-            const bool own = &target_ == &owner_.host();
-            peer.host = own ? to_.host : owner_.host().address();
+            const bool own = &target_ == &owner_.here();
+            peer.host = own ? to_.host : owner_.here().address();
             peer.port = port_;
         }
         const auto back = one_way();
@@ -76,13 +74,13 @@ private:
     }
 
     void refused() {
-        if (!passes()) return after(world_.net().connect_retry, [](dial& self) { self.ask(); });
+        if (!passes()) return after(net_.connect_retry, [](dial& self) { self.ask(); });
         finish_there({asio::error::connection_refused, nullptr});
     }
 
     void answered() {
         if (over_now_ || !owner_.running()) return connection_->reset_from(0);
-        if (!passes()) return after(world_.net().connect_retry, [](dial& self) { self.answered(); });
+        if (!passes()) return after(net_.connect_retry, [](dial& self) { self.answered(); });
         world_.note("connected", name_ + "->" + to_.text());
         auto made = connection_->open_side(0, owner_, loop_, to_.text());
         connection_->cut_if_at_start();
@@ -109,12 +107,13 @@ private:
         done.resume({why, nullptr});
     }
 
-    process& owner_;
+    socket_owner& owner_;
     loop& loop_;
     std::shared_ptr<flow> where_;
     endpoint to_;
-    host& target_;
-    sim::world& world_;
+    machine& target_;
+    world_core& world_;
+    network& net_;
     link& over_;
     std::string name_;
     std::uint16_t port_ = 0;
@@ -125,9 +124,9 @@ private:
 
 } // namespace
 
-task<result<std::unique_ptr<stream>>> connect_tcp(process& owner, loop& on, endpoint to) {
-    auto& here = owner.host();
-    auto* target = to.kind == protocol::local || here.is_me(to.host) ? &here : here.world().find_host(to.host);
+task<result<std::unique_ptr<stream>>> connect_tcp(socket_owner& owner, loop& on, endpoint to) {
+    auto& here = owner.here();
+    auto* target = to.kind == protocol::local || here.is_me(to.host) ? &here : owner.net().find(to.host);
     if (!target)
         co_return failure(errc::unreachable, fmt::format("cannot connect to {}: the virtual world has no host '{}'",
                                                          to.text(), to.host));

@@ -1,7 +1,5 @@
 #include <ise/sim/tcp_connection.hpp>
 
-#include <ise/sim/world.hpp>
-
 #include <asio/error.hpp>
 
 #include <ranges>
@@ -11,7 +9,7 @@ namespace {
 
 class tcp_end final : public stream_end {
 public:
-    tcp_end(std::shared_ptr<tcp_connection> connection, std::size_t side, process& owner, loop& on, std::size_t limit,
+    tcp_end(std::shared_ptr<tcp_connection> connection, std::size_t side, socket_owner& owner, loop& on, std::size_t limit,
             std::string peer, std::optional<endpoint> local)
         : stream_end(owner, on, limit, std::move(peer), std::move(local)), connection_(std::move(connection)), side_(side) {}
 
@@ -51,7 +49,7 @@ std::size_t piece_on(const link& over) {
 
 } // namespace
 
-tcp_connection::tcp_connection(network& net, host& client, host& server, std::string client_name,
+tcp_connection::tcp_connection(network& net, machine& client, machine& server, std::string client_name,
                                std::string server_name)
     : net_(net), over_(net.between(client.name(), server.name())) {
     halves_[0].from = halves_[1].to = &client;
@@ -63,7 +61,7 @@ tcp_connection::tcp_connection(network& net, host& client, host& server, std::st
     if (auto rule = net.take_cut(client, server)) halves_[rule->which == direction::to_server ? 0 : 1].cut_at = rule->after_bytes;
 }
 
-std::unique_ptr<stream> tcp_connection::open_side(std::size_t side, process& owner, loop& on, std::string peer, std::optional<endpoint> local) {
+std::unique_ptr<stream> tcp_connection::open_side(std::size_t side, socket_owner& owner, loop& on, std::string peer, std::optional<endpoint> local) {
     auto end = std::make_shared<tcp_end>(shared_from_this(), side, owner, on, over_.receive_buffer_bytes, std::move(peer), std::move(local));
     ends_[side] = end;
     owner.attach(end);

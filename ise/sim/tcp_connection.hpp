@@ -8,17 +8,15 @@
 
 namespace ise::sim {
 
-class host;
-
 /// A connection between two hosts, or within one: what was sent and has not arrived, in both directions. Side 0
 /// is the client, side 1 the server. Delivered in order, held back by the receiver's buffer, by the link and by
 /// a partition. It goes on by itself for as long as something is under way.
 class tcp_connection : public std::enable_shared_from_this<tcp_connection> {
 public:
-    tcp_connection(network& net, host& client, host& server, std::string client_name, std::string server_name);
+    tcp_connection(network& net, machine& client, machine& server, std::string client_name, std::string server_name);
 
     /// A stream on `on` at one of the sides; `local` of the one that was connected to.
-    std::unique_ptr<stream> open_side(std::size_t side, process& owner, loop& on, std::string peer, std::optional<endpoint> local = std::nullopt);
+    std::unique_ptr<stream> open_side(std::size_t side, socket_owner& owner, loop& on, std::string peer, std::optional<endpoint> local = std::nullopt);
 
     std::size_t room(std::size_t side) const;
     /// No room at that side while so many bytes wait there for the link's bandwidth.
@@ -46,8 +44,8 @@ private:
         std::size_t taken = 0;
     };
     struct half { // from one side to the other
-        host* from = nullptr;
-        host* to = nullptr;
+        machine* from = nullptr;
+        machine* to = nullptr;
         bool upward = false;
         std::string name;
         std::deque<segment> under_way;

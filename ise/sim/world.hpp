@@ -1,11 +1,8 @@
 #pragma once
-#include <ise/sim/fault_plan.hpp>
 #include <ise/sim/host.hpp>
 #include <ise/sim/network.hpp>
-#include <ise/sim/process.hpp>
-#include <ise/sim/scheduler.hpp>
 #include <ise/sim/serial_line.hpp>
-#include <ise/sim/trace.hpp>
+#include <ise/sim/world_core.hpp>
 
 #include <functional>
 #include <map>
@@ -30,16 +27,11 @@ namespace ise::sim {
 ///
 /// Lifetime: the world outlives what uses its processes; what is suspended when it goes is destroyed unresumed.
 /// Used from one thread. Nothing here waits in real time.
-class world {
+class world : public world_core {
 public:
     /// The same seed gives the same run.
     explicit world(std::uint64_t seed = 1);
     ~world();
-    world(const world&) = delete;
-    world& operator=(const world&) = delete;
-
-    /// As it was made with.
-    std::uint64_t seed() const noexcept { return seed_; }
 
     /// The host of that name, made when it is first asked for.
     sim::host& host(const std::string& name);
@@ -47,13 +39,6 @@ public:
     network& net() noexcept { return network_; }
     /// A serial line into that host, made when it is first asked for: device "/dev/" + name, or name.
     sim::serial_line& serial_line(const std::string& name, sim::host& into);
-
-    /// Virtual time.
-    time_point now() const noexcept { return scheduler_.now(); }
-    /// Virtual time since the world began.
-    duration elapsed() const noexcept { return now() - start; }
-    /// The wall clock at the beginning, UTC.
-    wall_time wall_start = std::chrono::sys_days(std::chrono::year(2017) / 9 / 4) + std::chrono::hours(8);
 
     /// Runs `action` when this much time has passed since the world began.
     void at(duration since_start, std::function<void()> action);
@@ -69,41 +54,11 @@ public:
     bool run_until_idle(duration within = std::chrono::hours(24));
 
     /// How many events a run may take; to be set before it runs.
-    scheduler::bounds& bounds() noexcept { return scheduler_.limits; }
-
-    /// The n-th I/O operation from now on fails, whichever it is: see fault_plan.
-    void fail_at(std::uint64_t n, std::error_code with = asio::error::connection_reset) { faults_.fail_at(n, with); }
-    /// I/O operations so far.
-    std::uint64_t operations() const noexcept { return faults_.operations(); }
-    /// Which operation fails, and whether it did.
-    fault_plan& faults() noexcept { return faults_; }
-
-    /// What happened so far.
-    sim::trace& trace() noexcept { return trace_; }
-    /// For programs that embed ISE on an executor of their own; run by the world only.
-    asio::io_context& context() noexcept { return scheduler_.context(); }
-
-    /// @cond
-    // For the world's parts.
-    scheduler& engine() noexcept { return scheduler_; }
-    sim::host* find_host(const std::string& name_or_address);
-    const std::map<std::string, std::unique_ptr<sim::host>>& hosts() const noexcept { return hosts_; }
-    void note(std::string_view kind, std::string_view subject, std::uint64_t amount = 0) {
-        trace_.note(now(), kind, subject, amount);
-    }
-    /// @endcond
-
-    /// Not zero, so that a time point that nobody has set is seen to be wrong.
-    static constexpr time_point start{std::chrono::hours(1)};
+    scheduler::bounds& bounds() noexcept { return engine().limits; }
 
 private:
-    std::uint64_t seed_;
-    fault_plan faults_;
-    sim::trace trace_;
-    scheduler scheduler_{start};
     network network_{*this};
     std::map<std::string, std::unique_ptr<sim::host>> hosts_;
-    std::map<std::string, std::unique_ptr<sim::serial_line>> serial_lines_;
 };
 
 } // namespace ise::sim

@@ -28,7 +28,7 @@ def target_of(root, file, quote, path):
                 parts.append(part)
         if (root / Path(*parts)).is_file():
             return PurePosixPath(*parts)
-    for prefix in ("", "components/", "apps/"):
+    for prefix in ("", "components/", "apps/", "tests/"):
         candidate = PurePosixPath(prefix + path)
         if candidate.parts[0] in ("ise", "components", "apps", "tests", "bench") and (
             prefix == "" or (root / Path(*candidate.parts)).is_file()

@@ -1,9 +1,11 @@
 #!/usr/bin/env python3
-"""The lints of the tree on themselves: layering, environment, names of machines."""
+"""The lints of the tree on themselves: layering, cycles, environment, names of machines."""
 
+import tempfile
 import unittest
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 
+import cycles
 import environment
 import machine_names
 from cpp_tokens import tokenize
@@ -42,6 +44,36 @@ class Layering(unittest.TestCase):
             ("tests/unit/net/x.cpp", "ise/sim/world.hpp"),
         ]:
             self.assertIsNone(objection(PurePosixPath(file), PurePosixPath(target)), (file, target))
+
+
+class Cycles(unittest.TestCase):
+    def found(self, files):
+        with tempfile.TemporaryDirectory() as folder:
+            for name, text in files.items():
+                path = Path(folder) / name
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_text(text)
+            return list(cycles.findings(cycles.modules(Path(folder))))
+
+    TIED = {
+        "ise/a.hpp": "", "ise/a.cpp": "#include <ise/a.hpp>\n#include <ise/b.hpp>\n", "ise/b.hpp": "#include <ise/c.hpp>",
+        "ise/c.hpp": "", "ise/c.cpp": '#include "c.hpp"\n#include "a.hpp"', "ise/above.hpp": "#include <ise/a.hpp>",
+    }
+
+    def test_a_cycle_is_found_with_the_includes_that_close_it(self):
+        self.assertEqual(self.found(self.TIED), [
+            "a cycle of 3 modules: ise/a ise/b ise/c", "  ise/a.cpp:2 includes ise/b.hpp", "  ise/b.hpp:1 includes ise/c.hpp",
+            "  ise/c.cpp:2 includes ise/a.hpp",
+        ])
+        tied = {"tests/x/one.hpp": '#include "two.hpp"', "tests/x/two.hpp": "#include <x/one.hpp>"}
+        self.assertEqual(self.found(tied)[0], "a cycle of 2 modules: tests/x/one tests/x/two")
+
+    def test_what_makes_none_passes(self):
+        self.assertEqual(self.found({
+            "ise/a.hpp": "#include <ise/b.hpp>", "ise/a.cpp": "#include <ise/a.hpp>", "ise/b.hpp": "// #include <ise/a.hpp>",
+            "ise/both.hpp": "#include <ise/a.hpp>\n#include <ise/b.hpp>",
+            "tests/x/memory.cpp": '#include "system.hpp"', "tests/x/system.hpp": "#include <memory>",
+        }), [])
 
 
 class Environment(unittest.TestCase):

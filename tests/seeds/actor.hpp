@@ -32,13 +32,16 @@ private:
     };
 
     ise::task<> run() override;
+    ise::task<> fails();
+
+    // actor_calls.cpp
+    void provide_calls();
     template <class Services>
     void provide_calls(const Services& services);
     template <class Request, class Response>
     Response answer_now(const Request& asked);
     template <class Request, class Response>
     ise::task<Response> handle(Request asked, const ise::call_context& context);
-
     ise::task<> calls(std::uint32_t number);
     void make_call(ise::sim::generator& draw, job& what, goal& to, ise::duration& limit);
     template <class Contract>
@@ -49,11 +52,13 @@ private:
     goal to_component(std::size_t number, bool by_name);
     goal to_role(const std::string& role);
 
+    // actor_subscriptions.cpp
+    ise::task<> publishes();
     template <class Contract>
     ise::task<> publishes(Contract service);
+    ise::task<> subscribes(const subscriber_plan& terms, std::size_t number);
     template <class Contract>
     ise::task<> subscribes(Contract service, subscriber_plan terms, std::size_t number);
-    ise::task<> fails();
 
     stage& stage_;
     const component_plan plan_;

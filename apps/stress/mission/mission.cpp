@@ -1,6 +1,5 @@
 #include "mission.hpp"
 
-#include "script.hpp"
 #include "serial_wire.hpp"
 
 #include <apps/stress/wire_relay.hpp>

@@ -3,10 +3,12 @@
 #include <apps/stress/taps.hpp>
 #include <apps/stress/troubles.hpp>
 
+#include <ise/component/component.hpp>
 #include <ise/component/node.hpp>
 
 #include <condition_variable>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <queue>
@@ -54,8 +56,30 @@ public:
     const ledger::verdict& proof() const noexcept { return proof_; }
 
 private:
-    class script;
     enum class task { leave, come, over };
+
+    /// Does what the plan says, when it says it (script.cpp).
+    class script final : public ise::component {
+    public:
+        explicit script(mission& of) : of_(of) {}
+
+    private:
+        struct event {
+            ise::duration at{};
+            std::function<void()> what;
+        };
+        ise::task<> run() override;
+        ise::task<bool> see_the_boat();
+        ise::task<> learn();
+        void begin(const fault& what);
+        void end(const fault& what);
+        void take_sample();
+        bool nothing_owed();
+        std::vector<event> timetable();
+
+        mission& of_;
+        std::map<trouble, std::size_t> open_;
+    };
 
     bool work();
     void judge();

@@ -1,4 +1,4 @@
-#include "script.hpp"
+#include "mission.hpp"
 
 #include "processes.hpp"
 

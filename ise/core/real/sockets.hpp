@@ -1,5 +1,6 @@
 #pragma once
 #include <ise/core/environment.hpp>
+#include <ise/core/loop.hpp>
 
 // The real transports behind the interfaces of core/stream.hpp; private to core/real.
 namespace ise::real {

@@ -1,7 +1,6 @@
 #include <ise/net/udp/association.hpp>
 
 #include <ise/core/environment.hpp>
-#include <ise/net/udp/port.hpp>
 
 #include <asio/error.hpp>
 
@@ -13,7 +12,7 @@ constexpr duration until_the_kernel_has_room = std::chrono::milliseconds(1);
 
 } // namespace
 
-association::association(loop& on, std::shared_ptr<port> of, std::uint64_t id, std::uint64_t peer_id, endpoint peer)
+association::association(loop& on, std::shared_ptr<association_port> of, std::uint64_t id, std::uint64_t peer_id, endpoint peer)
     : on_(on), port_(std::move(of)), id_(id), first_peer_(peer), peer_(std::move(peer)), channel_(peer_id), timer_(on, [this] { on_timer(); }),
       readable_(on, [this] { cancelled_ = true; readable_.resume(); }), writable_(on, [this] { cancelled_ = true; writable_.resume(); }) {}
 

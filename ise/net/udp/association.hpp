@@ -4,9 +4,27 @@
 #include <ise/net/datagram_stream.hpp>
 #include <ise/net/udp/channel.hpp>
 
+#include <mutex>
+
 namespace ise::net::udp {
 
-class port;
+class association;
+
+/// What a channel needs of the port that it goes over.
+class association_port {
+public:
+    virtual std::error_code send(const endpoint& to, bytes_view content) = 0;
+    /// Held where the socket is closed or a peer's address changes, and by whoever sends from another thread.
+    virtual std::unique_lock<std::mutex> lock() = 0;
+    /// For the datagram that is being made.
+    virtual buffer& scratch() noexcept = 0;
+    /// Whether a channel may still send what its user has left; until it is forgotten.
+    virtual bool lets_drain() noexcept = 0;
+    virtual void forget(association& gone) = 0;
+
+protected:
+    ~association_port() = default;
+};
 
 /// A channel with its peer's address, its timer, and whoever uses it: acts as the channel decides. Shared by its port,
 /// which hands it datagrams, and the stream of its user.
@@ -15,7 +33,7 @@ public:
     /// How long what was written last is sent again after the user has left.
     static constexpr duration longest_drain = std::chrono::seconds(3);
 
-    association(loop& on, std::shared_ptr<port> of, std::uint64_t id, std::uint64_t peer_id, endpoint peer);
+    association(loop& on, std::shared_ptr<association_port> of, std::uint64_t id, std::uint64_t peer_id, endpoint peer);
 
     std::uint64_t id() const noexcept { return id_; }
     const endpoint& peer() const noexcept { return peer_; }
@@ -66,7 +84,7 @@ private:
     void part(bool tell);
 
     loop& on_;
-    std::shared_ptr<port> port_;
+    std::shared_ptr<association_port> port_;
     std::uint64_t id_;
     const endpoint first_peer_;
     endpoint peer_;        // changed under the port's lock: signs are sent from another thread

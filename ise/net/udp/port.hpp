@@ -5,13 +5,12 @@
 #include <deque>
 #include <map>
 #include <memory>
-#include <mutex>
 
 namespace ise::net::udp {
 
 /// One socket and all that is said over it. A listener's serves everybody who comes, a requester's one peer. Whoever
 /// waits for datagrams (the listener's `accept`, the requester's `read_some`) hands them to `take`.
-class port final : public std::enable_shared_from_this<port> {
+class port final : public association_port, public std::enable_shared_from_this<port> {
 public:
     /// Channels that nobody has accepted yet; a stranger beyond asks again.
     static constexpr std::size_t max_waiting = 64;
@@ -24,10 +23,9 @@ public:
     auto receive() { return socket_->receive(); }
     /// Takes a datagram; inside a turn.
     void take(const datagram& came);
-    std::error_code send(const endpoint& to, bytes_view content) { return closed_ ? std::error_code() : socket_->try_send(to, content); }
-    /// Held where the socket is closed or a peer's address changes, and by whoever sends from another thread.
-    std::unique_lock<std::mutex> lock() { return std::unique_lock(mutex_); }
-    buffer& scratch() noexcept { return scratch_; }
+    std::error_code send(const endpoint& to, bytes_view content) override { return closed_ ? std::error_code() : socket_->try_send(to, content); }
+    std::unique_lock<std::mutex> lock() override { return std::unique_lock(mutex_); }
+    buffer& scratch() noexcept override { return scratch_; }
     endpoint where() const { return socket_->where(); }
     loop& on() noexcept { return on_; }
 
@@ -38,9 +36,8 @@ public:
     /// Ends everything now.
     void close();
     bool closed() const noexcept { return closed_; }
-    /// Whether a channel may still send what its user has left; until it is forgotten.
-    bool lets_drain() noexcept;
-    void forget(association& gone);
+    bool lets_drain() noexcept override;
+    void forget(association& gone) override;
 
     /// Opens a channel to `to`, asking again with growing pauses; `opened()` has it once the peer has answered.
     std::error_code dial(const endpoint& to);

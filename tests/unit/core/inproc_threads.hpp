@@ -1,6 +1,7 @@
 // Loops on threads of their own, for the tests of what lies between threads: the least environment that works.
 #pragma once
 #include <ise/core/environment.hpp>
+#include <ise/core/loop.hpp>
 
 #include <asio/co_spawn.hpp>
 #include <asio/detached.hpp>

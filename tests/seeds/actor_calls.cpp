@@ -1,15 +1,21 @@
-// How an actor calls others. Part of actor.cpp.
-#pragma once
+// How an actor calls others, and what it does when it is called.
 #include "actor.hpp"
 
 #include <asio/bind_cancellation_slot.hpp>
 
+#include <stdexcept>
+
 namespace seeds {
 
-/// Of the calls that a handler makes.
-inline constexpr ise::duration inner_limit = std::chrono::seconds(1);
+using namespace std::chrono_literals;
+using ise::task;
 
-inline std::string host_of(const stage& of, const std::string& path) {
+namespace {
+
+/// Of the calls that a handler makes.
+constexpr ise::duration inner_limit = 1s;
+
+std::string host_of(const stage& of, const std::string& path) {
     for (const auto& one : of.plan.components)
         if (one.path == path) return of.plan.processes[one.process].host;
     return {};
@@ -32,7 +38,7 @@ To converted(From&& from) {
 }
 
 /// What the biggest bursts of requests and answers take through the window of a connection, which is full of them.
-inline ise::duration transit(const plan& of) {
+ise::duration transit(const plan& of) {
     std::uint64_t most = 0;
     for (const auto& one : of.components) most = std::max<std::uint64_t>(most, one.request_bytes);
     return (60 * most / (64 * 1024)) * 2 * of.latency;
@@ -70,8 +76,10 @@ private:
     bool over_ = false;
 };
 
+} // namespace
+
 template <class Contract>
-ise::task<ise::result<done>> actor::ask(Contract service, ise::remote to, call_terms terms, job what, ise::duration limit) {
+task<ise::result<done>> actor::ask(Contract service, ise::remote to, call_terms terms, job what, ise::duration limit) {
     census::citizen here(coroutines_);
     open_call mine(stage_.calls, std::move(terms));
     what.id = mine.id();
@@ -87,7 +95,7 @@ void actor::fire(const Contract& service, const ise::remote& to, call_terms term
     auto heard = [mine](ise::result<typename Contract::response_type> got) { [[maybe_unused]] auto told = mine->outcome(got); };
     to.try_call(service, converted<typename Contract::request_type>(what), limit, asio::bind_cancellation_slot(mine->cancel.slot(), std::move(heard)));
     if (patience <= ise::duration{}) return;
-    auto waits = [](ise::component& self, census& in, std::shared_ptr<open_call> call, ise::duration time) -> ise::task<> {
+    auto waits = [](ise::component& self, census& in, std::shared_ptr<open_call> call, ise::duration time) -> task<> {
         census::citizen here(in);
         co_await self.sleep(time);
         if (!call->over()) call->give_up();
@@ -95,7 +103,7 @@ void actor::fire(const Contract& service, const ise::remote& to, call_terms term
     spawn("patience", waits(*this, coroutines_, mine, patience));
 }
 
-inline call_terms actor::terms_of(std::string_view service, const goal& to, const job& what, ise::duration limit) const {
+call_terms actor::terms_of(std::string_view service, const goal& to, const job& what, ise::duration limit) const {
     call_terms made;
     made.service = service;
     made.caller = path();
@@ -114,7 +122,7 @@ inline call_terms actor::terms_of(std::string_view service, const goal& to, cons
     return made;
 }
 
-inline actor::goal actor::to_component(std::size_t number, bool by_name) {
+actor::goal actor::to_component(std::size_t number, bool by_name) {
     const auto& other = stage_.plan.components[number];
     goal made;
     made.host = stage_.plan.processes[other.process].host;
@@ -131,7 +139,7 @@ inline actor::goal actor::to_component(std::size_t number, bool by_name) {
     return made;
 }
 
-inline actor::goal actor::to_role(const std::string& role) {
+actor::goal actor::to_role(const std::string& role) {
     goal made;
     made.name = role;
     made.way = at(role);
@@ -140,8 +148,7 @@ inline actor::goal actor::to_role(const std::string& role) {
     return made;
 }
 
-inline void actor::make_call(ise::sim::generator& draw, job& what, goal& to, ise::duration& limit) {
-    using namespace std::chrono_literals;
+void actor::make_call(ise::sim::generator& draw, job& what, goal& to, ise::duration& limit) {
     const auto& all = stage_.plan.components;
     auto target = draw.below(all.size());
     to = to_component(target, draw.chance(0.75));
@@ -158,8 +165,7 @@ inline void actor::make_call(ise::sim::generator& draw, job& what, goal& to, ise
     }
 }
 
-inline ise::task<> actor::calls(std::uint32_t number) {
-    using namespace std::chrono_literals;
+task<> actor::calls(std::uint32_t number) {
     census::citizen here(coroutines_);
     ise::sim::generator draw(stage_.plan.seed, fmt::format("calls of {} {} {} {}", path(), life_, flows_, number));
     ise::remote kept; // a handle is held for a while, so that its session lives between calls
@@ -204,6 +210,79 @@ inline ise::task<> actor::calls(std::uint32_t number) {
             }
             if (same == 0) break;
         }
+    }
+}
+
+template <class Services>
+void actor::provide_calls(const Services& services) {
+    using request = typename std::decay_t<decltype(services.instant)>::request_type;
+    using response = typename std::decay_t<decltype(services.instant)>::response_type;
+    provide(services.instant, [this](request asked) { return answer_now<request, response>(asked); });
+    provide(services.working, [this](request asked, const ise::call_context& context) { return handle<request, response>(std::move(asked), context); });
+    provide_exclusive(services.alone, [this](request asked, const ise::call_context& context) { return handle<request, response>(std::move(asked), context); });
+}
+
+template <class Request, class Response>
+Response actor::answer_now(const Request& asked) {
+    stage_.calls.run_began(asked.id, path());
+    if (asked.fail) throw std::runtime_error("as it was asked to");
+    stage_.calls.run_ended(asked.id);
+    Response made;
+    made.id = asked.id;
+    made.check = sum_of(asked.content);
+    made.content = asked.content;
+    return made;
+}
+
+template <class Request, class Response>
+task<Response> actor::handle(Request asked, const ise::call_context& context) {
+    census::citizen here(coroutines_);
+    stage_.calls.run_began(asked.id, path());
+    if (asked.work_ms > 0) co_await sleep(std::chrono::milliseconds(asked.work_ms));
+    if (asked.fail) throw std::runtime_error("as it was asked to");
+    if (asked.call_back) {
+        goal back;
+        back.name = std::string(context.caller);
+        back.by_name = false;
+        try {
+            back.way = caller(context);
+        } catch (const ise::error&) { // the session is over, and so is the call
+        }
+        if (back.way) {
+            job small;
+            small.content = {1, 2, 3};
+            auto terms = terms_of("instant", back, small, inner_limit);
+            terms.over_session = true;
+            terms.parent = asked.id;
+            terms.deadline = std::min(terms.deadline, context.deadline);
+            auto got = co_await ask(calls_now.instant, back.way, terms, small, inner_limit);
+        }
+    }
+    for (const auto& hop : asked.hops) {
+        goal next;
+        next.name = hop;
+        next.host = host_of(stage_, hop);
+        next.way = at(hop);
+        job small;
+        small.work_ms = 1;
+        auto terms = terms_of("working", next, small, inner_limit);
+        terms.parent = asked.id;
+        terms.deadline = std::min(terms.deadline, context.deadline);
+        auto got = co_await ask(calls_later.working, next.way, terms, small, inner_limit);
+    }
+    stage_.calls.run_ended(asked.id);
+    Response made;
+    made.id = asked.id;
+    made.check = sum_of(asked.content);
+    made.content = std::move(asked.content);
+    co_return made;
+}
+
+void actor::provide_calls() {
+    if (plan_.later_version) {
+        provide_calls(calls_later);
+    } else {
+        provide_calls(calls_now);
     }
 }
 

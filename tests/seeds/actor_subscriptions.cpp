@@ -1,8 +1,12 @@
-// How an actor publishes and subscribes. Part of actor.cpp.
-#pragma once
+// How an actor publishes and subscribes.
 #include "actor.hpp"
 
 namespace seeds {
+
+using namespace std::chrono_literals;
+using ise::task;
+
+namespace {
 
 /// A publication that the press knows for as long as its coroutine lives.
 class open_publication {
@@ -19,9 +23,10 @@ public:
     const std::uint64_t life;
 };
 
+} // namespace
+
 template <class Contract>
-ise::task<> actor::publishes(Contract service) {
-    using namespace std::chrono_literals;
+task<> actor::publishes(Contract service) {
     using packet = typename Contract::packet_type;
     census::citizen here(coroutines_);
     const auto& how = plan_.publishes;
@@ -58,6 +63,10 @@ ise::task<> actor::publishes(Contract service) {
     }
 }
 
+task<> actor::publishes() { return plan_.later_version ? publishes(later_beats) : publishes(beats); }
+
+namespace {
+
 /// Listed among the readers for as long as its coroutine lives.
 class listed_reader {
 public:
@@ -77,7 +86,7 @@ struct goal_text {
 };
 
 /// A subscription was not made: is there a reason?
-inline void subscription_refused(stage& of, const ise::failure& why, const std::string& who, const goal_text& to, ise::time_point began, ise::duration limit) {
+void subscription_refused(stage& of, const ise::failure& why, const std::string& who, const goal_text& to, ise::time_point began, ise::duration limit) {
     using ise::errc;
     of.events.note("{} could not subscribe to {}: {} {}", who, to.name, ise::name_of(why.code()), why.message());
     of.events.tally(fmt::format("subscribing that ended as {}", ise::name_of(why.code())));
@@ -97,9 +106,10 @@ inline void subscription_refused(stage& of, const ise::failure& why, const std::
     if (calm) of.events.broken("{}, and nothing was disturbed", told);
 }
 
+} // namespace
+
 template <class Contract>
-ise::task<> actor::subscribes(Contract service, subscriber_plan terms, std::size_t number) {
-    using namespace std::chrono_literals;
+task<> actor::subscribes(Contract service, subscriber_plan terms, std::size_t number) {
     census::citizen here(coroutines_);
     ise::sim::generator draw(stage_.plan.seed, fmt::format("subscription of {} {} {} {}", path(), life_, flows_, number));
     auto to = to_component(terms.provider, terms.by_name);
@@ -157,6 +167,10 @@ ise::task<> actor::subscribes(Contract service, subscriber_plan terms, std::size
             stage_.events.note("{} leaves {}", who, provider);
         }
     }
+}
+
+task<> actor::subscribes(const subscriber_plan& terms, std::size_t number) {
+    return terms.later_version ? subscribes(later_beats, terms, number) : subscribes(beats, terms, number);
 }
 
 } // namespace seeds

@@ -1,4 +1,4 @@
-#include <components/xbee/unescape.hpp>
+#include <components/xbee/framing.hpp>
 
 #include <fmt/format.h>
 
@@ -32,6 +32,20 @@ got next(ise::bytes_view wire, std::size_t& at, api_mode mode, std::uint8_t& out
 }
 
 } // namespace
+
+std::string_view name_of(refusal reason) noexcept {
+    switch (reason) {
+        case refusal::no_delimiter: return "no_delimiter";
+        case refusal::truncated: return "truncated";
+        case refusal::bad_length: return "bad_length";
+        case refusal::too_short_for_type: return "too_short_for_type";
+        case refusal::bad_checksum: return "bad_checksum";
+        case refusal::bad_escape: return "bad_escape";
+        case refusal::unexpected_delimiter: return "unexpected_delimiter";
+        case refusal::trailing_bytes: return "trailing_bytes";
+    }
+    return "unknown";
+}
 
 frame_scan scan_frame(ise::bytes_view wire, api_mode mode) {
     frame_scan scan;
