@@ -175,7 +175,8 @@ ise::result<void> track_archive::implementation::write() {
     for (const auto& row : packets) {
         const auto& p = row.packet;
         auto done =
-            db().execute("INSERT OR IGNORE INTO telemetry VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            db().execute("INSERT OR IGNORE INTO telemetry (boat, boot, sequence, link, kind, measured_at, received_at, "
+                         "history, raw) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
                        {row.boat, std::int64_t{p.boot}, std::int64_t{p.sequence}, static_cast<std::int64_t>(p.link),
                         row.kind, archived(p.measured_at), archived(p.received_at), std::int64_t{p.history}, p.raw});
         if (!done) return done.error();
@@ -251,7 +252,7 @@ ise::result<std::vector<telemetry_packet>> track_archive::telemetry(const std::s
                                                                     std::size_t max) {
     auto rows = self_->db().query(
         "SELECT boot, sequence, link, measured_at, received_at, history, raw FROM telemetry WHERE boat = ? "
-        "AND measured_at >= ? AND measured_at < ? ORDER BY measured_at, boot, sequence LIMIT ?",
+        "AND measured_at >= ? AND measured_at < ? ORDER BY measured_at, boot, sequence, number LIMIT ?",
         {boat, archived(from), archived(until), static_cast<std::int64_t>(max)});
     if (!rows) return rows.error();
     std::vector<telemetry_packet> all;
@@ -263,14 +264,16 @@ ise::result<std::vector<telemetry_packet>> track_archive::newest(const std::stri
     std::vector<telemetry_packet> all;
     for (auto name : telemetry_kinds) {
         std::string kind(name);
-        auto rows = self_->db().query("SELECT boot, sequence, link, measured_at, received_at, history, raw FROM "
-                                    "telemetry WHERE boat = ? AND kind = ? "
-                                    "ORDER BY measured_at DESC LIMIT ?",
-                                    {boat, kind, kind == "waypoints" ? newest_of_a_kind : 1});
+        // Of one time the first, as on the page.
+        auto rows = self_->db().query("SELECT boot, sequence, link, measured_at, received_at, history, raw FROM telemetry "
+                                      "WHERE boat = ? AND kind = ? ORDER BY shown_at DESC, number LIMIT ?",
+                                      {boat, kind, kind == "waypoints" ? newest_of_a_kind : 1});
         if (!rows) return rows.error();
         for (const auto& row : *rows) all.push_back(packet_of(row));
     }
-    std::ranges::stable_sort(all, {}, &telemetry_packet::measured_at);
+    std::ranges::stable_sort(all, {}, [](const telemetry_packet& one) {
+        return one.received_at > utc_time() ? std::min(one.measured_at, one.received_at) : one.measured_at;
+    });
     return all;
 }
 
