@@ -175,7 +175,9 @@ public:
     }
 
     ise::result<void> connect() {
-        if (auto own = check_place(); !own) return own;
+        // Nobody else can put another file, or a link to one, where this one is or will be.
+        auto own = in_memory(file_) ? ise::result<void>() : ise::check_own_file(file_, "open");
+        if (!own) return own;
         keep_private(file_);
         auto done = connect_by(SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE);
         if (!done) return done;
@@ -221,16 +223,6 @@ public:
     const std::string& file() const noexcept { return file_; }
 
 private:
-    /// Nobody else can put another file, or a link to one, where this one is or will be.
-    ise::result<void> check_place() const {
-        if (in_memory(file_)) return {};
-        auto slash = file_.rfind('/');
-        bool there = ::access(file_.c_str(), F_OK) == 0;
-        auto own = ise::check_own_path(there ? file_ : slash == file_.npos ? "." : slash == 0 ? "/" : file_.substr(0, slash));
-        if (own) return own;
-        return ise::failure(own.error().code(), fmt::format("{} cannot be opened: {}", file_, own.error().message()));
-    }
-
     ise::result<void> connect_by(int how) {
         int flags = how | SQLITE_OPEN_URI | SQLITE_OPEN_NOMUTEX;
         if (sqlite3_open_v2(location_of(file_).c_str(), &handle_, flags, nullptr) != SQLITE_OK)
