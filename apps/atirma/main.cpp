@@ -5,6 +5,7 @@
 #include <components/boat/decoded_telemetry.hpp>
 #include <components/communication_node/store_check.hpp>
 
+#include <ise/core/complain.hpp>
 #include <ise/core/real/environment.hpp>
 
 #include <CLI/CLI.hpp>
@@ -63,7 +64,7 @@ void say(const std::string& line) {
     std::fflush(stdout);
 }
 
-void complain(const std::string& what) { std::fputs(("atirma: " + what + "\n").c_str(), stderr); }
+void complain(std::string_view what) { ise::complain("atirma", what); }
 
 int run(const common_options& common, const std::vector<atirma::hosted>& wanted) {
     ise::real_environment world;

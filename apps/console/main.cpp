@@ -4,6 +4,7 @@
 #include <components/gui_client/gui_client.hpp>
 
 #include <ise/component/node.hpp>
+#include <ise/core/complain.hpp>
 #include <ise/core/real/environment.hpp>
 
 #include <CLI/CLI.hpp>
@@ -12,8 +13,8 @@
 #include <fmt/format.h>
 
 #include <csignal>
-#include <cstdio>
 #include <cstdlib>
+#include <string_view>
 
 // g++ 12 takes alternatives that an action does not hold for uninitialised.
 #if defined(__GNUC__) && !defined(__clang__)
@@ -32,7 +33,7 @@ struct arguments {
 
 volatile std::sig_atomic_t asked_to_end = 0;
 
-void complain(const std::string& what) { std::fputs(("atirma_console: " + what + "\n").c_str(), stderr); }
+void complain(std::string_view what) { ise::complain("atirma_console", what); }
 
 std::string variable(const char* name) {
     const char* value = std::getenv(name);

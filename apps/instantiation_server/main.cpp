@@ -1,7 +1,7 @@
 // The instantiation server of a host as a program: starts components, and watches over them.
 // Exit codes: 0 ended by SIGINT or SIGTERM, 1 it cannot run or failed (the reason is on stderr), 2 wrong usage.
 #include <ise/component/node.hpp>
-#include <ise/core/readable.hpp>
+#include <ise/core/complain.hpp>
 #include <ise/core/real/environment.hpp>
 #include <ise/instantiation/instantiation_server.hpp>
 #include <ise/instantiation/keeper.hpp>
@@ -129,7 +129,7 @@ int run(const settings& wanted) {
         std::fflush(stdout);
     });
     for (const auto& report : node.reports())
-        if (!report.failure.empty()) fmt::print(stderr, "ise_instantiation_server: {}\n", ise::readable(report.failure));
+        if (!report.failure.empty()) ise::complain("ise_instantiation_server", report.failure);
     // What runs is ended with it, or found by the next one. After a failure (the name is another's) it is left alone.
     if (code == 0 && !wanted.leave_running) {
         host.end_all(std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(wanted.grace_s)));
@@ -171,7 +171,7 @@ int main(int argc, char** argv) {
     } catch (const CLI::ParseError& wrong) {
         return app.exit(wrong) == 0 ? 0 : wrong_usage;
     } catch (const std::exception& thrown) {
-        fmt::print(stderr, "ise_instantiation_server: {}\n", thrown.what());
+        ise::complain("ise_instantiation_server", thrown.what());
         return cannot_run;
     }
 }

@@ -1,6 +1,7 @@
 // The name server as a program: where the components of a system find each other.
 // Exit codes: 0 ended by SIGINT or SIGTERM, 1 it cannot run (the reason is on stderr), 2 wrong usage.
 #include <ise/component/node.hpp>
+#include <ise/core/complain.hpp>
 #include <ise/core/real/environment.hpp>
 #include <ise/name_server/name_server.hpp>
 #include <ise/service/service_host.hpp>
@@ -11,11 +12,14 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <string_view>
 
 namespace {
 
 constexpr int cannot_run = 1;
 constexpr int wrong_usage = 2;
+
+void complain(std::string_view what) { ise::complain("ise_name_server", what); }
 
 struct settings {
     std::vector<std::string> listen, advertise;
@@ -68,8 +72,8 @@ std::shared_ptr<ise::server_memory> memory_of(const settings& wanted, ise::envir
     auto usable = made ? made->probe() : ise::result<void>(ise::failure(ise::errc::io_failed, "neither XDG_STATE_HOME nor HOME is set"));
     if (usable) return made;
     if (!wanted.state.empty()) throw ise::error(usable.error());
-    fmt::print(stderr, "ise_name_server: keeps no state, so that names could be taken from their holders when it is started again: {}; choose a file with --state\n",
-               usable.error().message());
+    complain(fmt::format("keeps no state, so that names could be taken from their holders when it is started again: {}; choose a file with --state",
+                         usable.error().message()));
     return nullptr;
 }
 
@@ -106,8 +110,9 @@ int run(const settings& wanted, ise::duration lease) {
         for (const auto& at : server.services().listening()) listening += (listening.empty() ? "" : " and ") + at.text();
     } catch (const ise::error& thrown) {
         if (thrown.code() != ise::errc::address_in_use) throw;
-        fmt::print(stderr, "ise_name_server: {}\nPerhaps a name server runs there already: one is enough. Else choose another place with --listen, "
-                           "and set ISE_NAME_SERVER to it for the others.\n", thrown.what());
+        complain(thrown.what());
+        complain("perhaps a name server runs there already: one is enough. Else choose another place with --listen, and set "
+                 "ISE_NAME_SERVER to it for the others");
         return cannot_run;
     }
     return ise::run_until_signal(node, [&] {
@@ -141,7 +146,7 @@ int main(int argc, char** argv) {
     } catch (const CLI::ParseError& wrong) {
         return app.exit(wrong) == 0 ? 0 : wrong_usage;
     } catch (const std::exception& thrown) {
-        fmt::print(stderr, "ise_name_server: {}\n", thrown.what());
+        complain(thrown.what());
         return cannot_run;
     }
 }

@@ -5,6 +5,8 @@
 
 #include <components/gui_client/console_state.hpp>
 
+#include <ise/core/complain.hpp>
+
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
@@ -15,6 +17,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -24,7 +27,7 @@ namespace {
 
 namespace stress = atirma::stress;
 
-void complain(const std::string& what) { std::fputs(("atirma_stress: " + what + "\n").c_str(), stderr); }
+void complain(std::string_view what) { ise::complain("atirma_stress", what); }
 
 std::string read(const std::string& file) {
     std::ifstream in(file, std::ios::binary);

@@ -40,6 +40,15 @@ ise::task<> telemetry_follower::run() {
     }
 }
 
+void telemetry_follower::begin_anew() {
+    seen.clear();
+    told_ = duplicate_filter();
+    alive_ = std::make_shared<bool>(true); // an answer that is under way follows what was known
+    asking_ = false;
+    missing_ = !plain_;
+    if (stream_) look();
+}
+
 bool telemetry_follower::knows(const telemetry_packet& packet) const {
     auto up_to = [this](std::uint64_t store) {
         auto found = seen.find(store);

@@ -25,6 +25,8 @@ public:
     /// Follows until the provider ends the subscription. Throws as `subscribe` does. May be called again: nothing is
     /// told twice. Cancellation: terminal.
     ise::task<> run();
+    /// Asks for everything once more, from the beginning: each packet is told again.
+    void begin_anew();
     /// Whether packets can come now.
     bool connected() const noexcept { return stream_ && stream_->connected(); }
     /// Whether all that the provider had when it was asked last has been told.

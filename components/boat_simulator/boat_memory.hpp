@@ -12,8 +12,9 @@ class boat_memory {
 public:
     static constexpr std::size_t kept_commands = simulator::simulated_boat::remembered_commands;
 
-    /// "memory:NAME" as `database`. Errors: io_failed; invalid_argument for a file of a newer program.
-    static ise::result<boat_memory> open(const std::string& file);
+    /// "memory:NAME" as `database`. Of a damaged file, what can still be read is kept. Errors: io_failed; malformed (only
+    /// without `how`); invalid_argument for a file of a newer program.
+    static ise::result<boat_memory> open(const std::string& file, when_damaged how = when_damaged());
 
     /// As it was kept last; nothing in a new file. Errors: io_failed, malformed.
     ise::result<std::optional<simulator::remembered_boat>> last();

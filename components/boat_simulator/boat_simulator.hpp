@@ -83,6 +83,7 @@ private:
     std::unique_ptr<iridium_uplink> iridium_;
     std::unique_ptr<gprs::uplink_port> uplink_;
     std::optional<boat_memory> memory_;
+    bool memory_is_new_ = false; ///< its file was damaged, and begun anew
     std::string memory_trouble_;
     std::vector<ise::bytes> not_acknowledged_; // in the life before
     ise::time_point remember_at_{};

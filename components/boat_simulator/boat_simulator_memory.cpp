@@ -1,15 +1,20 @@
 // What the boat keeps over the loss of its power.
 #include <components/boat_simulator/boat_simulator.hpp>
 
+#include <utility>
+
 namespace atirma {
 namespace {
 constexpr ise::duration remember_period = std::chrono::seconds(10);
 }
 
-/// A memory that cannot be read is an error: going on without it would send a boat on its way from the beginning.
+/// A memory that cannot be opened is an error: going on without it would send a boat on its way from the beginning. Of a
+/// damaged one the boat goes on with what can be read.
 void boat_simulator::open_memory(simulator::boat_options& made) {
     memory_.reset();
-    memory_.emplace(boat_memory::open(options_.memory_file).value());
+    when_damaged how(log(), [this] { return std::chrono::floor<std::chrono::system_clock::duration>(wall()); });
+    how.begun = [this](database&, const std::string&) { memory_is_new_ = true; };
+    memory_.emplace(boat_memory::open(options_.memory_file, std::move(how)).value());
     made.resumed = memory_->last().value();
     made.executed = memory_->executed().value();
     not_acknowledged_ = memory_->take_unacknowledged().value();
@@ -24,6 +29,10 @@ void boat_simulator::open_memory(simulator::boat_options& made) {
 }
 
 void boat_simulator::remember() {
+    if (std::exchange(memory_is_new_, false)) { // all that is known goes there
+        commands_kept_ = 0;
+        remember_at_ = {};
+    }
     auto executed = boat_->executed_count();
     bool told = executed != commands_kept_;
     if (told) {

@@ -71,11 +71,10 @@ ise::task<> communication_node::open_store() {
         }
         auto why = known.error();
         if (why.code() == ise::errc::malformed) {
-            auto moved = store ? store->set_aside(wall()) : atirma::set_aside(options_.file, wall());
+            auto moved = store ? store->set_aside(why, wall(), log())
+                               : atirma::set_aside(options_.file, why, wall(), log());
             if (moved) {
                 notice = notice_of(why, *moved);
-                log().error("its store is damaged and was set aside; a new one is filled from it and from the other node",
-                            {{"cause", why.message()}, {"set aside as", *moved}});
                 aside.push_back(*moved);
             } else {
                 why = ise::failure(ise::errc::io_failed,
@@ -94,7 +93,7 @@ ise::task<> communication_node::open_store() {
 
 void communication_node::replace_store(const ise::failure& why) {
     auto& c = *core_;
-    auto aside = c.store.set_aside(wall());
+    auto aside = c.store.set_aside(why, wall(), log());
     if (!aside) {
         auto text = fmt::format("{}; {}", why.message(), aside.error().message());
         if (text != c.trouble) log().error("its store is damaged", {{"cause", text}});
@@ -104,8 +103,6 @@ void communication_node::replace_store(const ise::failure& why) {
         return;
     }
     c.store_notice = notice_of(why, *aside);
-    log().error("its store is damaged and was set aside; a new one is filled from it and from the other node",
-                {{"cause", why.message()}, {"set aside as", *aside}});
     c.refilling = true;
     begin_store_anew();
     begin_salvage(*aside);

@@ -214,10 +214,11 @@ std::vector<store_part> node_store::known_of_peer() const {
     return made;
 }
 
-ise::result<std::string> node_store::set_aside(std::chrono::system_clock::time_point now) {
+ise::result<std::string> node_store::set_aside(const ise::failure& cause, std::chrono::system_clock::time_point now,
+                                               const ise::logger& log) {
     auto file = db_.file();
     db_.close();
-    return atirma::set_aside(file, now);
+    return atirma::set_aside(file, cause, now, log);
 }
 
 ise::result<void> node_store::begin_anew(std::uint64_t fresh_number) {

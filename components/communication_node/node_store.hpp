@@ -32,7 +32,8 @@ public:
     store_part shared(std::span<const store_part> known) const;
 
     /// Closes the file and sets it aside (storage): its new name. Every call but `begin_anew` fails from then on.
-    ise::result<std::string> set_aside(std::chrono::system_clock::time_point now);
+    ise::result<std::string> set_aside(const ise::failure& cause, std::chrono::system_clock::time_point now,
+                                       const ise::logger& log);
     /// A new file in its place, empty.
     ise::result<void> begin_anew(std::uint64_t fresh_number);
     bool is_open() const noexcept { return db_.is_open(); }

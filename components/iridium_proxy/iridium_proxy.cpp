@@ -87,7 +87,9 @@ std::unique_ptr<mt_path> iridium_proxy::make_path() {
 ise::task<> iridium_proxy::run() {
     check_options();
     state_.reset();
-    state_ = std::make_unique<proxy_state>(on(), sbd_store::open(options_.database).value(), options_.queue,
+    when_damaged how(log(), [this] { return std::chrono::floor<std::chrono::system_clock::duration>(wall()); });
+    how.begun = [this](database&, const std::string&) { keep_what_is_open(); };
+    state_ = std::make_unique<proxy_state>(on(), sbd_store::open(options_.database, std::move(how)).value(), options_.queue,
                                            [this] { work(); }, [this] { hand_on(); });
     auto& s = *state_;
     s.clock_ahead = s.store.clock_ahead().value();
@@ -122,6 +124,16 @@ ise::task<> iridium_proxy::run() {
         s.account(account());
         co_await sleep(options_.account_period);
     }
+}
+
+/// A damaged file was replaced: the telecommands that are known here go to the new one.
+void iridium_proxy::keep_what_is_open() {
+    if (!state_) return;
+    auto& s = *state_;
+    auto kept = s.store.keep_clock_ahead(s.clock_ahead);
+    for (const auto* entry : s.queue.open())
+        if (kept) kept = s.store.save(*entry);
+    if (!kept) disk_trouble(kept.error());
 }
 
 /// Everything through which something of the boat comes.

@@ -77,6 +77,7 @@ private:
     ise::task<> run() override;
     void check_options() const;
     std::unique_ptr<mt_path> make_path();
+    void keep_what_is_open();
     void open_doors();
     void provide_all();
 

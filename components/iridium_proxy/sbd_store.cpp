@@ -44,8 +44,8 @@ std::string day_text(utc_time at) {
                        static_cast<unsigned>(date.day()));
 }
 
-ise::result<sbd_store> sbd_store::open(const std::string& file) {
-    auto opened = database::open(file, schema);
+ise::result<sbd_store> sbd_store::open(const std::string& file, when_damaged how) {
+    auto opened = database::open(file, schema, when_damaged::keeping_readable(std::move(how)));
     if (!opened) return opened.error();
     return sbd_store(std::move(*opened));
 }

@@ -7,10 +7,11 @@
 namespace atirma {
 
 /// What of Iridium survives the proxy: each message of the boat, the telecommands, and what was spent. Errors of all:
-/// io_failed.
+/// io_failed; malformed where the file is damaged.
 class sbd_store {
 public:
-    static ise::result<sbd_store> open(const std::string& file);
+    /// Of a damaged file, what can still be read is kept.
+    static ise::result<sbd_store> open(const std::string& file, when_damaged how = when_damaged());
 
     /// Keeps a message before its sender is told that it was taken; true if it is new. It is counted as spent, too.
     ise::result<bool> add(const iridium::mo_message& message, std::string_view path, utc_time now,

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <sqlite3.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
@@ -15,6 +16,7 @@
 #include <ranges>
 #include <sys/stat.h>
 #include <unistd.h>
+#include <utility>
 
 namespace atirma {
 
@@ -73,6 +75,12 @@ database_value cell(sqlite3_stmt* of, int column) {
     }
     default: return std::monostate{};
     }
+}
+
+std::vector<database_value> cells_of(sqlite3_stmt* row) {
+    std::vector<database_value> cells;
+    for (int column = 0; column < sqlite3_column_count(row); ++column) cells.push_back(cell(row, column));
+    return cells;
 }
 
 constexpr std::string_view memory_prefix = "memory:";
@@ -167,7 +175,9 @@ public:
     }
 
     ise::result<void> connect() {
-        if (auto own = check_place(); !own) return own;
+        // Nobody else can put another file, or a link to one, where this one is or will be.
+        auto own = in_memory(file_) ? ise::result<void>() : ise::check_own_file(file_, "open");
+        if (!own) return own;
         keep_private(file_);
         auto done = connect_by(SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE);
         if (!done) return done;
@@ -185,7 +195,7 @@ public:
 
     /// Calls `on_row` for each row. Statements are compiled once; their number is that of the texts in the program.
     template <class OnRow>
-    ise::result<void> run(std::string_view sql, std::initializer_list<database_value> values, OnRow on_row) {
+    ise::result<void> run(std::string_view sql, std::span<const database_value> values, OnRow on_row) {
         if (!handle_) return failed(sql);
         auto found = statements_.find(sql);
         if (found == statements_.end()) {
@@ -209,19 +219,10 @@ public:
     }
 
     sqlite3* handle() const noexcept { return handle_; }
+    bool in_transaction() const noexcept { return handle_ && sqlite3_get_autocommit(handle_) == 0; }
     const std::string& file() const noexcept { return file_; }
 
 private:
-    /// Nobody else can put another file, or a link to one, where this one is or will be.
-    ise::result<void> check_place() const {
-        if (in_memory(file_)) return {};
-        auto slash = file_.rfind('/');
-        bool there = ::access(file_.c_str(), F_OK) == 0;
-        auto own = ise::check_own_path(there ? file_ : slash == file_.npos ? "." : slash == 0 ? "/" : file_.substr(0, slash));
-        if (own) return own;
-        return ise::failure(own.error().code(), fmt::format("{} cannot be opened: {}", file_, own.error().message()));
-    }
-
     ise::result<void> connect_by(int how) {
         int flags = how | SQLITE_OPEN_URI | SQLITE_OPEN_NOMUTEX;
         if (sqlite3_open_v2(location_of(file_).c_str(), &handle_, flags, nullptr) != SQLITE_OK)
@@ -245,12 +246,71 @@ private:
     std::map<std::string, statement, std::less<>> statements_;
 };
 
+/// What a database needs to begin anew.
+struct database::replacing {
+    std::vector<std::string_view> schema;
+    when_damaged how;
+    std::optional<ise::failure> damage = std::nullopt; ///< the file is not set aside yet
+    std::string aside = std::string();                 ///< and this one has no successor yet
+    bool under_way = false;
+};
+
 database::database(std::unique_ptr<state> opened) : state_(std::move(opened)) {}
 database::database(database&&) noexcept = default;
 database& database::operator=(database&&) noexcept = default;
 database::~database() = default;
 
-ise::result<database> database::open(const std::string& file, std::span<const std::string_view> schema) {
+ise::result<database> database::open(const std::string& file, std::span<const std::string_view> schema,
+                                     when_damaged how) {
+    auto opened = open_as_it_is(file, schema);
+    if (!how.wall || (!opened && opened.error().code() != ise::errc::malformed)) return opened;
+    auto made = opened ? std::move(*opened) : database(std::make_unique<state>(file));
+    made.replacing_ = std::make_unique<replacing>();
+    made.replacing_->schema.assign(schema.begin(), schema.end());
+    made.replacing_->how = std::move(how);
+    if (!opened) made.replacing_->damage = opened.error();
+    if (auto ready = made.replace_damaged(); !ready) return ready.error();
+    return made;
+}
+
+/// Where the damage was met, or an earlier attempt to replace the file failed: the next one.
+ise::result<void> database::replace_damaged() {
+    if (!replacing_ || replacing_->under_way) return {};
+    auto& r = *replacing_;
+    if (r.damage) {
+        state_->close();
+        auto aside = atirma::set_aside(file(), *r.damage, r.how.wall(), r.how.log);
+        if (!aside)
+            return ise::failure(ise::errc::io_failed,
+                                fmt::format("{}; {}", r.damage->message(), aside.error().message()));
+        r.aside = *aside;
+        r.damage.reset();
+    }
+    if (r.aside.empty()) return {};
+    auto fresh = open_as_it_is(file(), r.schema);
+    if (!fresh) return fresh.error();
+    state_ = std::move(fresh->state_);
+    auto aside = std::exchange(r.aside, {});
+    r.under_way = true;
+    if (r.how.begun) r.how.begun(*this, aside);
+    r.under_way = false;
+    return {};
+}
+
+/// Once more on the new file where the damage was met outside a transaction.
+template <class Run>
+auto database::attempt(Run run) -> decltype(run()) {
+    if (auto ready = replace_damaged(); !ready) return ready.error();
+    bool whole = !state_->in_transaction();
+    auto done = run();
+    if (done || done.error().code() != ise::errc::malformed || !replacing_ || replacing_->under_way) return done;
+    replacing_->damage = done.error();
+    if (auto replaced = replace_damaged(); !replaced) return replaced.error();
+    if (!whole) return done;
+    return run();
+}
+
+ise::result<database> database::open_as_it_is(const std::string& file, std::span<const std::string_view> schema) {
     auto opening = std::make_unique<state>(file);
     auto connected = opening->connect();
     if (!connected) return connected.error();
@@ -283,38 +343,43 @@ ise::result<database> database::open_to_read(const std::string& file) {
 }
 
 ise::result<std::int64_t> database::execute(std::string_view sql, values bound) {
-    auto done = state_->run(sql, bound, [](sqlite3_stmt*) {});
+    auto done = attempt([&] { return state_->run(sql, std::span(bound.begin(), bound.size()), [](sqlite3_stmt*) {}); });
     if (!done) return done.error();
     return std::int64_t{sqlite3_changes64(state_->handle())};
 }
 
 ise::result<std::vector<database_row>> database::query(std::string_view sql, values bound) {
     std::vector<database_row> rows;
-    auto done = state_->run(sql, bound, [&](sqlite3_stmt* row) {
-        std::vector<database_value> cells;
-        for (int column = 0; column < sqlite3_column_count(row); ++column) cells.push_back(cell(row, column));
-        rows.emplace_back(std::move(cells));
+    auto keep = [&](sqlite3_stmt* row) { rows.emplace_back(cells_of(row)); };
+    auto done = attempt([&] {
+        rows.clear();
+        return state_->run(sql, std::span(bound.begin(), bound.size()), keep);
     });
     if (!done) return done.error();
     return rows;
 }
 
-ise::result<void> database::begin() { return state_->script("BEGIN IMMEDIATE"); }
+ise::result<void> database::begin() {
+    return attempt([&] { return state_->script("BEGIN IMMEDIATE"); });
+}
 
 ise::result<void> database::commit() {
-    auto done = state_->script("COMMIT");
+    auto done = attempt([&] { return state_->script("COMMIT"); });
     if (!done) rollback();
     return done;
 }
 
 void database::rollback() noexcept {
     if (!is_open()) return;
-    if (sqlite3_get_autocommit(state_->handle()) == 0) sqlite3_exec(state_->handle(), "ROLLBACK", nullptr, nullptr, nullptr);
+    if (state_->in_transaction()) sqlite3_exec(state_->handle(), "ROLLBACK", nullptr, nullptr, nullptr);
 }
 
 std::int64_t database::last_insert_id() const noexcept { return sqlite3_last_insert_rowid(state_->handle()); }
 const std::string& database::file() const noexcept { return state_->file(); }
-void database::close() noexcept { state_->close(); }
+void database::close() noexcept {
+    replacing_.reset();
+    state_->close();
+}
 bool database::is_open() const noexcept { return state_->handle() != nullptr; }
 
 ise::result<void> database::copy(const std::string& from, const std::string& to) {
@@ -328,7 +393,59 @@ ise::result<void> database::copy(const std::string& from, const std::string& to)
     return {};
 }
 
-ise::result<std::string> set_aside(const std::string& file, std::chrono::system_clock::time_point now) {
+ise::result<std::uint64_t> database::keep_readable(const std::string& damaged) {
+    constexpr std::string_view tables = "SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite%'";
+    constexpr std::string_view columns = "SELECT name FROM pragma_table_info(?)";
+    auto source = open_to_read(damaged);
+    if (!source) return source.error();
+    auto here = query(tables);
+    if (!here) return here.error();
+    if (auto begun = begin(); !begun) return begun.error();
+    std::uint64_t kept = 0;
+    for (const auto& row : *here) {
+        auto table = row.text(0);
+        auto ours = query(columns, {table}), theirs = source->query(columns, {table});
+        if (!ours || !theirs) continue;
+        std::string names = "rowid", places = "?";
+        for (const auto& column : *ours) {
+            auto same = [&](const database_row& other) { return other.text(0) == column.text(0); };
+            if (std::ranges::none_of(*theirs, same)) continue;
+            names += fmt::format(", \"{}\"", column.text(0));
+            places += ", ?";
+        }
+        auto put = fmt::format("INSERT OR IGNORE INTO \"{}\"({}) VALUES({})", table, names, places);
+        std::optional<ise::failure> refused;
+        auto keep = [&](sqlite3_stmt* found) {
+            auto done = refused ? ise::result<void>() : state_->run(put, cells_of(found), [](sqlite3_stmt*) {});
+            if (!done) refused = done.error();
+            else if (!refused) kept += static_cast<std::uint64_t>(sqlite3_changes64(state_->handle()));
+        };
+        // From both ends up to where it is damaged.
+        for (const auto* order : {"", " DESC"}) {
+            auto all = fmt::format("SELECT {} FROM \"{}\" ORDER BY rowid{}", names, table, order);
+            if (source->state_->run(all, {}, keep)) break;
+        }
+        if (refused) {
+            rollback();
+            return *refused;
+        }
+    }
+    if (auto done = commit(); !done) return done.error();
+    return kept;
+}
+
+when_damaged when_damaged::keeping_readable(when_damaged how) {
+    how.begun = [log = how.log, then = std::move(how.begun)](database& fresh, const std::string& aside) {
+        auto kept = fresh.keep_readable(aside);
+        if (kept) log.warning("what can be read of the damaged database is kept again", {{"rows", std::to_string(*kept)}});
+        else log.error("nothing of the damaged database can be kept again", {{"cause", kept.error().message()}});
+        if (then) then(fresh, aside);
+    };
+    return how;
+}
+
+ise::result<std::string> set_aside(const std::string& file, const ise::failure& cause,
+                                   std::chrono::system_clock::time_point now, const ise::logger& log) {
     auto failed = [&](const std::string& why) {
         return ise::failure(ise::errc::io_failed, fmt::format("{}: cannot be set aside: {}", file, why));
     };
@@ -347,6 +464,8 @@ ise::result<std::string> set_aside(const std::string& file, std::chrono::system_
         if (!taken(path)) continue;
         if (::rename(path.c_str(), (aside + part).c_str()) != 0) return failed(std::strerror(errno));
     }
+    log.error("a database is damaged and was set aside; a new one takes its place",
+              {{"cause", cause.message()}, {"set aside as", aside}});
     return aside;
 }
 

@@ -1,9 +1,11 @@
 #pragma once
+#include <ise/core/log.hpp>
 #include <ise/core/result.hpp>
 
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <initializer_list>
 #include <memory>
 #include <optional>
@@ -34,6 +36,23 @@ private:
     std::vector<database_value> cells_;
 };
 
+class database;
+
+/// How a component goes on when its file is damaged: the file is set aside, and a new one is begun in its place.
+struct when_damaged {
+    /// The file is left as it is, and each call that meets the damage fails.
+    when_damaged() = default;
+    when_damaged(ise::logger log_to, std::function<std::chrono::system_clock::time_point()> clock)
+        : log(std::move(log_to)), wall(std::move(clock)) {}
+
+    ise::logger log;                                                      ///< gets an error with the file's new name
+    std::function<std::chrono::system_clock::time_point()> wall;          ///< for that name; empty: nothing is done
+    std::function<void(database& fresh, const std::string& aside)> begun; ///< called with the new file; may be empty
+
+    /// `begun` first copies what can still be read into the new file (`database::keep_readable`), and logs how much.
+    static when_damaged keeping_readable(when_damaged how);
+};
+
 /// What must not be lost when a component or its host dies: SQLite, one file.
 ///
 /// What `execute` of a write or `commit` of a transaction returned success for is on the disk, also after a loss of power.
@@ -48,7 +67,8 @@ private:
 ///
 /// Not thread-safe: used by one component, on its loop. Each call blocks for as long as the disk takes.
 /// Errors: io_failed, with the file, what was tried, and SQLite's words ("database or disk is full"); malformed where
-/// the file is damaged or no database.
+/// the file is damaged or no database. With `when_damaged` the latter is left to a transaction that met the damage:
+/// nothing of it is kept, and whatever follows goes to the new file.
 class database {
 public:
     using values = std::initializer_list<database_value>;
@@ -56,7 +76,9 @@ public:
     /// Opens or makes the file; its folder exists. Another process that writes to it is waited for, two seconds at most.
     /// `schema`: scripts that bring version n of the file to n+1; those that the file has not seen run, each whole or not
     /// at all. A file of a newer program (more scripts) is refused with invalid_argument.
-    static ise::result<database> open(const std::string& file, std::span<const std::string_view> schema);
+    /// The texts of `schema` outlive the database.
+    static ise::result<database> open(const std::string& file, std::span<const std::string_view> schema,
+                                      when_damaged how = when_damaged());
 
     /// Opens a file that another program writes, to look at it: what is written through this fails. Whatever its schema.
     static ise::result<database> open_to_read(const std::string& file);
@@ -79,6 +101,11 @@ public:
     ise::result<void> commit();
     void rollback() noexcept;
 
+    /// Copies from a damaged file what can be read of the tables and columns that this one has too; rows that are here
+    /// already stay. What lies between the first and the last unreadable part of a table is left out, and so are tables
+    /// without row ids. Gives the number of rows. Outside a transaction.
+    ise::result<std::uint64_t> keep_readable(const std::string& damaged);
+
     std::int64_t last_insert_id() const noexcept;
     const std::string& file() const noexcept;
 
@@ -88,13 +115,21 @@ public:
 
 private:
     class state;
+    struct replacing;
     explicit database(std::unique_ptr<state> opened);
+    static ise::result<database> open_as_it_is(const std::string& file, std::span<const std::string_view> schema);
+    template <class Run>
+    auto attempt(Run run) -> decltype(run());
+    ise::result<void> replace_damaged();
+
     std::unique_ptr<state> state_;
+    std::unique_ptr<replacing> replacing_; ///< null: a damaged file is left as it is
 };
 
-/// Renames a database file that is damaged, with its `-wal` and `-shm`, so that a new one can be made in its place.
-/// Nothing is deleted or overwritten. The new name is that of the file with ".damaged" and the time behind it. Nobody in
-/// this process has the file open. Errors: io_failed.
-ise::result<std::string> set_aside(const std::string& file, std::chrono::system_clock::time_point now);
+/// Renames a database file that is damaged, with its `-wal` and `-shm`, so that a new one can be made in its place, and
+/// logs that as an error with the cause and the new name, which it gives. Nothing is deleted or overwritten. The new name
+/// is that of the file with ".damaged" and the time behind it. Nobody in this process has the file open. Errors: io_failed.
+ise::result<std::string> set_aside(const std::string& file, const ise::failure& cause,
+                                   std::chrono::system_clock::time_point now, const ise::logger& log);
 
 } // namespace atirma

@@ -23,6 +23,7 @@ struct archive_statistics {
     std::uint64_t waiting = 0;             ///< rows that are not on disk yet
     std::uint64_t given_up = 0;            ///< see max_waiting
     std::uint64_t failed_commits = 0;
+    std::uint64_t begun_anew = 0;          ///< the file was damaged, and set aside
     std::string trouble;                   ///< why the last commit failed; empty: it did not
 };
 

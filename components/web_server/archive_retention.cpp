@@ -60,9 +60,9 @@ ise::result<void> archive_retention::drop_telemetry(const std::string& boat, utc
     for (auto name : telemetry_kinds) {
         std::string kind(name);
         auto gone = remove(statistics.packets,
-                           "DELETE FROM telemetry WHERE (boat, boot, sequence) IN (SELECT boat, boot, sequence FROM telemetry WHERE boat = ?1 AND kind = ?2 "
-                           "AND measured_at < min(?3, coalesce((SELECT measured_at FROM telemetry WHERE boat = ?1 AND kind = ?2 "
-                           "ORDER BY measured_at DESC LIMIT 1 OFFSET ?4), 0)) ORDER BY measured_at LIMIT ?5)",
+                           "DELETE FROM telemetry WHERE number IN (SELECT number FROM telemetry WHERE boat = ?1 AND kind = ?2 "
+                           "AND shown_at < min(?3, coalesce((SELECT shown_at FROM telemetry WHERE boat = ?1 AND kind = ?2 "
+                           "ORDER BY shown_at DESC LIMIT 1 OFFSET ?4), 0)) ORDER BY shown_at LIMIT ?5)",
                            {boat, kind, archived(before), newest_of_a_kind - 1, slice});
         if (!gone) return gone;
     }
@@ -80,7 +80,7 @@ ise::result<void> archive_retention::drop_surplus(std::string_view table) {
     auto oldest = db.query("SELECT id FROM boat ORDER BY coalesce((SELECT min(measured_at) FROM telemetry WHERE boat = id), 9e18) LIMIT 1");
     if (!oldest) return oldest.error();
     return remove(statistics.packets,
-                  "DELETE FROM telemetry WHERE (boat, boot, sequence) IN (SELECT boat, boot, sequence FROM telemetry WHERE boat = ?1 "
+                  "DELETE FROM telemetry WHERE number IN (SELECT number FROM telemetry WHERE boat = ?1 "
                   "ORDER BY measured_at LIMIT ?2)",
                   {oldest->at(0).text(0), std::min(slice, static_cast<std::int64_t>(statistics.packets - options.max_rows))});
 }

@@ -8,7 +8,7 @@
 namespace atirma {
 
 /// README.md tells what stands in the columns. Steps are only ever appended: files of older programs take the rest.
-inline constexpr std::array<std::string_view, 1> archive_schema = {R"sql(
+inline constexpr std::array<std::string_view, 2> archive_schema = {R"sql(
 CREATE TABLE boat (
     id TEXT PRIMARY KEY, name TEXT NOT NULL, sailed_m REAL NOT NULL DEFAULT 0, thinned_until INTEGER NOT NULL DEFAULT 0
 ) WITHOUT ROWID;
@@ -35,6 +35,21 @@ CREATE VIEW track AS SELECT
     round(speed_mps * 3600 / 1852, 2) AS speed_kn, course_deg, heading_deg, heel_deg,
     round(wind_speed_mps * 3600 / 1852, 2) AS wind_kn, wind_direction_deg, circular_error_m, link
     FROM fix
+)sql", // The content belongs to a packet's identity. `number`: in the order in which they came. `shown_at`: as the page dates it.
+R"sql(
+CREATE TABLE telemetry_by_content (
+    number INTEGER PRIMARY KEY, boat TEXT NOT NULL REFERENCES boat, boot INTEGER NOT NULL, sequence INTEGER NOT NULL,
+    link INTEGER NOT NULL, kind TEXT NOT NULL, measured_at INTEGER NOT NULL, received_at INTEGER NOT NULL,
+    history INTEGER NOT NULL, raw BLOB NOT NULL,
+    shown_at INTEGER AS (iif(received_at > 0, min(measured_at, received_at), measured_at)) VIRTUAL,
+    UNIQUE (boat, boot, sequence, raw)
+);
+INSERT INTO telemetry_by_content (boat, boot, sequence, link, kind, measured_at, received_at, history, raw)
+    SELECT boat, boot, sequence, link, kind, measured_at, received_at, history, raw FROM telemetry ORDER BY received_at;
+DROP TABLE telemetry;
+ALTER TABLE telemetry_by_content RENAME TO telemetry;
+CREATE INDEX telemetry_by_kind ON telemetry (boat, kind, shown_at);
+CREATE INDEX telemetry_by_time ON telemetry (boat, measured_at)
 )sql"};
 
 /// How a time stands in the columns: milliseconds since 1970, UTC.

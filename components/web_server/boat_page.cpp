@@ -235,6 +235,12 @@ void boat_page::show_feed(feed_update told) {
     if (auto event = state_.apply(told, clock())) publish(*event);
 }
 
+void boat_page::fill_archive() {
+    for (const auto& point : state_.track()) archive_->keep(source_.id, point, state_.sources()[point.source]);
+    feed_.begin_anew();
+    for (const auto& [path, follower] : followers_) follower->begin_anew();
+}
+
 void boat_page::keep_progress() {
     if (!archive_) return;
     for (const auto& [path, follower] : followers_)

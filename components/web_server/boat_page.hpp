@@ -37,6 +37,9 @@ public:
     /// To the archive: how far its providers were followed. Before each commit.
     void keep_progress();
 
+    /// The archive lost what it had: gives it the track, and asks the providers for everything else once more.
+    void fill_archive();
+
     const boat_source& source() const noexcept { return source_; }
     const track_state& state() const noexcept { return state_; }
     const telemetry_feed& feed() const noexcept { return feed_; }
@@ -61,7 +64,7 @@ private:
     telemetry_feed feed_;
     std::vector<sse_channel*> streams_;
     std::map<std::string, bool> links_; ///< by path: whether telemetry can come now
-    std::map<std::string, const telemetry_follower*> followers_;
+    std::map<std::string, telemetry_follower*> followers_;
     std::set<std::string> nodes_;              ///< paths of roles that told of several links
     std::set<std::string> estimates_;          ///< paths that are asked for rough fixes
     std::uint64_t events_ = 0;

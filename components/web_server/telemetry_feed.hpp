@@ -27,6 +27,9 @@ public:
     /// What was kept over a restart of the page: shows it, and counts nothing.
     void restore(const telemetry_packet& packet, utc_ms now);
 
+    /// What was shown is new once more for `on_new`, as after a restart.
+    void begin_anew() { seen_ = duplicate_filter(); }
+
     const feed_statistics& statistics() const noexcept { return statistics_; }
 
     /// Told of each packet that is new, and its kind, after the state has taken it; may be empty.

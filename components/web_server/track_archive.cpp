@@ -1,11 +1,11 @@
 #include <components/web_server/track_archive.hpp>
 
-#include <components/storage/database.hpp>
 #include <components/web_server/archive_retention.hpp>
 #include <components/web_server/archive_schema.hpp>
 
 #include <algorithm>
 #include <deque>
+#include <optional>
 
 namespace atirma {
 namespace {
@@ -33,22 +33,27 @@ telemetry_packet packet_of(const database_row& row) {
 } // namespace
 
 struct track_archive::implementation {
-    implementation(archive_options chosen, database opened) : options(std::move(chosen)), db(std::move(opened)) {}
+    explicit implementation(archive_options chosen) : options(std::move(chosen)) {}
 
     struct fix_row { std::string boat, link; track_point point; };
     struct packet_row { std::string boat, kind; telemetry_packet packet; };
 
     ise::result<void> write();
+    database& db() { return *opened; }
+    ise::result<void> count();
+    ise::result<void> enter(database& into, const std::string& boat, const std::string& name);
+    void begin_anew(database& fresh);
     void bound_what_waits();
     std::size_t waiting() const { return fixes.size() + packets.size(); }
 
     archive_options options;
-    database db;
+    std::optional<database> opened;
     std::deque<fix_row> fixes;
     std::deque<packet_row> packets;
     std::map<std::pair<std::string, std::string>, utc_ms> heard;
     std::map<std::pair<std::string, std::string>, track_cursor> cursors, written_cursors;
     std::map<std::string, double> trips;
+    std::map<std::string, std::string> names; // of the boats
     archive_statistics statistics;
     utc_ms tidied{};
 };
@@ -57,21 +62,41 @@ track_archive::track_archive(std::unique_ptr<implementation> opened) : self_(std
 track_archive::~track_archive() = default;
 const archive_statistics& track_archive::statistics() const noexcept { return self_->statistics; }
 
-ise::result<std::unique_ptr<track_archive>> track_archive::open(const archive_options& options) {
-    auto db = database::open(options.file, archive_schema);
+ise::result<std::unique_ptr<track_archive>> track_archive::open(const archive_options& options, when_damaged how) {
+    auto made = std::make_unique<implementation>(options);
+    how.begun = [&self = *made](database& fresh, const std::string&) { self.begin_anew(fresh); };
+    auto db = database::open(options.file, archive_schema, std::move(how));
     if (!db) return db.error();
-    auto made = std::make_unique<implementation>(options, std::move(*db));
-    auto fixes = made->db.query("SELECT count(*) FROM fix");
-    if (!fixes) return fixes.error();
-    auto packets = made->db.query("SELECT count(*) FROM telemetry");
-    if (!packets) return packets.error();
-    made->statistics.fixes = static_cast<std::uint64_t>(fixes->at(0).integer(0));
-    made->statistics.packets = static_cast<std::uint64_t>(packets->at(0).integer(0));
+    made->opened.emplace(std::move(*db));
+    if (auto counted = made->count(); !counted) return counted.error();
     return std::unique_ptr<track_archive>(new track_archive(std::move(made)));
 }
 
+ise::result<void> track_archive::implementation::count() {
+    auto rows = db().query("SELECT (SELECT count(*) FROM fix), (SELECT count(*) FROM telemetry)");
+    if (!rows) return rows.error();
+    statistics.fixes = static_cast<std::uint64_t>(rows->at(0).integer(0));
+    statistics.packets = static_cast<std::uint64_t>(rows->at(0).integer(1));
+    return {};
+}
+
+/// Everything else refers to the boats. One that cannot be entered shows with the next commit.
+void track_archive::implementation::begin_anew(database& fresh) {
+    ++statistics.begun_anew;
+    statistics.fixes = statistics.packets = 0;
+    cursors.clear();
+    written_cursors.clear();
+    for (const auto& [boat, name] : names)
+        if (auto entered = enter(fresh, boat, name); !entered) statistics.trouble = entered.error().message();
+}
+
 ise::result<void> track_archive::enter(const std::string& boat, const std::string& name) {
-    auto done = self_->db.execute(
+    self_->names[boat] = name;
+    return self_->enter(self_->db(), boat, name);
+}
+
+ise::result<void> track_archive::implementation::enter(database& into, const std::string& boat, const std::string& name) {
+    auto done = into.execute(
         "INSERT INTO boat (id, name) VALUES (?, ?) ON CONFLICT (id) DO UPDATE SET name = excluded.name", {boat, name});
     if (!done) return done.error();
     return {};
@@ -118,7 +143,7 @@ ise::result<void> track_archive::commit(utc_ms now) {
     auto& self = *self_;
     auto written = self.write();
     if (!written) {
-        self.db.rollback();
+        self.db().rollback();
         ++self.statistics.failed_commits;
         self.statistics.trouble = written.error().message();
         return written;
@@ -126,7 +151,7 @@ ise::result<void> track_archive::commit(utc_ms now) {
     self.statistics.trouble.clear();
     if (now - self.tidied < tidying_period && now >= self.tidied) return {};
     self.tidied = now;
-    archive_retention retention{self.options, self.db, self.statistics};
+    archive_retention retention{self.options, self.db(), self.statistics};
     auto tidied = retention.tidy(now);
     if (!tidied) self.statistics.trouble = tidied.error().message();
     return tidied;
@@ -134,13 +159,13 @@ ise::result<void> track_archive::commit(utc_ms now) {
 
 ise::result<void> track_archive::implementation::write() {
     if (fixes.empty() && packets.empty() && cursors.empty()) return {};
-    if (auto begun = db.begin(); !begun) return begun;
+    if (auto begun = db().begin(); !begun) return begun;
     std::uint64_t new_fixes = 0, new_packets = 0;
     for (const auto& row : fixes) {
         const auto& p = row.point;
-        auto known = db.query("SELECT 1 FROM fix WHERE boat = ? AND at = ?", {row.boat, archived(p.at)});
+        auto known = db().query("SELECT 1 FROM fix WHERE boat = ? AND at = ?", {row.boat, archived(p.at)});
         if (!known) return known.error();
-        auto done = db.execute("INSERT OR REPLACE INTO fix VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        auto done = db().execute("INSERT OR REPLACE INTO fix VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
                                {row.boat, archived(p.at), p.latitude_deg, p.longitude_deg, maybe(p.speed_mps),
                                 maybe(p.course_deg), maybe(p.heading_deg), maybe(p.heel_deg), maybe(p.wind_speed_mps),
                                 maybe(p.wind_direction_deg), maybe(p.circular_error_m), row.link});
@@ -150,31 +175,32 @@ ise::result<void> track_archive::implementation::write() {
     for (const auto& row : packets) {
         const auto& p = row.packet;
         auto done =
-            db.execute("INSERT OR IGNORE INTO telemetry VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            db().execute("INSERT OR IGNORE INTO telemetry (boat, boot, sequence, link, kind, measured_at, received_at, "
+                         "history, raw) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
                        {row.boat, std::int64_t{p.boot}, std::int64_t{p.sequence}, static_cast<std::int64_t>(p.link),
                         row.kind, archived(p.measured_at), archived(p.received_at), std::int64_t{p.history}, p.raw});
         if (!done) return done.error();
         new_packets += static_cast<std::uint64_t>(*done);
     }
     for (const auto& [where, at] : heard) {
-        auto done = db.execute(
+        auto done = db().execute(
             "INSERT INTO heard VALUES (?, ?, ?) ON CONFLICT (boat, link) DO UPDATE SET at = max(at, excluded.at)",
             {where.first, where.second, archived(at)});
         if (!done) return done.error();
     }
     for (const auto& [where, seen] : cursors) {
-        auto done = db.execute("DELETE FROM followed WHERE boat = ? AND feed = ?", {where.first, where.second});
+        auto done = db().execute("DELETE FROM followed WHERE boat = ? AND feed = ?", {where.first, where.second});
         for (auto one = seen.begin(); done && one != seen.end(); ++one)
-            done = db.execute("INSERT INTO followed VALUES (?, ?, ?, ?)",
+            done = db().execute("INSERT INTO followed VALUES (?, ?, ?, ?)",
                               {where.first, where.second, static_cast<std::int64_t>(one->first),
                                static_cast<std::int64_t>(one->second)});
         if (!done) return done.error();
     }
     for (const auto& [boat, sailed] : trips) {
-        auto done = db.execute("UPDATE boat SET sailed_m = ? WHERE id = ?", {sailed, boat});
+        auto done = db().execute("UPDATE boat SET sailed_m = ? WHERE id = ?", {sailed, boat});
         if (!done) return done.error();
     }
-    if (auto done = db.commit(); !done) return done;
+    if (auto done = db().commit(); !done) return done;
     statistics.written += fixes.size() + packets.size();
     statistics.fixes += new_fixes;
     statistics.packets += new_packets;
@@ -190,7 +216,7 @@ ise::result<void> track_archive::implementation::write() {
 
 ise::result<std::vector<archived_fix>> track_archive::fixes(const std::string& boat, utc_ms from, utc_ms until,
                                                             std::size_t max) {
-    auto& db = self_->db;
+    auto& db = self_->db();
     auto found = db.query("SELECT min(at), max(at), count(*) FROM fix WHERE boat = ? AND at >= ? AND at < ?",
                           {boat, archived(from), archived(until)});
     if (!found) return found.error();
@@ -224,9 +250,9 @@ ise::result<std::vector<archived_fix>> track_archive::fixes(const std::string& b
 
 ise::result<std::vector<telemetry_packet>> track_archive::telemetry(const std::string& boat, utc_ms from, utc_ms until,
                                                                     std::size_t max) {
-    auto rows = self_->db.query(
+    auto rows = self_->db().query(
         "SELECT boot, sequence, link, measured_at, received_at, history, raw FROM telemetry WHERE boat = ? "
-        "AND measured_at >= ? AND measured_at < ? ORDER BY measured_at, boot, sequence LIMIT ?",
+        "AND measured_at >= ? AND measured_at < ? ORDER BY measured_at, boot, sequence, number LIMIT ?",
         {boat, archived(from), archived(until), static_cast<std::int64_t>(max)});
     if (!rows) return rows.error();
     std::vector<telemetry_packet> all;
@@ -238,19 +264,21 @@ ise::result<std::vector<telemetry_packet>> track_archive::newest(const std::stri
     std::vector<telemetry_packet> all;
     for (auto name : telemetry_kinds) {
         std::string kind(name);
-        auto rows = self_->db.query("SELECT boot, sequence, link, measured_at, received_at, history, raw FROM "
-                                    "telemetry WHERE boat = ? AND kind = ? "
-                                    "ORDER BY measured_at DESC LIMIT ?",
-                                    {boat, kind, kind == "waypoints" ? newest_of_a_kind : 1});
+        // Of one time the first, as on the page.
+        auto rows = self_->db().query("SELECT boot, sequence, link, measured_at, received_at, history, raw FROM telemetry "
+                                      "WHERE boat = ? AND kind = ? ORDER BY shown_at DESC, number LIMIT ?",
+                                      {boat, kind, kind == "waypoints" ? newest_of_a_kind : 1});
         if (!rows) return rows.error();
         for (const auto& row : *rows) all.push_back(packet_of(row));
     }
-    std::ranges::stable_sort(all, {}, &telemetry_packet::measured_at);
+    std::ranges::stable_sort(all, {}, [](const telemetry_packet& one) {
+        return one.received_at > utc_time() ? std::min(one.measured_at, one.received_at) : one.measured_at;
+    });
     return all;
 }
 
 ise::result<track_cursor> track_archive::cursor(const std::string& boat, const std::string& feed) {
-    auto rows = self_->db.query("SELECT store, position FROM followed WHERE boat = ? AND feed = ?", {boat, feed});
+    auto rows = self_->db().query("SELECT store, position FROM followed WHERE boat = ? AND feed = ?", {boat, feed});
     if (!rows) return rows.error();
     track_cursor seen;
     for (const auto& row : *rows)
@@ -259,13 +287,13 @@ ise::result<track_cursor> track_archive::cursor(const std::string& boat, const s
 }
 
 ise::result<double> track_archive::sailed_m(const std::string& boat) {
-    auto rows = self_->db.query("SELECT sailed_m FROM boat WHERE id = ?", {boat});
+    auto rows = self_->db().query("SELECT sailed_m FROM boat WHERE id = ?", {boat});
     if (!rows) return rows.error();
     return rows->empty() ? 0 : rows->at(0).real(0);
 }
 
 ise::result<std::map<std::string, utc_ms>> track_archive::heard(const std::string& boat) {
-    auto rows = self_->db.query("SELECT link, at FROM heard WHERE boat = ?", {boat});
+    auto rows = self_->db().query("SELECT link, at FROM heard WHERE boat = ?", {boat});
     if (!rows) return rows.error();
     std::map<std::string, utc_ms> all;
     for (const auto& row : *rows) all[row.text(0)] = time_of(row.integer(1));

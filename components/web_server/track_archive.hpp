@@ -1,5 +1,6 @@
 #pragma once
 #include <components/boat/communication.hpp>
+#include <components/storage/database.hpp>
 #include <components/web_server/archive_options.hpp>
 #include <components/web_server/track_line.hpp>
 
@@ -26,10 +27,15 @@ struct archived_fix {
 /// What is given to `keep` waits in memory until `commit` writes it, all or nothing. A disk that is full costs nothing
 /// but what `archive_statistics` tells: the page goes on, and what waits is written when there is room. Each call
 /// blocks for as long as the disk takes. Not thread-safe.
+///
+/// A damaged file is set aside as `how` says, and an empty one takes its place (`archive_statistics::begun_anew`): what
+/// waits is written there, and everything else is to be given to `keep` once more.
 class track_archive {
 public:
-    /// Errors: io_failed (with the file and SQLite's words), invalid_argument (written by a newer program).
-    static ise::result<std::unique_ptr<track_archive>> open(const archive_options& options);
+    /// Errors: io_failed (with the file and SQLite's words), malformed (damaged, only without `how`), invalid_argument
+    /// (written by a newer program).
+    static ise::result<std::unique_ptr<track_archive>> open(const archive_options& options,
+                                                            when_damaged how = when_damaged());
     ~track_archive();
 
     /// Once for each boat before anything else of it.

@@ -48,8 +48,10 @@ ise::task<> web_server::run() {
     server_.reset();
     forget_boats();
     archive_.reset();
+    archives_filled_ = 0;
     if (!options_.archive.file.empty()) {
-        auto opened = track_archive::open(options_.archive);
+        when_damaged how(log(), [this] { return std::chrono::floor<std::chrono::system_clock::duration>(wall()); });
+        auto opened = track_archive::open(options_.archive, std::move(how));
         if (!opened) throw ise::error(opened.error());
         archive_ = std::move(*opened);
     }
@@ -64,6 +66,7 @@ ise::task<> web_server::run() {
     auto next_status = now(), next_tick = now() + tick_period;
     for (;;) {
         for (auto& boat : boats_) boat->watch();
+        fill_archive();
         keep();
         if (now() >= next_status) {
             next_status = now() + options_.track.status_period;
@@ -81,9 +84,17 @@ ise::task<> web_server::run() {
     }
 }
 
+/// A damaged archive was replaced by an empty one.
+void web_server::fill_archive() {
+    if (!archive_ || archives_filled_ == archive_->statistics().begun_anew) return;
+    archives_filled_ = archive_->statistics().begun_anew;
+    for (auto& boat : boats_) boat->fill_archive();
+}
+
 void web_server::keep() {
     if (!archive_) return;
-    for (auto& boat : boats_) boat->keep_progress();
+    if (archives_filled_ == archive_->statistics().begun_anew)
+        for (auto& boat : boats_) boat->keep_progress();
     auto kept = archive_->commit(clock());
     if (!kept && !disk_failed_)
         log().warning("the track cannot be kept; the page goes on, and tries again",

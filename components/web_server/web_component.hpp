@@ -37,6 +37,7 @@ private:
     void make_boats();
     void forget_boats();
     void listen();
+    void fill_archive();
     void keep();
     void tick();
     std::string fleet_json() const;
@@ -49,6 +50,7 @@ private:
     std::unique_ptr<http_server> server_;
     std::vector<std::pair<std::string, sse_channel*>> streams_; ///< by path
     bool disk_failed_ = false;
+    std::uint64_t archives_filled_ = 0; ///< that were begun anew
 };
 
 } // namespace atirma

@@ -3,7 +3,7 @@
 
 #include <ise/component/poll_window.hpp>
 #include <ise/component/program_words.hpp>
-#include <ise/core/readable.hpp>
+#include <ise/core/complain.hpp>
 #include <ise/core/real/environment.hpp>
 #include <ise/packet/json.hpp>
 
@@ -74,8 +74,8 @@ int run(component_type& type, program_words where, const std::string& program) {
         std::fflush(stdout);
     });
     for (const auto& report : running.reports()) {
-        if (!report.failure.empty()) fmt::print(stderr, "{}: {}: {}\n", program, report.path, readable(report.failure));
-        for (const auto& name : report.still_running) fmt::print(stderr, "{}: {} did not end in time: {}\n", program, report.path, name);
+        if (!report.failure.empty()) complain(program, fmt::format("{}: {}", report.path, report.failure));
+        for (const auto& name : report.still_running) complain(program, fmt::format("{} did not end in time: {}", report.path, name));
     }
     return code;
 }
@@ -110,10 +110,10 @@ int guarded(int count, const char* const* words, std::vector<component_type> typ
     try {
         return obey({words + std::min(count, 1), words + count}, types, again, program, version);
     } catch (const wrong& why) {
-        fmt::print(stderr, "{}: {}\n", program, why.what());
+        complain(program, why.what());
         return wrong_arguments;
     } catch (const std::exception& why) {
-        fmt::print(stderr, "{}: {}\n", program, readable(why.what()));
+        complain(program, why.what());
         return failed;
     }
 }

@@ -2,7 +2,7 @@
 #include <ise/component/process_services.hpp>
 #include <ise/component/program_words.hpp>
 
-#include <ise/core/readable.hpp>
+#include <ise/core/complain.hpp>
 #include <ise/core/real/environment.hpp>
 
 #include <fmt/format.h>
@@ -107,8 +107,8 @@ int run_process_host(const type_maker& types, program_words where, const std::st
     running.start<host_component>("", std::move(mine), types, running, world);
     int code = run_until_signal(running);
     for (const auto& report : running.reports()) {
-        if (!report.failure.empty()) fmt::print(stderr, "{}: {}: {}\n", program, report.path, readable(report.failure));
-        for (const auto& name : report.still_running) fmt::print(stderr, "{}: {} did not end in time: {}\n", program, report.path, name);
+        if (!report.failure.empty()) complain(program, fmt::format("{}: {}", report.path, report.failure));
+        for (const auto& name : report.still_running) complain(program, fmt::format("{} did not end in time: {}", report.path, name));
     }
     return code;
 }

@@ -3,6 +3,7 @@
 
 #include <apps/stress/report.hpp>
 
+#include <ise/core/complain.hpp>
 #include <ise/core/real/environment.hpp>
 #include <ise/naming/services.hpp>
 
@@ -12,12 +13,13 @@
 #include <csignal>
 #include <cstdio>
 #include <filesystem>
+#include <string_view>
 
 namespace {
 
 namespace stress = atirma::stress;
 
-void complain(const std::string& what) { std::fputs(("atirma_mission: " + what + "\n").c_str(), stderr); }
+void complain(std::string_view what) { ise::complain("atirma_mission", what); }
 
 /// "boat=LINK=DEVICE".
 stress::mission_options::line line_of(const std::string& text) {

@@ -27,8 +27,7 @@ result<std::string> real_environment::read_file(const std::string& path, std::si
 }
 
 result<std::string> real_environment::read_trusted(const std::string& path, std::size_t max_bytes) {
-    auto own = check_own_path(path);
-    if (!own) return failure(own.error().code(), fmt::format("cannot read {}: {}", path, own.error().message()));
+    if (auto own = check_own_file(path, "read"); !own) return own.error();
     return read_file(path, max_bytes);
 }
 
@@ -44,8 +43,7 @@ result<std::string> real_environment::read_secret(const std::string& path, std::
     if (::fstat(file, &about) != 0 || !S_ISREG(about.st_mode)) return refuse("it is no plain file");
     if ((about.st_mode & (S_IRWXO | S_IWGRP)) != 0)
         return failure(errc::unauthorized, fmt::format("{} holds a secret, and others than its owner may use it (mode {:o}): chmod 600 {}", path, about.st_mode & 0777, path));
-    auto own = check_own_path(path);
-    if (!own) return failure(own.error().code(), fmt::format("cannot read {}: {}", path, own.error().message()));
+    if (auto own = check_own_file(path, "read"); !own) return own.error();
     std::string content;
     char piece[4096];
     for (;;) {

@@ -151,4 +151,12 @@ private:
 
 result<void> check_own_path(const std::string& path) { return own_path(path).check(); }
 
+result<void> check_own_file(const std::string& file, std::string_view doing) {
+    auto slash = file.rfind('/');
+    auto folder = slash == file.npos ? std::string(".") : slash == 0 ? std::string("/") : file.substr(0, slash);
+    auto own = check_own_path(::access(file.c_str(), F_OK) == 0 ? file : folder);
+    if (own) return own;
+    return failure(own.error().code(), fmt::format("cannot {} {}: {}", doing, file, own.error().message()));
+}
+
 } // namespace ise

@@ -2,6 +2,7 @@
 #include <ise/core/result.hpp>
 
 #include <string>
+#include <string_view>
 
 namespace ise {
 
@@ -10,5 +11,9 @@ namespace ise {
 /// Folders above it may be sticky ones that everybody writes to (/tmp); a group that is the user's own may write.
 /// errc::unauthorized says what is wrong and what to do; errc::io_failed.
 result<void> check_own_path(const std::string& path);
+
+/// The same of a file that is about to be opened, or of the folder where it will be made while it is not there. A failure
+/// begins with "cannot DOING FILE: ".
+result<void> check_own_file(const std::string& file, std::string_view doing);
 
 } // namespace ise

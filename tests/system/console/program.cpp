@@ -23,7 +23,10 @@ TEST_CASE("console program: what it cannot do is said, with an exit code") {
     auto named = run_program({"atirma_console", "--name-server", "7400"});
     CHECK(named.exit_code == 2);
     CHECK_FALSE(named.err.empty());
-    CHECK(run_program({"atirma_console", "--proxies", "no path"}).exit_code == 2);
+    auto hostile = run_program({"atirma_console", "--proxies", "no \x1b[2J\x9b path"});
+    CHECK(hostile.exit_code == 2);
+    CHECK(hostile.err.find("no  [2J\\x9b path") != std::string::npos);
+    CHECK(hostile.err.find('\x1b') == std::string::npos);
     auto nowhere = run_program(
         {"atirma_console", "--name-server", "none", "--screenshot", "/no/such/folder/x.png", "--after", "0.2"});
     CHECK(nowhere.exit_code == 1);

@@ -71,7 +71,9 @@ void ocean::start() {
         return node;
     });
     proxy_ = &world.host("shore").start_process("proxy", [this](ise::sim::process& here) -> std::shared_ptr<void> {
-        auto node = std::make_shared<ise::node>(here, quiet());
+        auto terms = quiet();
+        if (!terms.log) terms.log = log.sink();
+        auto node = std::make_shared<ise::node>(here, terms);
         node->start<atirma::iridium_proxy>("atirma/shore/iridium", listening(7411), proxy_options);
         return node;
     });

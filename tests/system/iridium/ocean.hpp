@@ -11,6 +11,8 @@
 #include <ise/component/node.hpp>
 #include <ise/sim/world.hpp>
 
+#include <support/damaged_file.hpp>
+
 #include <functional>
 #include <memory>
 #include <optional>
@@ -24,6 +26,7 @@ public:
     explicit ocean(std::uint64_t seed = 7);
 
     atirma::memory_mail mails; // outlives those who have opened it
+    damaged_file::log_lines log; // the proxy's errors
     ise::sim::world world;
     atirma::boat_simulator_options boat_options;
     atirma::iridium_modem_options modem_options;

@@ -2,8 +2,10 @@
 
 #include <components/iridium/rockblock.hpp>
 #include <components/http/stream_http_client.hpp>
+#include <components/iridium_proxy/sbd_store.hpp>
 
 #include <support/catch.hpp>
+#include <support/damaged_file.hpp>
 
 #include <set>
 
@@ -504,4 +506,52 @@ TEST_CASE("iridium: posts and DirectIP from another address than the gateway's c
     CHECK(seen.telemetry.empty());
     CHECK(seen.account->messages == 0);
     CHECK(seen.gateway->trouble.find("403") != std::string::npos);
+}
+
+TEST_CASE("iridium: a proxy whose file is no database sets it aside, says so, and keeps what comes in a new one") {
+    damaged_file::folder disk("iridium-proxy");
+    damaged_file::write_garbage(disk.file());
+    ocean it;
+    it.proxy_options.database = disk.file();
+    it.start();
+    it.world.run_for(5s);
+    std::optional<ise::result<http_answer>> answer;
+    post(it, delivery(it, 1), answer);
+    REQUIRE(it.world.run_until([&] { return answer.has_value(); }, 30s));
+    REQUIRE(*answer);
+    CHECK((*answer)->status == 200);
+    auto aside = disk.set_aside();
+    REQUIRE(aside.size() == 1);
+    CHECK_THAT(it.log.errors, Catch::Contains(aside.front()));
+    auto kept = database::open_to_read(disk.file()).value().query("SELECT count(*) FROM mo").value();
+    CHECK(kept.at(0).integer(0) == 1);
+}
+
+TEST_CASE("iridium: a proxy whose file has a damaged page keeps all that can still be read") {
+    damaged_file::folder disk("iridium-proxy");
+    {
+        auto store = sbd_store::open(disk.file()).value();
+        for (std::uint16_t i = 1; i <= 100; ++i) {
+            iridium::mo_message message;
+            message.imei = "300434060000001";
+            message.momsn = i;
+            message.session_time = std::chrono::sys_seconds(std::chrono::seconds(1'700'001'000 + i));
+            message.data.assign(100, std::byte{static_cast<unsigned char>(i < 40 || i > 60 ? 0xcd : 0xab)});
+            REQUIRE(store.add(message, "directip", message.session_time, 2).value());
+        }
+    }
+    damaged_file::overwrite_pages_with(disk.file(), std::vector<std::byte>(100, std::byte{0xab}));
+    ocean it;
+    it.proxy_options.database = disk.file();
+    it.start();
+    auto& seen = it.watch();
+    std::optional<ise::result<http_answer>> answer;
+    it.world.run_for(10s);
+    post(it, delivery(it, 1), answer);
+    CHECK(it.world.run_until([&] { return answer && *answer && (*answer)->status == 200; }, 30s));
+    REQUIRE(disk.set_aside().size() == 1);
+    CHECK_THAT(it.log.errors, Catch::Contains(disk.set_aside().front()));
+    CHECK(it.world.run_until([&] { return seen.account && seen.account->ever.mo_messages > 100; }, 2min)); // what was spent
+    auto db = database::open_to_read(disk.file()).value();
+    CHECK(db.query("SELECT count(*) FROM mo WHERE substr(data, 1, 1) = x'cd'").value().at(0).integer(0) > 10);
 }

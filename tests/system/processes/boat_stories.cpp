@@ -150,6 +150,16 @@ TEST_CASE("processes: who listens is told when the boat is not reached any more,
     CHECK(echo.wait().exit_code == 0);
 }
 
+TEST_CASE("processes: what a terminal would obey in the text of a failure is escaped") {
+    const std::string hostile = "x\x1b[2J\x9b"; // clears the screen, and begins another such sequence
+    for (auto ran : {ise_test::run_program({"atirma", "run", "--name-server", "tcp://" + hostile, "boat-simulator"}),
+                     ise_test::run_program({"atirma_mission", "--out", hostile + "/", "--store", "a", "b", "--boat-memory",
+                                            "c", "--name-server", hostile})}) {
+        CHECK(ran.exit_code != 0);
+        CHECK_THAT(ran.err, Contains("x [2J\\x9b") && !Contains("\x1b") && !Contains("\x9b"));
+    }
+}
+
 TEST_CASE("processes: a type that does not exist is told with those that do") {
     auto ran = ise_test::run_program({"atirma", "run", "boat"});
     CHECK(ran.exit_code == 2);

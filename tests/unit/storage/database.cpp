@@ -1,6 +1,9 @@
 #include <components/storage/database.hpp>
 
+#include <ise/core/real/environment.hpp>
+
 #include <support/catch.hpp>
+#include <support/damaged_file.hpp>
 
 #include <filesystem>
 #include <fstream>
@@ -30,6 +33,9 @@ database opened(const std::string& file, std::span<const std::string_view> schem
     REQUIRE(made);
     return std::move(*made);
 }
+
+std::vector<std::byte> blob(char of) { return std::vector<std::byte>(100, std::byte{static_cast<unsigned char>(of)}); }
+const std::chrono::system_clock::time_point noon{std::chrono::hours(400'000)};
 
 std::int64_t count(database& in) { return in.query("SELECT count(*) FROM packets").value().at(0).integer(0); }
 
@@ -159,9 +165,66 @@ TEST_CASE("a copy of a database holds what it held then, and can be put back whi
     CHECK_FALSE(database::copy("/nowhere/at/all.db", "memory:copied"));
 }
 
+TEST_CASE("a damaged database is replaced when a call meets the damage, and what can be read is kept") {
+    damaged_file::folder disk("replaced");
+    {
+        auto db = opened(disk.file());
+        for (int i = 0; i < 400; ++i)
+            REQUIRE(db.execute("INSERT INTO packets(raw) VALUES (?)", {blob(i < 150 || i > 250 ? 'a' : 'b')}));
+    }
+    damaged_file::overwrite_pages_with(disk.file(), blob('b'));
+    ise::real_environment env;
+    damaged_file::log_lines log;
+    atirma::when_damaged how(ise::logger(env, "atirma/boat", log.sink()), [] { return noon; });
+    int begun = 0;
+    how.begun = [&](database& fresh, const std::string& aside) {
+        ++begun;
+        CHECK(aside == disk.set_aside().at(0));
+        CHECK(count(fresh) > 200);
+    };
+    auto db = database::open(disk.file(), first_schema, atirma::when_damaged::keeping_readable(how)).value();
+    CHECK(begun == 0);
+    SECTION("by a query, which is made once more") {
+        auto rows = db.query("SELECT raw FROM packets");
+        REQUIRE(rows);
+        for (const auto& row : *rows) CHECK(row.bytes(0) == blob('a'));
+    }
+    SECTION("by a write, which is made once more") {
+        auto changed = db.execute("UPDATE packets SET value = 1");
+        REQUIRE(changed);
+        CHECK(*changed == count(db));
+    }
+    SECTION("within a transaction, of which nothing is kept") {
+        REQUIRE(db.begin());
+        REQUIRE(db.execute("INSERT INTO packets(text) VALUES ('lost')"));
+        auto met = db.execute("UPDATE packets SET value = 1");
+        REQUIRE_FALSE(met);
+        CHECK(met.error().code() == ise::errc::malformed);
+        db.rollback();
+        CHECK(db.query("SELECT 1 FROM packets WHERE text = 'lost'").value().empty());
+        REQUIRE(db.execute("INSERT INTO packets(text) VALUES ('kept')"));
+    }
+    CHECK(begun == 1);
+    CHECK(count(db) > 200);
+    CHECK(log.errors.find(disk.set_aside().at(0)) != std::string::npos);
+}
+
+TEST_CASE("a file that is no database is replaced when it is opened, where its user asked for it") {
+    damaged_file::folder disk("opening");
+    damaged_file::write_garbage(disk.file());
+    CHECK(database::open(disk.file(), first_schema).error().code() == ise::errc::malformed);
+    CHECK(disk.set_aside().empty());
+    atirma::when_damaged how(ise::logger(), [] { return noon; });
+    auto db = database::open(disk.file(), first_schema, how);
+    REQUIRE(db);
+    CHECK(count(*db) == 0);
+    CHECK(disk.set_aside().size() == 1);
+}
+
 TEST_CASE("a database that is set aside keeps everything under another name, and makes room for a new one") {
     folder there;
-    const std::chrono::system_clock::time_point noon{std::chrono::hours(400'000)};
+    ise::real_environment env;
+    const ise::failure why(ise::errc::malformed, "page 7 is torn");
     std::string aside;
     for (int round = 0; round < 2; ++round) {
         {
@@ -174,15 +237,18 @@ TEST_CASE("a database that is set aside keeps everything under another name, and
             REQUIRE_FALSE(closed);
             CHECK(closed.error().code() == ise::errc::io_failed);
         }
-        auto moved = atirma::set_aside(there.file(), noon);
+        damaged_file::log_lines log;
+        auto moved = atirma::set_aside(there.file(), why, noon, ise::logger(env, "atirma/boat", log.sink()));
         REQUIRE(moved);
         CHECK(*moved != aside);
         CHECK(moved->find(there.file() + ".damaged-") == 0);
+        CHECK(log.errors.find(*moved) != std::string::npos);
+        CHECK(log.errors.find("page 7 is torn") != std::string::npos);
         aside = *moved;
         auto kept = opened(aside);
         CHECK(count(kept) == 1);
     }
-    CHECK_FALSE(atirma::set_aside(there.file() + "/nothing/there", noon));
+    CHECK_FALSE(atirma::set_aside(there.file() + "/nothing/there", why, noon, ise::logger()));
 }
 
 TEST_CASE("the sum of a row differs where a bit, a type or the place of a byte differs") {

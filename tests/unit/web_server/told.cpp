@@ -9,11 +9,13 @@
 #include <ise/sim/world.hpp>
 
 #include <support/catch.hpp>
+#include <support/damaged_file.hpp>
 
 #include <asio/ip/tcp.hpp>
 #include <nlohmann/json.hpp>
 
 #include <future>
+#include <sqlite3.h>
 #include <sstream>
 
 namespace told_test {
@@ -65,6 +67,43 @@ class telemetry_alone final : public ise::component {
     }
 };
 
+/// Keeps twenty packets, as a communication node: whoever asks with a position gets what follows it.
+class node_alone final : public ise::component {
+public:
+    static constexpr std::uint64_t kept = 20;
+
+private:
+    ise::task<> run() override {
+        auto packets = publish(services::telemetry);
+        provide(services::track, [this](const track_request& request) { return page_after(request); });
+        co_await sleep(24h);
+    }
+    track_page page_after(const track_request& request) {
+        track_page made;
+        auto known = request.seen.find(77);
+        auto after = known == request.seen.end() ? std::uint64_t{0} : known->second;
+        if (begin_ == utc_time()) begin_ = std::chrono::floor<std::chrono::milliseconds>(wall()) - 1h;
+        for (auto position = after + 1; position <= kept; ++position) {
+            telemetry_packet packet;
+            packet.store = 77;
+            packet.position = position;
+            packet.boot = 3;
+            packet.sequence = static_cast<std::uint32_t>(position);
+            packet.measured_at = begin_ + std::chrono::seconds(position);
+            packet.received_at = packet.measured_at;
+            location fix;
+            fix.latitude_deg = 28.1 + 0.001 * static_cast<double>(position);
+            fix.longitude_deg = -15.4;
+            fix.quality = fix_quality::gps;
+            packet.raw = encode_telemetry({3, packet.sequence, packet.measured_at}, fix);
+            made.packets.push_back(std::move(packet));
+        }
+        made.seen[77] = kept;
+        return made;
+    }
+    utc_time begin_{};
+};
+
 /// Tells of one session of the boat, as the Iridium proxy does.
 class proxy_alone final : public ise::component {
 public:
@@ -100,18 +139,35 @@ struct followed {
     /// Until it knows where the boat is.
     web_server& follow() {
         web_server* page = nullptr;
-        world.host("page").start_process("page", [&](ise::sim::process& here) -> std::shared_ptr<void> {
+        page_process = &world.host("page").start_process("page", [&](ise::sim::process& here) -> std::shared_ptr<void> {
             web_server_options options;
             options.telemetry = {"tcp://shore:7411"};
-            auto node = std::make_shared<ise::node>(here, nameless());
+            options.archive.file = archive;
+            auto terms = nameless();
+            terms.log = log.sink();
+            auto node = std::make_shared<ise::node>(here, terms);
             page = &node->start<web_server>("atirma/page", without_endpoint(), options);
             return node;
         });
         REQUIRE(world.run_until([&] { return page->state().position().has_value(); }, 1min));
         return *page;
     }
+    /// Rows of the archive, as another program sees them; -1 where it cannot be read.
+    std::int64_t archived(const std::string& table) const {
+        auto db = database::open_to_read(archive);
+        if (!db) return -1;
+        auto rows = db->query("SELECT count(*) FROM " + table);
+        return rows ? rows->at(0).integer(0) : -1;
+    }
+    bool has_all() const {
+        auto all = static_cast<std::int64_t>(node_alone::kept);
+        return archived("telemetry") == all && archived("fix") == all;
+    }
 
+    std::string archive; ///< the page's; empty: none
+    damaged_file::log_lines log;
     ise::sim::world world;
+    ise::sim::process* page_process = nullptr;
 };
 
 } // namespace
@@ -181,6 +237,47 @@ TEST_CASE("page: a proxy is asked what it provides, and refuses nothing") {
     auto now = ise::health_of(proxy.services());
     CHECK(now.calls_served > 0);
     CHECK(now.calls_refused == 0);
+}
+
+TEST_CASE("page: an archive that is no database is set aside, and filled again from the communication nodes") {
+    damaged_file::folder disk("page-archive");
+    damaged_file::write_garbage(disk.file());
+    followed at;
+    at.archive = disk.file();
+    at.provide<node_alone>("atirma/communication");
+    at.follow();
+    CHECK(at.world.run_until([&] { return at.has_all(); }, 1min));
+    auto aside = disk.set_aside();
+    REQUIRE(aside.size() == 1);
+    CHECK_THAT(at.log.errors, Catch::Contains(aside.front()));
+}
+
+TEST_CASE("page: an archive with a damaged page is set aside when the page meets it, and filled again") {
+    damaged_file::folder disk("page-archive");
+    followed at;
+    at.archive = disk.file();
+    at.provide<node_alone>("atirma/communication");
+    SECTION("at its start") {
+        at.follow();
+        REQUIRE(at.world.run_until([&] { return at.has_all(); }, 1min));
+        at.page_process->crash();
+        at.world.run_for(1s);
+        damaged_file::overwrite_pages_with(disk.file(), "location");
+        at.follow();
+    }
+    SECTION("while it runs") {
+        at.follow();
+        REQUIRE(at.world.run_until([&] { return at.has_all(); }, 1min));
+        sqlite3* other = nullptr;
+        REQUIRE(sqlite3_open(disk.file().c_str(), &other) == SQLITE_OK);
+        CHECK(sqlite3_exec(other, "PRAGMA wal_checkpoint(TRUNCATE)", nullptr, nullptr, nullptr) == SQLITE_OK);
+        damaged_file::overwrite_pages_with(disk.file(), "location");
+        // The page reads the file anew once another has written to it.
+        CHECK(sqlite3_exec(other, "UPDATE boat SET thinned_until = 1", nullptr, nullptr, nullptr) == SQLITE_OK);
+        sqlite3_close(other);
+    }
+    CHECK(at.world.run_until([&] { return at.has_all() && disk.set_aside().size() == 1; }, 1min));
+    CHECK_THAT(at.log.errors, Catch::Contains("set aside"));
 }
 
 } // namespace told_test

@@ -1,4 +1,6 @@
 #include <components/storage/database.hpp>
+#include <components/web_server/archive_schema.hpp>
+#include <components/web_server/telemetry_feed.hpp>
 #include <components/web_server/track_archive.hpp>
 
 #include <components/boat/telemetry.hpp>
@@ -9,6 +11,7 @@
 #include <filesystem>
 #include <limits>
 #include <random>
+#include <span>
 
 namespace track_archive_test {
 
@@ -199,6 +202,95 @@ TEST_CASE("archive: beyond the most rows the oldest go, whichever boat they are 
     CHECK(archive->statistics().packets == 50);
     CHECK(archive->fixes("nao", ever, utc_ms::max(), 100).value().size() == 40);
     CHECK(archive->telemetry("vela", ever, utc_ms::max(), 100).value().front().sequence == 30);
+}
+
+TEST_CASE("archive: another content under the number of a packet is another packet, and the page shows the same after a restart") {
+    disk d("archive-content");
+    auto archive = d.open();
+    track_state live;
+    telemetry_feed feed(live);
+    feed.on_new = [&](const telemetry_packet& one, std::string_view kind) { archive->keep("vela", one, kind); };
+    auto at = [&](double latitude, utc_ms measured, utc_ms received) {
+        location fix;
+        fix.latitude_deg = latitude;
+        fix.longitude_deg = -15.4;
+        fix.quality = fix_quality::gps;
+        auto made = packet(7, fix, measured);
+        made.received_at = received;
+        feed.take(made, received);
+        return made.raw;
+    };
+    std::vector<ise::bytes> sent;
+    SECTION("a forged one of the same time came first") {
+        sent = {at(27.0, start, start + 1s), at(28.1, start, start + 2s)};
+    }
+    SECTION("a forged one from the future came first") {
+        sent = {at(27.0, start + 24h, start + 1s), at(28.1, start + 2s, start + 3s)};
+    }
+    SECTION("a forged one from the future came last, and again") {
+        sent = {at(28.1, start, start + 1s), at(27.0, start + 24h, start + 2s)};
+        at(27.0, start + 24h, start + 2s);
+    }
+    REQUIRE(archive->commit(start + 1min));
+    CHECK(archive->statistics().packets == 2);
+    std::vector<ise::bytes> kept;
+    auto packets = archive->telemetry("vela", ever, utc_ms::max(), 10).value();
+    for (const auto& one : packets) kept.push_back(one.raw);
+    std::ranges::sort(kept);
+    std::ranges::sort(sent);
+    CHECK(kept == sent);
+    archive.reset();
+    archive = d.open();
+    CHECK(archive->statistics().packets == 2);
+    track_state again;
+    telemetry_feed restored(again);
+    auto newest = archive->newest("vela").value();
+    for (const auto& one : newest) restored.restore(one, start + 1min);
+    REQUIRE(again.position());
+    CHECK(again.position()->latitude_deg == live.position()->latitude_deg);
+    CHECK(again.position()->from.measured_at == live.position()->from.measured_at);
+}
+
+TEST_CASE("archive: packets from the future are not kept longer than those of their reception") {
+    disk d("archive-future");
+    d.options.keep_telemetry = 24h;
+    auto archive = d.open();
+    for (std::uint32_t i = 0; i < 100; ++i) {
+        auto forged = packet(1000 + i, location{}, start + 1000h);
+        forged.received_at = start + i * 1s;
+        archive->keep("vela", forged, "location");
+    }
+    for (std::uint32_t i = 0; i < 64; ++i) archive->keep("vela", packet(i, location{}, start + 1h + i * 1s), "location");
+    REQUIRE(archive->commit(start + 100h));
+    auto left = archive->telemetry("vela", ever, utc_ms::max(), 1000).value();
+    CHECK(left.size() == 64);
+    for (const auto& one : left) CHECK(one.sequence < 1000);
+}
+
+TEST_CASE("archive: a file from before content counted is taken over whole") {
+    disk d("archive-before");
+    {
+        auto old = database::open(d.options.file, std::span(archive_schema).first(1)).value();
+        REQUIRE(old.execute("INSERT INTO boat (id, name) VALUES ('vela', 'Vela')"));
+        for (std::uint32_t i = 1; i <= 3; ++i) {
+            auto one = packet(i, location{}, start + i * 1s);
+            REQUIRE(old.execute("INSERT INTO telemetry (boat, boot, sequence, link, kind, measured_at, received_at, history, raw) "
+                                "VALUES ('vela', ?, ?, ?, 'location', ?, ?, 0, ?)",
+                                {std::int64_t{one.boot}, std::int64_t{one.sequence}, static_cast<std::int64_t>(one.link),
+                                 archived(one.measured_at), archived(one.received_at), one.raw}));
+        }
+    }
+    auto archive = d.open();
+    CHECK(archive->statistics().packets == 3);
+    archive->keep("vela", packet(2, location{}, start + 2s), "location"); // known
+    archive->keep("vela", packet(2, power{}, start + 2s), "power");
+    REQUIRE(archive->commit(start));
+    CHECK(archive->statistics().packets == 4);
+    auto kept = archive->telemetry("vela", ever, utc_ms::max(), 10).value();
+    REQUIRE(kept.size() == 4);
+    CHECK(kept[0].raw == packet(1, location{}, start + 1s).raw);
+    CHECK(kept[0].received_at == start + 3s);
+    CHECK(kept[0].link == link_id::gprs);
 }
 
 TEST_CASE("archive: many fixes are given evenly spaced, a span of time whole") {
