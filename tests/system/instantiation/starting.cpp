@@ -242,6 +242,10 @@ TEST_CASE("an address that is in use and a name that is taken are told before an
     CHECK_THAT(address.err, Contains("cannot listen on " + occupied));
     auto name = here.ise({"start", "trouble", "sea/taken"});
     CHECK(name.exit_code == 1);
+    auto by_port = here.ise({"start", "trouble", "sea/one", "--set", "page=127.0.0.1", "--set", "page-port=" + occupied.substr(occupied.rfind(':') + 1)});
+    CHECK(by_port.exit_code == 1);
+    CHECK_THAT(by_port.err, Contains("cannot listen on " + occupied));
+    CHECK(marked().empty());
     CHECK_THAT(name.err, Contains("'sea/taken' is held by process") && Contains("which was not started here"));
     here.start("sea/one");
     CHECK_THAT(here.ise({"start", "trouble", "sea/one"}).err, Contains("'sea/one' runs here already, as process"));
