@@ -36,7 +36,7 @@ void call_worker::begin(incoming_call call, time_point began) {
 // A call that leads back to the handler that made it can only be among those that came while it ran.
 void call_worker::note_waiting(const session& from) {
     if (!busy_ || !context_.waiting.empty()) return;
-    waiting_ = from.peer_name();
+    waiting_ = from.caller_name();
     context_.waiting = waiting_;
 }
 
@@ -61,7 +61,7 @@ void call_worker::expire() {
     if (!std::exchange(wanted_, false)) return;
     auto cycle = suspected_cycle(context_);
     auto text = fmt::format("'{}' did not finish before its deadline{}", service_.name(), cycle);
-    if (!cycle.empty()) host_.tell(peer_trouble::handler, text, call_.from->peer_name());
+    if (!cycle.empty()) host_.tell(peer_trouble::handler, text, call_.from->caller_name());
     call_service::refuse(*call_.from, call_, failure(errc::timed_out, std::move(text), execution::unknown));
     give_up();
 }
@@ -125,7 +125,7 @@ void call_service::serve(session& from, incoming_call call, incoming_packet requ
 }
 
 void call_service::tell_failure(const session& from, const failure& why) {
-    if (why.code() == errc::handler_failed) host_.tell(peer_trouble::handler, fmt::format("a handler of '{}' failed: {}", name_, why.message()), from.peer_name());
+    if (why.code() == errc::handler_failed) host_.tell(peer_trouble::handler, fmt::format("a handler of '{}' failed: {}", name_, why.message()), from.caller_name());
 }
 
 bool call_service::refuse_late(session& to, const incoming_call& call) {

@@ -150,7 +150,7 @@ void incoming_calls::compare(std::uint32_t number, std::vector<std::uint64_t> fi
         auto& of = *bindings_[number];
         of.now = problem ? state::refused : state::ready;
         if (problem) {
-            session_.host().tell(peer_trouble::mismatch, problem->message(), session_.peer_name());
+            session_.host().tell(peer_trouble::mismatch, problem->message(), session_.caller_name());
             of.why = std::move(*problem);
         }
         for (auto& request : std::exchange(of.held, {})) {

@@ -25,7 +25,7 @@ result<void> provided_subscriptions::on_subscribe(const wire::frame& received) {
     auto& host = session_.host();
     if (by_id_.size() >= host.options().max_subscriptions_per_session) {
         failure why(errc::overloaded, fmt::format("more than {} subscriptions of one session (max_subscriptions_per_session)", host.options().max_subscriptions_per_session));
-        host.tell(peer_trouble::excess, why.message(), session_.peer_name());
+        host.tell(peer_trouble::excess, why.message(), session_.caller_name());
         refuse(id, why);
         return {};
     }
@@ -83,7 +83,7 @@ void provided_subscriptions::admit(std::uint64_t id, wire::subscribe terms, cons
         }
         if (!diff.empty()) {
             failure why(errc::type_mismatch, fmt::format("the packets of '{}' differ incompatibly:\n{}", publication.name(), diff));
-            session_.host().tell(peer_trouble::mismatch, why.message(), session_.peer_name());
+            session_.host().tell(peer_trouble::mismatch, why.message(), session_.caller_name());
             refuse(id, why);
             return;
         }
@@ -128,7 +128,7 @@ result<void> provided_subscriptions::on_unsubscribe(const wire::frame& received)
         try {
             if (left.who) response = left.publication->unsubscribe(*left.who, received.body, left.unsubscribe.get());
         } catch (const std::exception& thrown) { // the user's callback, or its packet: it has left all the same
-            session_.host().tell(peer_trouble::callback, fmt::format("'{}': {}", left.publication->name(), thrown.what()), session_.peer_name());
+            session_.host().tell(peer_trouble::callback, fmt::format("'{}': {}", left.publication->name(), thrown.what()), session_.caller_name());
         }
     } // else it ended meanwhile: the answer is the same
     wire::put_frame(wire.out().begin_call(), frame_type::unsubscribed, 0, received.header.id, [&](buffer& body) { body.append(bytes_view(response)); });

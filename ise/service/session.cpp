@@ -30,6 +30,13 @@ session::session(service_host& host, std::shared_ptr<net::connection> connection
 
 session::~session() = default;
 
+std::string session::caller_name() const {
+    const auto& at = peer_name();
+    if (peer().path.empty() && at.starts_with("inproc://")) return "a component without a name in the same process";
+    if (peer().path.empty() && at.starts_with("local://")) return "a component without a name on the same host";
+    return at;
+}
+
 void session::start() { connection_->start(host_.scope(), weak_from_this()); }
 
 result<void> session::on_frame(const wire::frame& received) {

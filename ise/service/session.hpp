@@ -35,6 +35,8 @@ public:
     loop& host_loop() noexcept;
     bool open() const noexcept { return connection_->open(); }
     const std::string& peer_name() const noexcept { return connection_->peer_name(); }
+    /// Who calls over it, for people: a caller without a name within this host is at no address but that of the side it called.
+    std::string caller_name() const;
     const net::session_peer& peer() const noexcept { return connection_->terms().peer; }
     schema_exchange& schemas() noexcept { return schemas_; }
 
