@@ -344,6 +344,22 @@ TEST_CASE("a table that is too wide loses the columns that matter least, then th
     CHECK(line(30) == "atirma/boat  tcp://127.0.0.1:…\n");
 }
 
+TEST_CASE("no line of a table is wider than the terminal, whatever its cells hold") {
+    table rows({"PARAMETER", "VALUE", "ALLOWED", "WHAT"});
+    rows.add({"telemetry", std::string(120, 'v'), "a URL to connect to: https://host/path or tcp://host:7411", std::string(90, 'w')});
+    rows.add({std::string(200, 'p'), "5", "", ""});
+    for (std::size_t width : {80, 60, 40}) {
+        auto text = rows.text(width, "  ", {"ALLOWED"}, 24);
+        INFO(text);
+        CHECK(text.find("ALLOWED") == text.npos);
+        while (!text.empty()) {
+            auto end = text.find('\n');
+            CHECK(columns(text.substr(0, end)) <= width);
+            text.erase(0, end + 1);
+        }
+    }
+}
+
 TEST_CASE("what a terminal obeys or turns round is not printed") {
     CHECK(printable("boat\x1b[2J", false) == "boat\uFFFD[2J");
     CHECK(printable("txt.\xe2\x80\xae" "exe", false).find("\xe2\x80\xae") == std::string::npos);
