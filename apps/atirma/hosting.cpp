@@ -2,6 +2,8 @@
 
 #include <CLI/CLI.hpp>
 
+#include <fmt/format.h>
+
 #include <cstdlib>
 #include <optional>
 
@@ -28,13 +30,15 @@ CLI::Validator fits(const ise::parameter& declared) {
 
 void add_parameter(CLI::App& to, const ise::parameter& declared, std::vector<std::string>& given) {
     auto name = "--" + declared.name;
+    auto about = declared.description;
+    if (!declared.preset.empty()) about += fmt::format(" (default: {})", declared.preset);
     if (declared.kind == ise::parameter_kind::boolean) {
         // Both "--gusts" and "--gusts=false", and the other way round "--no-gusts".
-        to.add_flag(name + ",!--no-" + declared.name, given, declared.description)->check(fits(declared))->default_str(declared.preset);
+        to.add_flag(name + ",!--no-" + declared.name, given, about)->check(fits(declared));
         return;
     }
-    auto* option = to.add_option(name, given, declared.description)->check(fits(declared))->type_name(ise::allowed_values(declared));
-    option->default_str(declared.preset)->allow_extra_args(false);
+    auto* option = to.add_option(name, given, about)->check(fits(declared))->type_name(ise::allowed_values(declared));
+    option->allow_extra_args(false);
     if (!declared.many) option->expected(1);
 }
 

@@ -2,6 +2,7 @@
 #include "hosting.hpp"
 #include "observer.hpp"
 
+#include <apps/wrapped_help.hpp>
 #include <components/boat/decoded_telemetry.hpp>
 #include <components/communication_node/store_check.hpp>
 
@@ -136,6 +137,7 @@ int decode_input() {
 int obey(int count, char** words) {
     auto types = atirma::component_types(say);
     CLI::App app{"The shore side of A-Tirma, and a boat to try it with"};
+    app.formatter(std::make_shared<wrapped_help>());
     app.set_version_flag("--version", "atirma " ATIRMA_VERSION);
     app.require_subcommand(1);
     bool describe = false; // read above, as `host`: they stand alone

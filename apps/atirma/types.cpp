@@ -97,7 +97,7 @@ component_type web_server_type(std::function<void(const std::string&)> announce)
     options->on_listening = [announce](const std::string& url) { announce("ready: " + url); };
     auto& set = type.parameters;
     set.add("address", options->http.address, "to listen on, numeric").kind(parameter_kind::address);
-    set.add("port", options->http.port, "to listen on; 0: any free one");
+    set.add("port", options->http.port, "to listen on; 0: any free one").port_at("address");
     set.add("telemetry", options->telemetry, "whose telemetry to show: paths of proxies, or the role atirma/communication");
     set.add("boat-name", options->track.boat, "on the page");
     set.add("more-boats", options->more_boats, "further boats, each NAME=PATH[,PATH], such as Vela=vela/communication");

@@ -1,6 +1,7 @@
 // The operator's console of A-Tirma. The node runs on threads of its own; the windows never wait for it.
 #include "console_window.hpp"
 
+#include <apps/wrapped_help.hpp>
 #include <components/gui_client/gui_client.hpp>
 
 #include <ise/component/node.hpp>
@@ -139,6 +140,7 @@ int run(const arguments& given, int count, char** words) {
 int main(int count, char** words) {
     arguments given;
     CLI::App app{"The operator's console of A-Tirma: where the boat is, how it fares, and what it is told"};
+    app.formatter(std::make_shared<wrapped_help>());
     app.set_version_flag("--version", "atirma_console " ATIRMA_VERSION);
     app.add_option("--name-server", given.name_server,
                    "its endpoint, or none (default: ISE_NAME_SERVER, else that of this machine)");

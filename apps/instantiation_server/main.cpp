@@ -1,5 +1,6 @@
 // The instantiation server of a host as a program: starts components, and watches over them.
 // Exit codes: 0 ended by SIGINT or SIGTERM, 1 it cannot run or failed (the reason is on stderr), 2 wrong usage.
+#include <apps/wrapped_help.hpp>
 #include <ise/component/node.hpp>
 #include <ise/core/complain.hpp>
 #include <ise/core/real/environment.hpp>
@@ -144,6 +145,7 @@ int run(const settings& wanted) {
 int main(int argc, char** argv) {
     if (auto kept = ise::instantiation::keep_if_asked(argc, argv)) return *kept;
     CLI::App app("Starts components on this host and watches over them, for whoever asks (`ise start`).", "ise_instantiation_server");
+    app.formatter(std::make_shared<wrapped_help>());
     settings wanted;
     app.add_option("--programs", wanted.programs, "folder of the programs whose components can be started: those that answer --describe")->required()->type_name("FOLDER");
     app.add_option("--state", wanted.state, "folder for its state and the output of what it starts (default: below $XDG_STATE_HOME or ~/.local/state)")->type_name("FOLDER");

@@ -155,7 +155,7 @@ wish read_command_line(int count, const char* const* arguments) {
         app.parse(count, arguments);
     } catch (const CLI::CallForHelp&) {
         to.made.talk = {};
-        to.made.text = help_text(app);
+        to.made.text = app.help();
         return to.made;
     } catch (const CLI::CallForVersion& version) {
         to.made.talk = {};

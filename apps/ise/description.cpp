@@ -5,6 +5,7 @@
 #include "waits.hpp"
 
 #include <ise/component/learn.hpp>
+#include <ise/packet/json.hpp>
 
 #include <nlohmann/json.hpp>
 
@@ -108,13 +109,9 @@ std::string as_json(const component_text& about, const std::string& name, const 
     told["services"] = std::move(services);
     auto sessions = ordered_json::array();
     for (const auto& one : about.sessions) {
-        ordered_json session;
-        session["peer"] = one.peer;
-        session["bytes_in"] = one.bytes_in;
-        session["bytes_out"] = one.bytes_out;
+        auto session = ordered_json::parse(ise::to_json(one));
+        session.erase("round_trip_ns");
         session["round_trip_s"] = static_cast<double>(one.round_trip_ns) * 1e-9;
-        session["peer_stalled"] = one.peer_stalled;
-        session["uses"] = one.uses;
         sessions.push_back(std::move(session));
     }
     told["sessions"] = std::move(sessions);
@@ -122,23 +119,15 @@ std::string as_json(const component_text& about, const std::string& name, const 
     told["packets_published"] = about.packets_published;
     told["packets_dropped"] = about.packets_dropped;
     auto ended = ordered_json::array();
-    for (const auto& one : about.ended_subscriptions) {
-        ordered_json line;
-        line["service"] = one.service;
-        line["provider"] = one.provider;
-        line["cause"] = one.cause;
-        ended.push_back(std::move(line));
-    }
+    for (const auto& one : about.ended_subscriptions) ended.push_back(ordered_json::parse(ise::to_json(one)));
     told["ended_subscriptions"] = std::move(ended);
     auto waits = ordered_json::array();
     for (const auto& one : about.waits) {
-        ordered_json line;
-        line["target"] = one.target;
-        line["service"] = one.service.empty() ? ordered_json() : ordered_json(one.service);
-        line["stage"] = one.stage;
+        auto line = ordered_json::parse(ise::to_json(one));
+        if (one.service.empty()) line["service"] = nullptr;
         line["since"] = show_wall(one.since);
+        line.erase("waited");
         line["waited_s"] = std::chrono::duration<double>(one.waited).count();
-        line["cause"] = one.cause;
         waits.push_back(std::move(line));
     }
     told["waits"] = std::move(waits);

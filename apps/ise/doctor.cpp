@@ -47,55 +47,27 @@ std::string as_text(const std::vector<finding>& found) {
     return text;
 }
 
-finding given_up(const found_instance& of) {
+void examine(const found_instance& of, std::vector<finding>& found) {
     const auto& what = of.instance;
-    finding made;
-    made.weight = what.deployment.empty() ? severity::warning : severity::error; // what was started by hand may not be needed any more
-    made.kind = "failed";
-    made.component = what.path;
-    made.message = fmt::format("it has failed on {} and is not started again: {}", of.host.name, what.reason);
-    made.advice = fmt::format("ise logs {0} tells what it printed last; then ise restart {0}, or ise up, or ise stop {0} if it is not needed any more", what.path);
-    return made;
-}
-
-finding coming_again(const found_instance& of) {
-    finding made;
-    made.weight = severity::warning;
-    made.kind = "waiting";
-    made.component = of.instance.path;
-    made.message = fmt::format("it ended on {} and is about to be started again ({} times so far): {}", of.host.name, of.instance.restarts, of.instance.reason);
-    made.advice = fmt::format("ise logs {} tells what it printed last", of.instance.path);
-    return made;
-}
-
-finding fails_probe(const found_instance& of) {
-    finding made;
-    made.weight = severity::error;
-    made.kind = "probe_failed";
-    made.component = of.instance.path;
-    made.message = fmt::format("it runs on {}, but {}", of.host.name, of.instance.probe_trouble);
-    made.advice = fmt::format("ise logs {0} tells what it prints; ise restart {0} starts it again, and its `restart` policy does so by itself", of.instance.path);
-    return made;
-}
-
-finding loses_output(const found_instance& of) {
-    finding made;
-    made.weight = severity::warning;
-    made.kind = "output_dropped";
-    made.component = of.instance.path;
-    made.message = fmt::format("what it prints on {} is not kept: {}", of.host.name, of.instance.output_trouble);
-    made.advice = "make room on the disk of the instantiation server's --state";
-    return made;
-}
-
-finding of_before(const found_instance& of) {
-    finding made;
-    made.weight = severity::note;
-    made.kind = "rebuilt";
-    made.component = of.instance.path;
-    made.message = fmt::format("it runs a program that was rebuilt on {} since it was started", of.host.name);
-    made.advice = of.instance.process.empty() ? fmt::format("ise up, or ise restart {}", of.instance.path) : std::string("ise up, which starts its process again with all that runs in it");
-    return made;
+    const auto& host = of.host.name;
+    const auto& path = what.path;
+    auto add = [&](severity weight, const char* kind, std::string message, std::string advice) { found.push_back({weight, kind, path, std::move(message), std::move(advice)}); };
+    if (what.state == instantiation::instance_state::failed)
+        add(what.deployment.empty() ? severity::warning : severity::error, // what was started by hand may not be needed any more
+            "failed", fmt::format("it has failed on {} and is not started again: {}", host, what.reason),
+            fmt::format("ise logs {0} tells what it printed last; then ise restart {0}, or ise up, or ise stop {0} if it is not needed any more", path));
+    if (what.state == instantiation::instance_state::waiting)
+        add(severity::warning, "waiting", fmt::format("it ended on {} and is about to be started again ({} times so far): {}", host, what.restarts, what.reason),
+            fmt::format("ise logs {} tells what it printed last", path));
+    if (!what.probe_trouble.empty())
+        add(severity::error, "probe_failed", fmt::format("it runs on {}, but {}", host, what.probe_trouble),
+            fmt::format("ise logs {0} tells what it prints; ise restart {0} starts it again, and its `restart` policy does so by itself", path));
+    if (!what.output_trouble.empty())
+        add(severity::warning, "output_dropped", fmt::format("what it prints on {} is not kept: {}", host, what.output_trouble),
+            "make room on the disk of the instantiation server's --state");
+    if (what.rebuilt)
+        add(severity::note, "rebuilt", fmt::format("it runs a program that was rebuilt on {} since it was started", host),
+            what.process.empty() ? fmt::format("ise up, or ise restart {}", path) : std::string("ise up, which starts its process again with all that runs in it"));
 }
 
 // Of what does not run nobody is registered who could be asked.
@@ -106,12 +78,27 @@ task<std::vector<finding>> examine_instances(context& in) {
     } catch (const problem&) { // none is there to have started anything, or it was found not to answer already
     }
     std::vector<finding> found;
-    for (const auto& one : all) {
-        if (one.instance.state == instantiation::instance_state::failed) found.push_back(given_up(one));
-        if (one.instance.state == instantiation::instance_state::waiting) found.push_back(coming_again(one));
-        if (!one.instance.probe_trouble.empty()) found.push_back(fails_probe(one));
-        if (!one.instance.output_trouble.empty()) found.push_back(loses_output(one));
-        if (one.instance.rebuilt) found.push_back(of_before(one));
+    for (const auto& one : all) examine(one, found);
+    co_return found;
+}
+
+// A server that was killed cannot tell what it had started; the name server knows that it was there.
+task<std::vector<finding>> examine_lost_servers(context& in) {
+    auto names = co_await reach_name_server(in);
+    naming::lost_request question;
+    question.prefix = instantiation::hosts_path;
+    auto told = co_await names.try_call(naming::lost, std::move(question), in.left());
+    std::vector<finding> found;
+    if (!told) co_return found; // an older one does not know
+    for (const auto& one : told->names) {
+        auto host = one.path.substr(one.path.rfind('/') + 1);
+        finding lost;
+        lost.kind = "server_lost";
+        lost.component = one.path;
+        lost.message = fmt::format("the instantiation server was lost {} ago without being stopped (process {} on {}): what it had started is not watched over, and `ise ps` does not show it",
+                                   show_duration(one.lost_ago), one.process_id, one.host_name);
+        lost.advice = fmt::format("start it again with the same --state and --name {}: it takes over what still runs; where it is not needed any more, stop it then", host);
+        found.push_back(std::move(lost));
     }
     co_return found;
 }
@@ -143,6 +130,8 @@ task<> doctor(context& in, doctor_options options) {
         in.until = saturating_add(in.self.now(), in.set.timeout);
         now = co_await survey(in, what);
         found = examine(before, now, options.interval, in.self.env().identity().host_name);
+        auto lost = co_await examine_lost_servers(in);
+        found.insert(found.end(), lost.begin(), lost.end());
         auto ended = co_await examine_instances(in);
         found.insert(found.end(), ended.begin(), ended.end());
         std::ranges::stable_sort(found, {}, [](const finding& one) { return std::tie(one.weight, one.component); });

@@ -4,6 +4,8 @@
 #include "text.hpp"
 #include "waits.hpp"
 
+#include <ise/service/use_book.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -17,7 +19,6 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr duration tolerated_skew = 100ms;
-constexpr duration tolerated_wait = 5s;
 constexpr std::uint64_t many_unsent_bytes = 1 << 20;
 
 std::string holder_of(const naming::listed_name& name) { return fmt::format("process {} on {}", name.process_id, name.host_name); }
@@ -105,7 +106,7 @@ private:
     // Others may wait for a moment while it begins.
     void waits(const component_text& about) {
         for (const auto& one : about.waits) {
-            if (one.waited < tolerated_wait) continue;
+            if (one.waited < use_book::patience) continue;
             auto advice = one.stage == "name"     ? fmt::format("start the component that holds or serves '{}' (ise start --types); if that name is wrong, correct it: ise list shows the others", one.target)
                           : one.stage == "provider" ? fmt::format("is it alive, and reached from {}? ise ping {} tries it from here", about.host_name, one.target)
                                                     : std::string("its log tells what it did without the answer; ise list shows who is there");

@@ -2,6 +2,8 @@
 
 #include "text.hpp"
 
+#include <apps/wrapped_help.hpp>
+
 #include <CLI/CLI.hpp>
 
 #include <fmt/format.h>
@@ -14,8 +16,6 @@
 
 namespace ise::cli {
 namespace {
-
-constexpr std::size_t width = 80;
 
 struct command_help {
     std::string_view name, group, examples;
@@ -60,7 +60,7 @@ constexpr command_help commands[] = {
 };
 
 /// Says no more of an option than its value, and no more of a place than its name.
-class help_format final : public CLI::Formatter {
+class help_format final : public wrapped_help {
 public:
     help_format() {
         column_width(28);
@@ -83,26 +83,10 @@ public:
     }
     // The commands before the options.
     std::string make_help(const CLI::App* app, std::string name, CLI::AppFormatMode mode) const override {
-        return fmt::format("{}{}{}{}{}\n{}", make_description(app), make_usage(app, std::move(name)), make_subcommands(app, mode), make_positionals(app), make_groups(app, mode),
-                           make_footer(app));
+        return ise::wrapped(fmt::format("{}{}{}{}{}\n{}", make_description(app), make_usage(app, std::move(name)), make_subcommands(app, mode), make_positionals(app), make_groups(app, mode),
+                                        make_footer(app)));
     }
 };
-
-// A long line goes on under its text: behind the first gap of two spaces, where there is one.
-void wrap(std::string& out, std::string_view line) {
-    auto begin = std::min(line.find_first_not_of(' '), line.size());
-    auto gap = line.find("  ", begin);
-    auto indent = gap == line.npos ? begin : std::min(line.find_first_not_of(' ', gap), line.size());
-    if (indent > width / 2) indent = begin;
-    for (std::size_t room = width; columns(line) > room; room = width - indent) {
-        auto to = line.rfind(' ', room);
-        if (to == line.npos || to <= (room == width ? indent : 0)) break; // a word that is longer
-        out.append(line.substr(0, to)) += '\n';
-        out.append(indent, ' ');
-        line.remove_prefix(to + 1);
-    }
-    out.append(line) += '\n';
-}
 
 } // namespace
 
@@ -137,17 +121,6 @@ problem unfit(const CLI::App& app, const CLI::ParseError& wrong) {
             for (const auto& long_name : one->get_lnames()) known.push_back("--" + long_name);
     auto near = nearest(word, known);
     return problem(exit_code::usage, "usage", fmt::format("'{}' has no option '{}'{}", name, word, near.empty() ? "" : fmt::format(", did you mean '{}'?", near.front())), advice);
-}
-
-std::string help_text(const CLI::App& app) {
-    auto text = app.help();
-    std::string wrapped;
-    for (std::size_t from = 0; from < text.size();) {
-        auto to = std::min(text.find('\n', from), text.size());
-        wrap(wrapped, std::string_view(text).substr(from, to - from));
-        from = to + 1;
-    }
-    return wrapped;
 }
 
 } // namespace ise::cli

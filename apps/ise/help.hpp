@@ -16,7 +16,4 @@ void complete_help(CLI::App& app);
 /// problem(usage) of a command line that CLI11 refused, with the usage of the command.
 problem unfit(const CLI::App& app, const CLI::ParseError& wrong);
 
-/// The help of what was chosen, in lines of 80 columns at most.
-std::string help_text(const CLI::App& app);
-
 } // namespace ise::cli

@@ -51,7 +51,8 @@ task<> ps(context& in, ps_options options) {
             rows.add({what.path, std::string(name_of(what.state)), one.host.name, process_of(what), show_duration(length),
                       std::to_string(what.restarts), what.deployment.empty() ? "-" : what.deployment, what.type, remarks(what)});
         }
-        text = rows.text(in.out.width());
+        constexpr std::size_t for_reason = 30;
+        text = rows.text(in.out.width(), {}, {"PROCESS", "TYPE", "RESTARTS", "FOR", "DEPLOYMENT", "HOST"}, for_reason);
     }
     co_await in.out.write(in.self, std::move(text));
     if (all.empty() && !options.names) note(in.set, "nothing was started by an instantiation server: ise start --types tells what could be");

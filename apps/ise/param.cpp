@@ -36,7 +36,7 @@ std::string as_page(const context& in, const std::vector<parameter_text>& all) {
     table rows({"PARAMETER", "VALUE", "CHANGEABLE", "ALLOWED", "WHAT"});
     for (const auto& one : all)
         rows.add({one.about.name, fmt::format("{}", fmt::join(one.values, ",")), one.about.changeable ? "yes" : "at a start", allowed_values(one.about), one.about.description});
-    return rows.text(in.out.width());
+    return rows.text(in.out.width(), {}, {"CHANGEABLE", "ALLOWED"}, 24);
 }
 
 /// What was said against it, without the service by which we asked.

@@ -1,34 +1,21 @@
 #include "commands.hpp"
 
 #include "hosts.hpp"
-#include "table.hpp"
 #include "text.hpp"
 
 #include <ise/component/component_type.hpp>
+#include <ise/packet/json.hpp>
 
 #include <nlohmann/json.hpp>
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 namespace ise::cli {
 namespace {
 
 using nlohmann::ordered_json;
-
-ordered_json parameter_json(const parameter& of) {
-    ordered_json told;
-    told["name"] = of.name;
-    told["kind"] = ise::name_of(of.kind);
-    told["description"] = of.description;
-    told["unit"] = of.unit;
-    told["preset"] = of.preset;
-    told["minimum"] = of.minimum ? ordered_json(*of.minimum) : ordered_json();
-    told["maximum"] = of.maximum ? ordered_json(*of.maximum) : ordered_json();
-    told["choices"] = of.choices;
-    told["many"] = of.many;
-    told["changeable"] = of.changeable;
-    return told;
-}
 
 ordered_json type_json(const std::string& host, const instantiation::catalogue_type& type) {
     ordered_json told;
@@ -38,7 +25,7 @@ ordered_json type_json(const std::string& host, const instantiation::catalogue_t
     told["path"] = type.about.path;
     told["program"] = type.program;
     told["parameters"] = ordered_json::array();
-    for (const auto& one : type.about.parameters) told["parameters"].push_back(parameter_json(one));
+    for (const auto& one : type.about.parameters) told["parameters"].push_back(ordered_json::parse(ise::to_json(one)));
     told["services"] = ordered_json::array();
     for (const auto& one : type.about.services) told["services"].push_back({{"name", one.name}, {"kind", one.kind}, {"provided", one.provided}});
     told["variables"] = type.about.variables;
@@ -54,10 +41,13 @@ std::string type_page(const std::string& host, const instantiation::catalogue_ty
     if (!provided.empty()) text += fmt::format("  provides {}\n", provided);
     if (!required.empty()) text += fmt::format("  requires {}\n", required);
     for (const auto& one : about.variables) text += fmt::format("  reads     {}\n", printable(one));
-    if (about.parameters.empty()) return text + "\n";
-    table rows({"PARAMETER", "PRESET", "ALLOWED", "WHAT"});
-    for (const auto& one : about.parameters) rows.add({one.name, one.preset, allowed_values(one), one.description + (one.changeable ? "; also while it runs" : "")});
-    return text + rows.text(width, "  ") + "\n";
+    std::size_t column = 10;
+    for (const auto& one : about.parameters) column = std::max(column, std::min<std::size_t>(columns(one.name), 25));
+    if (!about.parameters.empty()) text += "  parameters\n";
+    for (const auto& one : about.parameters)
+        text += printable(fmt::format("    {:<{}}  {}: {}{} (default: {})", one.name, column, one.description, allowed_values(one), one.changeable ? "; also while it runs" : "",
+                                      one.preset.empty() ? "none" : one.preset)) + "\n";
+    return (width == 0 ? text : wrapped(text, width)) + "\n";
 }
 
 std::pair<std::string, std::string> split_argument(const std::string& text, std::string_view option) {

@@ -59,10 +59,6 @@ std::string printable(std::string_view text, bool keep_lines) {
     return shown;
 }
 
-std::size_t columns(std::string_view text) {
-    return static_cast<std::size_t>(std::ranges::count_if(text, [](char byte) { return !continues(byte); }));
-}
-
 std::string cut(std::string_view text, std::size_t width) {
     if (columns(text) <= width) return std::string(text);
     if (width == 0) return {};

@@ -1,5 +1,6 @@
 #pragma once
 #include <ise/component/nearest.hpp>
+#include <ise/core/readable.hpp>
 #include <ise/core/result.hpp>
 #include <ise/core/time.hpp>
 #include <ise/deployment/times.hpp>
@@ -20,8 +21,7 @@ std::string show_bytes(std::uint64_t count);
 
 /// What others wrote, fit for a terminal: no control characters, no broken UTF-8 and, unless `keep_lines`, no line ends.
 std::string printable(std::string_view text, bool keep_lines = false);
-/// Columns that a text takes, counting code points.
-std::size_t columns(std::string_view text);
+using ise::columns;
 /// Cut to `width` columns, with "…" where something is missing.
 std::string cut(std::string_view text, std::size_t width);
 

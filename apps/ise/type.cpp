@@ -4,17 +4,33 @@
 #include "text.hpp"
 
 #include <ise/packet/compatibility.hpp>
-
-#include <nlohmann/json.hpp>
+#include <ise/packet/json.hpp>
 
 #include <fmt/format.h>
 
 #include <algorithm>
 
 namespace ise::cli {
-namespace {
 
-using nlohmann::ordered_json;
+// What `--json` tells.
+struct shown_packet {
+    std::string role, name, fingerprint, schema;
+};
+struct shown_service {
+    std::string component, service, kind;
+    std::vector<shown_packet> packets;
+};
+struct packet_difference {
+    std::string role;
+    std::string verdict;     ///< "equal", "compatible" or "mismatch"
+    std::string differences; ///< of a mismatch: a line a difference
+};
+struct type_comparison {
+    bool compatible = false;
+    std::vector<packet_difference> packets;
+};
+
+namespace {
 
 // A service of either kind, provided or else needed.
 task<dynamic_contract> service_at(context& in, std::string name, std::string service) {
@@ -39,25 +55,7 @@ task<dynamic_contract> service_at(context& in, std::string name, std::string ser
 
 std::size_t packets_of(const dynamic_contract& service) { return service.types()->schemas.size(); }
 
-std::string shown(context& in, const type_options& options, const dynamic_contract& service) {
-    if (in.set.json) {
-        ordered_json told;
-        told["component"] = options.name;
-        told["service"] = service.name();
-        told["kind"] = ise::name_of(service.kind());
-        auto packets = ordered_json::array();
-        for (std::size_t place = 0; place < packets_of(service); ++place) {
-            const auto& packet = service.packet(place);
-            ordered_json one;
-            one["role"] = role::name(service.kind(), place);
-            one["name"] = packet.name();
-            one["fingerprint"] = fmt::format("{:016x}", packet.fingerprint());
-            one["schema"] = packet.text();
-            packets.push_back(std::move(one));
-        }
-        told["packets"] = std::move(packets);
-        return told.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
-    }
+std::string as_text(const dynamic_contract& service) {
     auto text = fmt::format("{}  ({})\n", printable(service.name()), ise::name_of(service.kind()));
     for (std::size_t place = 0; place < packets_of(service); ++place) {
         const auto& packet = service.packet(place);
@@ -67,51 +65,44 @@ std::string shown(context& in, const type_options& options, const dynamic_contra
     return text;
 }
 
-struct difference {
-    std::string_view packet; ///< its role
-    std::string verdict;     ///< "equal", "compatible" or "mismatch"
-    std::string why;         ///< of a mismatch: a line a difference
-};
+std::string as_json(const std::string& component, const dynamic_contract& service) {
+    shown_service told;
+    told.component = component;
+    told.service = service.name();
+    told.kind = ise::name_of(service.kind());
+    for (std::size_t place = 0; place < packets_of(service); ++place) {
+        const auto& packet = service.packet(place);
+        told.packets.push_back({std::string(role::name(service.kind(), place)), packet.name(), fmt::format("{:016x}", packet.fingerprint()), packet.text()});
+    }
+    return ise::to_json(told) + "\n";
+}
 
-std::vector<difference> differences(const dynamic_contract& a, const dynamic_contract& b) {
-    std::vector<difference> all;
+type_comparison compare(const dynamic_contract& a, const dynamic_contract& b) {
+    type_comparison made;
+    made.compatible = true;
     for (std::size_t place = 0; place < packets_of(a); ++place) {
-        difference one{role::name(a.kind(), place), "equal", {}};
+        packet_difference one{std::string(role::name(a.kind(), place)), "equal", {}};
         if (a.packet(place).fingerprint() != b.packet(place).fingerprint()) {
             auto why = incompatibility(a.packet(place), b.packet(place));
             one.verdict = why ? "mismatch" : "compatible";
-            one.why = why.value_or("");
+            one.differences = why.value_or("");
+            made.compatible = made.compatible && !why;
         }
-        all.push_back(std::move(one));
+        made.packets.push_back(std::move(one));
     }
-    return all;
+    return made;
 }
 
-std::string as_text(const std::vector<difference>& all) {
+std::string as_text(const type_comparison& of) {
     std::string text;
-    for (const auto& one : all) {
-        text += fmt::format("{}: {}\n", one.packet, one.verdict == "mismatch" ? "does not fit" : one.verdict == "equal" ? "equal" : "compatible: something was appended on one side");
-        if (one.why.empty()) continue;
-        auto why = printable(one.why, true);
+    for (const auto& one : of.packets) {
+        text += fmt::format("{}: {}\n", one.role, one.verdict == "mismatch" ? "does not fit" : one.verdict == "equal" ? "equal" : "compatible: something was appended on one side");
+        if (one.differences.empty()) continue;
+        auto why = printable(one.differences, true);
         while (why.ends_with('\n')) why.pop_back();
         text += indented(why, "    ");
     }
     return text;
-}
-
-std::string as_json(const std::vector<difference>& all, bool fits) {
-    ordered_json told;
-    told["compatible"] = fits;
-    auto packets = ordered_json::array();
-    for (const auto& one : all) {
-        ordered_json packet;
-        packet["role"] = one.packet;
-        packet["verdict"] = one.verdict;
-        packet["differences"] = one.why;
-        packets.push_back(std::move(packet));
-    }
-    told["packets"] = std::move(packets);
-    return told.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
 }
 
 } // namespace
@@ -119,7 +110,7 @@ std::string as_json(const std::vector<difference>& all, bool fits) {
 task<> type(context& in, type_options options) {
     auto first = co_await service_at(in, options.name, options.service);
     if (options.act == "show") {
-        auto text = shown(in, options, first);
+        auto text = in.set.json ? as_json(options.name, first) : as_text(first);
         co_await in.out.write(in.self, std::move(text));
         co_return;
     }
@@ -128,11 +119,10 @@ task<> type(context& in, type_options options) {
     if (first.kind() != other.kind())
         throw problem(exit_code::mismatch, "type_mismatch", fmt::format("'{}' at {} is a {} service, '{}' at {} a {} service", options.service, options.name, ise::name_of(first.kind()),
                                                                         other_service, options.other_name, ise::name_of(other.kind())));
-    auto all = differences(first, other);
-    bool fits = std::ranges::none_of(all, [](const difference& one) { return one.verdict == "mismatch"; });
-    auto text = in.set.json ? as_json(all, fits) : as_text(all);
+    auto told = compare(first, other);
+    auto text = in.set.json ? ise::to_json(told) + "\n" : as_text(told);
     co_await in.out.write(in.self, std::move(text));
-    if (!fits)
+    if (!told.compatible)
         throw problem(exit_code::mismatch, "type_mismatch", fmt::format("'{}' of {} (reader) does not fit '{}' of {} (writer)", options.service, options.name, other_service, options.other_name),
                       "fields, enumerators and alternatives may be appended; anything else takes a service of another name");
 }

@@ -1,5 +1,6 @@
 // The name server as a program: where the components of a system find each other.
 // Exit codes: 0 ended by SIGINT or SIGTERM, 1 it cannot run (the reason is on stderr), 2 wrong usage.
+#include <apps/wrapped_help.hpp>
 #include <ise/component/node.hpp>
 #include <ise/core/complain.hpp>
 #include <ise/core/real/environment.hpp>
@@ -125,6 +126,7 @@ int run(const settings& wanted, ise::duration lease) {
 
 int main(int argc, char** argv) {
     CLI::App app("Keeps the names of an ISE system: components register here and find each other by path.", "ise_name_server");
+    app.formatter(std::make_shared<wrapped_help>());
     settings wanted;
     app.add_option("--listen", wanted.listen, "where to listen, such as tcp://0.0.0.0:7400; several are allowed (default " + ise::default_name_server().text() + ")");
     app.add_option("--advertise", wanted.advertise, "where others reach it through a tunnel to where it listens, such as tcp://10.0.0.2:7400; several are allowed")->type_name("ENDPOINT");

@@ -3,6 +3,7 @@
 #include "report.hpp"
 #include "voyage.hpp"
 
+#include <apps/wrapped_help.hpp>
 #include <components/gui_client/console_state.hpp>
 
 #include <ise/core/complain.hpp>
@@ -99,6 +100,7 @@ private:
 int main(int argc, char** argv) {
     CLI::App app("The whole of A-Tirma at sea for some hours on the virtual clock, with faults by the seed, and a "
                  "report that proves that nothing was lost that the shore had acknowledged.");
+    app.formatter(std::make_shared<wrapped_help>());
     std::uint64_t seed = 1;
     double hours = 10;
     std::string out, wind;

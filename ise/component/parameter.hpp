@@ -39,6 +39,7 @@ struct parameter {
     std::vector<std::string> choices; ///< if there are any, no other text is allowed
     bool many = false;                ///< may be given several times
     bool changeable = false;          ///< also while the component runs
+    std::string address;              ///< of a TCP port to listen on: the parameter that holds the address
 };
 
 inline constexpr std::size_t longest_parameter_value = 4096;
@@ -77,6 +78,9 @@ public:
         }
         declared& described(std::string text) { return what_->description = std::move(text), *this; }
         declared& preset(std::string text) { return what_->preset = std::move(text), *this; }
+        /// Of an integer: the TCP port at which the component listens, at the address that the parameter `address` holds. Both
+        /// together are an endpoint, which an instantiation server tries before a start.
+        declared& port_at(std::string address) { return what_->address = std::move(address), *this; }
         /// Also while the component runs, which hears of it: component_type::makes. Throws errc::invalid_argument for a
         /// parameter that may be given several times.
         declared& changeable();

@@ -1,5 +1,7 @@
 #include <ise/component/program_words.hpp>
 
+#include <ise/core/readable.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -9,27 +11,8 @@
 namespace ise::detail {
 namespace {
 
-constexpr std::size_t help_width = 80;
-
-// "  left   text", the text in lines of its own column.
 std::string help_row(const std::string& left, const std::string& text, std::size_t column) {
-    auto line = fmt::format("  {:<{}}  ", left, column);
-    const auto indent = column + 4;
-    if (left.size() > column) line += "\n" + std::string(indent, ' ');
-    std::string rows;
-    std::size_t used = indent;
-    for (std::size_t from = 0; from < text.size();) {
-        auto to = std::min(text.find(' ', from), text.size());
-        if (used > indent && used + 1 + to - from > help_width) {
-            rows += "\n" + std::string(indent, ' ');
-            used = indent;
-        }
-        if (used > indent) rows += ' ', ++used;
-        rows += text.substr(from, to - from);
-        used += to - from;
-        from = to + 1;
-    }
-    return line + rows + "\n";
+    return fmt::format("  {:<{}}  {}{}\n", left, column, left.size() > column ? "\n" + std::string(column + 4, ' ') : "", text);
 }
 
 std::string parameter_row(const parameter& of, std::size_t column) {
@@ -78,7 +61,7 @@ std::string help_of(const std::string& program, const component_type& type) {
     for (const auto& one : type.parameters.all()) column = std::max(column, std::min<std::size_t>(one.name.size() + 2, 25));
     text += type.parameters.all().empty() ? "\nIt has no parameters.\n" : "\nParameters; one that is not given is read from the environment:\nISE_PARAMETER_WIND_SPEED for --wind-speed.\n";
     for (const auto& one : type.parameters.all()) text += parameter_row(one, column);
-    return text + "\nOptions of every type:\n" + common_rows() + "\n" + exit_codes;
+    return wrapped(text + "\nOptions of every type:\n" + common_rows() + "\n" + exit_codes);
 }
 
 std::string help_of(const std::string& program, const std::vector<component_type>& types, bool shares) {
@@ -92,7 +75,7 @@ std::string help_of(const std::string& program, const std::vector<component_type
     for (const auto& type : types) column = std::max(column, std::min<std::size_t>(type.about.name.size(), 25));
     for (const auto& type : types)
         text += help_row(type.about.name, type.about.description + (type.about.path.empty() ? "" : fmt::format(" (path: {})", type.about.path)), column);
-    return text + "\nOptions of every type:\n" + common_rows() + "\n" + exit_codes;
+    return wrapped(text + "\nOptions of every type:\n" + common_rows() + "\n" + exit_codes);
 }
 
 } // namespace ise::detail

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <optional>
@@ -34,7 +35,53 @@ bool is_unseen(char32_t letter) {
            within(0x2060, 0x206f) || letter == 0xfeff || within(0xfff9, 0xfffb) || within(0xe0000, 0xe0fff);
 }
 
+// Bytes of the first `count` characters.
+std::size_t bytes_of(std::string_view text, std::size_t count) {
+    std::size_t at = 0;
+    while (at < text.size() && (count > 0 || (static_cast<unsigned char>(text[at]) & 0xc0) == 0x80)) {
+        if ((static_cast<unsigned char>(text[at]) & 0xc0) != 0x80) --count;
+        ++at;
+    }
+    return at;
+}
+
+void wrap_line(std::string& out, std::string_view line, std::size_t width) {
+    auto begin = std::min(line.find_first_not_of(' '), line.size());
+    auto gap = line.find("  ", begin);
+    auto indent = gap == line.npos ? begin : std::min(line.find_first_not_of(' ', gap), line.size());
+    if (indent > width / 2) indent = begin;
+    for (std::size_t room = width; columns(line) > room; room = width - indent) {
+        auto most = bytes_of(line, room);
+        auto least = room == width ? indent : 0;
+        auto to = line.rfind(' ', most);
+        auto next = to + 1;
+        if (to == line.npos || to <= least) { // a word that is longer
+            to = line.substr(0, most).rfind(',') + 1;
+            if (to <= least) to = most;
+            next = to;
+        }
+        out.append(line.substr(0, to)) += '\n';
+        out.append(indent, ' ');
+        line.remove_prefix(next);
+    }
+    out.append(line) += '\n';
+}
+
 } // namespace
+
+std::size_t columns(std::string_view text) noexcept {
+    return static_cast<std::size_t>(std::ranges::count_if(text, [](unsigned char byte) { return (byte & 0xc0) != 0x80; }));
+}
+
+std::string wrapped(std::string_view text, std::size_t width) {
+    std::string out;
+    for (std::size_t from = 0; from < text.size();) {
+        auto to = std::min(text.find('\n', from), text.size());
+        wrap_line(out, text.substr(from, to - from), width);
+        from = to + 1;
+    }
+    return out;
+}
 
 std::size_t readable_length(std::string_view text) noexcept {
     if (text.empty()) return 0;

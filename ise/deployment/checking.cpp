@@ -90,6 +90,7 @@ void complete(deployment& of, const std::vector<host_state>& hosts, std::vector<
         if (used.contains(host.name.text) && !state_of(of, host.name.text, hosts))
             problems.push_back({host.name.at, without_server(host.server, servers)});
     checker check(problems);
+    std::set<std::pair<std::string, std::string>> missing; // host and type: one mistake, however many components meet it
     for (auto& one : of.components) {
         const auto* state = state_of(of, one.host.text, hosts);
         if (!state) continue;
@@ -98,9 +99,12 @@ void complete(deployment& of, const std::vector<host_state>& hosts, std::vector<
             check.check(one, *type);
             continue;
         }
+        if (!missing.insert({one.host.text, one.type.text}).second) continue;
+        auto count = std::ranges::count_if(of.components, [&](const auto& other) { return other.host.text == one.host.text && other.type.text == one.type.text; });
         std::vector<std::string> names;
         for (const auto& known : state->types) names.push_back(known.about.name);
-        problems.push_back({one.type.at, fmt::format("host '{}' has no component type '{}'; {}", state->server, one.type.text.substr(0, 200), advice(one.type.text, names, "it has none"))});
+        problems.push_back({one.type.at, fmt::format("host '{}'{} has no component type '{}'{}; {}", one.host.text, state->server == one.host.text ? "" : fmt::format(" (instantiation server '{}')", state->server),
+                                                     one.type.text.substr(0, 200), count == 1 ? "" : fmt::format(", which {} components need", count), advice(one.type.text, names, "it has none"))});
     }
 }
 

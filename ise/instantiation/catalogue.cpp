@@ -47,6 +47,10 @@ std::string objection_to(const type_text& type) {
         if (!is_word(one.name) || is_common(one.name) || !names.insert(one.name).second)
             return fmt::format("type '{}': a parameter cannot be called '{}'", type.name, shown(one.name));
         if (one.kind > parameter_kind::url) return fmt::format("type '{}': parameter '{}' is of a kind that is not known here", type.name, one.name);
+        if (one.address.empty()) continue;
+        auto address = std::ranges::find(type.parameters, one.address, &parameter::name);
+        bool fits = one.kind == parameter_kind::integer && !one.many && address != type.parameters.end() && address->kind == parameter_kind::address && !address->many;
+        if (!fits) return fmt::format("type '{}': the port '{}' has no address '{}': one is an integer, the other an address, and each is given once", type.name, one.name, shown(one.address));
     }
     for (const auto& name : type.variables)
         if (!is_variable(name)) return fmt::format("type '{}': the variable '{}' cannot be set by others", type.name, shown(name));
@@ -67,11 +71,41 @@ result<void> add_arguments(launch_plan& to, const type_text& type, const start_r
         if (!allowed) return wrong(fmt::format("type '{}': {}", type.name, allowed.error().message()));
         auto may = rules.may_be(*found, one.value);
         if (!may) return wrong(fmt::format("type '{}': {}", type.name, may.error().message()));
-        if (found->kind == parameter_kind::endpoint && !one.value.empty()) to.listen.push_back(endpoint::parse(one.value).value());
         if (!given.insert(one.name).second && !found->many) return wrong(fmt::format("type '{}': parameter '{}' is given twice", type.name, one.name));
         to.words.push_back(fmt::format("--{}={}", one.name, one.value));
     }
     return {};
+}
+
+// What was given, else the preset.
+std::vector<std::string> values_of(const parameter& of, const start_request& request) {
+    std::vector<std::string> values;
+    for (const auto& one : request.arguments)
+        if (one.name == of.name) values.push_back(one.value);
+    if (!values.empty()) return values;
+    if (!of.many) return {of.preset};
+    for (std::size_t from = 0; from < of.preset.size();) {
+        auto to = std::min(of.preset.find(',', from), of.preset.size());
+        values.push_back(of.preset.substr(from, to - from));
+        from = to + 1;
+    }
+    return values;
+}
+
+// Where the component listens beside its own endpoints: they are tried before a start. A preset that is no endpoint tells people
+// what happens without one.
+void add_listening(launch_plan& to, const type_text& type, const start_request& request) {
+    for (const auto& one : type.parameters) {
+        if (one.kind == parameter_kind::endpoint) {
+            for (const auto& value : values_of(one, request))
+                if (auto at = endpoint::parse(value)) to.listen.push_back(std::move(*at));
+        } else if (!one.address.empty()) {
+            auto host = values_of(*std::ranges::find(type.parameters, one.address, &parameter::name), request).front();
+            bool bare = host.find(':') != host.npos;
+            auto at = endpoint::parse(fmt::format("tcp://{}{}{}:{}", bare ? "[" : "", host, bare ? "]" : "", values_of(one, request).front()));
+            if (at) to.listen.push_back(std::move(*at));
+        }
+    }
 }
 
 result<void> add_variables(launch_plan& to, const type_text& type, const start_request& request) {
@@ -207,6 +241,7 @@ result<launch_plan> catalogue::plan(const start_request& request, const launch_r
     if (!endpoints) return endpoints.error();
     auto arguments = add_arguments(made, type, request, rules);
     if (!arguments) return arguments.error();
+    add_listening(made, type, request);
     auto roles = add_roles(made, request);
     if (!roles) return roles.error();
     auto variables = add_variables(made, type, request);

@@ -195,7 +195,7 @@ void instantiation_server::take_in(shared_process& of, const process_host::compo
         process_end how;
         how.known = true;
         how.number = known && found->failure.empty() ? 0 : 1;
-        how.told = !known ? "its process does not know it any more" : found->failure.empty() ? "as a component of a process that goes on" : found->failure;
+        how.told = !known ? "its process does not know it any more" : found->failure.empty() ? fmt::format("ended without a failure, in process '{}'", of.name) : found->failure;
         ended.emplace_back(member, std::move(how));
     }
     for (auto& [member, how] : ended) {

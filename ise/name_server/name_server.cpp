@@ -64,6 +64,7 @@ task<> name_server::run() {
     });
     provide(naming::resolve, [this](naming::resolve_request request) { return registry_->resolve(request.path, now()); });
     provide(naming::list, [this](naming::list_request request) { return registry_->list(request, now()); });
+    provide(naming::lost, [this](naming::lost_request request) { return registry_->lost(request.prefix, now()); });
     provide(naming::describe, [this](naming::describe_request request) { return registry_->describe(request.path, now()); });
 
     serve_options many;

@@ -58,13 +58,19 @@ void registry::advance(time_point now) { expire(running_time(now)); }
 bool registry::recovering(time_point now) { return running_time(now) < recovered_; }
 
 void registry::expire(time_point at) {
-    while (!expiries_.empty() && expiries_.begin()->first <= at) end(nodes_.find(expiries_.begin()->second));
+    while (!expiries_.empty() && expiries_.begin()->first <= at) end(nodes_.find(expiries_.begin()->second), end_of_lease::ran_out, at);
 }
 
-void registry::end(std::unordered_map<std::uint64_t, node>::iterator gone) {
+void registry::end(std::unordered_map<std::uint64_t, node>::iterator gone, end_of_lease why, time_point at) {
     auto paths = gone->second.paths; // removing changes them
+    last_holder who;
+    who.why = why;
+    who.host_name = gone->second.who.host_name;
+    who.process_id = gone->second.who.process_id;
+    who.at = at;
     for (const auto& path : paths) {
-        remember(path, components_.at(path).claim.epoch);
+        who.epoch = components_.at(path).claim.epoch;
+        remember(path, who);
         remove(path);
     }
     expiries_.erase({gone->second.expires, gone->first});
@@ -161,7 +167,7 @@ naming::grant registry::decide(node& from, naming::component_claim claim, time_p
     if (recovering && !may_be_former)
         return not_yet(path, recovered_ - at, "the name server has just started: first those who held names before get them");
     auto last = last_held_.find(path);
-    bool nobody_since = recovering || (proven && last != last_held_.end() && last->second == shown);
+    bool nobody_since = recovering || (proven && last != last_held_.end() && last->second.epoch == shown);
     return accept(from, std::move(claim), believed && nobody_since ? shown : fresh());
 }
 
@@ -248,15 +254,16 @@ void registry::withdraw(const naming::withdraw_request& request, time_point now)
 }
 
 result<naming::ended_response> registry::end(const naming::ended_request& request, time_point now) {
-    expire(running_time(now));
+    auto at = running_time(now);
+    expire(at);
     if (request.launch_mark.size() < naming::least_mark_bytes)
         return failure(errc::refused, fmt::format("a mark of {} bytes is no secret of whoever started a process: it has at least {}", request.launch_mark.size(),
                                                   naming::least_mark_bytes));
     naming::ended_response response;
-    for (auto at = nodes_.begin(); at != nodes_.end();) {
-        auto one = at++;
+    for (auto next = nodes_.begin(); next != nodes_.end();) {
+        auto one = next++;
         if (one->second.who.launch_mark != request.launch_mark) continue;
-        end(one);
+        end(one, end_of_lease::reported, at);
         ++response.nodes;
     }
     return response;
@@ -298,10 +305,10 @@ void registry::leave_roles(const component& who) {
     }
 }
 
-void registry::remember(const std::string& path, std::uint64_t epoch) {
+void registry::remember(const std::string& path, last_holder who) {
     // Which one is forgotten does not matter: a holder that is not remembered gets a new epoch.
     if (last_held_.size() >= options_.limits.max_remembered) last_held_.erase(last_held_.begin());
-    last_held_[path] = epoch;
+    last_held_[path] = std::move(who);
 }
 
 naming::holder registry::holder_of(const component& held, time_point at) const {

@@ -62,6 +62,7 @@ public:
     /// Who serves a role, best first.
     naming::role_members members_of(std::string_view role, time_point now);
     naming::list_response list(const naming::list_request& request, time_point now);
+    naming::lost_response lost(std::string_view prefix, time_point now);
     result<naming::describe_response> describe(std::string_view path, time_point now);
     /// All names below a prefix, for a watcher.
     std::vector<naming::name_event> snapshot(std::string_view prefix) const;
@@ -99,10 +100,19 @@ private:
         node* owner = nullptr;
     };
 
+    enum class end_of_lease { ran_out, reported }; // reported: by whoever started the process
+    struct last_holder {
+        std::uint64_t epoch = 0;
+        end_of_lease why = end_of_lease::ran_out;
+        std::string host_name;
+        std::uint64_t process_id = 0;
+        time_point at{};
+    };
+
     time_point running_time(time_point now);
     void renew_lease(node& of, time_point at);
     void expire(time_point at);
-    void end(std::unordered_map<std::uint64_t, node>::iterator gone);
+    void end(std::unordered_map<std::uint64_t, node>::iterator gone, end_of_lease why, time_point at);
     std::uint64_t proof_of(std::string_view path, std::uint64_t epoch, const node& of) const;
     bool granted_here(std::uint64_t epoch) const noexcept { return first_epoch_ != 0 && epoch >= first_epoch_; }
     /// After which who found no room may ask again: it may have been superseded meanwhile, and hears of that within a lease.
@@ -114,7 +124,7 @@ private:
     void leave_roles(const component& who);
     naming::role_member member(const component& who, std::int32_t priority) const;
     void remove(const std::string& path);
-    void remember(const std::string& path, std::uint64_t epoch);
+    void remember(const std::string& path, last_holder who);
     naming::holder holder_of(const component& held, time_point at) const;
     naming::grant denied(const std::string& path, naming::verdict what, const component& held, time_point at) const;
     naming::listed_name listed(const component& held) const;
@@ -132,7 +142,7 @@ private:
     std::map<std::string, component, std::less<>> components_;
     std::unordered_map<std::uint64_t, node> nodes_;                // by lease key
     std::set<std::pair<time_point, std::uint64_t>> expiries_;      // of nodes
-    std::map<std::string, std::uint64_t, std::less<>> last_held_;  // epochs of names that expired
+    std::map<std::string, last_holder, std::less<>> last_held_;    // of names that expired
     std::map<std::string, std::set<std::string>, std::less<>> roles_; // who serves them, by path
     std::set<std::string> changed_roles_;
     std::size_t services_ = 0;

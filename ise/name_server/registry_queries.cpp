@@ -92,6 +92,24 @@ naming::list_response registry::list(const naming::list_request& request, time_p
     return response;
 }
 
+naming::lost_response registry::lost(std::string_view prefix, time_point now) {
+    auto at = running_time(now);
+    expire(at);
+    naming::lost_response response;
+    while (prefix.ends_with('/')) prefix.remove_suffix(1);
+    for (auto one = last_held_.lower_bound(prefix); one != last_held_.end() && one->first.starts_with(prefix); ++one) {
+        if (one->second.why == end_of_lease::reported || !naming::lies_below(one->first, prefix)) continue;
+        if (response.names.size() == options_.limits.max_listed) break;
+        naming::lost_name made;
+        made.path = one->first;
+        made.host_name = one->second.host_name;
+        made.process_id = one->second.process_id;
+        made.lost_ago = at - one->second.at;
+        response.names.push_back(std::move(made));
+    }
+    return response;
+}
+
 result<naming::describe_response> registry::describe(std::string_view path, time_point now) {
     auto at = running_time(now);
     expire(at);

@@ -275,6 +275,24 @@ struct describe_response {
     duration lease_age{};             ///< since it was last renewed
 };
 
+/// Asks for names that were lost.
+struct lost_request {
+    std::string prefix; ///< as in list_request
+};
+
+/// A name whose lease ran out: its holder neither gave it back, nor was it reported dead, and nobody has held it since.
+struct lost_name {
+    std::string path;             ///< held until then
+    std::string host_name;        ///< of the holder, for people
+    std::uint64_t process_id = 0; ///< on that host
+    duration lost_ago{};          ///< since the lease ran out
+};
+
+/// The answer to `lost_request`.
+struct lost_response {
+    std::vector<lost_name> names; ///< by path; at most as many as the server gives at once
+};
+
 /// Asks to be told of changes.
 struct watch_request {
     std::string prefix; ///< as in list_request
@@ -316,6 +334,8 @@ inline constexpr request_response<await_request, await_response> wait_for{"ise.n
 inline constexpr request_response<list_request, list_response> list{"ise.names.list"};
 /// All that is known of a name.
 inline constexpr request_response<describe_request, describe_response> describe{"ise.names.describe"};
+/// Names whose holders were lost since the server was started. errc::no_such_service: an older server.
+inline constexpr request_response<lost_request, lost_response> lost{"ise.names.lost"};
 /// Tells of changes.
 inline constexpr subscription<name_events, watch_request> watch{"ise.names.watch"};
 

@@ -35,7 +35,7 @@ void call_worker::begin(incoming_call call, time_point began) {
 // A call that leads back to the handler that made it can only be among those that came while it ran.
 void call_worker::note_waiting(const call_origin& from) {
     if (!busy_ || !context_.waiting.empty()) return;
-    waiting_ = from.caller();
+    waiting_ = from.caller_name();
     context_.waiting = waiting_;
 }
 
@@ -60,7 +60,7 @@ void call_worker::expire() {
     if (!std::exchange(wanted_, false)) return;
     auto cycle = suspected_cycle(context_);
     auto text = fmt::format("'{}' did not finish before its deadline{}", service_.name(), cycle);
-    if (!cycle.empty()) runtime_.tell(peer_trouble::handler, text, call_.from->caller());
+    if (!cycle.empty()) runtime_.tell(peer_trouble::handler, text, call_.from->caller_name());
     call_.from->refuse(call_.id, failure(errc::timed_out, std::move(text), execution::unknown));
     give_up();
 }
@@ -124,7 +124,7 @@ void call_service::serve(call_origin& from, incoming_call call, incoming_packet 
 }
 
 void call_service::tell_failure(const call_origin& from, const failure& why) {
-    if (why.code() == errc::handler_failed) runtime_.tell(peer_trouble::handler, fmt::format("a handler of '{}' failed: {}", name_, why.message()), from.caller());
+    if (why.code() == errc::handler_failed) runtime_.tell(peer_trouble::handler, fmt::format("a handler of '{}' failed: {}", name_, why.message()), from.caller_name());
 }
 
 bool call_service::refuse_late(call_origin& to, const incoming_call& call) {

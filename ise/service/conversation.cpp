@@ -6,6 +6,13 @@
 
 namespace ise {
 
+std::string conversation::caller_name() const {
+    const auto& at = peer_name();
+    if (peer().path.empty() && at.starts_with("inproc://")) return "a component without a name in the same process";
+    if (peer().path.empty() && at.starts_with("local://")) return "a component without a name on the same host";
+    return at;
+}
+
 void conversation::send(wire::frame_type type, std::uint8_t flags, std::uint64_t id, function_ref<void(buffer&)> write_body) {
     wire::put_frame(connection_->out().begin_call(), type, flags, id, write_body);
     connection_->out().end_call();

@@ -22,6 +22,8 @@ public:
     net::connection& wire() const noexcept { return *connection_; }
     bool open() const noexcept { return connection_->open(); }
     const std::string& peer_name() const noexcept { return connection_->peer_name(); }
+    /// The peer as a caller or subscriber, for people: one without a name shows none of this side's addresses.
+    std::string caller_name() const;
     const net::session_peer& peer() const noexcept { return connection_->terms().peer; }
     schema_exchange& schemas() noexcept { return schemas_; }
 

@@ -16,8 +16,10 @@ class call_origin {
 public:
     virtual void reply(std::uint64_t id, outgoing_packet response) = 0;
     virtual void refuse(std::uint64_t id, const failure& why) = 0;
-    /// The caller for people.
+    /// The caller's path, or its address.
     virtual const std::string& caller() const noexcept = 0;
+    /// The caller for people.
+    virtual std::string caller_name() const = 0;
     /// Lives on as long as this is held.
     virtual std::shared_ptr<call_origin> held() = 0;
 

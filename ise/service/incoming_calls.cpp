@@ -139,7 +139,7 @@ void incoming_calls::compare(std::uint32_t number, std::vector<std::uint64_t> fi
         auto& of = *bindings_[number];
         of.now = problem ? state::refused : state::ready;
         if (problem) {
-            over_.runtime().tell(peer_trouble::mismatch, problem->message(), over_.peer_name());
+            over_.runtime().tell(peer_trouble::mismatch, problem->message(), over_.caller_name());
             of.why = std::move(*problem);
         }
         for (auto& request : std::exchange(of.held, {})) {

@@ -28,6 +28,7 @@ public:
     void reply(std::uint64_t id, outgoing_packet response) override;
     void refuse(std::uint64_t id, const failure& why) override;
     const std::string& caller() const noexcept override { return over_.peer_name(); }
+    std::string caller_name() const override { return over_.caller_name(); }
     std::shared_ptr<call_origin> held() override { return {over_.shared_from_this(), this}; }
     /// Sends an answer that was made before, or for another session: a whole frame, whose id is replaced.
     void send_answer(std::uint64_t id, bytes_view frame);

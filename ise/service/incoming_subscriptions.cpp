@@ -25,7 +25,7 @@ result<void> incoming_subscriptions::on_subscribe(const wire::frame& received) {
     auto& runtime = over().runtime();
     if (by_id_.size() >= runtime.options().max_subscriptions_per_session) {
         failure why(errc::overloaded, fmt::format("more than {} subscriptions of one session (max_subscriptions_per_session)", runtime.options().max_subscriptions_per_session));
-        runtime.tell(peer_trouble::excess, why.message(), over().peer_name());
+        runtime.tell(peer_trouble::excess, why.message(), over().caller_name());
         end(id, why, 0);
         return {};
     }
@@ -80,7 +80,7 @@ void incoming_subscriptions::admit(std::uint64_t id, wire::subscribe terms, cons
         }
         if (!diff.empty()) {
             failure why(errc::type_mismatch, fmt::format("the packets of '{}' differ incompatibly:\n{}", publication.name(), diff));
-            over().runtime().tell(peer_trouble::mismatch, why.message(), over().peer_name());
+            over().runtime().tell(peer_trouble::mismatch, why.message(), over().caller_name());
             end(id, why, 0);
             return;
         }
@@ -127,7 +127,7 @@ result<void> incoming_subscriptions::on_unsubscribe(const wire::frame& received)
         try {
             if (left.who) response = left.publication->unsubscribe(*left.who, received.body, left.unsubscribe.get());
         } catch (const std::exception& thrown) { // the user's callback, or its packet: it has left all the same
-            over().runtime().tell(peer_trouble::callback, fmt::format("'{}': {}", left.publication->name(), thrown.what()), over().peer_name());
+            over().runtime().tell(peer_trouble::callback, fmt::format("'{}': {}", left.publication->name(), thrown.what()), over().caller_name());
         }
     } // else it ended meanwhile: the answer is the same
     over().send(frame_type::unsubscribed, 0, received.header.id, [&](buffer& body) { body.append(bytes_view(response)); });

@@ -69,7 +69,7 @@ def objection(file, target):
             if to[2:] != ("services.hpp",):
                 return f"{where[1]} includes {'/'.join(to)}: of another component only services.hpp"
         return None
-    if where[0] == "apps" and to[0] == "apps" and to[1] != where[1]:
+    if where[0] == "apps" and to[0] == "apps" and len(to) > 2 and to[1] != where[1]:  # what lies in apps/ itself is for all programs
         return "a program includes another program's files"
     return None
 

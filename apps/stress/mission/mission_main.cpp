@@ -2,6 +2,7 @@
 #include "mission.hpp"
 
 #include <apps/stress/report.hpp>
+#include <apps/wrapped_help.hpp>
 
 #include <ise/core/complain.hpp>
 #include <ise/core/real/environment.hpp>
@@ -40,6 +41,7 @@ stress::mission_options::line line_of(const std::string& text) {
 int main(int argc, char** argv) {
     CLI::App app("The script, the operators and the report of a mission on the real clock; who starts the processes of "
                  "the deployment kills and starts them as the lines on standard output say.");
+    app.formatter(std::make_shared<wrapped_help>());
     stress::mission_options options;
     double length_s = 600;
     std::string out, names;

@@ -25,7 +25,7 @@ TEST_CASE("parameters are listed, read and set") {
     auto told = in.told({"param", "get", "sea/one", "answer"});
     CHECK(told["values"] == json::array({"2.5"}));
     CHECK(told["changeable"] == true);
-    CHECK(in.told({"param", "list", "sea/one"}).size() == 11);
+    CHECK(in.told({"param", "list", "sea/one"}).size() == 13);
     CHECK(in.state("sea/one")["arguments"][1]["value"] == "2.5"); // and so in the next life
 }
 

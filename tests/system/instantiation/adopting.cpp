@@ -24,6 +24,32 @@ TEST_CASE("what an instantiation server had started goes on when it is killed, a
     CHECK_FALSE(lives(pid));
 }
 
+TEST_CASE("the doctor finds an instantiation server that was killed, until it is back, and none that was stopped") {
+    host here;
+    here.open();
+    here.start("sea/one");
+    auto lost = [&] {
+        auto ran = here.ise({"doctor", "--json", "--interval", "100ms"});
+        auto told = json::parse(ran.out);
+        for (const auto& one : told["findings"])
+            if (one["kind"] == "server_lost") {
+                CHECK(ran.exit_code == 1);
+                CHECK_THAT(one["component"].get<std::string>(), Catch::StartsWith("ise/host/"));
+                CHECK_THAT(one["message"].get<std::string>(), Contains("was lost") && Contains("without being stopped (process "));
+                CHECK_THAT(one["advice"].get<std::string>(), Contains("start it again with the same --state"));
+                return true;
+            }
+        return false;
+    };
+    CHECK_FALSE(lost());
+    here.crash();
+    wait_until(lost); // when its lease is over
+    here.open();
+    CHECK_FALSE(lost());
+    CHECK(here.close() == 0);
+    CHECK_FALSE(lost());
+}
+
 TEST_CASE("what was taken over is watched over as before") {
     host here;
     here.open();

@@ -23,6 +23,13 @@ struct shared_host : host {
 
 } // namespace
 
+TEST_CASE("the last component of a shared process that is stopped is not told to leave others behind") {
+    shared_host here;
+    here.share("sea/one");
+    here.share("sea/two");
+    for (const char* path : {"sea/one", "sea/two"}) CHECK(here.told({"stop", path})["reason"] == "ended without a failure, in process 'main'");
+}
+
 TEST_CASE("components share a process, and each is driven for itself") {
     shared_host here;
     int pid = here.share("sea/one", {"--set", "answer=1", "--set", "say=one is here"})["process_id"];

@@ -1,9 +1,11 @@
 // Starting components through the command line: what succeeds, and what is refused with which words.
 #include "host.hpp"
 
+#include <ise/core/readable.hpp>
 #include <ise/service/service_host.hpp>
 
 #include <fstream>
+#include <sstream>
 #include <sys/mount.h>
 #include <unistd.h>
 #include <test_folders.hpp>
@@ -240,6 +242,10 @@ TEST_CASE("an address that is in use and a name that is taken are told before an
     auto address = here.ise({"start", "trouble", "sea/one", "--listen", occupied});
     CHECK(address.exit_code == 1);
     CHECK_THAT(address.err, Contains("cannot listen on " + occupied));
+    auto by_port = here.ise({"start", "trouble", "sea/one", "--set", "page=127.0.0.1", "--set", "page-port=" + occupied.substr(occupied.rfind(':') + 1)});
+    CHECK(by_port.exit_code == 1);
+    CHECK_THAT(by_port.err, Contains("cannot listen on " + occupied));
+    CHECK(marked().empty());
     auto name = here.ise({"start", "trouble", "sea/taken"});
     CHECK(name.exit_code == 1);
     CHECK_THAT(name.err, Contains("'sea/taken' is held by process") && Contains("which was not started here"));
@@ -258,6 +264,27 @@ TEST_CASE("a program that is gone is told, and leaves nothing behind") {
     CHECK_THAT(ran.err, Contains("cannot start") && Contains("ise_trouble"));
     CHECK(here.state("sea/one")["state"] == "failed");
     CHECK(zombies() == 0);
+}
+
+TEST_CASE("the tables of instances, parameters and types fit on a terminal of 80 columns") {
+    host here;
+    here.install("atirma");
+    here.open();
+    here.start("sea/one/with/a/path/that/is/quite/long", {"--set", "word=" + std::string(100, 'w')});
+    here.ise({"start", "trouble", "sea/two", "--set", "failing=the rudder is missing, and so is the mast, the keel and most of the crew"});
+    for (const char* command : {"ps", "param list sea/one/with/a/path/that/is/quite/long", "start --types", "start --types iridium-proxy"}) {
+        auto line = "stty cols 80 rows 24; " ISE_BINARY_DIR "/bin/ise --timeout 60s --name-server " + here.name_server() + " " + command;
+        auto ran = ise_test::run_program({"/usr/bin/script", "-qec", line, "/dev/null"});
+        INFO(ran.out);
+        CHECK(ran.exit_code == 0);
+        std::istringstream text(ran.out);
+        std::size_t lines = 0;
+        for (std::string one; std::getline(text, one); ++lines) {
+            if (one.ends_with('\r')) one.pop_back();
+            CHECK(ise::columns(one) <= 80);
+        }
+        CHECK(lines >= 3);
+    }
 }
 
 TEST_CASE("no more instances run than the server was told") {

@@ -21,7 +21,8 @@ struct trouble_options {
     std::string say;
     std::string meets, other;
     std::string failing;
-    std::string file, outlet;
+    std::string file, outlet, page;
+    std::uint16_t page_port = 0;
     std::vector<std::string> words;
 };
 
@@ -180,6 +181,8 @@ std::vector<ise::component_type> types() {
     type.parameters.add("file", options->file, "a file").kind(ise::parameter_kind::path);
     type.parameters.add("word", options->words, "words");
     type.parameters.add("outlet", options->outlet, "where it would listen").kind(ise::parameter_kind::endpoint);
+    type.parameters.add("page", options->page, "where it would show a page").kind(ise::parameter_kind::address);
+    type.parameters.add("page-port", options->page_port, "at that address").port_at("page");
     type.provides(ask).provides(say).provides(leave).reads("TROUBLE_FLAG");
     type.makes<trouble>(options);
     std::vector<ise::component_type> made;

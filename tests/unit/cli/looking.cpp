@@ -7,6 +7,8 @@
 #include <apps/ise/table.hpp>
 #include <apps/ise/text.hpp>
 
+#include <ise/service/use_book.hpp>
+
 #include <support/catch.hpp>
 
 #include <algorithm>
@@ -140,13 +142,13 @@ TEST_CASE("a subscription that ended and was not made again is a warning") {
     CHECK_THAT(seen.front().message, Contains("'position' of boat") && Contains("5 packets are lost"));
 }
 
-TEST_CASE("who waits for longer than a few seconds is a warning, which says for what and since when") {
+TEST_CASE("who waits for longer than what is logged is a warning, which says for what and since when") {
     auto one = well("a");
     ise::wait_text wait;
     wait.target = "b";
     wait.service = "steer";
     wait.since = ise::wall_time(1'777'636'803s); // 2026-05-01T12:00:03Z
-    wait.waited = 4s;
+    wait.waited = ise::use_book::patience - 1ns;
     auto told = [&](const std::string& stage) {
         wait.stage = stage;
         one.about->waits = {wait};
@@ -157,6 +159,9 @@ TEST_CASE("who waits for longer than a few seconds is a warning, which says for 
     };
     one.about->waits = {wait};
     CHECK(found({one}).empty());
+    wait.waited = ise::use_book::patience; // as README, the log and `ise list` have it
+    one.about->waits = {wait};
+    CHECK(kinds(examine({}, {one}, 1s, "shore")) == list{"waits"});
     wait.waited = 12s;
     wait.cause = "nobody is registered as 'b'";
     CHECK(told("name") == "it waits for 'steer' of b, which is not found, since 2026-05-01T12:00:03Z (12 s): nobody is registered as 'b'");
@@ -337,6 +342,22 @@ TEST_CASE("a table that is too wide loses the columns that matter least, then th
     CHECK(line(46) == "atirma/boat  ready  tcp://127.0.0.1:7411\n");
     CHECK(line(39) == "atirma/boat  tcp://127.0.0.1:7411\n");
     CHECK(line(30) == "atirma/boat  tcp://127.0.0.1:…\n");
+}
+
+TEST_CASE("no line of a table is wider than the terminal, whatever its cells hold") {
+    table rows({"PARAMETER", "VALUE", "ALLOWED", "WHAT"});
+    rows.add({"telemetry", std::string(120, 'v'), "a URL to connect to: https://host/path or tcp://host:7411", std::string(90, 'w')});
+    rows.add({std::string(200, 'p'), "5", "", ""});
+    for (std::size_t width : {80, 60, 40}) {
+        auto text = rows.text(width, "  ", {"ALLOWED"}, 24);
+        INFO(text);
+        CHECK(text.find("ALLOWED") == text.npos);
+        while (!text.empty()) {
+            auto end = text.find('\n');
+            CHECK(columns(text.substr(0, end)) <= width);
+            text.erase(0, end + 1);
+        }
+    }
 }
 
 TEST_CASE("what a terminal obeys or turns round is not printed") {

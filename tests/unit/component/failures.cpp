@@ -100,6 +100,31 @@ TEST_CASE("what a handler throws is the caller's failure, not the component's") 
     CHECK(all.state("boat", "boat") == component_state::ready);
 }
 
+TEST_CASE("the log names a caller without a name within the host for what it is, not by the provider's own address") {
+    fleet all;
+    auto listen = GENERATE(as<std::string>(), "inproc://boat", "local://@boat");
+    ise::component_options there;
+    there.listen = {ise::endpoint::parse(listen).value()};
+    all.node("boat").start("boat", [](component& self) -> task<> {
+        self.provide(echo, [](question) -> reply { throw std::runtime_error("no echo at sea"); });
+        co_return;
+    }, there);
+    ise::component_options nobody;
+    nobody.listens = false;
+    bool over = false;
+    all.node("boat").start("", [&](component& self) -> task<> {
+        auto boat = self.at(ise::endpoint::parse(listen).value());
+        question asked{"?"};
+        auto answer = co_await boat.try_call(echo, asked, 5s);
+        CHECK(!answer);
+        over = true;
+    }, nobody);
+    REQUIRE(all.world.run_until([&] { return over; }, 1min));
+    auto who = listen.starts_with("inproc") ? "a component without a name in the same process" : "a component without a name on the same host";
+    CHECK(all.log.has("a handler of 'echo' failed: no echo at sea", who));
+    CHECK_FALSE(all.log.has("a handler of 'echo' failed", listen));
+}
+
 TEST_CASE("a failure stops the whole node where it was told so") {
     fleet all;
     all.start("boat", "other", sail_on, 7001);

@@ -305,6 +305,14 @@ environment = { BOAT = "x" }
     CHECK_THAT(in.wrong(two("parameters={speed=41}\n")), Contains("sea.toml:7:19: parameter 'speed' cannot be '41': it is a number from 0 to 40 (m/s)"));
 }
 
+TEST_CASE("a type that a host does not have is told once, by the host's name in the file") {
+    harbour in;
+    auto one = [](const std::string& name, const std::string& host) { return "[components." + name + "]\ntype='wind'\nhost='" + host + "'\n"; };
+    auto text = in.wrong(files("name='sea'\n[hosts.vessel]\nserver='boat'\n[hosts.shore]\n" + one("a", "vessel") + one("b", "shore") + one("c", "vessel")));
+    CHECK(text == "sea.toml:6:6: host 'vessel' (instantiation server 'boat') has no component type 'wind', which 2 components need; there are boat, air, proxy\n"
+                  "sea.toml:9:6: host 'shore' has no component type 'wind'; there are boat, air, proxy\n");
+}
+
 TEST_CASE("a host without an instantiation server is told, if something is to run there") {
     harbour in;
     in.hosts.pop_back();

@@ -124,6 +124,48 @@ TEST_CASE("parameters listen where components may, and nowhere else") {
     CHECK(made->listen.at(0).text() == "tcp://127.0.0.1:7411"); // looked at before it is started
 }
 
+TEST_CASE("whatever a component will listen on is known before it starts: presets, and a port beside its address") {
+    std::string page = "127.0.0.1";
+    std::uint16_t port = 8080;
+    std::vector<std::string> posts{"tcp://127.0.0.1:7420", "udp://127.0.0.1:7420"};
+    std::vector<ise::component_type> types;
+    types.emplace_back("page", "the page", "sea/page");
+    auto& set = types.back().parameters;
+    set.add("post", posts, "where the boat calls").kind(ise::parameter_kind::endpoint);
+    set.add("shown-at", page, "to listen on").kind(ise::parameter_kind::address);
+    set.add("shown-port", port, "to listen on").port_at("shown-at");
+    catalogue known;
+    known.add("pages", ise::describe_types("pages", "1", types));
+    REQUIRE(known.problems().empty());
+    auto listens = [&](std::vector<argument> arguments) {
+        start_request asked;
+        asked.type = "page";
+        asked.arguments = std::move(arguments);
+        auto made = known.plan(asked, {}, 1);
+        REQUIRE(made);
+        std::vector<std::string> all;
+        for (const auto& at : made->listen) all.push_back(at.text());
+        return all;
+    };
+    using list = std::vector<std::string>;
+    CHECK(listens({}) == list{"tcp://127.0.0.1:7420", "udp://127.0.0.1:7420", "tcp://127.0.0.1:8080"});
+    CHECK(listens({{"post", "tcp://127.0.0.1:1"}, {"shown-port", "81"}}) == list{"tcp://127.0.0.1:1", "tcp://127.0.0.1:81"});
+    CHECK(listens({{"post", ""}, {"shown-at", "::1"}}) == list{"tcp://[::1]:8080"});
+}
+
+TEST_CASE("a port whose address is no parameter of the type is told when the type is read") {
+    std::uint16_t port = 8080;
+    std::string page;
+    std::vector<ise::component_type> types;
+    types.emplace_back("page", "the page", "sea/page");
+    types.back().parameters.add("shown-at", page, "a text");
+    types.back().parameters.add("shown-port", port, "to listen on").port_at(GENERATE("shown-at", "nowhere"));
+    catalogue known;
+    known.add("pages", ise::describe_types("pages", "1", types));
+    REQUIRE(known.problems().size() == 1);
+    CHECK_THAT(known.problems().front(), Contains("the port 'shown-port' has no address"));
+}
+
 TEST_CASE("parameters name no host that the rules do not") {
     launch_rules open;
     open.target_hosts = {"gateway.example", "127.0.0.1:7411", "::1"};

@@ -649,6 +649,49 @@ TEST_CASE("registry: the roles among whose members something has changed are tol
     CHECK(it.names.take_changed_roles().empty());
 }
 
+TEST_CASE("registry: a name whose lease ran out is lost until somebody holds it again; one that was given back is not") {
+    world it;
+    auto lost = [&](std::string_view prefix = {}) {
+        std::vector<std::string> paths;
+        for (const auto& one : it.names.lost(prefix, it.now).names) paths.push_back(one.path);
+        return paths;
+    };
+    using list = std::vector<std::string>;
+    it.claim(1, "ise/host/boat");
+    it.claim(2, "sea/wind");
+    it.claim(3, "ise/host/shore");
+    ise::naming::withdraw_request back;
+    back.lease_key = 3;
+    back.departures.push_back({"ise/host/shore", 30});
+    it.names.withdraw(back, it.now);
+    CHECK(lost().empty());
+    it.pass(5s);
+    CHECK(lost() == list{"ise/host/boat", "sea/wind"});
+    CHECK(lost("ise/host") == list{"ise/host/boat"});
+    CHECK(lost("ise/ho").empty());
+    auto one = it.names.lost("ise/host", it.now).names.at(0);
+    CHECK(one.host_name == "host1");
+    CHECK(one.process_id == 1001);
+    CHECK(one.lost_ago >= 2s);
+    it.claim(4, "ise/host/boat");
+    CHECK(lost("ise/host").empty());
+}
+
+TEST_CASE("registry: a name whose process was reported dead is not lost") {
+    world it;
+    auto request = it.of(1);
+    request.node.launch_mark = std::string(32, 'm');
+    ise::naming::component_claim wanted;
+    wanted.path = "sea/wind";
+    wanted.incarnation = 10;
+    request.components.push_back(wanted);
+    REQUIRE(it.names.enroll(request, it.now).grants.at(0).what == verdict::granted);
+    ise::naming::ended_request ended;
+    ended.launch_mark = request.node.launch_mark;
+    REQUIRE(it.names.end(ended, it.now)->nodes == 1);
+    CHECK(it.names.lost({}, it.now).names.empty());
+}
+
 TEST_CASE("registry: a server that has just restarted says that it may not know every member") {
     world it(options(2s));
     auto request = it.of(1);
