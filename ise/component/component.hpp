@@ -20,50 +20,50 @@ namespace ise {
 
 class service_host;
 
-/// An active object: a flow of execution of its own (`run()`), the services it provides, and the services of others
-/// that it uses. Derive from it, or give a coroutine to `node::start`.
+/// An active object: its own flow of execution (`run()`), the services that it provides, and the services of others
+/// that it uses. Derive from it, or pass a coroutine to `node::start`.
 ///
-/// Everything of a component runs on its loop; handlers and `run()` interleave at `co_await`. When it is stopped, its
-/// coroutines are cancelled at their next suspension (`operation_aborted` is thrown there), its sessions say goodbye,
-/// and its name is withdrawn. An exception that escapes from `run()` or a spawned coroutine is reported with the
-/// component's name and follows the failure policy it was started with.
+/// All code of a component runs on its loop; handlers and `run()` interleave only at `co_await`. When the component is
+/// stopped, its coroutines are cancelled at their next suspension (`operation_aborted` is thrown there), its sessions are
+/// closed, and its name is withdrawn. An exception that escapes from `run()` or a spawned coroutine is logged with the
+/// component's path and follows the failure policy with which the component was started.
 class component : public runnable {
 public:
     component();
     ~component() override;
 
-    /// Where it is found: "atirma/boat". Empty for an anonymous one.
+    /// Its name in the system: "atirma/boat". Empty for an anonymous component.
     const std::string& path() const noexcept;
-    /// The world of its node.
+    /// The environment of its node.
     environment& env() const noexcept;
-    /// Where it runs. Only once it was started, as all that follows.
+    /// Its event loop. Available after the start, like all functions below.
     loop& on() const noexcept;
-    /// Of its loop, for Asio's own operations.
+    /// The executor of its loop, for Asio's own operations.
     asio::any_io_executor get_executor() const;
-    /// Logs with its path, to the sink of its node.
+    /// A logger that adds its path, and writes to the sink of its node.
     const logger& log() const noexcept;
-    /// Where it is in its life. On its loop; from elsewhere see `node::components()`.
+    /// Its present state. Call it on its loop; other threads use `node::components()`.
     component_state state() const noexcept;
-    /// What serves it, for the layers below and for looking at counts: <ise/service/service_host.hpp>.
+    /// The service layer of this component, for counts and for lower layers: <ise/service/service_host.hpp>.
     service_host& services() const noexcept;
 
-    // --- what it provides ---------------------------------------------------------------------------------------
+    // --- provided services --------------------------------------------------------------------------------------
 
     /// Answers the requests of a service by `handler`, which is `ise::task<Response>(Request)` or `Response(Request)`,
-    /// with an optional second parameter `const ise::call_context&`. Until it stops, or `withdraw`.
-    /// Throws errc::invalid_argument if the name is taken.
+    /// with an optional second parameter `const ise::call_context&`, until the component stops or calls `withdraw`.
+    /// Throws errc::invalid_argument if the component already has a service of that name.
     template <class Contract, class Handler>
     void provide(const Contract& service, Handler handler, serve_options options = serve_options()) {
         add(make_call_service(service_parts(), service, std::move(handler), options));
     }
-    /// The same for handlers of which one runs at a time.
+    /// The same, with at most one handler running at a time.
     template <class Contract, class Handler>
     void provide_exclusive(const Contract& service, Handler handler) {
         serve_options one;
         one.concurrent = 1;
         provide(service, std::move(handler), one);
     }
-    /// A subscription service: call the result to publish.
+    /// Provides a subscription service: call the result to publish.
     template <class Contract>
     publication<Contract> publish(const Contract& service, publication_callbacks<Contract> callbacks = publication_callbacks<Contract>()) {
         auto core = make_publication(service_parts(), service, std::move(callbacks));
@@ -80,9 +80,8 @@ public:
         static_assert(detail::never<Packets...>, "ise: this service is a request-response, which is provided: provide(service, handler)");
     }
 
-    /// Publishes what `make()` returns, now and every `period` until the component stops. A loop that was held up
-    /// publishes once and goes on in step: times that have passed are not made up for.
-    /// Throws errc::invalid_argument for a period that is none.
+    /// Publishes the result of `make()`, now and every `period` until the component stops. Missed ticks are skipped, not
+    /// replayed. Throws errc::invalid_argument for a period that is not positive.
     template <class Contract, class Make>
     void publish_every(const Contract& service, duration period, Make make) {
         using packet_type = typename Contract::packet_type;
@@ -98,39 +97,40 @@ public:
     void withdraw(const Contract& service) {
         withdraw_service(std::string(service.name()));
     }
-    /// Serves a role beside its own name, or changes its priority there (the highest is preferred); `leave_role` ends it,
-    /// and handles go on with the next member. The name server is told at once.
+    /// Serves a role beside its own name, or changes its priority there (the highest is preferred). `leave_role` ends it,
+    /// and handles fail over to the next member. The name server is notified at once.
     void serve_role(const std::string& role, std::int32_t priority = 0);
     void leave_role(const std::string& role); ///< see `serve_role`
-    /// Whether its name is granted and its lease holds, as far as this side knows. While the name server cannot be
-    /// reached, or has no room, the name is unconfirmed: sessions go on, but another may be granted it.
+    /// Whether its name is granted and its lease valid, as far as this side knows. While the name server is unreachable,
+    /// or has no room, the name is unconfirmed: sessions continue, but another component may be granted it.
     bool name_confirmed() const;
-    /// Declares a service of another component that this one needs: without a provider it cannot do its work, and `ise doctor`
-    /// reports that. Services that are called or subscribed to are shown without being declared.
+    /// Declares a service of another component that this one needs: if it has no provider, `ise doctor` reports that.
+    /// Services that are called or subscribed to are shown without a declaration.
     template <class Contract>
     void require(const Contract& service) {
         declare_required(std::string(service.name()), Contract::types());
     }
 
-    // --- whom it talks to ---------------------------------------------------------------------------------------
+    // --- other components ---------------------------------------------------------------------------------------
 
-    /// The component at `path`, as soon as it is there; errc::no_such_name or errc::name_server_lost after `wait` (default: no
-    /// limit). A wait of more than 3 s is logged, and shown by `ise list`, `describe` and `doctor`.
-    /// A role is found like a name: the handle talks to the best member that lives, goes on with the next one when that
-    /// is lost, and comes back as `how` says. Subscriptions go on with the next member after a gap of unknown length;
-    /// a call goes to it unless a byte of it was written already (peer_lost, unknown).
+    /// Returns the component at `path` as soon as it is registered. Throws errc::no_such_name or errc::name_server_lost
+    /// after `wait` (default: no limit). A wait of more than 3 s is logged, and shown by `ise list`, `describe` and `doctor`.
+    /// Cancellation: terminal, throws `operation_aborted`.
+    /// A role is found like a name: the handle uses the live member with the highest priority, fails over to the next one,
+    /// and returns to a better one according to `how`. Subscriptions continue at the next member after a gap of unknown
+    /// length; a call moves too, unless a byte of it was written already (peer_lost, unknown).
     task<remote> find(std::string path, duration wait = duration::max());
     task<remote> find(std::string path, role_options how, duration wait = duration::max()); ///< the same
-    /// The component at `path`, whether it is there now or not: calls wait for it within their deadline.
+    /// A handle to the component at `path`, whether it is registered now or not: calls wait for it within their deadline.
     remote at(const std::string& path, role_options how = role_options());
-    /// The component at `path` where it listens; with an empty path whoever listens there.
+    /// A handle to the component `path` that listens at `where`; with an empty path any component that listens there.
     remote at(const endpoint& where, const std::string& path = std::string());
-    /// The one whose call is being answered, for calling back over the same session.
+    /// A handle to the caller of the call being answered, for calling back over the same session.
     remote caller(const call_context& context);
 
-    /// Subscribes with a callback: `on_packet(const Packet&)` for every packet, in order, on the component's loop, until
-    /// the provider withdraws the service. Waits for a provider that is not there as long as it takes; a refusal, or what
-    /// the callback throws, follows the failure policy.
+    /// Subscribes with a callback: calls `on_packet(const Packet&)` for every packet, in order, on the component's loop,
+    /// until the provider withdraws the service. Waits for a missing provider without a limit. A refusal, or an exception
+    /// of the callback, follows the failure policy.
     template <class Contract, class Callback>
     void listen(remote provider, const Contract& service, Callback on_packet, subscribe_options options = subscribe_options()) {
         spawn(std::string(service.name()), each(std::move(provider), service, std::function<void(const typename Contract::packet_type&)>(std::move(on_packet)), options));
@@ -138,36 +138,36 @@ public:
 
     // --- its own flow -------------------------------------------------------------------------------------------
 
-    /// Starts a coroutine that the component owns: cancelled and waited for when it stops.
+    /// Starts a coroutine that the component owns: stopping the component cancels it and waits for it.
     void spawn(std::string name, task<> body);
     /// Suspends for `length`, on the clock of the environment. Cancellation: terminal, throws `operation_aborted`.
     task<> sleep(duration length) { return sleep_for(on(), length); }
-    /// Suspends until `at`; a time that has passed lets others run once.
+    /// Suspends until `at`; if that has passed, other coroutines run once. Cancellation: as `sleep`.
     task<> sleep_till(time_point at) { return sleep_until(on(), at); }
-    /// The monotonic clock; one time within a turn of the loop.
+    /// The monotonic clock; constant within a turn of the loop.
     time_point now() const { return on().now(); }
     /// Civil time, UTC.
     wall_time wall() const { return env().wall(); }
-    /// Runs `work` on another thread and waits: for what computes long. Its exception is thrown here. `work` may refer
-    /// to the coroutine's variables: cancellation does not interrupt it, and takes effect at the next suspension.
+    /// Runs `work` on another thread and returns its result: for long computations. Rethrows its exception. `work` may refer
+    /// to variables of the coroutine: cancellation does not interrupt it, and takes effect at the next suspension.
     template <class Work>
     task<std::invoke_result_t<Work&>> offload(Work work) {
         return offload_on(std::move(work));
     }
 
-    /// Call it in the constructor: the component is then found under its name only after `ready()`, and not already
-    /// when `run()` suspends for the first time.
+    /// To be called in the constructor: the component is then registered when it awaits `ready()`, and not already
+    /// when `run()` first suspends.
     void announce_when_ready() noexcept { announce_when_ready_ = true; }
-    /// Completes when the component can be found by name (or at once if it has none, or there is no name server now).
+    /// Completes when the component can be found by name (at once if it has no name, or there is no name server now).
     task<> ready();
-    /// Asks the component to stop; it does so soon.
+    /// Asks the component to stop, and returns at once.
     void stop();
 
     // --- from other threads -------------------------------------------------------------------------------------
 
-    /// Runs a coroutine on the component's loop and blocks the calling thread until it is done; throws what it throws.
-    /// errc::cancelled if the component stops meanwhile or has stopped; errc::would_block_self on the component's own
-    /// loop, and in the virtual world, where nothing may block.
+    /// Runs a coroutine on the component's loop and blocks the calling thread until it is done; rethrows its exception.
+    /// Throws errc::cancelled if the component stops meanwhile or has stopped; errc::would_block_self on the component's
+    /// own loop, and in the virtual world, where nothing may block.
     template <class T>
     T wait(task<T> body) {
         check_may_block();
@@ -182,13 +182,12 @@ public:
     }
 
 protected:
-    /// The component's own flow. Returning ends the flow, not the component: what it provides goes on until it is
-    /// stopped.
+    /// The component's own flow. Returning ends the flow, not the component: its services continue until it is stopped.
     task<> run() override = 0;
 
-    /// Another component holds the name now, under a higher epoch (errc::superseded). Called on the loop, once; its
-    /// sessions are ending with that error and no new ones are made. The component stops as failed, unless this is
-    /// overridden: then it goes on without a name, serving nobody, until `stop()`.
+    /// Called once, on the loop, when another component holds the name under a higher epoch (errc::superseded). The
+    /// sessions end with that error, and no new ones are made. By default the component stops as failed; if this is
+    /// overridden, it continues without a name and without clients until `stop()`.
     void on_name_lost(const failure& why) override;
 
 private:
