@@ -12,13 +12,13 @@
 
 namespace ise {
 
-/// A type of component that a program can run: its parameters, and how one is made once they are set.
+/// A type of component that a program can run: its parameters, and a function that makes one from them.
 struct component_type {
     type_text about;
-    /// Bound to what `make` uses, which it keeps alive by that.
+    /// Bound to the variables that `make` uses, which it keeps alive.
     parameter_set parameters;
     std::function<std::unique_ptr<component>()> make;
-    /// Tells a running component that parameters were changed; throws what it has against it.
+    /// Notifies a running component of changed parameters; it throws to refuse the change.
     std::function<void(component&)> changed;
 
     component_type(std::string name, std::string description, std::string path = {}) {
@@ -28,7 +28,7 @@ struct component_type {
     }
 
     /// Declares a service that components of this type provide, for `ise start --types`, `--help` and the order of a deployment:
-    /// providers are started before those who require. A declaration only: the component itself calls `provide` or `publish`.
+    /// providers are started before components that require it. A declaration only: the component itself calls `provide` or `publish`.
     template <class Contract>
     component_type& provides(const Contract& service) {
         return has(service, true);
@@ -40,8 +40,8 @@ struct component_type {
         return has(service, false);
     }
     /// Makes components `C(*options)`. A parameter that is declared changeable takes a member
-    /// `void C::change(const Options& now)`: called on its loop with the new values in `now`, perhaps before `run()`. What
-    /// it throws refuses the change, which then has not happened.
+    /// `void C::change(const Options& now)`: called on its loop with the new values in `now`, perhaps before `run()`. An
+    /// exception refuses the change, and the values stay as they were.
     template <class C, class Options>
     component_type& makes(std::shared_ptr<Options> options) {
         make = [options] { return std::make_unique<C>(*options); };
@@ -49,8 +49,8 @@ struct component_type {
             changed = [options](component& one) { static_cast<C&>(one).change(*options); };
         return *this;
     }
-    /// For component_options, once the parameters are set. Throws errc::invalid_argument where a parameter is changeable and
-    /// nobody would hear of it.
+    /// For component_options, once the parameters are set. Throws errc::invalid_argument if a parameter is changeable, but
+    /// no function receives the change.
     std::shared_ptr<live_parameters> live() const;
     /// Declares an environment variable that the program reads: `ise start --env` and deployment files may set only these.
     component_type& reads(std::string variable) { return about.variables.push_back(std::move(variable)), *this; }
@@ -66,26 +66,26 @@ private:
 /// Makes the types of a program, each time anew.
 using type_maker = std::function<std::vector<component_type>()>;
 
-/// What a program answers to `--describe`: one line of JSON. `shares`: several of its components may share a process.
+/// The answer of a program to `--describe`: one line of JSON. `shares`: several of its components may share a process.
 std::string describe_types(const std::string& program, const std::string& version, const std::vector<component_type>& types, bool shares = false);
 
-/// "atirma/gateway=5": a role that is served, and its priority there. errc::invalid_argument.
+/// Parses "atirma/gateway=5": a role and the priority in it. Fails with errc::invalid_argument.
 result<std::pair<std::string, std::int32_t>> parse_role(std::string_view text);
 
-/// A program that runs one component of the types that it has:
+/// Runs a program with one component of its types:
 ///
-///     PROGRAM --describe                     what there is, as JSON, for instantiation servers
+///     PROGRAM --describe                     its types as JSON, for instantiation servers
 ///     PROGRAM run TYPE --help                parameters with defaults, services, options
 ///     PROGRAM run TYPE [--path=PATH] [--listen=ENDPOINT]... [--advertise=ENDPOINT]... [--name-server=ENDPOINT]
 ///                      [--role=ROLE=PRIORITY]... [--log-level=LEVEL] [--key=FILE] [--tls=FOLDER]
 ///                      [--demand-credentials=yes|no] [--poll=MICROSECONDS] [--PARAMETER=VALUE]...
 ///
 /// until SIGINT or SIGTERM. A parameter that is not given is taken from the environment: ISE_PARAMETER_WIND_SPEED for
-/// --wind-speed. Gives the exit code: 0 ended as asked, 1 it failed, 2 wrong arguments; says why on standard error. For `main`: `return ise::main(count, words, types, "1.0");`
+/// --wind-speed. Returns the exit code: 0 success, 1 the component failed, 2 wrong arguments, with the reason on stderr. For `main`: `return ise::main(count, words, types, "1.0");`
 int main(int count, const char* const* words, std::vector<component_type> types, const std::string& version = {});
 
-/// The same for a program whose components may also share a process, each on a thread of its own, as an instantiation server
-/// asks for them (`ise start --process`). It has one way more to be run:
+/// The same for a program whose components may also share a process, each on a thread of its own, at the request of an
+/// instantiation server (`ise start --process`). It has one more command line:
 ///
 ///     PROGRAM host --control=ENDPOINT... [--name-server=ENDPOINT] [--log-level=LEVEL]
 ///

@@ -13,33 +13,33 @@
 
 namespace ise {
 
-/// What the values of a parameter are. Kinds are only ever appended: descriptions travel.
+/// The kind of a parameter's values. Kinds are only appended, because descriptions are sent to other programs.
 enum class parameter_kind : std::uint8_t {
     text,
     integer,
     number,
     boolean,     ///< true or false
-    path,        ///< of a file or device: who starts programs for others allows only some
+    path,        ///< of a file or device; launch rules allow folders
     hexadecimal, ///< up to 16 digits
-    endpoint,    ///< where the component listens: tcp://127.0.0.1:7411; launch rules allow addresses
+    endpoint,    ///< on which the component listens: tcp://127.0.0.1:7411; launch rules allow addresses
     address,     ///< the same without scheme and port: 127.0.0.1
-    url,         ///< whom the component connects to: https://host/path, tcp://host:7411; launch rules allow hosts
+    url,         ///< to which the component connects: https://host/path, tcp://host:7411; launch rules allow hosts
 };
 
 std::string_view name_of(parameter_kind kind) noexcept;
 
-/// A parameter of a component type, as it is declared, shown and checked. It is a packet too.
+/// The declaration of a parameter of a component type. It is a packet too.
 struct parameter {
     std::string name; ///< "wind-speed": lower-case letters, digits and dashes
     parameter_kind kind = parameter_kind::text;
     std::string description;
     std::string unit;
-    std::string preset; ///< what it is unless it is given
+    std::string preset; ///< the default value
     std::optional<double> minimum, maximum;
-    std::vector<std::string> choices; ///< if there are any, no other text is allowed
+    std::vector<std::string> choices; ///< the only allowed texts, if not empty
     bool many = false;                ///< may be given several times
-    bool changeable = false;          ///< also while the component runs
-    std::string address;              ///< of a TCP port to listen on: the parameter that holds the address
+    bool changeable = false;          ///< while the component runs
+    std::string address;              ///< for a TCP port to listen on: the parameter with the address
 };
 
 inline constexpr std::size_t longest_parameter_value = 4096;
@@ -47,11 +47,11 @@ inline constexpr std::size_t longest_parameter_value = 4096;
 /// "a number from 0 to 40 (m/s)"
 std::string allowed_values(const parameter& of);
 
-/// Whether `value` is allowed: errc::invalid_argument says of which parameter it is none, and what is allowed.
+/// Checks whether `value` is allowed: errc::invalid_argument names the parameter and the allowed values.
 result<void> check(const parameter& of, std::string_view value);
 
 namespace detail {
-/// The value of a text that `check` let pass; one that the type cannot hold is a failure.
+/// The value of a text that passed `check`; fails if the type cannot hold it.
 result<void> read_value(const parameter& of, const std::string& text, double& into);
 result<void> read_value(const parameter& of, const std::string& text, std::int64_t& into);
 result<void> read_value(const parameter& of, const std::string& text, std::uint64_t& into);
@@ -63,7 +63,7 @@ std::string parameter_name(std::string_view field);
 /// The parameters of one component, bound to the variables that hold their values. The variables outlive it.
 class parameter_set {
 public:
-    /// Refines what was declared last: `set.add("wind-speed", speed, "of the wind").range(0, 40).unit("m/s")`.
+    /// Refines the parameter declared last: `set.add("wind-speed", speed, "of the wind").range(0, 40).unit("m/s")`.
     class declared {
     public:
         explicit declared(parameter& what) : what_(&what) {}
@@ -78,10 +78,10 @@ public:
         }
         declared& described(std::string text) { return what_->description = std::move(text), *this; }
         declared& preset(std::string text) { return what_->preset = std::move(text), *this; }
-        /// Of an integer: the TCP port at which the component listens, at the address that the parameter `address` holds. Both
+        /// For an integer: the TCP port on which the component listens, at the address in the parameter `address`. Both
         /// together are an endpoint, which an instantiation server tries before a start.
         declared& port_at(std::string address) { return what_->address = std::move(address), *this; }
-        /// Also while the component runs, which hears of it: component_type::makes. Throws errc::invalid_argument for a
+        /// It can be changed while the component runs (component_type::makes). Throws errc::invalid_argument for a
         /// parameter that may be given several times.
         declared& changeable();
 
@@ -89,7 +89,7 @@ public:
         parameter* what_; // until the next is added
     };
 
-    /// The variable's value now is the preset.
+    /// The variable's present value is the default.
     declared add(std::string name, std::string& into, std::string description);
     declared add(std::string name, std::vector<std::string>& into, std::string description);
     declared add(std::string name, bool& into, std::string description);
@@ -113,7 +113,7 @@ public:
         }
     }
 
-    /// A number that brings its range and its unit along.
+    /// A number with its own range and unit.
     template <class T, auto Minimum, auto Maximum, unit_text Unit>
     declared add(std::string name, bounded<T, Minimum, Maximum, Unit>& into, std::string description) {
         using limited = bounded<T, Minimum, Maximum, Unit>;
@@ -136,32 +136,32 @@ public:
             return got;
         });
     }
-    /// Every field of a packet, by its name: `wind_speed_mps` is "wind-speed-mps". Numbers, `bounded` numbers, bools, texts and
+    /// Adds every field of a packet, by its name: `wind_speed_mps` is "wind-speed-mps". Numbers, `bounded` numbers, bools, texts and
     /// lists of texts are parameters; another field does not compile. `operator[]` refines one.
     template <reflectable Options>
     void add_fields(Options& of) {
         for_each_field(of, [this](std::string_view name, auto& field) { this->add(detail::parameter_name(name), field, std::string()); });
     }
-    /// Refines what was declared before: `set["wind-speed"].described("of the wind").changeable()`. Throws errc::invalid_argument
-    /// where there is none of that name.
+    /// Refines a parameter declared before: `set["wind-speed"].described("of the wind").changeable()`. Throws errc::invalid_argument
+    /// if there is none of that name.
     declared operator[](std::string_view name);
 
-    /// Checks and stores; a parameter that may be given many times takes one more value. errc::invalid_argument names
-    /// the parameter and what is allowed, or for an unknown one those that there are.
+    /// Checks and stores a value; a parameter that may be given several times gets one more. errc::invalid_argument names
+    /// the parameter and the allowed values, or for an unknown one the known parameters.
     result<void> set(std::string_view name, const std::string& value);
-    /// Sets what has not been given yet from the environment: "wind-speed" by ISE_PARAMETER_WIND_SPEED. Errors as `set`, with
+    /// Sets parameters that have not been given from the environment: "wind-speed" by ISE_PARAMETER_WIND_SPEED. Errors as `set`, with
     /// the variable's name.
     result<void> set_from(const std::function<std::optional<std::string>(const std::string&)>& variable);
-    /// Whether `change` would do it: errc::invalid_argument also where the parameter is not changeable.
+    /// Whether `change` would succeed: errc::invalid_argument also if the parameter is not changeable.
     result<void> may_change(std::string_view name, const std::string& value) const;
-    /// Sets it again, while the component runs. Tells nobody.
+    /// Changes the value while the component runs, without a notification.
     result<void> change(std::string_view name, const std::string& value);
-    /// Gives the variable of a parameter that is none of many the value again that `values` tells.
+    /// Restores the variable of a parameter with a single value to the value that `values` returns.
     void assign_again(std::string_view name);
     const parameter* find(std::string_view name) const noexcept;
     /// The same; errc::invalid_argument with the nearest name, or those that there are.
     result<const parameter*> known(std::string_view name) const;
-    /// What it is now: one text, or of a parameter that may be given several times any number. `of` is one of all().
+    /// The present value: one text, or any number for a parameter that may be given several times. `of` is one of all().
     std::vector<std::string> values(const parameter& of) const;
     const std::vector<parameter>& all() const noexcept { return declared_; }
 

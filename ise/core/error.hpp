@@ -7,38 +7,38 @@
 
 namespace ise {
 
-/// What went wrong, as a value to branch on. The text beside it says to whom and what to do.
-/// The numbers travel on the wire (FORMAT.md): they are never reused.
+/// The kind of an error, to branch on; docs/errors.md has the remedies. The message of the error has the details.
+/// The numbers are part of the wire format (FORMAT.md): they are never reused.
 enum class errc : std::uint8_t {
-    refused = 1,          ///< the provider said no; its reason is the message
+    refused = 1,          ///< the provider refused the request; the message is its reason
     no_such_service = 2,  ///< the component provides no service of that name and kind
     type_mismatch = 3,    ///< the packets of the two sides differ incompatibly; the message is the diff
     timed_out = 4,        ///< the deadline passed
     peer_lost = 5,        ///< the session ended before the answer
-    cancelled = 6,        ///< given up by the one who asked, or because a component stopped
+    cancelled = 6,        ///< the caller cancelled, or a component stopped
     overloaded = 7,       ///< a bounded queue or table is full
     handler_failed = 8,   ///< the handler threw; the message is its text
-    malformed = 9,        ///< bytes or JSON that are no such packet
-    too_large = 10,       ///< beyond a stated limit
-    protocol_error = 11,  ///< the peer broke the wire format
-    version_mismatch = 12,///< no common wire version
+    malformed = 9,        ///< bytes or JSON that do not match the packet
+    too_large = 10,       ///< a limit was exceeded; the message names it
+    protocol_error = 11,  ///< the peer violated the wire format
+    version_mismatch = 12,///< no common version of the wire format
     wrong_peer = 13,      ///< the endpoint belongs to another component, epoch or incarnation
     unreachable = 14,     ///< no session could be made
     no_such_name = 15,    ///< nothing is registered under that path
     name_taken = 16,      ///< the path is held by another component
     name_server_lost = 17,///< the name server does not answer
-    superseded = 18,      ///< somebody with a higher epoch holds the path now
+    superseded = 18,      ///< a component with a higher epoch holds the path now
     address_in_use = 19,  ///< the endpoint to listen on is taken
-    invalid_argument = 20,///< the program asked for something that cannot be
+    invalid_argument = 20,///< an invalid argument or state of the program
     would_block_self = 21,///< a blocking wait on the component's own thread
-    io_failed = 22,       ///< the operating system refused; the cause is in the message
+    io_failed = 22,       ///< the operating system reported an error, which is in the message
     unauthorized = 23,    ///< credentials missing or not accepted
-    not_connected = 24,   ///< nothing to talk to right now
+    not_connected = 24,   ///< a component's handler has no connection right now; ISE itself does not use it
 };
 
-/// Of `std::error_code`s made of `errc`: "ise".
+/// The category of `std::error_code`s made from `errc`: "ise".
 const std::error_category& error_category() noexcept;
-/// So that an errc converts to a `std::error_code`.
+/// Converts an errc to a `std::error_code`.
 std::error_code make_error_code(errc code) noexcept;
 
 /// The name of a code as users write it: "timed_out".
@@ -46,7 +46,7 @@ std::string_view name_of(errc code) noexcept;
 
 /// Whether a call that failed may have run at the provider.
 enum class execution : std::uint8_t {
-    not_executed = 0, ///< certainly not: it may be called again
+    not_executed = 0, ///< certainly not executed: the call may be repeated
     unknown = 1,      ///< it may have run, or may still run
 };
 
@@ -56,15 +56,15 @@ std::string_view name_of(execution state) noexcept;
 /// An expected failure, as a value.
 class failure {
 public:
-    /// `message` says what happened to whom and what to do.
+    /// `message` says what happened, to what, why, and what to do.
     failure(errc code, std::string message, execution state = execution::not_executed)
         : message_(std::move(message)), code_(code), execution_(state) {}
 
-    /// What to branch on.
+    /// The code, to branch on.
     errc code() const noexcept { return code_; }
-    /// Of a call: whether it may have run.
+    /// For a call: whether it may have run.
     execution executed() const noexcept { return execution_; }
-    /// For people.
+    /// The message, for people.
     const std::string& message() const noexcept { return message_; }
 
 private:
@@ -78,22 +78,22 @@ class error : public std::runtime_error {
 public:
     /// `what()` is the message of the failure.
     explicit error(failure why) : std::runtime_error(why.message()), failure_(std::move(why)) {}
-    /// Thrown from a handler, errc::refused reaches the caller as it is; any other code as errc::handler_failed with its text.
+    /// Thrown from a handler, errc::refused reaches the caller unchanged; any other code becomes errc::handler_failed with its text.
     error(errc code, std::string message, execution state = execution::not_executed)
         : error(failure(code, std::move(message), state)) {}
 
-    /// What to branch on.
+    /// The code, to branch on.
     errc code() const noexcept { return failure_.code(); }
-    /// Of a call: whether it may have run.
+    /// For a call: whether it may have run.
     execution executed() const noexcept { return failure_.executed(); }
-    /// The same as a value.
+    /// The failure as a value.
     const failure& why() const noexcept { return failure_; }
 
 private:
     failure failure_;
 };
 
-/// A failure of the operating system, named: "cannot listen on tcp://…: Address already in use".
+/// A failure of the operating system with the operation: "cannot listen on tcp://…: Address already in use".
 failure io_failure(std::string_view what, const std::error_code& cause);
 
 } // namespace ise

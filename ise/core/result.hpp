@@ -8,28 +8,28 @@
 
 namespace ise {
 
-/// A value or the failure that stands in its place. `value()` throws `ise::error` on a failure.
+/// A value or a failure. `value()` throws a failure as `ise::error`.
 template <class T>
 class [[nodiscard]] result {
 public:
-    /// What it holds on success.
+    /// The type of the value.
     using value_type = T;
 
-    /// What Asio passes beside an exception: a failure that nobody looks at.
+    /// Used by Asio together with an exception: a failure without meaning.
     result() : result(failure(errc::cancelled, "there is no outcome")) {}
     /// Success.
     result(T value) : value_(std::move(value)), has_value_(true) {}
     /// Failure.
     result(failure why) : why_(std::move(why)) {}
-    /// A copy, where T can be copied.
+    /// Copies, if T can be copied.
     result(const result& other)
         requires std::is_copy_constructible_v<T>
     {
         take(other);
     }
-    /// Takes over what the other holds.
+    /// Moves the other's value or failure.
     result(result&& other) noexcept(std::is_nothrow_move_constructible_v<T>) { take(std::move(other)); }
-    /// The same, or a copy. Where moving the value throws, a failure is held then: `cancelled`.
+    /// The same, or a copy. If moving the value throws, the result is the failure `cancelled`.
     result& operator=(result other) noexcept(std::is_nothrow_move_constructible_v<T>) {
         drop();
         if constexpr (std::is_nothrow_move_constructible_v<T>) {
@@ -52,14 +52,14 @@ public:
     /// Whether there is a value.
     explicit operator bool() const noexcept { return has_value(); }
 
-    /// The value, or throws the failure as `ise::error`; so do the two below.
+    /// Returns the value, or throws the failure as `ise::error`; so do the two below.
     T& value() & { return check(), value_; }
     /// As above.
     const T& value() const& { return check(), value_; }
     /// As above; moves the value out.
     T&& value() && { return check(), std::move(value_); }
 
-    /// The value; only where `has_value()`, as the three below.
+    /// The value; requires `has_value()`, as do the three below.
     T& operator*() noexcept { return value_; }
     /// As above.
     const T& operator*() const noexcept { return value_; }
@@ -68,7 +68,7 @@ public:
     /// As above.
     const T* operator->() const noexcept { return &value_; }
 
-    /// Only where `!has_value()`.
+    /// The failure; requires `!has_value()`.
     const failure& error() const noexcept { return why_; }
 
 private:
@@ -108,15 +108,15 @@ public:
     /// Failure.
     result(failure why) : why_(std::move(why)) {}
 
-    /// Whether it went well.
+    /// Whether it is a success.
     bool has_value() const noexcept { return !why_; }
-    /// Whether it went well.
+    /// Whether it is a success.
     explicit operator bool() const noexcept { return has_value(); }
     /// Throws the failure as `ise::error`, if there is one.
     void value() const {
         if (why_) throw ise::error(*why_);
     }
-    /// Only where `!has_value()`.
+    /// The failure; requires `!has_value()`.
     const failure& error() const noexcept { return *why_; }
 
 private:

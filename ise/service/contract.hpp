@@ -8,14 +8,14 @@
 
 namespace ise {
 
-/// The two kinds of services; the numbers travel.
+/// The two kinds of services; the numbers are part of the wire format.
 enum class service_kind : std::uint8_t { request_response = 0, subscription = 1 };
 
 /// "request_response", "subscription".
 std::string_view name_of(service_kind kind) noexcept;
 
 /// The packets of a service, in the order of its kind: request, response; or subscribe request and response,
-/// published packet, unsubscribe request and response. Made once a combination of types; compared by address on
+/// published packet, unsubscribe request and response. Made once for each combination of types; compared by address on
 /// the hot path.
 struct packet_types {
     /// Computes the fingerprints.
@@ -47,7 +47,7 @@ struct service_key {
     const packet_types* types = nullptr; ///< live as long as the program, or as the contract
 };
 
-/// The control packets of a subscription that needs none of its own.
+/// The default control packet of a subscription.
 struct nothing {};
 
 /// A service where each request is answered by one response. Declared once, in a header that both sides include:
@@ -55,14 +55,14 @@ struct nothing {};
 template <class Request, class Response>
 class request_response {
 public:
-    /// What is asked.
+    /// The request packet.
     using request_type = Request;
-    /// What is answered.
+    /// The response packet.
     using response_type = Response;
 
-    /// `name` is a literal: it is kept as it is.
+    /// `name` must be a string literal; it is not copied.
     constexpr explicit request_response(std::string_view name) : name_(name) {}
-    /// How the service is called, unique within its component.
+    /// The name of the service, unique within its component.
     constexpr std::string_view name() const noexcept { return name_; }
 
     /// The service without its types.
@@ -77,26 +77,26 @@ private:
     std::string_view name_;
 };
 
-/// A service that publishes packets to whoever subscribes, periodically or on events. The control packets can be
-/// the user's own: what to subscribe to, what is answered.
+/// A service that publishes packets to its subscribers, periodically or on events. The control packets can be
+/// the user's own, for example a filter in the subscribe request.
 template <class Packet, class SubscribeRequest = nothing, class SubscribeResponse = nothing,
           class UnsubscribeRequest = nothing, class UnsubscribeResponse = nothing>
 class subscription {
 public:
-    /// What is published.
+    /// The published packet.
     using packet_type = Packet;
-    /// What a subscriber says of itself.
+    /// The subscribe request.
     using subscribe_request = SubscribeRequest;
-    /// What it is answered.
+    /// The response to it.
     using subscribe_response = SubscribeResponse;
-    /// What it says when it leaves.
+    /// The unsubscribe request.
     using unsubscribe_request = UnsubscribeRequest;
-    /// What it is answered then.
+    /// The response to the unsubscribe request.
     using unsubscribe_response = UnsubscribeResponse;
 
-    /// `name` is a literal: it is kept as it is.
+    /// `name` must be a string literal; it is not copied.
     constexpr explicit subscription(std::string_view name) : name_(name) {}
-    /// How the service is called, unique within its component.
+    /// The name of the service, unique within its component.
     constexpr std::string_view name() const noexcept { return name_; }
 
     /// The service without its types.

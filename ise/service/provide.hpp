@@ -13,7 +13,7 @@ namespace ise {
 
 namespace detail {
 
-/// What a handler's exception becomes for the caller.
+/// The failure that the caller gets for a handler's exception.
 failure failure_of(const std::exception_ptr& thrown);
 
 /// A handler that is a coroutine: `task<Response>(Request)` or `task<Response>(Request, const call_context&)`.
@@ -122,8 +122,8 @@ struct handler_result<Handler, Request> {
 
 /// Makes the service that answers requests by `handler`: a coroutine `ise::task<Response>(Request)` or a plain
 /// function `Response(Request)` (or `ise::result<Response>(Request)`), either also with a second parameter
-/// `const ise::call_context&`. What it throws reaches the caller as an error with its text: an ise::error of errc::refused as
-/// it is, all else as errc::handler_failed. A failure that it returns keeps its code.
+/// `const ise::call_context&`. The caller gets its exceptions as errors with their text: an ise::error with errc::refused
+/// unchanged, all others as errc::handler_failed. A failure that it returns keeps its code.
 template <class Contract, class Handler>
 std::shared_ptr<call_service> make_call_service(service_runtime& runtime, const Contract& contract, Handler handler, serve_options options = serve_options()) {
     using request = typename Contract::request_type;

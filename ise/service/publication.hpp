@@ -8,9 +8,9 @@
 
 namespace ise {
 
-/// A subscription service that this component provides. Calling it publishes a packet to all subscribers, and never
-/// blocks: each gets what its policy says. A value, cheap to copy; used on its component's loop. An empty one, such as a
-/// member that waits to be assigned, throws errc::invalid_argument.
+/// A subscription service that this component provides. Calling it publishes a packet to all subscribers by their policies,
+/// and never blocks. A value, cheap to copy; used on its component's loop. Functions of an empty one, such as a member
+/// that is not assigned yet, throw errc::invalid_argument.
 template <class Contract>
 class publication {
     using packet_type = typename Contract::packet_type;
@@ -20,13 +20,13 @@ public:
     /// Made by `component::publish`.
     explicit publication(std::shared_ptr<publication_core> core) : core_(std::move(core)) {}
 
-    /// Publishes to all. It is encoded before this returns; or copied once, for the subscribers of this process, who share
-    /// that copy.
+    /// Publishes to all subscribers. The packet is encoded before this returns, or copied once for subscribers of this
+    /// process, which share the copy.
     void operator()(const packet_type& packet) const { core().publish(made(packet)); }
-    /// The same with a packet that is given away: for those it is moved and not copied.
+    /// The same by move: subscribers of this process share the moved packet, without a copy.
     void operator()(packet_type&& packet) const { core().publish(made(std::move(packet))); }
 
-    // Mistakes of the packet's type.
+    // Compile errors for packets of another type.
     template <class Other>
         requires(!std::is_convertible_v<Other, packet_type>)
     void operator()(const Other&) const {
@@ -43,31 +43,31 @@ public:
         (*this)(packet);
     }
 
-    /// Publishes to those subscribers for which `wants(const subscriber_info&)` holds: a watch that was narrowed down, a
-    /// snapshot for who has just come. The others count it as skipped, not as lost.
+    /// Publishes only to subscribers for which `wants(const subscriber_info&)` returns true, such as those with a matching
+    /// filter, or a new one that needs a snapshot. The others count the packet as skipped, not as lost.
     template <class Wants>
     void to_some(const packet_type& packet, Wants wants) const {
         core().publish_to(made(packet), wants);
     }
 
-    /// Publishes when every lossless subscriber that is connected has room. One that is not heard for `longest_silence`, or takes
-    /// nothing for `longest_stall`, is ended. Cancellation: terminal, the packet is not published.
+    /// Waits until every connected lossless subscriber has room, then publishes. The subscription of one that is silent for
+    /// `longest_silence`, or takes nothing for `longest_stall`, ends. Cancellation: terminal, the packet is not published.
     /// The packet is encoded, or copied, before this returns.
     task<> send(const packet_type& packet) const { return send_when_room(held(), made(packet)); }
-    /// The same with a packet that is given away: `co_await out.send(std::move(packet))`.
+    /// The same by move: `co_await out.send(std::move(packet))`.
     task<> send(packet_type&& packet) const { return send_when_room(held(), made(std::move(packet))); }
 
-    /// Publishes if every lossless subscriber has room; else it does nothing, returns false, and `send` is to be
-    /// awaited. For publishing much in one go: nothing is suspended as long as there is room.
+    /// Publishes if every lossless subscriber has room; otherwise does nothing and returns false, and the caller awaits
+    /// `send`. For publishing many packets without suspending while there is room.
     bool try_send(const packet_type& packet) const {
         if (!core().has_room()) return false;
         (*this)(packet);
         return true;
     }
 
-    /// How many there are, those included that are out of reach and within their linger.
+    /// The number of subscribers, including unreachable ones within their linger.
     std::size_t subscribers() const { return core().subscribers(); }
-    /// Packets so far: the sequence number of the last one.
+    /// The number of packets published so far, which is the sequence number of the last one.
     std::uint64_t published() const { return core().published(); }
 
 private:
@@ -109,13 +109,13 @@ public:
 /// The provider's callbacks of a subscription; each may be empty.
 template <class Contract>
 struct publication_callbacks {
-    /// Decides over a subscriber: its response, or a failure such as errc::refused.
+    /// Accepts a subscriber by returning a response, or refuses it with a failure such as errc::refused.
     std::function<result<typename Contract::subscribe_response>(const typename Contract::subscribe_request&, const subscriber_info&)> on_subscribe;
     /// A subscriber has left (its request) or vanished (a default request).
     std::function<typename Contract::unsubscribe_response(const typename Contract::unsubscribe_request&, const subscriber_info&)> on_unsubscribe;
 };
 
-/// What `component::publish` is made of.
+/// Implementation of `component::publish`.
 template <class Contract>
 std::shared_ptr<publication_core> make_publication(service_runtime& runtime, const Contract& contract, publication_callbacks<Contract> callbacks = {}) {
     auto made = std::make_shared<publication_core>(runtime, std::string(contract.name()), Contract::types());

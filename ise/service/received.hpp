@@ -15,8 +15,9 @@ inline constexpr std::uint64_t unknown_gap = ~std::uint64_t{0};
 
 } // namespace detail
 
-/// A published packet as a subscriber holds it: points to a const packet, shared, never copied; may be kept for any time
-/// and on any thread. Where the publisher is in the same process it is the very packet that was published there. Empty once the subscription has ended.
+/// A published packet as a subscriber receives it: points to a const packet that is shared and never copied; it may be kept
+/// for any time and on any thread. If the publisher is in the same process, it is the packet that was published there.
+/// Empty once the subscription has ended.
 template <class Packet>
 class received {
 public:
@@ -30,20 +31,20 @@ public:
     const Packet& operator*() const noexcept { return *packet_; }
     /// As above.
     const Packet* operator->() const noexcept { return packet_.get(); }
-    /// For those who need it as a shared_ptr.
+    /// The packet as a shared_ptr.
     std::shared_ptr<const Packet> share() const {
         if (!packet_) return nullptr;
         return {std::make_shared<counted<Packet>>(packet_), packet_.get()};
     }
 
-    /// The packet by value, and this one is empty: moved where nobody else holds it, else a copy. Only where there is one.
+    /// Returns the packet by value and leaves this object empty: moved if there is no other holder, else copied. Requires a packet.
     Packet take() {
         auto held = std::exchange(packet_, {});
         if (held.alone()) return std::move(*held);
         return *held;
     }
 
-    /// The number of packets that were published since the one before and did not arrive. Empty where nobody knows it: the provider restarted.
+    /// The number of packets lost between the previous packet and this one. Empty if it is unknown, after a restart of the provider.
     std::optional<std::uint64_t> lost_before() const noexcept {
         if (lost_before_ == detail::unknown_gap) return std::nullopt;
         return lost_before_;

@@ -95,28 +95,27 @@ inline constexpr bool never = false;
 
 } // namespace detail
 
-/// Another component, as this one sees it: its services can be called and subscribed to. A value, cheap to copy;
-/// it names a path (or an address) and finds its holder again whenever that is needed. Used on the loop of the
-/// component that made it.
+/// A handle to another component, for calls and subscriptions. A value, cheap to copy. It names a path (or an address),
+/// and resolves it again when needed. Used on the loop of the component that made it.
 class remote {
 public:
     remote() = default;
     /// Made by `component::find`, `at` and `caller`.
     explicit remote(std::shared_ptr<link> to) : link_(std::move(to)) {}
 
-    /// Whether it names anybody; a default-constructed one must not be used.
+    /// Whether it names a component; a default-constructed handle must not be used.
     explicit operator bool() const noexcept { return link_ != nullptr; }
     /// Its path, or its address.
     const std::string& name() const noexcept;
-    /// The path of the component that it talks to now: of a role, the member. Empty while there is no session.
+    /// The path of the component to which it is connected now; for a role, that of the member. Empty without a session.
     std::string holder() const;
     link& way() const noexcept { return *link_; } ///< for the layers below
 
-    /// Calls and waits for the response: `co_await boat.call(helm, "hold", 2s)`. The arguments behind the service are the
-    /// fields of the request in their order; a last one that is a duration is the deadline (default: that of the context, else
-    /// the component's). Throws ise::error: refused, no_such_service, type_mismatch, timed_out, peer_lost, cancelled,
-    /// overloaded, handler_failed…; `executed()` says whether it may have run. Cancellation: terminal; the provider's handler
-    /// is cancelled too.
+    /// Calls and waits for the response: `co_await boat.call(helm, "hold", 2s)`. The arguments after the service are the
+    /// fields of the request in their order; if the last one is a duration, it is the deadline (default: that of the context,
+    /// else the component's). Throws ise::error: refused, no_such_service, type_mismatch, timed_out, peer_lost, cancelled,
+    /// overloaded, handler_failed…; `executed()` says whether the request may have run. Cancellation: terminal; the provider's
+    /// handler is cancelled too.
     template <class Contract, class... Arguments>
         requires(!detail::is_request_itself<typename Contract::request_type, Arguments...>)
     task<typename Contract::response_type> call(const Contract& service, Arguments&&... arguments) const {
@@ -125,8 +124,8 @@ public:
         return call(service, given::request(all), given::deadline(all));
     }
 
-    /// The same with a request that is there already. With g++ 12 it is a named variable: that compiler destroys a temporary in
-    /// braces twice inside a `co_await` expression (docs/coroutines.md).
+    /// The same with a request object. With g++ 12 use a named variable: that compiler destroys a braced temporary
+    /// inside a `co_await` expression twice (docs/coroutines.md).
     template <class Contract>
     task<typename Contract::response_type> call(const Contract& service, typename Contract::request_type request, duration deadline = duration()) const {
         using response = typename Contract::response_type;
@@ -156,7 +155,7 @@ public:
         return try_call(service, std::move(request), deadline, asio::use_awaitable);
     }
 
-    /// The same with any completion token of signature `void(ise::result<Response>)`, such as a callback, which
+    /// The same with a completion token of signature `void(ise::result<Response>)`, such as a callback, which
     /// runs on the component's loop.
     template <class Contract, class Token>
     auto try_call(const Contract& service, typename Contract::request_type request, duration deadline, Token&& token) const {
@@ -169,8 +168,9 @@ public:
             token, link_, service.key(), std::move(request), deadline);
     }
 
-    /// Subscribes; completes when the provider has committed: nothing that it publishes from then on is missed
-    /// unless it is counted. Throws ise::error: refused, no_such_service, type_mismatch, timed_out, cancelled.
+    /// Subscribes, and completes when the provider has committed: every packet that it publishes from then on arrives
+    /// or is counted. Throws ise::error: refused, no_such_service, type_mismatch, timed_out, cancelled. Cancellation:
+    /// terminal, unsubscribes.
     template <class Contract>
     task<stream_of<Contract>> subscribe(const Contract& service, subscribe_options options = subscribe_options()) const {
         return begin<Contract>(link_, std::string(service.name()), options, bytes());
@@ -181,7 +181,7 @@ public:
         return begin<Contract>(link_, std::string(service.name()), options, encode(request));
     }
 
-    // Mistakes of the kind of a service.
+    // Compile errors for services of the other kind.
     template <class... Packets, class... Arguments>
     void call(const subscription<Packets...>&, Arguments&&...) const {
         static_assert(detail::never<Packets...>, "ise: this service is a subscription, which is not called: co_await remote.subscribe(service)");

@@ -3,11 +3,11 @@
 
 namespace ise {
 
-/// How a handle to a role chooses among those who serve it. A handle to a name does not look at it.
+/// How a handle to a role chooses among its members. A handle to a name ignores it.
 struct role_options {
-    /// To a better member once it is there (again). False: it stays with the present one until that is lost.
+    /// Whether the handle returns to a better member. False: it stays with the present one until that is lost.
     bool come_back = true;
-    /// For so long the better one must have been there, so that one that comes and goes is not followed.
+    /// How long the better member must have been available, so that the handle does not follow an unstable one.
     duration steady = std::chrono::seconds(5);
 
     role_options() = default;

@@ -8,10 +8,10 @@
 
 namespace ise {
 
-/// A live subscription: packets in the order in which they were published. It heals by itself when the session or
-/// the provider is lost; it ends when the provider ends it, or when this object goes. Used on its component's loop by
-/// one coroutine at a time. Move-only; dropping it unsubscribes. An empty one, such as a member that waits to be assigned,
-/// throws errc::invalid_argument.
+/// A live subscription: packets in the order in which they were published. It recovers automatically when the session or
+/// the provider is lost; it ends when the provider ends it, or when this object is destroyed, which unsubscribes. Used on
+/// its component's loop by one coroutine at a time. Move-only. Functions of an empty one, such as a member that is not
+/// assigned yet, throw errc::invalid_argument.
 template <class Contract>
 class stream_of {
     using packet_type = typename Contract::packet_type;
@@ -19,11 +19,11 @@ class stream_of {
 
 public:
     stream_of() = default;
-    /// Whether it is a subscription, live or over; false for a default-constructed or moved-from one.
+    /// Whether it is a subscription, live or ended; false for a default-constructed or moved-from one.
     explicit operator bool() const noexcept { return core_ != nullptr; }
     /// Takes the subscription over.
     stream_of(stream_of&&) noexcept = default;
-    /// The same; one that was held before is left.
+    /// The same; a subscription that was held before is ended.
     stream_of& operator=(stream_of&& other) noexcept {
         if (core_ && core_ != other.core_) core_->leave();
         core_ = std::move(other.core_);
@@ -33,28 +33,29 @@ public:
         if (core_) core_->leave();
     }
 
-    /// The next packet; empty when the subscription has ended (`cause()` says why).
+    /// Waits for the next packet; empty when the subscription has ended (`cause()` says why).
     /// Cancellation: terminal, no packet is lost.
     task<received<packet_type>> next() { return core::next(held()); }
 
-    /// A packet that is there already, or an empty one. Never suspends.
+    /// A packet that has already arrived, or an empty one. Never suspends.
     received<packet_type> try_next() { return held()->take(); }
 
-    /// What the provider answered to the subscription.
+    /// The provider's response to the subscription.
     const response_type& response() const { return held()->response; }
-    /// What became of the packets so far.
+    /// Counts of received and lost packets so far.
     const subscription_counts& counts() const { return held()->counts(); }
-    /// Whether the provider is reached now; false while the link heals.
+    /// Whether the provider is connected now; false while the connection is being restored.
     bool connected() const { return held()->connected(); }
-    /// Whether it is over: `next()` gives what is left, then empty ones.
+    /// Whether it has ended: `next()` returns the remaining packets, then empty ones.
     bool ended() const { return held()->ended(); }
     /// Only where `ended()`.
     const failure& cause() const { return held()->cause(); }
-    /// Ends it now; waiting coroutines get the end. The provider hears of a default unsubscribe packet.
+    /// Ends it now; a waiting `next()` returns an empty packet. The provider gets a default unsubscribe packet.
     void leave() { held()->leave(); }
-    /// The same with an unsubscribe packet: gives the provider's answer, waiting for it at most `deadline` (zero: the component's
-    /// default). Throws ise::error: peer_lost (not executed: the provider is out of reach), timed_out, handler_failed, and
-    /// `cause()` where it had ended; it is over in any case. Cancellation: terminal. `request` is a named variable.
+    /// The same with an unsubscribe packet: returns the provider's response, waiting for it at most `deadline` (zero: the
+    /// component's default). Throws ise::error: peer_lost (not executed: the provider is unreachable), timed_out,
+    /// handler_failed, and `cause()` if it had ended before; the subscription ends in any case. Cancellation: terminal.
+    /// With g++ 12, `request` must be a named variable.
     task<typename Contract::unsubscribe_response> leave(typename Contract::unsubscribe_request request, duration deadline = duration()) {
         return core::leave_with(held(), std::move(request), deadline);
     }
