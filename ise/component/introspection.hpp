@@ -7,26 +7,26 @@
 #include <string>
 #include <vector>
 
-/// What every component tells about itself, whoever asks.
+/// The introspection service of every component.
 namespace ise {
 
-/// A packet as it is described.
+/// The description of a packet.
 struct packet_text {
     std::uint64_t fingerprint = 0; ///< of the schema
     std::string schema;            ///< canonical text
 };
 
-/// A service that a component provides or needs.
+/// A service that a component provides or requires.
 struct service_text {
     /// Unique within the component and its direction.
     std::string name;
     std::uint8_t kind = 0;            ///< service_kind
-    bool provided = true;             ///< else required of others
+    bool provided = true;             ///< else required
     std::vector<packet_text> packets; ///< in the order of the kind
-    bool declared = true;             ///< false: required of nobody in words, but called or subscribed to
+    bool declared = true;             ///< false: called or subscribed to without `require`
 };
 
-/// A session of a component, now.
+/// A present session of a component.
 struct session_text {
     std::string peer;               ///< its path, or its address
     std::uint64_t bytes_in = 0;     ///< since it began
@@ -36,7 +36,7 @@ struct session_text {
     std::vector<std::string> uses;  ///< services of the peer that the component has called over it, or is subscribed to
 };
 
-/// A subscription of the component that ended other than by its wish, and was not made again since.
+/// A subscription of the component that ended other than on its request, and was not made again since.
 struct ended_subscription_text {
     std::string service;  ///< its name
     std::string provider; ///< its path, or its address
@@ -45,18 +45,18 @@ struct ended_subscription_text {
 
 /// Something that the component waits for.
 struct wait_text {
-    std::string target;  ///< the path, role or address that it wants to reach
-    std::string service; ///< of that one; empty: only the name, or a session
-    std::string stage;   ///< "name": nobody is known under it; "provider": no session is made; "unreached": the last call ended so
+    std::string target;  ///< the path, role or address to be reached
+    std::string service; ///< its service; empty: only the name, or a session
+    std::string stage;   ///< "name": not found; "provider": no session; "unreached": the last call reached no provider
     wall_time since{};   ///< by the clock of its host
     duration waited{};   ///< since then
     std::string cause;   ///< the last obstacle
 };
 
-/// Asks for all.
+/// The request; it has no fields.
 struct describe_request {};
 
-/// What a component tells of itself.
+/// The description of a component.
 struct component_text {
     /// Empty for an anonymous one.
     std::string path;
@@ -74,7 +74,7 @@ struct component_text {
     bool confirmed = false;              ///< its name: the lease holds, as far as it knows
     std::map<std::string, std::int32_t> roles; ///< that it serves, with its priority
     std::vector<ended_subscription_text> ended_subscriptions; ///< the last ones
-    std::vector<wait_text> waits; ///< now, however short
+    std::vector<wait_text> waits; ///< present waits of any length
 };
 
 /// Every component provides it.

@@ -5,15 +5,15 @@
 namespace ise {
 
 /// A service as a component described it, ready to be called or subscribed to. The schemas are parsed and their
-/// fingerprints computed here: errc::malformed or errc::too_large where the text is none.
+/// fingerprints computed here: errc::malformed or errc::too_large for an invalid text.
 result<dynamic_contract> contract_of(const service_text& told);
 
-/// Asks a component about itself and gives one of the services that it provides. errc::no_such_service names those
-/// that there are; else the failures of `remote::try_call`. Cancellation: terminal.
+/// Queries a component and returns one of its services. errc::no_such_service lists its services; the other failures are
+/// those of `remote::try_call`. Cancellation: terminal.
 task<result<dynamic_contract>> learn(remote provider, std::string service, duration deadline = duration());
 
-/// Whether a component provides a service: asks it about itself, where a try would count as a call that it refused. Fails
-/// as `remote::try_call` does. Cancellation: terminal.
+/// Whether a component provides a service. Queries the component instead of calling the service, which would count as a
+/// refused call. Fails like `remote::try_call`. Cancellation: terminal.
 task<result<bool>> provides(remote provider, std::string service, duration deadline = duration());
 
 } // namespace ise

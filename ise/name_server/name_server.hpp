@@ -11,21 +11,21 @@
 
 namespace ise {
 
-/// How the name server keeps names.
+/// Options of the name server.
 struct name_server_options {
-    /// The longest lease that is granted. For as long after its start it also leaves names to those who held them
-    /// before: see `registry_options::recovery`.
+    /// The longest lease that is granted. For this time after its start, names are also reserved for their former
+    /// holders: see `registry_options::recovery`.
     duration lease = std::chrono::seconds(2);
     /// There was no name server before: names are granted at once.
     bool fresh = false;
-    registry_limits limits; ///< of what it holds
-    /// What outlives it. Without it the next name server cannot tell a returning holder from a component that claims its name
-    /// (docs/security.md), and epochs are above those of the last server only as the clock and returning holders tell.
+    registry_limits limits; ///< of its memory
+    /// State that outlives it. Without it the next name server cannot distinguish a returning holder from a component that
+    /// claims its name (docs/security.md), and epochs increase only as far as the clock and returning holders show.
     std::shared_ptr<server_memory> memory;
 };
 
-/// The name server: an ordinary component that keeps a `registry` and answers for it (ise/naming/services.hpp). It is
-/// started with `registers = false` in a node with `use_names = false`, on an endpoint that everybody knows:
+/// The name server: an ordinary component that serves a `registry` (ise/naming/services.hpp). It is
+/// started with `registers = false` in a node with `use_names = false`, on a well-known endpoint:
 ///
 ///     component_options options;
 ///     options.listen = {default_name_server()};

@@ -3,18 +3,18 @@
 
 namespace ise {
 
-/// Turns packets in a writer's layout into a reader's, at any depth: fields that the writer lacks take the reader's
-/// presets, those that the reader lacks are dropped, unknown enumerators stay numbers, unknown alternatives are errors.
-/// Make one for a pair of schemas and keep it; it may be used from any thread.
+/// Converts packets from a writer's layout to a reader's, at any depth: missing fields take the reader's
+/// presets, unknown fields are dropped, unknown enumerators stay numbers, unknown alternatives are errors.
+/// Make one per pair of schemas and keep it; it may be used from any thread.
 class adapter {
 public:
-    /// Throws `type_mismatch` with the diff where the schemas are incompatible.
+    /// Throws `type_mismatch` with the diff if the schemas are incompatible.
     adapter(schema writer, schema reader);
 
-    /// Whether the layouts are the same: then nothing needs adapting.
+    /// Whether the layouts are the same: then no conversion is needed.
     bool is_identity() const noexcept { return identity_; }
 
-    /// Throws `malformed` naming the field where the bytes are none of the writer's, `too_large` beyond the limits.
+    /// Throws `malformed` with the field if the bytes do not match the writer's schema, `too_large` beyond the limits.
     bytes operator()(bytes_view written, const decode_limits& limits = {}) const;
     void operator()(bytes_view written, buffer& out, const decode_limits& limits = {}) const;
 
@@ -24,7 +24,7 @@ private:
     bool identity_;
 };
 
-/// One packet turned; see `adapter`.
+/// Converts one packet; see `adapter`.
 bytes adapt(const schema& writer, const schema& reader, bytes_view written, const decode_limits& limits = {});
 
 } // namespace ise

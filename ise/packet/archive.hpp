@@ -1,4 +1,4 @@
 #pragma once
-/// ISE's cereal archives, and what it takes for types with a `serialize` of their own to be packets.
+/// ISE's cereal archives; required for packets with a `serialize` function of their own.
 #include <ise/packet/detail/archives.hpp>
 #include <ise/packet/detail/by_cereal.hpp>

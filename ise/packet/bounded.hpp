@@ -28,10 +28,10 @@ extern template std::string out_of_range(std::int64_t, std::int64_t, std::int64_
 extern template std::string out_of_range(std::uint64_t, std::uint64_t, std::uint64_t, std::string_view);
 } // namespace detail
 
-/// A number that is never outside of its range, both ends included: as a field of a packet (`bounded<double, 0, 360, "degrees">
-/// heading = 90;`) or of a component's options, where its range and unit become the parameter's. It reads as its number, and is
-/// one on the wire: the range takes no part in schema and fingerprint, and may differ between two ends. Who decodes a packet, or
-/// reads JSON, with a value outside gets errc::malformed with the range. Made without a value it is 0, or the end nearest to it.
+/// A number that is always within its range, ends included: for a field of a packet (`bounded<double, 0, 360, "degrees">
+/// heading = 90;`) or of a component's options, where its range and unit become the parameter's. It converts to its number, and
+/// is a plain number on the wire: the range is not part of schema and fingerprint, and may differ between two ends. Decoding a
+/// packet or JSON with a value outside fails with errc::malformed and the range. The default value is 0, or the end nearest to it.
 template <class T, auto Minimum, auto Maximum, unit_text Unit = "">
 class bounded {
     static_assert(detail::number<T> && !std::is_same_v<T, bool> && !std::is_same_v<T, char>, "ise: bounded is for numbers");

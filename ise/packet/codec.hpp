@@ -13,7 +13,7 @@
 
 namespace ise {
 
-/// Appends the bytes of a packet (LAYOUT.md). They are the same from every compiler and processor.
+/// Appends the bytes of a packet (LAYOUT.md), which are the same with every compiler and processor.
 /// Throws `too_large` for a container of 2^32 elements; the buffer then holds a part of the packet.
 template <class T>
 void encode(const T& value, buffer& out) {
@@ -46,7 +46,7 @@ bool copy_whole(bytes_view input, T& value) {
 }
 } // namespace detail
 
-/// Decodes into a value that is there, reusing its memory. All of the input must be consumed.
+/// Decodes into an existing value, reusing its memory. All of the input must be consumed.
 /// Throws `malformed` naming type, field and cause, or `too_large` beyond the limits; the value is then unspecified.
 template <class T>
 void decode_into(T& value, bytes_view input, const decode_limits& limits = {}) {
@@ -65,7 +65,7 @@ T decode(bytes_view input, const decode_limits& limits = {}) {
     return value;
 }
 
-/// Decodes a packet; what would be thrown is the failure in its place.
+/// Decodes a packet; returns a failure instead of throwing.
 template <class T>
 result<T> try_decode(bytes_view input, const decode_limits& limits = {}) {
     T value{};

@@ -3,7 +3,7 @@
 
 #include <type_traits>
 
-/// What can travel as a packet, and what to do where something cannot.
+/// Which types can be packets, and the compile errors for those that cannot.
 namespace ise {
 
 namespace detail {
@@ -195,11 +195,11 @@ struct explain_refusal<Packet, Refused, refusal::none> {};
 
 } // namespace detail
 
-/// What can travel: plain structs of plain values, standard containers of these, and types with a cereal serialize.
+/// A type that can be a packet: plain structs of plain values, standard containers of these, and types with a cereal serialize.
 template <class T>
 concept packet = detail::refusal_of<T>::why == detail::refusal::none;
 
-/// Compiles where T is a packet; otherwise says what is in the way and what to do.
+/// Compiles if T can be a packet; otherwise the compile error names the obstacle and the remedy.
 template <class T>
 consteval bool check_packet() {
     using why = detail::refusal_of<T>;

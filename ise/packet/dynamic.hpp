@@ -14,12 +14,12 @@ class field_view {
 public:
     /// The type of this value.
     const type_description& type() const noexcept { return *type_; }
-    /// What kind of value it is.
+    /// The kind of the value.
     type_kind kind() const noexcept { return type_->kind; }
     /// The bytes of this value alone.
     bytes_view raw() const noexcept { return raw_; }
 
-    /// Throw `type_mismatch` naming the path where the value is of another kind or does not fit.
+    /// Throw `type_mismatch` with the path if the value has another kind or does not fit.
     bool as_bool() const;
     std::int64_t as_int() const;   ///< integers, enums, chars, ticks of durations and time points
     std::uint64_t as_uint() const; ///< the same, unless negative
@@ -28,7 +28,7 @@ public:
     bool is_null() const;          ///< an optional without value
     std::size_t size() const;      ///< elements of a container, bytes of a string, fields of a struct
 
-    /// As bool, an integer, a floating point number or a std::string; throws `type_mismatch` where it does not fit.
+    /// As bool, an integer, a floating point number or a std::string; throws `type_mismatch` if it does not fit.
     template <class T>
     T as() const {
         if constexpr (std::same_as<T, bool>) return as_bool();
@@ -56,22 +56,22 @@ private:
     std::string path_;
 };
 
-/// A packet with its schema, for programs that learn of the type at run time. A value: copies are independent.
+/// A packet with its schema, for programs that know the type only at run time. A value: copies are independent.
 class dynamic_packet {
 public:
-    /// Checks the bytes wholly; throws `malformed` naming the field.
+    /// Checks all bytes; throws `malformed` with the field.
     dynamic_packet(schema of, bytes encoded, const decode_limits& limits = {});
     /// Throws as `ise::from_json`.
     static dynamic_packet from_json(schema of, std::string_view json, const json_limits& limits = {});
 
-    /// What it looks like.
+    /// Its schema.
     const schema& type() const noexcept { return schema_; }
-    /// Its bytes, as they travel; borrowed.
+    /// Its encoded bytes; borrowed.
     bytes_view encoded() const noexcept { return encoded_; }
 
     /// Reads by a path: `waypoints[3].latitude_deg`; tuple elements are fields `0`, `1`, …; a map is indexed by its
-    /// position, or by a string key as a field; an optional and a variant are looked through. Throws `invalid_argument` where there is
-    /// no such thing, naming how far the path led. The view lives as long as the packet.
+    /// position, or by a string key as a field; the path passes through optionals and variants. Throws `invalid_argument` if there is
+    /// no such value, with the part of the path that exists. The view lives as long as the packet.
     field_view field(std::string_view path) const;
 
     /// The packet as JSON, as `ise::to_json`.

@@ -10,7 +10,7 @@
 
 namespace ise {
 
-/// What a schema's text may cost, whoever wrote it.
+/// Limits on the text of a schema, which may come from untrusted sources.
 struct schema_limits {
     std::size_t max_text_bytes = std::size_t{256} << 10;   ///< of the text
     std::size_t max_depth = 64;                            ///< of types within types
@@ -18,32 +18,32 @@ struct schema_limits {
     std::size_t max_members = 1024;                        ///< fields of one struct, alternatives of one variant
     std::size_t max_enumerators = 4096;                    ///< of one enum
     std::size_t max_name_bytes = 256;                      ///< of one name
-    std::uint64_t max_min_size = std::uint64_t{256} << 20; ///< the least that a value takes on the wire
+    std::uint64_t max_min_size = std::uint64_t{256} << 20; ///< minimum encoded size of a value
     std::uint64_t max_array_length = std::uint64_t{256} << 20; ///< of one array, in elements
 };
 
-/// What a packet looks like, at any depth. Immutable and shared: copies are cheap, and may be used from any thread.
+/// The description of a packet type, at any depth. Immutable and shared: copies are cheap, and may be used from any thread.
 class schema {
 public:
     /// The schema of an empty packet.
     schema();
-    /// Throws `invalid_argument` where a name (of an opaque type) cannot stand in a text.
+    /// Throws `invalid_argument` if a name (of an opaque type) is not valid in a text.
     explicit schema(type_description type);
 
-    /// Parses a canonical text, hostile or not. Fails with `malformed` (where, what was expected) or `too_large`.
-    /// The fingerprint is computed from the text, never believed.
+    /// Parses a canonical text, also from untrusted sources. Fails with `malformed` (where, what was expected) or `too_large`.
+    /// The fingerprint is always computed from the text.
     static result<schema> parse(std::string_view canonical_text, const schema_limits& limits = {});
 
-    /// 64 bits over fields' names, order and types, enumerators, alternatives: equal from every compiler. Names of
-    /// structs and enums and default values take no part.
+    /// 64 bits over fields' names, order and types, enumerators, alternatives: equal with every compiler. Names of
+    /// structs and enums and default values are not part of it.
     std::uint64_t fingerprint() const noexcept { return data_->fingerprint; }
-    /// The one-line text that travels (LAYOUT.md gives its grammar), defaults included.
+    /// The canonical one-line text (LAYOUT.md has its grammar), including defaults.
     const std::string& text() const noexcept { return data_->text; }
-    /// For people: indented, a field a line, without defaults.
+    /// For people: indented, one field per line, without defaults.
     std::string pretty() const;
     /// The name of the packet's type, for messages.
     const std::string& name() const noexcept { return data_->name; }
-    /// The tree that the text is made of.
+    /// The type as a tree.
     const type_description& type() const noexcept { return data_->type; }
 
     /// The same text: same fields, names and defaults.
@@ -70,7 +70,7 @@ const schema& schema_of() {
     }
 }
 
-/// One type in the words of a schema's text, cut short for messages.
+/// One type as in a schema's text, shortened for messages.
 std::string short_text(const type_description& type);
 
 } // namespace ise

@@ -15,7 +15,7 @@ public:
     /// errc::invalid_argument unless there are as many packets as the kind has (two, or five).
     static result<dynamic_contract> make(std::string name, service_kind kind, std::vector<schema> packets);
 
-    /// How the service is called.
+    /// The name of the service.
     const std::string& name() const noexcept { return name_; }
     /// Request-response or subscription.
     service_kind kind() const noexcept { return types_->kind; }
@@ -31,44 +31,44 @@ private:
     std::shared_ptr<const packet_types> types_;
 };
 
-/// A packet of this schema with every field at its default.
+/// A packet of this schema with the defaults of all fields.
 dynamic_packet default_packet(const schema& of);
 
 /// Calls and waits for the response, at most `deadline` (zero: the component's default). The failures are those of
-/// `remote::try_call`; besides errc::invalid_argument for a subscription, errc::type_mismatch where `request` does
-/// not fit the service. A request of another schema is adapted.
+/// `remote::try_call`, errc::invalid_argument for a subscription, and errc::type_mismatch if `request` does
+/// not match the service. A request of another schema is adapted.
 /// On the loop of the component that made `provider`. Cancellation: terminal; the provider's handler is cancelled too.
 task<result<dynamic_packet>> call_dynamic(remote provider, dynamic_contract service, dynamic_packet request, duration deadline = duration());
 
-/// A live subscription of packets known at run time: as `stream_of`, which see.
+/// A live subscription of packets known at run time; see `stream_of`.
 class dynamic_stream {
 public:
     dynamic_stream() = default;
     /// Takes the subscription over.
     dynamic_stream(dynamic_stream&&) noexcept = default;
-    /// The same; one that was held before is left.
+    /// The same; a subscription that was held before is ended.
     dynamic_stream& operator=(dynamic_stream&& other) noexcept;
     ~dynamic_stream();
 
-    /// The next packet; empty when the subscription has ended (`cause()` says why). Cancellation: terminal, no packet
+    /// Waits for the next packet; empty when the subscription has ended (`cause()` says why). Cancellation: terminal, no packet
     /// is lost.
     task<received<dynamic_packet>> next();
-    /// A packet that is there already, or an empty one. Never suspends.
+    /// A packet that has already arrived, or an empty one. Never suspends.
     received<dynamic_packet> try_next();
 
-    /// What the provider answered to the subscription.
+    /// The provider's response to the subscription.
     const dynamic_packet& response() const noexcept;
-    /// What became of the packets so far.
+    /// Counts of received and lost packets so far.
     const subscription_counts& counts() const noexcept;
-    /// Whether the provider is reached now; false while the link heals.
+    /// Whether the provider is connected now; false while the connection is being restored.
     bool connected() const noexcept;
-    /// Whether it is over: `next()` gives what is left, then empty ones.
+    /// Whether it has ended: `next()` returns the remaining packets, then empty ones.
     bool ended() const noexcept;
     /// Only where `ended()`.
     const failure& cause() const noexcept;
-    /// Ends it now; waiting coroutines get the end. The provider hears of a default unsubscribe packet.
+    /// Ends it now; a waiting `next()` returns an empty packet. The provider gets a default unsubscribe packet.
     void leave();
-    /// The same with an unsubscribe packet, which is adapted to the service: gives the provider's answer. As `stream_of::leave`.
+    /// The same with an unsubscribe packet, which is adapted to the service: returns the provider's response. See `stream_of::leave`.
     task<result<dynamic_packet>> leave(dynamic_packet request, duration deadline = duration());
 
     class core;
@@ -81,7 +81,7 @@ private:
 
 /// Subscribes with a subscribe packet; completes when the provider has committed. The failures are those of
 /// `remote::subscribe`, and errc::invalid_argument for a request-response service.
-/// The stream goes on adapting to `service` when the provider restarts with compatible packets.
+/// The stream continues to adapt packets to `service` when the provider restarts with compatible packets.
 task<result<dynamic_stream>> subscribe_dynamic(remote provider, dynamic_contract service, dynamic_packet request,
                                                subscribe_options options = subscribe_options());
 

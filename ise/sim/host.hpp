@@ -15,28 +15,28 @@ namespace ise::sim {
 class host;
 
 /// A process of the virtual world: the environment of a node there. Made by `host::start_process`, lives as
-/// long as the world; once it has ended it refuses everything.
+/// long as the world; after its end all operations fail.
 class process final : public environment, public socket_owner {
 public:
-    /// What a process does: makes its components and returns what holds them, which is destroyed when the
-    /// process ends, after everything that was suspended on its loops.
+    /// The program of a process: creates its components and returns their owner, which is destroyed when the
+    /// process ends, after the coroutines on its loops.
     using program = std::function<std::shared_ptr<void>(process&)>;
 
-    /// As it was given when it was started.
+    /// The name passed at its start.
     const std::string& name() const noexcept { return name_; }
-    /// Where it runs.
+    /// Its host.
     sim::host& host() noexcept { return host_; }
 
-    /// Gone at once: its loops turn no more, what was suspended on them is destroyed, then what its program
-    /// made; its connections are reset. Inside one of its own handlers that handler goes on to its end first.
+    /// Kills it: its loops stop, suspended coroutines are destroyed, then the objects of its program; its
+    /// connections are reset. If called inside one of its own handlers, that handler first runs to its end.
     void crash() { finish(ending::crash); }
-    /// The same, but its connections are closed in order: as a program that leaves without much ado.
+    /// The same, but its connections are closed in an orderly way, as by exit().
     void stop() { finish(ending::stop); }
-    /// Frozen, as by SIGSTOP: its host still takes bytes for it.
+    /// Stops it as by SIGSTOP: its host still receives bytes for it.
     void pause();
-    /// Ends the pause; what is due runs now.
+    /// Ends the pause; overdue events run now.
     void go_on();
-    /// Its program again in a process of a new identity, with the same variables; ends this one if it runs.
+    /// Runs its program again in a new process with the same variables; kills this one if it runs.
     process& restart();
 
     /// Held until the process ends.
@@ -113,15 +113,15 @@ public:
     host(world_core& world, network& net, std::string name, std::string address);
     ~host();
 
-    /// A new process, whose program runs at once. The reference stays good after the process has ended.
+    /// Starts a process, whose program runs at once. The reference stays valid after the process has ended.
     process& start_process(std::string name, program run = {}, std::map<std::string, std::string> variables = {});
 
-    /// The whole host is gone at once: nobody is told, what it sent is under way still.
+    /// Crashes the whole host without notifying its peers; packets that it has sent stay in transit.
     void crash();
-    /// Up again, with another boot identity and no processes; connections from before are reset when used.
+    /// Boots it again, with a new boot identity and without processes; old connections are reset when used.
     void boot();
 
-    /// The world that it is in.
+    /// Its world.
     world_core& world() noexcept { return world_; }
 
     /// @cond

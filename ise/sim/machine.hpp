@@ -22,15 +22,15 @@ public:
     machine(const machine&) = delete;
     machine& operator=(const machine&) = delete;
 
-    /// As in `world::host`, and in endpoints: tcp://boat:7000.
+    /// Its name, also used in endpoints: tcp://boat:7000.
     const std::string& name() const noexcept { return name_; }
     const std::string& address() const noexcept { return address_; } ///< "10.0.0.1"
-    /// Not crashed.
+    /// Whether it is running.
     bool up() const noexcept { return up_; }
-    /// How often it was started, the first time included.
+    /// The number of its starts, including the first.
     unsigned boots() const noexcept { return boots_; }
 
-    /// A file that the host's processes read.
+    /// Sets a file that the host's processes can read.
     void write_file(const std::string& path, std::string content) { files_[path] = std::move(content); }
 
     /// @cond

@@ -14,10 +14,10 @@
 
 namespace ise::sim {
 
-/// Which way bytes go in a connection.
+/// A direction of a connection.
 enum class direction { to_server, to_client };
 
-/// What lies between the hosts of a world, and the faults there.
+/// The network between the hosts of a world, and its faults.
 class network {
 public:
     /// Made by the world.
@@ -26,25 +26,25 @@ public:
     /// The link between two hosts, or within one (`between("boat", "boat")`).
     link& between(const std::string& a, const std::string& b);
 
-    /// Nothing passes any more and nobody is told: streams stall, datagrams vanish, connects time out.
+    /// Partitions two hosts without notifying them: streams stall, datagrams are lost, connects time out.
     void partition(const std::string& a, const std::string& b);
-    /// What stalled goes on.
+    /// Ends a partition; stalled streams continue.
     void heal(const std::string& a, const std::string& b);
-    /// From all the others.
+    /// Partitions a host from all others.
     void isolate(const std::string& host);
-    /// Every partition.
+    /// Ends every partition.
     void heal_all();
 
     /// The next connection from `client` to `server` is cut when this many bytes have gone `which` way: both
-    /// sides see connection_reset after exactly these. 0: as soon as it is made.
+    /// sides see connection_reset after exactly these bytes. 0: immediately.
     void cut(const std::string& client, const std::string& server, direction which, std::uint64_t after_bytes);
     /// How many were cut so far: a sweep is over when a run adds none.
     std::uint64_t cuts() const noexcept { return cuts_; }
     /// Bytes that have gone each way, of all streams so far: how far a sweep has to go.
     std::uint64_t delivered(direction which) const noexcept { return delivered_[which == direction::to_client]; }
 
-    duration connect_timeout = std::chrono::seconds(10);     ///< of a connect that nobody answers
-    duration connect_retry = std::chrono::seconds(1);        ///< of what was lost
+    duration connect_timeout = std::chrono::seconds(10);     ///< of an unanswered connect
+    duration connect_retry = std::chrono::seconds(1);        ///< of a lost connect
     duration retransmission = std::chrono::milliseconds(200);///< of a stream's lost packet, doubling
 
     /// @cond

@@ -11,8 +11,8 @@
 
 namespace ise::sim {
 
-/// Everything in one thread on a virtual clock: hosts, their processes, the network between them. The same seed
-/// gives the same run, whatever the compiler. A test of components that know nothing of it:
+/// A virtual world in one thread on a virtual clock: hosts, their processes, and the network between them. The same seed
+/// gives the same run with every compiler. A test of unmodified components:
 ///
 ///     ise::sim::world world{7};
 ///     auto& boat = world.host("boat").start_process("boat");       // an ise::environment each
@@ -25,35 +25,35 @@ namespace ise::sim {
 ///     asio::co_spawn(main->loop().get_executor(), console(shore, main->loop()), asio::detached);
 ///     REQUIRE(world.run_until([&] { return console_has_a_fix; }, 10min));   // virtual minutes
 ///
-/// Lifetime: the world outlives what uses its processes; what is suspended when it goes is destroyed unresumed.
-/// Used from one thread. Nothing here waits in real time.
+/// Lifetime: the world must outlive all users of its processes; coroutines that are suspended when it is destroyed are
+/// destroyed without being resumed. Used from one thread. No function waits in real time.
 class world : public world_core {
 public:
     /// The same seed gives the same run.
     explicit world(std::uint64_t seed = 1);
     ~world();
 
-    /// The host of that name, made when it is first asked for.
+    /// The host of that name, created on first use.
     sim::host& host(const std::string& name);
-    /// What lies between the hosts.
+    /// The network between the hosts.
     network& net() noexcept { return network_; }
-    /// A serial line into that host, made when it is first asked for: device "/dev/" + name, or name.
+    /// A serial line into that host, created on first use: device "/dev/" + name, or name.
     sim::serial_line& serial_line(const std::string& name, sim::host& into);
 
-    /// Runs `action` when this much time has passed since the world began.
+    /// Schedules `action` at this time since the beginning of the world.
     void at(duration since_start, std::function<void()> action);
     /// The same, counted from now.
     void after(duration from_now, std::function<void()> action);
 
-    /// Runs until `done()` holds, looked at after every event, or `within` has passed. Whether it holds.
-    /// Throws sim::stuck beyond the bounds of events (`bounds()`), and what a handler lets escape.
+    /// Runs until `done()` returns true, checked after every event, or `within` has passed. Returns whether it is true.
+    /// Throws sim::stuck beyond the bounds of events (`bounds()`), and exceptions that escape from handlers.
     bool run_until(const std::function<bool()>& done, duration within = std::chrono::hours(1));
     /// Runs for exactly this long.
     void run_for(duration time);
-    /// Runs until nothing is left to do or `within` has passed. Whether nothing is left.
+    /// Runs until no event is left or `within` has passed. Returns whether no event is left.
     bool run_until_idle(duration within = std::chrono::hours(24));
 
-    /// How many events a run may take; to be set before it runs.
+    /// The maximum number of events of a run; set it before running.
     scheduler::bounds& bounds() noexcept { return engine().limits; }
 
 private:

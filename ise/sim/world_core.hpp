@@ -16,7 +16,7 @@ public:
     world_core(const world_core&) = delete;
     world_core& operator=(const world_core&) = delete;
 
-    /// As it was made with.
+    /// The seed passed to the constructor.
     std::uint64_t seed() const noexcept { return seed_; }
     /// Virtual time.
     time_point now() const noexcept { return scheduler_.now(); }
@@ -24,15 +24,15 @@ public:
     duration elapsed() const noexcept { return now() - start; }
     /// The wall clock at the beginning, UTC.
     wall_time wall_start = std::chrono::sys_days(std::chrono::year(2017) / 9 / 4) + std::chrono::hours(8);
-    /// The n-th I/O operation from now on fails, whichever it is: see fault_plan.
+    /// Makes the n-th I/O operation from now on fail, of any kind: see fault_plan.
     void fail_at(std::uint64_t n, std::error_code with = asio::error::connection_reset) { faults_.fail_at(n, with); }
-    /// I/O operations so far.
+    /// The number of I/O operations so far.
     std::uint64_t operations() const noexcept { return faults_.operations(); }
     /// Which operation fails, and whether it did.
     fault_plan& faults() noexcept { return faults_; }
-    /// What happened so far.
+    /// The trace of events so far.
     sim::trace& trace() noexcept { return trace_; }
-    /// For programs that embed ISE on an executor of their own; run by the world only.
+    /// For programs that embed ISE on an executor of their own; only the world runs it.
     asio::io_context& context() noexcept { return scheduler_.context(); }
 
     /// @cond
