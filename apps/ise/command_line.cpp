@@ -16,11 +16,11 @@ namespace ise::cli {
 namespace {
 
 constexpr const char* exit_codes = R"(Exit codes:
-  0    the answer is complete; also when its reader (head) has gone, and when Ctrl-C ended echo, hz, bw, delay or top
+  0    the answer is complete; also when Ctrl-C ended echo, hz, bw, delay or top, or a reader such as head ended
   1    the component was reached and refused, or failed; a start or a step of up failed; doctor found something
-  2    the command line or a deployment file makes no sense; a call without its request
+  2    the command line or a deployment file is invalid; a call without its request
   3    not reached: no name server, no such name or service, no answer in time
-  4    JSON or packets do not fit; the message has the path
+  4    JSON or packets do not match; the message has the path
   5    the answer could not be written to standard output
   130  Ctrl-C before the answer
 Answers go to standard output, everything else to standard error.)";
@@ -74,30 +74,30 @@ void build(CLI::App& app, places& to) {
     app.set_version_flag("--version", "ise " ISE_VERSION);
     app.footer(exit_codes);
     app.add_option("--name-server", set.name_server, "its endpoint (default: $ISE_NAME_SERVER, else tcp://127.0.0.1:7400)")->type_name("ENDPOINT");
-    app.add_option("--key", set.security.key_file, "a file with the key that the components demand (default: $ISE_KEY)")->type_name("FILE");
+    app.add_option("--key", set.security.key_file, "a file with the shared key of the system (default: $ISE_KEY)")->type_name("FILE");
     app.add_option("--tls", set.security.tls_folder, "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: $ISE_TLS)")->type_name("FOLDER");
-    app.add_option("--as", set.as, "the path under which components know this command, such as an operator's; nobody checks it")->type_name("PATH");
+    app.add_option("--as", set.as, "the path under which this command appears to components, such as an operator's; not checked")->type_name("PATH");
     app.add_option("--timeout", to.timeout, "for the whole command, or its first answer (default: 5s)")->type_name("TIME");
     app.add_flag("--wait", set.wait, "wait for a component that is not there yet, until the timeout");
-    app.add_flag("--json", set.json, "for programs: answers, errors and notes as one line of JSON each");
+    app.add_flag("--json", set.json, "answers, errors and notes as one line of JSON each");
     app.add_flag("--pretty", set.pretty, "JSON over several lines");
     app.add_flag("--verbose", set.verbose, "log to standard error");
 
-    auto* list_command = app.add_subcommand("list", "the components that the name server knows");
+    auto* list_command = app.add_subcommand("list", "lists the components that the name server knows");
     list_command->add_option("PREFIX", to.list.prefix, "only this path and what is below it");
-    list_command->add_flag("--names", to.list.names, "nothing but the paths");
+    list_command->add_flag("--names", to.list.names, "only the paths");
     list_command->callback([&to] { to.made.talk.body = [options = to.list](context& in) { return list(in, options); }; });
 
-    auto* describe_command = app.add_subcommand("describe", "a component: endpoints, services, packets, sessions");
+    auto* describe_command = app.add_subcommand("describe", "shows endpoints, services, packets and sessions of a component");
     describe_command->add_option("NAME", to.describe.name, "path of a component, or endpoint such as tcp://127.0.0.1:7411")->required();
     describe_command->add_flag("--all", to.describe.all, "ISE's own services too");
-    describe_command->add_flag("--names", to.describe.names, "nothing but the names of its services");
+    describe_command->add_flag("--names", to.describe.names, "only the names of its services");
     describe_command->callback([&to] { to.made.talk.body = [options = to.describe](context& in) { return describe(in, options); }; });
 
     auto* call_command = app.add_subcommand("call", "calls a service and prints the response as JSON");
     call_command->add_option("NAME", to.call.name, "path of a component, or endpoint such as tcp://127.0.0.1:7411")->required();
     call_command->add_option("SERVICE", to.call.service, "name of a request-response service")->required();
-    call_command->add_option("JSON", to.json, "request; - reads standard input; {} takes the defaults (needed where it has fields)");
+    call_command->add_option("JSON", to.json, "request; - reads standard input; {} uses the defaults (required if it has fields)");
     call_command->callback([&to] {
         if (!to.json.empty()) to.call.json = json_given(to.json);
         to.made.talk.body = [options = to.call](context& in) { return call(in, options); };
@@ -105,11 +105,11 @@ void build(CLI::App& app, places& to) {
 
     auto* echo_command = app.add_subcommand("echo", "subscribes and prints each packet as a line of JSON");
     add_subscription(*echo_command, to.echo.what, to.json);
-    auto* count = echo_command->add_option("--count,-n", to.echo_count, "end after so many packets")->type_name("N")->check(positive_count());
-    echo_command->add_option("--for", to.length, "end after this time; with --count: exit code 3 unless that many came")->type_name("TIME");
-    echo_command->add_option("--every", to.every, "at most one packet in this time; those between are skipped")->type_name("TIME");
-    echo_command->add_flag("--no-last", to.echo.no_last_value, "not the packet that was published before we came");
-    echo_command->add_flag("--losses", to.echo.losses, R"(each line is {"lost_before":N,"packet":{...}}; null: nobody knows how many)");
+    auto* count = echo_command->add_option("--count,-n", to.echo_count, "end after N packets")->type_name("N")->check(positive_count());
+    echo_command->add_option("--for", to.length, "end after this time; with --count: exit code 3 if fewer packets arrived")->type_name("TIME");
+    echo_command->add_option("--every", to.every, "at most one packet in this time; others are skipped")->type_name("TIME");
+    echo_command->add_flag("--no-last", to.echo.no_last_value, "without the packet that was published last before");
+    echo_command->add_flag("--losses", to.echo.losses, R"(each line is {"lost_before":N,"packet":{...}}; null: unknown)");
     echo_command->callback([&to, count] {
         to.echo.what.json = json_given(to.json);
         if (count->count() > 0) to.echo.count = to.echo_count;
@@ -119,10 +119,10 @@ void build(CLI::App& app, places& to) {
         to.made.talk.body = [options = to.echo](context& in) { return echo(in, options); };
     });
 
-    auto* hz_command = app.add_subcommand("hz", "rate, evenness and losses of a subscription's packets");
+    auto* hz_command = app.add_subcommand("hz", "rate, jitter and losses of a subscription's packets");
     add_subscription(*hz_command, to.hz.what, to.json);
     hz_command->add_option("--window", to.window, "time of one line (default: 1s)")->type_name("TIME");
-    auto* lines = hz_command->add_option("--count,-n", to.hz_count, "end after so many lines")->type_name("N")->check(positive_count());
+    auto* lines = hz_command->add_option("--count,-n", to.hz_count, "end after N lines")->type_name("N")->check(positive_count());
     hz_command->callback([&to, lines] {
         to.hz.what.json = json_given(to.json);
         if (lines->count() > 0) to.hz.count = to.hz_count;

@@ -29,20 +29,20 @@ CLI::App* add_for_file(CLI::App& app, deployment_places& to, wish& made, const s
 
 void add_deployment_commands(CLI::App& app, deployment_places& to, wish& made) {
     auto* up_command = add_for_file(app, to, made, "up", "brings the system to what a deployment file describes", up, whole_deployment);
-    up_command->add_flag("--keep", to.file.keep, "when it fails or is interrupted, what it did is not undone");
+    up_command->add_flag("--keep", to.file.keep, "after a failure or an interruption, do not undo the steps");
     auto* down_command = add_for_file(app, to, made, "down", "stops all of a deployment, in the opposite order", down, whole_deployment);
     auto* diff_command = add_for_file(app, to, made, "diff", "what `ise up` would do", diff, duration{});
-    for (auto* one : {up_command, diff_command}) one->add_option("INSTANCE", to.file.only, "only these components of the file, and those that they come after");
+    for (auto* one : {up_command, diff_command}) one->add_option("INSTANCE", to.file.only, "only these components of the file, and their dependencies");
     down_command->add_option("INSTANCE", to.file.only, "only these components of the file");
     auto* validate_command = add_for_file(app, to, made, "validate", "whether a deployment file can be used", validate, duration{});
-    validate_command->add_flag("--offline", to.file.offline, "nobody is asked for types and parameters");
+    validate_command->add_flag("--offline", to.file.offline, "do not query hosts for types and parameters");
 
     auto* param_command = app.add_subcommand("param", "lists, reads or sets parameters of a running component");
     param_command->add_option("ACTION", to.param.act, "list, get or set")->required()->check(one_of({"get", "list", "set"}));
     param_command->add_option("NAME", to.param.name, "path of a component, or endpoint such as tcp://127.0.0.1:7411")->required();
     param_command->add_option("PARAMETER", to.param.parameter, "of get and set: its name");
-    auto* value = param_command->add_option("VALUE", to.value, "of set: what it is to be from now on");
-    param_command->add_flag("--names", to.param.names, "of list: nothing but their names");
+    auto* value = param_command->add_option("VALUE", to.value, "of set: the new value");
+    param_command->add_flag("--names", to.param.names, "of list: only the names");
     param_command->callback([&to, &made, value] {
         if (value->count() > 0) to.param.value = to.value;
         to.patience = 15s;

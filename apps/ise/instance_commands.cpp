@@ -17,29 +17,29 @@ instantiation::restart_policy policy_of(const std::string& name) {
     return name == "always" ? always : name == "on-failure" ? on_failure : never;
 }
 
-void add_host(CLI::App& to, std::string& host) { to.add_option("--host", host, "name of the host (default: whichever has it)")->type_name("HOST"); }
+void add_host(CLI::App& to, std::string& host) { to.add_option("--host", host, "name of the host (default: the one that runs it)")->type_name("HOST"); }
 
 void add_start(CLI::App& app, instance_places& to, wish& made) {
     auto& into = to.start;
     auto* command = app.add_subcommand("start", "starts a component, and waits until it is ready");
     command->add_option("TYPE", into.type, "type of the component: ise start --types");
-    command->add_option("PATH", into.name, "its path (default: the one that the type has)");
+    command->add_option("PATH", into.name, "its path (default: that of the type)");
     command->add_option("--host", into.host, "name of the host (default: the only one, or this one)")->type_name("HOST");
     command->add_option("--set,-s", into.set, "a parameter of the type; several are allowed")->type_name("NAME=VALUE")->allow_extra_args(false);
-    command->add_option("--namespace", into.name_space, "put before its path")->type_name("PREFIX");
-    auto* listen = command->add_option("--listen", into.listen, "where it listens (default: in-process, local and loopback)")->type_name("ENDPOINT")->allow_extra_args(false);
+    command->add_option("--namespace", into.name_space, "prefix of its path")->type_name("PREFIX");
+    auto* listen = command->add_option("--listen", into.listen, "endpoint to listen on (default: in-process, local and loopback)")->type_name("ENDPOINT")->allow_extra_args(false);
     command->add_option("--protocol", into.protocol, "listen on any endpoint of that kind")->check(one_of({"tcp", "udp", "tls", "local"}))->excludes(listen);
     command->add_option("--env", into.variables, "an environment variable that the type reads")->type_name("NAME=VALUE")->allow_extra_args(false);
-    command->add_option("--role", into.roles, "a role it serves, and its priority there; several are allowed")->type_name("ROLE=PRIORITY")->allow_extra_args(false);
-    command->add_option("--process", into.process, "a process that it shares with others of its program, each on a thread of its own (default: one to itself)")->type_name("NAME");
-    command->add_option("--limit", into.limits, "what it may use with all that it starts: pids=64, memory=256MiB or cpus=0.5; several are allowed (default: pids=256)")
+    command->add_option("--role", into.roles, "a role to serve, with its priority; several are allowed")->type_name("ROLE=PRIORITY")->allow_extra_args(false);
+    command->add_option("--process", into.process, "a process shared with other components of its program, each on a thread of its own (default: a process of its own)")->type_name("NAME");
+    command->add_option("--limit", into.limits, "a resource limit for it and the processes that it starts: pids=64, memory=256MiB or cpus=0.5; several are allowed (default: pids=256)")
         ->type_name("NAME=VALUE")->allow_extra_args(false);
-    command->add_option("--restart", to.policy, "when it ends by itself (default: never)")->check(one_of({"never", "on-failure", "always"}))->default_str("never");
-    command->add_option("--restarts", into.terms.limit, "at most so many within a minute, 0 to 1000, then it has failed (default: 5)")->check(CLI::Range(0u, 1000u))->type_name("N");
-    command->add_option("--ready-within", to.ready_within, "how long it may take (default: 10s)")->type_name("TIME");
+    command->add_option("--restart", to.policy, "whether it is restarted when it ends (default: never)")->check(one_of({"never", "on-failure", "always"}))->default_str("never");
+    command->add_option("--restarts", into.terms.limit, "maximum restarts within a minute, 0 to 1000; beyond, it has failed (default: 5)")->check(CLI::Range(0u, 1000u))->type_name("N");
+    command->add_option("--ready-within", to.ready_within, "time limit of the start (default: 10s)")->type_name("TIME");
     command->add_option("--grace", to.grace, "between SIGTERM and SIGKILL when it is stopped (default: 5s)")->type_name("TIME");
-    command->add_flag("--types", into.types, "instead: tells what can be started, or all about TYPE");
-    command->add_flag("--names", into.names, "with --types: nothing but their names");
+    command->add_flag("--types", into.types, "list the types that can be started, or show TYPE");
+    command->add_flag("--names", into.names, "with --types: only the names");
     command->callback([&to, &made] {
         auto& terms = to.start.terms;
         terms.policy = policy_of(to.policy);
@@ -70,21 +70,21 @@ void add_instance_commands(CLI::App& app, instance_places& to, wish& made) {
     add_for_one(app, to, made, "restart", "stops and starts a component with the same arguments", restart);
     add_for_one(app, to, made, "kill", "ends a component at once; it is not started again", kill);
 
-    auto* logs_command = app.add_subcommand("logs", "what a component has printed");
+    auto* logs_command = app.add_subcommand("logs", "shows the output of a component");
     logs_command->add_option("INSTANCE", to.logs.name, "its path: ise ps")->required();
     add_host(*logs_command, to.logs.host);
-    logs_command->add_flag("--follow,-f", to.logs.follow, "go on with what it prints from now on");
-    auto* lines = logs_command->add_option("--lines,-n", to.lines, "only the last so many lines")->type_name("N");
+    logs_command->add_flag("--follow,-f", to.logs.follow, "continue with new output");
+    auto* lines = logs_command->add_option("--lines,-n", to.lines, "only the last N lines")->type_name("N");
     logs_command->callback([&to, &made, lines] {
         if (lines->count() > 0) to.logs.lines = to.lines;
         made.talk.endless = to.logs.follow;
         made.talk.body = [options = to.logs](context& in) { return logs(in, options); };
     });
 
-    auto* ps_command = app.add_subcommand("ps", "what instantiation servers have started, and how it is");
+    auto* ps_command = app.add_subcommand("ps", "lists started components with their state");
     ps_command->add_option("PREFIX", to.ps.prefix, "only this path and what is below it");
     add_host(*ps_command, to.ps.host);
-    ps_command->add_flag("--names", to.ps.names, "nothing but the paths");
+    ps_command->add_flag("--names", to.ps.names, "only the paths");
     ps_command->callback([&to, &made] { made.talk.body = [options = to.ps](context& in) { return ps(in, options); }; });
 }
 

@@ -18,8 +18,8 @@ constexpr const char* component_name = "path of a component, or endpoint such as
 void add_prefix(CLI::App& command, std::string& prefix) { command.add_option("PREFIX", prefix, "only this path and what is below it"); }
 
 void add_doctor(CLI::App& app, look_places& to, wish& made) {
-    auto* command = app.add_subcommand("doctor", "what is wrong, and what to do; exit code 1 if anything is");
-    command->add_option("--interval", to.interval, "between its two looks (default: 1s)")->type_name("TIME");
+    auto* command = app.add_subcommand("doctor", "finds problems and remedies; exit code 1 if there are any");
+    command->add_option("--interval", to.interval, "time between its two inspections (default: 1s)")->type_name("TIME");
     command->callback([&to, &made] {
         if (!to.interval.empty()) to.doctor.interval = positive_time(to.interval, "--interval");
         made.talk.looks = true;
@@ -28,7 +28,7 @@ void add_doctor(CLI::App& app, look_places& to, wish& made) {
 }
 
 void add_graph(CLI::App& app, look_places& to, wish& made) {
-    auto* command = app.add_subcommand("graph", "who is connected to whom, and over what");
+    auto* command = app.add_subcommand("graph", "shows the connections between components");
     add_prefix(*command, to.graph.prefix);
     command->add_flag("--dot", to.graph.dot, "for Graphviz: ise graph --dot | dot -Tsvg");
     command->callback([&to, &made] {
@@ -39,11 +39,11 @@ void add_graph(CLI::App& app, look_places& to, wish& made) {
 }
 
 void add_top(CLI::App& app, look_places& to, wish& made) {
-    auto* command = app.add_subcommand("top", "what every component does now; q or Ctrl-C ends");
+    auto* command = app.add_subcommand("top", "shows the activity of every component; q or Ctrl-C ends");
     add_prefix(*command, to.top.prefix);
     command->add_option("--every", to.every, "time between two tables (default: 1s)")->type_name("TIME");
     auto* once = command->add_flag("--once", to.once, "one table, after that time");
-    auto* lines = command->add_option("--count,-n", to.lines, "end after so many tables")->type_name("N")->check(positive_count())->excludes(once);
+    auto* lines = command->add_option("--count,-n", to.lines, "end after N tables")->type_name("N")->check(positive_count())->excludes(once);
     command->callback([&to, &made, lines] {
         check_prefix(to.top.prefix);
         if (!to.every.empty()) to.top.every = positive_time(to.every, "--every");
@@ -56,9 +56,9 @@ void add_top(CLI::App& app, look_places& to, wish& made) {
 }
 
 void add_ping(CLI::App& app, look_places& to, wish& made) {
-    auto* command = app.add_subcommand("ping", "round trips to a component, and how far its clock is off");
+    auto* command = app.add_subcommand("ping", "measures round trips to a component and its clock offset");
     command->add_option("NAME", to.ping.name, component_name)->required();
-    command->add_option("--count,-n", to.ping.count, "questions (default: 5)")->type_name("N")->check(CLI::Range(1u, 1'000'000u));
+    command->add_option("--count,-n", to.ping.count, "number of requests (default: 5)")->type_name("N")->check(CLI::Range(1u, 1'000'000u));
     command->add_option("--every", to.ping_every, "time between them (default: 200ms)")->type_name("TIME");
     command->callback([&to, &made] {
         if (!to.ping_every.empty()) to.ping.every = positive_time(to.ping_every, "--every");
@@ -68,9 +68,9 @@ void add_ping(CLI::App& app, look_places& to, wish& made) {
 }
 
 void add_bench(CLI::App& app, look_places& to, wish& made) {
-    auto* command = app.add_subcommand("bench", "calls per second of a service, and how long they take");
+    auto* command = app.add_subcommand("bench", "measures calls per second of a service, and their latency");
     command->add_option("NAME", to.bench.name, component_name)->required();
-    command->add_option("SERVICE", to.bench.service, "a request-response service, which does what it is asked for each time (default: ISE's own question)");
+    command->add_option("SERVICE", to.bench.service, "a request-response service; every call has its effects (default: ise.health)");
     command->add_option("JSON", to.json, "the request; - reads it from standard input");
     command->add_option("--concurrent,-c", to.bench.concurrent, "calls at once (default: 1)")->type_name("N")->check(CLI::Range(1u, 1024u));
     command->add_option("--for", to.length, "how long (default: 5s)")->type_name("TIME");
@@ -86,7 +86,7 @@ CLI::App* add_meter(CLI::App& app, look_places& to, hz_options& into, const std:
     auto* command = app.add_subcommand(name, what);
     add_subscription(*command, into.what, to.json);
     command->add_option("--window", to.window, "time of one line (default: 1s)")->type_name("TIME");
-    command->add_option("--count,-n", to.lines, "end after so many lines")->type_name("N")->check(positive_count());
+    command->add_option("--count,-n", to.lines, "end after N lines")->type_name("N")->check(positive_count());
     return command;
 }
 
@@ -112,7 +112,7 @@ void add_meters(CLI::App& app, look_places& to, wish& made) {
 }
 
 void add_tree(CLI::App& app, look_places& to, wish& made) {
-    auto* command = app.add_subcommand("tree", "the components as a tree");
+    auto* command = app.add_subcommand("tree", "shows the components as a tree");
     add_prefix(*command, to.tree.prefix);
     command->add_flag("--services", to.tree.services, "their services too");
     command->callback([&to, &made] {
@@ -124,7 +124,7 @@ void add_tree(CLI::App& app, look_places& to, wish& made) {
 void add_for_all(CLI::App& app, look_places& to, wish& made, const std::string& name, const std::string& what, task<> (*act)(context&, services_options)) {
     auto* command = app.add_subcommand(name, what);
     add_prefix(*command, to.services.prefix);
-    command->add_flag("--all", to.services.all, "ISE's own too");
+    command->add_flag("--all", to.services.all, "ISE's own services too");
     command->callback([&to, &made, act] {
         made.talk.looks = true;
         made.talk.body = [options = to.services, act](context& in) { return act(in, options); };
@@ -132,10 +132,10 @@ void add_for_all(CLI::App& app, look_places& to, wish& made, const std::string& 
 }
 
 void add_type(CLI::App& app, look_places& to, wish& made) {
-    auto* command = app.add_subcommand("type", "the packets of a service, or whether those of two fit");
-    command->add_option("ACTION", to.type.act, "show: the packets of a service; diff: whether those of two fit")->required()->check(one_of({"diff", "show"}));
+    auto* command = app.add_subcommand("type", "shows the packets of a service, or compares those of two");
+    command->add_option("ACTION", to.type.act, "show: the packets of a service; diff: compare those of two")->required()->check(one_of({"diff", "show"}));
     command->add_option("NAME", to.type.name, component_name)->required();
-    command->add_option("SERVICE", to.type.service, "name of a service that it provides or needs")->required();
+    command->add_option("SERVICE", to.type.service, "name of a service that it provides or requires")->required();
     command->add_option("OTHER_NAME", to.type.other_name, "of diff: the component to compare with");
     command->add_option("OTHER_SERVICE", to.type.other_service, "of diff: its service (default: the same)");
     command->callback([&to, &made] {
@@ -157,7 +157,7 @@ void add_look_commands(CLI::App& app, look_places& to, wish& made) {
     add_bench(app, to, made);
     add_meters(app, to, made);
     add_tree(app, to, made);
-    add_for_all(app, to, made, "services", "who provides and who needs which service", services);
+    add_for_all(app, to, made, "services", "lists services with their providers and users", services);
     add_for_all(app, to, made, "types", "the packet types, and where they are used", types);
     add_type(app, to, made);
 }
