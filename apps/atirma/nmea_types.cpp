@@ -54,7 +54,7 @@ ise::component_type nmea_bridge_type(std::function<void(const std::string&)> ann
         fill(options->signalk, *signalk);
         if (!options->vessel_uuid.empty() && !signalk::is_uuid(options->vessel_uuid))
             throw ise::error(ise::errc::invalid_argument,
-                             fmt::format("vessel-uuid: {} is no UUID of version 4 in lower case, such as "
+                             fmt::format("vessel-uuid: {} is not a UUID of version 4 in lower case, such as "
                                          "705f5f1a-efaf-44aa-9cb8-a0fd6305567c",
                                          options->vessel_uuid));
         return std::make_unique<nmea_bridge>(*options);

@@ -176,7 +176,7 @@ int main(int count, char** words) {
                 throw ise::error(ise::errc::invalid_argument,
                                  fmt::format("'{}' is neither a path nor an endpoint", proxy));
         if (!ise::naming::is_path(given.space))
-            throw ise::error(ise::errc::invalid_argument, fmt::format("'{}' is no namespace", given.space));
+            throw ise::error(ise::errc::invalid_argument, fmt::format("'{}' is not a namespace", given.space));
     } catch (const ise::error& why) {
         complain(why.what());
         return 2;

@@ -56,7 +56,7 @@ CLI::Validator positive_count() {
         std::uint64_t number = 0;
         auto [end, problem] = std::from_chars(word.data(), word.data() + word.size(), number);
         bool fits = problem == std::errc() && end == word.data() + word.size() && number > 0;
-        return fits ? std::string() : fmt::format("'{}' is no whole number from 1 on", printable(word));
+        return fits ? std::string() : fmt::format("'{}' is not a whole number from 1 on", printable(word));
     };
     return {check, ""};
 }

@@ -17,14 +17,14 @@ void check_name(const std::string& name) {
     std::string advice = "a path has letters, digits, '_', '-' and '.', with a '/' between its parts: atirma/boat";
     if (name.find(':') != name.npos) advice += "; an endpoint is written tcp://127.0.0.1:7411";
     if (name.size() > naming::longest_path) advice = fmt::format("it has {} bytes, at most {} are allowed", name.size(), naming::longest_path);
-    throw problem(exit_code::usage, "usage", fmt::format("'{}' is no name of a component", printable(cut(name, 80))), std::move(advice));
+    throw problem(exit_code::usage, "usage", fmt::format("'{}' is not a name of a component", printable(cut(name, 80))), std::move(advice));
 }
 
 void check_prefix(const std::string& prefix) {
     auto path = prefix;
     while (path.ends_with('/')) path.pop_back();
     if (!path.empty()) check_name(path);
-    else if (!prefix.empty()) throw problem(exit_code::usage, "usage", fmt::format("'{}' is no prefix", prefix), "paths do not begin with '/': ise list atirma");
+    else if (!prefix.empty()) throw problem(exit_code::usage, "usage", fmt::format("'{}' is not a prefix", prefix), "paths do not begin with '/': ise list atirma");
 }
 
 void note_nothing(const context& in, const std::string& prefix, const std::vector<std::string>& known) {

@@ -37,7 +37,7 @@ ise::duration duration_of(const std::string& text) {
     double value = 0;
     int used = 0;
     if (std::sscanf(text.c_str(), "%lf%2[a-z]%n", &value, unit, &used) != 2 || static_cast<std::size_t>(used) != text.size())
-        throw CLI::ValidationError("--lease", fmt::format("'{}' is no duration: write it like 2s or 500ms", text));
+        throw CLI::ValidationError("--lease", fmt::format("'{}' is not a duration: write it like 2s or 500ms", text));
     std::string name = unit;
     double scale_ns = name == "s" ? 1e9 : name == "ms" ? 1e6 : 0;
     if (scale_ns == 0) throw CLI::ValidationError("--lease", fmt::format("'{}' has no unit that is known: s or ms", text));

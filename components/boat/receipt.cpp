@@ -34,7 +34,7 @@ ise::bytes encode_receipt(utc_time sent_at, std::set<packet_name>& packets) {
 
 ise::result<telemetry_receipt> parse_receipt(ise::bytes_view raw) {
     layout::reader in(raw);
-    if (in.ok() && in.type != layout::receipt_type) in.fail(fmt::format("a packet of type {:02X} is no receipt", in.type));
+    if (in.ok() && in.type != layout::receipt_type) in.fail(fmt::format("a packet of type {:02X} is not a receipt", in.type));
     telemetry_receipt made;
     made.sent_at = in.header.measured_at;
     auto bytes = in.integer<std::uint8_t>();

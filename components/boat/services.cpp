@@ -28,7 +28,7 @@ ise::result<void> check_request(const telecommand_request& request) {
         return ise::failure(ise::errc::invalid_argument, fmt::format("no telecommand has number {}", static_cast<int>(request.command.kind)));
     const auto& point = request.command.point;
     if (!(point.latitude_deg >= -90 && point.latitude_deg <= 90 && point.longitude_deg >= -180 && point.longitude_deg <= 180))
-        return ise::failure(ise::errc::invalid_argument, fmt::format("{:g}, {:g} is no place on the globe", point.latitude_deg, point.longitude_deg));
+        return ise::failure(ise::errc::invalid_argument, fmt::format("{:g}, {:g} is not a place on the globe", point.latitude_deg, point.longitude_deg));
     return {};
 }
 

@@ -48,7 +48,7 @@ ise::bytes encode_telecommand(const telecommand& command) {
 
 ise::result<telecommand> parse_telecommand(ise::bytes_view raw) {
     reader in(raw);
-    if (in.ok() && in.type != layout::telecommand_type && in.type != layout::authorised_type) in.fail(fmt::format("a packet of type {:02X} is no telecommand", in.type));
+    if (in.ok() && in.type != layout::telecommand_type && in.type != layout::authorised_type) in.fail(fmt::format("a packet of type {:02X} is not a telecommand", in.type));
     telecommand command;
     command.id = in.header.sequence;
     command.sent_at = in.header.measured_at;
@@ -100,7 +100,7 @@ ise::bytes encode_acknowledgement(const acknowledgement& ack) {
 ise::result<acknowledgement> parse_acknowledgement(ise::bytes_view raw) {
     reader in(raw);
     bool with_epoch = in.type == layout::authorised_acknowledgement_type;
-    if (in.ok() && in.type != layout::acknowledgement_type && !with_epoch) in.fail(fmt::format("a packet of type {:02X} is no acknowledgement", in.type));
+    if (in.ok() && in.type != layout::acknowledgement_type && !with_epoch) in.fail(fmt::format("a packet of type {:02X} is not an acknowledgement", in.type));
     acknowledgement ack;
     ack.header = in.header;
     if (with_epoch) ack.authority = in.integer<std::uint32_t>();

@@ -68,9 +68,9 @@ ise::result<std::unique_ptr<recorded_wind>> parse_wind_csv(std::string_view csv,
             return wrong(line_number, fmt::format("{} columns, {} are needed", fields.size(), std::max({*time, *speed, *direction}) + 1));
         if (fields[*speed].empty() || fields[*direction].empty()) continue; // the instrument gave nothing
         auto t = number(fields[*time]), v = number(fields[*speed]), d = number(fields[*direction]);
-        if (!t) return wrong(line_number, fmt::format("time \"{}\" is no number", fields[*time]));
-        if (!v) return wrong(line_number, fmt::format("wind speed \"{}\" is no number", fields[*speed]));
-        if (!d) return wrong(line_number, fmt::format("wind direction \"{}\" is no number", fields[*direction]));
+        if (!t) return wrong(line_number, fmt::format("time \"{}\" is not a number", fields[*time]));
+        if (!v) return wrong(line_number, fmt::format("wind speed \"{}\" is not a number", fields[*speed]));
+        if (!d) return wrong(line_number, fmt::format("wind direction \"{}\" is not a number", fields[*direction]));
         if (*v < 0) return wrong(line_number, fmt::format("wind speed {} is negative", *v));
         if (!entries.empty() && *t <= entries.back().time_s) return wrong(line_number, fmt::format("time {} does not follow {}", *t, entries.back().time_s));
         entries.push_back({*t, {*v * unit, wrap_deg(*d)}});

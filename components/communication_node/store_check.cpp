@@ -39,7 +39,7 @@ ise::result<store_reader> store_reader::open(const std::string& file) {
     if (!tables) return tables.error();
     if (tables->at(0).integer(0) != 2)
         return ise::failure(ise::errc::malformed,
-                            fmt::format("{}: is no store of a communication node: it has no packets or telecommands", file));
+                            fmt::format("{}: is not a store of a communication node: it has no packets or telecommands", file));
     return store_reader(std::move(*opened), number_in(version->at(0), 0));
 }
 

@@ -16,7 +16,7 @@ imap_mailbox::imap_mailbox(curl_transfers& on, imap_options options) : on_(on), 
     if (!options_.server.starts_with("imap://") && !options_.server.starts_with("imaps://"))
         throw ise::error(
             ise::errc::invalid_argument,
-            fmt::format("\"{}\" is no mail server to read from: imaps://mail.example, or imap://mail.example:143",
+            fmt::format("\"{}\" is not a mail server to read from: imaps://mail.example, or imap://mail.example:143",
                         options_.server));
     folder_ = imap_quoted(options_.folder).value();
     done_folder_ = imap_quoted(options_.done_folder).value();

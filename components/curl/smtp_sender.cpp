@@ -33,7 +33,7 @@ smtp_sender::smtp_sender(curl_transfers& on, smtp_options options) : on_(on), op
     if (!options_.server.starts_with("smtp://") && !options_.server.starts_with("smtps://"))
         throw ise::error(
             ise::errc::invalid_argument,
-            fmt::format("\"{}\" is no mail server to send by: smtps://mail.example, or smtp://mail.example:587",
+            fmt::format("\"{}\" is not a mail server to send by: smtps://mail.example, or smtp://mail.example:587",
                         options_.server));
 }
 

@@ -56,7 +56,7 @@ ise::result<line> parse_login(const fields& f) {
     made.id = f.of[1];
     if (!is_good_id(made.id)) return wrong("PATL names no boat");
     if (!number(f.of[2], made.boot) || !number(f.of[3], made.first_unacked) || !number(f.of[4], made.last))
-        return wrong("a field of PATL is no number");
+        return wrong("a field of PATL is not a number");
     if (made.first_unacked == 0 || made.last < made.first_unacked - 1)
         return wrong("the numbers of PATL do not fit together");
     if (!secret(f.of[5], made.token)) return wrong("the token of PATL is not 16 hexadecimal digits");
@@ -67,7 +67,7 @@ ise::result<line> parse_record(const fields& f) {
     record made;
     if (f.count != 6) return wrong("PATD has five fields");
     if (!number(f.of[1], made.boot) || !number(f.of[2], made.number) || !number(f.of[3], made.unix_s))
-        return wrong("a field of PATD is no number");
+        return wrong("a field of PATD is not a number");
     if (made.number == 0 || made.unix_s > last_second) return wrong("a number of PATD is out of range");
     if (f.of[4] != "H" && f.of[4] != "L") return wrong("PATD is neither H nor L");
     made.history = f.of[4] == "H";
@@ -78,14 +78,14 @@ ise::result<line> parse_record(const fields& f) {
 ise::result<line> parse_receipt(const fields& f) {
     receipt made;
     if (f.count != 3) return wrong("PATA has two fields");
-    if (!number(f.of[1], made.boot) || !number(f.of[2], made.number)) return wrong("a field of PATA is no number");
+    if (!number(f.of[1], made.boot) || !number(f.of[2], made.number)) return wrong("a field of PATA is not a number");
     return line(made);
 }
 
 ise::result<line> parse_order(const fields& f) {
     order made;
     if (f.count != 3) return wrong("PATC has two fields");
-    if (!number(f.of[1], made.id)) return wrong("the id of PATC is no number");
+    if (!number(f.of[1], made.id)) return wrong("the id of PATC is not a number");
     if (!packet(f.of[2], made.raw)) return wrong("PATC carries no packet");
     return line(std::move(made));
 }
@@ -93,7 +93,7 @@ ise::result<line> parse_order(const fields& f) {
 ise::result<line> parse_outcome(const fields& f) {
     outcome made;
     if (f.count != 3 && f.count != 4) return wrong("PATR has two or three fields");
-    if (!number(f.of[1], made.id) || !number(f.of[2], made.code)) return wrong("a field of PATR is no number");
+    if (!number(f.of[1], made.id) || !number(f.of[2], made.code)) return wrong("a field of PATR is not a number");
     if (f.count == 4 && !packet(f.of[3], made.raw)) return wrong("PATR carries no packet");
     return line(std::move(made));
 }
@@ -153,7 +153,7 @@ ise::result<line> parse(std::string_view text) {
     auto told = text.substr(text.size() - 2);
     std::uint8_t sum = 0;
     auto [end, error] = std::from_chars(told.data(), told.data() + told.size(), sum, 16);
-    if (error != std::errc{} || end != told.data() + told.size()) return wrong("the checksum is no number");
+    if (error != std::errc{} || end != told.data() + told.size()) return wrong("the checksum is not a number");
     if (sum != checksum(content)) return wrong("the checksum does not fit");
     fields split;
     for (;;) {

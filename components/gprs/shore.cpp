@@ -37,7 +37,7 @@ void shore::on_bytes(ise::time_point now, std::uint64_t door, ise::bytes_view by
         }
         if (!*got) return cut_stranger(who, got->error().message());
         const auto* told = std::get_if<login>(&**got);
-        if (!told) return cut_stranger(who, "its first line is no login");
+        if (!told) return cut_stranger(who, "its first line is not a login");
         if (told->id != options_.boat_id)
             return cut_stranger(who, fmt::format("it calls itself '{}', which is not the boat", told->id));
         auto by = who->by;

@@ -21,7 +21,7 @@ uplink::uplink(std::uint16_t boot, uplink_options options) : options_(std::move(
     if (!is_good_id(options_.id))
         throw ise::error(
             ise::errc::invalid_argument,
-            fmt::format("'{}' is no name for a boat: up to {} letters, digits, '-', '_', '.'", options_.id, max_id));
+            fmt::format("'{}' is not a name for a boat: up to {} letters, digits, '-', '_', '.'", options_.id, max_id));
     if (options_.capacity == 0 || options_.window == 0)
         throw ise::error(ise::errc::invalid_argument, "an uplink that keeps nothing");
     set_period(options_.period);

@@ -41,7 +41,7 @@ window parse_outage(const std::string& text) {
     }
     if (!good || !(made.start_s >= 0 && made.start_s <= 1e6 && made.length_s > 0 && made.length_s <= 86400))
         throw ise::error(ise::errc::invalid_argument,
-                         fmt::format("'{}' is no outage: its start and length in seconds, such as 120+60", text));
+                         fmt::format("'{}' is not an outage: its start and length in seconds, such as 120+60", text));
     return made;
 }
 } // namespace

@@ -70,7 +70,7 @@ utc_time gprs_proxy::civil(ise::time_point at) const {
 ise::task<> gprs_proxy::run() {
     if (!gprs::is_good_id(options_.shore.boat_id))
         throw ise::error(ise::errc::invalid_argument,
-                         fmt::format("'{}' is no name for a boat: up to {} letters, digits, '-', '_', '.'",
+                         fmt::format("'{}' is not a name for a boat: up to {} letters, digits, '-', '_', '.'",
                                      options_.shore.boat_id, gprs::max_id));
     if (!options_.store_at.empty()) {
         require(services::telemetry_store);

@@ -33,7 +33,7 @@ ise::result<http_url> parse_http_url(std::string_view url) {
     constexpr std::string_view scheme = "http://";
     if (url.starts_with("https://")) return wrong("needs TLS, which this client has not");
     if (!url.starts_with(scheme) || url.find_first_of(" \t\r\n") != std::string_view::npos)
-        return wrong("is no http URL");
+        return wrong("is not an http URL");
     url.remove_prefix(scheme.size());
     auto slash = url.find_first_of("/?");
     auto authority = url.substr(0, slash);

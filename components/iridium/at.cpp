@@ -10,7 +10,7 @@ ise::result<sbdix> parse_sbdix(std::string_view line) {
     auto colon = line.find(':');
     auto name = line.substr(0, colon);
     if (colon == std::string_view::npos || (name != "+SBDIX" && name != "+SBDIXA"))
-        return ise::failure(ise::errc::malformed, fmt::format("'{}' is no result of a session", line.substr(0, 60)));
+        return ise::failure(ise::errc::malformed, fmt::format("'{}' is not a result of a session", line.substr(0, 60)));
     line.remove_prefix(colon + 1);
     sbdix out;
     int* into[] = {&out.mo_status, &out.momsn, &out.mt_status, &out.mtmsn, &out.mt_length, &out.mt_queued};

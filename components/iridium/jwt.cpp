@@ -127,9 +127,9 @@ ise::result<std::string> jwt_key::verify(std::string_view token) const {
     auto header = from_base64url(token.substr(0, first));
     auto claims = from_base64url(token.substr(first + 1, second - first - 1));
     auto signature = from_base64url(token.substr(second + 1));
-    if (!header || !claims || !signature) return unauthorized("it is no base64url");
+    if (!header || !claims || !signature) return unauthorized("it is not base64url");
     auto read = nlohmann::json::parse(*header, nullptr, false);
-    if (!read.is_object()) return unauthorized("its header is no JSON");
+    if (!read.is_object()) return unauthorized("its header is not JSON");
     auto algorithm = read.find("alg");
     if (algorithm == read.end() || !algorithm->is_string() || algorithm->get<std::string>() != "RS256")
         return unauthorized("its algorithm is not RS256");

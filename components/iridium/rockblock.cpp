@@ -16,7 +16,7 @@ ise::failure bad_form(std::string what) { return ise::failure(ise::errc::malform
 /// JSON's members as a form: strings as they are, numbers as they are written.
 ise::result<form> members_of(std::string_view body) {
     auto read = nlohmann::json::parse(body, nullptr, false);
-    if (read.is_discarded() || !read.is_object()) return bad_form("the body is no JSON object");
+    if (read.is_discarded() || !read.is_object()) return bad_form("the body is not JSON object");
     form fields;
     for (const auto& [name, value] : read.items()) {
         if (value.is_string()) fields[name] = value.get<std::string>();

@@ -149,7 +149,7 @@ ise::result<std::chrono::sys_seconds> parse_transmit_time(std::string_view text)
     using namespace std::chrono;
     auto wrong = [&] {
         return bad_text(
-            fmt::format("'{}' is no time: YY-MM-DD HH:MM:SS or YYYY-MM-DDTHH:MM:SSZ, UTC", text.substr(0, 40)));
+            fmt::format("'{}' is not a time: YY-MM-DD HH:MM:SS or YYYY-MM-DDTHH:MM:SSZ, UTC", text.substr(0, 40)));
     };
     bool iso = text.size() >= 20 && text[10] == 'T';
     std::size_t at = iso ? 4 : 2;

@@ -75,7 +75,7 @@ ise::result<gateway_mail> read_mo(const mail_message& mail) {
     mo_session made;
     made.imei = trimmed(trimmed(mail.subject).substr(mo_subject.size()));
     if (!is_imei(made.imei))
-        return malformed(fmt::format("it is from the unit \"{}\", which is no IMEI of 15 digits", made.imei));
+        return malformed(fmt::format("it is from the unit \"{}\", which is not an IMEI of 15 digits", made.imei));
     field_reader in{fields_of(mail.text), std::nullopt};
     made.momsn = static_cast<std::uint16_t>(in.number("momsn", 0xffff));
     made.mtmsn = static_cast<std::uint16_t>(in.number("mtmsn", 0xffff));
@@ -165,13 +165,13 @@ std::optional<std::string> objection(const std::vector<std::string>& imeis, cons
         return fmt::format("it is for {} units; 1 to {} are possible", imeis.size(), max_mt_imeis);
     std::set<std::string_view> known;
     for (const auto& imei : imeis) {
-        if (!is_imei(imei)) return fmt::format("\"{}\" is no IMEI of 15 digits", imei);
+        if (!is_imei(imei)) return fmt::format("\"{}\" is not an IMEI of 15 digits", imei);
         if (!known.insert(imei).second) return fmt::format("the unit {} stands there twice", imei);
     }
     if (messages.empty()) return "it has no attachment *.sbd";
     for (const auto& one : messages) {
         if (!is_name(one.name))
-            return fmt::format("\"{}\" is no name of an attachment: letters, digits, '_', '-', '.', ending in .sbd",
+            return fmt::format("\"{}\" is not a name of an attachment: letters, digits, '_', '-', '.', ending in .sbd",
                                one.name);
         if (one.payload.empty()) return fmt::format("{} is empty", one.name);
         if (one.payload.size() > max_mt_bytes)

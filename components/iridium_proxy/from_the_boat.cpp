@@ -134,7 +134,7 @@ ise::result<void> iridium_proxy::on_mail(const mail_message& mail) {
     auto id = telecommand_of_attachment(word.attachment);
     if (!id) {
         refuse("a mail is passed over", mail.from,
-               fmt::format("'{}' is no telecommand of this proxy", word.attachment));
+               fmt::format("'{}' is not a telecommand of this proxy", word.attachment));
         return {};
     }
     auto text = word.queued

@@ -79,7 +79,7 @@ ise::result<std::optional<imap_reply>> imap_replies::next() {
     else made.what = imap_reply::kind::tagged, made.tag = first;
     if (first.empty() || (blank == std::string::npos && first != "+"))
         return fail(ise::errc::malformed,
-                    fmt::format("the server says \"{}\", which is no reply of IMAP", imap_shown(line)));
+                    fmt::format("the server says \"{}\", which is not a reply of IMAP", imap_shown(line)));
     if (blank != std::string::npos) made.text = line.substr(blank + 1);
     return std::optional<imap_reply>(std::move(made));
 }

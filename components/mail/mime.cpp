@@ -26,7 +26,7 @@ void start_library() {
 }
 
 ise::failure malformed(std::string what) {
-    return ise::failure(ise::errc::malformed, "this is no mail to rely on: " + std::move(what));
+    return ise::failure(ise::errc::malformed, "this is not a mail to rely on: " + std::move(what));
 }
 
 std::string as_utf8(const char* text) {
@@ -204,12 +204,12 @@ void add(GMimeMultipart* to, GMimePart* part) {
 
 ise::result<std::string> write_mail(const mail_message& what, const mail_stamp& stamp) {
     start_library();
-    if (!is_mail_address(what.from)) return unusable(fmt::format("\"{}\" is no address to send from", what.from));
+    if (!is_mail_address(what.from)) return unusable(fmt::format("\"{}\" is not an address to send from", what.from));
     if (what.to.empty()) return unusable("it is to nobody");
     for (const auto& to : what.to)
-        if (!is_mail_address(to)) return unusable(fmt::format("\"{}\" is no address to send to", to));
+        if (!is_mail_address(to)) return unusable(fmt::format("\"{}\" is not an address to send to", to));
     if (!is_line(what.subject)) return unusable("its subject is not one line of UTF-8");
-    if (!g_utf8_validate_len(what.text.data(), what.text.size(), nullptr)) return unusable("its text is no UTF-8");
+    if (!g_utf8_validate_len(what.text.data(), what.text.size(), nullptr)) return unusable("its text is not UTF-8");
     for (const auto& one : what.attachments)
         if (one.name.empty() || !is_line(one.name))
             return unusable("the name of an attachment is not one line of UTF-8");

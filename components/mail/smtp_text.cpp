@@ -20,7 +20,7 @@ ise::result<std::optional<smtp_reply>> smtp_replies::next() {
         bool more = line.size() > 3 && line[3] == '-';
         if (line.size() < 3 || !code || *code < 200 || *code > 599 || (line.size() > 3 && line[3] != ' ' && !more))
             return ise::failure(ise::errc::malformed,
-                                fmt::format("the server says \"{}\", which is no reply of SMTP", imap_shown(line)));
+                                fmt::format("the server says \"{}\", which is not a reply of SMTP", imap_shown(line)));
         text_ += (text_.empty() ? "" : " ") + line;
         if (more) continue;
         smtp_reply made;

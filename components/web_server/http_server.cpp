@@ -274,7 +274,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
             if (!request) {
                 const auto& refused = over->requests.refused();
                 if (!refused || refused->status == 0) co_return;
-                auto refusal = error_answer(refused->status, "This is no request that the server understands.");
+                auto refusal = error_answer(refused->status, "This is not a request that the server understands.");
                 auto sending = send(*over, std::move(refusal), false, false);
                 co_await std::move(sending);
                 over->line().line().shutdown_write();
@@ -385,7 +385,7 @@ void http_server::listen() {
     auto address = asio::ip::make_address(options.address, not_numeric);
     if (not_numeric)
         throw ise::error(ise::errc::invalid_argument,
-                         fmt::format("web server: \"{}\" is no numeric IP address; use such as 127.0.0.1, 0.0.0.0 or ::", options.address));
+                         fmt::format("web server: \"{}\" is not a numeric IP address; use such as 127.0.0.1, 0.0.0.0 or ::", options.address));
     auto room = ise::room_for_sockets(options.limits.max_connections);
     if (room < options.limits.max_connections)
         self.log(fmt::format("this process may open too few files for {} viewers: at most {} are served at once; raise the limit "

@@ -114,7 +114,7 @@ ise::task<xbee_param> local_modem::parameter(xbee_param_request request) {
             throw ise::error(ise::errc::refused, fmt::format("{} ({}) is {} to {}, not {}", xbee::text(info.name), info.meaning, info.minimum, info.maximum, *request.value));
         argument = xbee::at_value(*request.value, info.size);
     } else if (info.access == xbee::at_access::action) {
-        throw ise::error(ise::errc::refused, fmt::format("{} ({}) is no parameter", xbee::text(info.name), info.meaning));
+        throw ise::error(ise::errc::refused, fmt::format("{} ({}) is not a parameter", xbee::text(info.name), info.meaning));
     }
     auto check = [&](const xbee::at_outcome& answer) {
         if (!answer.status) throw ise::error(ise::errc::handler_failed, answer.reason, ise::execution::unknown);

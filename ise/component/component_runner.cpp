@@ -230,7 +230,7 @@ void component_runner::declare_required(const std::string& name, const packet_ty
 }
 
 void component_runner::serve_role(const std::string& role, std::int32_t priority) {
-    if (!naming::is_path(role)) throw error(errc::invalid_argument, fmt::format("'{}' is no role: write it like a component's path, atirma/gateway", role));
+    if (!naming::is_path(role)) throw error(errc::invalid_argument, fmt::format("'{}' is not a role: write it like a component's path, atirma/gateway", role));
     if (role == path_) throw error(errc::invalid_argument, fmt::format("'{}' is the component's own name: it is found without being a role", role));
     options_.roles[role] = priority;
     services_changed();

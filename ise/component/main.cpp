@@ -140,7 +140,7 @@ program_words read_words(const std::vector<std::string>& words, component_type* 
             continue;
         }
         auto equals = word.find('=');
-        if (!word.starts_with("--")) throw wrong(fmt::format("'{}' is no option: options are written --name=value", word));
+        if (!word.starts_with("--")) throw wrong(fmt::format("'{}' is not an option: options are written --name=value", word));
         if (equals != std::string::npos) value = word.substr(equals + 1);
         else if (++at < words.size()) value = words[at];
         else throw wrong(fmt::format("'{}' needs a value", word));
@@ -150,7 +150,7 @@ program_words read_words(const std::vector<std::string>& words, component_type* 
             where.control.push_back(endpoint_of(value));
             continue;
         }
-        if (!type) throw wrong(fmt::format("'--{}' is no option of `host`: --help", name));
+        if (!type) throw wrong(fmt::format("'--{}' is not an option of `host`: --help", name));
         auto set = type->parameters.set(name, value);
         if (!set) throw wrong(set.error().message());
     }
@@ -190,7 +190,7 @@ result<std::pair<std::string, std::int32_t>> parse_role(std::string_view text) {
     auto number = text.substr(equals == text.npos ? text.size() : equals + 1);
     auto [end, problem] = std::from_chars(number.data(), number.data() + number.size(), priority);
     if (equals == 0 || problem != std::errc() || end != number.data() + number.size())
-        return failure(errc::invalid_argument, fmt::format("'{}' is no role with its priority: write it like atirma/gateway=5", text.substr(0, 200)));
+        return failure(errc::invalid_argument, fmt::format("'{}' is not a role with its priority: write it like atirma/gateway=5", text.substr(0, 200)));
     return std::pair(std::string(text.substr(0, equals)), priority);
 }
 

@@ -17,7 +17,7 @@ result<duration> parse_poll_window(std::string_view microseconds) {
     const char* end = microseconds.data() + microseconds.size();
     auto [rest, problem] = std::from_chars(microseconds.data(), end, count);
     if (problem != std::errc() || rest != end || count > longest.count())
-        return failure(errc::invalid_argument, fmt::format("'{}' is no time to poll for: microseconds, from 0 to {}", microseconds.substr(0, 40), longest.count()));
+        return failure(errc::invalid_argument, fmt::format("'{}' is not a time to poll for: microseconds, from 0 to {}", microseconds.substr(0, 40), longest.count()));
     return duration(std::chrono::microseconds(count));
 }
 

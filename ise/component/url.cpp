@@ -10,7 +10,7 @@ namespace ise {
 namespace {
 
 failure no_url(std::string_view text, std::string_view why) {
-    return {errc::invalid_argument, fmt::format("'{}' is no URL: {}; write https://host/path or tcp://host:7411", text.substr(0, 200), why)};
+    return {errc::invalid_argument, fmt::format("'{}' is not a URL: {}; write https://host/path or tcp://host:7411", text.substr(0, 200), why)};
 }
 
 bool is_letter(char one) { return (one >= 'a' && one <= 'z') || (one >= 'A' && one <= 'Z'); }
@@ -55,17 +55,17 @@ result<url_parts> parse_url(std::string_view text) {
         if (close == std::string_view::npos) return no_url(text, "an IPv6 address is written [address]");
         host = authority.substr(1, close - 1);
         port = authority.substr(close + 1);
-        if (!std::ranges::all_of(host, is_of_v6)) return no_url(text, "its host is no IPv6 address");
+        if (!std::ranges::all_of(host, is_of_v6)) return no_url(text, "its host is not an IPv6 address");
     } else {
         host = authority.substr(0, authority.find(':'));
         port = authority.substr(host.size());
-        if (!std::ranges::all_of(host, is_of_host)) return no_url(text, "its host is no name or address");
+        if (!std::ranges::all_of(host, is_of_host)) return no_url(text, "its host is not a name or address");
     }
     if (host.empty()) return no_url(text, "the host is empty");
     if (!port.empty()) {
         auto digits = port.substr(1);
         auto [end, problem] = std::from_chars(digits.data(), digits.data() + digits.size(), made.port);
-        if (port.front() != ':' || problem != std::errc() || end != digits.data() + digits.size()) return no_url(text, "the port is no number from 0 to 65535");
+        if (port.front() != ':' || problem != std::errc() || end != digits.data() + digits.size()) return no_url(text, "the port is not a number from 0 to 65535");
     }
     made.host = lower(host);
     return made;

@@ -9,7 +9,7 @@ namespace {
 
 failure bad_endpoint(std::string_view text, std::string_view why) {
     return {errc::invalid_argument,
-            fmt::format("'{}' is no endpoint: {}; write tcp://127.0.0.1:7400, tcp://[::1]:0, local:///path/of.sock, "
+            fmt::format("'{}' is not an endpoint: {}; write tcp://127.0.0.1:7400, tcp://[::1]:0, local:///path/of.sock, "
                         "local://@name, inproc://name or tls://boat.local:7400", text, why)};
 }
 
@@ -71,7 +71,7 @@ result<endpoint> endpoint::parse(std::string_view text) {
     if (made.host.empty()) return bad_endpoint(text, "the host is empty");
     auto [end, problem] = std::from_chars(port.data(), port.data() + port.size(), made.port);
     if (problem != std::errc{} || end != port.data() + port.size() || port.empty())
-        return bad_endpoint(text, "the port is no number from 0 to 65535");
+        return bad_endpoint(text, "the port is not a number from 0 to 65535");
     return made;
 }
 

@@ -85,7 +85,7 @@ std::string describe(const std::exception_ptr& problem) {
     } catch (const std::exception& thrown) {
         return thrown.what();
     } catch (...) {
-        return "an exception that is no std::exception";
+        return "an exception that is not a std::exception";
     }
 }
 

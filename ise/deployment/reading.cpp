@@ -31,7 +31,7 @@ public:
         all.key("name", [&](const entry& one) {
             made_.name = {one.what.text, one.what.at};
             if (one.what.is != value::kind::text) all.wrong_kind(one, "a text");
-            else if (!naming::is_path(one.what.text)) wrong(one.what.at, fmt::format("'{}' is no name: letters, digits, -, _ and . make one", shown(one.what.text)));
+            else if (!naming::is_path(one.what.text)) wrong(one.what.at, fmt::format("'{}' is not a name: letters, digits, -, _ and . make one", shown(one.what.text)));
         });
         all.key("namespace", [&](const entry& one) {
             in_own_space = false;
@@ -64,7 +64,7 @@ private:
             form keys(fmt::format("host '{}'", shown(one.key)), problems_);
             keys.text("server", host.server).read(one.what);
             if (!naming::is_path(host.server) || host.server.find('/') != std::string::npos)
-                wrong(one.at, fmt::format("'{}' is no name of an instantiation server: letters, digits, -, _ and . make one", shown(host.server)));
+                wrong(one.at, fmt::format("'{}' is not a name of an instantiation server: letters, digits, -, _ and . make one", shown(host.server)));
             made_.hosts.push_back(std::move(host));
         }
     }
@@ -114,7 +114,7 @@ private:
         request.path = name_space.empty() ? from.key : name_space + "/" + from.key;
         request.deployment = made_.name.text;
         if (!naming::is_path(request.path) || request.path.size() > naming::longest_path)
-            wrong(from.at, fmt::format("'{}' is no path of a component: write it like atirma/shore/xbee", shown(request.path)));
+            wrong(from.at, fmt::format("'{}' is not a path of a component: write it like atirma/shore/xbee", shown(request.path)));
         else if (request.path == "ise" || request.path.starts_with("ise/")) wrong(from.at, fmt::format("'{}' is kept for ISE itself", request.path));
         return made;
     }
@@ -200,7 +200,7 @@ private:
             constexpr std::int64_t most = 1'000'000'000;
             if (one.what.is == value::kind::unknown) continue;
             bool fits = one.what.is == value::kind::integer && one.what.integer >= -most && one.what.integer <= most;
-            if (!naming::is_path(one.key)) wrong(one.at, fmt::format("'{}' is no role: write it like a component's path, \"atirma/gateway\"", shown(one.key)));
+            if (!naming::is_path(one.key)) wrong(one.at, fmt::format("'{}' is not a role: write it like a component's path, \"atirma/gateway\"", shown(one.key)));
             else if (!fits) wrong(one.what.at, fmt::format("the priority in the role '{}' is an integer, the highest is preferred", one.key));
             else into.roles[one.key] = static_cast<std::int32_t>(one.what.integer);
         }

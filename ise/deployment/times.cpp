@@ -22,7 +22,7 @@ result<duration> parse_duration(std::string_view text) {
     double seconds = unit.empty() || unit == "s" ? 1 : unit == "ms" ? 1e-3 : unit == "us" ? 1e-6 : unit == "m" || unit == "min" ? 60 : unit == "h" ? 3600 : 0;
     constexpr double most_seconds = 1e9; // 30 years
     if (problem != std::errc() || seconds == 0 || !(number >= 0) || number * seconds > most_seconds)
-        return failure(errc::invalid_argument, fmt::format("'{}' is no duration: write 5s, 250ms, 1.5m or 2h", shown(text)));
+        return failure(errc::invalid_argument, fmt::format("'{}' is not a duration: write 5s, 250ms, 1.5m or 2h", shown(text)));
     return std::chrono::duration_cast<duration>(std::chrono::duration<double>(number * seconds));
 }
 

@@ -83,7 +83,7 @@ value parse_toml(const std::string& text, const std::string& file, std::vector<p
     if (parsed) return made.convert(parsed.table());
     auto at = made.place_of(parsed.error().source());
     auto word = bare_word(text, at);
-    problems.push_back({at, word.empty() ? std::string(parsed.error().description()) : fmt::format("{0} is no value: put it in quotes, \"{0}\"", word)});
+    problems.push_back({at, word.empty() ? std::string(parsed.error().description()) : fmt::format("{0} is not a value: put it in quotes, \"{0}\"", word)});
     return {};
 }
 

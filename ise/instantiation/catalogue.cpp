@@ -41,7 +41,7 @@ bool is_common(std::string_view name) {
 
 std::string objection_to(const type_text& type) {
     if (!is_word(type.name)) return fmt::format("a type cannot be called '{}'", shown(type.name));
-    if (!type.path.empty() && !good_path(type.path)) return fmt::format("type '{}': '{}' is no path of a component", type.name, shown(type.path));
+    if (!type.path.empty() && !good_path(type.path)) return fmt::format("type '{}': '{}' is not a path of a component", type.name, shown(type.path));
     std::set<std::string> names;
     for (const auto& one : type.parameters) {
         if (!is_word(one.name) || is_common(one.name) || !names.insert(one.name).second)
@@ -158,7 +158,7 @@ result<void> add_roles(launch_plan& to, const start_request& request) {
     constexpr std::size_t most = 16;
     if (request.roles.size() > most) return wrong(fmt::format("{} roles are given, {} are allowed", request.roles.size(), most));
     for (const auto& [role, priority] : request.roles) {
-        if (!good_path(role)) return wrong(fmt::format("'{}' is no role: write it like a component's path, atirma/gateway", shown(role)));
+        if (!good_path(role)) return wrong(fmt::format("'{}' is not a role: write it like a component's path, atirma/gateway", shown(role)));
         if (role == to.path) return wrong(fmt::format("'{}' is the component's own name: it is found without being a role", role));
         if (role == "ise" || role.starts_with("ise/")) return wrong(fmt::format("'{}' is kept for ISE itself", role));
         to.words.push_back(fmt::format("--role={}={}", role, priority));
@@ -180,7 +180,7 @@ result<std::string> full_path(const type_text& type, const start_request& reques
     auto path = request.path.empty() ? type.path : request.path;
     if (path.empty()) return wrong(fmt::format("type '{}' has no path of its own: give one", type.name));
     if (!request.name_space.empty()) path = request.name_space + "/" + path;
-    if (!good_path(path)) return wrong(fmt::format("'{}' is no path of a component: write it like atirma/shore/xbee", shown(path)));
+    if (!good_path(path)) return wrong(fmt::format("'{}' is not a path of a component: write it like atirma/shore/xbee", shown(path)));
     if (path == "ise" || path.starts_with("ise/")) return wrong(fmt::format("'{}' is kept for ISE itself", path));
     return path;
 }
@@ -192,7 +192,7 @@ void catalogue::add(const std::string& program, const std::string& description) 
     try {
         told = from_json<program_text>(description);
     } catch (const error& unfit) {
-        return add_problem(fmt::format("{}: what it answers to --describe is no description: {}", program, shown(unfit.what())));
+        return add_problem(fmt::format("{}: what it answers to --describe is not a description: {}", program, shown(unfit.what())));
     }
     for (auto& type : told.types) {
         auto why = objection_to(type);

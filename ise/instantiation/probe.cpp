@@ -19,7 +19,7 @@ constexpr std::size_t longest_probe_path = 1000;
 constexpr std::size_t longest_status_line = 4096;
 
 failure no_probe(std::string_view text, std::string_view why) {
-    return failure(errc::invalid_argument, fmt::format("'{}' is no probe: {}; write it like tcp://127.0.0.1:8080 or http://127.0.0.1:8080/path", text.substr(0, 200), why));
+    return failure(errc::invalid_argument, fmt::format("'{}' is not a probe: {}; write it like tcp://127.0.0.1:8080 or http://127.0.0.1:8080/path", text.substr(0, 200), why));
 }
 
 task<std::error_code> write_all_of(stream& to, std::string_view content) {
@@ -44,7 +44,7 @@ result<void> judge(const std::string& answer) {
     if (is_status && (status.front() == '2' || status.front() == '3')) return {};
     std::string shown;
     for (char one : line.substr(0, 80)) shown += static_cast<unsigned char>(one) < 0x20 || static_cast<unsigned char>(one) >= 0x7F ? '?' : one;
-    return failure(errc::refused, is_status ? fmt::format("it answers {}", shown) : fmt::format("what it answers is no HTTP: '{}'", shown));
+    return failure(errc::refused, is_status ? fmt::format("it answers {}", shown) : fmt::format("what it answers is not HTTP: '{}'", shown));
 }
 
 } // namespace

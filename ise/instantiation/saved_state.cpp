@@ -23,7 +23,7 @@ saved_state load_state(machine& host, const std::string& file, std::string& prob
         // It is written whole or not at all: this one is somebody else's work, and may be needed.
         auto aside = file + ".unreadable";
         [[maybe_unused]] auto kept = host.replace_file(aside, *text);
-        problem = fmt::format("{} is no state of an instantiation server and was copied to {}: {}", file, aside, unfit.what());
+        problem = fmt::format("{} is not a state of an instantiation server and was copied to {}: {}", file, aside, unfit.what());
         return {};
     }
 }

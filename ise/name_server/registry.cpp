@@ -257,7 +257,7 @@ result<naming::ended_response> registry::end(const naming::ended_request& reques
     auto at = running_time(now);
     expire(at);
     if (request.launch_mark.size() < naming::least_mark_bytes)
-        return failure(errc::refused, fmt::format("a mark of {} bytes is no secret of whoever started a process: it has at least {}", request.launch_mark.size(),
+        return failure(errc::refused, fmt::format("a mark of {} bytes is not a secret of whoever started a process: it has at least {}", request.launch_mark.size(),
                                                   naming::least_mark_bytes));
     naming::ended_response response;
     for (auto next = nodes_.begin(); next != nodes_.end();) {

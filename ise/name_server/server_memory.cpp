@@ -51,7 +51,7 @@ result<std::optional<registry_memory>> state_file::load() {
         found->epochs_below = saved.epochs_below;
         found->of_former = true;
     } catch (const error& unfit) {
-        return failure(errc::malformed, fmt::format("{} is no state of a name server: {}; remove it, or choose another file", path_, unfit.what()));
+        return failure(errc::malformed, fmt::format("{} is not a state of a name server: {}; remove it, or choose another file", path_, unfit.what()));
     }
     return found;
 }

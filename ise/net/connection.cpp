@@ -139,7 +139,7 @@ void connection::on_message(bytes_view message) {
     received.body = message.subspan(wire::frame_header::size);
     result<void> state;
     if (received.header.type != frame_type::packet || received.header.length != received.body.size()) {
-        state = failure(errc::protocol_error, "a message came beside the stream that is no packet");
+        state = failure(errc::protocol_error, "a message came beside the stream that is not a packet");
     } else {
         state = take(received, receiver());
     }

@@ -13,7 +13,7 @@ result<void> dispatcher::check_name(const std::string& name) const {
         return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') || (letter >= '0' && letter <= '9') ||
                letter == '_' || letter == '.' || letter == '-' || letter == '/';
     });
-    if (!good) return failure(errc::invalid_argument, fmt::format("'{}' is no name of a service: up to {} letters, digits, '_', '.', '-' and '/'", name, limit::service_name_bytes));
+    if (!good) return failure(errc::invalid_argument, fmt::format("'{}' is not a name of a service: up to {} letters, digits, '_', '.', '-' and '/'", name, limit::service_name_bytes));
     if (calls_.contains(name) || publications_.contains(name))
         return failure(errc::invalid_argument, fmt::format("the service '{}' is provided already", name));
     return {};

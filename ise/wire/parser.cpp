@@ -72,7 +72,7 @@ failure parser::refuse(const frame_header& header) const {
         return failure(errc::protocol_error, "what came is TLS, where this side speaks without: one side has tls://, the other tcp://");
     if (header.length > max_frame_bytes_)
         return failure(errc::too_large, fmt::format("a frame '{}' of {} bytes came, {} are allowed ({})", name_of(header.type), header.length, max_frame_bytes_, limit_));
-    return failure(errc::protocol_error, fmt::format("what came is no frame of ISE (type {}, reserved {:#x})", static_cast<int>(header.type), header.reserved));
+    return failure(errc::protocol_error, fmt::format("what came is not a frame of ISE (type {}, reserved {:#x})", static_cast<int>(header.type), header.reserved));
 }
 
 } // namespace ise::wire

@@ -269,7 +269,7 @@ task<result<std::unique_ptr<stream>>> real_environment::connect(loop& on, endpoi
         case protocol::udp:
         case protocol::tls: break; // made of these by ise/net
     }
-    return given(failure(errc::invalid_argument, fmt::format("{} is no endpoint of a plain stream", to.text())));
+    return given(failure(errc::invalid_argument, fmt::format("{} is not an endpoint of a plain stream", to.text())));
 }
 
 result<std::unique_ptr<listener>> real_environment::listen(loop& on, const endpoint& at) {
@@ -280,7 +280,7 @@ result<std::unique_ptr<listener>> real_environment::listen(loop& on, const endpo
         case protocol::udp:
         case protocol::tls: break;
     }
-    return failure(errc::invalid_argument, fmt::format("{} is no endpoint that accepts plain streams", at.text()));
+    return failure(errc::invalid_argument, fmt::format("{} is not an endpoint that accepts plain streams", at.text()));
 }
 
 result<std::unique_ptr<datagram_socket>> real_environment::open_datagram(loop& on, const endpoint& at) {

@@ -18,7 +18,7 @@ result<std::string> real_environment::read_file(const std::string& path, std::si
     std::ifstream file(path, std::ios::binary | std::ios::ate);
     if (!file) return refuse(std::error_code(errno, std::system_category()).message());
     auto size = static_cast<std::streamoff>(file.tellg());
-    if (size < 0) return refuse("it is no plain file");
+    if (size < 0) return refuse("it is not a plain file");
     if (static_cast<std::size_t>(size) > max_bytes) return refuse(fmt::format("it has {} bytes, {} are allowed", size, max_bytes));
     std::string content(static_cast<std::size_t>(size), '\0');
     file.seekg(0);
@@ -40,7 +40,7 @@ result<std::string> real_environment::read_secret(const std::string& path, std::
         ~closing() { ::close(file); }
     } guard{file};
     struct stat about{};
-    if (::fstat(file, &about) != 0 || !S_ISREG(about.st_mode)) return refuse("it is no plain file");
+    if (::fstat(file, &about) != 0 || !S_ISREG(about.st_mode)) return refuse("it is not a plain file");
     if ((about.st_mode & (S_IRWXO | S_IWGRP)) != 0)
         return failure(errc::unauthorized, fmt::format("{} holds a secret, and others than its owner may use it (mode {:o}): chmod 600 {}", path, about.st_mode & 0777, path));
     if (auto own = check_own_file(path, "read"); !own) return own.error();

@@ -69,7 +69,7 @@ TEST_CASE("a wrong command line is answered with what is wrong and how the comma
     CHECK_THAT(said({"list", "--tmeout", "3s"}), Catch::StartsWith("ise: 'ise list' has no option '--tmeout', did you mean '--timeout'?\n") && Catch::Contains("usage: ise list [OPTIONS] [PREFIX]"));
     CHECK_THAT(said({"list", "x", "y"}), Catch::StartsWith("ise: 'y' is one argument too many\n"));
     CHECK_THAT(said({"call", "atirma/boat"}), Catch::StartsWith("ise: SERVICE is required\n") && Catch::Contains("usage: ise call [OPTIONS] NAME SERVICE [JSON]\n"));
-    CHECK_THAT(said({"echo", "a", "b", "--count", "many"}), Catch::Contains("--count: 'many' is no whole number from 1 on\n"));
+    CHECK_THAT(said({"echo", "a", "b", "--count", "many"}), Catch::Contains("--count: 'many' is not a whole number from 1 on\n"));
     CHECK_THAT(said({"param", "frob", "a"}), Catch::Contains("'frob' is none of get, list, set"));
 }
 
@@ -85,7 +85,7 @@ TEST_CASE("what is no name of a component is refused before anybody is asked") {
     for (const auto& words : std::vector<std::vector<std::string>>{{"ise", "describe", wrong}, {"ise", "ping", wrong}, {"ise", "list", wrong}, {"ise", "graph", wrong}}) {
         auto ran = run_program(words, options);
         CHECK(ran.exit_code == 2);
-        CHECK_THAT(ran.err, Catch::Contains("is no name of a component"));
+        CHECK_THAT(ran.err, Catch::Contains("is not a name of a component"));
     }
     CHECK_THAT(run_program({"ise", "describe", "tcp:/x"}, options).err, Catch::Contains("an endpoint is written tcp://"));
 }
@@ -95,7 +95,7 @@ TEST_CASE("a name server variable that is no endpoint is named") {
     options.variables = {{"ISE_NAME_SERVER", "here"}};
     auto ran = run_program({"ise", "list"}, options);
     CHECK(ran.exit_code == 2);
-    CHECK_THAT(ran.err, Catch::Contains("ISE_NAME_SERVER") && Catch::Contains("'here' is no endpoint"));
+    CHECK_THAT(ran.err, Catch::Contains("ISE_NAME_SERVER") && Catch::Contains("'here' is not an endpoint"));
 }
 
 TEST_CASE("help and version are answers") {

@@ -371,7 +371,7 @@ TEST_CASE("communication: wrong requests are refused with what is right") {
     bad.valid_s = 0;
     CHECK_THAT(it.command("ana", bad).error().message(), Contains("valid_s is 1 to 86400"));
     bad = adds_waypoint(5, 95);
-    CHECK_THAT(it.command("ana", bad).error().message(), Contains("no place on the globe"));
+    CHECK_THAT(it.command("ana", bad).error().message(), Contains("not a place on the globe"));
     bad = adds_waypoint(5);
     bad.via = static_cast<link_id>(9);
     CHECK_THAT(it.command("ana", bad).error().message(), Contains("no proxy for") && Contains("xbee, gprs, iridium"));

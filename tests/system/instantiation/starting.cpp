@@ -99,7 +99,7 @@ TEST_CASE("what is not allowed is refused with what is") {
     CHECK_THAT(refused({"trouble", "--set", "name-server=tcp://127.0.0.1:1"}), Contains("has no parameter 'name-server'"));
     CHECK_THAT(refused({"trouble", "--set", "answer=1", "--set", "answer=2"}), Contains("given twice"));
     CHECK_THAT(refused({"trouble", "--set", "file=/etc/passwd"}), Contains("it is a path below"));
-    CHECK_THAT(refused({"trouble", "sea//one"}), Contains("is no path of a component"));
+    CHECK_THAT(refused({"trouble", "sea//one"}), Contains("is not a path of a component"));
     CHECK_THAT(refused({"trouble", "ise/name_server"}), Contains("kept for ISE itself"));
     CHECK_THAT(refused({"trouble", "--listen", "tcp://0.0.0.0:0"}), Contains("the addresses that this instantiation server allows are 127.0.0.1, ::1"));
     CHECK_THAT(refused({"trouble", "--listen", "local:///tmp/anywhere"}), Contains("local://@name"));

@@ -41,7 +41,7 @@ TEST_CASE("a receipt that is damaged, cut off, too long or another packet is ref
     telecommand ping;
     auto other = parse_receipt(encode_telecommand(ping));
     REQUIRE_FALSE(other);
-    CHECK(other.error().message().find("type 40 is no receipt") != std::string::npos);
+    CHECK(other.error().message().find("type 40 is not a receipt") != std::string::npos);
     CHECK_FALSE(parse_telecommand(good));
 }
 

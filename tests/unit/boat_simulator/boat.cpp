@@ -166,7 +166,7 @@ TEST_CASE("a telecommand over the air takes effect and is acknowledged on the li
         boat.advance(10s + std::chrono::minutes(minute));
         CHECK(length(boat.state().position_m - station) < 120);
     }
-    CHECK_FALSE(boat.on_packet(link_id::xbee, ise::as_bytes("hello, this is no packet")));
+    CHECK_FALSE(boat.on_packet(link_id::xbee, ise::as_bytes("hello, this is not a packet")));
     CHECK(boat.refused_packets() == 1);
 }
 

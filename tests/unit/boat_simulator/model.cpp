@@ -135,10 +135,10 @@ TEST_CASE("a wrong wind file is refused with its name and line") {
     CHECK(refusal("") == "wind.csv: no header line");
     CHECK(refusal("a,b\n") == "wind.csv:1: the header names no column t_s (seconds)");
     CHECK(refusal("t_s,twd_deg\n") == "wind.csv:1: the header names no wind speed: tws_mps, tws_kn or tws_vwt_kn");
-    CHECK(refusal("t_s,tws_mps,twd_deg\n0,5,90\n1,five,90\n") == "wind.csv:3: wind speed \"five\" is no number");
+    CHECK(refusal("t_s,tws_mps,twd_deg\n0,5,90\n1,five,90\n") == "wind.csv:3: wind speed \"five\" is not a number");
     CHECK(refusal("t_s,tws_mps,twd_deg\n0,5,90\n1,5\n") == "wind.csv:3: 2 columns, 3 are needed");
     CHECK(refusal("t_s,tws_mps,twd_deg\n1,5,90\n1,5,90\n") == "wind.csv:3: time 1 does not follow 1");
-    CHECK(refusal("t_s,tws_mps,twd_deg\n0,nan,90\n") == "wind.csv:2: wind speed \"nan\" is no number");
+    CHECK(refusal("t_s,tws_mps,twd_deg\n0,nan,90\n") == "wind.csv:2: wind speed \"nan\" is not a number");
     CHECK(refusal("t_s,tws_mps,twd_deg\n0,,90\n") == "wind.csv: no row has both wind speed and direction");
 }
 

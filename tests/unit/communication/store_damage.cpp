@@ -223,7 +223,7 @@ TEST_CASE("node store: a file that is no store of a node is named as that") {
     CHECK(check_store(there.file()).error().code() == ise::errc::io_failed);
     CHECK_FALSE(std::filesystem::exists(there.file()));
     change(there.file(), "CREATE TABLE something(x)");
-    CHECK_THAT(check_store(there.file()).error().message(), Contains("is no store of a communication node"));
+    CHECK_THAT(check_store(there.file()).error().message(), Contains("is not a store of a communication node"));
     std::ofstream(there.backup()) << std::string(5000, 'x');
     CHECK(check_store(there.backup()).error().code() == ise::errc::malformed);
 }

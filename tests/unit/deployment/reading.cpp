@@ -114,8 +114,8 @@ parameters = { deep = { er = 1 } }
     CHECK_THAT(text, Contains("the restart policy of component 'boat' is never, on-failure or always, not 'sometimes'"));
     CHECK_THAT(text, Contains("sea.toml:9:10: 'listen' of component 'boat': "));
     CHECK_THAT(text, Contains("'protocol' of component 'boat' is tcp, udp, tls or local, not 'icmp'"));
-    CHECK_THAT(text, Contains("sea.toml:11:9: 'grace' of component 'boat': '5 parsecs' is no duration"));
-    CHECK_THAT(text, Contains("'a b' is no role") && Contains("the priority in the role 'good' is an integer"));
+    CHECK_THAT(text, Contains("sea.toml:11:9: 'grace' of component 'boat': '5 parsecs' is not a duration"));
+    CHECK_THAT(text, Contains("'a b' is not a role") && Contains("the priority in the role 'good' is an integer"));
     CHECK_THAT(text, Contains("parameter 'deep' is a text, a number, true or false, or an array of them, not a table"));
     CHECK_THAT(text, Contains("the deployment has no key 'colour'; there are name, namespace, hosts, components"));
 }
@@ -147,8 +147,8 @@ TEST_CASE("what is no TOML is told with its place") {
 }
 
 TEST_CASE("a text without quotes is told to be put into some") {
-    CHECK(files("name = boat\n").wrong() == "sea.toml:1:8: boat is no value: put it in quotes, \"boat\"\n");
-    CHECK_THAT(at_sea("[components.a]\ntype=trouble # ours\n").wrong(), Contains("sea.toml:5:6: trouble is no value: put it in quotes, \"trouble\""));
+    CHECK(files("name = boat\n").wrong() == "sea.toml:1:8: boat is not a value: put it in quotes, \"boat\"\n");
+    CHECK_THAT(at_sea("[components.a]\ntype=trouble # ours\n").wrong(), Contains("sea.toml:5:6: trouble is not a value: put it in quotes, \"trouble\""));
     CHECK_THAT(files("[variables]\nports = /run/sea\n").wrong(), Contains("put it in quotes, \"/run/sea\""));
     CHECK_THAT(files("name = 'sea\n").wrong(), !Contains("put it in quotes"));
     CHECK_THAT(files("name = 'sea' = boat\n").wrong(), !Contains("put it in quotes"));
@@ -175,9 +175,9 @@ TEST_CASE("wrong kinds are told as such") {
 }
 
 TEST_CASE("paths that no component can have are refused") {
-    CHECK_THAT(at_sea("[components.'a b']\ntype='t'\nhost='boat'\n").wrong(), Contains("'sea/a b' is no path of a component"));
+    CHECK_THAT(at_sea("[components.'a b']\ntype='t'\nhost='boat'\n").wrong(), Contains("'sea/a b' is not a path of a component"));
     CHECK_THAT(files("name='d'\nnamespace='ise'\n[hosts.h]\n[components.x]\ntype='t'\n").wrong(), Contains("'ise/x' is kept for ISE itself"));
-    CHECK_THAT(files("name='d'\n[hosts.'a/b']\n[components.x]\ntype='t'\n").wrong(), Contains("'a/b' is no name of an instantiation server"));
+    CHECK_THAT(files("name='d'\n[hosts.'a/b']\n[components.x]\ntype='t'\n").wrong(), Contains("'a/b' is not a name of an instantiation server"));
 }
 
 TEST_CASE("variables are put in, as what they are") {

@@ -35,7 +35,7 @@ struct strait : fleet {
     bool telltale_is_kept(std::uint64_t number) {
         telltale(number, 1);
         go_on();
-        return warned("a message came beside the stream that is no packet");
+        return warned("a message came beside the stream that is not a packet");
     }
 
     listener counting{*this, ise::subscribe_options::last(64)};

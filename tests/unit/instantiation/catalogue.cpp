@@ -188,7 +188,7 @@ TEST_CASE("an endpoint in a text is no way around the rules") {
     for (const char* bad : {"tcp://10.0.0.8:7411", "xbee=tcp://10.0.0.8:7411", "Vela=tcp://10.0.0.7:1,tcp://10.0.0.8:1", "udp://[fd00::1]:9"})
         CHECK_THAT(refusal(request({{"mark", bad}}), open), Contains("parameter 'mark' cannot be") && Contains("--allow-host"));
     CHECK_THAT(refusal(request({{"mark", "local:///run/other.sock"}}), open), Contains("reaches what lies on this host"));
-    CHECK_THAT(refusal(request({{"mark", "://x"}}), open), Contains("is no URL"));
+    CHECK_THAT(refusal(request({{"mark", "://x"}}), open), Contains("is not a URL"));
 }
 
 TEST_CASE("endpoints are loopback unless the rules say otherwise") {
@@ -202,7 +202,7 @@ TEST_CASE("endpoints are loopback unless the rules say otherwise") {
     CHECK_THAT(with({"local:///etc/passwd"}), Contains("local://@name"));
     CHECK_THAT(with({"local://@a/../b"}), Contains("local://@name"));
     CHECK_THAT(with({"inproc://x"}), Contains("within its own process"));
-    CHECK_THAT(with({"--help"}), Contains("is no endpoint"));
+    CHECK_THAT(with({"--help"}), Contains("is not an endpoint"));
     CHECK_THAT(with({"tls://127.0.0.1:0"}), Contains("tls takes certificates, and this instantiation server has none"));
     launch_rules certified;
     certified.has_certificates = true;
