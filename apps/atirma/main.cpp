@@ -29,9 +29,9 @@ struct common_options {
 
 void add_common(CLI::App& to, common_options& options) {
     to.add_option("--name-server", options.name_server, "its endpoint (default: ISE_NAME_SERVER, else that of this machine)");
-    to.add_option("--key", options.security.key_file, "a file with the key that every node of the system has; who does not prove it is refused (default: ISE_KEY)");
+    to.add_option("--key", options.security.key_file, "a file with the shared key of the system; peers without it are refused (default: ISE_KEY)");
     to.add_option("--tls", options.security.tls_folder, "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: ISE_TLS)");
-    to.add_flag("--demand-credentials", options.security.demanded, "listen beyond this host with a key or on tls:// only");
+    to.add_flag("--demand-credentials", options.security.demanded, "refuse to listen beyond this host, except with a key or on tls://");
     static const std::map<std::string, ise::log_level> levels{
         {"debug", ise::log_level::debug}, {"info", ise::log_level::info}, {"warning", ise::log_level::warning}, {"error", ise::log_level::error}};
     to.add_option("--log-level", options.level, "debug, info, warning, error")->transform(CLI::CheckedTransformer(levels, CLI::ignore_case))->default_str("info");

@@ -144,24 +144,24 @@ int run(const settings& wanted) {
 
 int main(int argc, char** argv) {
     if (auto kept = ise::instantiation::keep_if_asked(argc, argv)) return *kept;
-    CLI::App app("Starts components on this host and watches over them, for whoever asks (`ise start`).", "ise_instantiation_server");
+    CLI::App app("Starts components on this host on request (`ise start`), and supervises them.", "ise_instantiation_server");
     app.formatter(std::make_shared<wrapped_help>());
     settings wanted;
-    app.add_option("--programs", wanted.programs, "folder of the programs whose components can be started: those that answer --describe")->required()->type_name("FOLDER");
-    app.add_option("--state", wanted.state, "folder for its state and the output of what it starts (default: below $XDG_STATE_HOME or ~/.local/state)")->type_name("FOLDER");
+    app.add_option("--programs", wanted.programs, "folder with the programs whose components can be started (those that answer --describe)")->required()->type_name("FOLDER");
+    app.add_option("--state", wanted.state, "folder for its state and its components' output (default: below $XDG_STATE_HOME or ~/.local/state)")->type_name("FOLDER");
     app.add_option("--name", wanted.name, "of this host, under ise/host/ (default: the host's name)")->type_name("NAME");
     app.add_option("--name-server", wanted.name_server, "its endpoint (default: $ISE_NAME_SERVER, else " + ise::default_name_server().text() + ")")->type_name("ENDPOINT");
     app.add_option("--listen", wanted.listen, "where to listen: beyond this host only with --key, or on tls:// with --tls (default: loopback and local)")->type_name("ENDPOINT");
-    app.add_option("--advertise", wanted.advertise, "where others reach it through a tunnel to where it listens, such as tcp://10.0.0.2:7501; several are allowed")->type_name("ENDPOINT");
+    app.add_option("--advertise", wanted.advertise, "endpoint of a tunnel that leads to it, such as tcp://10.0.0.2:7501; several are allowed")->type_name("ENDPOINT");
     app.add_option("--allow-address", wanted.addresses, "a further address of this host that components and their parameters may listen on, such as 0.0.0.0; several are allowed (default: loopback)")->type_name("ADDRESS");
     app.add_option("--allow-host", wanted.hosts, "a host that URL parameters may name, such as gateway.example or 127.0.0.1:7411; several are allowed (default: none)")->type_name("HOST[:PORT]");
     app.add_option("--allow-path", wanted.paths, "a folder or device that parameters may name, such as /dev/ttyUSB0; several are allowed (default: none)")->type_name("PATH");
-    app.add_option("--max-instances", wanted.instances, "at most so many, those that have ended included")->check(CLI::Range(1, 4096))->capture_default_str();
-    app.add_option("--grace", wanted.grace_s, "seconds that what it started has to end when it ends itself")->check(CLI::Range(0.0, 3600.0))->capture_default_str();
-    app.add_flag("--leave-running", wanted.leave_running, "what it started goes on when it ends; the next one here goes on with it");
-    app.add_option("--key", wanted.security.key_file, "a file with the key that every node of the system has; who does not prove it is refused (default: $ISE_KEY)")->type_name("FILE");
+    app.add_option("--max-instances", wanted.instances, "maximum number of instances, including those that have ended")->check(CLI::Range(1, 4096))->capture_default_str();
+    app.add_option("--grace", wanted.grace_s, "seconds for its components to end when it ends")->check(CLI::Range(0.0, 3600.0))->capture_default_str();
+    app.add_flag("--leave-running", wanted.leave_running, "its components continue when it ends, and the next server takes them over");
+    app.add_option("--key", wanted.security.key_file, "a file with the shared key of the system; peers without it are refused (default: $ISE_KEY)")->type_name("FILE");
     app.add_option("--tls", wanted.security.tls_folder, "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: $ISE_TLS)")->type_name("FOLDER");
-    app.add_option("--log-level", wanted.log_level, "the least that is logged to stderr: debug, info, warning or error")
+    app.add_option("--log-level", wanted.log_level, "minimum level of log lines on stderr: debug, info, warning or error")
         ->check(CLI::IsMember({"debug", "info", "warning", "error"}))
         ->capture_default_str();
     app.set_version_flag("--version", "ise_instantiation_server " ISE_VERSION);

@@ -38,9 +38,9 @@ void add_subscription(CLI::App& command, subscribe_choice& what, std::string& js
     command.add_option("NAME", what.name, "path of a component, or endpoint such as tcp://127.0.0.1:7411")->required();
     command.add_option("SERVICE", what.service, "name of a subscription service")->required();
     command.add_option("JSON", json, "subscribe request; - reads standard input (default: {})");
-    auto* latest = command.add_flag("--latest", what.latest, "of packets that come too fast only the latest is kept");
-    command.add_flag("--lossless", what.lossless, "the provider holds packets back; a subscription that falls too far behind ends")->excludes(latest);
-    command.add_option("--depth", what.depth, "packets kept for us at either end, 1 to 65536 (default: 1024)")->check(CLI::Range(1u, 65536u))->type_name("N");
+    auto* latest = command.add_flag("--latest", what.latest, "keep only the latest packet");
+    command.add_flag("--lossless", what.lossless, "every packet, with flow control; a subscription that falls too far behind ends")->excludes(latest);
+    command.add_option("--depth", what.depth, "packets queued at either end, 1 to 65536 (default: 1024)")->check(CLI::Range(1u, 65536u))->type_name("N");
 }
 
 CLI::Validator one_of(std::vector<std::string> choices) {

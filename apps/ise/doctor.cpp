@@ -55,15 +55,15 @@ void examine(const found_instance& of, std::vector<finding>& found) {
     if (what.state == instantiation::instance_state::failed)
         add(what.deployment.empty() ? severity::warning : severity::error, // what was started by hand may not be needed any more
             "failed", fmt::format("it has failed on {} and is not started again: {}", host, what.reason),
-            fmt::format("ise logs {0} tells what it printed last; then ise restart {0}, or ise up, or ise stop {0} if it is not needed any more", path));
+            fmt::format("ise logs {0} shows its last output; then ise restart {0}, or ise up, or ise stop {0} if it is not needed any more", path));
     if (what.state == instantiation::instance_state::waiting)
         add(severity::warning, "waiting", fmt::format("it ended on {} and is about to be started again ({} times so far): {}", host, what.restarts, what.reason),
-            fmt::format("ise logs {} tells what it printed last", path));
+            fmt::format("ise logs {} shows its last output", path));
     if (!what.probe_trouble.empty())
         add(severity::error, "probe_failed", fmt::format("it runs on {}, but {}", host, what.probe_trouble),
-            fmt::format("ise logs {0} tells what it prints; ise restart {0} starts it again, and its `restart` policy does so by itself", path));
+            fmt::format("ise logs {0} shows its output; ise restart {0} starts it again, and its `restart` policy does so by itself", path));
     if (!what.output_trouble.empty())
-        add(severity::warning, "output_dropped", fmt::format("what it prints on {} is not kept: {}", host, what.output_trouble),
+        add(severity::warning, "output_dropped", fmt::format("its output on {} is dropped: {}", host, what.output_trouble),
             "make room on the disk of the instantiation server's --state");
     if (what.rebuilt)
         add(severity::note, "rebuilt", fmt::format("it runs a program that was rebuilt on {} since it was started", host),

@@ -55,9 +55,9 @@ public:
     /// It was there at the first look, and is not at the second.
     void missed(const surveyed& then) {
         path_ = then.name.path;
-        if (then.about) add(severity::note, "left", "it went away while this looked", "nothing, if somebody stopped it; ise ps tells, if a host had started it");
-        else add(severity::error, "lost", fmt::format("it did not answer, and then its name went with its lease: {}", then.trouble),
-                 fmt::format("is {} stopped, swapped out or dead, or cut off from the name server? ise ps tells, if a host had started it", holder_of(then.name)));
+        if (then.about) add(severity::note, "left", "it left during the inspection", "nothing, if it was stopped on purpose; ise ps shows it if a host had started it");
+        else add(severity::error, "lost", fmt::format("it did not answer, and then its lease expired: {}", then.trouble),
+                 fmt::format("is {} stopped, swapped out or dead, or cut off from the name server? ise ps shows it if a host had started it", holder_of(then.name)));
     }
 
     std::vector<finding> take() { return std::move(found_); }
@@ -70,13 +70,13 @@ private:
     void lease(const surveyed& one) {
         // It is renewed several times within its length.
         if (one.lease <= duration{} || one.name.lease_age <= one.lease / 3 * 2) return;
-        add(severity::warning, "stale_lease", fmt::format("its lease of {} was not renewed for {}: its name goes when it ends", show_duration(one.lease), show_duration(one.name.lease_age)),
-            fmt::format("is {} alive, and does it reach the name server? A process that is stopped or swapped out does not renew", holder_of(one.name)));
+        add(severity::warning, "stale_lease", fmt::format("its lease of {} was not renewed for {}: it loses its name when the lease ends", show_duration(one.lease), show_duration(one.name.lease_age)),
+            fmt::format("is {} alive, and does it reach the name server? A stopped or swapped-out process renews nothing", holder_of(one.name)));
     }
 
     void stalled(std::string message) {
         if (!stalled_.insert(path_).second) return;
-        add(severity::error, "stalled", std::move(message), "what computes or blocks for long belongs into co_await offload(...); its log has a line where it began; ise restart ends it if it was started by a host");
+        add(severity::error, "stalled", std::move(message), "run long computations and blocking calls by co_await offload(...); its log shows when it began; ise restart ends it if a host started it");
     }
 
     void silent(const surveyed& one) {
@@ -88,19 +88,19 @@ private:
         bool away = one.name.host_name != here_ && std::ranges::all_of(one.name.endpoints, is_near);
         add(severity::error, "unreachable", one.trouble,
             away ? fmt::format("it listens on addresses of {} only: start it with an endpoint that others reach (--listen tcp://ADDRESS:PORT)", one.name.host_name)
-                 : fmt::format("is {} alive? If it has just ended, its name goes with its lease; else look at routes and firewalls", holder_of(one.name)));
+                 : fmt::format("is {} alive? If it has just ended, its name expires with its lease; otherwise check routes and firewalls", holder_of(one.name)));
     }
 
     void state(const component_text& about) {
         if (about.state != "ready") add(severity::warning, "not_ready", fmt::format("it is {}", about.state), "its log says what it waits for, or why it failed");
         if (about.epoch != 0 && !about.confirmed)
-            add(severity::warning, "unconfirmed", "its lease could not be renewed: another may be granted its name", "does its host reach the name server?");
+            add(severity::warning, "unconfirmed", "its lease could not be renewed: another component may be granted its name", "does its host reach the name server?");
     }
 
     void subscriptions(const component_text& about) {
         for (const auto& one : about.ended_subscriptions)
             add(severity::warning, "subscription_ended", fmt::format("its subscription to '{}' of {} has ended, and was not made again: {}", one.service, one.provider, one.cause),
-                "subscribe with a greater depth, take packets sooner, or accept losses (last, latest); what subscribes again after its end goes on");
+                "subscribe with a greater depth, take packets sooner, or accept losses (last, latest); subscribing again continues");
     }
 
     // Others may wait for a moment while it begins.
@@ -109,7 +109,7 @@ private:
             if (one.waited < use_book::patience) continue;
             auto advice = one.stage == "name"     ? fmt::format("start the component that holds or serves '{}' (ise start --types); if that name is wrong, correct it: ise list shows the others", one.target)
                           : one.stage == "provider" ? fmt::format("is it alive, and reached from {}? ise ping {} tries it from here", about.host_name, one.target)
-                                                    : std::string("its log tells what it did without the answer; ise list shows who is there");
+                                                    : std::string("its log shows how it continued; ise list shows all components");
             add(severity::warning, "waits", wait_line(one), std::move(advice));
         }
     }
@@ -119,7 +119,7 @@ private:
             auto peer = peer_of(one.peer);
             if (!one.peer_stalled || peer.path.empty()) continue;
             auto mine = std::exchange(path_, peer.path);
-            stalled(fmt::format("it is stalled, as {} sees it: its node answers in its place", about.path));
+            stalled(fmt::format("it is stalled, as {} reports: its node answers in its place", about.path));
             path_ = mine;
         }
     }
@@ -137,7 +137,7 @@ private:
         auto grown = [&](std::uint64_t health_text::* count) { return then == before_.end() ? 0 : now.*count - std::min(now.*count, then->second->*count); };
         if (auto more = grown(&health_text::packets_dropped); more > 0) {
             add(severity::warning, "drops_packets", fmt::format("it dropped {} packet{} within {} for subscribers that do not take them in time{}{}", more, more == 1 ? "" : "s", show_duration(apart_), reasons(then, now, true), slow_readers(now)),
-                "subscribe with a rate limit (--every), with --latest, or with a greater depth; ise describe shows who is connected");
+                "subscribe with a rate limit (--every), with --latest, or with a greater depth; ise describe shows its sessions");
         } else if (dropped > 0) {
             add(severity::note, "dropped_packets", fmt::format("it has dropped {} packet{} since it began, and none now", dropped, dropped == 1 ? "" : "s"), "nothing, unless the number grows: ise top");
         }

@@ -53,14 +53,14 @@ void examine_one(const surveyed& needs, const service_text& wanted, const std::v
     const auto& path = needs.name.path;
     for (auto& one : misfits) {
         bool connected = talk(needs, *one.who);
-        // Others may use the same word for something else: it matters between those who talk, or where nobody else is there.
+        // Others may use the same name for something else: it matters between connected components, or if there is no other provider.
         if (!connected && (fits || misfits.size() > 1)) continue;
         found.push_back({connected ? severity::error : severity::warning, "schema_mismatch", path,
                          fmt::format("'{}' as it needs it does not fit '{}' of {}:\n{}", wanted.name, wanted.name, one.who->name.path, one.why),
                          fmt::format("build both from the same header; what may change is in LAYOUT.md (fields are only appended). Compare: ise type diff {} {} {}", path, wanted.name, one.who->name.path)});
     }
-    if (wanted.declared && there.empty() && !unknown) // of others it is told what waits
-        found.push_back({severity::warning, "no_provider", path, fmt::format("nobody provides '{}', which it needs", wanted.name),
+    if (wanted.declared && there.empty() && !unknown) // undeclared ones are reported as waits
+        found.push_back({severity::warning, "no_provider", path, fmt::format("no component provides '{}', which it requires", wanted.name),
                          "start the component that provides it (ise start --types), or does another name server know it?"});
 }
 

@@ -31,7 +31,7 @@ task<bool> still_learns(context& in) {
 task<std::vector<naming::listed_name>> listed_hosts(context& in) {
     constexpr duration look_again = 100ms, until_newcomers_ask_again = 300ms;
     auto learns = co_await still_learns(in);
-    if (learns) note(in.set, "the name server has just started: it is asked again when it knows who is there");
+    if (learns) note(in.set, "the name server has just started: it is asked again when it knows the components");
     bool learned = learns;
     while (learns && in.left() > look_again + until_newcomers_ask_again) {
         co_await in.self.sleep(look_again);
@@ -121,8 +121,8 @@ instantiation::instance_text started(const instantiation::start_response& told) 
     switch (told.outcome) {
         case ready: return told.started;
         case no_such_type: fail(exit_code::usage, "no_such_type"); break;
-        case bad_argument: fail(exit_code::usage, "bad_argument", "ise start --types TYPE tells what is allowed"); break;
-        case name_taken: fail(exit_code::failed, "name_taken", "ise list tells who has it"); break;
+        case bad_argument: fail(exit_code::usage, "bad_argument", "ise start --types TYPE shows the allowed values"); break;
+        case name_taken: fail(exit_code::failed, "name_taken", "ise list shows its holder"); break;
         case address_in_use: fail(exit_code::failed, "address_in_use"); break;
         case too_many: fail(exit_code::failed, "too_many"); break;
         case name_server_lost: fail(exit_code::not_reached, "name_server_lost"); break;

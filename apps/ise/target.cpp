@@ -49,7 +49,7 @@ task<std::string> advice_for_name(context& in, std::string name) {
 // Somebody who accepts and says nothing that is ISE's.
 std::string advice_for_endpoint(errc why) {
     if (why == errc::timed_out || why == errc::protocol_error)
-        return "somebody listens there who does not speak ISE: another protocol (a web page, a database), or a component that is stopped; ise list tells the endpoints of components";
+        return "the listener there is not ISE: another protocol (a web page, a database), or a stopped component; ise list shows the endpoints of components";
     return "is the component running there? --wait waits for it until the timeout";
 }
 
@@ -114,7 +114,7 @@ task<remote> reach(context& in, std::string name) {
             in.until = std::max(in.until, in.self.now() + std::chrono::seconds(1));
             advice = co_await advice_for_name(in, name);
         } else if (found.error().code() == errc::name_server_lost) {
-            advice = "it knows everybody again within a lease, which is a few seconds: try again, or --wait waits for the component until the timeout";
+            advice = "it knows all components again within a lease, a few seconds: try again, or use --wait to wait until the timeout";
         }
         throw problem(found.error(), advice);
     }

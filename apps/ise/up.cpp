@@ -85,7 +85,7 @@ task<> down(context& in, deployment_options options) {
         why = thrown;
     }
     if (auto lacking = server_that_is_missing(wanted, there); !why && options.only.empty() && !lacking.empty())
-        why.emplace(exit_code::not_reached, "no_such_name", fmt::format("no instantiation server '{}' is registered, and what it had started may go on: start it again with the same --state", lacking));
+        why.emplace(exit_code::not_reached, "no_such_name", fmt::format("no instantiation server '{}' is registered, and its components may still be running: start it again with the same --state", lacking));
     if (why) throw problem(why->code(), why->name(), fmt::format("not all of {} is down: {}", wanted.name.text, why->what()), "ise ps tells what runs; try again");
     auto text = summary(wanted, "down", steps, steps, in.set.json);
     co_await in.out.write(in.self, std::move(text));

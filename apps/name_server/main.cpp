@@ -112,7 +112,7 @@ int run(const settings& wanted, ise::duration lease) {
     } catch (const ise::error& thrown) {
         if (thrown.code() != ise::errc::address_in_use) throw;
         complain(thrown.what());
-        complain("perhaps a name server runs there already: one is enough. Else choose another place with --listen, and set "
+        complain("perhaps a name server runs there already: one is enough. Otherwise choose another endpoint with --listen, and set "
                  "ISE_NAME_SERVER to it for the others");
         return cannot_run;
     }
@@ -128,19 +128,19 @@ int main(int argc, char** argv) {
     CLI::App app("Keeps the names of an ISE system: components register here and find each other by path.", "ise_name_server");
     app.formatter(std::make_shared<wrapped_help>());
     settings wanted;
-    app.add_option("--listen", wanted.listen, "where to listen, such as tcp://0.0.0.0:7400; several are allowed (default " + ise::default_name_server().text() + ")");
-    app.add_option("--advertise", wanted.advertise, "where others reach it through a tunnel to where it listens, such as tcp://10.0.0.2:7400; several are allowed")->type_name("ENDPOINT");
-    app.add_option("--state", wanted.state, "file by which the next name server here knows the grants of this one, or none (default: below $XDG_STATE_HOME or ~/.local/state)")->type_name("FILE");
-    app.add_option("--lease", wanted.lease, "the longest time for which a name outlives a node that was lost, such as 2s or 500ms")->capture_default_str();
-    app.add_option("--key", wanted.security.key_file, "a file with the key that every node of the system has; who does not prove it is refused (default: $ISE_KEY)")->type_name("FILE");
+    app.add_option("--listen", wanted.listen, "endpoint to listen on, such as tcp://0.0.0.0:7400; several are allowed (default " + ise::default_name_server().text() + ")");
+    app.add_option("--advertise", wanted.advertise, "endpoint of a tunnel that leads to it, such as tcp://10.0.0.2:7400; several are allowed")->type_name("ENDPOINT");
+    app.add_option("--state", wanted.state, "state file that proves grants to the next name server, or none (default: below $XDG_STATE_HOME or ~/.local/state)")->type_name("FILE");
+    app.add_option("--lease", wanted.lease, "the longest lease, after which a lost node loses its names, such as 2s or 500ms")->capture_default_str();
+    app.add_option("--key", wanted.security.key_file, "a file with the shared key of the system; peers without it are refused (default: $ISE_KEY)")->type_name("FILE");
     app.add_option("--tls", wanted.security.tls_folder, "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: $ISE_TLS)")->type_name("FOLDER");
-    app.add_flag("--demand-credentials", wanted.security.demanded, "listen beyond this host with a key or on tls:// only");
-    app.add_option("--log-level", wanted.log_level, "the least that is logged to stderr: debug, info, warning or error")
+    app.add_flag("--demand-credentials", wanted.security.demanded, "refuse to listen beyond this host, except with a key or on tls://");
+    app.add_option("--log-level", wanted.log_level, "minimum level of log lines on stderr: debug, info, warning or error")
         ->check(CLI::IsMember({"debug", "info", "warning", "error"}))
         ->capture_default_str();
-    app.add_flag("--fresh", wanted.fresh, "no name server ran here before: grant names at once, instead of first waiting one lease for those who held them");
+    app.add_flag("--fresh", wanted.fresh, "no name server ran here before: grant names at once, without waiting one lease for former holders");
     app.set_version_flag("--version", "ise_name_server " ISE_VERSION);
-    app.footer("Others look for it at ISE_NAME_SERVER, or at " + ise::default_name_server().text() +
+    app.footer("Nodes find it at ISE_NAME_SERVER, or at " + ise::default_name_server().text() +
                ".\nExit codes: 0 ended by a signal, 1 it cannot run, 2 wrong usage.");
     try {
         app.parse(argc, argv);

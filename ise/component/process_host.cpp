@@ -96,7 +96,7 @@ private:
 } // namespace
 
 int run_process_host(const type_maker& types, program_words where, const std::string& program) {
-    if (where.control.empty()) throw wrong_words("a host needs an endpoint for whoever starts components in it: --control=ENDPOINT");
+    if (where.control.empty()) throw wrong_words("`host` requires an endpoint for its control: --control=ENDPOINT");
     real_environment world;
     where.node.name = program;
     node running(world, std::move(where.node));

@@ -57,7 +57,7 @@ std::error_code make_error_code(errc code) noexcept { return {static_cast<int>(c
 namespace {
 std::string_view advice_on(int cause) {
     switch (cause) {
-        case EADDRINUSE: return " (`ss -lntuxp` shows by whom: end that program, or listen elsewhere)";
+        case EADDRINUSE: return " (`ss -lntuxp` shows the program: end it, or use another endpoint)";
         case EMFILE:
         case ENFILE: return " (`ulimit -n` shows how many this process may have: raise that)";
         case EADDRNOTAVAIL: return " (`ip address` shows those that this host has; 0.0.0.0 means all of them)";

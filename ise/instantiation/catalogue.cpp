@@ -192,7 +192,7 @@ void catalogue::add(const std::string& program, const std::string& description) 
     try {
         told = from_json<program_text>(description);
     } catch (const error& unfit) {
-        return add_problem(fmt::format("{}: what it answers to --describe is not a description: {}", program, shown(unfit.what())));
+        return add_problem(fmt::format("{}: its answer to --describe is not a description: {}", program, shown(unfit.what())));
     }
     for (auto& type : told.types) {
         auto why = objection_to(type);

@@ -232,7 +232,7 @@ task<std::string> instantiation_server::obstacle_of(instance_ptr one) {
     ise::describe_request greeting;
     auto about = co_await who.try_call(describe_service, greeting, one_question);
     if (!about) co_return fmt::format("it is registered, but does not answer: {}", about.error().message());
-    if (about->process_id != name.process_id) co_return std::string("somebody else answers under its name");
+    if (about->process_id != name.process_id) co_return std::string("another process answers under its name");
     co_return std::string();
 }
 

@@ -40,9 +40,9 @@ result<void> may_reach(const launch_rules& rules, const url_parts& who) {
         if (!entry) entry = parse_url("host://[" + allowed + "]"); // an IPv6 address without brackets
         if (entry && !who.host.empty() && entry->host == who.host && (entry->port == 0 || entry->port == who.port)) return {};
     }
-    if (who.host.empty()) return not_allowed(fmt::format("{}:// reaches what lies on this host, and is not for others to choose", who.scheme));
+    if (who.host.empty()) return not_allowed(fmt::format("{}:// reaches files or sockets of this host, which clients may not choose", who.scheme));
     auto there = rules.target_hosts.empty() ? std::string("none") : fmt::format("{}", fmt::join(rules.target_hosts, ", "));
-    return not_allowed(fmt::format("the hosts that this instantiation server lets parameters name are {} (--allow-host {}{})", there, host_text(who),
+    return not_allowed(fmt::format("this instantiation server allows parameters to name these hosts: {} (--allow-host {}{})", there, host_text(who),
                                    who.port == 0 ? "" : fmt::format(":{}", who.port)));
 }
 

@@ -44,7 +44,7 @@ result<void> judge(const std::string& answer) {
     if (is_status && (status.front() == '2' || status.front() == '3')) return {};
     std::string shown;
     for (char one : line.substr(0, 80)) shown += static_cast<unsigned char>(one) < 0x20 || static_cast<unsigned char>(one) >= 0x7F ? '?' : one;
-    return failure(errc::refused, is_status ? fmt::format("it answers {}", shown) : fmt::format("what it answers is not HTTP: '{}'", shown));
+    return failure(errc::refused, is_status ? fmt::format("it answers {}", shown) : fmt::format("its answer is not HTTP: '{}'", shown));
 }
 
 } // namespace

@@ -165,7 +165,7 @@ naming::grant registry::decide(node& from, naming::component_claim claim, time_p
         return denied(path, shown != 0 ? verdict::superseded : verdict::taken, holder, at);
     }
     if (recovering && !may_be_former)
-        return not_yet(path, recovered_ - at, "the name server has just started: first those who held names before get them");
+        return not_yet(path, recovered_ - at, "the name server has just started: former holders get their names first");
     auto last = last_held_.find(path);
     bool nobody_since = recovering || (proven && last != last_held_.end() && last->second.epoch == shown);
     return accept(from, std::move(claim), believed && nobody_since ? shown : fresh());
@@ -329,7 +329,7 @@ naming::grant registry::denied(const std::string& path, verdict what, const comp
     made.what = what;
     made.held_by.push_back(holder_of(held, at));
     const auto& who = made.held_by.back();
-    made.reason = fmt::format("'{}' is held by process {} on {}{} under epoch {}, whose lease was renewed {} ms ago: end it, or take another path", path, who.process_id,
+    made.reason = fmt::format("'{}' is held by process {} on {}{} under epoch {}, whose lease was renewed {} ms ago: end it, or choose another path", path, who.process_id,
                               who.host_name, who.endpoint.empty() ? "" : " at " + who.endpoint, who.epoch,
                               std::chrono::duration_cast<std::chrono::milliseconds>(who.lease_age).count());
     return made;

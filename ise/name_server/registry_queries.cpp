@@ -29,7 +29,7 @@ result<naming::resolve_response> registry::resolve(std::string_view path, time_p
     if (held == components_.end()) {
         if (at < recovered_)
             return failure(errc::name_server_lost, fmt::format("the name server has just started and may not yet know '{}'", path));
-        return failure(errc::no_such_name, fmt::format("nobody is registered as '{}'", path));
+        return failure(errc::no_such_name, fmt::format("no component is registered as '{}'", path));
     }
     const auto& entry = held->second;
     naming::resolve_response found;
@@ -114,7 +114,7 @@ result<naming::describe_response> registry::describe(std::string_view path, time
     auto at = running_time(now);
     expire(at);
     auto held = components_.find(path);
-    if (held == components_.end()) return failure(errc::no_such_name, fmt::format("nobody is registered as '{}'", path));
+    if (held == components_.end()) return failure(errc::no_such_name, fmt::format("no component is registered as '{}'", path));
     const auto& entry = held->second;
     naming::describe_response response;
     response.name = listed(entry);

@@ -54,7 +54,7 @@ result<naming::resolve_response> known_answer(const std::string& path, result<na
     if (!answer) return answer.error();
     if (answer->found) return std::move(*answer->found);
     if (!answer->certain) return failure(errc::name_server_lost, fmt::format("the name server has just started and may not yet know '{}'", path));
-    return failure(errc::no_such_name, fmt::format("nobody is registered as '{}'", path));
+    return failure(errc::no_such_name, fmt::format("no component is registered as '{}'", path));
 }
 
 } // namespace

@@ -214,7 +214,7 @@ result<void> connection::take(const wire::frame& received, user* receiver) {
         case frame_type::piece: return take_own(received, receiver);
         default: break;
     }
-    if (!receiver) return failure(errc::cancelled, "nobody is here any more");
+    if (!receiver) return failure(errc::cancelled, "the component has stopped");
     try {
         auto taken = receiver->on_frame(received);
         if (!taken) return taken;
@@ -232,7 +232,7 @@ result<void> connection::answers_bounded() const {
 }
 
 failure connection::too_many_answers() {
-    return failure(errc::overloaded, fmt::format("does not read what it asks for: more than {} bytes of answers wait (control_bytes)", limit::control_bytes));
+    return failure(errc::overloaded, fmt::format("does not read the answers to its requests: more than {} bytes wait (control_bytes)", limit::control_bytes));
 }
 
 // What is said between connections, and not to the user.
@@ -395,7 +395,7 @@ void connection::finish(failure why, duration grace) {
     if (!open_ || finishing_) return;
     finishing_ = true;
     farewell_ = std::make_unique<failure>(std::move(why));
-    grace_ = std::make_unique<timer>(on_, [this] { close(failure(errc::peer_lost, fmt::format("{} did not take what was left to send", peer_name()))); });
+    grace_ = std::make_unique<timer>(on_, [this] { close(failure(errc::peer_lost, fmt::format("{} did not accept the remaining data", peer_name()))); });
     grace_->arm(saturating_add(on_.now(), grace));
     written();
 }

@@ -205,7 +205,7 @@ task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<str
     if (key) { // nothing of the welcome counts before it
         auto proved = co_await proof_comes(with, false);
         if (!proved) co_return proved.error();
-        if (!*proved) co_return did_not_prove(with.peer(), "its key is another one, or somebody stands in its place");
+        if (!*proved) co_return did_not_prove(with.peer(), "it has another key, or it is an impostor");
     }
     if (theirs->version < mine.oldest || theirs->version > mine.newest)
         co_return failure(errc::version_mismatch, fmt::format("{} chose wire version {}, offered were {} to {}", with.peer(),

@@ -48,8 +48,8 @@ std::optional<failure> objection_to_way(const wire::hello& caller, const endpoin
         if (i == 0 && leads_to(*told, caller.host_key == env.identity().host_key, reached, env)) return {};
         if (std::ranges::find(advertised, *told) != advertised.end()) return {};
     }
-    return failure(errc::unauthorized, fmt::format("it was dialled as {}, and here is {}: somebody passes it on, and could speak for either side. If that is a tunnel or an address "
-                                                   "translation of yours, start the one that listens here with --advertise {}",
+    return failure(errc::unauthorized, fmt::format("it was dialled as {}, but this endpoint is {}: a third party relays the session, and could impersonate either side. If that is your tunnel or address "
+                                                   "translation, start the component behind it with --advertise {}",
                                                    caller.dialled.front(), reached.text(), caller.dialled.back()));
 }
 

@@ -37,7 +37,7 @@ bool security::protects(const endpoint& at) const noexcept { return key || at.ki
 
 result<void> security::may_listen(const endpoint& at) const {
     if (!demanded || within_host(at) || protects(at)) return {};
-    return failure(errc::unauthorized, fmt::format("nobody may listen on {} without credentials: whoever reaches it there could use it. Give it a shared key (--key FILE or ISE_KEY), or let it "
+    return failure(errc::unauthorized, fmt::format("nobody may listen on {} without credentials: every host that reaches it could use it. Give it a shared key (--key FILE or ISE_KEY), or let it "
                                                    "listen on tls:// with certificates (--tls FOLDER or ISE_TLS), or on 127.0.0.1 or a local socket", at.text()));
 }
 

@@ -221,7 +221,7 @@ bool incoming_calls::seen_before(binding& of, const request_head& head) {
         case reply_window::state::forgotten: break;
     }
     over_.runtime().counts().refused(errc::peer_lost);
-    refuse(head.id, failure(errc::peer_lost, fmt::format("'{}' may have been executed before the session was lost; nobody asked for it within its linger, or its answer is not kept any more (max_replies, max_reply_bytes, max_kept_bytes, idle_caller_life)", of.name), execution::unknown));
+    refuse(head.id, failure(errc::peer_lost, fmt::format("'{}' may have been executed before the session was lost; it was not resent within its linger, or its answer is no longer kept (max_replies, max_reply_bytes, max_kept_bytes, idle_caller_life)", of.name), execution::unknown));
     return true;
 }
 

@@ -20,7 +20,7 @@ constexpr duration member_patience = std::chrono::seconds(1);
 // Why a session in good order did not take a call.
 failure overloaded(session& over, const std::string& who, execution began = execution::not_executed) {
     if (auto unsent = over.wire().out().pending_call_bytes(); unsent > over.runtime().options().max_unsent_bytes)
-        return {errc::overloaded, fmt::format("{} bytes of calls and replies wait for being sent to {} (max_unsent_bytes)", unsent, who), began};
+        return {errc::overloaded, fmt::format("{} bytes of calls and replies wait to be sent to {} (max_unsent_bytes)", unsent, who), began};
     return {errc::overloaded, fmt::format("too many calls are pending at {} (max_calls_per_session there)", who), began};
 }
 
@@ -315,7 +315,7 @@ task<result<std::shared_ptr<session>>> link::establish() {
         if (role_) found.members = role_->choice.candidates();
     }
     std::string tried;
-    failure last(errc::unreachable, fmt::format("nobody is known to serve {}", name_));
+    failure last(errc::unreachable, fmt::format("no known component serves {}", name_));
     for (std::size_t at = 0; at < found.members.size(); ++at) {
         const auto& member = found.members[at];
         // Who is not the last that can be tried gets less patience.

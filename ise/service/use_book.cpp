@@ -20,7 +20,7 @@ std::string_view text_of(wait_stage stage) {
     switch (stage) {
         case wait_stage::name: return "waits for a name";
         case wait_stage::provider: return "waits for a provider";
-        case wait_stage::unreached: return "called, and reached nobody";
+        case wait_stage::unreached: return "called without reaching a provider";
     }
     return "?";
 }
@@ -115,7 +115,7 @@ bool use_book::look_at(const key& of, const entry& what, const ways_by_name& way
     found.cause = what.cause;
     found.stage = !waiting ? wait_stage::unreached : waiting->located() ? wait_stage::provider : wait_stage::name;
     if (auto obstacle = waiting ? waiting->obstacle() : std::string(); !obstacle.empty()) found.cause = std::move(obstacle);
-    if (found.cause.empty()) found.cause = found.stage == wait_stage::name ? fmt::format("nobody is registered as '{}'", found.target) : std::string("no session was made");
+    if (found.cause.empty()) found.cause = found.stage == wait_stage::name ? fmt::format("no component is registered as '{}'", found.target) : std::string("no session was made");
     return true;
 }
 

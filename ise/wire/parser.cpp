@@ -69,10 +69,10 @@ std::span<std::byte> parser::prepare() {
 failure parser::refuse(const frame_header& header) const {
     auto first_bytes = header.length & 0xffff; // of TLS: an alert or a greeting, and its version
     if (header.length > max_frame_bytes_ && (first_bytes == 0x0315 || first_bytes == 0x0316))
-        return failure(errc::protocol_error, "what came is TLS, where this side speaks without: one side has tls://, the other tcp://");
+        return failure(errc::protocol_error, "received TLS on an endpoint without TLS: one side has tls://, the other tcp://");
     if (header.length > max_frame_bytes_)
         return failure(errc::too_large, fmt::format("a frame '{}' of {} bytes came, {} are allowed ({})", name_of(header.type), header.length, max_frame_bytes_, limit_));
-    return failure(errc::protocol_error, fmt::format("what came is not a frame of ISE (type {}, reserved {:#x})", static_cast<int>(header.type), header.reserved));
+    return failure(errc::protocol_error, fmt::format("received data that is not a frame of ISE (type {}, reserved {:#x})", static_cast<int>(header.type), header.reserved));
 }
 
 } // namespace ise::wire

@@ -93,7 +93,7 @@ private:
             at_ = std::move(next);
             return {};
         }
-        if (!is_trusted(about.st_uid, false)) return refused(fmt::format("the link {} belongs to {}, who can let it point anywhere", next, user_text(about.st_uid)), next);
+        if (!is_trusted(about.st_uid, false)) return refused(fmt::format("the link {} belongs to {}, who can point it anywhere", next, user_text(about.st_uid)), next);
         std::array<char, PATH_MAX> target{};
         auto length = ::readlink(next.c_str(), target.data(), target.size() - 1);
         if (length < 0) return trouble(next);
@@ -126,7 +126,7 @@ private:
         bool sticky = !itself && S_ISDIR(about.st_mode) && (about.st_mode & S_ISVTX) != 0; // others cannot replace what is ours there
         if (!is_trusted(about.st_uid, itself))
             return refused(fmt::format("{} belongs to {}, who can replace {}", here, user_text(about.st_uid), S_ISDIR(about.st_mode) ? "what lies in it" : "it"), here);
-        if ((about.st_mode & S_IWOTH) != 0 && !sticky) return refused(fmt::format("everybody can write to {} (mode {:o}): chmod o-w {}", here, about.st_mode & 07777, here), {});
+        if ((about.st_mode & S_IWOTH) != 0 && !sticky) return refused(fmt::format("all users can write to {} (mode {:o}): chmod o-w {}", here, about.st_mode & 07777, here), {});
         bool group_writes = (about.st_mode & S_IWGRP) != 0 && !sticky && about.st_uid != 0; // root knows whom it gave a group
         if (group_writes && !is_own_group(about.st_gid)) return refused(fmt::format("its group can write to {} (mode {:o}): chmod g-w {}", here, about.st_mode & 07777, here), {});
         return {};

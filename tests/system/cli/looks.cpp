@@ -85,7 +85,7 @@ TEST_CASE("doctor tells services that nobody provides, and those that do not fit
     port in;
     auto nobody = in.ise(patiently({"doctor", "--interval", "50ms"}));
     CHECK(nobody.exit_code == 1);
-    CHECK_THAT(nobody.out, Contains("warning  atirma/boat: nobody provides 'beeper'") && Contains("-> start the component"));
+    CHECK_THAT(nobody.out, Contains("warning  atirma/boat: no component provides 'beeper'") && Contains("-> start the component"));
     CHECK_THAT(nobody.err, Contains("2 findings"));
     start(in, "atirma/horn", honk);
     auto misfit = in.ise(patiently({"doctor", "--interval", "50ms"}));

@@ -110,7 +110,7 @@ TEST_CASE("doctor on real processes: a killed component, whose name is there yet
     patient.wait();
     auto found = in.diagnose("unreachable", "ward/gives");
     CHECK_THAT(message(found), Contains("ward/gives"));
-    CHECK_THAT(advice(found), Contains("its name goes with its lease"));
+    CHECK_THAT(advice(found), Contains("its name expires with its lease"));
 }
 
 TEST_CASE("doctor on real processes: a component that advertises where nobody listens is not reached") {
@@ -127,7 +127,7 @@ TEST_CASE("doctor on real processes: a component that advertises where nobody li
 TEST_CASE("doctor on real processes: two that were built from different headers") {
     ward in(2);
     in.admit("asks");
-    CHECK_THAT(message(in.diagnose("no_provider", "ward/asks")), Contains("nobody provides 'steer'"));
+    CHECK_THAT(message(in.diagnose("no_provider", "ward/asks")), Contains("no component provides 'steer'"));
     in.admit("gives");
     auto found = in.diagnose("schema_mismatch", "ward/asks");
     CHECK_THAT(message(found), Contains("'steer' of ward/gives") && Contains("heading_deg"));
@@ -138,7 +138,7 @@ TEST_CASE("doctor, list and describe on real processes: a requester waits for it
     ward in(2);
     in.admit("seeks");
     auto found = in.diagnose("waits", "ward/seeks");
-    CHECK_THAT(message(found), Contains("it waits for ward/gives since 20") && Contains("nobody is registered"));
+    CHECK_THAT(message(found), Contains("it waits for ward/gives since 20") && Contains("no component is registered"));
     CHECK_THAT(advice(found), Contains("start the component"));
     auto listed = json::parse(ise_test::run_program(in.ise({"list", "--json"}, "120s")).out);
     CHECK(listed[0]["waits_for"] == "ward/gives");

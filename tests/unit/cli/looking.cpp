@@ -120,7 +120,7 @@ TEST_CASE("who is silent is told apart: away, busy, stalled") {
     auto seen = examine({}, {peer}, 1s, "shore");
     REQUIRE(seen.size() == 1);
     CHECK(seen.front().component == "c");
-    CHECK_THAT(seen.front().message, Contains("as b sees it"));
+    CHECK_THAT(seen.front().message, Contains("as b reports"));
 }
 
 TEST_CASE("a clock that is off is told once a host, unless nobody can know") {
@@ -163,10 +163,10 @@ TEST_CASE("who waits for longer than what is logged is a warning, which says for
     one.about->waits = {wait};
     CHECK(kinds(examine({}, {one}, 1s, "shore")) == list{"waits"});
     wait.waited = 12s;
-    wait.cause = "nobody is registered as 'b'";
-    CHECK(told("name") == "it waits for 'steer' of b, which is not found, since 2026-05-01T12:00:03Z (12 s): nobody is registered as 'b'");
+    wait.cause = "no component is registered as 'b'";
+    CHECK(told("name") == "it waits for 'steer' of b, which is not found, since 2026-05-01T12:00:03Z (12 s): no component is registered as 'b'");
     CHECK_THAT(told("provider"), Contains("with which there is no session"));
-    CHECK_THAT(told("unreached"), Contains("its last call of 'steer' of b reached nobody"));
+    CHECK_THAT(told("unreached"), Contains("its last call of 'steer' of b reached no provider"));
     wait.service.clear();
     wait.cause.clear();
     CHECK(told("name") == "it waits for b since 2026-05-01T12:00:03Z (12 s)");

@@ -173,11 +173,11 @@ TEST_CASE("parameters name no host that the rules do not") {
         CHECK(refusal(request({{"gateway", good}}), open) == "it was allowed");
     for (const char* bad : {"https://evil.example/", "https://gateway.example.evil.example/", "http://127.0.0.1:7412/", "http://127.0.0.1/", "tcp://127.1:7411", "https://evil.example/gateway.example",
                             "https://evil.example#@gateway.example", "https://evil.example?gateway.example"})
-        CHECK_THAT(refusal(request({{"gateway", bad}}), open), Contains("the hosts that this instantiation server lets parameters name are gateway.example, 127.0.0.1:7411, ::1 (--allow-host"));
+        CHECK_THAT(refusal(request({{"gateway", bad}}), open), Contains("this instantiation server allows parameters to name these hosts: gateway.example, 127.0.0.1:7411, ::1 (--allow-host"));
     for (const char* bad : {"https://gateway.example@evil.example/", "https://evil.example\\@gateway.example/", "gateway.example", "https:///x", "https://gateway.example:x/", "https://gateway.example:80:80/"})
         CHECK_THAT(refusal(request({{"gateway", bad}}), open), Contains("a URL to connect to"));
-    for (const char* bad : {"local:///run/other.sock", "local://@other", "file:///etc/passwd"}) CHECK_THAT(refusal(request({{"gateway", bad}}), open), Contains("reaches what lies on this host"));
-    CHECK_THAT(refusal(request({{"gateway", "http://127.0.0.1:22/"}})), Contains("lets parameters name are none (--allow-host 127.0.0.1:22)"));
+    for (const char* bad : {"local:///run/other.sock", "local://@other", "file:///etc/passwd"}) CHECK_THAT(refusal(request({{"gateway", bad}}), open), Contains("reaches files or sockets of this host"));
+    CHECK_THAT(refusal(request({{"gateway", "http://127.0.0.1:22/"}})), Contains("allows parameters to name these hosts: none (--allow-host 127.0.0.1:22)"));
 }
 
 TEST_CASE("an endpoint in a text is no way around the rules") {
@@ -187,7 +187,7 @@ TEST_CASE("an endpoint in a text is no way around the rules") {
     CHECK(refusal(request({{"mark", "xbee=tcp://10.0.0.7:7411"}}), open) == "it was allowed");
     for (const char* bad : {"tcp://10.0.0.8:7411", "xbee=tcp://10.0.0.8:7411", "Vela=tcp://10.0.0.7:1,tcp://10.0.0.8:1", "udp://[fd00::1]:9"})
         CHECK_THAT(refusal(request({{"mark", bad}}), open), Contains("parameter 'mark' cannot be") && Contains("--allow-host"));
-    CHECK_THAT(refusal(request({{"mark", "local:///run/other.sock"}}), open), Contains("reaches what lies on this host"));
+    CHECK_THAT(refusal(request({{"mark", "local:///run/other.sock"}}), open), Contains("reaches files or sockets of this host"));
     CHECK_THAT(refusal(request({{"mark", "://x"}}), open), Contains("is not a URL"));
 }
 

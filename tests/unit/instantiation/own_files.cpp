@@ -83,12 +83,12 @@ TEST_CASE("what a user and root have of their own is theirs") {
 
 TEST_CASE("where others can write nothing is ours") {
     own_folder here;
-    CHECK_THAT(why_not(ise::check_own_path(here.folder("open", 0777))), Contains("everybody can write to") && Contains("chmod o-w"));
-    CHECK_THAT(why_not(ise::check_own_path(here.folder("open/inner"))), Contains("everybody can write to"));
+    CHECK_THAT(why_not(ise::check_own_path(here.folder("open", 0777))), Contains("all users can write to") && Contains("chmod o-w"));
+    CHECK_THAT(why_not(ise::check_own_path(here.folder("open/inner"))), Contains("all users can write to"));
     auto sticky = here.folder("sticky", 01777);
-    CHECK_THAT(why_not(ise::check_own_path(sticky)), Contains("everybody can write to"));
+    CHECK_THAT(why_not(ise::check_own_path(sticky)), Contains("all users can write to"));
     CHECK(why_not(ise::check_own_path(here.folder("sticky/inner"))) == "it was allowed"); // nobody else can move it away
-    CHECK_THAT(why_not(ise::check_own_path(here.file("open-file", 0666))), Contains("everybody can write to"));
+    CHECK_THAT(why_not(ise::check_own_path(here.file("open-file", 0666))), Contains("all users can write to"));
 }
 
 TEST_CASE("what belongs to another user is not believed, run or written to") {

@@ -234,7 +234,7 @@ TEST_CASE("a peer that does not take the rest is left when the grace is over") {
     at.connection->finish(ise::failure(errc::cancelled, "the component stops"), 500ms);
     at.world.run_for(600ms);
     REQUIRE(at.user->end);
-    CHECK_THAT(at.user->end->message(), Contains("did not take"));
+    CHECK_THAT(at.user->end->message(), Contains("did not accept"));
 }
 
 TEST_CASE("while its loop does not turn, another thread shows that it lives, between frames only") {

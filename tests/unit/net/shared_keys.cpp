@@ -175,13 +175,13 @@ TEST_CASE("key: a listener that welcomes at once, without a proof or with a forg
         at.say(*at.near_end, frame_type::challenge, said("hmac-sha256", 32));
         at.say(*at.near_end, frame_type::welcome, yes);
         at.say(*at.near_end, frame_type::proof, said("hmac-sha256", 32));
-        how = "its key is another one, or somebody stands in its place";
+        how = "it has another key, or it is an impostor";
     }
     SECTION("an empty proof") {
         at.say(*at.near_end, frame_type::challenge, said("hmac-sha256", 32));
         at.say(*at.near_end, frame_type::welcome, yes);
         at.say(*at.near_end, frame_type::proof, said("hmac-sha256", 0));
-        how = "its key is another one";
+        how = "it has another key";
     }
     SECTION("a challenge of another scheme") {
         at.say(*at.near_end, frame_type::challenge, said("none", 32));

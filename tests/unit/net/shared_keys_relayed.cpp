@@ -86,7 +86,7 @@ TEST_CASE("relayed: also where the node does not know who is to answer") {
     auto somewhere = at.put_between(at.host.listen("tcp://127.0.0.1:0"));
     auto got = at.call(at.node.at(somewhere));
     REQUIRE_FALSE(got);
-    CHECK_THAT(got.error().message(), Contains("somebody passes it on"));
+    CHECK_THAT(got.error().message(), Contains("a third party relays the session"));
     CHECK(at.started_processes == 0);
     CHECK(at.host.services->counts().sessions_accepted == 0);
 }
@@ -114,7 +114,7 @@ TEST_CASE("relayed: a local socket is its own, and one that passes on to it is n
     CHECK(at.call(at.dial(listens, "ise/host/shore")));
     auto passed_on = at.call(at.dial(at.put_between(listens, "local://" + name + "-taken"), "ise/host/shore"));
     REQUIRE_FALSE(passed_on);
-    CHECK_THAT(passed_on.error().message(), Contains("somebody passes it on"));
+    CHECK_THAT(passed_on.error().message(), Contains("a third party relays the session"));
     CHECK(at.started_processes == 1);
 }
 

@@ -283,7 +283,7 @@ TEST_CASE("tls: who speaks without it is told apart, either way") {
     SECTION("a listener without") {
         at.boat->listen("tcp://0.0.0.0:7401");
         at.there = at.shore->at("tls://boat:7401");
-        at.refused("tls://boat:7401", "what came is TLS, where this side speaks without");
+        at.refused("tls://boat:7401", "received TLS on an endpoint without TLS");
     }
 }
 
