@@ -37,13 +37,13 @@ ise::component_type communication_node_type() {
     auto chosen = std::make_shared<choices>();
     auto& options = chosen->options;
     auto& set = type.parameters;
-    set.add("file", options.file, "where it keeps everything (SQLite); each node has its own")
+    set.add("file", options.file, "its database (SQLite); each node has its own")
         .kind(ise::parameter_kind::path);
-    set.add("peer", options.peer, "the other node's path; none: it stands alone");
-    set.add("secondary", options.secondary, "backs the other node, which serves first");
+    set.add("peer", options.peer, "the other node's path; empty: there is none");
+    set.add("secondary", options.secondary, "secondary node: the other one is preferred");
     set.add("proxy", chosen->proxies, "a link and the path of its proxy: xbee=atirma/shore/xbee");
-    set.add("serves", options.role, "under which operators and page find the nodes");
-    set.add("silence", chosen->silence_s, "after which the other node is given up").range(1, 3600).unit("s");
+    set.add("serves", options.role, "role under which operators and page find the nodes");
+    set.add("silence", chosen->silence_s, "after which the other node counts as lost").range(1, 3600).unit("s");
     type.provides(services::telemetry)
         .provides(services::telemetry_store)
         .provides(services::track)

@@ -24,11 +24,11 @@ component_type gprs_proxy_type(const std::function<void(const std::string&)>& an
     auto options = std::make_shared<gprs_proxy_options>();
     options->on_listening = [announce](const std::vector<ise::endpoint>& listening) { announce(ready(listening)); };
     auto& set = type.parameters;
-    set.add("boat-listen", options->listen, "where the boat calls, tcp:// and udp://; port 0: any free one")
+    set.add("boat-listen", options->listen, "endpoints for the boat, tcp:// and udp://; port 0: any free one")
         .kind(parameter_kind::endpoint);
-    set.add("boat-id", options->shore.boat_id, "how the boat calls itself; all others are strangers");
-    set.add("store", options->store_at, "who keeps telemetry before the boat is acknowledged: atirma/communication");
-    set.add("max-strangers", options->shore.max_strangers, "connections that have not logged in yet").range(1, 1024);
+    set.add("boat-id", options->shore.boat_id, "the boat's id; other logins are refused");
+    set.add("store", options->store_at, "store that must have telemetry before the boat is acknowledged: atirma/communication");
+    set.add("max-strangers", options->shore.max_strangers, "connections without a login").range(1, 1024);
     type.provides(services::telemetry)
         .provides(services::telecommand)
         .provides(services::telecommand_state).provides(services::telecommand_recall)
@@ -39,19 +39,19 @@ component_type gprs_proxy_type(const std::function<void(const std::string&)>& an
 }
 
 component_type gprs_link_type(const std::function<void(const std::string&)>& announce) {
-    component_type type("gprs-link", "a carrier between boat and proxy that can be made to misbehave",
+    component_type type("gprs-link", "an emulated carrier between boat and proxy, with faults",
                         "atirma/carrier");
     auto options = std::make_shared<gprs_link_options>();
     options->on_listening = [announce](const std::vector<ise::endpoint>& listening) { announce(ready(listening)); };
     auto& set = type.parameters;
-    set.add("boat-listen", options->listen, "where the boat calls, tcp:// and udp://; port 0: any free one")
+    set.add("boat-listen", options->listen, "endpoints for the boat, tcp:// and udp://; port 0: any free one")
         .kind(parameter_kind::endpoint);
-    set.add("proxy-tcp", options->proxy_tcp, "where connections go on to: tcp://host:port").kind(parameter_kind::url);
-    set.add("proxy-udp", options->proxy_udp, "where datagrams go on to: udp://host:port").kind(parameter_kind::url);
+    set.add("proxy-tcp", options->proxy_tcp, "where connections are relayed: tcp://host:port").kind(parameter_kind::url);
+    set.add("proxy-udp", options->proxy_udp, "where datagrams are relayed: udp://host:port").kind(parameter_kind::url);
     set.add("delay", options->delay_s, "each way").range(0, 600).unit("s");
     set.add("jitter", options->jitter_s, "added to it at most").range(0, 600).unit("s");
-    set.add("loss", options->loss, "part of the datagrams that is lost").range(0, 1);
-    set.add("outage", options->outages, "START+LENGTH: down from then on for so many seconds");
+    set.add("loss", options->loss, "fraction of datagrams lost").range(0, 1);
+    set.add("outage", options->outages, "START+LENGTH in seconds: when it is down, and how long");
     set.add("seed", options->seed, "of delay and loss");
     type.provides(services::carrier_control).provides(services::carrier);
     type.make = [options] { return std::make_unique<gprs_link_emulator>(*options); };

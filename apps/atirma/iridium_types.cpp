@@ -30,17 +30,17 @@ component_type proxy_type() {
     auto* options = &settings->options;
     auto& set = type.parameters;
     set.add("imei", options->imei, "of the boat's modem, 15 digits");
-    set.add("database", options->database, "file of what must survive").kind(parameter_kind::path);
-    set.add("store", options->store_at, "who keeps telemetry before a message counts as handed on: atirma/communication; empty: it waits for a subscriber");
-    set.add("webhook", options->webhook, "where the gateway posts, tcp://address:port; empty: not")
+    set.add("database", options->database, "file for messages, telecommands and cost (SQLite)").kind(parameter_kind::path);
+    set.add("store", options->store_at, "store that must have a message's telemetry: atirma/communication; empty: it waits for a subscriber");
+    set.add("webhook", options->webhook, "endpoint for the gateway's posts, tcp://address:port; empty: none")
         .kind(parameter_kind::endpoint);
     set.add("webhook-path", options->webhook_path, "path of the web hook");
     set.add("jwt-key", options->jwt_key_file, "public key or certificate (PEM): each post must carry a token of it")
         .kind(parameter_kind::path);
-    set.add("gateway-addresses", options->gateway_addresses, "addresses and networks of the gateway, 12.47.179.11,192.0.2.0/24: whoever else connects to webhook or directip is refused; beyond loopback directip needs it, and webhook needs it or jwt-key");
-    set.add("directip", options->directip, "where the gateway's DirectIP connects, tcp://address:port; empty: not")
+    set.add("gateway-addresses", options->gateway_addresses, "addresses and networks of the gateway, 12.47.179.11,192.0.2.0/24: other addresses are refused at webhook and directip; beyond loopback directip needs it, and webhook needs it or jwt-key");
+    set.add("directip", options->directip, "endpoint for the gateway's DirectIP, tcp://address:port; empty: none")
         .kind(parameter_kind::endpoint);
-    set.add("send-by", options->send_by, "how telecommands go to the gateway")
+    set.add("send-by", options->send_by, "interface for telecommands to the gateway")
         .one_of({"http", "directip", "mail", "none"});
     set.add("url", options->rockblock.url, "of the gateway's web service for telecommands")
         .kind(parameter_kind::url);
@@ -50,14 +50,14 @@ component_type proxy_type() {
         .kind(parameter_kind::url);
     set.add("imap", settings->imap_server, "imaps://server of the mailbox for the gateway's mails; empty: none")
         .kind(parameter_kind::url);
-    set.add("smtp", settings->smtp_server, "smtps://server that takes mails to the gateway")
+    set.add("smtp", settings->smtp_server, "smtps://server for mails to the gateway")
         .kind(parameter_kind::url);
-    set.add("mail-user", settings->mail_user, "of both; the password stands in ATIRMA_MAIL_PASSWORD");
+    set.add("mail-user", settings->mail_user, "user of both; the password is in ATIRMA_MAIL_PASSWORD");
     set.add("mail-from", options->mail_from, "sender of mails to the gateway");
     set.add("mail-to", options->mail_to, "the gateway's address for messages");
-    set.add("gateway-mail", options->gateway_mail, "who sends the gateway's mails");
-    set.add("mail-authserv", options->mail_authserv, "name of the mail server whose Authentication-Results say that a mail is the gateway's");
-    set.add("mail-unchecked", options->mail_unchecked, "believe the sender of a mail: only where nobody else can mail to the mailbox");
+    set.add("gateway-mail", options->gateway_mail, "sender of the gateway's mails");
+    set.add("mail-authserv", options->mail_authserv, "name of the mail server whose Authentication-Results are trusted");
+    set.add("mail-unchecked", options->mail_unchecked, "trust the sender address of mails: only if no other sender can reach the mailbox");
     set.add("ca-file", settings->ca_file, "authorities to trust (PEM) instead of the system's")
         .kind(parameter_kind::path);
     set.add("daily-budget", options->daily_budget, "credits a day (UTC) for telecommands; 0: unlimited");
@@ -107,10 +107,10 @@ component_type modem_type() {
     auto& set = type.parameters;
     set.add("port", options->port, "link to its serial port").kind(parameter_kind::path);
     set.add("imei", options->imei, "15 digits");
-    set.add("gateway", options->gateway, "whose sessions it opens; empty: no network service");
+    set.add("gateway", options->gateway, "component to open sessions with; empty: no network service");
     set.add("shortest-session", options->shortest_session_s, "time of a session").range(0, 600).unit("s");
     set.add("longest-session", options->longest_session_s, "time of a session").range(0, 600).unit("s");
-    set.add("failures", options->failures, "part of the sessions that fail on the radio link").range(0, 1);
+    set.add("failures", options->failures, "fraction of sessions that fail on the radio link").range(0, 1);
     set.add("sky", options->sky_free, "free, or none at first");
     set.add("seed", options->seed, "of lengths and failures");
     type.provides(services::iridium_sky_control).provides(services::iridium_sky);
@@ -128,9 +128,9 @@ component_type gateway_type() {
     set.add("imei", settings->imeis, "of a modem on its account");
     set.add("user", options.model.username, "of the account");
     set.add("password", options.model.password, "of the account");
-    set.add("listen-http", options.listen, "where POST /rockblock/MT is taken, tcp://address:port; empty: not")
+    set.add("listen-http", options.listen, "endpoint for POST /rockblock/MT, tcp://address:port; empty: none")
         .kind(parameter_kind::endpoint);
-    set.add("listen-directip", options.directip_listen, "where DirectIP is taken, tcp://address:port; empty: not")
+    set.add("listen-directip", options.directip_listen, "endpoint for DirectIP, tcp://address:port; empty: none")
         .kind(parameter_kind::endpoint);
     set.add("post-to", options.post_to, "URL of the web hook that gets the boat's messages; empty: none")
         .kind(parameter_kind::url);
@@ -142,8 +142,8 @@ component_type gateway_type() {
     set.add("ring-delay", settings->ring_delay_s, "from a message's arrival to the ring alert")
         .range(0, 3600)
         .unit("s");
-    set.add("failures", options.session_failures, "part of the sessions that fail").range(0, 1);
-    set.add("duplicates", options.duplicates, "part of the posts that come twice").range(0, 1);
+    set.add("failures", options.session_failures, "fraction of sessions that fail").range(0, 1);
+    set.add("duplicates", options.duplicates, "fraction of posts sent twice").range(0, 1);
     set.add("seed", options.model.seed, "of delays, failures and duplicates");
     type.provides(services::sbd_session).provides(services::sbd_ring);
     type.provides(services::iridium_gateway_control).provides(services::iridium_gateway_status);

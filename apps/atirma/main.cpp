@@ -28,7 +28,7 @@ struct common_options {
 };
 
 void add_common(CLI::App& to, common_options& options) {
-    to.add_option("--name-server", options.name_server, "its endpoint (default: ISE_NAME_SERVER, else that of this machine)");
+    to.add_option("--name-server", options.name_server, "its endpoint (default: ISE_NAME_SERVER, else this machine)");
     to.add_option("--key", options.security.key_file, "a file with the shared key of the system; peers without it are refused (default: ISE_KEY)");
     to.add_option("--tls", options.security.tls_folder, "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: ISE_TLS)");
     to.add_flag("--demand-credentials", options.security.demanded, "refuse to listen beyond this host, except with a key or on tls://");
@@ -136,12 +136,12 @@ int decode_input() {
 
 int obey(int count, char** words) {
     auto types = atirma::component_types(say);
-    CLI::App app{"The shore side of A-Tirma, and a boat to try it with"};
+    CLI::App app{"The shore side of A-Tirma, and a simulated boat"};
     app.formatter(std::make_shared<wrapped_help>());
     app.set_version_flag("--version", "atirma " ATIRMA_VERSION);
     app.require_subcommand(1);
     bool describe = false; // read above, as `host`: they stand alone
-    app.add_flag("--describe", describe, "tells the types of components and their parameters as JSON, for instantiation servers");
+    app.add_flag("--describe", describe, "prints component types and their parameters as JSON, for instantiation servers");
     app.footer("A parameter that is not given is taken from the environment: ISE_PARAMETER_WIND_SPEED for --wind-speed.\n"
                "Exit codes: 0 ended as asked, 1 something failed, 2 wrong arguments.\n"
                "Example: atirma run boat-simulator --serial /tmp/xbee-boat xbee-link xbee-proxy --serial /tmp/xbee-shore web-server");

@@ -40,11 +40,11 @@ ise::component_type nmea_bridge_type(std::function<void(const std::string&)> ann
     options->on_listening = [announce](const std::string& where) { announce("ready: " + where); };
     nmea->tcp = "tcp://127.0.0.1:10110";
     auto& set = type.parameters;
-    set.add("telemetry", options->telemetry, "paths of the proxies to listen to");
-    set.add("nmea-tcp", nmea->tcp, "where NMEA 0183 is served; empty: nowhere").kind(ise::parameter_kind::endpoint);
-    set.add("nmea-udp", nmea->udp, "whom NMEA 0183 is sent to: udp://127.0.0.1:10110").kind(ise::parameter_kind::url);
-    set.add("signalk-tcp", signalk->tcp, "where Signal K deltas are served; empty: nowhere").kind(ise::parameter_kind::endpoint);
-    set.add("signalk-udp", signalk->udp, "whom Signal K deltas are sent to").kind(ise::parameter_kind::url);
+    set.add("telemetry", options->telemetry, "paths of the proxies to subscribe to");
+    set.add("nmea-tcp", nmea->tcp, "endpoint for NMEA 0183 clients; empty: none").kind(ise::parameter_kind::endpoint);
+    set.add("nmea-udp", nmea->udp, "destinations of NMEA 0183: udp://127.0.0.1:10110").kind(ise::parameter_kind::url);
+    set.add("signalk-tcp", signalk->tcp, "endpoint for Signal K clients; empty: none").kind(ise::parameter_kind::endpoint);
+    set.add("signalk-udp", signalk->udp, "destinations of Signal K deltas").kind(ise::parameter_kind::url);
     set.add("vessel-name", options->vessel, "of the boat, for Signal K");
     set.add("vessel-uuid", options->vessel_uuid,
             "of the boat, for Signal K: a UUID of version 4; empty: made from its name");

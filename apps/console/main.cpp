@@ -139,16 +139,16 @@ int run(const arguments& given, int count, char** words) {
 
 int main(int count, char** words) {
     arguments given;
-    CLI::App app{"The operator's console of A-Tirma: where the boat is, how it fares, and what it is told"};
+    CLI::App app{"The operator's console of A-Tirma"};
     app.formatter(std::make_shared<wrapped_help>());
     app.set_version_flag("--version", "atirma_console " ATIRMA_VERSION);
     app.add_option("--name-server", given.name_server,
                    "its endpoint, or none (default: ISE_NAME_SERVER, else that of this machine)");
-    app.add_option("--namespace", given.space, "whose components are looked at")->capture_default_str();
-    app.add_option("--proxies", given.proxies, "followed besides what is found: paths or endpoints")->delimiter(',');
+    app.add_option("--namespace", given.space, "namespace of the components to show")->capture_default_str();
+    app.add_option("--proxies", given.proxies, "further proxies: paths or endpoints")->delimiter(',');
     app.add_option("--name", given.operator_name, "yours, for the other operators (default: the user's)");
     app.add_option("--boat-name", given.boat, "on the window")->capture_default_str();
-    app.add_flag("--night", given.night, "begin with the colours for the night");
+    app.add_flag("--night", given.night, "start with night colours");
     app.add_option("--size", given.size, "of the window (default: as it was left, else 1280x800)");
     app.add_option("--tab", given.tab, "shown first: mission, links, boat, log, alarms, packets, who")
         ->check(CLI::IsMember({"mission", "links", "boat", "log", "alarms", "packets", "who"}));

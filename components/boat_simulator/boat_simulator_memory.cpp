@@ -55,7 +55,7 @@ void boat_simulator::remember() {
 void boat_simulator::kept(const ise::result<void>& outcome) {
     auto trouble = outcome ? std::string() : outcome.error().message();
     if (trouble != memory_trouble_ && !trouble.empty())
-        log().error("the boat's memory takes nothing", {{"cause", trouble}});
+        log().error("the boat's memory cannot be written", {{"cause", trouble}});
     memory_trouble_ = trouble;
 }
 

@@ -174,7 +174,7 @@ ise::task<> communication_node::salvage(std::string file) {
                                    "could not be read", found.packets, found.telecommands, found.damaged_packets,
                                    found.damaged_telecommands, found.unreadable.size());
         c.store_notice += "; " + outcome;
-        log().warning("what is sound in the store that was set aside is kept again", {{"file", file}, {"found", outcome}});
+        log().warning("the intact rows of the damaged store are restored", {{"file", file}, {"found", outcome}});
     } else {
         c.store_notice += "; nothing of it can be read";
         log().error("nothing can be read of the store that was set aside", {{"cause", opened.error().message()}});

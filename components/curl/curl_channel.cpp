@@ -86,7 +86,7 @@ ise::task<ise::result<void>> curl_channel::write(std::string what, ise::time_poi
         if (code != CURLE_AGAIN) co_return lost(curl_easy_strerror(code));
         bool may = co_await ready(true, until);
         if (!may)
-            co_return ise::failure(ise::errc::timed_out, fmt::format("{}: the server takes nothing", easy_->server()),
+            co_return ise::failure(ise::errc::timed_out, fmt::format("{}: the server does not read", easy_->server()),
                                    ise::execution::unknown);
     }
     co_return ise::result<void>();

@@ -255,7 +255,7 @@ std::optional<order> uplink::take_order() {
 
 std::optional<std::string> uplink::trouble(ise::time_point now) {
     if (!open_) return std::nullopt;
-    if (bad_lines_ >= max_bad_lines) return "what comes from the shore makes no sense";
+    if (bad_lines_ >= max_bad_lines) return "the shore sends invalid lines";
     if (!asked_at_ || now < ise::saturating_add(*asked_at_, patience())) return std::nullopt;
     ++counters_.half_open;
     return fmt::format("nothing was acknowledged for {} s: the link is half open",

@@ -59,7 +59,7 @@ void console_state::watch_boat(utc_time now) {
 void console_state::watch_links(utc_time now) {
     const auto& limits = options_.limits;
     alarms_.set("names", finding_.uses_names && !finding_.reached && !finding_.trouble.empty(), severity::notice,
-                fmt::format("The name server at {} is not reached; what was found before goes on", finding_.where),
+                fmt::format("The name server at {} is not reached; components found before stay connected", finding_.where),
                 now);
     for (const auto& [path, link] : links_) {
         if (link.all_links) continue; // the nodes tell of themselves

@@ -105,9 +105,9 @@ ise::result<gateway_mail> read_mo(const mail_message& mail) {
     if (has_arrived(made.status) && made.size > max_mo_bytes)
         return malformed(fmt::format("no unit sends a message of {} bytes", made.size));
     if (has_arrived(made.status) && made.size > 0 && messages == 0)
-        return malformed(fmt::format("it tells of {} bytes and has no attachment *.sbd", made.size));
+        return malformed(fmt::format("it states {} bytes and has no attachment *.sbd", made.size));
     if (messages == 1 && made.payload.size() != made.size)
-        return malformed(fmt::format("it tells of {} bytes and brings {}", made.size, made.payload.size()));
+        return malformed(fmt::format("it states {} bytes and has {}", made.size, made.payload.size()));
     return gateway_mail(std::move(made));
 }
 

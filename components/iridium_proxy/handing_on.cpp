@@ -101,7 +101,7 @@ std::vector<telemetry_packet> iridium_proxy::hand_on(const iridium::mo_message& 
     if (message.data.empty()) return all; // the boat looked for messages
     auto dropped = [&](const std::string& why) {
         ++s.counts.malformed;
-        log().warning("a packet of the boat makes no sense; its message stays on disk",
+        log().warning("a packet of the boat is invalid; its message stays on disk",
                       {{"momsn", std::to_string(message.momsn)}, {"cause", why}});
     };
     auto packets = iridium::unbundle(message.data);

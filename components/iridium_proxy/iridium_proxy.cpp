@@ -50,16 +50,16 @@ void iridium_proxy::check_options() const {
         throw wrong("--webhook-path begins with a slash");
     auto beyond = [](const std::string& at) { return !at.empty() && !ise::within_host(ise::endpoint::parse(at).value()); };
     if (beyond(options_.webhook) && options_.jwt_key_file.empty() && options_.gateway_addresses.empty())
-        throw wrong(fmt::format("--webhook {}: anybody could post there as the gateway; give --jwt-key, or --gateway-addresses, or "
+        throw wrong(fmt::format("--webhook {}: any host could post there as the gateway; give --jwt-key, or --gateway-addresses, or "
                                 "listen on 127.0.0.1 behind a reverse proxy",
                                 options_.webhook));
     if (beyond(options_.directip) && options_.gateway_addresses.empty())
-        throw wrong(fmt::format("--directip {}: anybody could connect there as the gateway; give --gateway-addresses, or listen on "
+        throw wrong(fmt::format("--directip {}: any host could connect there as the gateway; give --gateway-addresses, or listen on "
                                 "127.0.0.1",
                                 options_.directip));
     if (options_.open_mailbox && options_.mail_authserv.empty() && !options_.mail_unchecked)
-        throw wrong("anybody can write a mail with the gateway's sender: name the mail server whose Authentication-Results are to be "
-                    "believed with --mail-authserv, or give --mail-unchecked where nobody else can mail to the mailbox");
+        throw wrong("any sender can forge the gateway's address: name the mail server whose Authentication-Results are to be "
+                    "believed with --mail-authserv, or give --mail-unchecked if no other sender can reach the mailbox");
     if (options_.send_by == "mail" && (!options_.make_mail_sender || options_.mail_from.empty()))
         throw wrong("to send by mail, a mail server and --mail-from are needed");
     if (options_.send_by == "directip" && options_.send_directip.empty())

@@ -102,15 +102,15 @@ std::optional<ise::failure> memory_mail::trouble() const {
 
 std::optional<ise::failure> memory_mail::take(const mail_message& what) {
     if (auto why = trouble()) return why;
-    if (what.to.empty()) return ise::failure(ise::errc::invalid_argument, "a mail to nobody");
+    if (what.to.empty()) return ise::failure(ise::errc::invalid_argument, "a mail without a recipient");
     for (const auto& address : what.to) {
         auto known = options.refused.find(lower(address));
         if (known != options.refused.end())
             return ise::failure(ise::errc::refused,
-                                fmt::format("the mail server takes nothing for {}: {}", address, known->second));
+                                fmt::format("the mail server refuses mail for {}: {}", address, known->second));
         if (folder_of(address).mails.size() >= options.most_mails)
             return ise::failure(ise::errc::refused,
-                                fmt::format("the mail server takes nothing for {}: 552 mailbox full", address));
+                                fmt::format("the mail server refuses mail for {}: 552 mailbox full", address));
     }
     if (!options.later || options.transit <= ise::duration::zero()) {
         deliver(what);

@@ -205,7 +205,7 @@ void add(GMimeMultipart* to, GMimePart* part) {
 ise::result<std::string> write_mail(const mail_message& what, const mail_stamp& stamp) {
     start_library();
     if (!is_mail_address(what.from)) return unusable(fmt::format("\"{}\" is not an address to send from", what.from));
-    if (what.to.empty()) return unusable("it is to nobody");
+    if (what.to.empty()) return unusable("it has no recipient");
     for (const auto& to : what.to)
         if (!is_mail_address(to)) return unusable(fmt::format("\"{}\" is not an address to send to", to));
     if (!is_line(what.subject)) return unusable("its subject is not one line of UTF-8");

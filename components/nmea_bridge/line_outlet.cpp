@@ -37,7 +37,7 @@ struct line_outlet::state {
     void add(client& to, std::string_view lines) {
         if (to.queue.size() + lines.size() > options.max_queued_bytes) {
             ++counts.dropped_slow;
-            owner.log().warning("a client that takes nothing is dropped", {{"peer", to.stream->peer()}});
+            owner.log().warning("a client that does not read is disconnected", {{"peer", to.stream->peer()}});
             to.close();
             return;
         }

@@ -206,7 +206,7 @@ void xbee_proxy::on_packet(const xbee::packet_received& packet) {
     if (r.unheard.size() >= max_unheard) {
         r.unheard.pop_front();
         if (!std::exchange(r.full, true))
-            log().warning("nobody subscribes to the telemetry, and the oldest packet is dropped",
+            log().warning("the telemetry has no subscriber, and the oldest packet is dropped",
                           {{"waiting", std::to_string(r.unheard.size())}});
     }
     if (r.stored) {
