@@ -8,33 +8,33 @@
 
 namespace ise {
 
-/// How an endpoint is reached: TCP, UDP, a Unix domain socket, memory within one process, or TLS over TCP.
+/// The kind of an endpoint: TCP, UDP, a Unix domain socket, memory within one process, or TLS over TCP.
 enum class protocol : std::uint8_t { tcp, udp, local, inproc, tls };
 
 /// "tcp", "udp", "local", "inproc", "tls".
 std::string_view name_of(protocol kind) noexcept;
 
-/// Where a component listens or is reached, as users write it:
+/// The address at which a component listens, as users write it:
 /// `tcp://127.0.0.1:7400`, `tcp://[::1]:0`, `udp://…`, `tls://boat.local:7400`, `local:///run/ise/boat.sock`,
 /// `local://@abstract`, `inproc://name`. Port 0 asks for any free port.
 struct endpoint {
-    protocol kind = protocol::tcp; ///< which of the fields below count
+    protocol kind = protocol::tcp; ///< determines which of the fields below are used
     std::string host;       ///< tcp, udp, tls: a name or an address, IPv6 without brackets
     std::uint16_t port = 0; ///< tcp, udp, tls
     std::string path;       ///< local: file or `@name`; inproc: name
 
-    /// By kind, then by the fields; no names are resolved.
+    /// Compares the kind, then the fields; names are not resolved.
     auto operator<=>(const endpoint&) const = default;
 
-    /// As `parse` reads it.
+    /// The text that `parse` reads.
     std::string text() const;
 
-    /// errc::invalid_argument says what is wrong and shows a right one.
+    /// Fails with errc::invalid_argument, with the cause and an example.
     static result<endpoint> parse(std::string_view text);
 };
 
-/// Whether nobody on another host reaches a listener there: loopback, local and in-process endpoints. Of host names only
-/// `localhost` counts.
+/// Whether a listener there cannot be reached from other hosts: loopback, local and in-process endpoints. The only host
+/// name that counts is `localhost`.
 bool within_host(const endpoint& at) noexcept;
 
 } // namespace ise

@@ -9,28 +9,28 @@
 
 namespace ise {
 
-/// How much a record matters.
+/// The severity of a record.
 enum class log_level : std::uint8_t { debug, info, warning, error };
 
 /// "debug", "info", "warning", "error".
 std::string_view name_of(log_level level) noexcept;
 
-/// One thing that happened: a sentence, and what a program may want to filter by.
+/// A field of a record, for filtering.
 struct log_field {
     std::string_view name; ///< short, such as `device`
     std::string value;     ///< as text
 };
 
-/// A record, as a sink gets it; what it refers to lives as long as the call.
+/// A record, as passed to a sink; its references are valid during the call.
 struct log_record {
-    wall_time at;                            ///< when, on the clock of the environment
-    log_level level = log_level::info;       ///< how much it matters
-    std::string_view component;              ///< its path
+    wall_time at;                            ///< by the clock of the environment
+    log_level level = log_level::info;       ///< its severity
+    std::string_view component;              ///< the component's path
     std::string_view message;                ///< a sentence
-    std::initializer_list<log_field> fields; ///< what to filter by
+    std::initializer_list<log_field> fields; ///< fields for filtering
 };
 
-/// Where records go. Called from any thread; must not block for long. What it throws is dropped with the record.
+/// The destination of records. Called from any thread; must not block for long. If it throws, the record is dropped.
 using log_sink = std::function<void(const log_record&)>;
 
 /// `2026-11-21T10:00:00.123Z warning atirma/xbee: the port is gone device=/dev/ttyUSB0`, one line, newline included; at
@@ -42,7 +42,7 @@ log_sink log_to_stderr(log_level least = log_level::info);
 
 class environment;
 
-/// What a component logs with: its name, a level and a sink. A value; cheap to copy.
+/// The logger of a component: its name, a level and a sink. A value; cheap to copy.
 class logger {
 public:
     logger() = default;
@@ -50,7 +50,7 @@ public:
     logger(const environment& clock, std::string component, log_sink sink)
         : clock_(&clock), component_(std::move(component)), sink_(std::move(sink)) {}
 
-    /// Writes a record at this level, now, by the sink, on the calling thread. What the sink throws is dropped.
+    /// Passes a record of this level to the sink, on the calling thread. Exceptions of the sink are ignored.
     void debug(std::string_view message, std::initializer_list<log_field> fields = {}) const { write(log_level::debug, message, fields); }
     /// At level info, as `debug`.
     void info(std::string_view message, std::initializer_list<log_field> fields = {}) const { write(log_level::info, message, fields); }
@@ -61,9 +61,9 @@ public:
     /// At the level given, as `debug`.
     void write(log_level level, std::string_view message, std::initializer_list<log_field> fields) const;
 
-    /// The path that its records bear.
+    /// The path in its records.
     const std::string& component() const noexcept { return component_; }
-    /// Where its records go.
+    /// The sink of its records.
     const log_sink& sink() const noexcept { return sink_; }
 
 private:

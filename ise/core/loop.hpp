@@ -32,7 +32,7 @@ private:
     loop* loop_;
 };
 
-/// What wakes a loop at a time: an Asio timer, or the virtual clock.
+/// Wakes a loop at a given time: an Asio timer, or the virtual clock.
 class alarm {
 public:
     virtual ~alarm() = default;
@@ -48,7 +48,7 @@ public:
     virtual void on_turn(time_point now) = 0;
 };
 
-/// A callback at a time. Belongs to one loop and is used on it only; destroying it disarms it.
+/// Calls a function at a given time. Belongs to one loop and is used on it only; destroying it disarms it.
 class timer {
 public:
     timer(loop& owner, std::function<void()> fire);
@@ -56,7 +56,7 @@ public:
     timer(const timer&) = delete;
     timer& operator=(const timer&) = delete;
 
-    /// Arms or moves it. A time that has passed fires in the next turn, never inside this call.
+    /// Arms it, or changes its time. If the time has passed, it fires in the next turn, never inside this call.
     void arm(time_point at);
     void disarm() noexcept { armed_ = false; }
     bool armed() const noexcept { return armed_; }
@@ -123,12 +123,12 @@ private:
     std::shared_ptr<flushable> held_; // while it is listed, by whoever asked for that
 };
 
-/// The place where one component (or several) and its connections run: an executor on which nothing runs
+/// The event loop of one or several components and their connections: an executor on which nothing runs
 /// concurrently, its clock and its timers.
 ///
 /// Work is done in **turns**: a turn begins when bytes or a timer arrive, and at its end the coroutines that
-/// became ready are resumed and then everything that was written is flushed, so that what belongs together
-/// leaves in one system call and coroutines are never resumed from within a data structure that changes.
+/// became ready are resumed and then everything that was written is flushed. So related data
+/// leave in one system call, and coroutines are never resumed from within a data structure that changes.
 class loop {
 public:
     using executor_type = asio::any_io_executor;
@@ -148,7 +148,7 @@ public:
     const executor_type& get_executor() const noexcept { return executor_; }
     ise::environment& env() noexcept { return environment_; }
 
-    /// Monotonic time; read once a turn, fresh outside of turns.
+    /// Monotonic time; read once per turn, and anew outside of turns.
     time_point now() const { return depth_ > 0 ? turn_time_ : environment_.now(); }
 
     /// The same to some milliseconds, however long this turn has lasted: for whatever must not begin too late.
@@ -158,7 +158,7 @@ public:
         return now();
     }
 
-    /// Whether the calling thread is inside this loop now.
+    /// Whether the calling thread is running this loop.
     bool running_here() const { return running_here_(); }
 
     /// Runs `ready` at the end of the present turn, or soon where there is none. On the loop only.

@@ -18,7 +18,7 @@ namespace ise {
 /// The scope must be empty (`size() == 0`) when it is destroyed: stop and join first.
 class task_scope {
 public:
-    /// Hears of an exception that escaped from a child; cancellation after `stop()` is none.
+    /// Called with an exception that escaped from a child, except cancellation after `stop()`.
     using failure_handler = std::function<void(const std::string& name, std::exception_ptr)>;
 
     task_scope(loop& owner, failure_handler on_failure);
@@ -26,9 +26,9 @@ public:
     task_scope(const task_scope&) = delete;
     task_scope& operator=(const task_scope&) = delete;
 
-    /// Starts `body` on the loop's executor (or `executor`, which must lie on it), at the next turn at the latest.
-    /// Gives the child's own cancellation, valid until it ends; null if it has ended already, and after `stop()`, when
-    /// nothing is started any more.
+    /// Starts `body` on the loop's executor (or `executor`, which must belong to it), at the next turn at the latest.
+    /// Returns the child's own cancellation, valid until it ends; null if it has ended already, and after `stop()`, when
+    /// nothing is started.
     asio::cancellation_signal* spawn(std::string name, task<> body);
     asio::cancellation_signal* spawn(std::string name, task<> body, asio::any_io_executor executor);
 
@@ -36,13 +36,13 @@ public:
     void stop();
     bool stopping() const noexcept { return stopping_; }
 
-    /// Completes when no child is left. One coroutine at a time; cancellation ends the wait only.
+    /// Completes when no child is left. One coroutine at a time. Cancellation: terminal, ends only the wait.
     task<> join();
-    /// The same until `at`; false if some still run then.
+    /// The same until `at`; false if children are still running then.
     task<bool> join_until(time_point at);
 
     std::size_t size() const noexcept { return roster_->children.size(); }
-    /// Who still runs.
+    /// The names of the running children.
     std::vector<std::string> running() const;
 
 private:
@@ -70,7 +70,7 @@ private:
     bool stopping_ = false;
 };
 
-/// Whether an exception is the mark of a cancelled coroutine.
+/// Whether an exception means that a coroutine was cancelled.
 bool is_cancellation(const std::exception_ptr& problem) noexcept;
 
 /// The text of any exception, for a log or a peer.

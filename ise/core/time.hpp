@@ -21,13 +21,13 @@ struct steady {
 
 /// Lengths of time throughout ISE, in nanoseconds; every `std::chrono` duration of whole units converts.
 using duration = steady::duration;
-/// Times of the monotonic clock; they mean something within one environment only.
+/// Times of the monotonic clock, valid within one environment only.
 using time_point = steady::time_point;
 
 /// Civil time, UTC, as packets carry it.
 using wall_time = std::chrono::sys_time<std::chrono::nanoseconds>;
 
-/// `at` + `after` that stops at the end of time instead of wrapping.
+/// `at` + `after`, saturating instead of overflowing.
 constexpr time_point saturating_add(time_point at, duration after) noexcept {
     if (after > time_point::max() - at) return time_point::max();
     return at + after;

@@ -5,8 +5,8 @@
 
 namespace ise {
 
-/// The real world: the machine's clocks, threads, sockets and serial ports. One a process; it outlives the
-/// nodes and loops made from it: its destructor waits for the threads of its loops, and for offloaded work.
+/// The real world: the machine's clocks, threads, sockets and serial ports. One per process. It must outlive the
+/// nodes and loops made from it; its destructor waits for the threads of its loops, and for offloaded work.
 class real_environment final : public environment {
 public:
     real_environment();
