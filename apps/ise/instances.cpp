@@ -22,7 +22,7 @@ std::string process_of(const instantiation::instance_text& what) {
     return what.process.empty() ? text : fmt::format("{} ({})", text, what.process);
 }
 
-// What became of it last, and what is wrong with it now.
+// Its last state change, and its present problems.
 std::string remarks(const instantiation::instance_text& what) {
     std::string text = what.rebuilt ? "program was rebuilt" : "";
     auto add = [&](const std::string& more) { text += (text.empty() ? "" : "; ") + more; };

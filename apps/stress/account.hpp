@@ -28,7 +28,7 @@ struct sample {
     std::array<std::uint64_t, 2> packets{}, unseen{}, held{}, open{}; ///< of the nodes
     bool whole = true;             ///< nothing is down
     std::size_t processes = 0, resident_kib = 0, descriptors = 0; ///< real clock: of all processes together
-    /// What is down takes no memory, and what waits for the radio takes some for a while: neither tells whether it grows.
+    /// Stopped components use no memory, and packets that wait for the radio use some temporarily: neither shows growth.
     bool settled() const noexcept { return whole && xbee_waiting < 256; }
 };
 

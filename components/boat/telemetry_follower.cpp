@@ -107,7 +107,7 @@ void telemetry_follower::on_page(const ise::result<track_page>& page) {
     }
     for (const auto& packet : page->packets)
         if (!knows(packet)) tell(packet);
-    // What came live meanwhile is known as well. A number that the page does not name any more is that of an earlier
+    // Packets received live meanwhile are known as well. A number that the page does not name any more is that of an earlier
     // life of a store, whose present number stands for it.
     auto before = std::exchange(seen, page->seen);
     for (auto& [store, position] : seen)

@@ -93,7 +93,7 @@ struct instance_text {
     std::string type;
     std::string program;
     instance_state state = instance_state::starting;
-    std::string reason;                 ///< what became of it last
+    std::string reason;                 ///< of its last state change
     std::int32_t process_id = 0;        ///< 0: none runs
     wall_time since{};                  ///< of the state
     std::uint32_t restarts = 0;

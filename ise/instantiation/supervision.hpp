@@ -48,7 +48,7 @@ public:
     time_point next() const noexcept { return next_; }
 
     instance_state state() const noexcept { return state_; }
-    /// What became of it last.
+    /// The reason of its last state change.
     const std::string& reason() const noexcept { return reason_; }
     std::uint32_t restarts() const noexcept { return restarts_; }
     /// Nothing runs, and nothing is going to.

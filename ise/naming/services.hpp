@@ -72,7 +72,7 @@ struct component_claim {
     std::string waits_for; ///< for people; empty: nothing, or not for long
 };
 
-/// Claims names, or tells what has changed of them; renews the node's lease too.
+/// Claims names, or reports changes of claims; renews the node's lease too.
 struct register_request {
     node_identity node;                ///< who claims
     duration lease{};                  ///< wanted
@@ -159,7 +159,7 @@ struct withdraw_request {
 /// Withdrawing always succeeds.
 struct withdraw_response {};
 
-/// A process has died. Whoever started it says so, and nobody else can: it alone knows the mark that it gave the process.
+/// A process has died. Only the program that started it can report this: it alone knows the mark that it gave the process.
 struct ended_request {
     /// Random, of `least_mark_bytes` at least; in the environment of the process, as `launch_mark_variable`.
     std::string launch_mark;
@@ -172,7 +172,7 @@ struct ended_response {
 
 // --- what others ask ----------------------------------------------------------------------------------------------
 
-/// Asks who holds a name.
+/// Requests the holder of a name.
 struct resolve_request {
     /// Exactly.
     std::string path;
@@ -213,7 +213,7 @@ struct role_members {
     std::vector<role_member> members; ///< best first
     bool certain = true; ///< false: the server has just restarted, and there may be more
 };
-/// Asks who holds a name, and waits for somebody.
+/// Requests the holder of a name, and waits until there is one.
 struct await_request {
     /// Exactly.
     std::string path;
@@ -280,7 +280,7 @@ struct lost_request {
     std::string prefix; ///< as in list_request
 };
 
-/// A name whose lease ran out: its holder neither gave it back, nor was it reported dead, and nobody has held it since.
+/// A name whose lease expired: its holder neither released it nor was reported dead, and no other holder followed.
 struct lost_name {
     std::string path;             ///< held until then
     std::string host_name;        ///< of the holder, for people
@@ -325,10 +325,10 @@ inline constexpr request_response<renew_request, renew_response> renew{"ise.name
 inline constexpr request_response<withdraw_request, withdraw_response> withdraw{"ise.names.withdraw"};
 /// Ends the leases of a process that has died, before they run out. errc::refused: no mark that a process is started with.
 inline constexpr request_response<ended_request, ended_response> ended{"ise.names.ended"};
-/// The holder of a name, or where there is none the members of a role. errc::no_such_name: nobody is there;
+/// The holder of a name, or if there is none the members of a role. errc::no_such_name: neither exists;
 /// errc::name_server_lost: the server has just restarted and cannot say.
 inline constexpr request_response<resolve_request, resolve_response> resolve{"ise.names.resolve"};
-/// Answers when somebody holds it, or without a holder after the wait.
+/// Answers when there is a holder, or without one after the wait.
 inline constexpr request_response<await_request, await_response> wait_for{"ise.names.await"};
 /// Lists names, in pages.
 inline constexpr request_response<list_request, list_response> list{"ise.names.list"};
@@ -339,7 +339,7 @@ inline constexpr request_response<lost_request, lost_response> lost{"ise.names.l
 /// Tells of changes.
 inline constexpr subscription<name_events, watch_request> watch{"ise.names.watch"};
 
-/// The first packet tells who is there, the next ones come with every change; each replaces the one before.
+/// The first packet has the present members, the next ones follow every change; each replaces the previous one.
 inline constexpr subscription<role_members, role_request> role_changes{"ise.names.role"};
 
 /// The variable that carries the mark of a process, through all that it starts.

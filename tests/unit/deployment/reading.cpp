@@ -146,7 +146,7 @@ TEST_CASE("what is no TOML is told with its place") {
     CHECK_THAT(files("").wrong(), Contains("no 'name'") && Contains("no host") && Contains("no component"));
 }
 
-TEST_CASE("a text without quotes is told to be put into some") {
+TEST_CASE("the error for a text without quotes asks for quotes") {
     CHECK(files("name = boat\n").wrong() == "sea.toml:1:8: boat is not a value: put it in quotes, \"boat\"\n");
     CHECK_THAT(at_sea("[components.a]\ntype=trouble # ours\n").wrong(), Contains("sea.toml:5:6: trouble is not a value: put it in quotes, \"trouble\""));
     CHECK_THAT(files("[variables]\nports = /run/sea\n").wrong(), Contains("put it in quotes, \"/run/sea\""));
