@@ -1,6 +1,6 @@
 #pragma once
 #include <ise/packet/concept.hpp>
-#include <ise/service/contract.hpp>
+#include <ise/session/contract.hpp>
 
 #include <cstddef>
 #include <cstdint>

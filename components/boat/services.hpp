@@ -1,7 +1,7 @@
 #pragma once
 #include <components/boat/telecommand.hpp>
 
-#include <ise/service/contract.hpp>
+#include <ise/session/contract.hpp>
 
 #include <cstddef>
 #include <optional>

@@ -1,5 +1,5 @@
 #pragma once
-#include <ise/service/contract.hpp>
+#include <ise/session/contract.hpp>
 
 #include <cstdint>
 #include <optional>

@@ -1,4 +1,5 @@
 #pragma once
+#include <ise/call/provide.hpp>
 #include <ise/component/introspection.hpp>
 #include <ise/component/runnable.hpp>
 #include <ise/core/blocking_outcome.hpp>
@@ -6,10 +7,9 @@
 #include <ise/core/log.hpp>
 #include <ise/core/sleep.hpp>
 #include <ise/core/task.hpp>
-#include <ise/service/provide.hpp>
-#include <ise/service/publication.hpp>
 #include <ise/service/remote.hpp>
 #include <ise/service/role_options.hpp>
+#include <ise/subscription/publication.hpp>
 
 #include <functional>
 #include <memory>

@@ -1,10 +1,10 @@
 #include <ise/component/component_runner.hpp>
 
+#include <ise/call/provide.hpp>
 #include <ise/component/health.hpp>
 #include <ise/naming/name_resolver.hpp>
-#include <ise/service/provide.hpp>
-#include <ise/service/publication_core.hpp>
 #include <ise/service/session.hpp>
+#include <ise/subscription/publication_core.hpp>
 
 #include <asio/bind_cancellation_slot.hpp>
 #include <asio/co_spawn.hpp>

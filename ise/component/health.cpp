@@ -1,8 +1,8 @@
 #include <ise/component/health.hpp>
 
-#include <ise/service/publication_core.hpp>
 #include <ise/service/service_host.hpp>
 #include <ise/service/session.hpp>
+#include <ise/subscription/publication_core.hpp>
 
 namespace ise {
 namespace {

@@ -1,6 +1,6 @@
 #pragma once
 #include <ise/core/time.hpp>
-#include <ise/service/contract.hpp>
+#include <ise/session/contract.hpp>
 
 #include <cstdint>
 #include <string>

@@ -3,7 +3,7 @@
 #include <ise/core/log.hpp>
 #include <ise/core/time.hpp>
 #include <ise/net/security.hpp>
-#include <ise/service/service_options.hpp>
+#include <ise/session/service_options.hpp>
 
 #include <asio/any_io_executor.hpp>
 

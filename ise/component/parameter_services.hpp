@@ -1,6 +1,6 @@
 #pragma once
 #include <ise/component/parameter.hpp>
-#include <ise/service/contract.hpp>
+#include <ise/session/contract.hpp>
 
 #include <string>
 #include <vector>

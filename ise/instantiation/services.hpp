@@ -2,7 +2,7 @@
 #include <ise/component/type_text.hpp>
 #include <ise/core/time.hpp>
 #include <ise/instantiation/limits.hpp>
-#include <ise/service/contract.hpp>
+#include <ise/session/contract.hpp>
 
 #include <cstdint>
 #include <map>

@@ -2,8 +2,8 @@
 #include <ise/core/endpoint.hpp>
 #include <ise/core/result.hpp>
 #include <ise/core/task.hpp>
-#include <ise/service/contract.hpp>
 #include <ise/service/dispatcher.hpp>
+#include <ise/session/contract.hpp>
 
 #include <cstdint>
 #include <functional>

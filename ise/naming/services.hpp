@@ -1,7 +1,7 @@
 #pragma once
 #include <ise/core/endpoint.hpp>
 #include <ise/core/time.hpp>
-#include <ise/service/contract.hpp>
+#include <ise/session/contract.hpp>
 
 #include <algorithm>
 #include <cstdint>

@@ -1,9 +1,9 @@
 #pragma once
+#include <ise/call/call_service.hpp>
 #include <ise/core/result.hpp>
-#include <ise/service/call_service.hpp>
-#include <ise/service/contract.hpp>
-#include <ise/service/publication_core.hpp>
-#include <ise/service/schema_book.hpp>
+#include <ise/session/contract.hpp>
+#include <ise/session/schema_book.hpp>
+#include <ise/subscription/publication_core.hpp>
 
 #include <map>
 #include <memory>

@@ -1,8 +1,8 @@
 #pragma once
+#include <ise/call/call_completion.hpp>
 #include <ise/packet/codec.hpp>
-#include <ise/service/call_completion.hpp>
-#include <ise/service/contract.hpp>
-#include <ise/service/stream_of.hpp>
+#include <ise/session/contract.hpp>
+#include <ise/subscription/stream_of.hpp>
 
 #include <asio/associated_cancellation_slot.hpp>
 #include <asio/associated_executor.hpp>

@@ -1,11 +1,11 @@
 #pragma once
+#include <ise/call/reply_window.hpp>
 #include <ise/service/dispatcher.hpp>
 #include <ise/service/link.hpp>
 #include <ise/service/peer_sessions.hpp>
-#include <ise/service/reply_window.hpp>
-#include <ise/service/service_runtime.hpp>
 #include <ise/service/session_acceptor.hpp>
 #include <ise/service/use_book.hpp>
+#include <ise/session/service_runtime.hpp>
 
 #include <map>
 #include <memory>

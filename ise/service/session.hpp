@@ -1,9 +1,9 @@
 #pragma once
-#include <ise/service/conversation.hpp>
-#include <ise/service/incoming_calls.hpp>
-#include <ise/service/incoming_subscriptions.hpp>
-#include <ise/service/outgoing_calls.hpp>
-#include <ise/service/outgoing_subscriptions.hpp>
+#include <ise/call/incoming_calls.hpp>
+#include <ise/call/outgoing_calls.hpp>
+#include <ise/session/conversation.hpp>
+#include <ise/subscription/incoming_subscriptions.hpp>
+#include <ise/subscription/outgoing_subscriptions.hpp>
 
 #include <functional>
 #include <memory>

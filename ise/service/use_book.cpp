@@ -1,7 +1,7 @@
 #include <ise/service/use_book.hpp>
 
 #include <ise/core/limits.hpp>
-#include <ise/service/service_runtime.hpp>
+#include <ise/session/service_runtime.hpp>
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>

@@ -1,7 +1,7 @@
 #pragma once
 #include <ise/core/loop.hpp>
 #include <ise/core/time.hpp>
-#include <ise/service/contract.hpp>
+#include <ise/session/contract.hpp>
 
 #include <cstdint>
 #include <functional>

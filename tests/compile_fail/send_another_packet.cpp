@@ -1,5 +1,5 @@
 // expect: ise: this publication publishes packets of another type
-#include <ise/service/publication.hpp>
+#include <ise/subscription/publication.hpp>
 
 struct fix {
     double latitude_deg = 0;

@@ -9,7 +9,7 @@ from pathlib import Path, PurePosixPath
 
 from cpp_tokens import files_below, read
 
-RANK = {"core": 0, "packet": 1, "wire": 2, "net": 3, "service": 4, "naming": 5, "component": 6, "name_server": 7, "instantiation": 7, "deployment": 8}
+RANK = {"core": 0, "packet": 1, "wire": 2, "net": 3, "session": 4, "call": 5, "subscription": 5, "service": 6, "naming": 7, "component": 8, "name_server": 9, "instantiation": 9, "deployment": 10}
 SIM_MAY = {"core", "net", "sim"}
 SHARED_COMPONENTS = {"boat", "gprs", "http", "iridium", "iridium_mail", "mail", "storage", "xbee"}  # what other components may include
 FOREIGN = ("nlohmann", "spdlog", "CLI", "boost", "curl", "sqlite3.h", "openssl", "toml++", "http_parser.h", "catch2")

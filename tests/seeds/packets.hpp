@@ -1,6 +1,6 @@
 // What the components of a random deployment say to each other, in two versions that live side by side.
 #pragma once
-#include <ise/service/contract.hpp>
+#include <ise/session/contract.hpp>
 
 #include <ise/sim/random.hpp>
 

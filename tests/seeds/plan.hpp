@@ -1,5 +1,5 @@
 #pragma once
-#include <ise/service/subscriber_core.hpp>
+#include <ise/subscription/subscriber_core.hpp>
 
 #include <cstdint>
 #include <string>

@@ -3,7 +3,7 @@
 #include "packets.hpp"
 #include "sabotage.hpp"
 
-#include <ise/service/subscriber_core.hpp>
+#include <ise/subscription/subscriber_core.hpp>
 
 #include <map>
 #include <optional>

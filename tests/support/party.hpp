@@ -1,11 +1,11 @@
 #pragma once
+#include <ise/call/provide.hpp>
 #include <ise/core/environment.hpp>
 #include <ise/core/sleep.hpp>
-#include <ise/service/provide.hpp>
-#include <ise/service/publication.hpp>
 #include <ise/service/remote.hpp>
 #include <ise/service/service_host.hpp>
 #include <ise/service/session.hpp>
+#include <ise/subscription/publication.hpp>
 
 #include <asio/bind_cancellation_slot.hpp>
 #include <asio/co_spawn.hpp>

@@ -1,7 +1,7 @@
 // What is left where memory has run out.
 #include "counting.hpp"
 
-#include <ise/service/reply_window.hpp>
+#include <ise/call/reply_window.hpp>
 #include <ise/service/session.hpp>
 #include <support/catch.hpp>
 

@@ -1,6 +1,6 @@
 // What a provided service tells of its times, queues and losses.
+#include <ise/call/service_meter.hpp>
 #include <ise/component/health.hpp>
-#include <ise/service/service_meter.hpp>
 
 #include <support/boat_services.hpp>
 #include <support/catch.hpp>

@@ -4,7 +4,7 @@
 #include <support/catch.hpp>
 #include <support/party.hpp>
 
-#include <ise/service/call_service.hpp>
+#include <ise/call/call_service.hpp>
 #include <ise/sim/world.hpp>
 
 #include <fmt/format.h>

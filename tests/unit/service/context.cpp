@@ -1,4 +1,4 @@
-#include <ise/service/context.hpp>
+#include <ise/call/context.hpp>
 
 #include <support/catch.hpp>
 

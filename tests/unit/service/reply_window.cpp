@@ -1,4 +1,4 @@
-#include <ise/service/reply_window.hpp>
+#include <ise/call/reply_window.hpp>
 #include <ise/service/session.hpp>
 #include <support/catch.hpp>
 

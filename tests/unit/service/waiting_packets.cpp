@@ -1,5 +1,5 @@
-#include <ise/service/packet_frame.hpp>
-#include <ise/service/waiting_packets.hpp>
+#include <ise/subscription/packet_frame.hpp>
+#include <ise/subscription/waiting_packets.hpp>
 
 #include <support/catch.hpp>
 

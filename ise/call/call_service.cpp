@@ -1,0 +1,243 @@
+#include <ise/call/call_service.hpp>
+
+#include <ise/call/waiting_calls.hpp>
+#include <ise/session/service_runtime.hpp>
+
+#include <asio/use_awaitable.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace ise {
+
+call_worker::call_worker(call_service& service, service_runtime& runtime)
+    : service_(service), runtime_(runtime), wake_(runtime.on(), nullptr), deadline_(runtime.on(), [this] { expire(); }) {}
+
+task<bool> call_worker::next() {
+    return asio::async_initiate<const asio::use_awaitable_t<>, void(bool)>(
+        [this](auto handler) {
+            wake_.begin(std::move(handler));
+            service_.idle(*this);
+        },
+        asio::use_awaitable);
+}
+
+void call_worker::begin(incoming_call call, time_point began) {
+    call_ = std::move(call);
+    began_ = began;
+    busy_ = wanted_ = true;
+    context_ = service_.context_of_call(*call_.from, call_);
+    deadline_.arm(call_.deadline);
+    wake_.resume(true);
+}
+
+// A call that leads back to the handler that made it can only be among those that came while it ran.
+void call_worker::note_waiting(const call_origin& from) {
+    if (!busy_ || !context_.waiting.empty()) return;
+    waiting_ = from.caller_name();
+    context_.waiting = waiting_;
+}
+
+// Those that came with it in the same turn may have taken long.
+bool call_worker::may_begin() {
+    if (wanted_ && !service_.refuse_late(*call_.from, call_)) return true;
+    finish();
+    call_.from.reset();
+    return false;
+}
+
+// Whether somebody waits for the answer.
+bool call_worker::finish() {
+    deadline_.disarm();
+    if (began_ != time_point::max()) service_.meter_.handled(runtime_.env().now() - began_);
+    busy_ = false;
+    return std::exchange(wanted_, false);
+}
+
+// The caller has been told, and so is the handler; its own outcome comes too late.
+void call_worker::expire() {
+    if (!std::exchange(wanted_, false)) return;
+    auto cycle = suspected_cycle(context_);
+    auto text = fmt::format("'{}' did not finish before its deadline{}", service_.name(), cycle);
+    if (!cycle.empty()) runtime_.tell(peer_trouble::handler, text, call_.from->caller_name());
+    call_.from->refuse(call_.id, failure(errc::timed_out, std::move(text), execution::unknown));
+    give_up();
+}
+
+void call_worker::give_up() {
+    if (busy_ && cancel_) cancel_->emit(asio::cancellation_type::terminal);
+}
+
+void call_worker::answer(outgoing_packet response) {
+    if (finish()) call_.from->reply(call_.id, response);
+    call_.from.reset();
+}
+
+void call_worker::answer(const failure& why) {
+    service_.tell_failure(*call_.from, why);
+    if (finish()) call_.from->refuse(call_.id, why);
+    call_.from.reset();
+}
+
+call_service::call_service(service_runtime& runtime, std::string name, const packet_types& types, serve_options options)
+    : runtime_(runtime), name_(std::move(name)), types_(types), options_(options), waiting_(std::make_unique<waiting_calls>()) {}
+
+call_service::~call_service() = default;
+
+std::size_t call_service::waiting() const noexcept { return waiting_->size(); }
+
+void call_service::serve(call_origin& from, incoming_call call, incoming_packet request) {
+    if (stopped_) {
+        from.refuse(call.id, failure(errc::cancelled, fmt::format("'{}' is not provided any more", name_)));
+        return;
+    }
+    if (refuse_late(from, call)) return;
+    request.adapt = call.adapt;
+    const bool measured = meter_.samples(runtime_.on().now());
+    auto began = measured ? runtime_.env().now() : time_point::max();
+    try {
+        if (serve_now(from, call, request)) {
+            meter_.begins();
+            if (measured) meter_.handled(runtime_.env().now() - began);
+            return;
+        }
+        call.from = from.held();
+        if (may_begin(from) && begin(call, request, began)) {
+            meter_.begins();
+            return;
+        }
+    } catch (const error& thrown) {
+        from.refuse(call.id, thrown.why());
+        return;
+    } catch (const std::exception& thrown) {
+        from.refuse(call.id, failure(errc::handler_failed, thrown.what(), execution::unknown));
+        return;
+    }
+    // A new worker takes the request from the queue as soon as its coroutine has come up.
+    bool more_workers = workers_.size() < options_.concurrent && may_begin(from);
+    if (options_.concurrent == 1 && !workers_.empty()) workers_.front()->note_waiting(from);
+    waiting_->push(waiting_call{std::move(call), request.keep(), measured ? began : runtime_.env().now()});
+    while (auto beyond = waiting_->overflow(options_.waiting, options_.waiting_bytes))
+        refuse_overloaded(*beyond->call.from, beyond->call, failure(errc::overloaded, fmt::format("'{}' has {} requests of {} bytes waiting (waiting, waiting_bytes)", name_, waiting_->size(), waiting_->bytes_held())));
+    if (more_workers) add_worker();
+}
+
+void call_service::tell_failure(const call_origin& from, const failure& why) {
+    if (why.code() == errc::handler_failed) runtime_.tell(peer_trouble::handler, fmt::format("a handler of '{}' failed: {}", name_, why.message()), from.caller_name());
+}
+
+bool call_service::refuse_late(call_origin& to, const incoming_call& call) {
+    if (call.deadline > runtime_.on().fresh_now()) return false;
+    meter_.refused_expired();
+    runtime_.counts().refused(errc::timed_out);
+    to.refuse(call.id, failure(errc::timed_out, fmt::format("'{}' was too busy to begin in time", name_)));
+    return true;
+}
+
+void call_service::refuse_overloaded(call_origin& to, const incoming_call& call, const failure& why) {
+    meter_.refused_overloaded();
+    runtime_.counts().refused(why.code());
+    to.refuse(call.id, why);
+}
+
+bool call_service::may_begin(const call_origin& from) const {
+    auto most = options_.concurrent < 4 ? options_.concurrent : options_.concurrent - options_.concurrent / 4;
+    if (running() < most) return true;
+    auto theirs = std::ranges::count_if(workers_, [&](const auto& worker) { return worker->call_.from.get() == &from; });
+    return static_cast<std::size_t>(theirs) < most;
+}
+
+bool call_service::begin(incoming_call& call, incoming_packet& request, time_point began) {
+    if (idle_.empty()) return false;
+    auto* worker = idle_.back();
+    worker->load(request);
+    idle_.pop_back();
+    worker->begin(std::move(call), began);
+    return true;
+}
+
+void call_service::add_worker() {
+    workers_.push_back(make_worker());
+    auto& worker = *workers_.back();
+    auto body = [](std::shared_ptr<call_service> keep, call_worker& who) -> task<> {
+        // Also where the loop ends under a handler: the session that called must not hold itself through its call.
+        struct leaving {
+            call_service& of;
+            call_worker& who;
+            ~leaving() {
+                who.cancel_ = nullptr;
+                if (!of.runtime_.on().abandoned()) return;
+                auto calls = of.waiting_->take_all();
+                who.wanted_ = false;
+                auto call = std::exchange(who.call_, {});
+            }
+        } guard{*keep, who};
+        co_await who.run();
+    };
+    auto executor = with_context(runtime_.on().get_executor(), &worker.context_);
+    worker.cancel_ = runtime_.scope().spawn("handler of " + name_, body(shared_from_this(), worker), std::move(executor));
+    if (worker.cancel_) return;
+    workers_.pop_back();
+    for (auto& entry : waiting_->take_all()) entry.call.from->refuse(entry.call.id, failure(errc::cancelled, "the component stops"));
+}
+
+void call_service::idle(call_worker& worker) {
+    worker.busy_ = false;
+    if (stopped_ || runtime_.scope().stopping()) {
+        worker.wake_.resume(false);
+        return;
+    }
+    idle_.push_back(&worker);
+    while (!waiting_->empty()) {
+        auto found = waiting_->pop([this](const call_origin& from) { return may_begin(from); });
+        if (!found) return;
+        auto& next = *found;
+        auto now = runtime_.env().now(); // the turn may have lasted
+        if (refuse_late(*next.call.from, next.call)) continue;
+        try {
+            incoming_packet request(next.request);
+            request.adapt = next.call.adapt;
+            begin(next.call, request, now);
+            meter_.begins(now - next.since);
+            return;
+        } catch (const error& thrown) {
+            next.call.from->refuse(next.call.id, thrown.why());
+        }
+    }
+}
+
+// The caller is gone: nobody is answered any more.
+void call_service::withdraw(const call_origin& from, std::uint64_t id) {
+    waiting_->withdraw(from, id);
+    for (auto& worker : workers_) {
+        if (!worker->wanted_ || worker->call_.from.get() != &from || worker->call_.id != id) continue;
+        worker->wanted_ = false;
+        worker->deadline_.disarm();
+        worker->give_up();
+        return;
+    }
+}
+
+void call_service::stop() {
+    stopped_ = true;
+    for (auto& entry : waiting_->take_all()) entry.call.from->refuse(entry.call.id, failure(errc::cancelled, fmt::format("'{}' is not provided any more", name_)));
+    for (auto* worker : std::exchange(idle_, {})) worker->wake_.resume(false);
+    // Those who wait for a handler that runs are told now, before the sessions say goodbye.
+    for (auto& worker : workers_) {
+        worker->deadline_.disarm();
+        if (std::exchange(worker->wanted_, false)) worker->call_.from->refuse(worker->call_.id, failure(errc::cancelled, fmt::format("'{}' was stopped while it ran", name_), execution::unknown));
+        worker->give_up();
+    }
+}
+
+call_context call_service::context_of_call(const call_origin& from, const incoming_call& call) const {
+    call_context made;
+    made.service = name_;
+    made.caller = from.caller();
+    made.deadline = call.deadline;
+    made.trace = call.trace;
+    return made;
+}
+
+} // namespace ise

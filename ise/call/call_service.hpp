@@ -1,0 +1,133 @@
+#pragma once
+#include <ise/call/context.hpp>
+#include <ise/call/incoming_call.hpp>
+#include <ise/call/service_meter.hpp>
+#include <ise/core/task.hpp>
+#include <ise/core/waiter.hpp>
+#include <ise/session/carried_packet.hpp>
+#include <ise/session/contract.hpp>
+
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace ise {
+
+class service_runtime;
+class call_service;
+class waiting_calls;
+
+/// One coroutine that answers requests of one service, one after the other, and is kept for the next: starting a
+/// coroutine for each call costs more than the call.
+class call_worker {
+public:
+    call_worker(call_service& service, service_runtime& runtime);
+    virtual ~call_worker() = default;
+
+    /// Cancels the handler that runs now.
+    void give_up();
+
+protected:
+    friend class call_service;
+    /// The loop of the coroutine: `next()`, handle, `answer…`, until it returns false.
+    virtual task<> run() = 0;
+    /// Takes a request for the next turn; may throw.
+    virtual void load(incoming_packet& request) = 0;
+
+    /// Waits for the next call; false: no more will come. Only the service ends this wait: to hear of a cancellation costs
+    /// memory, at each call.
+    task<bool> next();
+    /// Whether somebody still waits for it and it is not too late to begin; else it is over.
+    bool may_begin();
+    void answer(outgoing_packet response);
+    void answer(const failure& why);
+    const call_context& context() const noexcept { return context_; }
+
+private:
+    void begin(incoming_call call, time_point began);
+    void note_waiting(const call_origin& from);
+    bool finish();
+    void expire();
+
+    call_service& service_;
+    service_runtime& runtime_;
+    waiter<bool> wake_;
+    asio::cancellation_signal* cancel_ = nullptr; // of its coroutine
+    timer deadline_;
+    incoming_call call_; // context_ borrows the name of who called
+    bool wanted_ = false; // somebody waits for the answer
+    time_point began_ = time_point::max(); // max: it is not measured
+    call_context context_;
+    std::string waiting_; // context_ borrows it
+    bool busy_ = false;
+};
+
+/// How a service is served.
+struct serve_options {
+    std::size_t concurrent = 256; ///< handlers at once; more wait. 1: exclusive. From 4 on, one session has three quarters at most
+    std::size_t waiting = 1024;   ///< requests that may wait; beyond, the session that has most of them is refused as overloaded
+    std::size_t waiting_bytes = std::size_t{64} << 20; ///< of these requests together; the same
+};
+
+/// One provided request-response service; its typed part makes workers, or answers at once.
+class call_service : public std::enable_shared_from_this<call_service> {
+public:
+    call_service(service_runtime& runtime, std::string name, const packet_types& types, serve_options options);
+    virtual ~call_service();
+
+    const std::string& name() const noexcept { return name_; }
+    const packet_types& types() const noexcept { return types_; }
+
+    void serve(call_origin& from, incoming_call call, incoming_packet request);
+    /// Requests of a session that ended, or that the caller gave up.
+    void withdraw(const call_origin& from, std::uint64_t id);
+    void stop();
+    std::size_t running() const noexcept { return workers_.size() - idle_.size(); }
+    std::size_t waiting() const noexcept;
+    service_meter& meter() noexcept { return meter_; }
+
+protected:
+    /// Answers at once, without a coroutine: for handlers that are plain functions. False: a worker is needed.
+    virtual bool serve_now(call_origin& from, const incoming_call& call, incoming_packet& request) = 0;
+    virtual std::unique_ptr<call_worker> make_worker() = 0;
+    call_context context_of_call(const call_origin& from, const incoming_call& call) const;
+    /// Logs what a handler threw, at a bounded rate.
+    void tell_failure(const call_origin& from, const failure& why);
+    service_runtime& runtime() noexcept { return runtime_; }
+
+private:
+    friend class call_worker;
+    void idle(call_worker& worker);
+    bool begin(incoming_call& call, incoming_packet& request, time_point began); // false: no worker is idle
+    void refuse_overloaded(call_origin& to, const incoming_call& call, const failure& why);
+    bool refuse_late(call_origin& to, const incoming_call& call);
+    void add_worker();
+
+    // One session never has every handler, where there are several: the others' calls go on.
+    bool may_begin(const call_origin& from) const;
+
+    service_runtime& runtime_;
+    std::string name_;
+    const packet_types& types_;
+    serve_options options_;
+    std::vector<std::unique_ptr<call_worker>> workers_;
+    std::vector<call_worker*> idle_;
+    std::unique_ptr<waiting_calls> waiting_;
+    service_meter meter_;
+    bool stopped_ = false;
+};
+
+/// Where request-response services are looked up.
+class call_directory {
+public:
+    /// Null where there is none.
+    virtual std::shared_ptr<call_service> find_calls(std::string_view name) const = 0;
+    /// Why there is none, for whoever called it.
+    virtual failure no_calls(std::string_view name) const = 0;
+
+protected:
+    ~call_directory() = default;
+};
+
+} // namespace ise

@@ -1,0 +1,401 @@
+#include <ise/call/incoming_calls.hpp>
+
+#include <ise/core/limits.hpp>
+#include <ise/packet/codec.hpp>
+#include <ise/packet/compatibility.hpp>
+#include <ise/wire/body.hpp>
+#include <ise/wire/request_head.hpp>
+
+#include <fmt/format.h>
+
+namespace ise {
+namespace {
+
+std::uint32_t slot_of(std::uint64_t id) noexcept { return static_cast<std::uint32_t>(id); }
+
+// Where the answers of numbered calls are encoded, before they are kept: one for all on a loop.
+struct answer_room {
+    static constexpr std::size_t most_kept = 4096;
+    buffer frame;
+
+    buffer& cleared() {
+        if (frame.capacity() > most_kept) frame = buffer();
+        frame.clear();
+        return frame;
+    }
+};
+
+failure replies_not_taken(std::size_t unsent, execution state) {
+    return failure(errc::overloaded, fmt::format("{} bytes of replies wait for being taken (max_unsent_bytes)", unsent), state);
+}
+
+} // namespace
+
+result<void> incoming_calls::on_introduce(const wire::frame& received) {
+    auto introduced = wire::read_body<wire::introduction>(received.body);
+    if (!introduced) return introduced.error();
+    if (received.header.id != bindings_.size()) return failure(errc::protocol_error, "a service was introduced with a number out of turn");
+    if (bindings_.size() >= limit::introduced_services)
+        return failure(errc::overloaded, fmt::format("more than {} services were introduced (introduced_services)", limit::introduced_services));
+    if (auto wrong = objection_to(*introduced)) return *wrong;
+    auto made = std::make_unique<binding>();
+    made->name = std::move(introduced->service);
+    bindings_.push_back(std::move(made));
+    bind(*bindings_.back(), introduced->fingerprints);
+    return {};
+}
+
+reply_window& incoming_calls::replies() {
+    if (!replies_) {
+        replies_ = answered_.of(over_.peer().reply_key, over_.peer().incarnation, over_.on().now());
+        self_ = std::shared_ptr<incoming_calls>(over_.shared_from_this(), this);
+    }
+    return *replies_;
+}
+
+reply_window::place incoming_calls::here(std::uint64_t id) {
+    reply_window::place made;
+    made.over = self_;
+    made.id = id;
+    return made;
+}
+
+result<void> incoming_calls::on_request(const wire::frame& received) {
+    auto malformed = [](std::string_view what) { return failure(errc::protocol_error, fmt::format("a request came {}", what)); };
+    const auto flags = received.header.flags;
+    auto told = wire::request_head::read(flags, received.body);
+    if (!told) return malformed("with half a head");
+    const bytes_view packet = received.body.subspan(wire::request_head::size(flags));
+    const bool until = (flags & wire::flag::until) && over_.wire().tells_clock();
+    if (told->time_ns < 0 && !until) return malformed("with a negative time");
+    if (told->service >= bindings_.size()) return malformed("for a service that was not introduced");
+    const bool numbered = flags & wire::flag::numbered;
+    if (numbered && (!over_.wire().lossy() || over_.peer().incarnation == 0)) return malformed("with a number that makes no sense");
+    auto id = received.header.id;
+    request_head head;
+    head.id = id;
+    head.trace.trace = told->trace;
+    head.trace.parent = told->parent;
+    head.number = told->number;
+    head.again = numbered && (flags & wire::flag::again);
+    auto& runtime = over_.runtime();
+    if (slot_of(id) >= runtime.options().max_calls_per_session) {
+        turn_away(head, failure(errc::overloaded, fmt::format("more than {} calls of one session at once (max_calls_per_session)", runtime.options().max_calls_per_session)));
+        return {};
+    }
+    if (slot_of(id) < running_.size() && running_[slot_of(id)].of) return malformed("with the number of a call that runs");
+    if (auto good = over_.takes_answers(); !good) return good;
+    if (auto unsent = over_.wire().out().pending_call_bytes(); unsent > runtime.options().max_unsent_bytes) {
+        turn_away(head, replies_not_taken(unsent, execution::not_executed));
+        return {};
+    }
+
+    head.deadline = until ? time_point(duration(told->time_ns)) : saturating_add(over_.on().now(), duration(told->time_ns));
+    auto& of = *bindings_[told->service];
+    if (of.now == state::refused) {
+        turn_away(head, of.why);
+    } else if (of.now == state::comparing) {
+        incoming_packet request(packet, received.object);
+        if (of.held.size() >= limit::held_requests || held_bytes_ + request.size() > limit::held_bytes) {
+            turn_away(head, failure(errc::overloaded, fmt::format("{} requests wait for the schemas of '{}' (held_requests, held_bytes)", of.held.size(), of.name)));
+        } else {
+            held_bytes_ += request.size();
+            ++held_;
+            of.held.push_back(held_request{head, request.keep()});
+        }
+    } else {
+        serve(of, head, incoming_packet(packet, received.object));
+    }
+    return {};
+}
+
+void incoming_calls::bind(binding& made, const std::vector<std::uint64_t>& fingerprints) {
+    made.service = services_.find_calls(made.name);
+    if (!made.service) {
+        made.now = state::refused;
+        made.why = services_.no_calls(made.name);
+        return;
+    }
+    const auto& ours = made.service->types();
+    if (fingerprints == ours.fingerprints) return;
+    if (fingerprints.size() != ours.fingerprints.size()) {
+        made.now = state::refused;
+        made.why = failure(errc::type_mismatch, fmt::format("'{}' has {} packets here, {} at the caller", made.name,
+                                                            ours.fingerprints.size(), fingerprints.size()));
+        return;
+    }
+    made.now = state::comparing;
+    if (fingerprints[role::response] != ours.fingerprints[role::response]) {
+        // Ahead of every reply, which it overtakes.
+        wire::provider_packets told;
+        told.fingerprints = ours.fingerprints;
+        over_.send_ahead(wire::frame_type::answers, bindings_.size() - 1, [&](buffer& body) { encode(told, body); });
+    }
+    compare(static_cast<std::uint32_t>(bindings_.size() - 1), fingerprints);
+}
+
+void incoming_calls::compare(std::uint32_t number, std::vector<std::uint64_t> fingerprints) {
+    auto decide = [this, number](std::optional<failure> problem) {
+        auto& of = *bindings_[number];
+        of.now = problem ? state::refused : state::ready;
+        if (problem) {
+            over_.runtime().tell(peer_trouble::mismatch, problem->message(), over_.caller_name());
+            of.why = std::move(*problem);
+        }
+        for (auto& request : std::exchange(of.held, {})) {
+            held_bytes_ -= request.request.size();
+            --held_;
+            if (of.now == state::ready) {
+                serve(of, request.head, incoming_packet(request.request));
+            } else {
+                turn_away(request.head, of.why);
+            }
+        }
+    };
+    auto told = [this, number, decide](const std::vector<schema>& theirs) {
+        auto& of = *bindings_[number];
+        const auto& ours = of.service->types();
+        std::string diff;
+        if (auto wrong = incompatibility(ours.schemas[role::request], theirs[role::request]))
+            diff += fmt::format("request: {}", *wrong);
+        if (auto wrong = incompatibility(theirs[role::response], ours.schemas[role::response]))
+            diff += fmt::format("{}response: {}", diff.empty() ? "" : "\n", *wrong);
+        if (!diff.empty())
+            return decide(failure(errc::type_mismatch, fmt::format("the packets of '{}' differ incompatibly:\n{}", of.name, diff)));
+        if (theirs[role::request].fingerprint() != ours.fingerprints[role::request])
+            of.request = std::make_unique<adapter>(theirs[role::request], ours.schemas[role::request]);
+        decide(std::nullopt);
+    };
+    over_.schemas().need(std::move(fingerprints), told, [decide](const failure& why) { decide(why); });
+}
+
+// Before it is looked up what became of it, if it may have come before.
+void incoming_calls::turn_away(const request_head& head, failure why) {
+    over_.runtime().counts().refused(why.code());
+    refuse(head.id, head.again ? failure(why.code(), why.message(), execution::unknown) : why);
+}
+
+void incoming_calls::serve(binding& of, const request_head& head, incoming_packet request) {
+    auto& runtime = over_.runtime();
+    if (head.deadline <= runtime.on().now()) {
+        of.service->meter().refused_expired();
+        turn_away(head, failure(errc::timed_out, fmt::format("'{}' was asked too late: the deadline had passed before the request was read", of.name)));
+        return;
+    }
+    if (head.number != 0 && seen_before(of, head)) return;
+    occupy(of, head, false);
+    incoming_call call;
+    call.id = head.id;
+    call.deadline = head.deadline;
+    call.trace = head.trace;
+    call.adapt = of.request.get();
+    ++runtime.counts().calls_served;
+    of.service->serve(*this, std::move(call), std::move(request));
+}
+
+void incoming_calls::occupy(binding& of, const request_head& head, bool elsewhere) {
+    auto slot = slot_of(head.id);
+    if (slot >= running_.size()) running_.resize(slot + 1);
+    running_[slot].of = &of;
+    running_[slot].id = head.id;
+    running_[slot].number = head.number;
+    running_[slot].elsewhere = elsewhere;
+    running_[slot].orphaned_until = time_point::max();
+    ++running_count_;
+}
+
+// A call that the client makes again after its session was lost: it runs once, and its answer goes to where it asked last.
+bool incoming_calls::seen_before(binding& of, const request_head& head) {
+    auto& window = replies();
+    switch (window.look(head.number, head.again)) {
+        case reply_window::state::fresh:
+            window.begin(head.number, here(head.id), head.deadline, over_.on().now());
+            return false;
+        case reply_window::state::running:
+            window.redirect(head.number, here(head.id));
+            occupy(of, head, true);
+            return true;
+        case reply_window::state::answered:
+            send_answer(head.id, *window.answer(head.number));
+            return true;
+        case reply_window::state::forgotten: break;
+    }
+    over_.runtime().counts().refused(errc::peer_lost);
+    refuse(head.id, failure(errc::peer_lost, fmt::format("'{}' may have been executed before the session was lost; it was not resent within its linger, or its answer is no longer kept (max_replies, max_reply_bytes, max_kept_bytes, idle_caller_life)", of.name), execution::unknown));
+    return true;
+}
+
+// The caller has gone on: it gets no answer.
+void incoming_calls::on_cancel(std::uint64_t id) {
+    auto slot = slot_of(id);
+    if (slot < running_.size() && running_[slot].id == id && running_[slot].of) {
+        auto running = running_[slot];
+        auto service = running.of->service;
+        forget(id);
+        if (running.elsewhere) {
+            auto origin = replies().origin(running.number);
+            auto over = origin ? origin->over.lock() : nullptr;
+            if (over) over->on_cancel(origin->id);
+            return;
+        }
+        if (running.number != 0) replies().give_up(running.number);
+        service->withdraw(*this, id);
+        return;
+    }
+    if (held_ == 0) return;
+    for (auto& of : bindings_)
+        std::erase_if(of->held, [&](const held_request& entry) {
+            if (entry.head.id != id) return false;
+            held_bytes_ -= entry.request.size();
+            --held_;
+            return true;
+        });
+}
+
+void incoming_calls::forget(std::uint64_t id) noexcept {
+    auto slot = slot_of(id);
+    if (slot >= running_.size() || running_[slot].id != id || !running_[slot].of) return;
+    running_[slot].of = nullptr;
+    --running_count_;
+}
+
+void incoming_calls::orphan(std::uint64_t id) {
+    auto slot = slot_of(id);
+    if (slot >= running_.size() || running_[slot].id != id || !running_[slot].of) return;
+    auto& runtime = over_.runtime();
+    running_[slot].orphaned_until = saturating_add(runtime.on().now(), runtime.options().linger);
+    if (!orphans_) orphans_ = std::make_unique<timer>(runtime.on(), [this] { end_orphans(); });
+    if (!orphans_->armed()) orphans_->arm(running_[slot].orphaned_until); // the others come later
+}
+
+bool incoming_calls::awaited(const running_call& call) {
+    const auto* to = replies().destination(call.number);
+    auto over = to ? to->over.lock() : nullptr;
+    return over && over->over_.open();
+}
+
+void incoming_calls::end_orphans() {
+    over_.on().later([held = over_.shared_from_this()] {}); // its last call may go now
+    auto now = over_.on().now();
+    auto next = time_point::max();
+    for (auto& entry : running_) {
+        if (!entry.of || entry.orphaned_until == time_point::max()) continue;
+        if (entry.orphaned_until > now) {
+            next = std::min(next, entry.orphaned_until);
+            continue;
+        }
+        entry.orphaned_until = time_point::max();
+        if (!awaited(entry)) on_cancel(entry.id);
+    }
+    if (next != time_point::max()) orphans_->arm(next);
+}
+
+void incoming_calls::on_session_end() {
+    auto held = over_.shared_from_this();
+    if (replies_) replies_->touch(over_.on().now());
+    for (auto& entry : running_) {
+        if (!entry.of) continue;
+        // Who numbers its calls may come back for the answer.
+        if (entry.number == 0) {
+            on_cancel(entry.id);
+        } else if (entry.elsewhere) {
+            forget(entry.id);
+            auto origin = replies().origin(entry.number);
+            auto over = origin ? origin->over.lock() : nullptr;
+            if (over) over->orphan(origin->id);
+        } else {
+            orphan(entry.id);
+        }
+    }
+}
+
+void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
+    auto slot = slot_of(id);
+    if (slot >= running_.size() || running_[slot].id != id || !running_[slot].of) return;
+    auto& of = *running_[slot].of;
+    auto number = running_[slot].number;
+    if (number == 0) forget(id);
+    if (number == 0 && !over_.open()) return;
+    auto& wire = over_.wire();
+    if (auto unsent = wire.out().pending_call_bytes(); number == 0 && unsent > over_.runtime().options().max_unsent_bytes) {
+        refuse(id, replies_not_taken(unsent, execution::unknown));
+        return;
+    }
+    buffer& out = number == 0 ? wire.out().begin_call() : over_.on().common<answer_room>().cleared();
+    std::size_t start = out.size();
+    passed_object object;
+    std::optional<failure> problem;
+    try {
+        if (wire.passes_objects() && response.is_object()) object = response.pass();
+        wire::put_frame(out, wire::frame_type::reply, object ? wire::flag::beside : std::uint8_t{0}, id, [&](buffer& body) {
+            if (!object) response.write(body);
+        });
+        auto size = out.size() - start - wire::frame_header::size + object.weight();
+        auto most = wire.terms().peer_accepts.max_message_bytes;
+        if (size > most) problem.emplace(errc::too_large, fmt::format("the response of '{}' has {} bytes, its caller accepts {} (max_message_bytes)", of.name, size, most), execution::unknown);
+    } catch (const std::exception& thrown) {
+        problem.emplace(errc::handler_failed, fmt::format("the response of '{}' cannot be encoded: {}", of.name, thrown.what()), execution::unknown);
+    }
+    if (problem) {
+        out.truncate(start);
+        refuse(id, *problem);
+        return;
+    }
+    if (number != 0) {
+        forget(id);
+        answer_numbered(number, out.view());
+        return;
+    }
+    if (object) wire.out().end_call(std::move(object));
+    else wire.out().end_call();
+    wire.written();
+}
+
+void incoming_calls::answer_numbered(std::uint64_t number, bytes_view frame) {
+    auto& runtime = over_.runtime();
+    auto now = runtime.on().now();
+    auto to = replies().finish(number, frame, now);
+    answered_.tidy(now);
+    auto over = to ? to->over.lock() : nullptr;
+    if (over) over->send_answer(to->id, frame);
+}
+
+void incoming_calls::send_answer(std::uint64_t id, bytes_view frame) {
+    forget(id);
+    if (!over_.open()) return;
+    auto& wire = over_.wire();
+    auto unsent = wire.out().pending_call_bytes();
+    if (unsent > over_.runtime().options().max_unsent_bytes && wire::read_header(frame.data()).type == wire::frame_type::reply) {
+        refuse(id, replies_not_taken(unsent, execution::unknown));
+        return;
+    }
+    buffer& out = wire.out().begin_call();
+    std::size_t start = out.size();
+    out.append(frame);
+    detail::store_little(out.data() + start + 8, id);
+    wire.out().end_call();
+    wire.written();
+}
+
+void incoming_calls::refuse(std::uint64_t id, const failure& why) {
+    auto slot = slot_of(id);
+    std::uint64_t number = slot < running_.size() && running_[slot].id == id && running_[slot].of ? running_[slot].number : 0;
+    forget(id);
+    if (number == 0 && !over_.open()) return;
+    wire::call_failure told;
+    told.code = static_cast<std::uint8_t>(why.code());
+    told.execution = static_cast<std::uint8_t>(why.executed());
+    told.reason = why.message();
+    auto& wire = over_.wire();
+    buffer kept;
+    buffer& out = number == 0 ? wire.out().begin_call() : kept;
+    wire::put_frame(out, wire::frame_type::error, 0, id, [&](buffer& body) { encode(told, body); });
+    if (number != 0) {
+        answer_numbered(number, kept.view());
+        return;
+    }
+    wire.out().end_call();
+    wire.written();
+}
+
+} // namespace ise

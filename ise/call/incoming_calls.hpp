@@ -1,0 +1,97 @@
+#pragma once
+#include <ise/call/call_service.hpp>
+#include <ise/call/reply_window.hpp>
+#include <ise/core/loop.hpp>
+#include <ise/core/result.hpp>
+#include <ise/session/conversation.hpp>
+#include <ise/wire/frame.hpp>
+#include <ise/wire/messages.hpp>
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace ise {
+
+/// The requests that come over one session: which service they mean, and whether its packets fit.
+class incoming_calls final : public call_origin {
+public:
+    incoming_calls(conversation& over, const call_directory& services, reply_windows& answered) : over_(over), services_(services), answered_(answered) {}
+
+    result<void> on_introduce(const wire::frame& received);
+    result<void> on_request(const wire::frame& received);
+    void on_cancel(std::uint64_t id);
+    void on_session_end();
+
+    /// Answers a request.
+    void reply(std::uint64_t id, outgoing_packet response) override;
+    void refuse(std::uint64_t id, const failure& why) override;
+    const std::string& caller() const noexcept override { return over_.peer_name(); }
+    std::string caller_name() const override { return over_.caller_name(); }
+    std::shared_ptr<call_origin> held() override { return {over_.shared_from_this(), this}; }
+    /// Sends an answer that was made before, or for another session: a whole frame, whose id is replaced.
+    void send_answer(std::uint64_t id, bytes_view frame);
+
+    /// Nobody waits for a numbered call any more: within the linger somebody may come back for it, then it is cancelled.
+    void orphan(std::uint64_t id);
+
+    std::size_t running() const noexcept { return running_count_; }
+
+private:
+    enum class state : std::uint8_t { ready, comparing, refused };
+    struct request_head {
+        std::uint64_t id = 0;
+        time_point deadline{};
+        trace_id trace;
+        std::uint64_t number = 0; // outlives the session; 0: none
+        bool again = false;       // may have been sent before
+    };
+    struct held_request {
+        request_head head;
+        kept_packet request;
+    };
+    struct binding {
+        std::string name;
+        std::shared_ptr<call_service> service;
+        state now = state::ready;
+        failure why{errc::no_such_service, {}};
+        std::unique_ptr<adapter> request;
+        std::vector<held_request> held;
+    };
+    struct running_call {
+        binding* of = nullptr;
+        std::uint64_t id = 0;
+        std::uint64_t number = 0;
+        bool elsewhere = false; // it runs for an earlier session; its answer comes here
+        time_point orphaned_until = time_point::max();
+    };
+
+    void bind(binding& made, const std::vector<std::uint64_t>& fingerprints);
+    void compare(std::uint32_t number, std::vector<std::uint64_t> fingerprints);
+    void turn_away(const request_head& head, failure why);
+    void forget(std::uint64_t id) noexcept;
+    void serve(binding& of, const request_head& head, incoming_packet request);
+    bool seen_before(binding& of, const request_head& head);
+    void occupy(binding& of, const request_head& head, bool elsewhere);
+    bool awaited(const running_call& call);
+    void end_orphans();
+    void answer_numbered(std::uint64_t number, bytes_view frame);
+    /// What the peer was answered, over this session and those before.
+    reply_window& replies();
+    reply_window::place here(std::uint64_t id);
+
+    conversation& over_;
+    const call_directory& services_;
+    reply_windows& answered_;
+    std::shared_ptr<reply_window> replies_; // once it has numbered a call
+    std::weak_ptr<incoming_calls> self_;    // the same
+    std::vector<std::unique_ptr<binding>> bindings_; // by the caller's number
+    std::vector<running_call> running_;              // by the call's slot
+    std::size_t running_count_ = 0;
+    std::unique_ptr<timer> orphans_; // once there are some
+    std::size_t held_ = 0; // requests, of all bindings
+    std::size_t held_bytes_ = 0;
+};
+
+} // namespace ise

@@ -1,0 +1,244 @@
+#include <ise/call/outgoing_calls.hpp>
+
+#include <ise/core/limits.hpp>
+#include <ise/packet/codec.hpp>
+#include <ise/packet/compatibility.hpp>
+#include <ise/wire/body.hpp>
+#include <ise/wire/request_head.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace ise {
+
+using wire::frame_type;
+
+namespace {
+
+std::uint64_t call_id(std::uint32_t slot, std::uint32_t generation) noexcept {
+    return static_cast<std::uint64_t>(generation) << 32 | slot;
+}
+
+} // namespace
+
+std::uint32_t outgoing_calls::number_of(const pending_call& call) {
+    for (std::size_t number = 0; number < introduced_.size(); ++number)
+        if (introduced_[number]->types == call.types && introduced_[number]->name == call.service) return static_cast<std::uint32_t>(number);
+    auto made = std::make_unique<introduced>();
+    made->name = call.service;
+    made->types = call.types;
+    introduced_.push_back(std::move(made));
+    over_.runtime().schemas().add_own(*call.types);
+    call.owner->on_first_call(call.service, *call.types);
+    auto number = static_cast<std::uint32_t>(introduced_.size() - 1);
+    introduce(number);
+    return number;
+}
+
+// A control frame: it overtakes requests, of which each may be given up before it was written.
+void outgoing_calls::introduce(std::uint32_t number) {
+    wire::introduction told;
+    told.service = introduced_[number]->name;
+    told.fingerprints = introduced_[number]->types->fingerprints;
+    over_.send_ahead(frame_type::introduce, number, [&](buffer& body) { encode(told, body); });
+}
+
+bool outgoing_calls::send(pending_call& call, outgoing_packet request) {
+    auto& connection = over_.wire();
+    if (connection.out().pending_call_bytes() > over_.runtime().options().max_unsent_bytes) return false;
+    if (free_slots_.empty()) {
+        auto most = std::min(connection.terms().peer_accepts.max_calls, 1u << 20);
+        if (slots_.size() >= most) return false;
+        slots_.emplace_back();
+        free_slots_.push_back(static_cast<std::uint32_t>(slots_.size() - 1));
+    }
+    wire::request_head head;
+    head.service = number_of(call);
+    head.time_ns = call.deadline.time_since_epoch().count(); // the outbox makes it the peer's
+    head.trace = call.trace.trace;
+    head.parent = call.trace.parent;
+    std::uint32_t at = free_slots_.back();
+    call.id = call_id(at, slots_[at].generation);
+    const std::uint8_t again = call.number != 0 ? wire::flag::again : std::uint8_t{0};
+    // Where sessions come and go more lightly, what was asked can be asked again.
+    const bool numbered = connection.lossy() && call.owner->goes_on();
+    if (numbered && call.number == 0) call.number = call.owner->next_number();
+    if (numbered) head.number = call.number;
+    std::uint8_t flags = head.flags() | again;
+
+    passed_object object;
+    if (connection.passes_objects() && request.is_object()) {
+        object = request.pass();
+        flags |= wire::flag::beside;
+    }
+    auto& out = connection.out().begin_call();
+    std::size_t start = out.size();
+    try {
+        wire::put_frame(out, frame_type::request, flags, call.id, [&](buffer& body) {
+            head.put(body);
+            if (object) return;
+            auto packet = body.size();
+            request.write(body);
+            if (!numbered) return;
+            call.waiting.clear();
+            call.waiting.raw.append(body.view().subspan(packet));
+        });
+        auto size = out.size() - start - wire::frame_header::size + object.weight();
+        auto most = connection.terms().peer_accepts.max_message_bytes;
+        if (size > most)
+            throw error(errc::too_large, fmt::format("the request of '{}' has {} bytes, {} accepts {} (max_message_bytes){}", call.service, size,
+                                                     over_.peer_name(), most, connection.lossy() ? " over udp: split it, or use tcp" : ""));
+    } catch (...) {
+        out.truncate(start);
+        throw;
+    }
+    free_slots_.pop_back();
+    slots_[at].call = &call;
+    slots_[at].service = head.service;
+    call.moves(call_state::sent, *this);
+    call.sent_to = over_.peer().incarnation;
+    if (object) connection.out().end_call(std::move(object));
+    else connection.out().end_call();
+    connection.written();
+    return true;
+}
+
+failure outgoing_calls::let_go(pending_call& call, errc why) {
+    take_slot(call.id);
+    auto& connection = over_.wire();
+    if (connection.open()) {
+        if (!connection.out().withdraw(call.id)) wire::put_frame(connection.out().control(), frame_type::cancel, 0, call.id, [](buffer&) {});
+        connection.written();
+    }
+    const auto& who = call.owner->name();
+    if (why == errc::cancelled) return {why, fmt::format("the call of '{}' at {} was cancelled", call.service, who), execution::unknown};
+    return {why, fmt::format("'{}' at {} did not answer in time", call.service, who), execution::unknown};
+}
+
+outgoing_calls::slot* outgoing_calls::find_slot(std::uint64_t id) noexcept {
+    auto at = static_cast<std::uint32_t>(id);
+    if (at >= slots_.size() || !slots_[at].call || call_id(at, slots_[at].generation) != id) return nullptr;
+    return &slots_[at];
+}
+
+pending_call& outgoing_calls::free_slot(slot& of) {
+    ++of.generation;
+    free_slots_.push_back(static_cast<std::uint32_t>(&of - slots_.data()));
+    return *std::exchange(of.call, nullptr);
+}
+
+pending_call* outgoing_calls::take_slot(std::uint64_t id) {
+    auto* found = find_slot(id);
+    return found ? &free_slot(*found) : nullptr;
+}
+
+result<void> outgoing_calls::on_reply(const wire::frame& received) {
+    auto* found = find_slot(received.header.id);
+    if (!found) {
+        ++calls_.late_replies;
+        return {};
+    }
+    auto& service = *introduced_[found->service];
+    if (service.adapting) {
+        incoming_packet response(received.body, received.object);
+        held_reply_bytes_ += response.size();
+        if (service.held.size() >= limit::held_replies || held_reply_bytes_ > limit::held_bytes)
+            return failure(errc::overloaded, fmt::format("{} replies of '{}' wait for its schema (held_replies, held_bytes)", service.held.size(), service.name));
+        service.held.emplace_back(received.header.id, response.keep());
+        return {};
+    }
+    complete(free_slot(*found), service, incoming_packet(received.body, received.object));
+    return {};
+}
+
+result<void> outgoing_calls::on_answers(const wire::frame& received) {
+    auto told = wire::read_body<wire::provider_packets>(received.body);
+    if (!told) return told.error();
+    if (received.header.id >= introduced_.size()) return failure(errc::protocol_error, "the packets of a service came that was not introduced");
+    auto& service = *introduced_[received.header.id]; // stays where it is
+    if (service.adapting || service.response) return failure(errc::protocol_error, fmt::format("the packets of '{}' came twice", service.name));
+    if (told->fingerprints.size() != service.types->fingerprints.size())
+        return failure(errc::protocol_error, fmt::format("'{}' was answered with the packets of another kind", service.name));
+    if (told->fingerprints[role::response] == service.types->fingerprints[role::response]) return {};
+    service.adapting = true;
+    over_.schemas().need({told->fingerprints[role::response]},
+        [this, &service](const std::vector<schema>& theirs) {
+            try {
+                service.response = std::make_unique<adapter>(theirs[0], service.types->schemas[role::response]);
+                release(service, nullptr);
+            } catch (const error& incompatible) {
+                release(service, &incompatible.why());
+            }
+        },
+        [this, &service](const failure& why) { release(service, &why); });
+    return {};
+}
+
+void outgoing_calls::release(introduced& service, const failure* problem) {
+    service.adapting = false;
+    for (auto& [id, response] : std::exchange(service.held, {})) {
+        held_reply_bytes_ -= response.size();
+        auto* call = take_slot(id);
+        if (!call) {
+            ++calls_.late_replies;
+        } else if (!problem) {
+            complete(*call, service, incoming_packet(response));
+        } else {
+            calls_.fail(*call, failure(problem->code(), fmt::format("the response of '{}' from {}: {}", service.name, over_.peer_name(), problem->message()), execution::unknown));
+        }
+    }
+}
+
+void outgoing_calls::complete(pending_call& call, introduced& service, incoming_packet response) {
+    call_outcome outcome;
+    response.adapt = service.response.get();
+    outcome.response = &response;
+    calls_.end(call, outcome);
+}
+
+result<void> outgoing_calls::on_error(const wire::frame& received) {
+    auto told = wire::read_body<wire::call_failure>(received.body);
+    if (!told) return told.error();
+    auto* call = take_slot(received.header.id);
+    if (!call) {
+        ++calls_.late_replies;
+        return {};
+    }
+    auto state = told->execution == 0 ? execution::not_executed : execution::unknown;
+    auto text = fmt::format("'{}' at {}: {}", call->service, over_.peer_name(), told->reason);
+    calls_.fail(*call, failure(static_cast<errc>(told->code), std::move(text), state));
+    return {};
+}
+
+void outgoing_calls::on_session_end(const failure& cause, call_owner* owner) {
+    // Requests of which no byte was written go on waiting; the others may have run.
+    over_.wire().take_unwritten([&](const wire::frame& unwritten) {
+        const auto& header = unwritten.header;
+        auto* call = take_slot(header.id);
+        if (!call) return; // given up
+        bool ours = owner && call->owner.get() == owner; // one over another link to this session ends with it
+        if (ours && (header.flags & wire::flag::again)) {
+            owner->repeat(*call); // an earlier session may have carried it
+        } else if (ours) {
+            owner->requeue(*call, incoming_packet(unwritten.body.subspan(wire::request_head::size(header.flags)), unwritten.object).keep());
+        } else {
+            calls_.fail(*call, failure(errc::peer_lost, fmt::format("'{}': the session ended before it was called: {}", call->service, cause.message())));
+        }
+    });
+    for (auto& left : slots_) {
+        if (!left.call) continue;
+        auto& call = free_slot(left);
+        if (call.number != 0 && owner && call.owner.get() == owner && !over_.runtime().stopping()) {
+            owner->repeat(call);
+            continue;
+        }
+        calls_.fail(call, failure(errc::peer_lost, fmt::format("'{}': the session ended before the answer: {}", call.service, cause.message()), execution::unknown));
+    }
+}
+
+void outgoing_calls::add_used(std::set<std::string>& names) const {
+    for (const auto& one : introduced_) names.insert(one->name);
+}
+
+} // namespace ise

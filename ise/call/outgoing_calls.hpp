@@ -1,0 +1,67 @@
+#pragma once
+#include <ise/call/pending_call.hpp>
+#include <ise/core/result.hpp>
+#include <ise/session/conversation.hpp>
+
+#include <memory>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace ise {
+
+/// The calls that this side makes over one session: their numbers, and whose response a reply is.
+class outgoing_calls final : public call_holder {
+public:
+    outgoing_calls(conversation& over, call_desk& calls) : over_(over), calls_(calls) {}
+
+    /// Sends a request; false where too much is pending (the call is untouched). Throws what writing it throws, and
+    /// errc::too_large where the peer would not take it.
+    bool send(pending_call& call, outgoing_packet request);
+    /// Those that are not answered yet.
+    std::size_t pending() const noexcept { return slots_.size() - free_slots_.size(); }
+    failure let_go(pending_call& call, errc why) override;
+
+    result<void> on_reply(const wire::frame& received);
+    result<void> on_error(const wire::frame& received);
+    result<void> on_answers(const wire::frame& received);
+    /// Calls that go on do so at `owner`, if they are its own; the others fail.
+    void on_session_end(const failure& cause, call_owner* owner);
+
+    /// Adds the names of the services that were called.
+    void add_used(std::set<std::string>& names) const;
+
+private:
+    // A service as this side introduced it to the peer.
+    struct introduced {
+        std::string name;
+        const packet_types* types;
+        std::unique_ptr<adapter> response;   // where the peer's response differs from ours
+        bool adapting = false;               // its schema was asked for; replies wait
+        std::vector<std::pair<std::uint64_t, kept_packet>> held;
+    };
+    struct slot {
+        pending_call* call = nullptr;
+        std::uint32_t generation = 0;
+        std::uint32_t service = 0;
+    };
+
+    std::uint32_t number_of(const pending_call& call);
+    /// Null where nobody waits for it any more.
+    slot* find_slot(std::uint64_t id) noexcept;
+    pending_call& free_slot(slot& of);
+    pending_call* take_slot(std::uint64_t id);
+    void introduce(std::uint32_t number);
+    void release(introduced& service, const failure* problem);
+    void complete(pending_call& call, introduced& service, incoming_packet response);
+
+    conversation& over_;
+    call_desk& calls_;
+    std::vector<std::unique_ptr<introduced>> introduced_;
+    std::vector<slot> slots_;
+    std::vector<std::uint32_t> free_slots_;
+    std::size_t held_reply_bytes_ = 0;
+};
+
+} // namespace ise

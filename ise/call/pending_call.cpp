@@ -1,0 +1,110 @@
+#include <ise/call/pending_call.hpp>
+
+#include <string>
+#include <utility>
+
+namespace ise {
+namespace {
+
+// A record that is used again keeps no more room for a request than this.
+constexpr std::size_t kept_capacity = 4096;
+
+struct cancel_operation {
+    pending_call* call;
+    void (*give_up)(pending_call&);
+    cancel_operation(pending_call* of, void (*how)(pending_call&)) : call(of), give_up(how) {}
+    void operator()(asio::cancellation_type kind) {
+        if (kind == asio::cancellation_type::none) return;
+        // A slot must not be cleared from inside its own handler: let go first.
+        if (auto* held = std::exchange(call, nullptr)) {
+            held->cancelling = true;
+            give_up(*held);
+        }
+    }
+};
+
+// Takes the place, and the memory, of one whose call has ended. Memory that Asio itself lets go when the coroutine goes on
+// is there for its next call; what was let go before, for many calls that end together, is not.
+struct nothing_to_cancel {
+    void operator()(asio::cancellation_type) const noexcept {}
+};
+
+} // namespace
+
+void let_go_of_owner::operator()(call_owner* held) const noexcept {
+    if (--held->calls_ == 0) auto last = std::move(held->self_); // may be the last of all
+}
+
+pending_call::pending_call(call_desk& of) : desk(of), alarm(of.on(), [this] { desk.give_up(*this, errc::timed_out); }) {}
+
+void pending_call::drop() noexcept {
+    alarm.disarm();
+    if (!std::exchange(cancelling, false) && slot.is_connected()) slot.clear();
+    slot = {};
+    auto dropped = std::move(done);
+}
+
+call_desk::~call_desk() {
+    for (auto& call : all_)
+        if (call->done) on_.delist(*call);
+}
+
+pending_call& call_desk::open() {
+    if (free_.empty()) {
+        all_.push_back(std::make_unique<pending_call>(*this));
+        free_.push_back(all_.back().get());
+    }
+    auto* call = free_.back();
+    free_.pop_back();
+    on_.enlist(*call);
+    return *call;
+}
+
+void call_desk::watch(pending_call& call, asio::cancellation_slot slot) {
+    call.slot = slot;
+    call.cancelling = false;
+    if (!slot.is_connected()) return;
+    slot.emplace<cancel_operation>(&call, [](pending_call& given_up) { given_up.desk.give_up(given_up, errc::cancelled); });
+}
+
+void call_desk::end(pending_call& call, const call_outcome& outcome) {
+    if (!call.done) return; // dropped: the loop has ended
+    on_.delist(call);
+    call.alarm.disarm();
+    if (!std::exchange(call.cancelling, false) && call.slot.is_connected()) call.slot.emplace<nothing_to_cancel>();
+    call.slot = {};
+    auto done = std::move(call.done);
+    auto* made_in = std::exchange(call.made_in, nullptr);
+    auto owner = std::move(call.owner); // lives until the completion has run
+    call.state = call_state::starting;
+    call.holder = nullptr;
+    call.waiting.clear();
+    if (call.waiting.raw.capacity() > kept_capacity) call.waiting.raw = buffer();
+    call.number = call.sent_to = 0;
+    free_.push_back(&call);
+    if (auto cycle = made_in && outcome.why && outcome.why->code() == errc::timed_out ? suspected_cycle(*made_in) : std::string(); !cycle.empty()) {
+        failure why(errc::timed_out, outcome.why->message() + cycle, outcome.why->executed());
+        call_outcome told;
+        told.why = &why;
+        on_.later(done(told));
+        return;
+    }
+    on_.later(done(outcome));
+}
+
+void call_desk::fail(pending_call& call, const failure& why) {
+    call_outcome outcome;
+    outcome.why = &why;
+    end(call, outcome);
+}
+
+void call_desk::abandon(pending_call& call) {
+    if (call.slot.is_connected()) call.slot.clear();
+    on_.delist(call);
+    auto dropped = std::move(call.done);
+    auto owner = std::move(call.owner);
+}
+
+void call_desk::give_up(pending_call& call, errc why) { fail(call, call.holder->let_go(call, why)); }
+
+} // namespace ise

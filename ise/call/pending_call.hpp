@@ -1,0 +1,151 @@
+#pragma once
+#include <ise/call/call_completion.hpp>
+#include <ise/call/context.hpp>
+#include <ise/core/error.hpp>
+#include <ise/core/loop.hpp>
+#include <ise/session/carried_packet.hpp>
+#include <ise/session/contract.hpp>
+
+#include <asio/cancellation_signal.hpp>
+
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace ise {
+
+class call_desk;
+class call_owner;
+struct pending_call;
+
+/// Keeps the owner of a call. All calls of one owner have one share of it together: a share for each would cost two locked
+/// instructions a call.
+struct let_go_of_owner {
+    void operator()(call_owner* held) const noexcept;
+};
+using held_owner = std::unique_ptr<call_owner, let_go_of_owner>;
+
+/// Where a call is.
+enum class call_state : std::uint8_t {
+    starting,  ///< not sent, and waits for nothing
+    waiting,   ///< for a session; it was never sent
+    sent,      ///< over a session, which may have brought it to its handler
+    repeating, ///< waits for a session again: it may have run, and is sent once more by its number
+};
+
+/// Who has a call at present: its owner while it waits, the session over which it was sent.
+class call_holder {
+public:
+    /// Nobody waits for it any more: forgets it, and says what is known of it. `why`: errc::timed_out or errc::cancelled.
+    virtual failure let_go(pending_call& call, errc why) = 0;
+
+protected:
+    ~call_holder() = default;
+};
+
+/// One call from its beginning to its outcome. Pooled: steady calling allocates none of these.
+struct pending_call final : suspended {
+    explicit pending_call(call_desk& of);
+
+    call_desk& desk;
+    std::string service;
+    const packet_types* types = nullptr;
+    time_point deadline;
+    trace_id trace;
+    const call_context* made_in = nullptr; ///< the handler that waits for it
+    call_completion done;
+    timer alarm;
+    asio::cancellation_slot slot;
+    bool cancelling = false;
+
+    call_state state = call_state::starting;
+    call_holder* holder = nullptr;       ///< null while it is starting
+    held_owner owner;                    ///< where it goes on waiting
+    std::uint64_t id = 0;                ///< on the session
+    kept_packet waiting;                 ///< the request, while there is no session, or where it may be sent again
+    std::uint64_t number = 0;            ///< by which it is sent again, once it was sent where that is possible
+    std::uint64_t sent_to = 0;           ///< the provider's life that may have executed it
+
+    /// What is known of its execution if it ends now.
+    execution executed() const noexcept {
+        return state == call_state::sent || state == call_state::repeating ? execution::unknown : execution::not_executed;
+    }
+    void moves(call_state to, call_holder& now) noexcept {
+        state = to;
+        holder = &now;
+    }
+
+private:
+    void drop() noexcept override; // the loop ends: who waits is destroyed unresumed
+};
+
+/// Who makes calls, and goes on with those that a lost session leaves.
+class call_owner {
+public:
+    /// Keeps `to` for a call; a share that is given away is taken over.
+    template <class Owner>
+    static held_owner hold(Owner&& to) {
+        call_owner& of = *to;
+        if (of.calls_++ == 0) of.self_ = std::forward<Owner>(to);
+        return held_owner(&of);
+    }
+
+    /// The provider for people.
+    virtual const std::string& name() const noexcept = 0;
+    /// Whether calls go on over its next session, where that is possible.
+    bool goes_on() const noexcept { return goes_on_; }
+    std::uint64_t next_number() noexcept { return next_number_++; }
+    /// Takes back one of which no byte was written.
+    virtual void requeue(pending_call& call, kept_packet request) = 0;
+    /// Takes back one that may have been executed, but can be sent again by its number.
+    virtual void repeat(pending_call& call) = 0;
+    /// A service is called over a session for the first time.
+    virtual void on_first_call(std::string_view service, const packet_types& types) = 0;
+
+protected:
+    call_owner(std::uint64_t first_number, bool goes_on) noexcept : next_number_(first_number), goes_on_(goes_on) {}
+    ~call_owner() = default;
+
+private:
+    friend struct let_go_of_owner;
+    std::uint64_t next_number_;
+    std::size_t calls_ = 0;            // that hold it
+    std::shared_ptr<call_owner> self_; // while there are any
+    bool goes_on_;
+};
+
+/// Makes, ends and recycles the calls of one component.
+class call_desk {
+public:
+    explicit call_desk(loop& on) : on_(on) {}
+    ~call_desk();
+
+    loop& on() noexcept { return on_; }
+    pending_call& open();
+    /// Ends a call, once: its completion runs with the outcome, and the record is free again.
+    void end(pending_call& call, const call_outcome& outcome);
+    void fail(pending_call& call, const failure& why);
+    /// The loop has ended: nothing completes it any more, whoever waits is unwound.
+    void abandon(pending_call& call);
+
+    /// Binds the cancellation of whoever waits.
+    void watch(pending_call& call, asio::cancellation_slot slot);
+
+    /// Where the numbers of an owner's calls begin: no two owners of a component share any.
+    std::uint64_t next_range() noexcept { return (++ranges_ << 40) + 1; }
+
+    std::size_t open_calls() const noexcept { return all_.size() - free_.size(); }
+    std::uint64_t late_replies = 0; ///< came after the call had ended otherwise
+
+private:
+    friend struct pending_call;
+    void give_up(pending_call& call, errc why);
+
+    loop& on_;
+    std::vector<std::unique_ptr<pending_call>> all_;
+    std::vector<pending_call*> free_;
+    std::uint64_t ranges_ = 0;
+};
+
+} // namespace ise

@@ -1,0 +1,40 @@
+#pragma once
+#include <ise/core/result.hpp>
+#include <ise/subscription/publication_core.hpp>
+#include <ise/subscription/remote_subscriber.hpp>
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <vector>
+
+namespace ise {
+
+/// The subscriptions of one session's peer.
+class incoming_subscriptions final : public subscriber_line {
+public:
+    incoming_subscriptions(conversation& over, const publication_directory& services) : subscriber_line(over), services_(services) {}
+    ~incoming_subscriptions();
+    incoming_subscriptions(const incoming_subscriptions&) = delete;
+    incoming_subscriptions& operator=(const incoming_subscriptions&) = delete;
+
+    result<void> on_subscribe(const wire::frame& received);
+    result<void> on_unsubscribe(const wire::frame& received);
+    result<void> on_credit(const wire::frame& received);
+    void on_session_end();
+    void end(std::uint64_t id, const failure& why, std::uint64_t lost) override;
+    void forget(std::uint64_t id) noexcept override { by_id_.erase(id); }
+    std::size_t size() const noexcept { return by_id_.size(); }
+
+private:
+    struct entry {
+        std::shared_ptr<publication_core> publication;
+        remote_subscriber* who = nullptr; // null while schemas are compared
+        std::unique_ptr<adapter> unsubscribe;
+    };
+    void admit(std::uint64_t id, wire::subscribe terms, const std::vector<schema>* theirs, bool takes_objects);
+    const publication_directory& services_;
+    std::map<std::uint64_t, entry> by_id_;
+};
+
+} // namespace ise

@@ -1,0 +1,106 @@
+#include <ise/subscription/outgoing_subscriptions.hpp>
+
+#include <ise/packet/codec.hpp>
+#include <ise/wire/body.hpp>
+
+#include <fmt/format.h>
+
+#include <utility>
+
+namespace ise {
+
+using wire::frame_type;
+
+void outgoing_subscriptions::subscribe(subscriber_core& subscriber) {
+    auto terms = subscriber.terms();
+    auto& connection = over_.wire();
+    auto& runtime = over_.runtime();
+    if (connection.lossy() && terms.policy == wire::overflow::lossless) {
+        subscriber.on_refused(failure(errc::invalid_argument, fmt::format("'{}' cannot be subscribed to without loss: {} is reached over udp, which loses packets; ask for the last ones, or reach it over tcp or a local socket", subscriber.service(), over_.peer_name())));
+        return;
+    }
+    auto id = next_id_++;
+    runtime.schemas().add_own(subscriber.types());
+    subscribers_.emplace(id, &subscriber);
+    subscriber.on_sent(*this, id);
+    if (terms.policy == wire::overflow::lossless) { // a publisher may wait for this side, and no longer than it hears of it
+        connection.sign_often();
+        runtime.signs()->hasten(connection.signs()->heartbeat());
+    }
+    const std::uint8_t flags = connection.passes_objects() && subscriber.takes_objects() ? wire::flag::objects : std::uint8_t{0};
+    over_.send(frame_type::subscribe, flags, id, [&](buffer& body) { encode(terms, body); });
+}
+
+void outgoing_subscriptions::unsubscribe(subscriber_core& subscriber, bytes_view farewell, std::weak_ptr<departure> waiting) {
+    auto id = subscriber.id();
+    if (subscribers_.erase(id) == 0 || !over_.open()) return;
+    if (!waiting.expired()) departures_.emplace(id, std::move(waiting));
+    over_.send(frame_type::unsubscribe, 0, id, [&](buffer& body) { body.append(farewell); });
+}
+
+void outgoing_subscriptions::on_unsubscribed(const wire::frame& received) {
+    auto found = departures_.find(received.header.id);
+    if (found == departures_.end()) return; // mostly nobody waits for it
+    auto waiting = found->second.lock();
+    departures_.erase(found);
+    if (!waiting) return; // no longer
+    waiting->outcome.emplace(bytes(received.body.begin(), received.body.end()));
+    waiting->answered.resume();
+}
+
+subscriber_core* outgoing_subscriptions::find(std::uint64_t id) const noexcept {
+    auto found = subscribers_.find(id);
+    return found == subscribers_.end() ? nullptr : found->second;
+}
+
+void outgoing_subscriptions::grant(const subscriber_core& subscriber, std::uint64_t total) {
+    if (!over_.open()) return;
+    over_.send_ahead(frame_type::credit, subscriber.id(), [&](buffer& body) { body.append(total); });
+}
+
+result<void> outgoing_subscriptions::on_subscribed(const wire::frame& received) {
+    auto answer = wire::read_body<wire::subscribed>(received.body);
+    if (!answer) return answer.error();
+    auto* subscriber = find(received.header.id);
+    if (!subscriber) return {}; // left meanwhile; the unsubscribe is on its way
+    return subscriber->on_subscribed(std::move(*answer));
+}
+
+result<void> outgoing_subscriptions::on_packet(const wire::frame& received) {
+    bytes_view body = received.body;
+    bool skipped = received.header.flags & wire::flag::skipped;
+    if (body.size() < (skipped ? 12u : 8u)) return failure(errc::protocol_error, "a packet came without its sequence");
+    auto sequence = detail::load_little<std::uint64_t>(body.data());
+    auto left_out = skipped ? detail::load_little<std::uint32_t>(body.data() + 8) : 0;
+    auto found = subscribers_.find(received.header.id);
+    if (found == subscribers_.end()) return {};
+    incoming_packet packet(body.subspan(skipped ? 12 : 8), received.object);
+    return found->second->on_packet(sequence, left_out, packet);
+}
+
+result<void> outgoing_subscriptions::on_ended(const wire::frame& received) {
+    auto why = wire::read_body<wire::ended>(received.body);
+    if (!why) return why.error();
+    auto found = subscribers_.find(received.header.id);
+    if (found == subscribers_.end()) return {};
+    auto* subscriber = found->second;
+    subscribers_.erase(found);
+    subscriber->on_ended(failure(static_cast<errc>(why->code), fmt::format("'{}' at {}: {}", subscriber->service(), over_.peer_name(), why->reason)), why->lost);
+    return {};
+}
+
+void outgoing_subscriptions::on_session_end(const failure& cause) {
+    for (auto& [id, subscriber] : std::exchange(subscribers_, {})) subscriber->on_session_end(cause);
+    for (auto& [id, left] : std::exchange(departures_, {})) {
+        auto waiting = left.lock();
+        if (!waiting) continue;
+        waiting->outcome.emplace(failure(errc::peer_lost, fmt::format("the session ended before the answer to the farewell: {}", cause.message()), execution::unknown));
+        waiting->answered.resume();
+    }
+}
+
+void outgoing_subscriptions::add_used(std::set<std::string>& names) const {
+    for (const auto& [id, subscriber] : subscribers_) names.insert(subscriber->service());
+}
+
+} // namespace ise

@@ -1,0 +1,40 @@
+#pragma once
+#include <ise/core/result.hpp>
+#include <ise/session/conversation.hpp>
+#include <ise/subscription/subscriber_core.hpp>
+
+#include <map>
+#include <memory>
+#include <set>
+#include <string>
+
+namespace ise {
+
+/// The subscriptions of this side over one session: their numbers, and whose packet it is that came.
+class outgoing_subscriptions final : public subscription_session {
+public:
+    explicit outgoing_subscriptions(conversation& over) : over_(over) {}
+
+    void subscribe(subscriber_core& subscriber);
+    conversation& over() noexcept override { return over_; }
+    void unsubscribe(subscriber_core& subscriber, bytes_view farewell, std::weak_ptr<departure> waiting) override;
+    void grant(const subscriber_core& subscriber, std::uint64_t total) override;
+    subscriber_core* find(std::uint64_t id) const noexcept override;
+
+    result<void> on_subscribed(const wire::frame& received);
+    result<void> on_packet(const wire::frame& received);
+    result<void> on_ended(const wire::frame& received);
+    void on_unsubscribed(const wire::frame& received);
+    void on_session_end(const failure& cause);
+
+    /// Adds the names of the services that are subscribed to.
+    void add_used(std::set<std::string>& names) const;
+
+private:
+    conversation& over_;
+    std::map<std::uint64_t, subscriber_core*> subscribers_;         // by subscription id
+    std::map<std::uint64_t, std::weak_ptr<departure>> departures_;  // by subscription id; those that somebody waits for
+    std::uint64_t next_id_ = 1;
+};
+
+} // namespace ise

@@ -1,0 +1,32 @@
+#include <ise/subscription/packet_queue.hpp>
+
+#include <algorithm>
+
+namespace ise {
+namespace {
+
+// What a burst took beyond this is given back when the queue has been emptied with little in it.
+constexpr std::size_t kept_bytes = 4 * 1024;
+
+} // namespace
+
+void packet_queue::make_room(std::size_t more) {
+    const auto waiting = content_.view().subspan(begin_);
+    if (begin_ > content_.capacity() / 2 && content_.capacity() - waiting.size() >= more) {
+        std::memmove(content_.data(), waiting.data(), waiting.size());
+        content_.truncate(waiting.size());
+    } else {
+        buffer grown(std::max(waiting.size() + more, content_.capacity() * 2));
+        grown.append(waiting);
+        content_ = std::move(grown);
+    }
+    begin_ = 0;
+}
+
+void packet_queue::drained() noexcept {
+    if (content_.capacity() > kept_bytes && begin_ < content_.capacity() / 8) content_ = buffer();
+    content_.clear();
+    begin_ = 0;
+}
+
+} // namespace ise

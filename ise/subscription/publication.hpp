@@ -1,0 +1,144 @@
+#pragma once
+#include <ise/packet/codec.hpp>
+#include <ise/subscription/publication_core.hpp>
+
+#include <functional>
+#include <memory>
+#include <type_traits>
+
+namespace ise {
+
+/// A subscription service that this component provides. Calling it publishes a packet to all subscribers by their policies,
+/// and never blocks. A value, cheap to copy; used on its component's loop. Functions of an empty one, such as a member
+/// that is not assigned yet, throw errc::invalid_argument.
+template <class Contract>
+class publication {
+    using packet_type = typename Contract::packet_type;
+
+public:
+    publication() = default;
+    /// Made by `component::publish`.
+    explicit publication(std::shared_ptr<publication_core> core) : core_(std::move(core)) {}
+
+    /// Publishes to all subscribers. The packet is encoded before this returns, or copied once for subscribers of this
+    /// process, which share the copy.
+    void operator()(const packet_type& packet) const { core().publish(made(packet)); }
+    /// The same by move: subscribers of this process share the moved packet, without a copy.
+    void operator()(packet_type&& packet) const { core().publish(made(std::move(packet))); }
+
+    // Compile errors for packets of another type.
+    template <class Other>
+        requires(!std::is_convertible_v<Other, packet_type>)
+    void operator()(const Other&) const {
+        static_assert(sizeof(Other) == 0, "ise: this publication publishes packets of another type: the one that its service names");
+    }
+    template <class Other>
+        requires(!std::is_convertible_v<Other, packet_type>)
+    void send(const Other& packet) const {
+        (*this)(packet);
+    }
+    template <class Other>
+        requires(!std::is_convertible_v<Other, packet_type>)
+    void try_send(const Other& packet) const {
+        (*this)(packet);
+    }
+
+    /// Publishes only to subscribers for which `wants(const subscriber_info&)` returns true, such as those with a matching
+    /// filter, or a new one that needs a snapshot. The others count the packet as skipped, not as lost.
+    template <class Wants>
+    void to_some(const packet_type& packet, Wants wants) const {
+        core().publish_to(made(packet), wants);
+    }
+
+    /// Waits until every connected lossless subscriber has room, then publishes. The subscription of one that is silent for
+    /// `longest_silence`, or takes nothing for `longest_stall`, ends. Cancellation: terminal, the packet is not published.
+    /// The packet is encoded, or copied, before this returns.
+    task<> send(const packet_type& packet) const { return send_when_room(held(), made(packet)); }
+    /// The same by move: `co_await out.send(std::move(packet))`.
+    task<> send(packet_type&& packet) const { return send_when_room(held(), made(std::move(packet))); }
+
+    /// Publishes if every lossless subscriber has room; otherwise does nothing and returns false, and the caller awaits
+    /// `send`. For publishing many packets without suspending while there is room.
+    bool try_send(const packet_type& packet) const {
+        if (!core().has_room()) return false;
+        (*this)(packet);
+        return true;
+    }
+
+    /// The number of subscribers, including unreachable ones within their linger.
+    std::size_t subscribers() const { return core().subscribers(); }
+    /// The number of packets published so far, which is the sequence number of the last one.
+    std::uint64_t published() const { return core().published(); }
+
+private:
+    const std::shared_ptr<publication_core>& held() const {
+        if (!core_) throw error(errc::invalid_argument, "an empty publication: assign what `publish(service)` gave first");
+        return core_;
+    }
+    publication_core& core() const { return *held(); }
+    template <class Packet>
+    published_packet made(Packet&& packet) const {
+        published_packet made;
+        if constexpr (travels_as_object<packet_type>) {
+            if (core().wants_object()) {
+                made.object = share_packet<packet_type>(std::forward<Packet>(packet));
+                return made;
+            }
+        }
+        made.frame = core().share([&packet](buffer& out) { encode(packet, out); });
+        made.has_frame = true;
+        return made;
+    }
+    static task<> send_when_room(std::shared_ptr<publication_core> core, published_packet packet) {
+        if (!core->has_room()) co_await core->wait_for_room();
+        core->publish(std::move(packet));
+    }
+
+    std::shared_ptr<publication_core> core_;
+};
+
+/// The same, so that `ise::publication<decltype(position)>` can be a member: the constant of a service is const.
+template <class Contract>
+class publication<const Contract> : public publication<Contract> {
+public:
+    publication() = default;
+    /// What `publish` gave.
+    publication(publication<Contract> made) : publication<Contract>(std::move(made)) {}
+};
+
+/// The provider's callbacks of a subscription; each may be empty.
+template <class Contract>
+struct publication_callbacks {
+    /// Accepts a subscriber by returning a response, or refuses it with a failure such as errc::refused.
+    std::function<result<typename Contract::subscribe_response>(const typename Contract::subscribe_request&, const subscriber_info&)> on_subscribe;
+    /// A subscriber has left (its request) or vanished (a default request).
+    std::function<typename Contract::unsubscribe_response(const typename Contract::unsubscribe_request&, const subscriber_info&)> on_unsubscribe;
+};
+
+/// Implementation of `component::publish`.
+template <class Contract>
+std::shared_ptr<publication_core> make_publication(service_runtime& runtime, const Contract& contract, publication_callbacks<Contract> callbacks = {}) {
+    auto made = std::make_shared<publication_core>(runtime, std::string(contract.name()), Contract::types());
+    auto read = [](bytes_view raw, const adapter* adapt, auto packet) {
+        if (!raw.empty() && adapt) {
+            decode_into(packet, (*adapt)(raw));
+        } else if (!raw.empty()) {
+            decode_into(packet, raw);
+        }
+        return packet;
+    };
+    made->accept = [decide = std::move(callbacks.on_subscribe), read](bytes_view raw, const adapter* adapt, const subscriber_info& who) -> result<bytes> {
+        auto request = read(raw, adapt, typename Contract::subscribe_request{});
+        if (!decide) return encode(typename Contract::subscribe_response{});
+        auto response = decide(request, who);
+        if (!response) return response.error();
+        return encode(*response);
+    };
+    made->removed = [tell = std::move(callbacks.on_unsubscribe), read](bytes_view raw, const adapter* adapt, const subscriber_info& who) {
+        auto request = read(raw, adapt, typename Contract::unsubscribe_request{});
+        return encode(tell ? tell(request, who) : typename Contract::unsubscribe_response{});
+    };
+    return made;
+}
+
+} // namespace ise

@@ -1,0 +1,287 @@
+#include <ise/subscription/publication_core.hpp>
+
+#include <ise/core/limits.hpp>
+#include <ise/packet/codec.hpp>
+#include <ise/subscription/packet_frame.hpp>
+#include <ise/subscription/remote_subscriber.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+
+namespace ise {
+
+using wire::overflow;
+
+publication_core::publication_core(service_runtime& runtime, std::string name, const packet_types& types)
+    : subscriber_group(runtime, std::move(name)), types_(types) {}
+
+publication_core::~publication_core() = default;
+
+bool publication_core::wants_object() const noexcept { return object_takers > 0 || all_.empty(); }
+
+std::size_t publication_core::subscribers() const noexcept { return all_.size(); }
+
+shared_bytes publication_core::share(function_ref<void(buffer&)> write_packet) {
+    auto& room = maker_.room();
+    room.grow(packet_frame::head_bytes); // is stamped in begin_packet
+    write_packet(room);
+    if (room.size() > std::numeric_limits<std::uint32_t>::max()) throw error(errc::too_large, fmt::format("a packet of '{}' has {} bytes, which no frame holds", name(), room.size()));
+    return maker_.share();
+}
+
+void publication_core::begin_packet(published_packet& packet) {
+    packet.sequence = sequence_ + 1;
+    if (packet.has_frame) {
+        packet_frame::stamp(shared_bytes_maker::open(packet.frame), packet.frame.size(), usual_id, packet.sequence);
+    } else if (object_takers < all_.size()) {
+        packet.frame = frame_of(packet.object, packet.sequence);
+        packet.has_frame = true;
+    }
+    ++sequence_;
+    ++runtime().counts().packets_published;
+}
+
+shared_bytes publication_core::frame_of(const shared_packet& object, std::uint64_t sequence) {
+    auto frame = share([&](buffer& out) { object.write(out); });
+    packet_frame::stamp(shared_bytes_maker::open(frame), frame.size(), usual_id, sequence);
+    return frame;
+}
+
+void publication_core::publish(published_packet packet) {
+    begin_packet(packet);
+    std::vector<std::uint64_t> too_slow;
+    for (auto& who : all_)
+        if (!who.offer(packet)) too_slow.push_back(who.info().number);
+    last_ = std::move(packet);
+    if (!too_slow.empty()) end_too_slow(too_slow);
+}
+
+void publication_core::publish_to(published_packet packet, function_ref<bool(const subscriber_info&)> wants) {
+    begin_packet(packet);
+    selective_ = true;
+    std::vector<std::uint64_t> too_slow;
+    for (auto& who : all_) {
+        if (!wants(who.info())) {
+            who.pass();
+        } else if (!who.offer(packet)) {
+            too_slow.push_back(who.info().number);
+        }
+    }
+    if (!too_slow.empty()) end_too_slow(too_slow);
+}
+
+// The last value is the newest for who comes now, also where later ones were for some only.
+std::optional<published_packet> publication_core::last_packet(bool as_object) {
+    if (!last_) return std::nullopt;
+    published_packet made;
+    made.sequence = sequence_;
+    if (as_object && last_->object) {
+        made.object = last_->object;
+        return made;
+    }
+    try {
+        if (!last_->has_frame) last_->frame = frame_of(last_->object, last_->sequence);
+        last_->has_frame = made.has_frame = true;
+        made.frame = last_->frame;
+        if (last_->sequence == sequence_) return made;
+        made.frame = share([&](buffer& out) { out.append(last_->frame.view().subspan(packet_frame::head_bytes)); });
+        packet_frame::stamp(shared_bytes_maker::open(made.frame), made.frame.size(), usual_id, sequence_);
+        return made;
+    } catch (const std::exception& thrown) { // of a packet with functions of its own
+        runtime().log().warning(thrown.what(), {{"service", name()}});
+        return std::nullopt;
+    }
+}
+
+// Once the packet has been offered to all: the user is called back, and may publish.
+void publication_core::end_too_slow(const std::vector<std::uint64_t>& numbers) {
+    for (auto number : numbers) {
+        auto found = std::find_if(all_.begin(), all_.end(), [&](const auto& who) { return who.info().number == number; });
+        if (found == all_.end()) continue;
+        ++losses.ended;
+        end(*found, failure(errc::overloaded, fmt::format("the subscriber of '{}' did not take its packets in time: {} are lost", name(), found->unsent())));
+    }
+}
+
+std::size_t publication_core::queued() const noexcept {
+    std::size_t sum = 0;
+    for (const auto& who : all_) sum += who.queued();
+    return sum;
+}
+
+bool publication_core::has_room() const noexcept {
+    if (lossless == 0) return true;
+    for (const auto& who : all_)
+        if (who.holds_up()) return false;
+    return true;
+}
+
+task<> publication_core::wait_for_room() {
+    waiter<> room(runtime().on(), [&room] { room.resume(); });
+    struct entry {
+        std::vector<waiter<>*>& all;
+        waiter<>* mine;
+        ~entry() { std::erase(all, mine); }
+    } guard{waiting_, &room};
+    waiting_.push_back(&room);
+    // The publisher offered to wait, not to be held up for ever.
+    auto began = runtime().on().now();
+    timer patience(runtime().on(), [this, &room, &patience, &began] {
+        const auto now = runtime().on().now();
+        // Where it is this side that did not come round for a while, what the subscribers sent meanwhile is still unread.
+        if (now - patience.at() > runtime().options().longest_silence / 2) began = now;
+        else end_holding_up(began);
+        room.resume();
+    });
+    while (!has_room()) {
+        auto first = time_point::max();
+        for (auto& who : all_)
+            if (who.holds_up()) first = std::min(first, who.held_up_until(began));
+        patience.arm(first);
+        co_await room.wait();
+    }
+}
+
+void publication_core::end_holding_up(time_point since) {
+    const auto now = runtime().on().now();
+    for (;;) {
+        auto found = std::ranges::find_if(all_, [&](auto& who) { return who.holds_up() && who.held_up_until(since) <= now; });
+        if (found == all_.end()) return;
+        ++losses.ended;
+        const bool silent = now < found->stalled_at(since);
+        const auto* limit = silent ? "longest_silence" : "longest_stall";
+        runtime().tell(peer_trouble::broken, fmt::format("a lossless subscriber of '{}' held up its publisher ({}) and was ended", name(), limit), found->info().peer);
+        end(*found, failure(errc::overloaded, fmt::format("the subscriber of '{}' {} for as long as it may hold up the publisher ({}): {} packets are lost", name(),
+                                                          silent ? "was not heard" : "took nothing", limit, found->unsent())));
+    }
+}
+
+// Who vanishes again and again leaves no more than this behind; the oldest goes as if its time were over.
+void publication_core::began_to_linger(remote_subscriber& who) {
+    lingering_.push_back(&who);
+    if (lingering_.size() <= runtime().options().max_lingering) return;
+    lingering_.front()->vanish_now();
+    lingering_.pop_front();
+}
+
+void publication_core::room_made() {
+    if (waiting_.empty() || !has_room()) return;
+    for (auto* room : waiting_) room->resume();
+}
+
+result<remote_subscriber*> publication_core::resume(remote_subscriber& who, const wire::subscribe& terms, bool takes_objects, wire::subscribed& answer,
+                                                        std::uint64_t& lost) {
+    const auto& wanted = terms.resume.front();
+    who.resume(terms, takes_objects);
+    if (who.overrun()) {
+        lost = who.unsent();
+        failure why(errc::overloaded, fmt::format("the subscriber of '{}' was out of reach for longer than its packets could be kept: {} are lost", name(), lost));
+        ++losses.ended;
+        drop(who);
+        return why;
+    }
+    // But for a lossless one, what was sent and did not arrive is a gap that the sequence tells.
+    answer.ticket = who.ticket();
+    answer.first_sequence = wanted.next_sequence;
+    answer.resumed = true;
+    // The latest packet may have been under way when the session ended, and none may follow for long.
+    bool missed = wanted.next_sequence <= sequence_ && who.queued() == 0;
+    if (terms.last_value && missed)
+        if (auto last = last_packet(takes_objects)) who.offer(*last);
+    return &who;
+}
+
+// Every packet, or the end.
+failure publication_core::cannot_resume(const wire::subscribe& terms, std::uint64_t& lost) const {
+    const auto& wanted = terms.resume.front();
+    const bool same_life = wanted.incarnation == runtime().self().incarnation;
+    const bool known = same_life && !selective_ && terms.min_interval_ns == 0 && wanted.next_sequence <= sequence_ + 1;
+    lost = known ? sequence_ + 1 - wanted.next_sequence : wire::unknown_loss;
+    return {errc::peer_lost, fmt::format("the subscription to '{}' without loss cannot go on: {}, and {} packets are lost", name(),
+                                         same_life ? "it was ended while its subscriber was out of reach" : "the provider was restarted, or is another one",
+                                         known ? std::to_string(lost) : "an unknown number of")};
+}
+
+result<remote_subscriber*> publication_core::subscribe(subscriber_line& from, const wire::subscribe& terms, const adapter* adapt, bool takes_objects,
+                                                           wire::subscribed& answer, std::uint64_t& lost) {
+    if (stopped_) return *stopped_;
+    answer.incarnation = runtime().self().incarnation;
+    if (!terms.resume.empty()) {
+        if (terms.resume.front().incarnation == runtime().self().incarnation)
+            for (auto& who : all_)
+                if (who.ticket() == terms.resume.front().ticket) return resume(who, terms, takes_objects, answer, lost);
+        if (terms.policy == overflow::lossless) return cannot_resume(terms, lost);
+    }
+    subscriber_info info;
+    info.peer = from.over().peer_name();
+    info.number = next_number_++;
+    bytes response;
+    if (accept) { // it may publish: who is not accepted yet gets nothing of that but the last value
+        auto decided = accept(std::as_bytes(std::span(terms.request)), adapt, info);
+        if (!decided) return decided.error();
+        response = std::move(*decided);
+    }
+    auto& who = all_.emplace_back(*this, terms, std::move(info), takes_objects);
+    answer.ticket = who.ticket();
+    answer.response.assign(reinterpret_cast<const std::uint8_t*>(response.data()),
+                           reinterpret_cast<const std::uint8_t*>(response.data()) + response.size());
+    auto last = terms.last_value ? last_packet(takes_objects) : std::nullopt;
+    answer.first_sequence = last ? sequence_ : sequence_ + 1;
+    if (last) who.offer(*last);
+    return &who;
+}
+
+bytes publication_core::unsubscribe(remote_subscriber& who, bytes_view request, const adapter* adapt) {
+    auto info = take_out(who);
+    return removed ? removed(request, adapt, info) : bytes();
+}
+
+void publication_core::end(remote_subscriber& who, const failure& why) {
+    who.end(why);
+    drop(who);
+}
+
+void publication_core::vanish(remote_subscriber& who) {
+    runtime().log().debug("a subscriber did not come back", {{"service", name()}, {"peer", who.info().peer}});
+    drop(who);
+}
+
+// The user's callback comes when nothing of the subscriber is left.
+void publication_core::drop(remote_subscriber& who) {
+    auto info = take_out(who);
+    if (!removed) return;
+    try {
+        removed({}, nullptr, info);
+    } catch (const std::exception& thrown) {
+        runtime().tell(peer_trouble::callback, fmt::format("'{}': {}", name(), thrown.what()), info.peer);
+    }
+}
+
+subscriber_info publication_core::take_out(remote_subscriber& who) {
+    std::list<remote_subscriber> gone;
+    auto found = std::find_if(all_.begin(), all_.end(), [&](const auto& entry) { return &entry == &who; });
+    gone.splice(gone.end(), all_, found);
+    auto info = gone.front().info();
+    gone.clear();
+    room_made();
+    return info;
+}
+
+void publication_core::stop(const failure& why) {
+    stopped_ = why; // also for those whose packets are compared with ours just now
+    while (!all_.empty()) end(all_.front(), why);
+    for (auto* room : waiting_) room->resume();
+}
+
+void publication_core::let_go() {
+    while (!all_.empty()) {
+        auto& who = all_.front();
+        if (auto* line = who.line()) line->forget(who.id());
+        drop(who);
+    }
+    for (auto* room : waiting_) room->resume();
+}
+
+} // namespace ise

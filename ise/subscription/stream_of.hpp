@@ -1,0 +1,136 @@
+#pragma once
+#include <ise/packet/codec.hpp>
+#include <ise/subscription/received.hpp>
+#include <ise/subscription/subscriber_core.hpp>
+
+#include <memory>
+#include <optional>
+
+namespace ise {
+
+/// A live subscription: packets in the order in which they were published. It recovers automatically when the session or
+/// the provider is lost; it ends when the provider ends it, or when this object is destroyed, which unsubscribes. Used on
+/// its component's loop by one coroutine at a time. Move-only. Functions of an empty one, such as a member that is not
+/// assigned yet, throw errc::invalid_argument.
+template <class Contract>
+class stream_of {
+    using packet_type = typename Contract::packet_type;
+    using response_type = typename Contract::subscribe_response;
+
+public:
+    stream_of() = default;
+    /// Whether it is a subscription, live or ended; false for a default-constructed or moved-from one.
+    explicit operator bool() const noexcept { return core_ != nullptr; }
+    /// Takes the subscription over.
+    stream_of(stream_of&&) noexcept = default;
+    /// The same; a subscription that was held before is ended.
+    stream_of& operator=(stream_of&& other) noexcept {
+        if (core_ && core_ != other.core_) core_->leave();
+        core_ = std::move(other.core_);
+        return *this;
+    }
+    ~stream_of() {
+        if (core_) core_->leave();
+    }
+
+    /// Waits for the next packet; empty when the subscription has ended (`cause()` says why).
+    /// Cancellation: terminal, no packet is lost.
+    task<received<packet_type>> next() { return core::next(held()); }
+
+    /// A packet that has already arrived, or an empty one. Never suspends.
+    received<packet_type> try_next() { return held()->take(); }
+
+    /// The provider's response to the subscription.
+    const response_type& response() const { return held()->response; }
+    /// Counts of received and lost packets so far.
+    const subscription_counts& counts() const { return held()->counts(); }
+    /// Whether the provider is connected now; false while the connection is being restored.
+    bool connected() const { return held()->connected(); }
+    /// Whether it has ended: `next()` returns the remaining packets, then empty ones.
+    bool ended() const { return held()->ended(); }
+    /// Only where `ended()`.
+    const failure& cause() const { return held()->cause(); }
+    /// Ends it now; a waiting `next()` returns an empty packet. The provider gets a default unsubscribe packet.
+    void leave() { held()->leave(); }
+    /// The same with an unsubscribe packet: returns the provider's response, waiting for it at most `deadline` (zero: the
+    /// component's default). Throws ise::error: peer_lost (not executed: the provider is unreachable), timed_out,
+    /// handler_failed, and `cause()` if it had ended before; the subscription ends in any case. Cancellation: terminal.
+    /// With g++ 12, `request` must be a named variable.
+    task<typename Contract::unsubscribe_response> leave(typename Contract::unsubscribe_request request, duration deadline = duration()) {
+        return core::leave_with(held(), std::move(request), deadline);
+    }
+
+    class core;
+    /// Made by `remote::subscribe`.
+    explicit stream_of(std::shared_ptr<core> made) : core_(std::move(made)) {}
+
+private:
+    const std::shared_ptr<core>& held() const {
+        if (!core_) throw error(errc::invalid_argument, "an empty subscription: assign what `subscribe(service)` gave first");
+        return core_;
+    }
+
+    std::shared_ptr<core> core_;
+};
+
+/// The same, so that `ise::stream_of<decltype(position)>` can be a member: the constant of a service is const.
+template <class Contract>
+class stream_of<const Contract> : public stream_of<Contract> {
+public:
+    stream_of() = default;
+    /// What `subscribe` gave.
+    stream_of(stream_of<Contract>&& made) noexcept : stream_of<Contract>(std::move(made)) {}
+};
+
+template <class Contract>
+class stream_of<Contract>::core final : public subscriber_core {
+public:
+    using subscriber_core::subscriber_core;
+
+    static task<received<packet_type>> next(std::shared_ptr<core> self) {
+        for (;;) {
+            auto packet = self->take();
+            if (packet || self->ended()) co_return packet;
+            co_await self->wait_for_packet();
+        }
+    }
+
+    static task<typename Contract::unsubscribe_response> leave_with(std::shared_ptr<core> self, typename Contract::unsubscribe_request request, duration deadline) {
+        auto raw = encode(request);
+        auto leaving = self->subscriber_core::leave_with(std::move(raw), deadline);
+        auto answer = co_await std::move(leaving);
+        typename Contract::unsubscribe_response response{};
+        if (!answer.value().empty()) decode_into(response, answer.value());
+        co_return response;
+    }
+
+    received<packet_type> take() {
+        while (auto* waiting = waiting_packet()) {
+            if constexpr (travels_as_object<packet_type>) {
+                if (auto shared = waiting->template shared<packet_type>()) return received<packet_type>(std::move(shared), take_packet());
+            }
+            auto& packet = cells_.unheld();
+            try {
+                decode_into(*packet, waiting->bytes());
+            } catch (const error& unreadable) {
+                drop_undecodable(unreadable);
+                continue;
+            }
+            return received<packet_type>(packet, take_packet());
+        }
+        return {};
+    }
+
+    response_type response{};
+
+private:
+    void take_response(bytes_view raw) override {
+        if (!raw.empty()) decode_into(response, raw);
+    }
+
+    bool knows_type() const noexcept override { return travels_as_object<packet_type>; }
+
+    received_cells<packet_type> cells_;
+};
+
+} // namespace ise

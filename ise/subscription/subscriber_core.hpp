@@ -1,0 +1,202 @@
+#pragma once
+#include <ise/core/task.hpp>
+#include <ise/core/waiter.hpp>
+#include <ise/packet/adapt.hpp>
+#include <ise/session/contract.hpp>
+#include <ise/session/service_runtime.hpp>
+#include <ise/subscription/packet_queue.hpp>
+#include <ise/subscription/received.hpp>
+#include <ise/wire/messages.hpp>
+
+#include <memory>
+#include <optional>
+#include <string>
+
+namespace ise {
+
+class conversation;
+class subscriber_core;
+
+/// A subscriber that left and waits for the provider's answer.
+struct departure {
+    explicit departure(loop& on) : answered(on, [this] { answered.resume(); }) {}
+
+    waiter<> answered;
+    std::optional<result<bytes>> outcome;
+};
+
+/// What a subscriber asks of the session over which its packets come.
+class subscription_session {
+public:
+    virtual conversation& over() noexcept = 0;
+    /// `farewell` is the unsubscribe packet; its answer is for `waiting`, where there is somebody.
+    virtual void unsubscribe(subscriber_core& subscriber, bytes_view farewell, std::weak_ptr<departure> waiting) = 0;
+    /// Grants more packets to the provider: so many in all.
+    virtual void grant(const subscriber_core& subscriber, std::uint64_t total) = 0;
+    /// The subscriber of that number, if it is still there.
+    virtual subscriber_core* find(std::uint64_t id) const noexcept = 0;
+
+protected:
+    ~subscription_session() = default;
+};
+
+/// What a subscriber asks of the way to its provider, which subscribes again over every new session.
+class subscription_owner {
+public:
+    virtual service_runtime& runtime() const noexcept = 0;
+    /// The provider for people.
+    virtual const std::string& name() const noexcept = 0;
+    /// Why there is no session; empty: nothing is known against it.
+    virtual std::string obstacle() const = 0;
+    /// Whether subscriptions go on over its next session.
+    virtual bool renews() const noexcept = 0;
+    virtual void attach(subscriber_core& subscriber) = 0;
+    virtual void detach(subscriber_core& subscriber) noexcept = 0;
+    virtual void on_established(const subscriber_core& subscriber) = 0;
+    /// It was given up before there was a session.
+    virtual void on_missed(const subscriber_core& subscriber) = 0;
+
+protected:
+    ~subscription_owner() = default;
+};
+
+/// What becomes of packets that a subscriber does not take in time: `keep_latest`, `keep_last`, `lossless`, `disconnect`.
+using overflow = wire::overflow;
+
+/// What a subscriber asks for.
+struct subscribe_options {
+    /// What happens to packets that the subscriber does not take in time, at either end: only the latest is kept, the
+    /// last `depth` are kept, none is lost (the provider holds back, and ends the subscription beyond `depth`), or the
+    /// subscription ends at the first that would be lost.
+    overflow policy = overflow::keep_last;
+    std::uint32_t depth = 64; ///< in packets
+    duration min_interval{};  ///< rate limit; packets between are skipped, which is no loss
+    bool last_value = true;   ///< the last packet published before comes first
+    duration deadline{};      ///< for the first answer; zero: the component's default
+
+    subscribe_options() = default;
+    /// Of a state: only the newest packet counts.
+    static subscribe_options latest();
+    /// The newest `depth` packets.
+    static subscribe_options last(std::uint32_t depth);
+    /// Every packet, or the end of the subscription.
+    static subscribe_options lossless(std::uint32_t depth);
+};
+
+namespace detail {
+
+// Two gaps, one behind the other.
+constexpr std::uint64_t gap_of(std::uint64_t first, std::uint64_t then) noexcept {
+    return first == unknown_gap || then == unknown_gap ? unknown_gap : first + then;
+}
+
+} // namespace detail
+
+/// What became of the packets of a subscription; every drop has its reason.
+struct subscription_counts {
+    std::uint64_t received = 0; ///< packets that came
+    std::uint64_t lost_at_provider = 0; ///< dropped there by the policy, on the way, or while the link was down
+    std::uint64_t late = 0;             ///< of these, arrived behind later ones after all, and were dropped (udp)
+    std::uint64_t lost_here = 0;        ///< dropped from the queue on this side by the policy
+    std::uint64_t skipped = 0;          ///< left out by the rate limit
+    std::uint64_t undecodable = 0;      ///< bytes that were no such packet
+    std::uint64_t restarts = 0;         ///< gaps of unknown length: the provider restarted or forgot us
+    std::uint64_t resumed = 0;          ///< sessions that went on by ticket
+};
+
+/// One subscription on the subscriber's side, without its types. Lives on its component's loop; held by the user's
+/// subscription object, and known to its owner and its session.
+class subscriber_core {
+public:
+    /// Throws errc::too_large where the unsubscribe packet is beyond what may be decoded.
+    subscriber_core(std::shared_ptr<subscription_owner> to, std::string service, const packet_types& types, subscribe_options options, bytes request);
+    virtual ~subscriber_core();
+
+    /// Completes when the provider has committed, or refused.
+    task<result<void>> begin();
+    /// Ends it from this side: unsubscribes. Waiting coroutines get the end.
+    void leave();
+    /// The same with the user's unsubscribe packet; gives the provider's answer. errc::peer_lost where the provider is out
+    /// of reach: it is left all the same.
+    task<result<bytes>> leave_with(bytes request, duration deadline);
+
+    const std::string& service() const noexcept { return service_; }
+    const packet_types& types() const noexcept { return types_; }
+    const subscription_counts& counts() const noexcept { return counts_; }
+    bool ended() const noexcept { return ended_.has_value(); }
+    const failure& cause() const noexcept { return *ended_; }
+    /// Whether packets can come now.
+    bool connected() const noexcept { return established_; }
+
+    // For sessions and links.
+    wire::subscribe terms() const;
+    /// The unsubscribe packet: the user's own, if there is one, with its defaults.
+    const bytes& farewell() const noexcept { return farewell_; }
+    bool takes_objects() const noexcept { return knows_type(); }
+    void on_sent(subscription_session& over, std::uint64_t id);
+    result<void> on_subscribed(wire::subscribed answer);
+    void on_refused(const failure& why);
+    result<void> on_packet(std::uint64_t sequence, std::uint32_t skipped, incoming_packet& packet);
+    void on_session_end(const failure& cause);
+    void on_ended(const failure& why, std::uint64_t lost);
+    std::uint64_t id() const noexcept { return id_; }
+
+protected:
+    virtual void take_response(bytes_view response) = 0;
+    /// Whether it can take packets as objects of its type, where the provider is in this process.
+    virtual bool knows_type() const noexcept { return false; }
+
+    /// The oldest packet that nobody has taken, as it is published here, or the object; null where there is none. Valid until it is
+    /// taken, or anything else arrives.
+    incoming_packet* waiting_packet() noexcept;
+    /// It was decoded: takes it, and says how many packets were lost before it.
+    std::uint64_t take_packet();
+    /// It is no such packet: it is lost, and the next one tells of that.
+    void drop_undecodable(const error& why);
+    task<> wait_for_packet();
+
+    loop& on_;
+    std::shared_ptr<subscription_owner> owner_;
+    subscription_counts counts_;
+    subscribe_options options_;
+
+private:
+    result<void> on_other_packet(std::uint64_t sequence, std::uint32_t skipped, incoming_packet& packet);
+    void keep(incoming_packet& packet);
+    void finish(failure why);
+    void drop_oldest();
+    void count_undecodable(const error& why);
+    void taken();
+    void refuse_packets(const failure& why);
+    void end_here(const failure& why);
+    void adapt_to(const std::vector<schema>& theirs, wire::subscribed& answer);
+    void establish(const wire::subscribed& answer);
+    std::size_t capacity() const noexcept;
+
+    std::string service_;
+    const packet_types& types_;
+    bytes request_;
+    bytes farewell_;
+    std::optional<failure> ended_;
+    std::optional<failure> refused_;
+    waiter<> packet_;
+    waiter<> answer_;
+    std::unique_ptr<adapter> adapter_;
+    std::unique_ptr<adapter> farewell_adapter_; // of the answer to the unsubscribe packet
+    subscription_session* session_ = nullptr;
+    std::uint64_t id_ = 0;
+    std::optional<wire::resumption> resume_;
+    std::uint64_t next_sequence_ = 0;
+    packet_queue queue_;
+    std::optional<incoming_packet> front_;
+    std::uint64_t lost_before_ = 0; // the next packet that arrives
+    std::uint64_t gap_ = 0;         // before the next packet that is taken, besides what it says itself
+    std::uint64_t consumed_ = 0;
+    std::uint64_t granted_ = 0;
+    std::uint64_t granted_at_first_ = 0;
+    bool established_ = false;
+    bool comparing_ = false;   // the schema of the published packet was asked for
+    std::vector<std::tuple<std::uint64_t, std::uint32_t, kept_packet>> held_;
+};
+
+} // namespace ise
