@@ -56,6 +56,10 @@ public:
     /// The maximum number of events of a run; set it before running.
     scheduler::bounds& bounds() noexcept { return engine().limits; }
 
+    /// @cond
+    const std::map<std::string, std::unique_ptr<sim::host>>& hosts() const noexcept { return hosts_; }
+    /// @endcond
+
 private:
     network network_{*this};
     std::map<std::string, std::unique_ptr<sim::host>> hosts_;
