@@ -30,7 +30,7 @@ instantiation_server::instantiation_server(machine& host, server_options options
 instantiation_server::~instantiation_server() = default;
 
 task<> instantiation_server::run() {
-    for (const auto& at : this->services().listening()) may_listen(at, this->services().credentials()).value();
+    for (const auto& at : this->services().listening()) may_listen(at, this->services().peers().credentials()).value();
     names_ = at(options_.name_server, std::string(naming::server_path));
     offer_services();
     offer_watching();
