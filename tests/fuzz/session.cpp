@@ -80,7 +80,7 @@ void hold(ise::bytes_view input) {
     ise::net::session_terms terms;
     terms.version = 1;
     terms.features = ise::wire::feature::all;
-    terms.we_accept = boat.services->greeting().accepts;
+    terms.we_accept = boat.services->peers().greeting().accepts;
     terms.peer_accepts.max_calls = 16;
     std::weak_ptr<ise::session> alive;
     {

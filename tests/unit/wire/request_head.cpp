@@ -1,0 +1,38 @@
+#include <ise/wire/request_head.hpp>
+#include <support/catch.hpp>
+
+#include <cstdint>
+
+namespace request_head_test {
+
+using ise::wire::request_head;
+namespace flag = ise::wire::flag;
+
+TEST_CASE("the head of a request is read back as it was written, and not where a byte of it is missing") {
+    const bool traced = GENERATE(false, true), numbered = GENERATE(false, true);
+    request_head head;
+    head.service = 7;
+    head.time_ns = -3;
+    if (traced) head.trace = 0x0102030405060708, head.parent = 9;
+    if (numbered) head.number = std::uint64_t{1} << 40;
+    CHECK(head.flags() == ((traced ? flag::traced : 0) | (numbered ? flag::numbered : 0)));
+    ise::buffer out;
+    head.put(out);
+    REQUIRE(out.size() == request_head::size(head.flags()));
+    out.append(std::uint8_t{0xff}); // the packet
+
+    auto read = request_head::read(head.flags(), out.view());
+    REQUIRE(read);
+    CHECK(read->service == 7);
+    CHECK(read->time_ns == -3);
+    CHECK(read->trace == head.trace);
+    CHECK(read->parent == head.parent);
+    CHECK(read->number == head.number);
+    for (std::size_t size = 0; size < request_head::size(head.flags()); ++size) CHECK_FALSE(request_head::read(head.flags(), out.view().first(size)));
+
+    request_head::set_time(out.data(), 42);
+    CHECK(request_head::time_of(out.data()) == 42);
+    CHECK(request_head::read(head.flags(), out.view())->service == 7);
+}
+
+} // namespace request_head_test
