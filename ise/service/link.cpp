@@ -56,7 +56,7 @@ std::string link::obstacle() const {
     return of_.names ? of_.names->trouble() : std::string();
 }
 
-// ISE's own links back to a caller are nothing that it waits for.
+// A link back to a caller ends with its session: nothing waits for another one.
 void link::note_wait(std::string_view service, const packet_types* types) {
     if (goes_on()) of_.uses.waits(*this, service, types);
 }
@@ -174,7 +174,7 @@ task<result<void>> link::connect(time_point deadline) {
 }
 
 task<result<void>> link::find(std::shared_ptr<link> self, time_point deadline) {
-    auto names = self->of_.names;
+    auto* names = self->of_.names.get();
     if (!names) co_return failure(errc::invalid_argument, fmt::format("'{}' cannot be found: this component has no name server; use at(endpoint)", self->path_));
     struct seeking {
         link& of;
@@ -234,7 +234,7 @@ task<> link::maintain(std::shared_ptr<link> self) {
 task<> link::wait_before_next_try(duration pause) {
     auto& on = runtime().on();
     auto until = saturating_add(on.now(), pause);
-    auto names = fixed_ ? nullptr : of_.names;
+    auto* names = fixed_ ? nullptr : of_.names.get();
     // A short pause is over before it is worth a question.
     if (names && pause > spread_) {
         auto life = co_await names->next_life(path_, tried_life_, until);
@@ -301,7 +301,7 @@ task<result<std::shared_ptr<session>>> link::establish() {
         there.path = path_;
         there.endpoints.push_back(*fixed_);
     } else {
-        auto names = of_.names;
+        auto* names = of_.names.get();
         if (!names) co_return failure(errc::invalid_argument, fmt::format("'{}' is a name, and this component was given no name server", path_));
         auto answer = co_await names->resolve(path_);
         located_ = answer.has_value();

@@ -34,7 +34,7 @@ void link::on_members(const resolution& found) {
 // The member that is talked to is not told of any more. One whose lease is over is kept as long as its session lives; one
 // that is registered still has left the role.
 task<> link::ask_about(std::shared_ptr<link> self, location unlisted) {
-    auto names = self->of_.names;
+    auto* names = self->of_.names.get();
     if (!names) co_return;
     auto found = co_await names->resolve(unlisted.path);
     if (!self->role_ || !found || found->role || found->members.front().incarnation != unlisted.incarnation) co_return;
