@@ -269,12 +269,12 @@ void link::adopt(std::shared_ptr<session> made) {
 
 void link::send_waiting() {
     for (auto* call : std::exchange(waiting_, {})) {
-        if (call->number != 0 && (!session_->wire().lossy() || call->sent_to != session_->peer().incarnation)) {
+        if (call->state == call_state::repeating && (!session_->wire().lossy() || call->sent_to != session_->peer().incarnation)) {
             auto why = session_->wire().lossy() ? "it was restarted before it answered" : "the session ended before the answer, and the next one is none over which calls are repeated";
             of_.calls.fail(*call, failure(errc::peer_lost, fmt::format("'{}' at {}: {}", call->service, name_, why), execution::unknown));
             continue;
         }
-        auto began = call->number != 0 ? execution::unknown : execution::not_executed; // it was sent once before
+        auto began = call->executed(); // before this
         auto request = std::exchange(call->waiting, {});
         try {
             bool sent = session_->calls().send(*call, outgoing_packet(request));
@@ -288,10 +288,8 @@ void link::send_waiting() {
 }
 
 void link::stop() {
-    failure why(errc::cancelled, "the component stops");
     for (auto* arrival : arrivals_) arrival->resume();
-    failure in_doubt(why.code(), why.message(), execution::unknown);
-    for (auto* call : std::exchange(waiting_, {})) of_.calls.fail(*call, call->number != 0 ? in_doubt : why);
+    for (auto* call : std::exchange(waiting_, {})) of_.calls.fail(*call, failure(errc::cancelled, "the component stops", call->executed()));
 }
 
 task<result<std::shared_ptr<session>>> link::establish() {
