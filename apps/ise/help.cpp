@@ -76,9 +76,9 @@ public:
         }
         return " " + type.substr(0, type.find(':')); // behind it is what checks it
     }
-    std::string make_subcommand(const CLI::App* command) const override {
+    std::string make_subcommand(const CLI::App* one) const override {
         std::ostringstream line;
-        CLI::detail::format_help(line, command->get_name(), command->get_description(), 14);
+        CLI::detail::format_help(line, one->get_name(), one->get_description(), 14);
         return line.str();
     }
     // The commands before the options.
