@@ -1,22 +1,6 @@
 #include "ledger.hpp"
 
-#include <cstdlib>
-#include <new>
-
 namespace atirma::stress {
-
-std::pmr::memory_resource* ledger::apart() {
-    struct uncounted final : std::pmr::memory_resource {
-        void* do_allocate(std::size_t bytes, std::size_t) override {
-            if (void* block = std::malloc(bytes)) return block; // of maps and sets of plain values: aligned enough
-            throw std::bad_alloc();
-        }
-        void do_deallocate(void* block, std::size_t, std::size_t) override { std::free(block); }
-        bool do_is_equal(const memory_resource& other) const noexcept override { return this == &other; }
-    };
-    static uncounted resource;
-    return &resource;
-}
 
 ledger::entry& ledger::at(link_id over, packet_key which) {
     auto& e = entries_[which];

@@ -1,4 +1,5 @@
 #pragma once
+#include "memory_apart.hpp"
 #include "packet_key.hpp"
 
 #include <components/boat/enums.hpp>
@@ -7,7 +8,6 @@
 
 #include <array>
 #include <map>
-#include <memory_resource>
 #include <set>
 #include <span>
 #include <string>
@@ -72,12 +72,10 @@ public:
 
 private:
     entry& at(link_id over, packet_key which);
-    /// A ledger forgets nothing, and is no part of what it looks at: its memory does not come by operator new.
-    static std::pmr::memory_resource* apart();
 
-    std::pmr::map<packet_key, entry> entries_{apart()};
+    std::pmr::map<packet_key, entry> entries_{memory_apart()};
     struct subscriber {
-        std::pmr::set<packet_key> known{apart()};
+        std::pmr::set<packet_key> known{memory_apart()};
         std::uint64_t twice = 0;
     };
     std::map<std::string, subscriber> subscribers_;

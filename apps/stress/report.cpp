@@ -305,7 +305,7 @@ std::string make_report(const account& of, const findings& found, const ledger::
     return std::move(out.all);
 }
 
-void write_file(const std::filesystem::path& file, const std::string& content) {
+void write_file(const std::filesystem::path& file, std::string_view content) {
     std::ofstream out(file, std::ios::binary | std::ios::trunc);
     out << content;
     out.close();

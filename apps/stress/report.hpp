@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -31,6 +32,6 @@ std::string make_picture(const account& of, const findings& found);
 std::string make_gpx(const findings& found);
 
 /// A file of the report, whole. Throws std::runtime_error where it cannot be written, with what may be the reason.
-void write_file(const std::filesystem::path& file, const std::string& content);
+void write_file(const std::filesystem::path& file, std::string_view content);
 
 } // namespace atirma::stress

@@ -17,6 +17,7 @@
 #include <memory>
 #include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace atirma::stress {
@@ -51,7 +52,7 @@ public:
     const voyage_options& options() const noexcept { return options_; }
     const ledger& book() const noexcept { return book_; }
     database& disk(std::size_t node) { return disks_.at(node); }
-    const std::string& log() const noexcept { return log_; }
+    std::string_view log() const noexcept { return log_; }
     ise::sim::world& world() noexcept { return world_; }
 
 private:
@@ -88,7 +89,7 @@ private:
     voyage_options options_;
     account told_;
     ledger book_;
-    std::string log_;
+    std::pmr::string log_{memory_apart()};
     std::array<std::shared_ptr<console::operator_port>, operators> consoles_;
     gprs_numbers numbers_;
     std::vector<database> disks_; // held open: they outlive the components

@@ -52,7 +52,7 @@ std::shared_ptr<datagram_relay::flow> datagram_relay::flow_of(const std::shared_
         flows_.splice(flows_.begin(), flows_, known);
         return flows_.front();
     }
-    if (flows_.size() >= max_flows) end(flows_.back());
+    if (flows_.size() >= max_flows) end(*flows_.back());
     auto made = std::make_shared<flow>(*this);
     made->door = door;
     made->boat = boat;
@@ -77,11 +77,9 @@ bool datagram_relay::connect(const std::shared_ptr<flow>& of) {
 }
 
 void datagram_relay::send(flow& of, bool upward, ise::bytes content) {
-    if (!air_.up || of.frozen || air_.loses() || of.under_way.size() >= most_held) {
-        ++air_.datagrams_lost;
-        return;
-    }
-    of.under_way.emplace(ise::saturating_add(loop_.now(), air_.flight()), std::pair(upward, std::move(content)));
+    of.used = loop_.now();
+    if (!air_.up || of.frozen || air_.loses() || of.under_way.size() >= most_held) ++air_.datagrams_lost;
+    else of.under_way.emplace(ise::saturating_add(of.used, air_.flight()), std::pair(upward, std::move(content)));
     turn(of);
 }
 
@@ -95,16 +93,21 @@ void datagram_relay::turn(flow& of) {
         if (problem) ++air_.datagrams_lost;
         else (upward ? air_.bytes_up : air_.bytes_down) += content.size();
     }
-    if (of.over || of.under_way.empty()) of.due.disarm();
-    else of.due.arm(of.under_way.begin()->first);
+    if (of.over) return;
+    auto idle_until = ise::saturating_add(of.used, longest_idle);
+    if (!of.under_way.empty()) of.due.arm(of.under_way.begin()->first);
+    else if (loop_.now() < idle_until) of.due.arm(idle_until);
+    else end(of);
 }
 
-void datagram_relay::end(const std::shared_ptr<flow>& of) {
-    auto held = of; // what is given may be the list's own
+void datagram_relay::end(const flow& of) {
+    auto found = std::find_if(flows_.begin(), flows_.end(), [&](const auto& one) { return one.get() == &of; });
+    if (found == flows_.end()) return;
+    auto held = std::move(*found); // until here, whoever else has it
+    flows_.erase(found);
     held->over = true;
     held->due.disarm();
     held->out->close();
-    flows_.remove(held);
 }
 
 void datagram_relay::change_addresses() {

@@ -6,6 +6,7 @@
 #include <ise/core/loop.hpp>
 #include <ise/core/task.hpp>
 
+#include <chrono>
 #include <functional>
 #include <list>
 #include <map>
@@ -20,6 +21,7 @@ class datagram_relay {
 public:
     static constexpr std::size_t max_flows = 64;      ///< beyond, the one that was idle longest goes
     static constexpr std::size_t most_held = 512;     ///< datagrams under way of one flow; beyond: lost
+    static constexpr ise::duration longest_idle = std::chrono::minutes(5); ///< without a datagram either way; then the flow ends
 
     datagram_relay(ise::loop& on, ise::logger log, carrier_air& air, ise::endpoint proxy,
                    std::function<void(std::string, ise::task<>)> spawn)
@@ -41,6 +43,7 @@ private:
         std::shared_ptr<ise::datagram_socket> out;  // that the proxy knows
         std::multimap<ise::time_point, std::pair<bool, ise::bytes>> under_way; // by arrival; up or not
         ise::timer due;
+        ise::time_point used{};                     // when a datagram came, either way
         bool frozen = false, over = false;
     };
 
@@ -50,7 +53,7 @@ private:
     bool connect(const std::shared_ptr<flow>& of);
     void send(flow& of, bool upward, ise::bytes content);
     void turn(flow& of);
-    void end(const std::shared_ptr<flow>& of);
+    void end(const flow& of);
 
     ise::loop& loop_;
     ise::logger log_;

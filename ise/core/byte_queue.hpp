@@ -7,7 +7,7 @@
 
 namespace ise {
 
-/// A bounded queue of bytes: a ring that grows up to its limit.
+/// A bounded queue of bytes: a ring that grows up to its limit, and gives back what a burst took once it is empty.
 class byte_queue {
 public:
     explicit byte_queue(std::size_t limit_bytes) : limit_(limit_bytes) {}
@@ -16,6 +16,8 @@ public:
     bool empty() const noexcept { return size_ == 0; }
     std::size_t room() const noexcept { return limit_ - size_; }
     std::size_t limit() const noexcept { return limit_; }
+    /// For how many bytes it holds memory.
+    std::size_t capacity() const noexcept { return ring_.size(); }
 
     /// Appends as much as there is room for; says how much.
     std::size_t push(bytes_view from) {
@@ -36,13 +38,19 @@ public:
         copy(into.data(), ring_.data() + head_, first);
         copy(into.data() + first, ring_.data(), count - first);
         size_ -= count;
-        head_ = size_ == 0 ? 0 : (head_ + count) % ring_.size();
+        if (size_ == 0) clear();
+        else head_ = (head_ + count) % ring_.size();
         return count;
     }
 
-    void clear() noexcept { head_ = size_ = 0; }
+    void clear() noexcept {
+        head_ = size_ = 0;
+        if (ring_.size() > kept_empty) bytes().swap(ring_);
+    }
 
 private:
+    static constexpr std::size_t kept_empty = 4096; // bytes; the memory of larger rings is for bursts
+
     static void copy(std::byte* to, const std::byte* from, std::size_t count) noexcept {
         if (count > 0) std::memcpy(to, from, count);
     }

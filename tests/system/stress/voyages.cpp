@@ -33,7 +33,7 @@ told sail(voyage& sea) {
     made.report = make_report(made.story, found, proof);
     made.picture = make_picture(made.story, found);
     made.gpx = make_gpx(found);
-    made.log = sea.log();
+    made.log = std::string(sea.log());
     return made;
 }
 
