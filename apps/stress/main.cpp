@@ -73,9 +73,9 @@ public:
     std::string text(double sailing_s) const {
         return fmt::format(
             "# What this run cost here\nNot part of the report: it differs from machine to machine. The heap is without the "
-            "ledger, which forgets nothing; what is resident is with it, and with the virtual disks.\n\n- heap blocks: "
+            "ledger and the text of events.log, which forget nothing; what is resident is with them, and with the virtual disks.\n\n- heap blocks: "
             "{}\n- heap KiB, without the consoles' tracks: {}\n- consoles' tracks: {} KiB at most, of {} KiB that two full "
-            "ones may take: they grow until they are full\n- descriptors: {}\n\n{} Samples count as in the report. Two things fill up to a bound: the telemetry filters, in about nine hours, and the telecommands that are remembered, 512 in each book.\n\n| virtual | processor s | heap blocks | heap "
+            "ones may take: they grow until they are full\n- descriptors: {}\n\n{} Samples count as in the report. Two things fill up to a bound, again whenever their component starts: 17 telemetry filters, 128 KiB each, in about nine hours; and the telecommands that are remembered, 512 in each book and 300 at each console.\n\n| virtual | processor s | heap blocks | heap "
             "KiB | tracks KiB | resident KiB | descriptors |\n|---|---:|---:|---:|---:|---:|---:|\n{}\nThe sailing took {:.1f} s "
             "of one processor, {} allocations.\n",
             change(blocks_), change(kib_), most_tracks_kib_, full_tracks_kib(),
