@@ -75,7 +75,7 @@ TEST_CASE("programs that are none are told and do no harm") {
     auto told = here.ise({"start", "--types", "--names"});
     CHECK(told.out == "trouble\n");
     auto loud = here.ise({"start", "--types"});
-    CHECK_THAT(loud.err, Contains("babbler --describe: it says more than") && Contains("exit code 3") && Contains("a type cannot be called '--trouble'") && Contains("nonsense: what it answers") &&
+    CHECK_THAT(loud.err, Contains("babbler --describe: it says more than") && Contains("exit code 3") && Contains("a type cannot be called '--trouble'") && Contains("nonsense: its answer to --describe") &&
                              Contains("'LD_PRELOAD' cannot be set by others"));
     CHECK(marked().empty());
 }

@@ -268,7 +268,7 @@ TEST_CASE("a description that makes no sense is left out and told") {
     CHECK(told.types.front().program == "two");
     auto all = std::accumulate(told.problems.begin(), told.problems.end(), std::string());
     CHECK(told.problems.size() == 6);
-    CHECK_THAT(all, Contains("one: what it answers") && Contains("cannot be called '../x'") && Contains("cannot be called 'listen'") && Contains("'good' is the one of two") &&
+    CHECK_THAT(all, Contains("one: its answer to --describe") && Contains("cannot be called '../x'") && Contains("cannot be called 'listen'") && Contains("'good' is the one of two") &&
                         Contains("'ISE_NAME_SERVER' cannot be set by others"));
 }
 

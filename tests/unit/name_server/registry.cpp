@@ -649,7 +649,7 @@ TEST_CASE("registry: the roles among whose members something has changed are tol
     CHECK(it.names.take_changed_roles().empty());
 }
 
-TEST_CASE("registry: a name whose lease ran out is lost until somebody holds it again; one that was given back is not") {
+TEST_CASE("registry: a name whose lease ran out is lost until somebody holds it again, and one that was given back is not") {
     world it;
     auto lost = [&](std::string_view prefix = {}) {
         std::vector<std::string> paths;
