@@ -31,7 +31,7 @@ QAction* menu_entry(desk& it, const QString& words) {
     return nullptr;
 }
 
-void commands(desk& it, const std::string& holder, std::vector<std::string> asked_by = {}) {
+void in_command(desk& it, const std::string& holder, std::vector<std::string> asked_by = {}) {
     authority_state held;
     held.holder = holder;
     held.epoch = it.state.authority().state.epoch + 2;
@@ -173,7 +173,7 @@ TEST_CASE("console windows: it is plain who commands the boat, and a command off
     CHECK(it.last<give_command>()->authority == taking::no);
     it.actions.clear();
 
-    commands(it, "");
+    in_command(it, "");
     CHECK(button.isVisible());
     CHECK(button.text() == "nobody commands");
     it.answer_next("Cancel");
@@ -188,7 +188,7 @@ TEST_CASE("console windows: it is plain who commands the boat, and a command off
     CHECK(it.last<give_command>()->authority == taking::if_free);
     it.picture("nobody-commands");
 
-    commands(it, "atirma/console/ben");
+    in_command(it, "atirma/console/ben");
     CHECK(button.text() == "ben commands");
     it.actions.clear();
     it.answer_next("");
@@ -204,7 +204,7 @@ TEST_CASE("console windows: it is plain who commands the boat, and a command off
     force->trigger();
     CHECK(it.last<change_authority>()->request.confirmed);
 
-    commands(it, "atirma/console/anna", {"atirma/console/ben"});
+    in_command(it, "atirma/console/anna", {"atirma/console/ben"});
     CHECK(button.text().contains("ben asks"));
     auto* hand = entry(*button.menu(), "Hand over to ben");
     REQUIRE(hand);
@@ -218,6 +218,6 @@ TEST_CASE("console windows: it is plain who commands the boat, and a command off
     it.show();
     CHECK(it.find<QTableWidget>("present_table").item(1, 0)->text().contains("commands"));
 
-    commands(it, "atirma/console/ben");
+    in_command(it, "atirma/console/ben");
     CHECK(it.find<QLabel>("alarm_text").text().contains("given up here")); // taken by somebody else
 }
