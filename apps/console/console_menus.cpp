@@ -2,6 +2,7 @@
 
 #include "chart_view.hpp"
 #include "mission_panel.hpp"
+#include "telecommand_dialog.hpp"
 #include "theme.hpp"
 
 #include <components/gui_client/words.hpp>
@@ -88,6 +89,18 @@ void console_window::make_menus() {
     add(boat, tr("Emergency &beacon on…"), {}, [this] { actions_.give(commands::emergency_beacon{true}); });
     add(boat, tr("Emergency beacon o&ff…"), {}, [this] { actions_.give(commands::emergency_beacon{false}); });
     add(boat, tr("&Reboot…"), {}, [this] { actions_.give(commands::reboot()); });
+    auto* all = boat->addMenu(tr("A&ll telecommands"));
+    all->setToolTipsVisible(true);
+    for_each_telecommand([&]<class C>(const C& preset) {
+        auto words = text(describe(C::traits.kind));
+        constexpr bool has_arguments = ise::field_count<C> > 0;
+        auto* made = add(all, has_arguments ? words + "…" : words, {}, [this, command = boat_command(preset)] {
+            telecommand_dialog dialog(command, this);
+            if (!has_arguments || dialog.exec() == QDialog::Accepted) actions_.give(dialog.command());
+        });
+        made->setObjectName("telecommand_" + text(std::string(name_of(C::traits.kind))));
+        made->setToolTip(text(std::string(C::traits.help)));
+    });
 
     auto* mission = menuBar()->addMenu(tr("&Mission"));
     edit_ = toggle(mission, tr("&Edit on the chart"), QKeySequence("Ctrl+E"), false, [this](bool on) {
