@@ -37,10 +37,8 @@ telecommand_dialog::telecommand_dialog(const boat_command& preset, QWidget* pare
     connect(buttons, &QDialogButtonBox::accepted, this, &QDialog::accept);
     connect(buttons, &QDialogButtonBox::rejected, this, &QDialog::reject);
     column->addWidget(buttons);
-    command_.visit([this]<class C>(C& each) {
-        if constexpr (telecommand_struct<C>)
-            ise::for_each_field(each, [this](std::string_view name, auto& value) { add_editor(text(std::string(name)), value); });
-    });
+    command_.for_each_argument(
+        [this](std::string_view name, auto& value) { add_editor(text(std::string(name)), value); });
     check_command();
 }
 

@@ -109,18 +109,15 @@ std::optional<argument_range> range_of(const boat_command& command, std::string_
 }
 
 ise::result<void> check(const boat_command& command) {
-    return command.visit([&]<class C>(const C& each) -> ise::result<void> {
-        if constexpr (!telecommand_struct<C>) {
-            return ise::failure(ise::errc::invalid_argument, fmt::format("no telecommand has number {}", static_cast<int>(each.kind)));
-        } else {
-            ise::result<void> good;
-            ise::for_each_field(each, [&](std::string_view name, const auto& value) {
-                auto range = range_of(command, name);
-                if (good) good = check_argument(name, value, range ? &*range : nullptr);
-            });
-            return good;
-        }
+    if (command.get_if<commands::unknown>())
+        return ise::failure(ise::errc::invalid_argument,
+                            fmt::format("no telecommand has number {}", static_cast<int>(command.kind())));
+    ise::result<void> good;
+    command.for_each_argument([&](std::string_view name, const auto& value) {
+        auto range = range_of(command, name);
+        if (good) good = check_argument(name, value, range ? &*range : nullptr);
     });
+    return good;
 }
 
 } // namespace atirma

@@ -28,6 +28,7 @@ constexpr void for_each_telecommand(F&& f) {
 /// A telecommand without its id and time, as a value of any kind; a ping unless it is told otherwise.
 ///
 ///     boat_command command = commands::set_mode{sailing_mode::hold};
+///     command.for_each_argument([](std::string_view name, const auto& value) { … });
 ///     command.visit([](const auto& each) { … });                      // each is one of telecommands.hpp
 ///     if (auto* set = command.get_if<commands::set_mode>()) set->mode …
 ///
@@ -49,6 +50,19 @@ public:
     template <class F>
     decltype(auto) visit(F&& f) {
         return std::visit(std::forward<F>(f), what_);
+    }
+    /// Calls `f(name, value)` for each argument, in the order in which they travel; an unknown telecommand has none.
+    template <class F>
+    void for_each_argument(F&& f) const {
+        visit([&f]<class C>(const C& each) {
+            if constexpr (telecommand_struct<C>) ise::for_each_field(each, f);
+        });
+    }
+    template <class F>
+    void for_each_argument(F&& f) {
+        visit([&f]<class C>(C& each) {
+            if constexpr (telecommand_struct<C>) ise::for_each_field(each, f);
+        });
     }
     template <class C>
     const C* get_if() const noexcept {
@@ -85,13 +99,11 @@ namespace detail {
 /// The arguments of all telecommands side by side. One of a name that an earlier telecommand has as well is not used.
 class argument_columns {
 public:
-    template <class C>
-    void put(C& command) {
-        ise::for_each_field(command, [&](std::string_view name, auto& value) { column(name, value) = value; });
+    void put(const boat_command& command) {
+        command.for_each_argument([this](std::string_view name, const auto& value) { column(name, value) = value; });
     }
-    template <class C>
-    void get(C& command) {
-        ise::for_each_field(command, [&](std::string_view name, auto& value) { value = column(name, value); });
+    void get(boat_command& command) {
+        command.for_each_argument([this](std::string_view name, auto& value) { value = column(name, value); });
     }
     template <class Archive>
     void pass(Archive& archive) {
@@ -134,9 +146,7 @@ private:
 template <class Archive>
 void boat_command::save(Archive& to) const {
     detail::argument_columns columns;
-    visit([&](auto each) {
-        if constexpr (telecommand_struct<decltype(each)>) columns.put(each);
-    });
+    columns.put(*this);
     auto of = kind();
     to(cereal::make_nvp("kind", of));
     columns.pass(to);
@@ -149,9 +159,7 @@ void boat_command::load(Archive& from) {
     from(cereal::make_nvp("kind", of));
     columns.pass(from);
     *this = boat_command(of);
-    visit([&](auto& each) {
-        if constexpr (telecommand_struct<std::remove_cvref_t<decltype(each)>>) columns.get(each);
-    });
+    columns.get(*this);
 }
 
 } // namespace atirma

@@ -39,9 +39,7 @@ ise::bytes encode_telecommand(const telecommand& command) {
     writer out(command.authority == 0 ? layout::telecommand_type : layout::authorised_type, header);
     if (command.authority != 0) out.integer(command.authority);
     out.enumerator(command.command.kind());
-    command.command.visit([&]<class C>(const C& each) {
-        if constexpr (telecommand_struct<C>) ise::for_each_field(each, [&](std::string_view, const auto& value) { put_argument(out, value); });
-    });
+    command.command.for_each_argument([&out](std::string_view, const auto& value) { put_argument(out, value); });
     return out.finish();
 }
 
@@ -54,9 +52,7 @@ ise::result<telecommand> parse_telecommand(ise::bytes_view raw) {
     if (in.type == layout::authorised_type) command.authority = in.integer<std::uint32_t>();
     command.command = boat_command(in.any_enumerator<command_kind>());
     if (in.ok() && command.command.get_if<commands::unknown>()) return command; // a newer shore: its arguments are not ours to read
-    command.command.visit([&]<class C>(C& each) {
-        if constexpr (telecommand_struct<C>) ise::for_each_field(each, [&](std::string_view name, auto& value) { take_argument(in, name, value); });
-    });
+    command.command.for_each_argument([&in](std::string_view name, auto& value) { take_argument(in, name, value); });
     if (auto done = in.finish(); !done) return done.error();
     return command;
 }

@@ -61,7 +61,7 @@ struct argument_range {
 // Each has `traits`, and may have
 //   ranges()  its `argument_range`s;
 //   danger()  why the operator must confirm it, as it can lose the boat or its mission; empty: it cannot;
-//   caution() why the console asks before it sends it, though it need not.
+//   caution() why the console asks before it sends it, though it need not; {argument} as in `words`.
 namespace commands {
 
 struct ping {

@@ -162,16 +162,13 @@ std::string argument_words(const T& value, const std::optional<argument_range>& 
 /// `words` with the values of its {argument}s.
 std::string filled_in(const boat_command& command, std::string_view words) {
     std::string made(words);
-    command.visit([&]<class C>(const C& each) {
-        if constexpr (telecommand_struct<C>)
-            ise::for_each_field(each, [&](std::string_view name, const auto& value) {
-                auto put = [&](const std::string& place, const std::string& said) {
-                    if (auto at = made.find(place); at != std::string::npos) made.replace(at, place.size(), said);
-                };
-                put(fmt::format("{{{}}}", name), argument_words(value, range_of(command, name)));
-                if constexpr (std::is_integral_v<std::remove_cvref_t<decltype(value)>>)
-                    put(fmt::format("{{{}+1}}", name), fmt::format("{}", value + 1));
-            });
+    auto put = [&made](const std::string& place, const std::string& said) {
+        if (auto at = made.find(place); at != std::string::npos) made.replace(at, place.size(), said);
+    };
+    command.for_each_argument([&](std::string_view name, const auto& value) {
+        put(fmt::format("{{{}}}", name), argument_words(value, range_of(command, name)));
+        if constexpr (std::is_integral_v<std::remove_cvref_t<decltype(value)>>)
+            put(fmt::format("{{{}+1}}", name), fmt::format("{}", value + 1));
     });
     return made;
 }

@@ -3,6 +3,8 @@
 #include <components/boat/services.hpp>
 #include <components/boat/telecommand.hpp>
 
+#include <ise/packet/adapt.hpp>
+#include <ise/packet/compatibility.hpp>
 #include <ise/packet/json.hpp>
 
 #include <support/catch.hpp>
@@ -293,20 +295,25 @@ TEST_CASE("an argument out of its range is refused with its name and range") {
 }
 
 TEST_CASE("messages and records of telecommands are as older programs know them") {
-    CHECK(ise::schema_of<boat_command>().text() ==
-          "struct boat_command{kind:enum command_kind:u8{ping=0,set_mode=1,waypoint_add=2,waypoint_insert=3,waypoint_delete=4,"
-          "waypoint_clear=5,waypoint_read_back=6,waypoint_select=7,set_parameter=8,get_parameter=9,tack_now=10,gybe_now=11,"
-          "set_telemetry_period=12,request_status=13,reboot=14,emergency_beacon=15},mode:enum sailing_mode:u8{manual=0,hold=1,"
-          "automatic=2,return_home=3,station_keep=4},index:u8,point:struct waypoint{latitude_deg:f64,longitude_deg:f64},"
-          "parameter:enum parameter_id:u8{time_to_next_tack=0,forbidden_angle_upwind=1,forbidden_angle_downwind=2,"
-          "telemetry_period=3,leeway_compensation=4},value:f32,link:enum link_id:u8{xbee=0,gprs=1,iridium=2},period_s:f32,"
-          "on:bool=01}");
+    auto older = ise::schema::parse( // recorded; telecommands and arguments may have been added at its ends since
+        "struct boat_command{kind:enum command_kind:u8{ping=0,set_mode=1,waypoint_add=2,waypoint_insert=3,waypoint_delete=4,"
+        "waypoint_clear=5,waypoint_read_back=6,waypoint_select=7,set_parameter=8,get_parameter=9,tack_now=10,gybe_now=11,"
+        "set_telemetry_period=12,request_status=13,reboot=14,emergency_beacon=15},mode:enum sailing_mode:u8{manual=0,hold=1,"
+        "automatic=2,return_home=3,station_keep=4},index:u8,point:struct waypoint{latitude_deg:f64,longitude_deg:f64},"
+        "parameter:enum parameter_id:u8{time_to_next_tack=0,forbidden_angle_upwind=1,forbidden_angle_downwind=2,"
+        "telemetry_period=3,leeway_compensation=4},value:f32,link:enum link_id:u8{xbee=0,gprs=1,iridium=2},period_s:f32,"
+        "on:bool=01}").value();
+    const auto& now = ise::schema_of<boat_command>();
+    CHECK(ise::incompatibility(now, older).value_or("") == "");
+    CHECK(ise::incompatibility(older, now).value_or("") == "");
     boat_command insert = commands::waypoint_insert{4, {28.16, -15.452}};
-    CHECK(hex(ise::encode(insert)) == "030004295C8FC2F5283C408195438B6CE72EC00000000000000000000001");
+    auto raw = ise::adapt(now, older, ise::encode(insert));
+    CHECK(hex(raw) == "030004295C8FC2F5283C408195438B6CE72EC00000000000000000000001");
+    CHECK(ise::decode<boat_command>(ise::adapt(older, now, raw)) == insert);
     const char* json = R"({"kind":"waypoint_insert","mode":"manual","index":4,"point":{"latitude_deg":28.16,"longitude_deg":-15.452},)"
                        R"("parameter":"time_to_next_tack","value":0,"link":"xbee","period_s":0,"on":true})";
-    CHECK(ise::to_json(insert) == json);
-    CHECK(ise::from_json<boat_command>(json) == insert);
+    CHECK(ise::to_json(older, raw) == json);
+    CHECK(ise::from_json<boat_command>(json) == insert); // as records on disk have it
     for (const auto& [command, recorded] : all_commands()) CHECK(ise::decode<boat_command>(ise::encode(command.command)) == command.command);
     auto newer = ise::encode(insert);
     newer[0] = std::byte{200};
