@@ -70,8 +70,8 @@ bool operator_actions::give(boat_command command) {
     if (auto why = danger(command); !why.empty() && !confirmed(tr("Tell the boat: %1?").arg(what), text(why)))
         return false;
     give_command one;
-    one.confirmed = is_dangerous(command.kind, command.mode); // it was asked for above
-    if (needs_authority(command.kind)) {
+    one.confirmed = !command.danger().empty(); // it was asked for above
+    if (traits_of(command.kind()).needs_authority) {
         auto take = authority_for(what);
         if (!take) return false;
         one.authority = *take;
@@ -84,16 +84,7 @@ bool operator_actions::give(boat_command command) {
 }
 
 bool operator_actions::set_mode(sailing_mode mode) {
-    boat_command command;
-    command.kind = command_kind::set_mode;
-    command.mode = mode;
-    return give(command);
-}
-
-bool operator_actions::simple(command_kind kind) {
-    boat_command command;
-    command.kind = kind;
-    return give(command);
+    return give(commands::set_mode{mode});
 }
 
 bool operator_actions::upload(std::vector<waypoint> points, const std::vector<waypoint>& on_boat) {

@@ -21,7 +21,6 @@ public:
     /// Over the link that was chosen for commands. False where the operator changed his mind, or nothing took it.
     bool give(boat_command command);
     bool set_mode(sailing_mode mode);
-    bool simple(command_kind kind);
     bool upload(std::vector<waypoint> points, const std::vector<waypoint>& on_boat);
     bool sail_there(const waypoint& point);
     bool act(action what);

@@ -94,10 +94,7 @@ QWidget* boat_panel::make_parameters() {
         auto index = rows_.size();
         connect(made.wanted, &QDoubleSpinBox::valueChanged, this, [this, index] { rows_[index].touched = true; });
         connect(set, &QPushButton::clicked, this, [this, index] {
-            boat_command command;
-            command.kind = command_kind::set_parameter;
-            command.parameter = rows_[index].id;
-            command.value = static_cast<float>(rows_[index].wanted->value());
+            commands::set_parameter command{rows_[index].id, static_cast<float>(rows_[index].wanted->value())};
             if (actions_.give(command)) rows_[index].touched = false;
         });
         grid->addWidget(name, line, 0);
@@ -137,11 +134,7 @@ QWidget* boat_panel::make_periods() {
             double seconds = choice->itemData(index).toDouble();
             choice->setCurrentIndex(0);
             if (seconds < 0) return;
-            boat_command command;
-            command.kind = command_kind::set_telemetry_period;
-            command.link = link;
-            command.period_s = static_cast<float>(seconds);
-            actions_.give(command);
+            actions_.give(commands::set_telemetry_period{link, static_cast<float>(seconds)});
         });
         grid->addWidget(new QLabel(text(label(link)), box), line, 0);
         grid->addWidget(periods_[i], line, 1);
@@ -161,20 +154,17 @@ QWidget* boat_panel::make_rare() {
     auto* line = new QHBoxLayout;
     auto* status = new QPushButton(tr("Request status"), box);
     status->setToolTip(tr("One packet of each kind, at once"));
-    connect(status, &QPushButton::clicked, this, [this] { actions_.simple(command_kind::request_status); });
+    connect(status, &QPushButton::clicked, this, [this] { actions_.give(commands::request_status()); });
     beacon_ = new QPushButton(tr("Beacon on…"), box);
     beacon_->setObjectName("beacon");
     beacon_->setProperty("role", "danger");
     connect(beacon_, &QPushButton::clicked, this, [this] {
-        boat_command command;
-        command.kind = command_kind::emergency_beacon;
-        command.on = !beacon_on_;
-        actions_.give(command);
+        actions_.give(commands::emergency_beacon{!beacon_on_});
     });
     auto* reboot = new QPushButton(tr("Reboot…"), box);
     reboot->setObjectName("reboot");
     reboot->setProperty("role", "danger");
-    connect(reboot, &QPushButton::clicked, this, [this] { actions_.simple(command_kind::reboot); });
+    connect(reboot, &QPushButton::clicked, this, [this] { actions_.give(commands::reboot()); });
     line->addWidget(status, 1);
     line->addWidget(beacon_);
     line->addWidget(reboot);

@@ -2,6 +2,7 @@
 
 #include "chart_view.hpp"
 #include "mission_panel.hpp"
+#include "telecommand_dialog.hpp"
 #include "theme.hpp"
 
 #include <components/gui_client/words.hpp>
@@ -80,23 +81,26 @@ void console_window::make_menus() {
         add(boat, text(label(mode)), QKeySequence(QStringLiteral("Ctrl+%1").arg(number++)),
             [this, mode] { actions_.set_mode(mode); });
     boat->addSeparator();
-    add(boat, tr("&Tack now"), QKeySequence("Ctrl+T"), [this] { actions_.simple(command_kind::tack_now); });
-    add(boat, tr("&Gybe now"), QKeySequence("Ctrl+G"), [this] { actions_.simple(command_kind::gybe_now); });
-    add(boat, tr("&Ping"), QKeySequence("Ctrl+P"), [this] { actions_.simple(command_kind::ping); });
-    add(boat, tr("Request &status"), QKeySequence("Ctrl+I"), [this] { actions_.simple(command_kind::request_status); });
+    add(boat, tr("&Tack now"), QKeySequence("Ctrl+T"), [this] { actions_.give(commands::tack_now()); });
+    add(boat, tr("&Gybe now"), QKeySequence("Ctrl+G"), [this] { actions_.give(commands::gybe_now()); });
+    add(boat, tr("&Ping"), QKeySequence("Ctrl+P"), [this] { actions_.give(commands::ping()); });
+    add(boat, tr("Request &status"), QKeySequence("Ctrl+I"), [this] { actions_.give(commands::request_status()); });
     boat->addSeparator();
-    add(boat, tr("Emergency &beacon on…"), {}, [this] {
-        boat_command command;
-        command.kind = command_kind::emergency_beacon;
-        actions_.give(command);
+    add(boat, tr("Emergency &beacon on…"), {}, [this] { actions_.give(commands::emergency_beacon{true}); });
+    add(boat, tr("Emergency beacon o&ff…"), {}, [this] { actions_.give(commands::emergency_beacon{false}); });
+    add(boat, tr("&Reboot…"), {}, [this] { actions_.give(commands::reboot()); });
+    auto* all = boat->addMenu(tr("A&ll telecommands"));
+    all->setToolTipsVisible(true);
+    for_each_telecommand([&]<class C>(const C& preset) {
+        auto words = text(describe(C::traits.kind));
+        constexpr bool has_arguments = ise::field_count<C> > 0;
+        auto* made = add(all, has_arguments ? words + "…" : words, {}, [this, command = boat_command(preset)] {
+            telecommand_dialog dialog(command, this);
+            if (!has_arguments || dialog.exec() == QDialog::Accepted) actions_.give(dialog.command());
+        });
+        made->setObjectName("telecommand_" + text(std::string(name_of(C::traits.kind))));
+        made->setToolTip(text(std::string(C::traits.help)));
     });
-    add(boat, tr("Emergency beacon o&ff…"), {}, [this] {
-        boat_command command;
-        command.kind = command_kind::emergency_beacon;
-        command.on = false;
-        actions_.give(command);
-    });
-    add(boat, tr("&Reboot…"), {}, [this] { actions_.simple(command_kind::reboot); });
 
     auto* mission = menuBar()->addMenu(tr("&Mission"));
     edit_ = toggle(mission, tr("&Edit on the chart"), QKeySequence("Ctrl+E"), false, [this](bool on) {
@@ -109,7 +113,7 @@ void console_window::make_menus() {
     add(mission, tr("&Upload…"), QKeySequence("Ctrl+U"),
         [this] { actions_.upload(draft_.points(), seen_->mission.points); });
     add(mission, tr("Read &back"), QKeySequence("Ctrl+B"),
-        [this] { actions_.simple(command_kind::waypoint_read_back); });
+        [this] { actions_.give(commands::waypoint_read_back()); });
     add(mission, tr("As on the b&oat"), {}, [this] { draft_.take_over(seen_->mission.points); });
 
     auto* help = menuBar()->addMenu(tr("&Alarms and help"));

@@ -37,16 +37,16 @@ helm_bar::helm_bar(operator_actions& actions, QWidget* parent) : QWidget(parent)
         modes_.emplace_back(mode, button);
     }
     row->addSpacing(6);
-    auto add = [&](const QString& name, const QString& tip, command_kind kind) {
+    auto add = [&](const QString& name, const QString& tip, boat_command command) {
         auto* button = new QPushButton(name, this);
         button->setToolTip(tip);
         button->setObjectName("do_" + name.toLower());
-        connect(button, &QPushButton::clicked, this, [this, kind] { actions_.simple(kind); });
+        connect(button, &QPushButton::clicked, this, [this, command] { actions_.give(command); });
         row->addWidget(button);
     };
-    add(tr("Tack"), tr("Through the wind now (Ctrl+T)"), command_kind::tack_now);
-    add(tr("Gybe"), tr("Round before the wind now (Ctrl+G)"), command_kind::gybe_now);
-    add(tr("Ping"), tr("Asks the boat for an answer (Ctrl+P)"), command_kind::ping);
+    add(tr("Tack"), tr("Through the wind now (Ctrl+T)"), commands::tack_now());
+    add(tr("Gybe"), tr("Round before the wind now (Ctrl+G)"), commands::gybe_now());
+    add(tr("Ping"), tr("Asks the boat for an answer (Ctrl+P)"), commands::ping());
     last_ = rich_label(this);
     last_->setObjectName("last_command");
     last_->setMinimumWidth(60);

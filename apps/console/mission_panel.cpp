@@ -90,16 +90,13 @@ mission_panel::mission_panel(mission_draft& draft, operator_actions& actions, QW
     connect(undo_, &QPushButton::clicked, &draft_, &mission_draft::undo);
     connect(upload_, &QPushButton::clicked, this,
             [this] { actions_.upload(draft_.points(), seen_ ? seen_->mission.points : std::vector<waypoint>()); });
-    connect(read, &QPushButton::clicked, this, [this] { actions_.simple(command_kind::waypoint_read_back); });
+    connect(read, &QPushButton::clicked, this, [this] { actions_.give(commands::waypoint_read_back()); });
     connect(cancel_, &QPushButton::clicked, this, [this] { actions_.act(cancel_upload()); });
     connect(take_over_, &QPushButton::clicked, this, [this] {
         if (seen_) draft_.take_over(seen_->mission.points);
     });
     connect(go_, &QPushButton::clicked, this, [this, chosen] {
-        boat_command command;
-        command.kind = command_kind::waypoint_select;
-        command.index = static_cast<std::uint8_t>(chosen());
-        actions_.give(command);
+        actions_.give(commands::waypoint_select{static_cast<std::uint8_t>(chosen())});
     });
     fill();
 }

@@ -76,7 +76,7 @@ ise::task<> operator_seat::carry_out(order what) {
         one.request.command = step;
         one.request.valid_s = what.valid_s;
         one.request.via = what.via;
-        one.request.confirmed = is_dangerous(step.kind, step.mode);
+        one.request.confirmed = !step.danger().empty();
         if (what.by_console) {
             auto giving = give_at_console(which);
             co_await std::move(giving);
@@ -161,7 +161,7 @@ ise::task<> operator_seat::take_authority() {
 ise::task<> operator_seat::give(std::size_t which) {
     auto request = self_.commands[which].request;
     auto last = until(self_.commands[which]);
-    bool steers = needs_authority(request.command.kind);
+    bool steers = traits_of(request.command.kind()).needs_authority;
     unsigned refusals = 0;
     for (;;) {
         if (steers) {

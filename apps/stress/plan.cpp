@@ -49,48 +49,24 @@ void fill(voyage_plan& made, generator& dice, std::vector<trouble> kinds, std::s
     }
 }
 
-boat_command simple(command_kind kind) {
-    boat_command made;
-    made.kind = kind;
-    return made;
-}
-boat_command mode(sailing_mode to) {
-    auto made = simple(command_kind::set_mode);
-    made.mode = to;
-    return made;
-}
-
 /// What everybody may ask.
-std::vector<boat_command> question(generator& dice) {
+boat_command question(generator& dice) {
     switch (dice.below(4)) {
-        case 0: return {simple(command_kind::ping)};
-        case 1: return {simple(command_kind::waypoint_read_back)};
-        case 2: return {simple(command_kind::request_status)};
-        default: {
-            auto ask = simple(command_kind::get_parameter);
-            ask.parameter = static_cast<parameter_id>(dice.below(parameter_count));
-            return {ask};
-        }
+        case 0: return commands::ping();
+        case 1: return commands::waypoint_read_back();
+        case 2: return commands::request_status();
+        default: return commands::get_parameter{static_cast<parameter_id>(dice.below(parameter_count))};
     }
 }
 
 /// What only the holder of the authority may tell the boat.
 std::vector<boat_command> steering(generator& dice) {
+    using commands::set_mode, commands::set_parameter;
     switch (dice.below(4)) {
-        case 0: return {mode(sailing_mode::hold), mode(sailing_mode::automatic)};
-        case 1: return {mode(sailing_mode::station_keep), mode(sailing_mode::automatic)};
-        case 2: {
-            auto set = simple(command_kind::set_parameter);
-            set.parameter = parameter_id::leeway_compensation;
-            set.value = static_cast<float>(dice.below(5)) * 0.25f;
-            return {set};
-        }
-        default: {
-            auto set = simple(command_kind::set_parameter);
-            set.parameter = parameter_id::time_to_next_tack;
-            set.value = static_cast<float>(60 + 30 * dice.below(8));
-            return {set};
-        }
+        case 0: return {set_mode{sailing_mode::hold}, set_mode{sailing_mode::automatic}};
+        case 1: return {set_mode{sailing_mode::station_keep}, set_mode{sailing_mode::automatic}};
+        case 2: return {set_parameter{parameter_id::leeway_compensation, static_cast<float>(dice.below(5)) * 0.25f}};
+        default: return {set_parameter{parameter_id::time_to_next_tack, static_cast<float>(60 + 30 * dice.below(8))}};
     }
 }
 
@@ -109,29 +85,25 @@ void give_orders(voyage_plan& made, generator& dice) {
             bool only_one = away != made.faults.end() && at > away->at + 10s && at < away->at + away->length;
             if (only_one && by == 0) continue;
             bool steers = by == 0 || only_one;
-            one.steps = steers && dice.chance(0.5) ? steering(dice) : question(dice);
+            one.steps = steers && dice.chance(0.5) ? steering(dice) : std::vector{question(dice)};
             if (std::abs((at - change).count()) < part_of(made.length, 0.03).count() && steers)
-                one.steps = question(dice); // not while the course is changed
+                one.steps = {question(dice)}; // not while the course is changed
             auto way = dice.below(100);
             if (way < 15) one.via = link_id::gprs;
             else if (way < 25) one.via = link_id::xbee;
             else if (way < 30) one.via = link_id::iridium;
             one.valid_s = one.via == link_id::iridium ? 7200.0f : 900.0f;
-            one.by_console = !one.via && !needs_authority(one.steps.front().kind);
+            one.by_console = !one.via && !traits_of(one.steps.front().kind()).needs_authority;
             made.orders.push_back(std::move(one));
         }
     }
     order other_course;
     other_course.at = change;
     other_course.valid_s = 7200;
-    other_course.steps.push_back(simple(command_kind::waypoint_clear));
+    other_course.steps.push_back(commands::waypoint_clear());
     const auto course = simulator::find_course("T2");
-    for (const auto& mark : course->marks) {
-        auto add = simple(command_kind::waypoint_add);
-        add.point = mark;
-        other_course.steps.push_back(add);
-    }
-    other_course.steps.push_back(mode(sailing_mode::automatic));
+    for (const auto& mark : course->marks) other_course.steps.push_back(commands::waypoint_add{mark});
+    other_course.steps.push_back(commands::set_mode{sailing_mode::automatic});
     made.orders.push_back(std::move(other_course));
     std::stable_sort(made.orders.begin(), made.orders.end(),
                      [](const order& a, const order& b) { return a.at < b.at; });

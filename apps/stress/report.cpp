@@ -172,7 +172,7 @@ void say_commands(text& out, const account& of) {
         auto words = one->text;
         std::ranges::replace(words, '|', '/');
         out.line("| {} | {} | {} | {} | {} | {} | {} | {} |", clock_text(one->asked), who, one->request.id,
-                 name_of(one->request.command.kind),
+                 name_of(one->request.command.kind()),
                  one->request.via ? link_names[static_cast<std::size_t>(*one->request.via)] : "best",
                  one->decided.count() < 0 ? "–" : length_text(one->decided - one->asked), outcome_of(*one), words);
     }

@@ -9,7 +9,7 @@ namespace atirma {
 bool is_answer(const acknowledgement& ack, command_kind kind, std::uint32_t sent_under) noexcept {
     if (ack.kind != kind) return false; // of another shore's telecommand with that number
     if (sent_under == 0 || ack.code == ack_code::no_authority) return true;
-    return ack.authority && (!needs_authority(kind) || *ack.authority == sent_under);
+    return ack.authority && (!traits_of(kind).needs_authority || *ack.authority == sent_under);
 }
 
 ise::result<std::uint32_t> command_book::submit(ise::time_point now, utc_time wall, const telecommand_request& request, std::uint32_t chosen) {
@@ -22,7 +22,7 @@ ise::result<std::uint32_t> command_book::submit(ise::time_point now, utc_time wa
             return id;
         }
         return ise::failure(ise::errc::invalid_argument,
-                            fmt::format("telecommand {} is {} already; choose another id", id, name_of(known->second.command.kind)));
+                            fmt::format("telecommand {} is {} already; choose another id", id, name_of(known->second.command.kind())));
     }
     if (auto good = check_request(request); !good) return good.error();
     if (open_ >= options_.max_open)
@@ -30,7 +30,7 @@ ise::result<std::uint32_t> command_book::submit(ise::time_point now, utc_time wa
     entry made;
     made.status.id = id;
     made.status.link = options_.link;
-    made.status.kind = request.command.kind;
+    made.status.kind = request.command.kind();
     made.status.asked_at = wall;
     made.command = request.command;
     made.authority = request.authority;
@@ -53,7 +53,7 @@ std::optional<command_book::due> command_book::next_due(ise::time_point now, utc
         ++e.status.attempts;
         due made;
         made.id = id;
-        made.raw = encode_telecommand(to_telecommand(id, wall, e.command, e.authority));
+        made.raw = encode_telecommand({id, wall, e.command, e.authority});
         made.remaining = e.expires - now;
         return made;
     }
@@ -83,12 +83,9 @@ bool command_book::on_acknowledgement(utc_time wall, const acknowledgement& ack)
     auto found = entries_.find(ack.id);
     if (found == entries_.end() || found->second.status.state == telecommand_stage::acknowledged) return false;
     auto& e = found->second;
-    if (!is_answer(ack, e.command.kind, e.authority)) return false;
+    if (!is_answer(ack, e.command.kind(), e.authority)) return false;
     e.status.result = ack.code;
-    bool tells = e.command.kind == command_kind::get_parameter || e.command.kind == command_kind::set_parameter ||
-                 (e.command.kind >= command_kind::waypoint_add && e.command.kind <= command_kind::waypoint_select) ||
-                 e.command.kind == command_kind::set_telemetry_period;
-    if (tells) e.status.value = ack.value;
+    if (traits_of(ack.kind).returns_value) e.status.value = ack.value;
     e.status.boat_obeys = ack.authority;
     change(e, wall, telecommand_stage::acknowledged, ack.text);
     return true;

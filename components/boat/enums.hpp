@@ -1,12 +1,15 @@
 #pragma once
+#include <ise/packet/enums.hpp>
+
 #include <cstdint>
 #include <optional>
 #include <span>
 #include <string_view>
+#include <vector>
 
 namespace atirma {
 
-// The numbers of every enumeration here travel on air (README.md): they are never reused.
+// The numbers of every enumeration here travel on air (README.md): they are never reused. Telecommands are in telecommands.hpp.
 
 enum class sailing_mode : std::uint8_t {
     manual = 0,       ///< actuators stay where they are; whoever holds the remote control steers
@@ -35,25 +38,6 @@ enum class parameter_id : std::uint8_t {
 };
 inline constexpr std::size_t parameter_count = 5;
 
-enum class command_kind : std::uint8_t {
-    ping = 0,
-    set_mode = 1,
-    waypoint_add = 2,
-    waypoint_insert = 3,
-    waypoint_delete = 4,
-    waypoint_clear = 5,
-    waypoint_read_back = 6,
-    waypoint_select = 7,
-    set_parameter = 8,
-    get_parameter = 9,
-    tack_now = 10,
-    gybe_now = 11,
-    set_telemetry_period = 12, ///< of one link
-    request_status = 13,       ///< one packet of each type, at once
-    reboot = 14,
-    emergency_beacon = 15,
-};
-
 enum class ack_code : std::uint8_t {
     done = 0,
     refused = 1,       ///< understood and not possible now; the text says why
@@ -69,9 +53,16 @@ struct enum_name {
     E value;
 };
 
-/// The names of an enumeration of this header, in the order of their numbers.
+/// The names of an enumeration in the order of their numbers: its enumerators as they are written in C++.
 template <class E>
-std::span<const enum_name<E>> names_of() noexcept;
+std::span<const enum_name<E>> names_of() noexcept {
+    static const auto names = [] {
+        std::vector<enum_name<E>> all;
+        for (const auto& one : ise::enumerators<E>()) all.push_back({one.name, static_cast<E>(one.value)});
+        return all;
+    }();
+    return names;
+}
 
 /// "return_home"; "unknown" for a number without a name.
 template <class E>
@@ -97,13 +88,13 @@ bool is_known(E value) noexcept {
     return false;
 }
 
-template <> std::span<const enum_name<sailing_mode>> names_of() noexcept;
-template <> std::span<const enum_name<link_id>> names_of() noexcept;
-template <> std::span<const enum_name<tack>> names_of() noexcept;
-template <> std::span<const enum_name<fix_quality>> names_of() noexcept;
-template <> std::span<const enum_name<reset_cause>> names_of() noexcept;
-template <> std::span<const enum_name<parameter_id>> names_of() noexcept;
-template <> std::span<const enum_name<command_kind>> names_of() noexcept;
-template <> std::span<const enum_name<ack_code>> names_of() noexcept;
+// Looking for enumerators takes the compiler long: enums.cpp does it once.
+extern template std::span<const enum_name<sailing_mode>> names_of() noexcept;
+extern template std::span<const enum_name<link_id>> names_of() noexcept;
+extern template std::span<const enum_name<tack>> names_of() noexcept;
+extern template std::span<const enum_name<fix_quality>> names_of() noexcept;
+extern template std::span<const enum_name<reset_cause>> names_of() noexcept;
+extern template std::span<const enum_name<parameter_id>> names_of() noexcept;
+extern template std::span<const enum_name<ack_code>> names_of() noexcept;
 
 } // namespace atirma

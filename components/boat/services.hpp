@@ -33,22 +33,6 @@ inline utc_time plausible_time(const telemetry_packet& packet) noexcept {
     return known && packet.measured_at > packet.received_at ? packet.received_at : packet.measured_at;
 }
 
-/// A telecommand without its id and time. The fields beside `kind` count only for the kinds that name them.
-struct boat_command {
-    command_kind kind = command_kind::ping;
-    sailing_mode mode = sailing_mode::manual;                 ///< set_mode
-    std::uint8_t index = 0;                                   ///< waypoint_insert (before it), _delete, _select
-    waypoint point;                                           ///< waypoint_add, waypoint_insert
-    parameter_id parameter = parameter_id::time_to_next_tack; ///< set_parameter, get_parameter
-    float value = 0;                                          ///< set_parameter, in the unit of the parameter
-    link_id link = link_id::xbee;                             ///< set_telemetry_period
-    float period_s = 0;                                       ///< set_telemetry_period; 0 is off
-    bool on = true;                                           ///< emergency_beacon
-    bool operator==(const boat_command&) const = default;
-};
-
-telecommand to_telecommand(std::uint32_t id, utc_time sent_at, const boat_command& what, std::uint32_t authority = 0);
-
 /// `{"id":7,"command":{"kind":"set_mode","mode":"hold"}}`. The same id with the same command again is the same telecommand:
 /// it is not executed twice, and the reply tells what became of it.
 struct telecommand_request {
@@ -60,7 +44,7 @@ struct telecommand_request {
     std::uint32_t authority = 0; ///< to a proxy: the epoch that travels to the boat; a node puts its own here
 };
 
-/// invalid_argument where no boat could execute it, or `valid_s` is out of range.
+/// invalid_argument where the boat would refuse an argument, or `valid_s` is out of range.
 ise::result<void> check_request(const telecommand_request& request);
 
 enum class telecommand_stage : std::uint8_t {

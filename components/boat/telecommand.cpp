@@ -9,40 +9,37 @@ namespace atirma {
 using layout::reader;
 using layout::writer;
 
+namespace {
+
+// How an argument lies on air, by its type.
+template <class T>
+void put_argument(writer& out, const T& value) {
+    if constexpr (std::is_enum_v<T>) out.enumerator(value);
+    else if constexpr (std::is_same_v<T, bool>) out.integer(static_cast<std::uint8_t>(value ? 1 : 0));
+    else if constexpr (std::is_same_v<T, float>) out.real(value);
+    else if constexpr (std::is_same_v<T, waypoint>) out.point(value);
+    else out.integer(value);
+}
+
+template <class T>
+void take_argument(reader& in, std::string_view name, T& value) {
+    if constexpr (std::is_enum_v<T>) value = in.any_enumerator<T>();
+    else if constexpr (std::is_same_v<T, bool>) value = in.integer<std::uint8_t>() != 0;
+    else if constexpr (std::is_same_v<T, float>) value = in.real(name);
+    else if constexpr (std::is_same_v<T, waypoint>) value = in.point(name);
+    else value = in.integer<T>();
+}
+
+} // namespace
+
 ise::bytes encode_telecommand(const telecommand& command) {
     packet_header header;
     header.sequence = command.id; // a command's id stands where a packet's sequence does
     header.measured_at = command.sent_at;
     writer out(command.authority == 0 ? layout::telecommand_type : layout::authorised_type, header);
     if (command.authority != 0) out.integer(command.authority);
-    out.enumerator(command.kind);
-    switch (command.kind) {
-        case command_kind::set_mode: out.enumerator(command.mode); break;
-        case command_kind::waypoint_add: out.point(command.point); break;
-        case command_kind::waypoint_insert:
-            out.integer(command.index);
-            out.point(command.point);
-            break;
-        case command_kind::waypoint_delete:
-        case command_kind::waypoint_select: out.integer(command.index); break;
-        case command_kind::set_parameter:
-            out.enumerator(command.parameter);
-            out.real(command.value);
-            break;
-        case command_kind::get_parameter: out.enumerator(command.parameter); break;
-        case command_kind::set_telemetry_period:
-            out.enumerator(command.link);
-            out.real(command.period_s);
-            break;
-        case command_kind::emergency_beacon: out.integer(static_cast<std::uint8_t>(command.on ? 1 : 0)); break;
-        case command_kind::ping:
-        case command_kind::waypoint_clear:
-        case command_kind::waypoint_read_back:
-        case command_kind::tack_now:
-        case command_kind::gybe_now:
-        case command_kind::request_status:
-        case command_kind::reboot: break;
-    }
+    out.enumerator(command.command.kind());
+    command.command.for_each_argument([&out](std::string_view, const auto& value) { put_argument(out, value); });
     return out.finish();
 }
 
@@ -53,35 +50,9 @@ ise::result<telecommand> parse_telecommand(ise::bytes_view raw) {
     command.id = in.header.sequence;
     command.sent_at = in.header.measured_at;
     if (in.type == layout::authorised_type) command.authority = in.integer<std::uint32_t>();
-    command.kind = in.any_enumerator<command_kind>();
-    if (in.ok() && !is_known(command.kind)) return command; // a newer shore: its arguments are not ours to read
-    switch (command.kind) {
-        case command_kind::set_mode: command.mode = in.any_enumerator<sailing_mode>(); break;
-        case command_kind::waypoint_add: command.point = in.point("waypoint"); break;
-        case command_kind::waypoint_insert:
-            command.index = in.integer<std::uint8_t>();
-            command.point = in.point("waypoint");
-            break;
-        case command_kind::waypoint_delete:
-        case command_kind::waypoint_select: command.index = in.integer<std::uint8_t>(); break;
-        case command_kind::set_parameter:
-            command.parameter = in.any_enumerator<parameter_id>();
-            command.value = in.real("value");
-            break;
-        case command_kind::get_parameter: command.parameter = in.any_enumerator<parameter_id>(); break;
-        case command_kind::set_telemetry_period:
-            command.link = in.any_enumerator<link_id>();
-            command.period_s = in.real("period");
-            break;
-        case command_kind::emergency_beacon: command.on = in.integer<std::uint8_t>() != 0; break;
-        case command_kind::ping:
-        case command_kind::waypoint_clear:
-        case command_kind::waypoint_read_back:
-        case command_kind::tack_now:
-        case command_kind::gybe_now:
-        case command_kind::request_status:
-        case command_kind::reboot: break;
-    }
+    command.command = boat_command(in.any_enumerator<command_kind>());
+    if (in.ok() && command.command.get_if<commands::unknown>()) return command; // a newer shore: its arguments are not ours to read
+    command.command.for_each_argument([&in](std::string_view name, auto& value) { take_argument(in, name, value); });
     if (auto done = in.finish(); !done) return done.error();
     return command;
 }

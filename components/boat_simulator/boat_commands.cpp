@@ -22,28 +22,30 @@ ise::result<acknowledgement> simulated_boat::on_packet(link_id link, ise::bytes_
 }
 
 acknowledgement simulated_boat::execute(const telecommand& command, link_id from) {
+    auto kind = command.command.kind();
+    bool needs_authority = traits_of(kind).needs_authority;
     auto known = std::find_if(acknowledged_.begin(), acknowledged_.end(), [&](auto& ack) { return ack.id == command.id; });
     if (known != acknowledged_.end()) {
-        if (command.kind == command_kind::waypoint_read_back) schedule_.request(packet_type::waypoints, from); // may have been lost
+        if (command.command.get_if<commands::waypoint_read_back>()) schedule_.request(packet_type::waypoints, from); // may have been lost
         auto again = *known;
         again.header = next_header(); // another packet that says the same
         // What was done names the epoch under which it was done, whatever has been heard since.
-        if (command.authority != 0 && !needs_authority(command.kind)) again.authority = authority_;
+        if (command.authority != 0 && !needs_authority) again.authority = authority_;
         return again;
     }
     bool obeyed = obeys(command.authority);
-    if (needs_authority(command.kind) && !obeyed) {
+    if (needs_authority && !obeyed) {
         acknowledgement no; // not remembered: nothing was done, and the id may come again under the epoch that holds
         no.header = next_header();
         no.id = command.id;
-        no.kind = command.kind;
+        no.kind = kind;
         no.code = ack_code::no_authority;
         no.authority = authority_;
         no.text = fmt::format("authority {} holds, this was sent under {}", authority_, command.authority);
         return no;
     }
     if (obeyed) authority_ = command.authority;
-    auto ack = decide(command, from);
+    auto ack = decide(command.command, command.id, from);
     if (command.authority != 0) ack.authority = authority_;
     acknowledged_.push_back(ack);
     ++executed_count_;
@@ -58,100 +60,113 @@ bool simulated_boat::obeys(std::uint32_t epoch) const {
     return epoch - authority_ <= max_epoch_step;
 }
 
-acknowledgement simulated_boat::decide(const telecommand& command, link_id from) {
+/// What the boat does for each telecommand: the words of its answer, or why not (invalid_argument: the argument is wrong).
+/// Its arguments are in their ranges.
+struct simulated_boat::command_handlers {
+    simulated_boat& boat;
+    link_id from;
+
+    using outcome = ise::result<std::string>;
+    static outcome nothing_to_say(const ise::result<void>& done) {
+        if (!done) return done.error();
+        return std::string();
+    }
+    outcome list_changed(const ise::result<void>& done) {
+        if (!done) return done.error();
+        boat.schedule_.request(packet_type::waypoints);
+        boat.schedule_.request(packet_type::navigation);
+        return std::string();
+    }
+
+    outcome operator()(const commands::ping&) { return fmt::format("boot {}, up {:.0f} s", boat.boot_, boat.now_s_ - boat.booted_s_); }
+    outcome operator()(const commands::set_mode& to) {
+        boat.pilot_.set_mode(to.mode, boat.state_, to_vector(boat.true_wind()));
+        boat.schedule_.request(packet_type::navigation);
+        return std::string(name_of(to.mode));
+    }
+    outcome operator()(const commands::waypoint_insert& at) {
+        return list_changed(boat.pilot_.insert(at.index, at.point, boat.state_));
+    }
+    outcome operator()(const commands::waypoint_add& at) {
+        return list_changed(boat.pilot_.insert(boat.pilot_.list().size(), at.point, boat.state_));
+    }
+    outcome operator()(const commands::waypoint_delete& at) { return list_changed(boat.pilot_.erase(at.index, boat.state_)); }
+    outcome operator()(const commands::waypoint_clear&) {
+        boat.pilot_.clear();
+        return list_changed({});
+    }
+    outcome operator()(const commands::waypoint_read_back&) {
+        boat.schedule_.request(packet_type::waypoints, from);
+        return std::string();
+    }
+    outcome operator()(const commands::waypoint_select& at) { return list_changed(boat.pilot_.select(at.index, boat.state_)); }
+    outcome operator()(const commands::set_parameter& to) {
+        auto done = boat.pilot_.set_parameter(to.parameter, to.value);
+        if (!done) return done.error();
+        if (to.parameter == parameter_id::telemetry_period) boat.schedule_.set_period(link_id::xbee, to.value, boat.now_s_);
+        boat.schedule_.request(packet_type::configuration);
+        return std::string();
+    }
+    outcome operator()(const commands::get_parameter&) { return std::string(); }
+    outcome operator()(const commands::tack_now&) { return nothing_to_say(boat.pilot_.tack_now()); }
+    outcome operator()(const commands::gybe_now&) { return nothing_to_say(boat.pilot_.gybe_now()); }
+    outcome operator()(const commands::set_telemetry_period& to) {
+        boat.schedule_.set_period(to.link, to.period_s, boat.now_s_);
+        boat.schedule_.request(packet_type::configuration);
+        bool also_parameter = to.link == link_id::xbee && check_parameter(parameter_id::telemetry_period, to.period_s);
+        if (!also_parameter) return std::string();
+        return nothing_to_say(boat.pilot_.set_parameter(parameter_id::telemetry_period, to.period_s)); // the same thing by its other name
+    }
+    outcome operator()(const commands::request_status&) {
+        boat.schedule_.request_all(from);
+        return std::string();
+    }
+    outcome operator()(const commands::reboot&) {
+        // The list, the parameters and what was acknowledged are kept in memory that survives.
+        boat.up_again_s_ = boat.now_s_ + reboot_s;
+        boat.booted_s_ = boat.up_again_s_;
+        boat.last_reset_ = reset_cause::commanded;
+        ++boat.boot_;
+        boat.sequence_ = 0;
+        for (std::size_t i = 0; i < packet_type_count; ++i) boat.schedule_.request(static_cast<packet_type>(i));
+        return fmt::format("starting, boot {}", boat.boot_);
+    }
+    outcome operator()(const commands::emergency_beacon& to) {
+        boat.beacon_ = to.on;
+        boat.schedule_.request(packet_type::location);
+        boat.schedule_.request(packet_type::navigation);
+        return std::string(to.on ? "beacon on" : "beacon off");
+    }
+    outcome operator()(const commands::unknown&) { return std::string(); } // was answered before
+};
+
+/// What holds now, for telecommands that return a value: also where they were refused.
+struct simulated_boat::command_values {
+    const simulated_boat& boat;
+
+    float operator()(const commands::set_parameter& of) { return boat.pilot_.parameter(of.parameter); }
+    float operator()(const commands::get_parameter& of) { return boat.pilot_.parameter(of.parameter); }
+    float operator()(const commands::set_telemetry_period& of) {
+        return is_known(of.link) ? static_cast<float>(boat.schedule_.period_s(of.link)) : 0;
+    }
+    float operator()(const auto&) { return static_cast<float>(boat.pilot_.list().size()); } // waypoints
+};
+
+acknowledgement simulated_boat::decide(const boat_command& command, std::uint32_t id, link_id from) {
     acknowledgement ack;
     ack.header = next_header();
-    ack.id = command.id;
-    ack.kind = command.kind;
-    auto settle = [&](const ise::result<void>& outcome) {
-        if (outcome) return true;
-        ack.code = outcome.error().code() == ise::errc::invalid_argument ? ack_code::bad_argument : ack_code::refused;
-        ack.text = outcome.error().message();
-        return false;
-    };
-    auto list_changed = [&] {
-        schedule_.request(packet_type::waypoints);
-        schedule_.request(packet_type::navigation);
-    };
-    switch (command.kind) {
-        case command_kind::ping: ack.text = fmt::format("boot {}, up {:.0f} s", boot_, now_s_ - booted_s_); break;
-        case command_kind::set_mode:
-            if (!is_known(command.mode)) {
-                settle(ise::failure(ise::errc::invalid_argument, fmt::format("no mode has number {}", static_cast<int>(command.mode))));
-                break;
-            }
-            pilot_.set_mode(command.mode, state_, to_vector(true_wind()));
-            ack.text = name_of(command.mode);
-            schedule_.request(packet_type::navigation);
-            break;
-        case command_kind::waypoint_add:
-        case command_kind::waypoint_insert: {
-            std::size_t place = command.kind == command_kind::waypoint_add ? pilot_.list().size() : command.index;
-            if (settle(pilot_.insert(place, command.point, state_))) list_changed();
-            break;
-        }
-        case command_kind::waypoint_delete:
-            if (settle(pilot_.erase(command.index, state_))) list_changed();
-            break;
-        case command_kind::waypoint_select:
-            if (settle(pilot_.select(command.index, state_))) list_changed();
-            break;
-        case command_kind::waypoint_clear:
-            pilot_.clear();
-            list_changed();
-            break;
-        case command_kind::waypoint_read_back: schedule_.request(packet_type::waypoints, from); break;
-        case command_kind::set_parameter:
-            if (settle(pilot_.set_parameter(command.parameter, command.value))) {
-                if (command.parameter == parameter_id::telemetry_period) schedule_.set_period(link_id::xbee, command.value, now_s_);
-                schedule_.request(packet_type::configuration);
-            }
-            ack.value = pilot_.parameter(command.parameter);
-            break;
-        case command_kind::get_parameter:
-            if (!is_known(command.parameter))
-                settle(ise::failure(ise::errc::invalid_argument, fmt::format("no parameter has number {}", static_cast<int>(command.parameter))));
-            ack.value = pilot_.parameter(command.parameter);
-            break;
-        case command_kind::tack_now: settle(pilot_.tack_now()); break;
-        case command_kind::gybe_now: settle(pilot_.gybe_now()); break;
-        case command_kind::set_telemetry_period:
-            if (!is_known(command.link)) {
-                settle(ise::failure(ise::errc::invalid_argument, fmt::format("no link has number {}", static_cast<int>(command.link))));
-            } else if (!(command.period_s == 0 || (command.period_s >= 0.5f && command.period_s <= 86400))) {
-                settle(ise::failure(ise::errc::invalid_argument, fmt::format("a period is 0 (off) or 0.5 to 86400 s, not {:g}", command.period_s)));
-            } else {
-                schedule_.set_period(command.link, command.period_s, now_s_);
-                if (command.link == link_id::xbee && command.period_s > 0 && check_parameter(parameter_id::telemetry_period, command.period_s))
-                    settle(pilot_.set_parameter(parameter_id::telemetry_period, command.period_s)); // the same thing by its other name
-                schedule_.request(packet_type::configuration);
-            }
-            if (is_known(command.link)) ack.value = static_cast<float>(schedule_.period_s(command.link));
-            break;
-        case command_kind::request_status: schedule_.request_all(from); break;
-        case command_kind::reboot:
-            // The list, the parameters and what was acknowledged are kept in memory that survives.
-            up_again_s_ = now_s_ + reboot_s;
-            booted_s_ = up_again_s_;
-            last_reset_ = reset_cause::commanded;
-            ++boot_;
-            sequence_ = 0;
-            for (std::size_t i = 0; i < packet_type_count; ++i) schedule_.request(static_cast<packet_type>(i));
-            ack.text = fmt::format("starting, boot {}", boot_);
-            break;
-        case command_kind::emergency_beacon:
-            beacon_ = command.on;
-            ack.text = beacon_ ? "beacon on" : "beacon off";
-            schedule_.request(packet_type::location);
-            schedule_.request(packet_type::navigation);
-            break;
-        default:
-            ack.code = ack_code::unknown_command;
-            ack.text = fmt::format("no command has number {}", static_cast<int>(command.kind));
+    ack.id = id;
+    ack.kind = command.kind();
+    auto good = check(command);
+    auto done = good ? command.visit(command_handlers{*this, from}) : command_handlers::outcome(good.error());
+    if (done) {
+        ack.text = *done;
+    } else {
+        bool wrong = done.error().code() == ise::errc::invalid_argument;
+        ack.code = command.get_if<commands::unknown>() ? ack_code::unknown_command : wrong ? ack_code::bad_argument : ack_code::refused;
+        ack.text = done.error().message();
     }
-    using enum command_kind;
-    for (auto kind : {waypoint_add, waypoint_insert, waypoint_delete, waypoint_clear, waypoint_select, waypoint_read_back})
-        if (command.kind == kind) ack.value = static_cast<float>(pilot_.list().size());
+    if (traits_of(ack.kind).returns_value) ack.value = command.visit(command_values{*this});
     return ack;
 }
 

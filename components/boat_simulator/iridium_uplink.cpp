@@ -16,9 +16,7 @@ iridium_uplink::iridium_uplink(ise::loop& on, ise::logger log, iridium_uplink_op
 ise::task<> iridium_uplink::run(simulator::simulated_boat& boat) {
     boat_ = &boat;
     telecommand begin; // as if the shore had asked for it; what it answers is not sent
-    begin.kind = command_kind::set_telemetry_period;
-    begin.link = link_id::iridium;
-    begin.period_s = static_cast<float>(options_.period_s);
+    begin.command = commands::set_telemetry_period{link_id::iridium, static_cast<float>(options_.period_s)};
     boat.execute(begin, link_id::iridium);
     auto serving = port_.run();
     co_await std::move(serving);

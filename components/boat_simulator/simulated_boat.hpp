@@ -117,7 +117,9 @@ private:
     void put(link_id link, std::deque<ise::bytes>& to, std::size_t most, ise::bytes raw);
     packet_header next_header();
     bool obeys(std::uint32_t epoch) const;
-    acknowledgement decide(const telecommand& command, link_id from);
+    struct command_handlers;
+    struct command_values;
+    acknowledgement decide(const boat_command& command, std::uint32_t id, link_id from);
 
     boat_options options_;
     std::shared_ptr<const wind_source> wind_;

@@ -44,7 +44,7 @@ ise::result<command_record> command_desk::prepare(ise::time_point now, utc_time 
                             fmt::format("{} telecommands wait for the boat already", open_.size()));
     command_record made;
     made.status.id = request.id != 0 ? request.id : chosen;
-    made.status.kind = request.command.kind;
+    made.status.kind = request.command.kind();
     made.status.command = request.command;
     made.status.asked_by = asked_by;
     made.status.asked_at = wall;

@@ -105,11 +105,10 @@ ise::task<telecommand_reply> communication_node::command(telecommand_request req
     auto id = request.id;
     if (!known) {
         if (auto good = check_request(request); !good) throw command_refused(good.error().message());
-        if (is_dangerous(request.command.kind, request.command.mode) && !request.confirmed)
-            throw command_refused(fmt::format(
-                "{} can lose the boat or its mission: send it again with confirmed true if it is meant",
-                request.command.kind == command_kind::set_mode ? "set_mode manual" : name_of(request.command.kind)));
-        if (needs_authority(request.command.kind))
+        if (auto why = request.command.danger(); !why.empty() && !request.confirmed)
+            throw command_refused(fmt::format("{} is dangerous: {} Send it again with confirmed true if it is meant",
+                                              name_of(request.command.kind()), why));
+        if (traits_of(request.command.kind()).needs_authority)
             if (auto why = c.authority.refusal(who)) throw command_refused(*why);
         if (request.via &&
             std::ranges::none_of(c.proxies, [&](const auto& one) { return one.health.link == *request.via; })) {

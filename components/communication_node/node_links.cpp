@@ -31,7 +31,7 @@ ise::task<> communication_node::drive(command_desk::give what) {
         if (got && got->state != telecommand_stage::pending) {
             telecommand_status told;
             told.id = what.id;
-            told.kind = what.request.command.kind;
+            told.kind = what.request.command.kind();
             told.state = got->state;
             told.result = got->result;
             told.value = got->value;

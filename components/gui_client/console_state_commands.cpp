@@ -30,12 +30,15 @@ void console_state::asked(std::uint32_t id, const std::string& path, const boat_
     entry.own = true;
     entry.asked_at = now;
     commands_.asked(std::move(entry));
-    if (command.kind != command_kind::set_parameter && command.kind != command_kind::get_parameter) return;
-    parameter_commands_[id] = command.parameter;
+    const auto* set = command.get_if<commands::set_parameter>();
+    const auto* get = command.get_if<commands::get_parameter>();
+    if (!set && !get) return;
+    auto which = set ? set->parameter : get->parameter;
+    parameter_commands_[id] = which;
     for (auto& one : parameters_) {
-        if (one.id != command.parameter) continue;
+        if (one.id != which) continue;
         one.problem.clear();
-        if (command.kind == command_kind::set_parameter) one.pending = command.value;
+        if (set) one.pending = set->value;
     }
 }
 

@@ -74,7 +74,7 @@ ise::task<command_phase> gui_client::execute(give_command what, const bool* stop
         explicit counted(std::size_t& in) : count(in) { ++count; }
         ~counted() { --count; }
     } in_hand(commands_in_hand_);
-    auto refusal = co_await get_authority(needs_authority(what.command.kind) ? what.authority : taking::no);
+    auto refusal = co_await get_authority(traits_of(what.command.kind()).needs_authority ? what.authority : taking::no);
     if (!refusal.empty()) co_return settle(command_phase::refused, std::nullopt, refusal);
     auto proxy = find_component(*this, via);
     auto valid = std::chrono::duration_cast<ise::duration>(std::chrono::duration<float>(what.valid_s));
@@ -140,20 +140,19 @@ ise::task<> gui_client::sail(sail_to what) {
     give_command one;
     one.via = what.via;
     one.authority = what.authority;
-    one.command.point = what.point;
     bool empty = there.complete && there.points.empty();
-    one.command.kind = empty ? command_kind::waypoint_add : command_kind::waypoint_insert;
-    one.command.index = empty ? std::uint8_t{0} : there.active;
+    std::uint8_t place = empty ? std::uint8_t{0} : there.active;
+    if (empty) one.command = commands::waypoint_add{what.point};
+    else one.command = commands::waypoint_insert{place, what.point};
     auto select = one;
     auto phase = co_await execute(std::move(one));
     if (phase != command_phase::done) co_return;
-    select.command.kind = command_kind::waypoint_select;
+    select.command = commands::waypoint_select{place};
     auto mode = select;
     phase = co_await execute(std::move(select));
     const auto& sailing = state_->boat().sailing;
     if (phase != command_phase::done || (sailing && sailing->value.mode == sailing_mode::automatic)) co_return;
-    mode.command.kind = command_kind::set_mode;
-    mode.command.mode = sailing_mode::automatic;
+    mode.command = commands::set_mode{sailing_mode::automatic};
     co_await execute(std::move(mode));
 }
 

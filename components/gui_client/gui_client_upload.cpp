@@ -88,16 +88,15 @@ ise::task<std::string> gui_client::upload_points(upload_mission what) {
     one.valid_s = upload_valid_s;
     one.confirmed = true;
     one.authority = what.authority;
-    one.command.kind = command_kind::waypoint_clear;
+    one.command = commands::waypoint_clear();
     auto phase = co_await execute(one, &cancel_upload_);
     if (cancel_upload_ && !is_over(phase)) co_return "cancelled: whether the boat clears its list is not known yet";
     if (phase != command_phase::done) co_return fmt::format("the list was not cleared: {}", name_of(phase));
-    one.command.kind = command_kind::waypoint_add;
     for (std::size_t i = 0; i < points.size(); ++i) {
         if (cancel_upload_) co_return fmt::format("cancelled: the boat has {} of {} waypoints", i, points.size());
         show_upload(upload_phase::sending, i, points.size(),
                     fmt::format("sends waypoint {} of {}", i + 1, points.size()));
-        one.command.point = points[i];
+        one.command = commands::waypoint_add{points[i]};
         phase = co_await execute(one, &cancel_upload_);
         if (cancel_upload_ && !is_over(phase))
             co_return fmt::format("cancelled: the boat has {} of {} waypoints; waypoint {} is under way and may arrive", i,
@@ -114,7 +113,7 @@ ise::task<bool> gui_client::read_back(std::string via, const bool* stop) {
     give_command one;
     one.via = via;
     one.valid_s = upload_valid_s;
-    one.command.kind = command_kind::waypoint_read_back;
+    one.command = commands::waypoint_read_back();
     auto phase = co_await execute(std::move(one), stop);
     if (phase != command_phase::done) co_return false;
     auto link = link_of_path(via).value_or(link_id::xbee);

@@ -146,52 +146,43 @@ std::string describe(const waypoint& at) { return fmt::format("{:.5f}, {:.5f}", 
 
 std::string describe(command_kind kind) { return spaced(name_of(kind)); }
 
+namespace {
+
+template <class T>
+std::string argument_words(const T& value, const std::optional<argument_range>& range) {
+    if constexpr (std::is_same_v<T, waypoint>) return describe(value);
+    else if constexpr (std::is_same_v<T, bool>) return value ? "on" : "off";
+    else if constexpr (requires { label(value); }) return label(value);
+    else if constexpr (std::is_enum_v<T>) return spaced(name_of(value));
+    else if constexpr (std::is_integral_v<T>) return fmt::format("{}", value);
+    else if (range && range->zero_is_off && value == 0) return "off";
+    else return fmt::format("{:g}{}{}", value, range && !range->unit.empty() ? " " : "", range ? range->unit : "");
+}
+
+/// `words` with the values of its {argument}s.
+std::string filled_in(const boat_command& command, std::string_view words) {
+    std::string made(words);
+    auto put = [&made](const std::string& place, const std::string& said) {
+        if (auto at = made.find(place); at != std::string::npos) made.replace(at, place.size(), said);
+    };
+    command.for_each_argument([&](std::string_view name, const auto& value) {
+        put(fmt::format("{{{}}}", name), argument_words(value, range_of(command, name)));
+        if constexpr (std::is_integral_v<std::remove_cvref_t<decltype(value)>>)
+            put(fmt::format("{{{}+1}}", name), fmt::format("{}", value + 1));
+    });
+    return made;
+}
+
+} // namespace
+
 std::string describe(const boat_command& command) {
-    auto kind = describe(command.kind);
-    switch (command.kind) {
-        case command_kind::set_mode: return "mode " + label(command.mode);
-        case command_kind::waypoint_add: return "add waypoint at " + describe(command.point);
-        case command_kind::waypoint_insert:
-            return fmt::format("insert waypoint {} at {}", command.index + 1, describe(command.point));
-        case command_kind::waypoint_delete: return fmt::format("delete waypoint {}", command.index + 1);
-        case command_kind::waypoint_select: return fmt::format("sail to waypoint {}", command.index + 1);
-        case command_kind::waypoint_clear: return "clear waypoints";
-        case command_kind::waypoint_read_back: return "read waypoints back";
-        case command_kind::set_parameter: {
-            auto* info = find_parameter(command.parameter);
-            return fmt::format("{} := {:g}{}{}", label(command.parameter), command.value, info ? " " : "",
-                               info ? info->unit : "");
-        }
-        case command_kind::get_parameter: return "get " + label(command.parameter);
-        case command_kind::set_telemetry_period:
-            if (command.period_s == 0) return "telemetry over " + label(command.link) + " off";
-            return fmt::format("telemetry over {} every {:g} s", label(command.link), command.period_s);
-        case command_kind::emergency_beacon: return command.on ? "beacon on" : "beacon off";
-        default: return kind;
-    }
+    auto words = traits_of(command.kind()).words;
+    return words.empty() ? describe(command.kind()) : filled_in(command, words);
 }
 
 std::string danger(const boat_command& command) {
-    switch (command.kind) {
-        case command_kind::reboot:
-            return "The boat's computer starts again: for some seconds nobody steers, and nothing is heard from it.";
-        case command_kind::waypoint_clear:
-            return "The boat loses its list of waypoints; in Auto it then stays where it is.";
-        case command_kind::emergency_beacon:
-            if (command.on) return "The emergency beacon calls for help, and draws on the battery.";
-            return "The emergency beacon goes off: who is on the way to the boat loses it.";
-        case command_kind::set_mode:
-            if (command.mode == sailing_mode::manual)
-                return "Rudder and sail stay as they are; without somebody at the remote control nobody steers.";
-            return {};
-        case command_kind::set_telemetry_period:
-            if (command.period_s == 0)
-                return "Nothing will be heard over " + label(command.link) + " until it is switched on again.";
-            if (command.link == link_id::iridium && command.period_s < 60)
-                return "Iridium is paid by the message: such a short period costs much.";
-            return {};
-        default: return {};
-    }
+    auto why = command.danger();
+    return filled_in(command, why.empty() ? command.caution() : why);
 }
 
 packet_text describe(const telemetry_packet& packet) {

@@ -19,7 +19,7 @@ std::optional<link_id> link_of_path(const std::string& path);
 std::string label(const link_view& link);
 /// "anna": of the operator at atirma/console/anna.
 std::string operator_label(const std::string& path);
-/// "set mode auto", "waypoint 3 at 28.15300, −15.44800", "time to next tack := 30 s".
+/// "mode Auto", "insert waypoint 3 at 28.15300, -15.44800", "time to next tack := 30 s": the words of telecommands.hpp.
 std::string describe(const boat_command& command);
 /// Of another console's command only the kind is known.
 std::string describe(command_kind kind);

@@ -215,9 +215,9 @@ iridium_account iridium_proxy::account() {
     for (const auto* entry : s.queue.open()) {
         iridium_queued one;
         one.id = entry->id;
-        one.kind = entry->command.kind;
+        one.kind = entry->command.kind();
         one.stage = entry->stage;
-        one.priority = priority_of(entry->command.kind);
+        one.priority = static_cast<std::uint8_t>(traits_of(one.kind).priority);
         one.attempts = entry->attempts;
         one.reference = entry->reference;
         one.text = entry->text;

@@ -10,31 +10,21 @@
 namespace atirma {
 namespace {
 
+command_priority priority_of(const mt_entry& entry) { return traits_of(entry.command.kind()).priority; }
+
 bool goes_before(const mt_entry& a, const mt_entry& b) {
-    return std::tuple(priority_of(a.command.kind), a.order) < std::tuple(priority_of(b.command.kind), b.order);
+    return std::tuple(priority_of(a), a.order) < std::tuple(priority_of(b), b.order);
 }
 
 utc_time midnight_after(utc_time now) { return std::chrono::floor<std::chrono::days>(now) + std::chrono::days(1); }
 
 } // namespace
 
-std::uint8_t priority_of(command_kind kind) noexcept {
-    switch (kind) {
-        case command_kind::emergency_beacon:
-        case command_kind::set_mode: return 0;
-        case command_kind::ping:
-        case command_kind::get_parameter:
-        case command_kind::request_status:
-        case command_kind::waypoint_read_back: return 2;
-        default: return 1;
-    }
-}
-
 telecommand_status status_of(const mt_entry& entry) {
     telecommand_status told;
     told.id = entry.id;
     told.link = link_id::iridium;
-    told.kind = entry.command.kind;
+    told.kind = entry.command.kind();
     switch (entry.stage) {
         case iridium_stage::waiting:
         case iridium_stage::sending:
@@ -92,7 +82,7 @@ ise::result<std::uint32_t> mt_queue::submit(utc_time now, const telecommand_requ
             return id;
         }
         return ise::failure(ise::errc::invalid_argument, fmt::format("telecommand {} is {} already; choose another id",
-                                                                     id, name_of(known->second.command.kind)));
+                                                                     id, name_of(known->second.command.kind())));
     }
     command_book rules; // what makes sense is the same on every link
     auto good = rules.submit({}, now, request, id);
@@ -139,7 +129,7 @@ std::optional<mt_queue::due> mt_queue::next_due(utc_time now, std::optional<std:
     auto& e = entries_.at(first->id);
     due made;
     made.id = e.id;
-    made.raw = encode_telecommand(to_telecommand(e.id, now, e.command, e.authority));
+    made.raw = encode_telecommand({e.id, now, e.command, e.authority});
     made.credits = credits_of(made.raw.size(), options_.bytes_per_credit);
     if (budget_left && made.credits > *budget_left) {
         budget_until_ = midnight_after(now);
@@ -205,12 +195,9 @@ bool mt_queue::on_acknowledgement(utc_time now, const acknowledgement& ack) {
     auto found = entries_.find(ack.id);
     if (found == entries_.end() || found->second.stage == iridium_stage::acknowledged) return false;
     auto& e = found->second;
-    if (!is_answer(ack, e.command.kind, e.authority)) return false;
+    if (!is_answer(ack, e.command.kind(), e.authority)) return false;
     e.result = ack.code;
-    bool tells = e.command.kind == command_kind::get_parameter || e.command.kind == command_kind::set_parameter ||
-                 (e.command.kind >= command_kind::waypoint_add && e.command.kind <= command_kind::waypoint_select) ||
-                 e.command.kind == command_kind::set_telemetry_period;
-    if (tells) e.value = ack.value;
+    if (traits_of(ack.kind).returns_value) e.value = ack.value;
     e.boat_obeys = ack.authority;
     change(e, now, iridium_stage::acknowledged, ack.text);
     return true;

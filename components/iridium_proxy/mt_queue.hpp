@@ -28,8 +28,6 @@ struct mt_entry {
     utc_time asked_at{}, expires_at{}, changed_at{}, next_try{};
 };
 
-/// 0 goes first: what saves the boat before what steers it, that before what tells and asks.
-std::uint8_t priority_of(command_kind kind) noexcept;
 telecommand_status status_of(const mt_entry& entry);
 
 /// How giving a message to the gateway went.

@@ -134,8 +134,7 @@ TEST_CASE("atirma gprs: a telecommand that takes both links is done once, and an
     REQUIRE(it.until([&] { return !seen.telemetry.empty(); }));
     telecommand_request add;
     add.id = 77;
-    add.command.kind = command_kind::waypoint_add;
-    add.command.point = {28.15, -15.46};
+    add.command = commands::waypoint_add{{28.15, -15.46}};
     auto before = it.boat().pilot().list().size();
     gprs_sea::asked by_gprs, by_radio;
     it.command(add, 60s, by_gprs, true);
@@ -173,9 +172,7 @@ TEST_CASE("atirma gprs: telecommands wait for the carrier, survive its delay, an
     CHECK((*slow)->text == "station_keep");
     telecommand_request often;
     often.id = 8;
-    often.command.kind = command_kind::set_telemetry_period;
-    often.command.link = link_id::gprs;
-    often.command.period_s = 1;
+    often.command = commands::set_telemetry_period{link_id::gprs, 1};
     it.command(often, 2min, period);
     REQUIRE(it.until([&] { return period.has_value(); }, 5min));
     CHECK((*period)->value == 1);
@@ -191,7 +188,7 @@ TEST_CASE("atirma gprs: a boat that reboots on command has lost nothing of befor
     it.carrier_does(up(true));
     telecommand_request reboot;
     reboot.id = 9;
-    reboot.command.kind = command_kind::reboot;
+    reboot.command = commands::reboot();
     gprs_sea::asked answer;
     it.command(reboot, 2min, answer);
     REQUIRE(it.until([&] { return answer.has_value(); }, 5min));

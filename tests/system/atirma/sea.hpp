@@ -16,8 +16,7 @@
 inline atirma::telecommand_request set_mode(std::uint32_t id, atirma::sailing_mode mode) {
     atirma::telecommand_request request;
     request.id = id;
-    request.command.kind = atirma::command_kind::set_mode;
-    request.command.mode = mode;
+    request.command = atirma::commands::set_mode{mode};
     return request;
 }
 

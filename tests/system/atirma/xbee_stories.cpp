@@ -260,8 +260,7 @@ TEST_CASE("atirma: telecommands that make no sense are refused before they are s
     endless.valid_s = 0;
     telecommand_request nowhere;
     nowhere.id = 52;
-    nowhere.command.kind = command_kind::waypoint_add;
-    nowhere.command.point.latitude_deg = 91;
+    nowhere.command = commands::waypoint_add{{91, 0}};
     asked a, b;
     command(it, endless, 5s, a);
     command(it, nowhere, 5s, b);

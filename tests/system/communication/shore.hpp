@@ -165,8 +165,7 @@ private:
 inline telecommand_request adds_waypoint(std::uint32_t id, double latitude = 28.16) {
     telecommand_request made;
     made.id = id;
-    made.command.kind = command_kind::waypoint_add;
-    made.command.point = {latitude, -15.45};
+    made.command = commands::waypoint_add{{latitude, -15.45}};
     return made;
 }
 

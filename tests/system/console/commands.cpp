@@ -95,14 +95,12 @@ TEST_CASE("console: a parameter is pending while it is under way, then the boat'
     REQUIRE(it.until([&] { return works(console); }));
     auto tack = [&] { return console.see()->parameters[static_cast<std::size_t>(parameter_id::time_to_next_tack)]; };
     give_command set;
-    set.command.kind = command_kind::set_parameter;
-    set.command.parameter = parameter_id::time_to_next_tack;
-    set.command.value = 45;
+    set.command = commands::set_parameter{parameter_id::time_to_next_tack, 45};
     REQUIRE(console.port->act(set));
     REQUIRE(it.until([&] { return tack().pending == 45.0f; }));
     REQUIRE(it.until([&] { return tack().confirmed == 45.0f && !tack().pending; }));
     CHECK(it.boat().pilot().parameter(parameter_id::time_to_next_tack) == 45.0f);
-    set.command.value = 99999;
+    set.command = commands::set_parameter{parameter_id::time_to_next_tack, 99999};
     REQUIRE(console.port->act(set));
     REQUIRE(it.until([&] { return !tack().problem.empty(); }));
     CHECK(tack().confirmed == 45.0f);

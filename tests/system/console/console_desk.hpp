@@ -62,8 +62,7 @@ inline gui_client_options at_the_proxy() {
 
 inline give_command set_mode(sailing_mode mode) {
     give_command made;
-    made.command.kind = command_kind::set_mode;
-    made.command.mode = mode;
+    made.command = commands::set_mode{mode};
     return made;
 }
 

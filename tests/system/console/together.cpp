@@ -42,8 +42,7 @@ const command_entry* last_of(const snapshot& seen) {
 
 give_command adds(double latitude, taking how) {
     give_command made;
-    made.command.kind = command_kind::waypoint_add;
-    made.command.point = {latitude, -15.45};
+    made.command = commands::waypoint_add{{latitude, -15.45}};
     made.authority = how;
     return made;
 }
@@ -141,7 +140,7 @@ TEST_CASE("console: a telecommand to the nodes' role takes the link that is aliv
     it.boat.over(link_id::xbee).up = false;
     it.sends_every_second({link_id::gprs});
     give_command asks;
-    asks.command.kind = command_kind::get_parameter;
+    asks.command = commands::get_parameter();
     asks.via = std::string(communication_role);
     asks.valid_s = 120;
     REQUIRE(anna->act(asks));

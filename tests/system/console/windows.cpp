@@ -45,8 +45,7 @@ TEST_CASE("console windows: a mode lights up when the boat says so, not when it 
     CHECK(automatic.isChecked());
     hold.click();
     REQUIRE(it.last<give_command>());
-    CHECK(it.last<give_command>()->command.kind == command_kind::set_mode);
-    CHECK(it.last<give_command>()->command.mode == sailing_mode::hold);
+    CHECK(it.last<give_command>()->command == boat_command(commands::set_mode{sailing_mode::hold}));
     CHECK(it.last<give_command>()->via.empty());
     CHECK_FALSE(hold.isChecked());
     navigation n;
@@ -67,7 +66,7 @@ TEST_CASE("console windows: commands go over the link that was chosen") {
     Q_EMIT links.activated(gprs);
     it.find("do_tack").click();
     REQUIRE(it.last<give_command>());
-    CHECK(it.last<give_command>()->command.kind == command_kind::tack_now);
+    CHECK(it.last<give_command>()->command.kind() == command_kind::tack_now);
     CHECK(it.last<give_command>()->via == gprs_path);
 }
 

@@ -58,8 +58,7 @@ TEST_CASE("console windows: a parameter shows what is confirmed, what is under w
     it.find("set_forbidden_angle_upwind").click();
     REQUIRE(it.last<give_command>());
     auto command = it.last<give_command>()->command;
-    CHECK(command.parameter == parameter_id::forbidden_angle_upwind);
-    CHECK(command.value == 48.0f);
+    CHECK(command == boat_command(commands::set_parameter{parameter_id::forbidden_angle_upwind, 48}));
     it.state.asked(77, xbee_path, command, it.now);
     it.show();
     CHECK(it.find<QLabel>("confirmed_forbidden_angle_upwind").text().contains("55"));
@@ -95,9 +94,7 @@ TEST_CASE(
     CHECK(details.contains("rounded waypoint 1"));
     CHECK(details.contains("0000  01 08"));
     it.picture("packets");
-    boat_command hold;
-    hold.kind = command_kind::set_mode;
-    hold.mode = sailing_mode::hold;
+    boat_command hold = commands::set_mode{sailing_mode::hold};
     it.state.asked(5, xbee_path, hold, it.now - 40s);
     it.state.on_status(xbee_path, status(5, telecommand_stage::acknowledged, ack_code::done, "hold"), it.now - 37s);
     it.state.on_status(xbee_path, status(6, telecommand_stage::sent, std::nullopt, "arrived at the boat's modem"),

@@ -4,12 +4,16 @@
 #include <apps/console/command_button.hpp>
 #include <apps/console/limits_dialog.hpp>
 #include <apps/console/settings.hpp>
+#include <apps/console/telecommand_dialog.hpp>
 #include <apps/console/theme.hpp>
 
 #include <QAction>
+#include <QComboBox>
 #include <QDoubleSpinBox>
 #include <QFile>
+#include <QLabel>
 #include <QMenu>
+#include <QPushButton>
 #include <QStatusBar>
 #include <QTabWidget>
 #include <QTemporaryDir>
@@ -31,7 +35,7 @@ QAction* menu_entry(desk& it, const QString& words) {
     return nullptr;
 }
 
-void commands(desk& it, const std::string& holder, std::vector<std::string> asked_by = {}) {
+void in_command(desk& it, const std::string& holder, std::vector<std::string> asked_by = {}) {
     authority_state held;
     held.holder = holder;
     held.epoch = it.state.authority().state.epoch + 2;
@@ -44,6 +48,45 @@ void commands(desk& it, const std::string& holder, std::vector<std::string> aske
 }
 
 } // namespace
+
+TEST_CASE("console windows: every telecommand is in the menu, and its arguments are asked for") {
+    desk it;
+    auto entry_of = [&](command_kind kind) {
+        return it.window->findChild<QAction*>("telecommand_" + text(std::string(name_of(kind))));
+    };
+    for (const auto& one : names_of<command_kind>()) {
+        CAPTURE(one.name);
+        REQUIRE(entry_of(one.value));
+        CHECK_FALSE(entry_of(one.value)->toolTip().isEmpty());
+    }
+    entry_of(command_kind::gybe_now)->trigger();
+    REQUIRE(it.last<give_command>());
+    CHECK(it.last<give_command>()->command == boat_command(commands::gybe_now()));
+    QTimer::singleShot(0, it.window.get(), [&] {
+        auto* dialog = qobject_cast<telecommand_dialog*>(QApplication::activeModalWidget());
+        REQUIRE(dialog);
+        auto* send = dialog->findChild<QPushButton*>("telecommand_accept");
+        dialog->findChild<QComboBox*>("argument_link")->setCurrentIndex(2);
+        dialog->findChild<QDoubleSpinBox*>("argument_period_s")->setValue(-1);
+        CHECK_FALSE(send->isEnabled());
+        CHECK(dialog->findChild<QLabel*>("telecommand_trouble")->text().contains("0.5 to 86400 s"));
+        dialog->findChild<QDoubleSpinBox*>("argument_period_s")->setValue(600);
+        CHECK(send->isEnabled());
+        dialog->accept();
+    });
+    entry_of(command_kind::set_telemetry_period)->trigger();
+    CHECK(it.last<give_command>()->command == boat_command(commands::set_telemetry_period{link_id::iridium, 600}));
+    QTimer::singleShot(0, it.window.get(), [&] {
+        auto* dialog = qobject_cast<telecommand_dialog*>(QApplication::activeModalWidget());
+        REQUIRE(dialog);
+        dialog->findChild<QDoubleSpinBox*>("argument_index")->setValue(3); // as people count
+        dialog->findChild<QDoubleSpinBox*>("argument_point_latitude")->setValue(28.16);
+        dialog->findChild<QDoubleSpinBox*>("argument_point_longitude")->setValue(-15.45);
+        dialog->accept();
+    });
+    entry_of(command_kind::waypoint_insert)->trigger();
+    CHECK(it.last<give_command>()->command == boat_command(commands::waypoint_insert{2, {28.16, -15.45}}));
+}
 
 TEST_CASE("console windows: palette, units, limits, chart, list and acknowledged alarms are kept over a start") {
     QTemporaryDir folder;
@@ -173,7 +216,7 @@ TEST_CASE("console windows: it is plain who commands the boat, and a command off
     CHECK(it.last<give_command>()->authority == taking::no);
     it.actions.clear();
 
-    commands(it, "");
+    in_command(it, "");
     CHECK(button.isVisible());
     CHECK(button.text() == "nobody commands");
     it.answer_next("Cancel");
@@ -188,7 +231,7 @@ TEST_CASE("console windows: it is plain who commands the boat, and a command off
     CHECK(it.last<give_command>()->authority == taking::if_free);
     it.picture("nobody-commands");
 
-    commands(it, "atirma/console/ben");
+    in_command(it, "atirma/console/ben");
     CHECK(button.text() == "ben commands");
     it.actions.clear();
     it.answer_next("");
@@ -204,7 +247,7 @@ TEST_CASE("console windows: it is plain who commands the boat, and a command off
     force->trigger();
     CHECK(it.last<change_authority>()->request.confirmed);
 
-    commands(it, "atirma/console/anna", {"atirma/console/ben"});
+    in_command(it, "atirma/console/anna", {"atirma/console/ben"});
     CHECK(button.text().contains("ben asks"));
     auto* hand = entry(*button.menu(), "Hand over to ben");
     REQUIRE(hand);
@@ -218,6 +261,6 @@ TEST_CASE("console windows: it is plain who commands the boat, and a command off
     it.show();
     CHECK(it.find<QTableWidget>("present_table").item(1, 0)->text().contains("commands"));
 
-    commands(it, "atirma/console/ben");
+    in_command(it, "atirma/console/ben");
     CHECK(it.find<QLabel>("alarm_text").text().contains("given up here")); // taken by somebody else
 }

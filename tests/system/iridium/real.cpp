@@ -265,8 +265,7 @@ TEST_CASE("iridium: boat, modem on a pseudo-terminal, gateway, web hook and subm
     auto command = [](ise::component& self) -> ise::task<ise::result<telecommand_reply>> {
         telecommand_request request;
         request.id = 17;
-        request.command.kind = command_kind::set_mode;
-        request.command.mode = sailing_mode::hold;
+        request.command = commands::set_mode{sailing_mode::hold};
         auto shore = self.at(ise::endpoint::parse(where("proxy")).value());
         auto reply = co_await shore.try_call(services::telecommand, request, 60s);
         co_return reply;

@@ -17,8 +17,7 @@ namespace {
 telecommand_request set_mode(std::uint32_t id, sailing_mode mode, float valid_s = 20'000) {
     telecommand_request request;
     request.id = id;
-    request.command.kind = command_kind::set_mode;
-    request.command.mode = mode;
+    request.command = commands::set_mode{mode};
     request.valid_s = valid_s;
     return request;
 }

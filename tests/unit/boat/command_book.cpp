@@ -25,7 +25,7 @@ struct desk {
     std::uint32_t ask(std::uint32_t id, command_kind kind = command_kind::ping, float valid_s = 300) {
         telecommand_request request;
         request.id = id;
-        request.command.kind = kind;
+        request.command = boat_command(kind);
         request.valid_s = valid_s;
         return book.submit(now, wall, request, 77).value();
     }
@@ -51,7 +51,7 @@ TEST_CASE("command book: a telecommand goes from queued over sent to acknowledge
     auto command = parse_telecommand(first->raw);
     REQUIRE(command);
     CHECK(command->id == 5);
-    CHECK(command->kind == command_kind::tack_now);
+    CHECK(command->command == boat_command(commands::tack_now()));
     CHECK_FALSE(it.due());
     it.book.on_outcome(it.now, it.wall, 5, true, false, "");
     CHECK(it.stage(5) == telecommand_stage::sent);
@@ -166,11 +166,10 @@ TEST_CASE("command book: a request without an id gets the one that was chosen fo
 TEST_CASE("a telecommand reads naturally as JSON") {
     auto request = ise::from_json<telecommand_request>(R"({"id":7,"command":{"kind":"set_mode","mode":"hold"}})");
     CHECK(request.id == 7);
-    CHECK(request.command.kind == command_kind::set_mode);
-    CHECK(request.command.mode == sailing_mode::hold);
+    CHECK(request.command == boat_command(commands::set_mode{sailing_mode::hold}));
     CHECK(request.valid_s == 300);
     auto add = ise::from_json<telecommand_request>(R"({"command":{"kind":"waypoint_add","point":{"latitude_deg":28.15,"longitude_deg":-15.45}}})");
-    CHECK(add.command.point.latitude_deg == 28.15);
+    CHECK(add.command == boat_command(commands::waypoint_add{{28.15, -15.45}}));
     CHECK_THROWS_WITH(ise::from_json<telecommand_request>(R"({"command":{"kind":"set_mode","mode":"fly"}})"), Catch::Contains("command.mode"));
 }
 
@@ -213,7 +212,7 @@ TEST_CASE("command book: the epoch of authority travels, and the boat's refusal 
     telecommand_request request;
     request.id = 8;
     request.authority = 5;
-    request.command.kind = command_kind::tack_now;
+    request.command = commands::tack_now();
     it.book.submit(it.now, it.wall, request, 1).value();
     CHECK(parse_telecommand(it.due()->raw)->authority == 5);
     it.book.on_outcome(it.now, it.wall, 8, false, true, "no modem");
@@ -237,7 +236,7 @@ TEST_CASE("command book: an answer to what was sent under authority names its ep
     request.authority = 6;
     auto send = [&](std::uint32_t id, command_kind kind) {
         request.id = id;
-        request.command.kind = kind;
+        request.command = boat_command(kind);
         it.book.submit(it.now, it.wall, request, 1).value();
         REQUIRE(it.due());
         it.book.on_outcome(it.now, it.wall, id, true, true, "");

@@ -30,10 +30,10 @@ boat_options sailing(std::vector<waypoint> course) {
     return options;
 }
 
-telecommand command(std::uint32_t id, command_kind kind) {
+telecommand command(std::uint32_t id, boat_command what) {
     telecommand c;
     c.id = id;
-    c.kind = kind;
+    c.command = std::move(what);
     return c;
 }
 
@@ -117,15 +117,15 @@ TEST_CASE("a queue that nobody empties keeps the newest and counts the rest") {
 TEST_CASE("an answer goes before the telemetry that waits, and is not pushed out by it") {
     simulated_boat boat(sailing(find_course("T1")->marks), steady(6, 40));
     boat.advance(1h); // the link is dead: its queue is full
-    REQUIRE(boat.on_packet(link_id::xbee, encode_telecommand(command(7, command_kind::ping))));
-    REQUIRE(boat.on_packet(link_id::xbee, encode_telecommand(command(8, command_kind::ping))));
+    REQUIRE(boat.on_packet(link_id::xbee, encode_telecommand(command(7, commands::ping()))));
+    REQUIRE(boat.on_packet(link_id::xbee, encode_telecommand(command(8, commands::ping()))));
     boat.advance(2h);
     CHECK(boat.queued(link_id::xbee) == simulated_boat::max_queued + 2);
     CHECK(parse_acknowledgement(boat.take_packet(link_id::xbee)).value().id == 7);
     CHECK(parse_acknowledgement(boat.take_packet(link_id::xbee)).value().id == 8);
     CHECK(classify(boat.take_packet(link_id::xbee)) == packet_class::telemetry);
     for (std::uint32_t id = 100; id < 200; ++id)
-        REQUIRE(boat.on_packet(link_id::xbee, encode_telecommand(command(id, command_kind::ping))));
+        REQUIRE(boat.on_packet(link_id::xbee, encode_telecommand(command(id, commands::ping()))));
     auto all = boat.take_packets(link_id::xbee);
     CHECK(all.size() == simulated_boat::max_answers + simulated_boat::max_queued - 1);
     CHECK(parse_acknowledgement(all.front()).value().id == 200 - simulated_boat::max_answers);
@@ -152,8 +152,7 @@ TEST_CASE("a telecommand over the air takes effect and is acknowledged on the li
     simulated_boat boat(sailing(find_course("T1")->marks), steady(6, 40));
     boat.advance(10s);
     boat.take_packets(link_id::xbee);
-    auto c = command(77, command_kind::set_mode);
-    c.mode = sailing_mode::station_keep;
+    auto c = command(77, commands::set_mode{sailing_mode::station_keep});
     REQUIRE(boat.on_packet(link_id::gprs, encode_telecommand(c)));
     auto answers = boat.take_packets(link_id::gprs);
     REQUIRE(answers.size() == 1);
@@ -172,15 +171,14 @@ TEST_CASE("a telecommand over the air takes effect and is acknowledged on the li
 
 TEST_CASE("a command that arrives twice is done once") {
     simulated_boat boat(sailing({}), steady(6, 40));
-    auto add = command(5, command_kind::waypoint_add);
-    add.point = {28.16, -15.45};
+    auto add = command(5, commands::waypoint_add{{28.16, -15.45}});
     auto first = boat.execute(add);
     auto again = boat.execute(add);
     CHECK(boat.pilot().list().size() == 1);
     CHECK(again.code == first.code);
     CHECK(again.value == first.value);
     CHECK(again.header.sequence != first.header.sequence);
-    auto reboot = command(6, command_kind::reboot);
+    auto reboot = command(6, commands::reboot());
     boat.execute(reboot);
     CHECK(boat.boot() == 2);
     boat.advance(20s);
@@ -190,11 +188,10 @@ TEST_CASE("a command that arrives twice is done once") {
 
 TEST_CASE("a boat that repeats an answer names the epoch under which it did what was asked") {
     simulated_boat boat(sailing({}), steady(6, 40));
-    auto add = command(1, command_kind::waypoint_add);
-    add.point = {28.16, -15.45};
+    auto add = command(1, commands::waypoint_add{{28.16, -15.45}});
     add.authority = 6;
     CHECK(boat.execute(add).authority == 6u);
-    auto ping = command(2, command_kind::ping);
+    auto ping = command(2, commands::ping());
     ping.authority = 8; // the authority has changed hands
     CHECK(boat.execute(ping).authority == 8u);
     auto again = boat.execute(add);
@@ -205,10 +202,9 @@ TEST_CASE("a boat that repeats an answer names the epoch under which it did what
 
 TEST_CASE("a boat that heard of an authority refuses what comes under a lower one, and forgets neither over a reboot") {
     simulated_boat boat(sailing({}), steady(6, 40));
-    auto add = command(1, command_kind::waypoint_add);
-    add.point = {28.16, -15.45};
+    auto add = command(1, commands::waypoint_add{{28.16, -15.45}});
     CHECK(boat.execute(add).code == ack_code::done); // nobody has authority: anybody may
-    auto taken = command(2, command_kind::ping);
+    auto taken = command(2, commands::ping());
     taken.authority = 6;
     CHECK(boat.execute(taken).code == ack_code::done);
     CHECK(boat.authority() == 6);
@@ -221,11 +217,11 @@ TEST_CASE("a boat that heard of an authority refuses what comes under a lower on
         CHECK(no.id == 3);
     }
     CHECK(boat.pilot().list().size() == 1);
-    CHECK(boat.execute(command(4, command_kind::ping)).code == ack_code::done); // it only asks
+    CHECK(boat.execute(command(4, commands::ping())).code == ack_code::done); // it only asks
     add.authority = 6; // the same id again, now as it should be
     CHECK(boat.execute(add).code == ack_code::done);
     CHECK(boat.pilot().list().size() == 2);
-    auto reboot = command(5, command_kind::reboot);
+    auto reboot = command(5, commands::reboot());
     reboot.authority = 8;
     CHECK(boat.execute(reboot).code == ack_code::done);
     boat.advance(20s);
@@ -236,10 +232,9 @@ TEST_CASE("a boat that heard of an authority refuses what comes under a lower on
 
 TEST_CASE("a forged epoch far above the boat's does not count, so that the operators ashore still have a higher one") {
     simulated_boat boat(sailing({}), steady(6, 40));
-    auto add = command(1, command_kind::waypoint_add);
-    add.point = {28.16, -15.45};
+    auto add = command(1, commands::waypoint_add{{28.16, -15.45}});
     for (std::uint32_t forged : {0xFFFFFFFFu, 0x80000000u, simulated_boat::max_epoch_step + 1}) {
-        auto ping = command(2, command_kind::ping);
+        auto ping = command(2, commands::ping());
         ping.authority = forged;
         CHECK(boat.execute(ping).authority == 0u); // it only asks, and is told which epoch counts
         add.authority = forged;
@@ -247,7 +242,7 @@ TEST_CASE("a forged epoch far above the boat's does not count, so that the opera
         CHECK(boat.authority() == 0);
     }
     CHECK(boat.pilot().list().empty());
-    auto ping = command(3, command_kind::ping);
+    auto ping = command(3, commands::ping());
     ping.authority = simulated_boat::max_epoch_step;
     CHECK(boat.execute(ping).code == ack_code::done);
     CHECK(boat.authority() == simulated_boat::max_epoch_step);
@@ -265,7 +260,7 @@ TEST_CASE("the boat says which epoch it obeys exactly, also where a float cannot
     options.resumed = simulated_boat(sailing({}), steady(6, 40)).remember();
     options.resumed->authority = 16'777'217; // 2^24 + 1
     simulated_boat boat(options, steady(6, 40));
-    auto add = command(1, command_kind::waypoint_add);
+    auto add = command(1, commands::waypoint_add());
     add.authority = 2;
     auto no = parse_acknowledgement(encode_acknowledgement(boat.execute(add)));
     REQUIRE(no);
@@ -278,8 +273,7 @@ TEST_CASE("a boat that was left at the last epoch goes on with the first one") {
     options.resumed = simulated_boat(sailing({}), steady(6, 40)).remember();
     options.resumed->authority = 0xFFFFFFFF;
     simulated_boat boat(options, steady(6, 40));
-    auto add = command(1, command_kind::waypoint_add);
-    add.point = {28.16, -15.45};
+    auto add = command(1, commands::waypoint_add{{28.16, -15.45}});
     for (std::uint32_t lower : {0u, 0xFFFFFFFEu, 0x80000000u}) {
         add.authority = lower; // 0 is no epoch, and never the one after the last
         CHECK(boat.execute(add).code == ack_code::no_authority);
@@ -295,23 +289,18 @@ TEST_CASE("a boat that was left at the last epoch goes on with the first one") {
 TEST_CASE("waypoints are added, inserted, deleted, selected, read back and cleared") {
     simulated_boat boat(sailing({}), steady(6, 40));
     std::uint32_t id = 0;
-    auto add = [&](command_kind kind, std::uint8_t index, double latitude) {
-        auto c = command(++id, kind);
-        c.index = index;
-        c.point = {latitude, -15.45};
-        return boat.execute(c);
-    };
-    for (int i = 0; i < 12; ++i) add(command_kind::waypoint_add, 0, 28.10 + 0.01 * i);
-    CHECK(add(command_kind::waypoint_insert, 2, 28.5).value == 13);
+    auto tell = [&](boat_command what) { return boat.execute(command(++id, std::move(what))); };
+    for (int i = 0; i < 12; ++i) tell(commands::waypoint_add{{28.10 + 0.01 * i, -15.45}});
+    CHECK(tell(commands::waypoint_insert{2, {28.5, -15.45}}).value == 13);
     CHECK(boat.pilot().list()[2].latitude_deg == 28.5);
-    CHECK(add(command_kind::waypoint_delete, 2, 0).code == ack_code::done);
-    CHECK(add(command_kind::waypoint_delete, 12, 0).code == ack_code::bad_argument);
-    CHECK(add(command_kind::waypoint_insert, 99, 28).text == "no place 99 in a list of 12");
-    CHECK(add(command_kind::waypoint_select, 7, 0).code == ack_code::done);
+    CHECK(tell(commands::waypoint_delete{2}).code == ack_code::done);
+    CHECK(tell(commands::waypoint_delete{12}).code == ack_code::bad_argument);
+    CHECK(tell(commands::waypoint_insert{99, {28, -15.45}}).text == "no place 99 in a list of 12");
+    CHECK(tell(commands::waypoint_select{7}).code == ack_code::done);
     CHECK(boat.navigation_now().waypoint_index == 7);
     boat.advance(1s);
     boat.take_packets(link_id::xbee);
-    add(command_kind::waypoint_read_back, 0, 0);
+    tell(commands::waypoint_read_back());
     boat.advance(2s);
     std::vector<waypoint> list;
     for (auto& m : telemetry(boat))
@@ -322,45 +311,30 @@ TEST_CASE("waypoints are added, inserted, deleted, selected, read back and clear
         }
     REQUIRE(list.size() == 12);
     CHECK(list[11].latitude_deg == Approx(28.21));
-    add(command_kind::waypoint_clear, 0, 0);
+    tell(commands::waypoint_clear());
     CHECK(boat.pilot().list().empty());
     boat.advance(30min); // nowhere to go: it stays
     CHECK(length(boat.state().position_m) < 250);
-    for (int i = 0; i < 100; ++i) add(command_kind::waypoint_add, 0, 28.1);
-    CHECK(add(command_kind::waypoint_add, 0, 28.1).code == ack_code::refused);
+    for (int i = 0; i < 100; ++i) tell(commands::waypoint_add{{28.1, -15.45}});
+    CHECK(tell(commands::waypoint_add{{28.1, -15.45}}).code == ack_code::refused);
 }
 
 TEST_CASE("parameters are set, read and refused with their range") {
     simulated_boat boat(sailing(find_course("T1")->marks), steady(6, 40));
-    auto set = command(1, command_kind::set_parameter);
-    set.parameter = parameter_id::forbidden_angle_upwind;
-    set.value = 50;
-    CHECK(boat.execute(set).value == 50);
-    auto get = command(2, command_kind::get_parameter);
-    get.parameter = parameter_id::forbidden_angle_upwind;
-    CHECK(boat.execute(get).value == 50);
-    set.id = 3;
-    set.value = 5;
-    auto no = boat.execute(set);
+    auto tell = [&](std::uint32_t id, boat_command what) { return boat.execute(command(id, std::move(what))); };
+    CHECK(tell(1, commands::set_parameter{parameter_id::forbidden_angle_upwind, 50}).value == 50);
+    CHECK(tell(2, commands::get_parameter{parameter_id::forbidden_angle_upwind}).value == 50);
+    auto no = tell(3, commands::set_parameter{parameter_id::forbidden_angle_upwind, 5});
     CHECK(no.code == ack_code::bad_argument);
     CHECK(no.value == 50);
     CHECK_THAT(no.text, Catch::Contains("30 to 85"));
-    set.id = 4;
-    set.parameter = parameter_id::telemetry_period;
-    set.value = 10;
-    boat.execute(set);
+    tell(4, commands::set_parameter{parameter_id::telemetry_period, 10});
     CHECK(boat.configuration_now().telemetry_period_s[0] == 10);
-    auto period = command(5, command_kind::set_telemetry_period);
-    period.link = link_id::gprs;
-    period.period_s = 5;
-    CHECK(boat.execute(period).code == ack_code::done);
+    CHECK(tell(5, commands::set_telemetry_period{link_id::gprs, 5}).code == ack_code::done);
     boat.advance(20s);
     CHECK(count<location>(telemetry(boat, link_id::gprs)) == 5);
-    period.id = 6;
-    period.period_s = -1;
-    CHECK(boat.execute(period).code == ack_code::bad_argument);
-    auto strange = command(7, static_cast<command_kind>(200));
-    CHECK(boat.execute(strange).code == ack_code::unknown_command);
+    CHECK(tell(6, commands::set_telemetry_period{link_id::gprs, -1}).code == ack_code::bad_argument);
+    CHECK(tell(7, boat_command(static_cast<command_kind>(200))).code == ack_code::unknown_command);
 }
 
 TEST_CASE("a tack is commanded while beating and refused on a reach") {
@@ -370,14 +344,14 @@ TEST_CASE("a tack is commanded while beating and refused on a reach") {
     simulated_boat beating(options, steady(6, 90));
     beating.advance(30s);
     auto before = beating.navigation_now();
-    CHECK(beating.execute(command(1, command_kind::tack_now)).code == ack_code::done);
+    CHECK(beating.execute(command(1, commands::tack_now())).code == ack_code::done);
     beating.advance(60s);
     auto after = beating.navigation_now();
     CHECK(std::abs(std::remainder(after.course_to_steer_deg - before.course_to_steer_deg, 360.0)) == Approx(120).margin(1));
     CHECK(std::abs(std::remainder(after.heading_deg - after.course_to_steer_deg, 360.0)) < 25);
     simulated_boat reaching(options, steady(6, 0));
     reaching.advance(30s);
-    auto no = reaching.execute(command(1, command_kind::tack_now));
+    auto no = reaching.execute(command(1, commands::tack_now()));
     CHECK(no.code == ack_code::refused);
     CHECK_FALSE(no.text.empty());
 }
@@ -385,20 +359,19 @@ TEST_CASE("a tack is commanded while beating and refused on a reach") {
 TEST_CASE("return home brings it home, hold keeps its heading, manual leaves the rudder alone") {
     simulated_boat boat(sailing(triangle(600)), steady(8, 20));
     boat.advance(15min);
-    auto mode = command(1, command_kind::set_mode);
-    mode.mode = sailing_mode::return_home;
+    auto mode = command(1, commands::set_mode{sailing_mode::return_home});
     boat.execute(mode);
     boat.advance(90min);
     CHECK(length(boat.state().position_m) < 120);
     mode.id = 2;
-    mode.mode = sailing_mode::hold;
+    mode.command = commands::set_mode{sailing_mode::hold};
     double heading = boat.navigation_now().heading_deg;
     boat.execute(mode);
     boat.advance(92min);
     CHECK(std::abs(std::remainder(boat.navigation_now().heading_deg - boat.navigation_now().course_to_steer_deg, 360.0)) < 15);
     CHECK(std::abs(std::remainder(boat.navigation_now().course_to_steer_deg - heading, 360.0)) <= 60);
     mode.id = 3;
-    mode.mode = sailing_mode::manual;
+    mode.command = commands::set_mode{sailing_mode::manual};
     boat.execute(mode);
     auto rudder = boat.navigation_now().rudder_commanded_deg;
     boat.advance(93min);
@@ -408,11 +381,11 @@ TEST_CASE("return home brings it home, hold keeps its heading, manual leaves the
 TEST_CASE("a reboot is silent for a while and starts a new boot") {
     simulated_boat boat(sailing(find_course("T1")->marks), steady(6, 40));
     boat.advance(10s);
-    boat.on_packet(link_id::xbee, encode_telecommand(command(9, command_kind::reboot))).value();
+    boat.on_packet(link_id::xbee, encode_telecommand(command(9, commands::reboot()))).value();
     boat.take_packets(link_id::xbee);
     boat.advance(13s);
     CHECK(boat.take_packets(link_id::xbee).empty());
-    CHECK_FALSE(boat.on_packet(link_id::xbee, encode_telecommand(command(10, command_kind::ping))));
+    CHECK_FALSE(boat.on_packet(link_id::xbee, encode_telecommand(command(10, commands::ping()))));
     boat.advance(20s);
     auto all = telemetry(boat);
     REQUIRE_FALSE(all.empty());

@@ -28,10 +28,10 @@ boat_options on_t1() {
     return options;
 }
 
-telecommand command(std::uint32_t id, command_kind kind) {
+telecommand command(std::uint32_t id, boat_command what) {
     telecommand made;
     made.id = id;
-    made.kind = kind;
+    made.command = std::move(what);
     return made;
 }
 
@@ -39,17 +39,14 @@ telecommand command(std::uint32_t id, command_kind kind) {
 
 TEST_CASE("a boat that lost its power goes on where it was, in its next boot, with its list, its epoch and what it has done") {
     auto boat = sailed_for(600s, on_t1());
-    auto clear = command(1, command_kind::waypoint_clear);
+    auto clear = command(1, commands::waypoint_clear());
     clear.authority = 4;
     boat.execute(clear);
-    auto add = command(2, command_kind::waypoint_add);
+    auto add = command(2, commands::waypoint_add{{28.1600, -15.4600}});
     add.authority = 4;
-    add.point = {28.1600, -15.4600};
     boat.execute(add);
-    auto tack_time = command(3, command_kind::set_parameter);
+    auto tack_time = command(3, commands::set_parameter{parameter_id::time_to_next_tack, 240});
     tack_time.authority = 4;
-    tack_time.parameter = parameter_id::time_to_next_tack;
-    tack_time.value = 240;
     boat.execute(tack_time);
 
     boat_options again;
@@ -70,7 +67,7 @@ TEST_CASE("a boat that lost its power goes on where it was, in its next boot, wi
     CHECK(next.execute(clear).code == ack_code::done);
     CHECK(next.pilot().list().size() == 1);
     // One under a lower epoch is refused, as before.
-    auto old = command(9, command_kind::waypoint_clear);
+    auto old = command(9, commands::waypoint_clear());
     old.authority = 2;
     CHECK(next.execute(old).code == ack_code::no_authority);
 }
@@ -79,7 +76,7 @@ TEST_CASE("a forged epoch is not kept over the loss of power, and the boat obeys
     auto keeper = database::open("memory:boat-epoch", {}).value(); // the file, over the boat's lives
     {
         auto boat = sailed_for(10s, on_t1());
-        auto ping = command(1, command_kind::ping);
+        auto ping = command(1, commands::ping());
         ping.authority = 4;
         boat.execute(ping);
         ping.id = 2;
@@ -91,7 +88,7 @@ TEST_CASE("a forged epoch is not kept over the loss of power, and the boat obeys
     options.resumed = boat_memory::open("memory:boat-epoch").value().last().value();
     auto boat = sailed_for(0s, options);
     CHECK(boat.authority() == 4);
-    auto clear = command(3, command_kind::waypoint_clear);
+    auto clear = command(3, commands::waypoint_clear());
     clear.authority = 4;
     CHECK(boat.execute(clear).code == ack_code::done);
 }
@@ -99,7 +96,7 @@ TEST_CASE("a forged epoch is not kept over the loss of power, and the boat obeys
 TEST_CASE("a boat's memory gives back what was put there, and the packets without acknowledgement under new numbers") {
     auto keeper = database::open("memory:boat-memory", {}).value(); // the file, over the boat's lives
     auto boat = sailed_for(60s, on_t1());
-    auto ack = boat.execute(command(5, command_kind::ping));
+    auto ack = boat.execute(command(5, commands::ping()));
     std::vector<ise::bytes> packets = boat.take_packets(link_id::xbee);
     REQUIRE(packets.size() > 4);
     {

@@ -32,7 +32,7 @@ struct table {
     static telecommand_request request(std::uint32_t id, float valid_s = 300) {
         telecommand_request made;
         made.id = id;
-        made.command.kind = command_kind::tack_now;
+        made.command = commands::tack_now();
         made.valid_s = valid_s;
         return made;
     }
@@ -70,7 +70,7 @@ TEST_CASE("command desk: the best link that is alive gets a telecommand, and its
     CHECK(given->link == gprs);
     CHECK(given->request.id == 5);
     CHECK(given->request.authority == 4);
-    CHECK(given->request.command.kind == command_kind::tack_now);
+    CHECK(given->request.command.kind() == command_kind::tack_now);
     CHECK_FALSE(it.give());
     it.desk.on_status(it.wall, gprs, it.says(5, telecommand_stage::sent, "on the line"));
     CHECK(it.status(5).state == telecommand_stage::sent);
@@ -278,7 +278,7 @@ TEST_CASE("command desk: what cannot be is refused, and the number of telecomman
     CHECK(it.desk.prepare(it.now, it.wall, it.request(23), 1, "ana", 0, me).error().code() == ise::errc::overloaded);
     CHECK(it.desk.open().size() == 2);
     auto chosen = it.desk.find(21)->status;
-    CHECK(chosen.command->kind == command_kind::tack_now);
+    CHECK(chosen.command->kind() == command_kind::tack_now);
 }
 
 TEST_CASE("peer watch: packets are shown when both disks have them, or the other node is silent") {

@@ -62,9 +62,7 @@ inline command_record record(std::uint32_t id, telecommand_stage stage = telecom
     command_record made;
     made.status.id = id;
     made.status.kind = command_kind::set_mode;
-    made.status.command = boat_command();
-    made.status.command->kind = command_kind::set_mode;
-    made.status.command->mode = sailing_mode::hold;
+    made.status.command = commands::set_mode{sailing_mode::hold};
     made.status.state = stage;
     made.status.asked_by = std::move(who);
     made.status.at = morning;

@@ -55,7 +55,7 @@ private:
         atirma::acknowledgement ack;
         ack.header.boot = log_.boot;
         ack.id = command.id;
-        ack.kind = command.kind;
+        ack.kind = command.command.kind();
         ack.text = "aye";
         if (!log_.mute) port_->put(atirma::encode_acknowledgement(ack));
     }

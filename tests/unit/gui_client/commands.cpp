@@ -10,9 +10,7 @@ using namespace console_test;
 
 TEST_CASE("console: the log tells own commands from those of others") {
     console_state state;
-    boat_command hold;
-    hold.kind = command_kind::set_mode;
-    hold.mode = sailing_mode::hold;
+    boat_command hold = commands::set_mode{sailing_mode::hold};
     state.asked(5, xbee_path, hold, t0);
     state.on_status(xbee_path, status(5, telecommand_stage::queued), t0 + 1s);
     state.on_status(xbee_path, status(9, telecommand_stage::sent), t0 + 2s);
@@ -31,9 +29,7 @@ TEST_CASE("console: the log tells own commands from those of others") {
 TEST_CASE("console: a proxy that tells of a command before its call returns makes no second entry") {
     console_state state;
     state.on_status(xbee_path, status(5, telecommand_stage::queued), t0);
-    boat_command hold;
-    hold.kind = command_kind::set_mode;
-    hold.mode = sailing_mode::hold;
+    boat_command hold = commands::set_mode{sailing_mode::hold};
     state.asked(5, xbee_path, hold, t0 + 1s);
     auto all = *state.view(t0 + 1s)->commands;
     REQUIRE(all.size() == 1);
@@ -77,18 +73,13 @@ TEST_CASE("console: a parameter is pending until the boat has answered, and says
         return state.view(t0)->parameters[static_cast<std::size_t>(parameter_id::forbidden_angle_upwind)];
     };
     CHECK(upwind().confirmed == 60.0f);
-    boat_command set;
-    set.kind = command_kind::set_parameter;
-    set.parameter = parameter_id::forbidden_angle_upwind;
-    set.value = 50;
-    state.asked(3, xbee_path, set, t0 + 1s);
+    state.asked(3, xbee_path, commands::set_parameter{parameter_id::forbidden_angle_upwind, 50}, t0 + 1s);
     CHECK(upwind().pending == 50.0f);
     CHECK(upwind().confirmed == 60.0f);
     state.on_outcome(3, command_phase::done, 50.0f, "", t0 + 4s);
     CHECK_FALSE(upwind().pending);
     CHECK(upwind().confirmed == 50.0f);
-    set.value = 20;
-    state.asked(4, xbee_path, set, t0 + 5s);
+    state.asked(4, xbee_path, commands::set_parameter{parameter_id::forbidden_angle_upwind, 20}, t0 + 5s);
     state.on_outcome(4, command_phase::refused, 50.0f, "forbidden_angle_upwind is 30 to 85 deg, not 20", t0 + 8s);
     CHECK_FALSE(upwind().pending);
     CHECK(upwind().confirmed == 50.0f);
@@ -174,17 +165,19 @@ TEST_CASE("console: the track is exported as CSV and GPX, in segments where noth
 }
 
 TEST_CASE("console: commands and packets in words") {
-    boat_command command;
-    command.kind = command_kind::set_parameter;
-    command.parameter = parameter_id::time_to_next_tack;
-    command.value = 30;
-    CHECK(describe(command) == "time to next tack := 30 s");
-    CHECK(danger(command).empty());
-    command.kind = command_kind::reboot;
-    CHECK_FALSE(danger(command).empty());
-    command.kind = command_kind::set_telemetry_period;
-    command.period_s = 0;
-    CHECK(danger(command).find("XBee") != std::string::npos);
+    auto words = [](boat_command command) { return describe(command); };
+    CHECK(words(commands::set_parameter{parameter_id::time_to_next_tack, 30}) == "time to next tack := 30 s");
+    CHECK(words(commands::get_parameter{parameter_id::leeway_compensation}) == "get leeway compensation");
+    CHECK(words(commands::set_mode{sailing_mode::automatic}) == "mode Auto");
+    CHECK(words(commands::waypoint_insert{2, {28.153, -15.448}}) == "insert waypoint 3 at 28.15300, -15.44800");
+    CHECK(words(commands::waypoint_select{0}) == "sail to waypoint 1");
+    CHECK(words(commands::set_telemetry_period{link_id::iridium, 600}) == "telemetry over Iridium: 600 s");
+    CHECK(words(commands::set_telemetry_period{link_id::xbee, 0}) == "telemetry over XBee: off");
+    CHECK(words(commands::emergency_beacon{false}) == "beacon off");
+    CHECK(words(commands::tack_now()) == "tack now");
+    CHECK(danger(commands::set_parameter{parameter_id::time_to_next_tack, 30}).empty());
+    CHECK_FALSE(danger(commands::reboot()).empty());
+    CHECK(danger(commands::set_telemetry_period{link_id::xbee, 0}).find("over XBee until") != std::string::npos);
     talker boat;
     auto packet = boat.say(at(28.15, -15.45), t0);
     auto text = describe(packet);

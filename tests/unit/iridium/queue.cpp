@@ -19,7 +19,7 @@ constexpr utc_time start = sys_days(2026y / 11 / 21) + 20h;
 telecommand_request request(std::uint32_t id, command_kind kind, float valid_s = 3600) {
     telecommand_request made;
     made.id = id;
-    made.command.kind = kind;
+    made.command = boat_command(kind);
     made.valid_s = valid_s;
     return made;
 }
@@ -277,8 +277,7 @@ TEST_CASE("iridium: the queue on disk comes back as it was, and what was being s
     {
         mt_queue queue;
         auto insert = request(3, command_kind::waypoint_insert, 7200);
-        insert.command.index = 2;
-        insert.command.point = {28.1534567891234, -15.4480000000001};
+        insert.command = commands::waypoint_insert{2, {28.1534567891234, -15.4480000000001}};
         queue.submit(start, request(1, command_kind::set_mode), 0).value();
         queue.submit(start, request(2, command_kind::set_mode), 0).value();
         queue.submit(start, insert, 0).value();
@@ -295,7 +294,7 @@ TEST_CASE("iridium: the queue on disk comes back as it was, and what was being s
     CHECK(again.find(1)->reference == "4114651");
     CHECK(again.find(2)->stage == iridium_stage::waiting);
     CHECK(again.find(2)->may_have_left);
-    CHECK(again.find(3)->command.point == waypoint{28.1534567891234, -15.4480000000001});
+    CHECK(again.find(3)->command == boat_command(commands::waypoint_insert{2, {28.1534567891234, -15.4480000000001}}));
     CHECK(again.find(3)->expires_at == start + 2h);
     CHECK(again.next_due(start + 1min, {})->id == 2);
     auto other = request(3, command_kind::waypoint_insert, 7200);
