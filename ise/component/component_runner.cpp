@@ -103,6 +103,7 @@ void component_runner::open() {
     if (options_.listens) {
         auto wanted = options_.listen.empty() ? default_endpoints(env_, services_->self().incarnation) : options_.listen;
         services_->acceptor().advertise(options_.advertise);
+        services_->acceptor().hold(); // until it has provided its services
         for (const auto& at : wanted) services_->listen(at).value();
     }
     make_flow();
@@ -123,8 +124,10 @@ void component_runner::begin_flow() {
         on_child_failure("run", std::current_exception());
     }
     // Posted behind the flow's first step: it has provided what it provides before it first suspends.
-    if (!component_->announce_when_ready_)
-        asio::post(on().get_executor(), [self = shared_from_this()] { self->announce(); });
+    asio::post(on().get_executor(), [self = shared_from_this()] {
+        self->services_->acceptor().begin();
+        if (!self->component_->announce_when_ready_) self->announce();
+    });
 }
 
 void component_runner::announce() {

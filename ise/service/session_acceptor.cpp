@@ -8,6 +8,8 @@
 
 #include <fmt/format.h>
 
+#include <utility>
+
 namespace ise {
 namespace {
 
@@ -75,8 +77,17 @@ result<endpoint> session_acceptor::listen(const endpoint& at) {
     if (with_sockets && !sockets_) sockets_.emplace(runtime_.env().is_virtual() ? runtime_.options().max_sessions : room_for_sockets(runtime_.options().max_sessions));
     std::shared_ptr<listener> from = std::move(*opened);
     listeners_.push_back(from);
-    runtime_.scope().spawn("listener on " + from->where().text(), accept(from));
+    if (!held_) accept_from(from);
     return from->where();
+}
+
+void session_acceptor::accept_from(const std::shared_ptr<listener>& from) {
+    runtime_.scope().spawn("listener on " + from->where().text(), accept(from));
+}
+
+void session_acceptor::begin() {
+    if (!std::exchange(held_, false)) return;
+    for (const auto& from : listeners_) accept_from(from);
 }
 
 std::vector<endpoint> session_acceptor::listening() const {

@@ -25,6 +25,9 @@ public:
     /// key, sessions that were dialled elsewhere are refused as relayed.
     void advertise(std::vector<endpoint> through) { advertised_ = std::move(through); }
 
+    /// Whoever connects waits at the listeners, until `begin()`.
+    void hold() noexcept { held_ = true; }
+    void begin();
     /// Stops listening.
     void close();
     /// Admits nobody until `go_on()`.
@@ -38,6 +41,7 @@ private:
     };
     using handshake_place = std::shared_ptr<net::fair_places::place>;
 
+    void accept_from(const std::shared_ptr<listener>& from);
     task<> accept(std::shared_ptr<listener> from);
     task<> greet(std::unique_ptr<stream> stranger, endpoint reached, handshake_place place);
     /// `into`: the places of the session that is to be made.
@@ -53,6 +57,7 @@ private:
     std::vector<std::shared_ptr<listener>> listeners_;
     std::vector<endpoint> advertised_;
     std::optional<failure> paused_;
+    bool held_ = false;
     net::fair_places places_;                 // of sessions that other processes made
     std::optional<net::fair_places> sockets_; // of those that have a descriptor each; once it listens for such
     net::fair_places handshakes_;
