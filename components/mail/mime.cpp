@@ -6,6 +6,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <type_traits>
 
 namespace atirma {
 namespace {
@@ -131,7 +132,14 @@ ise::result<mail_message> read_mail(std::string_view raw, const mime_limits& lim
     owned<GMimeParser> parser(g_mime_parser_new_with_stream(stream.get()));
     owned_options options(g_mime_parser_options_new());
     std::optional<std::string> damage;
-    g_mime_parser_options_set_warning_callback(options.get(), on_warning, &damage);
+    // GMime 3.2.13 of Debian 12 takes three arguments, that of Debian 13 four.
+    auto warn_by = [&](auto* set) {
+        if constexpr (std::is_invocable_v<decltype(set), GMimeParserOptions*, GMimeParserWarningFunc, gpointer, GDestroyNotify>)
+            set(options.get(), on_warning, &damage, nullptr);
+        else
+            set(options.get(), on_warning, &damage);
+    };
+    warn_by(&g_mime_parser_options_set_warning_callback);
     owned<GMimeMessage> message(g_mime_parser_construct_message(parser.get(), options.get()));
     if (!message) return malformed("it has no headers");
     if (damage) return malformed(*damage);
