@@ -1,6 +1,7 @@
 // environment-boundary: what an instantiation server does to its host is done here
 #include <ise/instantiation/real_machine.hpp>
 
+#include <ise/core/asio_compat.hpp>
 #include <ise/core/environment.hpp>
 #include <ise/core/real/ownership.hpp>
 #include <ise/core/waiter.hpp>
@@ -10,7 +11,7 @@
 #include <ise/instantiation/spawn.hpp>
 
 #include <asio/buffer.hpp>
-#include <asio/experimental/as_tuple.hpp>
+
 #include <asio/posix/stream_descriptor.hpp>
 #include <asio/use_awaitable.hpp>
 
@@ -313,7 +314,7 @@ task<result<std::string>> real_machine::ask(loop& on, std::string program, std::
     std::string text;
     std::array<char, 4096> piece;
     for (;;) {
-        auto [problem, count] = co_await reading.async_read_some(asio::buffer(piece), asio::experimental::as_tuple(asio::use_awaitable));
+        auto [problem, count] = co_await reading.async_read_some(asio::buffer(piece), compat::as_tuple);
         text.append(piece.data(), count);
         if (problem || text.size() > max_bytes) break;
     }
