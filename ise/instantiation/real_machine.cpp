@@ -11,7 +11,6 @@
 #include <ise/instantiation/spawn.hpp>
 
 #include <asio/buffer.hpp>
-
 #include <asio/posix/stream_descriptor.hpp>
 #include <asio/use_awaitable.hpp>
 
