@@ -84,8 +84,8 @@ result<void> incoming_calls::on_request(const wire::frame& received) {
         return {};
     }
     if (slot_of(id) < running_.size() && running_[slot_of(id)].of) return malformed("with the number of a call that runs");
-    if (auto good = over_.takes_answers(); !good) return good;
     if (auto unsent = over_.wire().out().pending_call_bytes(); unsent > runtime.options().max_unsent_bytes) {
+        if (auto good = over_.takes_answers(); !good) return good;
         turn_away(head, replies_not_taken(unsent, execution::not_executed));
         return {};
     }

@@ -108,8 +108,8 @@ failure outgoing_calls::let_go(pending_call& call, errc why) {
     take_slot(call.id);
     auto& connection = over_.wire();
     if (connection.open()) {
-        if (!connection.out().withdraw(call.id)) wire::put_frame(connection.out().control(), frame_type::cancel, 0, call.id, [](buffer&) {});
-        connection.written();
+        if (connection.out().withdraw(call.id)) connection.written();
+        else over_.send_ahead(frame_type::cancel, call.id, [](buffer&) {});
     }
     const auto& who = call.owner->name();
     if (why == errc::cancelled) return {why, fmt::format("the call of '{}' at {} was cancelled", call.service, who), execution::unknown};
