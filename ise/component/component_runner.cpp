@@ -207,7 +207,6 @@ void component_runner::services_changed() {
 
 void component_runner::add(std::shared_ptr<call_service> service) {
     auto name = service->name();
-    services_->schemas().add_own(service->types());
     services_->services().add(std::move(service)).value();
     own_services_.push_back(name);
     services_changed();
@@ -215,7 +214,6 @@ void component_runner::add(std::shared_ptr<call_service> service) {
 
 void component_runner::add(std::shared_ptr<publication_core> service) {
     auto name = service->name();
-    services_->schemas().add_own(service->types());
     services_->services().add(std::move(service)).value();
     own_services_.push_back(name);
     services_changed();
