@@ -7,8 +7,13 @@
 
 using namespace std::chrono_literals;
 
-struct set_mode { std::string mode; };
-struct mode_set { bool accepted; std::string reason; };
+struct set_mode {
+    std::string mode;
+};
+struct mode_set {
+    bool accepted;
+    std::string reason;
+};
 
 inline constexpr ise::request_response<set_mode, mode_set> helm{"helm"};
 

@@ -37,8 +37,7 @@ ise::component_type communication_node_type() {
     auto chosen = std::make_shared<choices>();
     auto& options = chosen->options;
     auto& set = type.parameters;
-    set.add("file", options.file, "its database (SQLite); each node has its own")
-        .kind(ise::parameter_kind::path);
+    set.add("file", options.file, "its database (SQLite); each node has its own").kind(ise::parameter_kind::path);
     set.add("peer", options.peer, "the other node's path; empty: there is none");
     set.add("secondary", options.secondary, "secondary node: the other one is preferred");
     set.add("proxy", chosen->proxies, "a link and the path of its proxy: xbee=atirma/shore/xbee");

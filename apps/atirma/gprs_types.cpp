@@ -27,11 +27,13 @@ component_type gprs_proxy_type(const std::function<void(const std::string&)>& an
     set.add("boat-listen", options->listen, "endpoints for the boat, tcp:// and udp://; port 0: any free one")
         .kind(parameter_kind::endpoint);
     set.add("boat-id", options->shore.boat_id, "the boat's id; other logins are refused");
-    set.add("store", options->store_at, "store that must have telemetry before the boat is acknowledged: atirma/communication");
+    set.add("store", options->store_at,
+            "store that must have telemetry before the boat is acknowledged: atirma/communication");
     set.add("max-strangers", options->shore.max_strangers, "connections without a login").range(1, 1024);
     type.provides(services::telemetry)
         .provides(services::telecommand)
-        .provides(services::telecommand_state).provides(services::telecommand_recall)
+        .provides(services::telecommand_state)
+        .provides(services::telecommand_recall)
         .provides(services::gprs);
     type.requires_(services::telemetry_store);
     type.make = [options] { return std::make_unique<gprs_proxy>(*options); };
@@ -39,14 +41,14 @@ component_type gprs_proxy_type(const std::function<void(const std::string&)>& an
 }
 
 component_type gprs_link_type(const std::function<void(const std::string&)>& announce) {
-    component_type type("gprs-link", "an emulated carrier between boat and proxy, with faults",
-                        "atirma/carrier");
+    component_type type("gprs-link", "an emulated carrier between boat and proxy, with faults", "atirma/carrier");
     auto options = std::make_shared<gprs_link_options>();
     options->on_listening = [announce](const std::vector<ise::endpoint>& listening) { announce(ready(listening)); };
     auto& set = type.parameters;
     set.add("boat-listen", options->listen, "endpoints for the boat, tcp:// and udp://; port 0: any free one")
         .kind(parameter_kind::endpoint);
-    set.add("proxy-tcp", options->proxy_tcp, "where connections are relayed: tcp://host:port").kind(parameter_kind::url);
+    set.add("proxy-tcp", options->proxy_tcp, "where connections are relayed: tcp://host:port")
+        .kind(parameter_kind::url);
     set.add("proxy-udp", options->proxy_udp, "where datagrams are relayed: udp://host:port").kind(parameter_kind::url);
     set.add("delay", options->delay_s, "each way").range(0, 600).unit("s");
     set.add("jitter", options->jitter_s, "added to it at most").range(0, 600).unit("s");

@@ -52,10 +52,16 @@ void add_components(CLI::App& run, std::vector<hosted>& into, std::vector<ise::c
         one->made.path = about.path;
         one->made.make = one->type.make;
         sub->add_option("--path", one->made.path, "its name in the system")->capture_default_str();
-        sub->add_option("--listen", one->made.listen, "endpoints it listens on, such as tcp://0.0.0.0:7411 (default: in-process, local, loopback)")->allow_extra_args(false);
-        sub->add_option("--advertise", one->made.advertise, "further endpoints it is reached by")->allow_extra_args(false);
-        sub->add_option("--role", one->made.roles, "a role it serves, and its priority there, such as atirma/gateway=5")->type_name("ROLE=PRIORITY")->allow_extra_args(false);
-        for (const auto& declared : one->type.parameters.all()) add_parameter(*sub, declared, one->given[declared.name]);
+        sub->add_option("--listen", one->made.listen,
+                        "endpoints it listens on, such as tcp://0.0.0.0:7411 (default: in-process, local, loopback)")
+            ->allow_extra_args(false);
+        sub->add_option("--advertise", one->made.advertise, "further endpoints it is reached by")
+            ->allow_extra_args(false);
+        sub->add_option("--role", one->made.roles, "a role it serves, and its priority there, such as atirma/gateway=5")
+            ->type_name("ROLE=PRIORITY")
+            ->allow_extra_args(false);
+        for (const auto& declared : one->type.parameters.all())
+            add_parameter(*sub, declared, one->given[declared.name]);
         sub->final_callback([one, &into] {
             for (const auto& [name, values] : one->given)
                 for (const auto& value : values) {

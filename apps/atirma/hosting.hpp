@@ -16,9 +16,9 @@ namespace atirma {
 /// One component that the command line asked for.
 struct hosted {
     std::string path;
-    std::vector<std::string> listen;    ///< endpoints; empty: ISE's default
+    std::vector<std::string> listen; ///< endpoints; empty: ISE's default
     std::vector<std::string> advertise;
-    std::vector<std::string> roles;     ///< "atirma/gateway=5"
+    std::vector<std::string> roles; ///< "atirma/gateway=5"
     std::function<std::unique_ptr<ise::component>()> make;
     std::shared_ptr<ise::live_parameters> parameters;
 };
@@ -29,8 +29,8 @@ std::vector<ise::component_type> component_types(std::function<void(const std::s
 /// Those of the link over GPRS; component_types() has them, too.
 std::vector<ise::component_type> gprs_types(const std::function<void(const std::string&)>& announce);
 
-/// Adds types as subcommands of `run`, each with its parameters as options. After parsing, those that were named stand in
-/// `into`, which outlives the parser.
+/// Adds types as subcommands of `run`, each with its parameters as options. After parsing, those that were named stand
+/// in `into`, which outlives the parser.
 void add_components(CLI::App& run, std::vector<hosted>& into, std::vector<ise::component_type> types);
 
 } // namespace atirma

@@ -1,5 +1,5 @@
-#include "iridium_curl.hpp"
 #include "iridium_types.hpp"
+#include "iridium_curl.hpp"
 
 #include <components/iridium_gateway/iridium_gateway.hpp>
 #include <components/iridium_modem/iridium_modem.hpp>
@@ -30,41 +30,46 @@ component_type proxy_type() {
     auto* options = &settings->options;
     auto& set = type.parameters;
     set.add("imei", options->imei, "of the boat's modem, 15 digits");
-    set.add("database", options->database, "file for messages, telecommands and cost (SQLite)").kind(parameter_kind::path);
-    set.add("store", options->store_at, "store that must have a message's telemetry: atirma/communication; empty: it waits for a subscriber");
+    set.add("database", options->database, "file for messages, telecommands and cost (SQLite)")
+        .kind(parameter_kind::path);
+    set.add("store", options->store_at,
+            "store that must have a message's telemetry: atirma/communication; empty: it waits for a subscriber");
     set.add("webhook", options->webhook, "endpoint for the gateway's posts, tcp://address:port; empty: none")
         .kind(parameter_kind::endpoint);
     set.add("webhook-path", options->webhook_path, "path of the web hook");
     set.add("jwt-key", options->jwt_key_file, "public key or certificate (PEM): each post must carry a token of it")
         .kind(parameter_kind::path);
-    set.add("gateway-addresses", options->gateway_addresses, "addresses and networks of the gateway, 12.47.179.11,192.0.2.0/24: other addresses are refused at webhook and directip; beyond loopback directip needs it, and webhook needs it or jwt-key");
+    set.add("gateway-addresses", options->gateway_addresses,
+            "addresses and networks of the gateway, 12.47.179.11,192.0.2.0/24: other addresses are refused at webhook "
+            "and directip; beyond loopback directip needs it, and webhook needs it or jwt-key");
     set.add("directip", options->directip, "endpoint for the gateway's DirectIP, tcp://address:port; empty: none")
         .kind(parameter_kind::endpoint);
     set.add("send-by", options->send_by, "interface for telecommands to the gateway")
         .one_of({"http", "directip", "mail", "none"});
-    set.add("url", options->rockblock.url, "of the gateway's web service for telecommands")
-        .kind(parameter_kind::url);
+    set.add("url", options->rockblock.url, "of the gateway's web service for telecommands").kind(parameter_kind::url);
     set.add("user", options->rockblock.username,
             "of the gateway's account; its password stands in ATIRMA_ROCKBLOCK_PASSWORD");
     set.add("send-directip", options->send_directip, "tcp://host:port of the gateway's DirectIP")
         .kind(parameter_kind::url);
     set.add("imap", settings->imap_server, "imaps://server of the mailbox for the gateway's mails; empty: none")
         .kind(parameter_kind::url);
-    set.add("smtp", settings->smtp_server, "smtps://server for mails to the gateway")
-        .kind(parameter_kind::url);
+    set.add("smtp", settings->smtp_server, "smtps://server for mails to the gateway").kind(parameter_kind::url);
     set.add("mail-user", settings->mail_user, "user of both; the password is in ATIRMA_MAIL_PASSWORD");
     set.add("mail-from", options->mail_from, "sender of mails to the gateway");
     set.add("mail-to", options->mail_to, "the gateway's address for messages");
     set.add("gateway-mail", options->gateway_mail, "sender of the gateway's mails");
-    set.add("mail-authserv", options->mail_authserv, "name of the mail server whose Authentication-Results are trusted");
-    set.add("mail-unchecked", options->mail_unchecked, "trust the sender address of mails: only if no other sender can reach the mailbox");
+    set.add("mail-authserv", options->mail_authserv,
+            "name of the mail server whose Authentication-Results are trusted");
+    set.add("mail-unchecked", options->mail_unchecked,
+            "trust the sender address of mails: only if no other sender can reach the mailbox");
     set.add("ca-file", settings->ca_file, "authorities to trust (PEM) instead of the system's")
         .kind(parameter_kind::path);
     set.add("daily-budget", options->daily_budget, "credits a day (UTC) for telecommands; 0: unlimited");
     set.add("credit-bytes", options->queue.bytes_per_credit, "bytes that a credit pays for").range(1, 340);
     type.provides(services::telemetry)
         .provides(services::telecommand)
-        .provides(services::telecommand_state).provides(services::telecommand_recall)
+        .provides(services::telecommand_state)
+        .provides(services::telecommand_recall)
         .provides(services::iridium_account);
     type.requires_(services::telemetry_store);
     type.reads("ATIRMA_ROCKBLOCK_PASSWORD").reads("ATIRMA_MAIL_PASSWORD");
@@ -108,8 +113,8 @@ component_type modem_type() {
     set.add("port", options->port, "link to its serial port").kind(parameter_kind::path);
     set.add("imei", options->imei, "15 digits");
     set.add("gateway", options->gateway, "component to open sessions with; empty: no network service");
-    set.add("shortest-session", options->shortest_session_s, "time of a session").range(0, 600).unit("s");
-    set.add("longest-session", options->longest_session_s, "time of a session").range(0, 600).unit("s");
+    set.add("min-session", options->min_session_s, "time of a session").range(0, 600).unit("s");
+    set.add("max-session", options->max_session_s, "time of a session").range(0, 600).unit("s");
     set.add("failures", options->failures, "fraction of sessions that fail on the radio link").range(0, 1);
     set.add("sky", options->sky_free, "free, or none at first");
     set.add("seed", options->seed, "of lengths and failures");

@@ -29,12 +29,19 @@ struct common_options {
 
 void add_common(CLI::App& to, common_options& options) {
     to.add_option("--name-server", options.name_server, "its endpoint (default: ISE_NAME_SERVER, else this machine)");
-    to.add_option("--key", options.security.key_file, "a file with the shared key of the system; peers without it are refused (default: ISE_KEY)");
-    to.add_option("--tls", options.security.tls_folder, "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: ISE_TLS)");
-    to.add_flag("--demand-credentials", options.security.demanded, "refuse to listen beyond this host, except with a key or on tls://");
-    static const std::map<std::string, ise::log_level> levels{
-        {"debug", ise::log_level::debug}, {"info", ise::log_level::info}, {"warning", ise::log_level::warning}, {"error", ise::log_level::error}};
-    to.add_option("--log-level", options.level, "debug, info, warning, error")->transform(CLI::CheckedTransformer(levels, CLI::ignore_case))->default_str("info");
+    to.add_option("--key", options.security.key_file,
+                  "a file with the shared key of the system; peers without it are refused (default: ISE_KEY)");
+    to.add_option("--tls", options.security.tls_folder,
+                  "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: ISE_TLS)");
+    to.add_flag("--demand-credentials", options.security.demanded,
+                "refuse to listen beyond this host, except with a key or on tls://");
+    static const std::map<std::string, ise::log_level> levels{{"debug", ise::log_level::debug},
+                                                              {"info", ise::log_level::info},
+                                                              {"warning", ise::log_level::warning},
+                                                              {"error", ise::log_level::error}};
+    to.add_option("--log-level", options.level, "debug, info, warning, error")
+        ->transform(CLI::CheckedTransformer(levels, CLI::ignore_case))
+        ->default_str("info");
 }
 
 ise::node_options node_options_of(const common_options& options) {
@@ -141,10 +148,13 @@ int obey(int count, char** words) {
     app.set_version_flag("--version", "atirma " ATIRMA_VERSION);
     app.require_subcommand(1);
     bool describe = false; // read above, as `host`: they stand alone
-    app.add_flag("--describe", describe, "prints component types and their parameters as JSON, for instantiation servers");
-    app.footer("A parameter that is not given is taken from the environment: ISE_PARAMETER_WIND_SPEED for --wind-speed.\n"
-               "Exit codes: 0 ended as asked, 1 something failed, 2 wrong arguments.\n"
-               "Example: atirma run boat-simulator --serial /tmp/xbee-boat xbee-link xbee-proxy --serial /tmp/xbee-shore web-server");
+    app.add_flag("--describe", describe,
+                 "prints component types and their parameters as JSON, for instantiation servers");
+    app.footer(
+        "A parameter that is not given is taken from the environment: ISE_PARAMETER_WIND_SPEED for --wind-speed.\n"
+        "Exit codes: 0 ended as asked, 1 something failed, 2 wrong arguments.\n"
+        "Example: atirma run boat-simulator --serial /tmp/xbee-boat xbee-link xbee-proxy --serial /tmp/xbee-shore "
+        "web-server");
 
     common_options common;
     std::vector<atirma::hosted> wanted;
@@ -159,21 +169,27 @@ int obey(int count, char** words) {
     auto* observes = app.add_subcommand("observe", "look at telemetry, telecommands and page for a while, then sum up");
     add_common(*observes, common);
     observes->add_option("--proxy", observer.proxy, "whose services are used")->capture_default_str();
-    observes->add_option("--telemetry", observer.telemetry, "paths of the proxies whose telemetry is counted (default: that proxy)")->allow_extra_args(false);
+    observes
+        ->add_option("--telemetry", observer.telemetry,
+                     "paths of the proxies whose telemetry is counted (default: that proxy)")
+        ->allow_extra_args(false);
     observes->add_option("--page", page, "host:port of the web server whose event stream is read");
     observes->add_option("--for", length_s, "seconds")->check(CLI::Range(1.0, 86400.0))->capture_default_str();
 
     std::string file;
     auto* store = app.add_subcommand("store", "look at the file of a communication node");
     store->require_subcommand(1);
-    auto* checks = store->add_subcommand("check", "read everything in it and compare checksums; the node may be running");
+    auto* checks =
+        store->add_subcommand("check", "read everything in it and compare checksums; the node may be running");
     checks->add_option("file", file, "its --file")->required();
     checks->footer("Exit codes: 0 the file is sound, 1 it is damaged or cannot be read, 2 wrong arguments.\n"
                    "Example: atirma store check /var/lib/atirma/node.db");
 
-    auto* decodes = app.add_subcommand("decode", "reads lines of `ise echo NAME telemetry` and prints them with the fields of the boat's reports");
-    decodes->footer("Exit codes: 0 every line was decoded, 1 one was not (the reason is on standard error), 2 wrong arguments.\n"
-                    "Example: ise echo atirma/shore/xbee telemetry | atirma decode");
+    auto* decodes = app.add_subcommand(
+        "decode", "reads lines of `ise echo NAME telemetry` and prints them with the fields of the boat's reports");
+    decodes->footer(
+        "Exit codes: 0 every line was decoded, 1 one was not (the reason is on standard error), 2 wrong arguments.\n"
+        "Example: ise echo atirma/shore/xbee telemetry | atirma decode");
 
     try {
         app.parse(count, words);
@@ -221,6 +237,7 @@ int main(int count, char** words) {
     std::setvbuf(stdout, nullptr, _IOLBF, BUFSIZ); // as ise::main does
     std::string_view first = count > 1 ? words[1] : "";
     if (first == "--describe" || first == "host") // for instantiation servers
-        return ise::main(count, words, [] { return atirma::component_types(say); }, ATIRMA_VERSION);
+        return ise::main(
+            count, words, [] { return atirma::component_types(say); }, ATIRMA_VERSION);
     return obey(count, words);
 }

@@ -43,7 +43,8 @@ ise::component_type nmea_bridge_type(std::function<void(const std::string&)> ann
     set.add("telemetry", options->telemetry, "paths of the proxies to subscribe to");
     set.add("nmea-tcp", nmea->tcp, "endpoint for NMEA 0183 clients; empty: none").kind(ise::parameter_kind::endpoint);
     set.add("nmea-udp", nmea->udp, "destinations of NMEA 0183: udp://127.0.0.1:10110").kind(ise::parameter_kind::url);
-    set.add("signalk-tcp", signalk->tcp, "endpoint for Signal K clients; empty: none").kind(ise::parameter_kind::endpoint);
+    set.add("signalk-tcp", signalk->tcp, "endpoint for Signal K clients; empty: none")
+        .kind(ise::parameter_kind::endpoint);
     set.add("signalk-udp", signalk->udp, "destinations of Signal K deltas").kind(ise::parameter_kind::url);
     set.add("vessel-name", options->vessel, "of the boat, for Signal K");
     set.add("vessel-uuid", options->vessel_uuid,

@@ -8,8 +8,8 @@
 namespace atirma {
 namespace {
 using namespace std::chrono_literals;
-constexpr std::size_t longest_line = 1u << 20; // a snapshot with its whole track is one line
-}
+constexpr std::size_t max_line = 1u << 20; // a snapshot with its whole track is one line
+} // namespace
 
 std::string observation::text() const {
     std::string types;
@@ -21,19 +21,26 @@ std::string observation::text() const {
     auto out = fmt::format("telemetry     {} packets{}{}\n", packets, types.empty() ? "" : ": ", types);
     std::string by_link;
     for (const auto& [link, count] : links) by_link += fmt::format("{}{} {}", by_link.empty() ? "" : ", ", link, count);
-    out += fmt::format("links         {}; {} of it history, {} came twice\n", by_link.empty() ? "none" : by_link, history, twice);
-    out += fmt::format("telecommands  {} sent, {} acknowledged by the boat, {} pending, {} failed\n", telecommands, acknowledged, pending, failed);
+    out += fmt::format("links         {}; {} of it history, {} came twice\n", by_link.empty() ? "none" : by_link,
+                       history, twice);
+    out += fmt::format("telecommands  {} sent, {} acknowledged by the boat, {} pending, {} failed\n", telecommands,
+                       acknowledged, pending, failed);
     out += fmt::format("dropped       {} between proxy and here", lost);
     if (local)
-        out += fmt::format(", {} duplicates, {} malformed, {} of other modems, {} bad frames", local->duplicates, local->malformed, local->foreign, local->frames_refused);
+        out += fmt::format(", {} duplicates, {} malformed, {} of other modems, {} bad frames", local->duplicates,
+                           local->malformed, local->foreign, local->frames_refused);
     out += "\n";
     if (local)
-        out += fmt::format("modem         {}, last packet at {}, duty cycle {}\n", local->modem_ready ? "answers" : local->trouble,
-                           local->rssi_dbm ? fmt::format("{} dBm", *local->rssi_dbm) : "?", local->duty_cycle_percent ? fmt::format("{} %", *local->duty_cycle_percent) : "?");
+        out += fmt::format("modem         {}, last packet at {}, duty cycle {}\n",
+                           local->modem_ready ? "answers" : local->trouble,
+                           local->rssi_dbm ? fmt::format("{} dBm", *local->rssi_dbm) : "?",
+                           local->duty_cycle_percent ? fmt::format("{} %", *local->duty_cycle_percent) : "?");
     if (gprs)
         out += fmt::format("gprs          {}, acknowledged up to {}, {} resent, {} given up\n",
-                           gprs->connected ? "the boat is there by " + gprs->from : gprs->trouble, gprs->acknowledged, gprs->resends, gprs->given_up);
-    out += fmt::format("page          {} events with telemetry{}{}\n", page_updates, page_trouble.empty() ? "" : "; ", page_trouble);
+                           gprs->connected ? "the boat is there by " + gprs->from : gprs->trouble, gprs->acknowledged,
+                           gprs->resends, gprs->given_up);
+    out += fmt::format("page          {} events with telemetry{}{}\n", page_updates, page_trouble.empty() ? "" : "; ",
+                       page_trouble);
     return out;
 }
 
@@ -149,7 +156,8 @@ ise::task<std::string> observer::read_stream(ise::endpoint from) {
     auto connected = co_await env().connect(on(), from);
     if (!connected) co_return connected.error().message();
     auto& line = **connected;
-    auto request = fmt::format("GET /events HTTP/1.1\r\nHost: {}:{}\r\nAccept: text/event-stream\r\n\r\n", from.host, from.port);
+    auto request =
+        fmt::format("GET /events HTTP/1.1\r\nHost: {}:{}\r\nAccept: text/event-stream\r\n\r\n", from.host, from.port);
     std::string_view rest = request;
     while (!rest.empty()) {
         asio::const_buffer piece(rest.data(), rest.size());
@@ -173,9 +181,11 @@ ise::task<std::string> observer::read_stream(ise::endpoint from) {
             std::string_view told(text.data(), end);
             if (told.starts_with("event: ")) event = told.substr(7);
             // What came by telemetry, not that the server lives.
-            if (told.starts_with("data: ") && event.starts_with("update") && told.find("\"position\"") != std::string_view::npos) ++seen_->page_updates;
+            if (told.starts_with("data: ") && event.starts_with("update") &&
+                told.find("\"position\"") != std::string_view::npos)
+                ++seen_->page_updates;
         }
-        if (text.size() > longest_line) co_return "the page's stream makes no sense";
+        if (text.size() > max_line) co_return "the page's stream makes no sense";
         if (got.problem == asio::error::operation_aborted) co_return std::string(); // our time is over
         if (got.problem) co_return "the page's stream ended: " + got.problem.message();
     }

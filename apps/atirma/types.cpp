@@ -39,19 +39,27 @@ component_type boat_simulator_type() {
     add_port(set, options->port);
     add_address(set, "shore-address", options->shore_address, "of the shore's modem");
     set.add("course", options->course, "the course to sail").one_of({"T1", "T2", "none"});
-    set.add("wind", options->wind_file, "recorded wind (CSV with t_s, tws_mps or tws_kn, twd_deg) instead of the one below").kind(parameter_kind::path);
+    set.add("wind", options->wind_file,
+            "recorded wind (CSV with t_s, tws_mps or tws_kn, twd_deg) instead of the one below")
+        .kind(parameter_kind::path);
     set.add("wind-speed", options->wind_speed_mps, "of the wind").range(0, 40).unit("m/s").changeable();
-    set.add("wind-from", options->wind_from_deg, "true direction of its origin").range(0, 360).unit("degrees").changeable();
+    set.add("wind-from", options->wind_from_deg, "true direction of its origin")
+        .range(0, 360)
+        .unit("degrees")
+        .changeable();
     set.add("gusts", options->gusts, "gusts and shifts, or none");
-    set.add("iridium-serial", options->iridium.port.device, "serial port of its Iridium modem; empty: none").kind(parameter_kind::path);
+    set.add("iridium-serial", options->iridium.port.device, "serial port of its Iridium modem; empty: none")
+        .kind(parameter_kind::path);
     set.add("iridium-period", options->iridium.period_s, "of its telemetry over Iridium").range(0.5, 86400).unit("s");
     set.add("speedup", options->speedup, "of the boat's model time").range(0.1, 1000);
     set.add("seed", options->seed, "of gusts and instruments");
-    set.add("gprs", options->gprs, "GPRS proxy or carrier to connect to, tcp:// or udp:// (default: none)").kind(parameter_kind::url);
+    set.add("gprs", options->gprs, "GPRS proxy or carrier to connect to, tcp:// or udp:// (default: none)")
+        .kind(parameter_kind::url);
     set.add("gprs-id", options->uplink.id, "its id there");
     set.add("gprs-period", options->gprs_period_s, "of telemetry there, 0: none").range(0, 86400).unit("s");
     set.add("gprs-memory", options->uplink.capacity, "packets that it keeps until they are acknowledged").range(1, 1e6);
-    set.add("memory", options->memory_file, "file with its state over a loss of power (SQLite); empty: no memory").kind(parameter_kind::path);
+    set.add("memory", options->memory_file, "file with its state over a loss of power (SQLite); empty: no memory")
+        .kind(parameter_kind::path);
     set.add("boot", options->boot, "number of this boot; 0: random, or the last one plus one if it has a memory");
     type.provides(services::scene_control).provides(services::truth);
     type.makes<boat_simulator>(options);
@@ -82,8 +90,13 @@ component_type xbee_proxy_type() {
     auto options = std::make_shared<xbee_proxy_options>();
     add_port(type.parameters, options->port);
     add_address(type.parameters, "boat-address", options->boat_address, "of the boat's modem; 0: any modem");
-    type.parameters.add("store", options->store_at, "store that must have telemetry before the boat gets a receipt: atirma/communication; empty: no receipts");
-    type.provides(services::telemetry).provides(services::telecommand).provides(services::telecommand_state).provides(services::telecommand_recall);
+    type.parameters.add(
+        "store", options->store_at,
+        "store that must have telemetry before the boat gets a receipt: atirma/communication; empty: no receipts");
+    type.provides(services::telemetry)
+        .provides(services::telecommand)
+        .provides(services::telecommand_state)
+        .provides(services::telecommand_recall);
     type.provides(services::xb_local).provides(services::xb_local_param);
     type.requires_(services::telemetry_store);
     type.makes<xbee_proxy>(options);
@@ -98,10 +111,12 @@ component_type web_server_type(std::function<void(const std::string&)> announce)
     auto& set = type.parameters;
     set.add("address", options->http.address, "to listen on, numeric").kind(parameter_kind::address);
     set.add("port", options->http.port, "to listen on; 0: any free one").port_at("address");
-    set.add("telemetry", options->telemetry, "sources of telemetry: paths of proxies, or the role atirma/communication");
+    set.add("telemetry", options->telemetry,
+            "sources of telemetry: paths of proxies, or the role atirma/communication");
     set.add("boat-name", options->track.boat, "on the page");
     set.add("more-boats", options->more_boats, "further boats, each NAME=PATH[,PATH], such as Vela=vela/communication");
-    set.add("archive", options->archive.file, "SQLite file that keeps track and telemetry over a restart; empty: none").kind(parameter_kind::path);
+    set.add("archive", options->archive.file, "SQLite file that keeps track and telemetry over a restart; empty: none")
+        .kind(parameter_kind::path);
     type.requires_(services::telemetry);
     type.makes<web_server>(options);
     return type;

@@ -83,19 +83,16 @@ bool operator_actions::give(boat_command command) {
     return true;
 }
 
-bool operator_actions::set_mode(sailing_mode mode) {
-    return give(commands::set_mode{mode});
-}
+bool operator_actions::set_mode(sailing_mode mode) { return give(commands::set_mode{mode}); }
 
 bool operator_actions::upload(std::vector<waypoint> points, const std::vector<waypoint>& on_boat) {
     auto many = static_cast<int>(points.size());
     auto what = many == 0
                     ? tr("Clear the boat's list of waypoints?")
                     : tr("Upload %n waypoint(s) to the boat?", nullptr, many).replace("(s)", many == 1 ? "" : "s");
-    auto why =
-        tr("The list of %1 that the boat has now is replaced, one telecommand after the other. "
-           "Meanwhile, in Auto, it sails what has arrived.")
-            .arg(on_boat.size());
+    auto why = tr("The list of %1 that the boat has now is replaced, one telecommand after the other. "
+                  "Meanwhile, in Auto, it sails what has arrived.")
+                   .arg(on_boat.size());
     if (!confirmed(what, why)) return false;
     auto take = authority_for(tr("the new list of waypoints"));
     if (!take) return false;

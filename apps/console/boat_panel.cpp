@@ -158,9 +158,7 @@ QWidget* boat_panel::make_rare() {
     beacon_ = new QPushButton(tr("Beacon on…"), box);
     beacon_->setObjectName("beacon");
     beacon_->setProperty("role", "danger");
-    connect(beacon_, &QPushButton::clicked, this, [this] {
-        actions_.give(commands::emergency_beacon{!beacon_on_});
-    });
+    connect(beacon_, &QPushButton::clicked, this, [this] { actions_.give(commands::emergency_beacon{!beacon_on_}); });
     auto* reboot = new QPushButton(tr("Reboot…"), box);
     reboot->setObjectName("reboot");
     reboot->setProperty("role", "danger");

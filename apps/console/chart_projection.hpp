@@ -13,8 +13,8 @@ namespace atirma::console {
 /// Mercator between places and pixels.
 class chart_projection {
 public:
-    static constexpr double metres_per_degree = 111319.49; ///< of longitude on the equator
-    static constexpr double closest = 0.02, farthest = 400;  ///< metres a pixel
+    static constexpr double metres_per_degree = 111319.49;  ///< of longitude on the equator
+    static constexpr double closest = 0.02, farthest = 400; ///< metres a pixel
 
     waypoint centre{28.152, -15.452};
     double metres_per_pixel = 3;

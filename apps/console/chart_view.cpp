@@ -38,7 +38,8 @@ void chart_view::show_snapshot(std::shared_ptr<const snapshot> seen, utc_time no
     }
     auto at = boat_place();
     setAccessibleDescription(
-        at ? tr("The boat at %1, %2").arg(place_text(*at), text(age_text(age_s(now_, seen_->boat.position->measured_at))))
+        at ? tr("The boat at %1, %2")
+                 .arg(place_text(*at), text(age_text(age_s(now_, seen_->boat.position->measured_at))))
            : tr("No boat heard yet"));
     update();
 }
@@ -111,8 +112,7 @@ void chart_view::zoom(double factor) {
 void chart_view::place(const waypoint& centre, double metres_per_pixel) {
     placed_ = true;
     projection_.centre = centre;
-    projection_.metres_per_pixel =
-        std::clamp(metres_per_pixel, chart_projection::closest, chart_projection::farthest);
+    projection_.metres_per_pixel = std::clamp(metres_per_pixel, chart_projection::closest, chart_projection::farthest);
     moved();
 }
 

@@ -41,8 +41,8 @@ void command_button::fill_menu() {
                     &QAction::triggered, this, [this, who] { ask_for(authority_action::hand_over, who); });
         for (const auto& who : others_)
             if (std::ranges::count(seen_.state.asked_by, who) == 0)
-                connect(to->addAction(tr("Hand over to %1").arg(console::text(operator_label(who)))), &QAction::triggered, this,
-                        [this, who] { ask_for(authority_action::hand_over, who); });
+                connect(to->addAction(tr("Hand over to %1").arg(console::text(operator_label(who)))),
+                        &QAction::triggered, this, [this, who] { ask_for(authority_action::hand_over, who); });
         if (!to->isEmpty()) to->addSeparator();
         connect(to->addAction(tr("Give it up")), &QAction::triggered, this,
                 [this] { ask_for(authority_action::release); });
@@ -55,16 +55,17 @@ void command_button::fill_menu() {
         connect(ask, &QAction::triggered, this, [this] { ask_for(authority_action::ask); });
         connect(to->addAction(tr("Take it against the will of %1…").arg(name)), &QAction::triggered, this,
                 [this, name] {
-                    if (actions_.confirmed(tr("Take the command from %1?").arg(name),
-                                           tr("Whatever %1 does at this moment ends. Ask first where there is time.")
-                                               .arg(name)))
+                    if (actions_.confirmed(
+                            tr("Take the command from %1?").arg(name),
+                            tr("Whatever %1 does at this moment ends. Ask first where there is time.").arg(name)))
                         ask_for(authority_action::take, {}, true);
                 });
     }
     if (seen_.state.since != utc_time()) {
         to->addSeparator();
-        auto* told = to->addAction(tr("%1 UTC: %2").arg(console::text(iso_time(seen_.state.since).substr(11, 5)),
-                                                        console::text(seen_.state.how)));
+        auto* told = to->addAction(
+            tr("%1 UTC: %2")
+                .arg(console::text(iso_time(seen_.state.since).substr(11, 5)), console::text(seen_.state.how)));
         told->setEnabled(false);
     }
 }
@@ -94,10 +95,10 @@ void command_button::show_snapshot(const snapshot& seen) {
     setText(words);
     setToolTip(seen_.problem.empty() ? tr("Who may tell the boat what to do; click to change that")
                                      : console::text(seen_.problem));
-    auto sheet = QStringLiteral(
-                     "QToolButton { color: %1; background: %2; border: 0; border-radius: 10px; padding: 2px 10px; "
-                     "min-height: 16px; font-weight: 600; } QToolButton::menu-indicator { image: none; }")
-                     .arg(ink.name(), back.name());
+    auto sheet =
+        QStringLiteral("QToolButton { color: %1; background: %2; border: 0; border-radius: 10px; padding: 2px 10px; "
+                       "min-height: 16px; font-weight: 600; } QToolButton::menu-indicator { image: none; }")
+            .arg(ink.name(), back.name());
     if (styleSheet() != sheet) setStyleSheet(sheet);
 }
 

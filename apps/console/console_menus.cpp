@@ -93,7 +93,7 @@ void console_window::make_menus() {
     all->setToolTipsVisible(true);
     for_each_telecommand([&]<class C>(const C& preset) {
         auto words = text(describe(C::traits.kind));
-        constexpr bool has_arguments = ise::field_count<C> > 0;
+        constexpr bool has_arguments = ise::field_count < C >> 0;
         auto* made = add(all, has_arguments ? words + "…" : words, {}, [this, command = boat_command(preset)] {
             telecommand_dialog dialog(command, this);
             if (!has_arguments || dialog.exec() == QDialog::Accepted) actions_.give(dialog.command());
@@ -112,8 +112,7 @@ void console_window::make_menus() {
     add(mission, tr("&Undo"), QKeySequence::Undo, [this] { draft_.undo(); });
     add(mission, tr("&Upload…"), QKeySequence("Ctrl+U"),
         [this] { actions_.upload(draft_.points(), seen_->mission.points); });
-    add(mission, tr("Read &back"), QKeySequence("Ctrl+B"),
-        [this] { actions_.give(commands::waypoint_read_back()); });
+    add(mission, tr("Read &back"), QKeySequence("Ctrl+B"), [this] { actions_.give(commands::waypoint_read_back()); });
     add(mission, tr("As on the b&oat"), {}, [this] { draft_.take_over(seen_->mission.points); });
 
     auto* help = menuBar()->addMenu(tr("&Alarms and help"));
@@ -139,11 +138,10 @@ void console_window::show_keys() {
                             QString(one->text()).remove('&').remove(QChar(0x2026)));
         return table(QString(menu->title()).remove('&'), rows);
     };
-    auto more = table(tr("Chart"), row(tr("Arrows, drag"), tr("move")) + row(tr("Wheel"), tr("nearer, farther")) +
-                                       row(tr("Right click"), tr("sail here, measure")) +
-                                       row(tr("Menu key"), tr("the same")) +
-                                       row(tr("Editing"), tr("click, drag, Del")) +
-                                       row(tr("Tab"), tr("to the next part")));
+    auto more =
+        table(tr("Chart"), row(tr("Arrows, drag"), tr("move")) + row(tr("Wheel"), tr("nearer, farther")) +
+                               row(tr("Right click"), tr("sail here, measure")) + row(tr("Menu key"), tr("the same")) +
+                               row(tr("Editing"), tr("click, drag, Del")) + row(tr("Tab"), tr("to the next part")));
     QList<QMenu*> menus;
     for (const auto* entry : menuBar()->actions())
         if (entry->menu()) menus << entry->menu();

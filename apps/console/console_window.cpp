@@ -25,8 +25,7 @@
 namespace atirma::console {
 
 console_window::console_window(operator_actions::sink act, window_options options)
-    : options_(std::move(options)),
-      actions_(std::move(act), this) {
+    : options_(std::move(options)), actions_(std::move(act), this) {
     show_texts_plainly();
     setWindowTitle(tr("%1 console").arg(options_.boat_name));
     settings_ = settings_file(options_.settings);

@@ -13,9 +13,7 @@ namespace atirma::console {
 namespace {
 
 /// Without a minus before zero.
-QString whole(double value) {
-    return QString::number(std::round(value) + 0.0, 'f', 0).replace('-', QChar(0x2212));
-}
+QString whole(double value) { return QString::number(std::round(value) + 0.0, 'f', 0).replace('-', QChar(0x2212)); }
 QString degrees(double value) {
     return QStringLiteral("%1").arg(std::fmod(std::round(value) + 360, 360), 3, 'f', 0, QLatin1Char('0'));
 }
@@ -85,10 +83,7 @@ void value_tile::paintEvent(QPaintEvent*) {
 }
 
 actuator_gauge::actuator_gauge(const QString& label, double low, double high, QWidget* parent)
-    : QWidget(parent),
-      label_(label),
-      low_(low),
-      high_(high) {
+    : QWidget(parent), label_(label), low_(low), high_(high) {
     setToolTip(tr("%1: the bar is where it stands, the mark what was commanded").arg(label));
     setAccessibleName(label);
     setSizePolicy(QSizePolicy::Expanding, QSizePolicy::Fixed);
@@ -99,9 +94,10 @@ void actuator_gauge::show_values(double commanded, double actual, freshness how,
     actual_ = actual;
     how_ = how;
     age_s_ = age_seconds;
-    setAccessibleDescription(how == freshness::none ? tr("unknown")
-                                                    : tr("%1°, commanded %2°, %3")
-                                                          .arg(whole(actual), whole(commanded), text(age_text(age_seconds))));
+    setAccessibleDescription(
+        how == freshness::none
+            ? tr("unknown")
+            : tr("%1°, commanded %2°, %3").arg(whole(actual), whole(commanded), text(age_text(age_seconds))));
     update();
 }
 

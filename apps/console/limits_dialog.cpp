@@ -35,11 +35,11 @@ limits_dialog::limits_dialog(const alarm_limits& now, QWidget* parent) : QDialog
                    tr("Over any link; at least five periods of its telemetry"), 5, 86400, tr("s"));
     link_silent_ = add("limit_link_silent", tr("One link silent for"),
                        tr("While others go on; at least five periods of its telemetry"), 5, 86400, tr("s"));
-    proxy_lost_ = add("limit_proxy_lost", tr("A link's proxy not reached for"), tr("On the shore's network"), 1, 3600,
-                      tr("s"));
+    proxy_lost_ =
+        add("limit_proxy_lost", tr("A link's proxy not reached for"), tr("On the shore's network"), 1, 3600, tr("s"));
     battery_low_ = add("limit_battery_low", tr("Battery low below"), tr("A warning"), 0, 100, "%");
-    battery_critical_ = add("limit_battery_critical", tr("Battery critical below"), tr("Not above the limit before"),
-                            0, 100, "%");
+    battery_critical_ =
+        add("limit_battery_critical", tr("Battery critical below"), tr("Not above the limit before"), 0, 100, "%");
     off_track_ = add("limit_off_track", tr("Off track by"), tr("In Auto and Return, to either side of the leg"), 5,
                      10000, tr("m"));
     modem_hot_ = add("limit_modem_hot", tr("Modem on shore warmer than"),

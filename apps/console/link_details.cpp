@@ -112,9 +112,8 @@ void gprs_details::show_link(const link_view& link, utc_time now) {
                          .arg(behind)
                          .arg(g.not_safe_yet));
     again_->setText(QString::number(g.resends + g.duplicates));
-    given_up_->setText(QStringLiteral("<span style='color:%1'>%2</span>")
-                           .arg((g.given_up ? t.bad : t.ink).name())
-                           .arg(g.given_up));
+    given_up_->setText(
+        QStringLiteral("<span style='color:%1'>%2</span>").arg((g.given_up ? t.bad : t.ink).name()).arg(g.given_up));
     calls_->setText(QStringLiteral("%1 (%2)").arg(g.logins).arg(g.moves));
     half_open_->setText(QString::number(g.half_open));
 }

@@ -23,9 +23,7 @@ QString bytes_text(std::uint64_t bytes) {
 } // namespace
 
 link_card::link_card(std::string path, operator_actions& actions, QWidget* parent)
-    : QFrame(parent),
-      path_(std::move(path)),
-      actions_(actions) {
+    : QFrame(parent), path_(std::move(path)), actions_(actions) {
     setObjectName("card");
     auto* column = new QVBoxLayout(this);
     column->setContentsMargins(11, 8, 11, 9);

@@ -88,11 +88,12 @@ void present_list::show_snapshot(const snapshot& seen, utc_time now) {
     for (const auto& one : *seen.present)
         if (one.console && !one.self) others << text(one.path.substr(one.path.rfind('/') + 1));
     auto where = text(seen.finding.where).toHtmlEscaped();
-    auto names = seen.finding.uses_names
-                     ? seen.finding.reached ? tr("Name server: %1").arg(where)
-                                            : tr("<span style='color:%1'>● The name server at %2 is not reached</span>")
-                                                  .arg(t.bad.name(), where)
-                     : tr("Without a name server: %1").arg(where);
+    auto names =
+        seen.finding.uses_names
+            ? seen.finding.reached
+                  ? tr("Name server: %1").arg(where)
+                  : tr("<span style='color:%1'>● The name server at %2 is not reached</span>").arg(t.bad.name(), where)
+            : tr("Without a name server: %1").arg(where);
     head_->setText((others.isEmpty() ? tr("Nobody else sits at a console")
                                      : tr("Also at a console: <b>%1</b>").arg(others.join(", ").toHtmlEscaped())) +
                    "<br>" + names);
@@ -100,8 +101,8 @@ void present_list::show_snapshot(const snapshot& seen, utc_time now) {
     int row = 0;
     for (const auto& one : *seen.present) {
         bool commands = seen.authority.known && one.path == seen.authority.state.holder;
-        auto name = text(one.path) + (one.self ? tr("  (this one)") : QString()) +
-                    (commands ? tr("  ⚑ commands") : QString());
+        auto name =
+            text(one.path) + (one.self ? tr("  (this one)") : QString()) + (commands ? tr("  ⚑ commands") : QString());
         set_cell(table_, row, 0, name, one.console ? t.accent : t.ink,
                  text(one.path + (one.type.empty() ? "" : "\n" + one.type)));
         set_cell(table_, row, 1, "● " + text(one.state), one.state == "ready" ? t.good : t.warn);
@@ -113,8 +114,7 @@ void present_list::show_snapshot(const snapshot& seen, utc_time now) {
 }
 
 alarm_list::alarm_list(std::function<void(const std::string&)> acknowledge, QWidget* parent)
-    : QWidget(parent),
-      acknowledge_(std::move(acknowledge)) {
+    : QWidget(parent), acknowledge_(std::move(acknowledge)) {
     auto* column = column_of(this);
     empty_ = new QLabel(tr("No alarms"), this);
     empty_->setAlignment(Qt::AlignCenter);

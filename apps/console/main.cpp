@@ -19,14 +19,13 @@
 
 // g++ 12 takes alternatives that an action does not hold for uninitialised.
 #if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
+    #pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
 #endif
 
 namespace {
 
 struct arguments {
-    std::string name_server, space = "atirma", operator_name, boat = "A-Tirma", screenshot, size,
-                             tab, settings;
+    std::string name_server, space = "atirma", operator_name, boat = "A-Tirma", screenshot, size, tab, settings;
     std::vector<std::string> proxies;
     bool night = false;
     double after_s = 10;
@@ -62,9 +61,8 @@ int run(const arguments& given, int count, char** words) {
     bool pictures = !given.screenshot.empty();
     if (pictures && variable("QT_QPA_PLATFORM").empty()) qputenv("QT_QPA_PLATFORM", "offscreen");
     if (variable("QT_QPA_PLATFORM").empty() && variable("DISPLAY").empty() && variable("WAYLAND_DISPLAY").empty()) {
-        complain(
-            "there is no display here: log in to a desktop, set DISPLAY, or serve it over the network with "
-            "QT_QPA_PLATFORM=vnc");
+        complain("there is no display here: log in to a desktop, set DISPLAY, or serve it over the network with "
+                 "QT_QPA_PLATFORM=vnc");
         return 1;
     }
     QApplication app(count, words);
@@ -97,8 +95,8 @@ int run(const arguments& given, int count, char** words) {
     look.night = given.night;
     look.boat_name = QString::fromStdString(given.boat);
     if (given.settings != "none" && !(pictures && given.settings.empty())) // a picture is of nobody's desk
-        look.settings = given.settings.empty() ? atirma::console::settings_file::usual()
-                                               : QString::fromStdString(given.settings);
+        look.settings =
+            given.settings.empty() ? atirma::console::settings_file::usual() : QString::fromStdString(given.settings);
     int code = 0;
     {
         atirma::console::console_window window(

@@ -4,12 +4,12 @@
 
 namespace atirma::console {
 namespace {
-constexpr std::size_t most_undos = 100;
+constexpr std::size_t max_undos = 100;
 }
 
 void mission_draft::remember() {
     before_.push_back(points_);
-    if (before_.size() > most_undos) before_.erase(before_.begin());
+    if (before_.size() > max_undos) before_.erase(before_.begin());
 }
 
 void mission_draft::touched() {

@@ -16,9 +16,7 @@
 namespace atirma::console {
 
 mission_panel::mission_panel(mission_draft& draft, operator_actions& actions, QWidget* parent)
-    : QWidget(parent),
-      draft_(draft),
-      actions_(actions) {
+    : QWidget(parent), draft_(draft), actions_(actions) {
     auto* column = new QVBoxLayout(this);
     column->setContentsMargins(0, 2, 0, 0);
     column->setSpacing(5);
@@ -95,9 +93,8 @@ mission_panel::mission_panel(mission_draft& draft, operator_actions& actions, QW
     connect(take_over_, &QPushButton::clicked, this, [this] {
         if (seen_) draft_.take_over(seen_->mission.points);
     });
-    connect(go_, &QPushButton::clicked, this, [this, chosen] {
-        actions_.give(commands::waypoint_select{static_cast<std::uint8_t>(chosen())});
-    });
+    connect(go_, &QPushButton::clicked, this,
+            [this, chosen] { actions_.give(commands::waypoint_select{static_cast<std::uint8_t>(chosen())}); });
     fill();
 }
 

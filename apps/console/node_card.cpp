@@ -18,8 +18,8 @@ node_card::node_card(const std::string& path, QWidget* parent) : QFrame(parent) 
     auto* top = new QHBoxLayout;
     auto* head = new QLabel(tr("Node %1").arg(text(operator_label(path))), this);
     head->setFont(font_of(13, QFont::DemiBold));
-    head->setToolTip(tr("%1: a communication node. It keeps every packet, and gives the telecommands to the links")
-                         .arg(text(path)));
+    head->setToolTip(
+        tr("%1: a communication node. It keeps every packet, and gives the telecommands to the links").arg(text(path)));
     state_ = rich_label(this);
     state_->setAlignment(Qt::AlignRight | Qt::AlignVCenter);
     state_->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);
@@ -49,14 +49,13 @@ void node_card::show_node(const node_view& node, utc_time now) {
     if (s.held) words += tr(" · %1 wait for the disk").arg(s.held);
     if (s.telecommands_open) words += tr(" · %1 commands open").arg(s.telecommands_open);
     if (!s.peer.empty())
-        words += !s.peer_lives       ? tr(" · <span style='color:%1'>alone</span>").arg(t.warn.name())
+        words += !s.peer_lives        ? tr(" · <span style='color:%1'>alone</span>").arg(t.warn.name())
                  : s.peer_misses > 20 ? tr(" · the other one lacks %1").arg(s.peer_misses)
                                       : tr(" · backed");
     if (!s.trouble.empty())
-        words += QStringLiteral("<br><span style='color:%1'>%2</span>")
-                     .arg(t.bad.name(), text(s.trouble).toHtmlEscaped());
-    if (!node.connected && node.told_at)
-        words += tr("<br>told %1 ago").arg(text(age_text(age_s(now, *node.told_at))));
+        words +=
+            QStringLiteral("<br><span style='color:%1'>%2</span>").arg(t.bad.name(), text(s.trouble).toHtmlEscaped());
+    if (!node.connected && node.told_at) words += tr("<br>told %1 ago").arg(text(age_text(age_s(now, *node.told_at))));
     words_->setText(words);
 }
 

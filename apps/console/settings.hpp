@@ -17,9 +17,9 @@ struct console_memory {
     units shown;
     alarm_limits limits;
     std::vector<acknowledged_alarm> acknowledged;
-    bool draft_edited = false;            ///< the list of waypoints was changed here, and not uploaded
+    bool draft_edited = false; ///< the list of waypoints was changed here, and not uploaded
     std::vector<waypoint> draft;
-    QByteArray geometry, split;           ///< as Qt writes them
+    QByteArray geometry, split; ///< as Qt writes them
     QString tab;
     bool follow = true;
     double tail_s = 0;

@@ -29,8 +29,7 @@ QTableWidget* make_table(const QStringList& heads, const QString& name, QWidget*
     return made;
 }
 
-void set_cell(QTableWidget* table, int row, int column, const QString& words, const QColor& ink,
-              const QString& tip) {
+void set_cell(QTableWidget* table, int row, int column, const QString& words, const QColor& ink, const QString& tip) {
     auto* item = table->item(row, column);
     if (!item) table->setItem(row, column, item = new QTableWidgetItem);
     item->setText(words);

@@ -70,7 +70,8 @@ void telecommand_dialog::add_editor(const QString& name, T& value) {
     } else {
         constexpr bool whole = std::is_integral_v<T>;
         // Places in a list are shown from 1 on.
-        double first = traits_of(command_.kind()).words.find((name + "+1").toStdString()) == std::string_view::npos ? 0 : 1;
+        double first =
+            traits_of(command_.kind()).words.find((name + "+1").toStdString()) == std::string_view::npos ? 0 : 1;
         auto* box = add(new QDoubleSpinBox(this));
         box->setDecimals(whole ? 0 : 3);
         box->setRange(whole ? static_cast<double>(std::numeric_limits<T>::min()) + first : -1e9,

@@ -19,9 +19,9 @@ theme make_day() {
     t.accent = QColor("#0b62a4"), t.good = QColor("#14774a"), t.warn = QColor("#8a5a00"),
     t.warn_back = QColor("#fff0cc"), t.bad = QColor("#a8221b"), t.bad_back = QColor("#ffe1dc"),
     t.notice_back = QColor("#e3eefa");
-    t.sea = QColor("#cfe3ee"), t.shore1 = QColor("#dfeef5"), t.shore2 = QColor("#d9eaf3"),
-    t.shore3 = QColor("#d4e6f0"), t.land = QColor("#f3ead3"), t.coast = QColor("#a48f63"),
-    t.place = QColor("#6d5d3a"), t.sea_text = QColor("#38657e"), t.graticule = QColor("#a9c7d8");
+    t.sea = QColor("#cfe3ee"), t.shore1 = QColor("#dfeef5"), t.shore2 = QColor("#d9eaf3"), t.shore3 = QColor("#d4e6f0"),
+    t.land = QColor("#f3ead3"), t.coast = QColor("#a48f63"), t.place = QColor("#6d5d3a"),
+    t.sea_text = QColor("#38657e"), t.graticule = QColor("#a9c7d8");
     t.route = QColor("#51708a"), t.leg = QColor("#c8431a"), t.draft = QColor("#7a3fb0"), t.no_go = QColor("#e7a79f"),
     t.true_wind = QColor("#a85f06"), t.apparent_wind = QColor("#0a7a6d"), t.hull = QColor("#d9481c"),
     t.deck = QColor("#ffe9d9");
@@ -38,9 +38,9 @@ theme make_night() {
     t.accent = QColor("#5bb0ee"), t.good = QColor("#4fd093"), t.warn = QColor("#ffcf6e"),
     t.warn_back = QColor("#3a2a0a"), t.bad = QColor("#ff9d92"), t.bad_back = QColor("#481611"),
     t.notice_back = QColor("#142c40");
-    t.sea = QColor("#0b2130"), t.shore1 = QColor("#13324a"), t.shore2 = QColor("#102b3f"),
-    t.shore3 = QColor("#0d2637"), t.land = QColor("#242f36"), t.coast = QColor("#56707f"),
-    t.place = QColor("#a0b1bc"), t.sea_text = QColor("#6594ae"), t.graticule = QColor("#21455b");
+    t.sea = QColor("#0b2130"), t.shore1 = QColor("#13324a"), t.shore2 = QColor("#102b3f"), t.shore3 = QColor("#0d2637"),
+    t.land = QColor("#242f36"), t.coast = QColor("#56707f"), t.place = QColor("#a0b1bc"),
+    t.sea_text = QColor("#6594ae"), t.graticule = QColor("#21455b");
     t.route = QColor("#8ba6ba"), t.leg = QColor("#ff8a5c"), t.draft = QColor("#c79bf2"), t.no_go = QColor("#5d2a2a"),
     t.true_wind = QColor("#f2b05e"), t.apparent_wind = QColor("#4fd1c0"), t.hull = QColor("#ff7d4d"),
     t.deck = QColor("#4a2216");

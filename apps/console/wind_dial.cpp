@@ -34,9 +34,8 @@ void arrow(QPainter& to, double radius, double at_deg, double length, const QCol
 
 wind_dial::wind_dial(QWidget* parent) : QWidget(parent) {
     setAccessibleName(tr("Wind dial"));
-    setToolTip(tr(
-        "The bow is up. T true wind, A apparent wind; shaded: what the boat does not sail; "
-        "green mark: the waypoint; line: course over ground"));
+    setToolTip(tr("The bow is up. T true wind, A apparent wind; shaded: what the boat does not sail; "
+                  "green mark: the waypoint; line: course over ground"));
     setSizePolicy(QSizePolicy::Expanding, QSizePolicy::Expanding);
 }
 
@@ -48,8 +47,7 @@ void wind_dial::show_boat(const boat_view& boat, utc_time now) {
     auto whole = [](float value) { return QString::number(static_cast<double>(value), 'f', 0); };
     QString said = tr("no heading");
     if (boat.sailing) said = tr("Heading %1°").arg(whole(boat.sailing->value.heading_deg));
-    if (boat.breeze)
-        said += tr(", true wind from %1°").arg(whole(boat.breeze->value.true_direction_deg));
+    if (boat.breeze) said += tr(", true wind from %1°").arg(whole(boat.breeze->value.true_direction_deg));
     if (boat.breeze && apparent_holds())
         said += tr(", apparent wind at %1° from the bow").arg(whole(boat.breeze->value.apparent_angle_deg));
     setAccessibleDescription(said);

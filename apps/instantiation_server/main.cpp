@@ -103,12 +103,14 @@ int run(const settings& wanted) {
     else if (auto told = env.variable("ISE_NAME_SERVER")) options.name_server = endpoint_of("ISE_NAME_SERVER", *told);
     options.variables = variables_for_components();
     auto security = security_of(wanted.security, env);
-    for (const auto& at : where.listen) ise::instantiation::may_listen(at, ise::security::load(env, security).value()).value();
+    for (const auto& at : where.listen)
+        ise::instantiation::may_listen(at, ise::security::load(env, security).value()).value();
     if (!security.key_file.empty()) options.variables.emplace_back("ISE_KEY", security.key_file);
     options.rules.has_certificates = !security.tls_folder.empty();
     if (options.rules.has_certificates) options.variables.emplace_back("ISE_TLS", security.tls_folder);
     options.max_instances = wanted.instances;
-    options.rules.listen_addresses.insert(options.rules.listen_addresses.end(), wanted.addresses.begin(), wanted.addresses.end());
+    options.rules.listen_addresses.insert(options.rules.listen_addresses.end(), wanted.addresses.begin(),
+                                          wanted.addresses.end());
     options.rules.target_hosts = wanted.hosts;
     options.rules.path_folders = wanted.paths;
 
@@ -144,28 +146,62 @@ int run(const settings& wanted) {
 
 int main(int argc, char** argv) {
     if (auto kept = ise::instantiation::keep_if_asked(argc, argv)) return *kept;
-    CLI::App app("Starts components on this host on request (`ise start`), and supervises them.", "ise_instantiation_server");
+    CLI::App app("Starts components on this host on request (`ise start`), and supervises them.",
+                 "ise_instantiation_server");
     app.formatter(std::make_shared<wrapped_help>());
     settings wanted;
-    app.add_option("--programs", wanted.programs, "folder with the programs whose components can be started (those that answer --describe)")->required()->type_name("FOLDER");
-    app.add_option("--state", wanted.state, "folder for its state and its components' output (default: below $XDG_STATE_HOME or ~/.local/state)")->type_name("FOLDER");
-    app.add_option("--name", wanted.name, "of this host, under ise/host/ (default: the host's name)")->type_name("NAME");
-    app.add_option("--name-server", wanted.name_server, "its endpoint (default: $ISE_NAME_SERVER, else " + ise::default_name_server().text() + ")")->type_name("ENDPOINT");
-    app.add_option("--listen", wanted.listen, "where to listen: beyond this host only with --key, or on tls:// with --tls (default: loopback and local)")->type_name("ENDPOINT");
-    app.add_option("--advertise", wanted.advertise, "endpoint of a tunnel that leads to it, such as tcp://10.0.0.2:7501; several are allowed")->type_name("ENDPOINT");
-    app.add_option("--allow-address", wanted.addresses, "a further address of this host that components and their parameters may listen on, such as 0.0.0.0; several are allowed (default: loopback)")->type_name("ADDRESS");
-    app.add_option("--allow-host", wanted.hosts, "a host that URL parameters may name, such as gateway.example or 127.0.0.1:7411; several are allowed (default: none)")->type_name("HOST[:PORT]");
-    app.add_option("--allow-path", wanted.paths, "a folder or device that parameters may name, such as /dev/ttyUSB0; several are allowed (default: none)")->type_name("PATH");
-    app.add_option("--max-instances", wanted.instances, "maximum number of instances, including those that have ended")->check(CLI::Range(1, 4096))->capture_default_str();
-    app.add_option("--grace", wanted.grace_s, "seconds for its components to end when it ends")->check(CLI::Range(0.0, 3600.0))->capture_default_str();
-    app.add_flag("--leave-running", wanted.leave_running, "its components continue when it ends, and the next server takes them over");
-    app.add_option("--key", wanted.security.key_file, "a file with the shared key of the system; peers without it are refused (default: $ISE_KEY)")->type_name("FILE");
-    app.add_option("--tls", wanted.security.tls_folder, "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: $ISE_TLS)")->type_name("FOLDER");
-    app.add_option("--log-level", wanted.log_level, "minimum level of log lines on stderr: debug, info, warning or error")
+    app.add_option("--programs", wanted.programs,
+                   "folder with the programs whose components can be started (those that answer --describe)")
+        ->required()
+        ->type_name("FOLDER");
+    app.add_option("--state", wanted.state,
+                   "folder for its state and its components' output (default: below $XDG_STATE_HOME or ~/.local/state)")
+        ->type_name("FOLDER");
+    app.add_option("--name", wanted.name, "of this host, under ise/host/ (default: the host's name)")
+        ->type_name("NAME");
+    app.add_option("--name-server", wanted.name_server,
+                   "its endpoint (default: $ISE_NAME_SERVER, else " + ise::default_name_server().text() + ")")
+        ->type_name("ENDPOINT");
+    app.add_option(
+           "--listen", wanted.listen,
+           "where to listen: beyond this host only with --key, or on tls:// with --tls (default: loopback and local)")
+        ->type_name("ENDPOINT");
+    app.add_option("--advertise", wanted.advertise,
+                   "endpoint of a tunnel that leads to it, such as tcp://10.0.0.2:7501; several are allowed")
+        ->type_name("ENDPOINT");
+    app.add_option("--allow-address", wanted.addresses,
+                   "a further address of this host that components and their parameters may listen on, such as "
+                   "0.0.0.0; several are allowed (default: loopback)")
+        ->type_name("ADDRESS");
+    app.add_option("--allow-host", wanted.hosts,
+                   "a host that URL parameters may name, such as gateway.example or 127.0.0.1:7411; several are "
+                   "allowed (default: none)")
+        ->type_name("HOST[:PORT]");
+    app.add_option(
+           "--allow-path", wanted.paths,
+           "a folder or device that parameters may name, such as /dev/ttyUSB0; several are allowed (default: none)")
+        ->type_name("PATH");
+    app.add_option("--max-instances", wanted.instances, "maximum number of instances, including those that have ended")
+        ->check(CLI::Range(1, 4096))
+        ->capture_default_str();
+    app.add_option("--grace", wanted.grace_s, "seconds for its components to end when it ends")
+        ->check(CLI::Range(0.0, 3600.0))
+        ->capture_default_str();
+    app.add_flag("--leave-running", wanted.leave_running,
+                 "its components continue when it ends, and the next server takes them over");
+    app.add_option("--key", wanted.security.key_file,
+                   "a file with the shared key of the system; peers without it are refused (default: $ISE_KEY)")
+        ->type_name("FILE");
+    app.add_option("--tls", wanted.security.tls_folder,
+                   "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: $ISE_TLS)")
+        ->type_name("FOLDER");
+    app.add_option("--log-level", wanted.log_level,
+                   "minimum level of log lines on stderr: debug, info, warning or error")
         ->check(CLI::IsMember({"debug", "info", "warning", "error"}))
         ->capture_default_str();
     app.set_version_flag("--version", "ise_instantiation_server " ISE_VERSION);
-    app.footer("What it starts gets its key and its folder of certificates in ISE_KEY and ISE_TLS.\nWhen it is killed, what it started goes on, and the next one with the same --state takes it over.\n"
+    app.footer("What it starts gets its key and its folder of certificates in ISE_KEY and ISE_TLS.\nWhen it is killed, "
+               "what it started goes on, and the next one with the same --state takes it over.\n"
                "Exit codes: 0 ended by a signal, 1 it cannot run or failed, 2 wrong usage.");
     try {
         app.parse(argc, argv);

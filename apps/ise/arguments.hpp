@@ -8,7 +8,7 @@
 namespace CLI {
 class App;
 class Validator;
-}
+} // namespace CLI
 
 // What the options of several commands have in common.
 namespace ise::cli {

@@ -28,7 +28,8 @@ arrivals::summary arrivals::take(duration window) {
     made.rate_hz = static_cast<double>(packets_) / std::chrono::duration<double>(window).count();
     if (intervals_ != 0) {
         made.mean = std::chrono::duration_cast<duration>(std::chrono::duration<double>(mean_s_));
-        made.jitter = std::chrono::duration_cast<duration>(std::chrono::duration<double>(std::sqrt(squares_ / static_cast<double>(intervals_))));
+        made.jitter = std::chrono::duration_cast<duration>(
+            std::chrono::duration<double>(std::sqrt(squares_ / static_cast<double>(intervals_))));
         made.shortest = shortest_;
         made.longest = longest_;
     }

@@ -19,7 +19,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr std::size_t most_kept = 1'000'000; // of more, only the first count for the quantiles
+constexpr std::size_t max_kept = 1'000'000; // of more, only the first count for the quantiles
 
 struct tally {
     std::vector<duration> took;
@@ -31,13 +31,13 @@ struct tally {
 
     bool add(duration length, const failure* why) {
         if (why) {
-            constexpr std::size_t most_kinds = 16;
-            if (failures.size() < most_kinds || failures.contains(why->message())) ++failures[why->message()];
+            constexpr std::size_t max_kinds = 16;
+            if (failures.size() < max_kinds || failures.contains(why->message())) ++failures[why->message()];
             last = *why;
             return false;
         }
         ++answered;
-        if (took.size() < most_kept) took.push_back(length);
+        if (took.size() < max_kept) took.push_back(length);
         return true;
     }
 };
@@ -81,7 +81,10 @@ task<> call_on(context& in, std::shared_ptr<const target_call> what, time_point 
 
 std::string shown(context& in, tally& of, duration length) {
     std::ranges::sort(of.took);
-    auto at = [&](double share) { return of.took[std::min(of.took.size() - 1, static_cast<std::size_t>(static_cast<double>(of.took.size()) * share))]; };
+    auto at = [&](double share) {
+        return of
+            .took[std::min(of.took.size() - 1, static_cast<std::size_t>(static_cast<double>(of.took.size()) * share))];
+    };
     auto seconds = std::chrono::duration<double>(length).count();
     auto rate = static_cast<double>(of.answered) / seconds;
     std::uint64_t failed = 0;
@@ -93,7 +96,8 @@ std::string shown(context& in, tally& of, duration length) {
         told["failed"] = failed;
         told["length_s"] = seconds;
         told["calls_hz"] = rate;
-        constexpr std::pair<const char*, double> shares[] = {{"min_s", 0.0}, {"p50_s", 0.5}, {"p90_s", 0.9}, {"p99_s", 0.99}, {"max_s", 1.0}};
+        constexpr std::pair<const char*, double> shares[] = {
+            {"min_s", 0.0}, {"p50_s", 0.5}, {"p90_s", 0.9}, {"p99_s", 0.99}, {"max_s", 1.0}};
         for (auto [name, share] : shares)
             told[name] = of.took.empty() ? ordered_json() : ordered_json(exact(at(share)));
         told["failures"] = of.failures;
@@ -101,7 +105,8 @@ std::string shown(context& in, tally& of, duration length) {
     }
     auto text = fmt::format("{} calls answered in {}: {:.0f} a second\n", of.answered, show_duration(length), rate);
     if (!of.took.empty())
-        text += fmt::format("min {}, p50 {}, p90 {}, p99 {}, max {}\n", show_duration(at(0)), show_duration(at(0.5)), show_duration(at(0.9)), show_duration(at(0.99)), show_duration(at(1)));
+        text += fmt::format("min {}, p50 {}, p90 {}, p99 {}, max {}\n", show_duration(at(0)), show_duration(at(0.5)),
+                            show_duration(at(0.9)), show_duration(at(0.99)), show_duration(at(1)));
     for (const auto& [why, count] : of.failures) text += fmt::format("{} failed: {}\n", count, printable(why));
     return text;
 }
@@ -115,7 +120,9 @@ task<> bench(context& in, bench_options options) {
         what->service = co_await find_service(in, what->who, options.service, service_kind::request_response);
         const auto& asked = what->service->packet(role::request);
         if (options.json.empty() && !asked.type().members.empty())
-            throw problem(exit_code::usage, "usage", fmt::format("the request of '{}' has fields, and none was given", options.service), example(options.name, *what->service));
+            throw problem(exit_code::usage, "usage",
+                          fmt::format("the request of '{}' has fields, and none was given", options.service),
+                          example(options.name, *what->service));
         if (options.json.empty()) options.json = "{}";
         auto request = co_await packet_from(in, asked, options.json, "request");
         what->request = std::move(request);
@@ -132,7 +139,8 @@ task<> bench(context& in, bench_options options) {
     auto began = in.self.env().now();
     auto until = saturating_add(began, options.length);
     seen->callers = options.concurrent;
-    for (std::uint32_t count = 0; count < options.concurrent; ++count) in.self.spawn("bench", call_on(in, what, until, seen));
+    for (std::uint32_t count = 0; count < options.concurrent; ++count)
+        in.self.spawn("bench", call_on(in, what, until, seen));
     while (seen->callers > 0) co_await done.wait();
     auto length = in.self.env().now() - began;
     auto text = shown(in, *seen, length);

@@ -24,21 +24,27 @@ public:
     }
 
     std::string heading() const override {
-        return fmt::format("{:>12}  {:>11}  {:>9}  {:>9}  {:>9}  {:>8}\n", "BYTES/S", "PACKETS/S", "SMALLEST", "MEAN", "LARGEST", "LOST");
+        return fmt::format("{:>12}  {:>11}  {:>9}  {:>9}  {:>9}  {:>8}\n", "BYTES/S", "PACKETS/S", "SMALLEST", "MEAN",
+                           "LARGEST", "LOST");
     }
 
     std::string row(duration window, const dynamic_stream& stream) override {
         auto of = std::exchange(*this, bandwidth());
         double time = std::chrono::duration<double>(window).count();
         auto size = [&](std::size_t bytes) { return of.packets_ == 0 ? std::string("-") : show_bytes(bytes); };
-        return fmt::format("{:>10}/s  {:>11.2f}  {:>9}  {:>9}  {:>9}  {:>8}\n", show_bytes(static_cast<std::uint64_t>(static_cast<double>(of.bytes_) / time)),
-                           static_cast<double>(of.packets_) / time, size(of.smallest_), size(of.packets_ == 0 ? 0 : of.bytes_ / of.packets_), size(of.largest_), show_losses(stream));
+        return fmt::format("{:>10}/s  {:>11.2f}  {:>9}  {:>9}  {:>9}  {:>8}\n",
+                           show_bytes(static_cast<std::uint64_t>(static_cast<double>(of.bytes_) / time)),
+                           static_cast<double>(of.packets_) / time, size(of.smallest_),
+                           size(of.packets_ == 0 ? 0 : of.bytes_ / of.packets_), size(of.largest_),
+                           show_losses(stream));
     }
 
     std::string json(duration window, const dynamic_stream& stream) override {
         auto of = std::exchange(*this, bandwidth());
         double time = std::chrono::duration<double>(window).count();
-        auto size = [&](std::size_t bytes) { return of.packets_ == 0 ? nlohmann::ordered_json() : nlohmann::ordered_json(bytes); };
+        auto size = [&](std::size_t bytes) {
+            return of.packets_ == 0 ? nlohmann::ordered_json() : nlohmann::ordered_json(bytes);
+        };
         nlohmann::ordered_json told;
         told["bytes_per_s"] = static_cast<double>(of.bytes_) / time;
         told["packets_per_s"] = static_cast<double>(of.packets_) / time;

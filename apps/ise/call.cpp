@@ -13,9 +13,12 @@ task<> call(context& in, call_options options) {
     const auto& asked = service.packet(role::request);
     // Defaults by surprise could start a motor.
     if (options.json.empty() && !asked.type().members.empty()) {
-        auto advice = fmt::format("it is {}\ngive what matters, or {{}} for the defaults:\n{}", asked.pretty(), example(options.name, service));
+        auto advice = fmt::format("it is {}\ngive what matters, or {{}} for the defaults:\n{}", asked.pretty(),
+                                  example(options.name, service));
         while (advice.ends_with('\n')) advice.pop_back();
-        throw problem(exit_code::usage, "usage", fmt::format("the request of '{}' has fields, and none was given", options.service), std::move(advice));
+        throw problem(exit_code::usage, "usage",
+                      fmt::format("the request of '{}' has fields, and none was given", options.service),
+                      std::move(advice));
     }
     if (options.json.empty()) options.json = "{}";
     auto request = co_await packet_from(in, service.packet(role::request), options.json, "request");

@@ -16,22 +16,27 @@ using instantiation::start_request;
 
 // Beside what a component may take by its own terms: a name that has to come free, another try as before.
 constexpr duration besides = 30s;
-constexpr duration longest_stop = 90s;
+constexpr duration max_stop = 90s;
 constexpr std::size_t at_once = 8; // an instantiation server bounds how many are started within a short time
 
-// Of what was asked of an instantiation server. One that is lost meanwhile says neither that it is done nor that it is not.
+// Of what was asked of an instantiation server. One that is lost meanwhile says neither that it is done nor that it is
+// not.
 problem failed_at(action what, const std::string& path, const std::string& server, const failure& why) {
     if (why.executed() != execution::unknown || code_of(why.code()) != exit_code::not_reached) return problem(why);
     return {exit_code::not_reached, std::string(ise::name_of(why.code())),
-            fmt::format("the instantiation server of {} did not come to tell whether it did {} {}: {}", server, deployment::name_of(what), path, why.message()),
-            fmt::format("is ise_instantiation_server running on {}? Started again it takes over what it had begun; then ise up goes on from there, and ise down ends it", server)};
+            fmt::format("the instantiation server of {} did not come to tell whether it did {} {}: {}", server,
+                        deployment::name_of(what), path, why.message()),
+            fmt::format("is ise_instantiation_server running on {}? Started again it takes over what it had begun; "
+                        "then ise up goes on from there, and ise down ends it",
+                        server)};
 }
 
 } // namespace
 
-carrier::carrier(context& in, fleet& there) : in_(in), there_(there), scope_(in.self.on(), [this](const std::string&, std::exception_ptr thrown) {
-    if (!why_ && !is_cancellation(thrown)) why_.emplace(exit_code::failed, "unexpected", ise::describe(thrown));
-}) {}
+carrier::carrier(context& in, fleet& there)
+    : in_(in), there_(there), scope_(in.self.on(), [this](const std::string&, std::exception_ptr thrown) {
+          if (!why_ && !is_cancellation(thrown)) why_.emplace(exit_code::failed, "unexpected", ise::describe(thrown));
+      }) {}
 
 carrier::~carrier() { in_.ctrl_c.leave(); }
 
@@ -111,7 +116,9 @@ task<> carrier::carry_out_one(std::size_t number) {
     }
     if (!why || interrupted_) co_return;
     std::string text = why->what();
-    if (!how_.all) text = fmt::format("step {} of {} failed ({} {} on {}): {}", number + 1, jobs_.size(), deployment::name_of(one.what.what), one.what.path, one.what.server, text);
+    if (!how_.all)
+        text = fmt::format("step {} of {} failed ({} {} on {}): {}", number + 1, jobs_.size(),
+                           deployment::name_of(one.what.what), one.what.path, one.what.server, text);
     if (!why_) why_.emplace(why->code(), why->name(), text, why->advice());
     std::string told;
     if (how_.all) told = why->what();
@@ -144,9 +151,11 @@ task<std::string> carrier::act(job& one) {
 // What is being stopped or changed comes to its end; what is being started is given up, which ends it.
 void carrier::on_interrupt() {
     interrupted_ = true;
-    note(in_.set, how_.undo ? "interrupted: what was done is undone; Ctrl-C once more leaves it as it is" : "interrupted: what was done stays");
+    note(in_.set, how_.undo ? "interrupted: what was done is undone; Ctrl-C once more leaves it as it is"
+                            : "interrupted: what was done stays");
     for (auto& one : jobs_)
-        if (one.now != phase::waiting && one.cancel && one.what.what == action::start) one.cancel->emit(asio::cancellation_type::terminal);
+        if (one.now != phase::waiting && one.cancel && one.what.what == action::start)
+            one.cancel->emit(asio::cancellation_type::terminal);
     if (changed_) changed_->resume();
 }
 
@@ -163,7 +172,9 @@ task<> carrier::wait_for_change() {
 task<> carrier::give_up() {
     if (interrupted_ && !why_) {
         auto left = std::ranges::count_if(jobs_, [](const job& one) { return one.now == phase::waiting; });
-        why_.emplace(exit_code::interrupted, "interrupted", fmt::format("interrupted: {} of {} steps were done, {} not begun", done_.size(), jobs_.size(), left));
+        why_.emplace(
+            exit_code::interrupted, "interrupted",
+            fmt::format("interrupted: {} of {} steps were done, {} not begun", done_.size(), jobs_.size(), left));
     }
     std::string text = why_->what();
     bool anything = !done_.empty() || interrupted_;
@@ -231,7 +242,7 @@ task<instantiation::ended_response> carrier::stop(std::string server, std::strin
     instantiation::stop_request request;
     request.path = path;
     request.forget = forget;
-    auto told = co_await who.try_call(host_services::stop, std::move(request), std::min(longest_stop, in_.left()));
+    auto told = co_await who.try_call(host_services::stop, std::move(request), std::min(max_stop, in_.left()));
     if (!told) throw failed_at(action::stop, path, server, told.error());
     co_return std::move(*told);
 }
@@ -244,7 +255,8 @@ task<> carrier::forget(const deployment::step& what) {
     } catch (const problem& thrown) {
         trouble = thrown.what();
     }
-    if (!trouble.empty() && !interrupted_) note(in_.set, fmt::format("{} on {} is not forgotten: {}", what.path, what.server, trouble));
+    if (!trouble.empty() && !interrupted_)
+        note(in_.set, fmt::format("{} on {} is not forgotten: {}", what.path, what.server, trouble));
 }
 
 duration carrier::limit_of(const deployment::step& what) const {

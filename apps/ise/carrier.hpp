@@ -10,8 +10,8 @@
 
 namespace ise::cli {
 
-/// Carries the steps of a plan out, several at a time where none has to wait for the other, and tells what happens while it
-/// happens.
+/// Carries the steps of a plan out, several at a time where none has to wait for the other, and tells what happens
+/// while it happens.
 class carrier {
 public:
     carrier(context& in, fleet& there);
@@ -24,10 +24,10 @@ public:
         bool all = false;
         bool forget = false;
     };
-    /// All of them. Where one fails, or Ctrl-C is pressed, nothing more is begun, and with `undo` what was done is undone, in
-    /// the opposite order; then throws problem with the reason. With `all` the others are done even where some fail (all of
-    /// them to their end: what has to wait for a failed one is done after it). With `forget` nothing is kept of what is stopped.
-    /// Cancellation: terminal; what is being done is given up.
+    /// All of them. Where one fails, or Ctrl-C is pressed, nothing more is begun, and with `undo` what was done is
+    /// undone, in the opposite order; then throws problem with the reason. With `all` the others are done even where
+    /// some fail (all of them to their end: what has to wait for a failed one is done after it). With `forget` nothing
+    /// is kept of what is stopped. Cancellation: terminal; what is being done is given up.
     task<> carry_out(std::vector<deployment::step> steps, manner how);
 
 private:
@@ -51,10 +51,11 @@ private:
     task<> undo_one(const job& one);
     task<> forget(const deployment::step& what);
 
-    task<instantiation::change_response> change_to(std::string server, instantiation::start_request to, std::uint64_t undo);
+    task<instantiation::change_response> change_to(std::string server, instantiation::start_request to,
+                                                   std::uint64_t undo);
     task<instantiation::ended_response> stop(std::string server, std::string path, bool forget);
     duration limit_of(const deployment::step& what) const;
-    std::string ready_text(const instantiation::instance_text& what, time_point began) const;
+    std::string ready_text(const instantiation::instance_info& what, time_point began) const;
     task<> tell(std::size_t number, std::string state, std::string outcome);
     task<> say(std::string text);
 
@@ -64,10 +65,10 @@ private:
     std::vector<job> jobs_;
     std::vector<std::size_t> done_; // in the order in which they were
     std::size_t begun_ = 0;
-    std::optional<problem> why_;    // of the first that failed
+    std::optional<problem> why_; // of the first that failed
     bool interrupted_ = false;
     waiter<>* changed_ = nullptr;
-    std::string unsaid_;            // while something is being written
+    std::string unsaid_; // while something is being written
     bool saying_ = false;
     task_scope scope_;
 };

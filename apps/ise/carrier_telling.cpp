@@ -9,7 +9,7 @@
 
 namespace ise::cli {
 
-std::string carrier::ready_text(const instantiation::instance_text& what, time_point began) const {
+std::string carrier::ready_text(const instantiation::instance_info& what, time_point began) const {
     return fmt::format("ready after {}, process {}", show_duration(in_.self.now() - began), what.process_id);
 }
 
@@ -24,10 +24,11 @@ task<> carrier::tell(std::size_t number, std::string state, std::string outcome)
         told["outcome"] = outcome;
         text = told.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
     } else if (state == "begun") {
-        text = printable(fmt::format("[{}/{}] {}", number + 1, jobs_.size(), deployment::as_text(what, true)), true) + "\n";
+        text = printable(fmt::format("[{}/{}] {}", number + 1, jobs_.size(), deployment::as_text(what, true)), true) +
+               "\n";
     } else {
-        auto line = fmt::format("[{}/{}] {} {} on {}: {}", number + 1, jobs_.size(), deployment::name_of(what.what), what.path, what.server,
-                                state == "done" && !outcome.empty() ? "" : state);
+        auto line = fmt::format("[{}/{}] {} {} on {}: {}", number + 1, jobs_.size(), deployment::name_of(what.what),
+                                what.path, what.server, state == "done" && !outcome.empty() ? "" : state);
         if (!outcome.empty()) line += (state == "done" ? "" : ": ") + outcome;
         text = printable(line) + "\n";
     }

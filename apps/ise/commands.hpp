@@ -45,7 +45,7 @@ struct echo_options {
     std::optional<duration> length;     ///< time until it ends
     duration every{};                   ///< rate limit
     bool no_last_value = false;
-    bool losses = false;                ///< each packet in an envelope that tells what was lost before it
+    bool losses = false; ///< each packet in an envelope that tells what was lost before it
 };
 task<> echo(context& in, echo_options options);
 
@@ -85,9 +85,9 @@ task<> kill(context& in, instance_options options);
 struct deployment_options {
     std::string file;
     std::vector<std::string> only; ///< components of the file; none: all
-    std::vector<std::string> set; ///< variables of the file: NAME=VALUE
-    bool keep = false;            ///< of an `up` that fails: what it did is not undone
-    bool offline = false;         ///< nobody is asked
+    std::vector<std::string> set;  ///< variables of the file: NAME=VALUE
+    bool keep = false;             ///< of an `up` that fails: what it did is not undone
+    bool offline = false;          ///< nobody is asked
 };
 /// Brings the system to what a deployment file describes.
 task<> up(context& in, deployment_options options);

@@ -44,7 +44,8 @@ std::string joined(const std::set<std::string>& names, std::string_view between)
 // What completes a place: its name, which the scripts know, or its choices.
 std::string place_word(const option_info& place) {
     constexpr std::string_view another = "OTHER_"; // of the same sort as the first
-    if (place.choices.empty()) return place.names.front().substr(place.names.front().starts_with(another) ? another.size() : 0);
+    if (place.choices.empty())
+        return place.names.front().substr(place.names.front().starts_with(another) ? another.size() : 0);
     std::string words;
     for (const auto& one : place.choices) words += (words.empty() ? "" : " ") + one;
     return words;
@@ -72,26 +73,33 @@ std::string bash_case(const command_info& program, const command_info& command, 
         for (const auto& name : one.names) options += (options.empty() ? "" : " ") + name;
     for (const auto& below : command.commands) places += (places.empty() ? "" : " ") + below.name;
     if (!places.empty()) places = "\"" + places + "\"";
-    for (const auto& place : command.places) places += fmt::format("{}\"{}\"", places.empty() ? "" : " ", completes(place) ? place_word(place) : "");
+    for (const auto& place : command.places)
+        places += fmt::format("{}\"{}\"", places.empty() ? "" : " ", completes(place) ? place_word(place) : "");
     return fmt::format("        {}) options=\"{}\" places=({}) ;;\n", top ? "\"\"" : command.name, options, places);
 }
 
 std::string zsh_case(const command_info& program, const command_info& command, bool top) {
     std::string options, places;
     for (const auto& one : all_options(program, command))
-        for (const auto& name : one.names) options += fmt::format("{} ", quoted(fmt::format("{}\n{}", name, one.description), "'\\''", true).replace(1 + name.size(), 1, 1, ':'));
+        for (const auto& name : one.names)
+            options += fmt::format("{} ", quoted(fmt::format("{}\n{}", name, one.description), "'\\''", true)
+                                              .replace(1 + name.size(), 1, 1, ':'));
     if (top) {
         std::string commands;
-        for (const auto& below : command.commands) commands += fmt::format("{} ", quoted(fmt::format("{}:{}", below.name, below.description), "'\\''"));
-        return fmt::format("        \"\") options=({}) places=(COMMAND); local -a commands=({}) ;;\n", options, commands);
+        for (const auto& below : command.commands)
+            commands += fmt::format("{} ", quoted(fmt::format("{}:{}", below.name, below.description), "'\\''"));
+        return fmt::format("        \"\") options=({}) places=(COMMAND); local -a commands=({}) ;;\n", options,
+                           commands);
     }
-    for (const auto& place : command.places) places += fmt::format("\"{}\" ", completes(place) ? place_word(place) : "");
+    for (const auto& place : command.places)
+        places += fmt::format("\"{}\" ", completes(place) ? place_word(place) : "");
     return fmt::format("        {}) options=({}) places=({}) ;;\n", command.name, options, places);
 }
 
 std::string fish_option(const option_info& one, const std::string& condition) {
     std::string line = "complete -c ise" + condition;
-    for (const auto& name : one.names) line += name.starts_with("--") ? " -l " + name.substr(2) : " -s " + name.substr(1);
+    for (const auto& name : one.names)
+        line += name.starts_with("--") ? " -l " + name.substr(2) : " -s " + name.substr(1);
     if (one.takes_value) line += " -x";
     return line + " -d " + quoted(one.description, "\\'") + "\n";
 }
@@ -100,9 +108,11 @@ std::string fish_lines(const command_info& program) {
     std::string lines;
     for (const auto& global : program.options) lines += fish_option(global, "");
     for (const auto& command : program.commands) {
-        lines += fmt::format("complete -c ise -n '__ise_at \"\"' -a {} -d {}\n", command.name, quoted(command.description, "\\'"));
+        lines += fmt::format("complete -c ise -n '__ise_at \"\"' -a {} -d {}\n", command.name,
+                             quoted(command.description, "\\'"));
         for (const auto& one : command.options)
-            if (one.names.front() != "--help") lines += fish_option(one, fmt::format(" -n '__ise_at {}'", command.name));
+            if (one.names.front() != "--help")
+                lines += fish_option(one, fmt::format(" -n '__ise_at {}'", command.name));
         for (std::size_t at = 0; at < command.places.size(); ++at) {
             const auto& place = command.places[at];
             if (!completes(place)) continue;
@@ -121,11 +131,14 @@ std::string fish_lines(const command_info& program) {
 
 std::string completion_script(const command_info& program, const std::string& shell) {
     auto values = options_with_values(program);
-    if (shell == "fish") return filled(filled(fish_script, "@VALUES@", joined(values, " ")), "@LINES@", fish_lines(program));
+    if (shell == "fish")
+        return filled(filled(fish_script, "@VALUES@", joined(values, " ")), "@LINES@", fish_lines(program));
     auto one_case = shell == "zsh" ? zsh_case : bash_case;
     auto cases = one_case(program, program, true);
     for (const auto& command : program.commands) cases += one_case(program, command, false);
-    return filled(filled(shell == "zsh" ? zsh_script : bash_script, "@VALUES@", joined(values, shell == "zsh" ? "|" : " | ")), "@CASES@", cases);
+    return filled(
+        filled(shell == "zsh" ? zsh_script : bash_script, "@VALUES@", joined(values, shell == "zsh" ? "|" : " | ")),
+        "@CASES@", cases);
 }
 
 } // namespace ise::cli

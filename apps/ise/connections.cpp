@@ -45,7 +45,9 @@ std::string session_row(const connection_line& line, bool me_is_a) {
     }
     if (!uses.empty()) text += "  uses " + uses;
     if (!gives.empty()) text += "  gives " + gives;
-    text += fmt::format("  ({}{} in, {} out", plural(line.sessions), show_bytes(me_is_a ? line.bytes_to_a : line.bytes_to_b), show_bytes(me_is_a ? line.bytes_to_b : line.bytes_to_a));
+    text += fmt::format("  ({}{} in, {} out", plural(line.sessions),
+                        show_bytes(me_is_a ? line.bytes_to_a : line.bytes_to_b),
+                        show_bytes(me_is_a ? line.bytes_to_b : line.bytes_to_a));
     if (line.round_trip > duration{}) text += ", round trip " + show_duration(line.round_trip);
     return printable(text) + (line.stalled ? ", stalled)" : ")");
 }
@@ -99,7 +101,8 @@ std::vector<connection_line> connections_of(const std::vector<surveyed>& all) {
             std::swap(line.bytes_to_a, line.bytes_to_b);
         }
         line.services = std::move(both.first.services);
-        std::ranges::sort(line.services, {}, [](const service_use& one) { return std::tie(one.a_provides, one.service); });
+        std::ranges::sort(line.services, {},
+                          [](const service_use& one) { return std::tie(one.a_provides, one.service); });
         lines.push_back(std::move(line));
     }
     std::ranges::sort(lines, {}, [](const connection_line& one) { return std::tie(one.a, one.b, one.address); });
@@ -110,13 +113,15 @@ std::string connections_as_tree(const std::vector<surveyed>& all, const std::vec
     std::string text;
     for (const auto& one : all) {
         const auto& path = one.name.path;
-        text += fmt::format("{}  {}, {}\n", printable(path), one.about ? printable(one.about->state) : "does not answer", printable(one.name.host_name));
+        text += fmt::format("{}  {}, {}\n", printable(path),
+                            one.about ? printable(one.about->state) : "does not answer", printable(one.name.host_name));
         std::vector<std::string> rows;
         for (const auto& line : lines) {
             if (line.a == path) rows.push_back(session_row(line, true));
             if (line.b == path && line.a != path) rows.push_back(session_row(line, false));
         }
-        for (std::size_t at = 0; at < rows.size(); ++at) text += (at + 1 == rows.size() ? "└─ " : "├─ ") + rows[at] + "\n";
+        for (std::size_t at = 0; at < rows.size(); ++at)
+            text += (at + 1 == rows.size() ? "└─ " : "├─ ") + rows[at] + "\n";
     }
     return text;
 }
@@ -135,11 +140,15 @@ std::string connections_as_dot(const std::vector<surveyed>& all, const std::vect
             b = fmt::format("\"anonymous {}\"", ++strangers);
             text += fmt::format("  {} [label={} style=dotted];\n", b, dot_quoted(line.address));
         }
-        for (const auto* name : {&line.a, &line.b}) // of a peer that is not registered, or outside of what was asked for
-            if (!name->empty() && told.insert(*name).second) text += fmt::format("  {} [style=dashed];\n", dot_quoted(*name));
-        if (line.services.empty()) text += fmt::format("  {} -> {} [label={} dir=none];\n", a, b, dot_quoted(line.over));
+        for (const auto* name :
+             {&line.a, &line.b}) // of a peer that is not registered, or outside of what was asked for
+            if (!name->empty() && told.insert(*name).second)
+                text += fmt::format("  {} [style=dashed];\n", dot_quoted(*name));
+        if (line.services.empty())
+            text += fmt::format("  {} -> {} [label={} dir=none];\n", a, b, dot_quoted(line.over));
         for (const auto& one : line.services)
-            text += fmt::format("  {} -> {} [label={}];\n", one.a_provides ? b : a, one.a_provides ? a : b, dot_quoted(fmt::format("{} ({})", one.service, line.over)));
+            text += fmt::format("  {} -> {} [label={}];\n", one.a_provides ? b : a, one.a_provides ? a : b,
+                                dot_quoted(fmt::format("{} ({})", one.service, line.over)));
     }
     return text + "}\n";
 }

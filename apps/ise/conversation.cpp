@@ -100,11 +100,13 @@ exit_code run(const settings& set, const conversation& what) {
         node running(env, options);
         auto path = what.looks ? fmt::format("{}{}", looker_prefix, env.identity().process_id) : set.as;
         if (!path.empty() && !naming::is_path(path))
-            throw problem(exit_code::usage, "usage", fmt::format("--as: '{}' is not a path, such as atirma/operators/ana", path));
+            throw problem(exit_code::usage, "usage",
+                          fmt::format("--as: '{}' is not a path, such as atirma/operators/ana", path));
         // Before anything is printed: whoever reads it may answer with Ctrl-C.
         asio::io_context context(1);
         asio::signal_set signals(context, SIGINT, SIGTERM);
-        running.start(path, [&](component& self) { return converse(self, set, what, ctrl_c, end); }, mine);
+        running.start(
+            path, [&](component& self) { return converse(self, set, what, ctrl_c, end); }, mine);
         run_until_interrupted(running, ctrl_c, context, signals);
     } catch (const problem& why) {
         end.why = why;

@@ -15,11 +15,11 @@ namespace ise::cli {
 struct settings {
     std::string name_server; ///< empty: ISE_NAME_SERVER, else the default
     duration timeout = std::chrono::seconds(5);
-    bool wait = false;       ///< for a component that is not there yet
-    bool json = false;       ///< for programs
-    bool pretty = false;     ///< JSON over several lines
-    std::string as;          ///< the path that it claims; empty: none
-    bool verbose = false;    ///< the log goes to standard error
+    bool wait = false;         ///< for a component that is not there yet
+    bool json = false;         ///< for programs
+    bool pretty = false;       ///< JSON over several lines
+    std::string as;            ///< the path that it claims; empty: none
+    bool verbose = false;      ///< the log goes to standard error
     security_options security; ///< empty: ISE_KEY and ISE_TLS
 };
 
@@ -28,7 +28,7 @@ struct context {
     component& self;
     const settings& set;
     output& out;
-    time_point until; ///< the answer, or the first of them, is waited for so long
+    time_point until;  ///< the answer, or the first of them, is waited for so long
     interrupt& ctrl_c; ///< for who has something to put right
 
     duration left() const { return std::max(duration(std::chrono::milliseconds(1)), until - self.now()); }

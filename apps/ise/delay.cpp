@@ -42,19 +42,24 @@ public:
     }
 
     std::string heading() const override {
-        return fmt::format("{:>9}  {:>9}  {:>9}  {:>8}  {:>9}  {:>8}   age by {}\n", "YOUNGEST", "MEDIAN", "OLDEST", "PACKETS", "NO TIME", "LOST", field_);
+        return fmt::format("{:>9}  {:>9}  {:>9}  {:>8}  {:>9}  {:>8}   age by {}\n", "YOUNGEST", "MEDIAN", "OLDEST",
+                           "PACKETS", "NO TIME", "LOST", field_);
     }
 
     std::string row(duration, const dynamic_stream& stream) override {
         auto age = [&](duration length) { return seen_.count() == 0 ? std::string("-") : show_duration(length); };
-        auto text = fmt::format("{:>9}  {:>9}  {:>9}  {:>8}  {:>9}  {:>8}", age(seen_.shortest()), seen_.count() == 0 ? "-" : show_duration(seen_.median()), age(seen_.longest()), packets_, unset_, show_losses(stream));
+        auto text = fmt::format("{:>9}  {:>9}  {:>9}  {:>8}  {:>9}  {:>8}", age(seen_.shortest()),
+                                seen_.count() == 0 ? "-" : show_duration(seen_.median()), age(seen_.longest()),
+                                packets_, unset_, show_losses(stream));
         if (ahead_ > 0) text += "  from the future: the clock that set it is ahead of ours";
         clear();
         return text + "\n";
     }
 
     std::string json(duration, const dynamic_stream& stream) override {
-        auto age = [&](auto&& length) { return seen_.count() == 0 ? ordered_json() : ordered_json(std::chrono::duration<double>(length()).count()); };
+        auto age = [&](auto&& length) {
+            return seen_.count() == 0 ? ordered_json() : ordered_json(std::chrono::duration<double>(length()).count());
+        };
         ordered_json told;
         told["field"] = field_;
         told["youngest_s"] = age([&] { return seen_.shortest(); });
@@ -103,12 +108,15 @@ std::string field_of(const schema& packet, const std::string& wanted, const std:
     auto there = times.empty() ? std::string("its packets have no time") : "its packets have " + enumerate(quoted);
     if (!wanted.empty()) {
         if (std::ranges::find(times, wanted) != times.end()) return wanted;
-        throw problem(exit_code::usage, "usage", fmt::format("the packets of '{}' have no time '{}'", service, wanted), there);
+        throw problem(exit_code::usage, "usage", fmt::format("the packets of '{}' have no time '{}'", service, wanted),
+                      there);
     }
     for (const char* usual : {"measured_at", "received_at"})
         if (std::ranges::find(times, usual) != times.end()) return usual;
     if (times.size() == 1) return times.front();
-    throw problem(exit_code::usage, "usage", fmt::format("the packets of '{}' do not say which time is theirs", service), times.empty() ? there : there + ": choose one with --field");
+    throw problem(exit_code::usage, "usage",
+                  fmt::format("the packets of '{}' do not say which time is theirs", service),
+                  times.empty() ? there : there + ": choose one with --field");
 }
 
 // Ages mean little where clocks differ: it is said, as far as it can be known.
@@ -118,8 +126,9 @@ task<> tell_skew(context& in, remote who, std::string name) {
     auto ahead = asked->clock_ahead;
     auto off = ahead < duration{} ? -ahead : ahead;
     if (off <= asked->round_trip / 2 + std::chrono::milliseconds(1)) co_return;
-    note(in.set, fmt::format("the clock of {} is {} {} ours (within {}): ages are wrong by that if it set the time", name, show_duration(off),
-                             ahead < duration{} ? "behind" : "ahead of", show_duration(asked->round_trip / 2)));
+    note(in.set, fmt::format("the clock of {} is {} {} ours (within {}): ages are wrong by that if it set the time",
+                             name, show_duration(off), ahead < duration{} ? "behind" : "ahead of",
+                             show_duration(asked->round_trip / 2)));
 }
 
 } // namespace

@@ -15,10 +15,10 @@ namespace {
 using namespace std::chrono_literals;
 using instantiation::instance_state;
 
-constexpr std::size_t most_file_bytes = 1 << 20;
+constexpr std::size_t max_file_bytes = 1 << 20;
 constexpr duration one_answer = 10s;
-constexpr duration longest_settling = 60s;
-constexpr duration longest_check = 60s;
+constexpr duration max_settling = 60s;
+constexpr duration max_check = 60s;
 
 std::set<std::string> servers_used(const deployment::deployment& of) {
     std::set<std::string> used;
@@ -30,7 +30,9 @@ std::set<std::string> servers_used(const deployment::deployment& of) {
 bool unsettled(const deployment::deployment& of, const std::vector<deployment::host_state>& hosts) {
     for (const auto& host : hosts)
         for (const auto& one : host.instances)
-            if (one.deployment == of.name.text && (one.state == instance_state::starting || one.state == instance_state::stopping)) return true;
+            if (one.deployment == of.name.text &&
+                (one.state == instance_state::starting || one.state == instance_state::stopping))
+                return true;
     return false;
 }
 
@@ -42,7 +44,8 @@ task<result<deployment::host_state>> ask(context& in, host_server host) {
     if (!types) co_return types.error();
     made.types = std::move(types->types);
     instantiation::instances_request all;
-    auto instances = co_await host.server.try_call(instantiation::services::instances, std::move(all), std::min(in.left(), one_answer));
+    auto instances = co_await host.server.try_call(instantiation::services::instances, std::move(all),
+                                                   std::min(in.left(), one_answer));
     if (!instances) co_return instances.error();
     made.instances = std::move(instances->instances);
     co_return made;
@@ -54,10 +57,11 @@ deployment::reading read_what_there_is(context& in, const deployment_options& op
     deployment::settings given;
     for (const auto& text : options.set) {
         auto equals = text.find('=');
-        if (equals == 0 || equals == std::string::npos) throw problem(exit_code::usage, "usage", fmt::format("--set takes NAME=VALUE, not '{}'", text));
+        if (equals == 0 || equals == std::string::npos)
+            throw problem(exit_code::usage, "usage", fmt::format("--set takes NAME=VALUE, not '{}'", text));
         given.emplace_back(text.substr(0, equals), text.substr(equals + 1));
     }
-    auto read = [&](const std::string& path) { return in.self.env().read_file(path, most_file_bytes); };
+    auto read = [&](const std::string& path) { return in.self.env().read_file(path, max_file_bytes); };
     return deployment::read_deployment(options.file, read, given);
 }
 
@@ -71,14 +75,15 @@ void refuse(const std::string& file, const std::vector<deployment::problem>& pro
     if (problems.empty()) return;
     constexpr std::size_t most = 20;
     auto text = fmt::format("{} cannot be used as it is:", file);
-    for (std::size_t at = 0; at < std::min(problems.size(), most); ++at) text += fmt::format("\n{}", problems[at].text());
+    for (std::size_t at = 0; at < std::min(problems.size(), most); ++at)
+        text += fmt::format("\n{}", problems[at].text());
     if (problems.size() > most) text += fmt::format("\n… and {} more", problems.size() - most);
     throw problem(exit_code::usage, "bad_deployment", text);
 }
 
 task<fleet> ask_hosts(context& in, const deployment::deployment& of, bool settled) {
     auto used = servers_used(of);
-    auto until = saturating_add(in.self.now(), longest_settling);
+    auto until = saturating_add(in.self.now(), max_settling);
     for (;;) {
         fleet made;
         auto there = co_await hosts_there(in, "");
@@ -88,9 +93,12 @@ task<fleet> ask_hosts(context& in, const deployment::deployment& of, bool settle
                 made.hosts.push_back(std::move(*told));
                 made.servers.emplace(host.name, host.server);
             } else if (used.contains(host.name)) {
-                throw problem(failure(told.error().code(), fmt::format("the instantiation server {} does not answer: {}", host.name, told.error().message())));
+                throw problem(
+                    failure(told.error().code(), fmt::format("the instantiation server {} does not answer: {}",
+                                                             host.name, told.error().message())));
             } else {
-                note(in.set, fmt::format("{} does not answer, and what runs there is not known: {}", host.name, told.error().message()));
+                note(in.set, fmt::format("{} does not answer, and what runs there is not known: {}", host.name,
+                                         told.error().message()));
             }
         }
         bool wait = settled && unsettled(of, made.hosts) && in.self.now() < until;
@@ -108,9 +116,15 @@ task<> check_starts(context& in, const deployment::deployment& wanted, fleet& of
         std::vector<std::string> paths;
         for (const auto& one : request.wanted) paths.push_back(one.path);
         auto server = of.servers.at(host.server);
-        auto told = co_await server.try_call(instantiation::services::check, std::move(request), std::min(in.left(), longest_check));
-        if (!told) throw problem(failure(told.error().code(), fmt::format("the instantiation server {} does not say whether this can be started: {}", host.server, told.error().message())));
-        for (std::size_t at = 0; at < std::min(paths.size(), told->checked.size()); ++at) host.checked[paths[at]] = std::move(told->checked[at]);
+        auto told = co_await server.try_call(instantiation::services::check, std::move(request),
+                                             std::min(in.left(), max_check));
+        if (!told)
+            throw problem(
+                failure(told.error().code(),
+                        fmt::format("the instantiation server {} does not say whether this can be started: {}",
+                                    host.server, told.error().message())));
+        for (std::size_t at = 0; at < std::min(paths.size(), told->checked.size()); ++at)
+            host.checked[paths[at]] = std::move(told->checked[at]);
     }
 }
 

@@ -17,14 +17,16 @@ struct fleet {
     std::vector<deployment::host_state> hosts;
 };
 
-/// The file, and all that is wrong with it as far as it tells by itself; problem(usage) only where the command line is wrong.
+/// The file, and all that is wrong with it as far as it tells by itself; problem(usage) only where the command line is
+/// wrong.
 deployment::reading read_what_there_is(context& in, const deployment_options& options);
 
 /// The file; problem(usage) with all that is wrong with it, each on a line with its place.
 deployment::deployment read_file(context& in, const deployment_options& options);
 
-/// Asks all instantiation servers. One that a component of the file is to run on must answer: problem(not_reached); others
-/// are told in a note. With `settled`, instances of the deployment that are just starting or stopping are waited for.
+/// Asks all instantiation servers. One that a component of the file is to run on must answer: problem(not_reached);
+/// others are told in a note. With `settled`, instances of the deployment that are just starting or stopping are waited
+/// for.
 task<fleet> ask_hosts(context& in, const deployment::deployment& of, bool settled);
 
 /// Asks the hosts what they have against what the file, completed, wants of them: it stands in `of.hosts` then.

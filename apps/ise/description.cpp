@@ -4,7 +4,7 @@
 #include "text.hpp"
 #include "waits.hpp"
 
-#include <ise/component/learn.hpp>
+#include <ise/component/discover.hpp>
 #include <ise/packet/json.hpp>
 
 #include <nlohmann/json.hpp>
@@ -18,7 +18,9 @@ using nlohmann::ordered_json;
 
 std::string hex(std::uint64_t number) { return fmt::format("{:016x}", number); }
 
-service_kind kind_of(const service_text& one) { return one.kind == 0 ? service_kind::request_response : service_kind::subscription; }
+service_kind kind_of(const service_text& one) {
+    return one.kind == 0 ? service_kind::request_response : service_kind::subscription;
+}
 
 ordered_json service_json(const service_text& one) {
     ordered_json told;
@@ -76,11 +78,12 @@ std::string example(const std::string& name, const dynamic_contract& service) {
 std::string role_page(const std::string& role, const resolution& who, std::size_t width) {
     table rows({"MEMBER", "PRIORITY", "STATE", "TAKEN"});
     for (std::size_t at = 0; at < who.members.size(); ++at)
-        rows.add({who.members[at].path, std::to_string(who.members[at].priority), who.members[at].ready ? "ready" : "not ready", at == 0 ? "*" : ""});
+        rows.add({who.members[at].path, std::to_string(who.members[at].priority),
+                  who.members[at].ready ? "ready" : "not ready", at == 0 ? "*" : ""});
     return fmt::format("{}  (role)\n", printable(role)) + rows.text(width, "  ") + "\n";
 }
 
-std::string as_json(const component_text& about, const std::string& name, const resolution& who) {
+std::string as_json(const component_info& about, const std::string& name, const resolution& who) {
     ordered_json told;
     if (who.role) {
         told["role"] = name;
@@ -134,20 +137,27 @@ std::string as_json(const component_text& about, const std::string& name, const 
     return told.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
 }
 
-std::string as_page(const component_text& about, const std::string& name, std::size_t width) {
-    auto page = fmt::format("{}  {}\n", about.path.empty() ? "(anonymous)" : printable(about.path), printable(about.state));
+std::string as_page(const component_info& about, const std::string& name, std::size_t width) {
+    auto page =
+        fmt::format("{}  {}\n", about.path.empty() ? "(anonymous)" : printable(about.path), printable(about.state));
     page += fmt::format("  host       {}, process {}\n", printable(about.host_name), about.process_id);
-    std::string_view unsure = about.epoch != 0 && !about.confirmed ? ", unconfirmed: its lease could not be renewed" : "";
-    page += fmt::format("  life       incarnation {}{}{}\n", hex(about.incarnation), about.epoch == 0 ? "" : fmt::format(", epoch {}", about.epoch), unsure);
-    for (const auto& [role, priority] : about.roles) page += fmt::format("  serves     {}, priority {}\n", printable(role), priority);
+    std::string_view unsure =
+        about.epoch != 0 && !about.confirmed ? ", unconfirmed: its lease could not be renewed" : "";
+    page += fmt::format("  life       incarnation {}{}{}\n", hex(about.incarnation),
+                        about.epoch == 0 ? "" : fmt::format(", epoch {}", about.epoch), unsure);
+    for (const auto& [role, priority] : about.roles)
+        page += fmt::format("  serves     {}, priority {}\n", printable(role), priority);
     for (std::size_t at = 0; at < about.endpoints.size(); ++at)
         page += fmt::format("  {}  {}\n", at == 0 ? "endpoints" : "         ", printable(about.endpoints[at]));
-    page += fmt::format("  counts     {} calls served, {} packets published, {} dropped\n", about.calls_served, about.packets_published, about.packets_dropped);
+    page += fmt::format("  counts     {} calls served, {} packets published, {} dropped\n", about.calls_served,
+                        about.packets_published, about.packets_dropped);
 
     std::string required;
     for (const auto& one : about.services) {
         if (one.provided) page += service_page(one, name);
-        else required += fmt::format("  {}  ({}{})\n", printable(one.name), ise::name_of(kind_of(one)), one.declared ? "" : ", used");
+        else
+            required += fmt::format("  {}  ({}{})\n", printable(one.name), ise::name_of(kind_of(one)),
+                                    one.declared ? "" : ", used");
     }
     if (!required.empty()) page += "\nrequired of others\n" + required;
 
@@ -156,13 +166,15 @@ std::string as_page(const component_text& about, const std::string& name, std::s
 
     for (std::size_t at = 0; at < about.ended_subscriptions.size(); ++at) {
         const auto& one = about.ended_subscriptions[at];
-        page += fmt::format("{}  '{}' of {}: {}\n", at == 0 ? "\nsubscriptions that ended\n" : "", printable(one.service), printable(one.provider), printable(one.cause));
+        page += fmt::format("{}  '{}' of {}: {}\n", at == 0 ? "\nsubscriptions that ended\n" : "",
+                            printable(one.service), printable(one.provider), printable(one.cause));
     }
 
     if (!about.sessions.empty()) {
         table rows({"SESSION WITH", "IN", "OUT", "ROUND TRIP"});
         for (const auto& one : about.sessions)
-            rows.add({one.peer_stalled ? one.peer + " (stalled)" : one.peer, show_bytes(one.bytes_in), show_bytes(one.bytes_out),
+            rows.add({one.peer_stalled ? one.peer + " (stalled)" : one.peer, show_bytes(one.bytes_in),
+                      show_bytes(one.bytes_out),
                       one.round_trip_ns > 0 ? show_duration(duration(one.round_trip_ns)) : std::string("-")});
         page += "\n" + rows.text(width);
     }

@@ -9,7 +9,7 @@ namespace ise::cli {
 
 /// A component's description as one line of JSON (README.md lists the fields). `who` is found under `name`, the members
 /// if it is a role.
-std::string as_json(const component_text& about, const std::string& name, const resolution& who);
+std::string as_json(const component_info& about, const std::string& name, const resolution& who);
 /// The members of a role, for people.
 std::string role_page(const std::string& role, const resolution& who, std::size_t width);
 
@@ -17,6 +17,6 @@ std::string role_page(const std::string& role, const resolution& who, std::size_
 std::string example(const std::string& name, const dynamic_contract& service);
 
 /// The same for people. `name` is what they called it by, for the examples.
-std::string as_page(const component_text& about, const std::string& name, std::size_t width);
+std::string as_page(const component_info& about, const std::string& name, std::size_t width);
 
 } // namespace ise::cli

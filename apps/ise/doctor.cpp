@@ -41,7 +41,8 @@ std::string as_text(const std::vector<finding>& found) {
     for (const auto& one : found) {
         auto message = one.message;
         while (message.ends_with('\n')) message.pop_back();
-        text += fmt::format("{:<8} {}{}{}\n", name_of(one.weight), printable(one.component), one.component.empty() ? "" : ": ", printable(message, true));
+        text += fmt::format("{:<8} {}{}{}\n", name_of(one.weight), printable(one.component),
+                            one.component.empty() ? "" : ": ", printable(message, true));
         text += fmt::format("         -> {}\n", printable(one.advice));
     }
     return text;
@@ -51,23 +52,35 @@ void examine(const found_instance& of, std::vector<finding>& found) {
     const auto& what = of.instance;
     const auto& host = of.host.name;
     const auto& path = what.path;
-    auto add = [&](severity weight, const char* kind, std::string message, std::string advice) { found.push_back({weight, kind, path, std::move(message), std::move(advice)}); };
+    auto add = [&](severity weight, const char* kind, std::string message, std::string advice) {
+        found.push_back({weight, kind, path, std::move(message), std::move(advice)});
+    };
     if (what.state == instantiation::instance_state::failed)
-        add(what.deployment.empty() ? severity::warning : severity::error, // what was started by hand may not be needed any more
+        add(what.deployment.empty() ? severity::warning
+                                    : severity::error, // what was started by hand may not be needed any more
             "failed", fmt::format("it has failed on {} and is not started again: {}", host, what.reason),
-            fmt::format("ise logs {0} shows its last output; then ise restart {0}, or ise up, or ise stop {0} if it is not needed any more", path));
+            fmt::format("ise logs {0} shows its last output; then ise restart {0}, or ise up, or ise stop {0} if it is "
+                        "not needed any more",
+                        path));
     if (what.state == instantiation::instance_state::waiting)
-        add(severity::warning, "waiting", fmt::format("it ended on {} and is about to be started again ({} times so far): {}", host, what.restarts, what.reason),
+        add(severity::warning, "waiting",
+            fmt::format("it ended on {} and is about to be started again ({} times so far): {}", host, what.restarts,
+                        what.reason),
             fmt::format("ise logs {} shows its last output", path));
     if (!what.probe_trouble.empty())
         add(severity::error, "probe_failed", fmt::format("it runs on {}, but {}", host, what.probe_trouble),
-            fmt::format("ise logs {0} shows its output; ise restart {0} starts it again, and its `restart` policy does so by itself", path));
+            fmt::format("ise logs {0} shows its output; ise restart {0} starts it again, and its `restart` policy does "
+                        "so by itself",
+                        path));
     if (!what.output_trouble.empty())
-        add(severity::warning, "output_dropped", fmt::format("its output on {} is dropped: {}", host, what.output_trouble),
+        add(severity::warning, "output_dropped",
+            fmt::format("its output on {} is dropped: {}", host, what.output_trouble),
             "make room on the disk of the instantiation server's --state");
     if (what.rebuilt)
-        add(severity::note, "rebuilt", fmt::format("it runs a program that was rebuilt on {} since it was started", host),
-            what.process.empty() ? fmt::format("ise up, or ise restart {}", path) : std::string("ise up, which starts its process again with all that runs in it"));
+        add(severity::note, "rebuilt",
+            fmt::format("it runs a program that was rebuilt on {} since it was started", host),
+            what.process.empty() ? fmt::format("ise up, or ise restart {}", path)
+                                 : std::string("ise up, which starts its process again with all that runs in it"));
 }
 
 // Of what does not run nobody is registered who could be asked.
@@ -95,16 +108,20 @@ task<std::vector<finding>> examine_lost_servers(context& in) {
         finding lost;
         lost.kind = "server_lost";
         lost.component = one.path;
-        lost.message = fmt::format("the instantiation server was lost {} ago without being stopped (process {} on {}): what it had started is not watched over, and `ise ps` does not show it",
+        lost.message = fmt::format("the instantiation server was lost {} ago without being stopped (process {} on {}): "
+                                   "what it had started is not watched over, and `ise ps` does not show it",
                                    show_duration(one.lost_ago), one.process_id, one.host_name);
-        lost.advice = fmt::format("start it again with the same --state and --name {}: it takes over what still runs; where it is not needed any more, stop it then", host);
+        lost.advice = fmt::format("start it again with the same --state and --name {}: it takes over what still runs; "
+                                  "where it is not needed any more, stop it then",
+                                  host);
         found.push_back(std::move(lost));
     }
     co_return found;
 }
 
 task<> conclude(context& in, std::vector<finding> found, std::vector<surveyed> all) {
-    auto bad = static_cast<std::size_t>(std::ranges::count_if(found, [](const finding& one) { return one.weight != severity::note; }));
+    auto bad = static_cast<std::size_t>(
+        std::ranges::count_if(found, [](const finding& one) { return one.weight != severity::note; }));
     std::string text;
     if (in.set.json) {
         text = as_json(found, all.size(), bad == 0, in.self.wall());

@@ -48,7 +48,8 @@ task<> echo(context& in, echo_options options) {
     timer look(in.self.on(), [&] { // silence alone does not tell whether there is nobody or nothing new
         if (stream.ended()) return;
         if (bool now = stream.connected(); now != std::exchange(reached, now))
-            note(in.set, fmt::format("'{}' {}", options.what.name, now ? "is reached again" : "is not reached any more: waiting until it is"));
+            note(in.set, fmt::format("'{}' {}", options.what.name,
+                                     now ? "is reached again" : "is not reached any more: waiting until it is"));
         look.arm(saturating_add(in.self.now(), look_period));
     });
     look.arm(saturating_add(in.self.now(), look_period));
@@ -71,7 +72,9 @@ task<> echo(context& in, echo_options options) {
     }
     if (stream.ended() && !over && wanted()) throw problem(stream.cause());
     if (over && options.count && wanted())
-        throw problem(exit_code::not_reached, "timed_out", fmt::format("{} of {} packets came within {}", shown, *options.count, show_duration(*options.length)));
+        throw problem(
+            exit_code::not_reached, "timed_out",
+            fmt::format("{} of {} packets came within {}", shown, *options.count, show_duration(*options.length)));
 }
 
 } // namespace ise::cli

@@ -24,7 +24,8 @@ struct finding {
 
 /// What two surveys, one `apart` from the other, tell of a system: worst first, then by component.
 /// `here`: the name of the host that this runs on.
-std::vector<finding> examine(const std::vector<surveyed>& before, const std::vector<surveyed>& now, duration apart, const std::string& here);
+std::vector<finding> examine(const std::vector<surveyed>& before, const std::vector<surveyed>& now, duration apart,
+                             const std::string& here);
 
 /// Services that components require and those that provide them do not fit, or nobody provides.
 std::vector<finding> examine_services(const std::vector<surveyed>& now);

@@ -2,7 +2,7 @@
 
 #include "text.hpp"
 
-#include <ise/component/learn.hpp>
+#include <ise/component/discover.hpp>
 #include <ise/packet/compatibility.hpp>
 
 #include <fmt/format.h>
@@ -22,17 +22,22 @@ const service_text* provided_by(const surveyed& one, const service_text& wanted)
 
 bool talk(const surveyed& a, const surveyed& b) {
     auto sees = [](const surveyed& one, const surveyed& other) {
-        return one.about && std::ranges::any_of(one.about->sessions, [&](const auto& session) { return peer_of(session.peer).path == other.name.path; });
+        return one.about && std::ranges::any_of(one.about->sessions, [&](const auto& session) {
+                   return peer_of(session.peer).path == other.name.path;
+               });
     };
     return sees(a, b) || sees(b, a);
 }
 
 // Who reads a packet: requests are read by the provider, everything else by who requires the service.
 bool read_by_provider(service_kind kind, std::size_t place) {
-    return kind == service_kind::request_response ? place == role::request : place == role::subscribe_request || place == role::unsubscribe_request;
+    return kind == service_kind::request_response
+               ? place == role::request
+               : place == role::subscribe_request || place == role::unsubscribe_request;
 }
 
-void examine_one(const surveyed& needs, const service_text& wanted, const std::vector<surveyed>& all, std::vector<finding>& found) {
+void examine_one(const surveyed& needs, const service_text& wanted, const std::vector<surveyed>& all,
+                 std::vector<finding>& found) {
     struct candidate {
         const surveyed* who;
         std::string why;
@@ -53,15 +58,21 @@ void examine_one(const surveyed& needs, const service_text& wanted, const std::v
     const auto& path = needs.name.path;
     for (auto& one : misfits) {
         bool connected = talk(needs, *one.who);
-        // Others may use the same name for something else: it matters between connected components, or if there is no other provider.
+        // Others may use the same name for something else: it matters between connected components, or if there is no
+        // other provider.
         if (!connected && (fits || misfits.size() > 1)) continue;
         found.push_back({connected ? severity::error : severity::warning, "schema_mismatch", path,
-                         fmt::format("'{}' as it needs it does not fit '{}' of {}:\n{}", wanted.name, wanted.name, one.who->name.path, one.why),
-                         fmt::format("build both from the same header; what may change is in LAYOUT.md (fields are only appended). Compare: ise type diff {} {} {}", path, wanted.name, one.who->name.path)});
+                         fmt::format("'{}' as it needs it does not fit '{}' of {}:\n{}", wanted.name, wanted.name,
+                                     one.who->name.path, one.why),
+                         fmt::format("build both from the same header; what may change is in LAYOUT.md (fields are "
+                                     "only appended). Compare: ise type diff {} {} {}",
+                                     path, wanted.name, one.who->name.path)});
     }
     if (wanted.declared && there.empty() && !unknown) // undeclared ones are reported as waits
-        found.push_back({severity::warning, "no_provider", path, fmt::format("no component provides '{}', which it requires", wanted.name),
-                         "start the component that provides it (ise start --types), or does another name server know it?"});
+        found.push_back(
+            {severity::warning, "no_provider", path,
+             fmt::format("no component provides '{}', which it requires", wanted.name),
+             "start the component that provides it (ise start --types), or does another name server know it?"});
 }
 
 } // namespace

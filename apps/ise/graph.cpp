@@ -36,7 +36,9 @@ std::string as_json(const std::vector<surveyed>& all, const std::vector<connecti
         connection["sessions"] = one.sessions;
         connection["bytes_to_a"] = one.bytes_to_a;
         connection["bytes_to_b"] = one.bytes_to_b;
-        connection["round_trip_s"] = one.round_trip > duration{} ? ordered_json(std::chrono::duration<double>(one.round_trip).count()) : ordered_json();
+        connection["round_trip_s"] = one.round_trip > duration{}
+                                         ? ordered_json(std::chrono::duration<double>(one.round_trip).count())
+                                         : ordered_json();
         connection["stalled"] = one.stalled;
         auto used = ordered_json::array();
         for (const auto& service : one.services) {

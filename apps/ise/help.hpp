@@ -6,11 +6,12 @@
 namespace CLI {
 class App;
 class ParseError;
-}
+} // namespace CLI
 
 namespace ise::cli {
 
-/// Groups the commands, and gives each its examples and the options that every command has. Once all commands are there.
+/// Groups the commands, and gives each its examples and the options that every command has. Once all commands are
+/// there.
 void complete_help(CLI::App& app);
 
 /// problem(usage) of a command line that CLI11 refused, with the usage of the command.

@@ -12,7 +12,9 @@ namespace {
 using namespace std::chrono_literals;
 using instantiation::hosts_path;
 
-std::string host_name_of(const std::string& path) { return path.size() > hosts_path.size() ? path.substr(hosts_path.size() + 1) : path; }
+std::string host_name_of(const std::string& path) {
+    return path.size() > hosts_path.size() ? path.substr(hosts_path.size() + 1) : path;
+}
 
 std::vector<std::string> names_of(const std::vector<naming::listed_name>& listed) {
     std::vector<std::string> names;
@@ -47,12 +49,16 @@ task<std::vector<naming::listed_name>> listed_hosts(context& in) {
 task<std::vector<host_server>> hosts_there(context& in, std::string name) {
     auto listed = co_await listed_hosts(in);
     if (listed.empty())
-        throw problem(exit_code::not_reached, "no_such_name", "no instantiation server is registered", "start one on each host: ise_instantiation_server --programs FOLDER");
+        throw problem(exit_code::not_reached, "no_such_name", "no instantiation server is registered",
+                      "start one on each host: ise_instantiation_server --programs FOLDER");
     std::vector<host_server> found;
     for (const auto& one : listed)
-        if (name.empty() || host_name_of(one.path) == name) found.push_back({host_name_of(one.path), in.self.at(one.path)});
+        if (name.empty() || host_name_of(one.path) == name)
+            found.push_back({host_name_of(one.path), in.self.at(one.path)});
     if (found.empty())
-        throw problem(exit_code::not_reached, "no_such_name", fmt::format("there is no instantiation server '{}'", name), fmt::format("there are {}", enumerate(names_of(listed))));
+        throw problem(exit_code::not_reached, "no_such_name",
+                      fmt::format("there is no instantiation server '{}'", name),
+                      fmt::format("there are {}", enumerate(names_of(listed))));
     co_return found;
 }
 
@@ -64,7 +70,8 @@ task<host_server> host_to_use(context& in, std::string name) {
     for (const auto& one : listed)
         if (one.host_name == in.self.env().identity().host_name) mine.push_back(one.path);
     if (mine.size() != 1)
-        throw problem(exit_code::usage, "usage", "there is more than one instantiation server", fmt::format("choose one with --host: {}", enumerate(names_of(listed))));
+        throw problem(exit_code::usage, "usage", "there is more than one instantiation server",
+                      fmt::format("choose one with --host: {}", enumerate(names_of(listed))));
     host_server made{host_name_of(mine.front()), in.self.at(mine.front())};
     co_return made;
 }
@@ -74,7 +81,8 @@ task<std::vector<found_instance>> instances_there(context& in, std::string host,
     std::vector<found_instance> all;
     for (auto& one : hosts) {
         instantiation::instances_request question{prefix};
-        auto told = co_await one.server.try_call(instantiation::services::instances, std::move(question), std::min(in.left(), duration(std::chrono::seconds(3))));
+        auto told = co_await one.server.try_call(instantiation::services::instances, std::move(question),
+                                                 std::min(in.left(), duration(std::chrono::seconds(3))));
         if (!told) {
             if (hosts.size() == 1) throw problem(told.error());
             note(in.set, fmt::format("{} does not answer: {}", one.name, told.error().message()));
@@ -98,30 +106,39 @@ task<found_instance> find_instance(context& in, std::string host, std::string pa
         // What still runs there is meant, rather than what is over elsewhere.
         std::erase_if(found, [](const auto& one) { return one.instance.process_id == 0; });
         if (found.size() == 1) co_return std::move(found.front());
-        throw problem(exit_code::usage, "usage", fmt::format("several hosts have started '{}'", path), "choose one with --host");
+        throw problem(exit_code::usage, "usage", fmt::format("several hosts have started '{}'", path),
+                      "choose one with --host");
     }
     auto near = nearest(path, known);
-    auto advice = near.empty() ? fmt::format("{} instances are known: ise ps", known.size()) : fmt::format("did you mean '{}'?", near.front());
+    auto advice = near.empty() ? fmt::format("{} instances are known: ise ps", known.size())
+                               : fmt::format("did you mean '{}'?", near.front());
     auto why = fmt::format("no instantiation server has started '{}'", path);
     for (const auto& other : co_await listed_names(in, path)) {
         if (other.path != path) continue;
-        why = fmt::format("'{}' runs as process {} on {}, but no instantiation server that is registered has started it", path, other.process_id, other.host_name);
-        advice = "one that was killed takes it over when it is started again with the same --state; else end the process there";
+        why =
+            fmt::format("'{}' runs as process {} on {}, but no instantiation server that is registered has started it",
+                        path, other.process_id, other.host_name);
+        advice = "one that was killed takes it over when it is started again with the same --state; else end the "
+                 "process there";
     }
     throw problem(exit_code::not_reached, "no_such_name", why, advice);
 }
 
-instantiation::instance_text started(const instantiation::start_response& told) {
+instantiation::instance_info started(const instantiation::start_response& told) {
     using enum instantiation::start_outcome;
     auto fail = [&](exit_code code, const char* name, const std::string& advice = {}) {
         auto why = told.why;
-        if (told.outcome == exited || told.outcome == deadline) why += told.output.empty() ? "; it printed nothing" : fmt::format("; the last that it printed:\n{}", told.output);
+        if (told.outcome == exited || told.outcome == deadline)
+            why += told.output.empty() ? "; it printed nothing"
+                                       : fmt::format("; the last that it printed:\n{}", told.output);
         throw problem(code, name, why, advice);
     };
     switch (told.outcome) {
         case ready: return told.started;
         case no_such_type: fail(exit_code::usage, "no_such_type"); break;
-        case bad_argument: fail(exit_code::usage, "bad_argument", "ise start --types TYPE shows the allowed values"); break;
+        case bad_argument:
+            fail(exit_code::usage, "bad_argument", "ise start --types TYPE shows the allowed values");
+            break;
         case name_taken: fail(exit_code::failed, "name_taken", "ise list shows its holder"); break;
         case address_in_use: fail(exit_code::failed, "address_in_use"); break;
         case too_many: fail(exit_code::failed, "too_many"); break;
@@ -147,7 +164,7 @@ std::string_view name_of(instantiation::instance_state state) {
     return "?";
 }
 
-std::string as_json(const std::string& host, const instantiation::instance_text& what) {
+std::string as_json(const std::string& host, const instantiation::instance_info& what) {
     nlohmann::ordered_json told;
     told["host"] = host;
     told["path"] = what.path;
@@ -174,7 +191,7 @@ std::string as_json(const std::string& host, const instantiation::instance_text&
     return told.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 
-std::string as_sentence(const std::string& host, const instantiation::instance_text& what) {
+std::string as_sentence(const std::string& host, const instantiation::instance_info& what) {
     auto text = fmt::format("{} is {} on {}", what.path, name_of(what.state), host);
     if (what.process_id != 0) text += fmt::format(", as process {}", what.process_id);
     if (!what.reason.empty()) text += fmt::format(": {}", what.reason);

@@ -21,7 +21,7 @@ task<host_server> host_to_use(context& in, std::string name);
 
 struct found_instance {
     host_server host;
-    instantiation::instance_text instance;
+    instantiation::instance_info instance;
 };
 /// What all hosts have started, by host and path. A host that does not answer is told in a note.
 task<std::vector<found_instance>> instances_there(context& in, std::string host, std::string prefix);
@@ -29,12 +29,12 @@ task<std::vector<found_instance>> instances_there(context& in, std::string host,
 task<found_instance> find_instance(context& in, std::string host, std::string path);
 
 /// The instance that was started; a problem that tells why not, with its last output.
-instantiation::instance_text started(const instantiation::start_response& told);
+instantiation::instance_info started(const instantiation::start_response& told);
 
 /// One line of JSON, without its end.
-std::string as_json(const std::string& host, const instantiation::instance_text& what);
+std::string as_json(const std::string& host, const instantiation::instance_info& what);
 std::string_view name_of(instantiation::instance_state state);
 /// "atirma/boat is ready on shore, as process 4711"
-std::string as_sentence(const std::string& host, const instantiation::instance_text& what);
+std::string as_sentence(const std::string& host, const instantiation::instance_info& what);
 
 } // namespace ise::cli

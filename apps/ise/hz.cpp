@@ -34,18 +34,21 @@ std::string show(const subscription_counts& counts) {
 }
 
 std::string heading() {
-    return fmt::format("{:>10}  {:>9}  {:>9}  {:>9}  {:>9}  {:>8}  {:>8}\n", "RATE", "MEAN", "JITTER", "SHORTEST", "LONGEST", "PACKETS", "LOST");
+    return fmt::format("{:>10}  {:>9}  {:>9}  {:>9}  {:>9}  {:>8}  {:>8}\n", "RATE", "MEAN", "JITTER", "SHORTEST",
+                       "LONGEST", "PACKETS", "LOST");
 }
 
 std::string row(const arrivals::summary& of, const dynamic_stream& stream) {
     auto interval = [&](duration length) { return of.intervals == 0 ? std::string("-") : show_duration(length); };
-    return fmt::format("{:>7.2f} Hz  {:>9}  {:>9}  {:>9}  {:>9}  {:>8}  {:>8}{}\n", of.rate_hz, interval(of.mean), interval(of.jitter),
-                       interval(of.shortest), interval(of.longest), of.packets, show(stream.counts()), stream.connected() ? "" : "  not connected");
+    return fmt::format("{:>7.2f} Hz  {:>9}  {:>9}  {:>9}  {:>9}  {:>8}  {:>8}{}\n", of.rate_hz, interval(of.mean),
+                       interval(of.jitter), interval(of.shortest), interval(of.longest), of.packets,
+                       show(stream.counts()), stream.connected() ? "" : "  not connected");
 }
 
 std::string line(const arrivals::summary& of, const dynamic_stream& stream) {
     auto seconds = [&](duration length) {
-        return of.intervals == 0 ? nlohmann::ordered_json() : nlohmann::ordered_json(std::chrono::duration<double>(length).count());
+        return of.intervals == 0 ? nlohmann::ordered_json()
+                                 : nlohmann::ordered_json(std::chrono::duration<double>(length).count());
     };
     const auto& counts = stream.counts();
     nlohmann::ordered_json told;

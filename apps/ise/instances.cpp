@@ -11,25 +11,26 @@ namespace {
 
 namespace host_services = instantiation::services;
 
-task<> tell(context& in, std::string host, instantiation::instance_text what) {
+task<> tell(context& in, std::string host, instantiation::instance_info what) {
     auto text = in.set.json ? as_json(host, what) : as_sentence(host, what);
     co_await in.out.write(in.self, text + "\n");
 }
 
 // "4711", and where others run in it too "4711 (main)".
-std::string process_of(const instantiation::instance_text& what) {
+std::string process_of(const instantiation::instance_info& what) {
     auto text = what.process_id == 0 ? std::string("-") : std::to_string(what.process_id);
     return what.process.empty() ? text : fmt::format("{} ({})", text, what.process);
 }
 
 // Its last state change, and its present problems.
-std::string remarks(const instantiation::instance_text& what) {
+std::string remarks(const instantiation::instance_info& what) {
     std::string text = what.rebuilt ? "program was rebuilt" : "";
     auto add = [&](const std::string& more) { text += (text.empty() ? "" : "; ") + more; };
     if (!what.reason.empty()) add(what.reason);
     if (!what.probe_trouble.empty() && what.probe_trouble != what.reason) add(what.probe_trouble);
     if (what.output_dropped > 0)
-        add(fmt::format("{} of its output were dropped{}{}", show_bytes(what.output_dropped), what.output_trouble.empty() ? "" : ": ", what.output_trouble));
+        add(fmt::format("{} of its output were dropped{}{}", show_bytes(what.output_dropped),
+                        what.output_trouble.empty() ? "" : ": ", what.output_trouble));
     return text;
 }
 
@@ -48,14 +49,16 @@ task<> ps(context& in, ps_options options) {
         for (const auto& one : all) {
             const auto& what = one.instance;
             auto length = std::max(in.self.wall() - what.since, duration{});
-            rows.add({what.path, std::string(name_of(what.state)), one.host.name, process_of(what), show_duration(length),
-                      std::to_string(what.restarts), what.deployment.empty() ? "-" : what.deployment, what.type, remarks(what)});
+            rows.add({what.path, std::string(name_of(what.state)), one.host.name, process_of(what),
+                      show_duration(length), std::to_string(what.restarts),
+                      what.deployment.empty() ? "-" : what.deployment, what.type, remarks(what)});
         }
         constexpr std::size_t for_reason = 30;
         text = rows.text(in.out.width(), {}, {"PROCESS", "TYPE", "RESTARTS", "FOR", "DEPLOYMENT", "HOST"}, for_reason);
     }
     co_await in.out.write(in.self, std::move(text));
-    if (all.empty() && !options.names) note(in.set, "nothing was started by an instantiation server: ise start --types tells what could be");
+    if (all.empty() && !options.names)
+        note(in.set, "nothing was started by an instantiation server: ise start --types tells what could be");
 }
 
 task<> stop(context& in, instance_options options) {

@@ -23,7 +23,8 @@ role_lists roles_of(const std::vector<naming::listed_name>& names) {
     for (const auto& one : names)
         for (const auto& [role, priority] : one.roles) all[role].push_back(one);
     for (auto& [role, members] : all)
-        std::ranges::sort(members, {}, [&](const auto& one) { return naming::role_rank(one.state, one.roles.at(role), one.epoch); });
+        std::ranges::sort(members, {},
+                          [&](const auto& one) { return naming::role_rank(one.state, one.roles.at(role), one.epoch); });
     return all;
 }
 
@@ -64,8 +65,8 @@ std::string as_table(const std::vector<naming::listed_name>& names, std::size_t 
         auto endpoints = reachable_first(one.endpoints);
         if (!endpoints.empty()) longest = std::max(longest, columns(endpoints.front()));
         auto state = one.waits_for.empty() ? one.state : fmt::format("{}, waits for {}", one.state, one.waits_for);
-        rows.add({one.path, state, one.host_name, std::to_string(one.process_id), show_duration(one.lease_age), std::to_string(one.services_provided),
-                  fmt::format("{}", fmt::join(endpoints, " "))});
+        rows.add({one.path, state, one.host_name, std::to_string(one.process_id), show_duration(one.lease_age),
+                  std::to_string(one.services_provided), fmt::format("{}", fmt::join(endpoints, " "))});
     }
     constexpr std::size_t cut_mark = 2; // " …"
     return rows.text(width, {}, {"SERVICES", "LEASE AGE", "PROCESS", "HOST"}, longest + cut_mark);
@@ -78,7 +79,8 @@ std::string as_table(const role_lists& roles, const std::string& prefix, std::si
     for (const auto& [role, members] : roles) {
         if (!naming::lies_below(role, prefix)) continue;
         for (const auto& one : members) {
-            rows.add({role, &one == &members.front() ? "*" : "", std::to_string(one.roles.at(role)), one.state, one.host_name, one.path});
+            rows.add({role, &one == &members.front() ? "*" : "", std::to_string(one.roles.at(role)), one.state,
+                      one.host_name, one.path});
             ++shown;
         }
     }

@@ -38,7 +38,7 @@ void keep_last_lines(output_piece& piece, std::size_t lines) {
 task<> logs(context& in, logs_options options) {
     auto found = co_await find_instance(in, options.host, options.name);
     auto server = found.host.server;
-    stream_of<std::remove_const_t<decltype(instantiation::services::output)>> follow;
+    subscriber<std::remove_const_t<decltype(instantiation::services::output)>> follow;
     if (options.follow) { // before it is asked what was printed so far, so that nothing falls between
         instantiation::follow_request wanted{options.name};
         auto terms = subscribe_options::last(1024);
@@ -57,7 +57,8 @@ task<> logs(context& in, logs_options options) {
         output_piece piece = *packet;
         if (piece.offset + piece.text.size() <= end) continue;
         if (piece.offset < end) piece.text.erase(0, end - piece.offset);
-        else if (piece.offset > end) note(in.set, fmt::format("{} bytes were lost: it prints faster than they are read", piece.offset - end));
+        else if (piece.offset > end)
+            note(in.set, fmt::format("{} bytes were lost: it prints faster than they are read", piece.offset - end));
         end = packet->offset + packet->text.size();
         co_await in.out.write(in.self, shown(in, piece));
     }

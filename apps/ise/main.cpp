@@ -17,7 +17,9 @@ exit_code print(std::string_view text) {
         auto moved = ::write(STDOUT_FILENO, text.data(), text.size());
         if (moved < 0 && errno == EINTR) continue;
         if (moved < 0 && errno == EPIPE) return exit_code::ok; // whoever read it has seen enough
-        if (moved < 0) throw problem(exit_code::no_output, "no_output", std::string("standard output cannot be written: ") + std::strerror(errno));
+        if (moved < 0)
+            throw problem(exit_code::no_output, "no_output",
+                          std::string("standard output cannot be written: ") + std::strerror(errno));
         text.remove_prefix(static_cast<std::size_t>(moved));
     }
     return exit_code::ok;
@@ -28,7 +30,8 @@ exit_code print(std::string_view text) {
 int main(int count, char** arguments) {
     prepare_standard_streams();
     // The command line may be unreadable; whether a program reads the errors is to be known all the same.
-    bool json = std::any_of(arguments, arguments + count, [](const char* one) { return std::string_view(one) == "--json"; });
+    bool json =
+        std::any_of(arguments, arguments + count, [](const char* one) { return std::string_view(one) == "--json"; });
     try {
         auto wanted = read_command_line(count, arguments);
         if (!wanted.talk.body) return static_cast<int>(print(wanted.text));

@@ -46,7 +46,8 @@ task<> measure(context& in, hz_options options, std::shared_ptr<gauge> to) {
 
 std::string show_losses(const dynamic_stream& stream) {
     const auto& counts = stream.counts();
-    return fmt::format("{}{}{}", counts.lost_at_provider + counts.lost_here, counts.restarts != 0 ? " and more" : "", stream.connected() ? "" : "  not connected");
+    return fmt::format("{}{}{}", counts.lost_at_provider + counts.lost_here, counts.restarts != 0 ? " and more" : "",
+                       stream.connected() ? "" : "  not connected");
 }
 
 } // namespace ise::cli

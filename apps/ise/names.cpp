@@ -13,18 +13,22 @@
 namespace ise::cli {
 
 void check_name(const std::string& name) {
-    if (name.size() <= naming::longest_path && naming::is_path(name)) return;
+    if (name.size() <= naming::max_path && naming::is_path(name)) return;
     std::string advice = "a path has letters, digits, '_', '-' and '.', with a '/' between its parts: atirma/boat";
     if (name.find(':') != name.npos) advice += "; an endpoint is written tcp://127.0.0.1:7411";
-    if (name.size() > naming::longest_path) advice = fmt::format("it has {} bytes, at most {} are allowed", name.size(), naming::longest_path);
-    throw problem(exit_code::usage, "usage", fmt::format("'{}' is not a name of a component", printable(cut(name, 80))), std::move(advice));
+    if (name.size() > naming::max_path)
+        advice = fmt::format("it has {} bytes, at most {} are allowed", name.size(), naming::max_path);
+    throw problem(exit_code::usage, "usage", fmt::format("'{}' is not a name of a component", printable(cut(name, 80))),
+                  std::move(advice));
 }
 
 void check_prefix(const std::string& prefix) {
     auto path = prefix;
     while (path.ends_with('/')) path.pop_back();
     if (!path.empty()) check_name(path);
-    else if (!prefix.empty()) throw problem(exit_code::usage, "usage", fmt::format("'{}' is not a prefix", prefix), "paths do not begin with '/': ise list atirma");
+    else if (!prefix.empty())
+        throw problem(exit_code::usage, "usage", fmt::format("'{}' is not a prefix", prefix),
+                      "paths do not begin with '/': ise list atirma");
 }
 
 void note_nothing(const context& in, const std::string& prefix, const std::vector<std::string>& known) {
@@ -37,7 +41,8 @@ void note_nothing(const context& in, const std::string& prefix, const std::vecto
         }
     auto near = nearest(prefix, std::vector<std::string>(prefixes.begin(), prefixes.end()));
     for (auto& one : near) one = fmt::format("'{}'", one);
-    note(in.set, fmt::format("no component is registered under '{}'{}", prefix, near.empty() ? "" : fmt::format("; did you mean {}?", fmt::join(near, " or "))));
+    note(in.set, fmt::format("no component is registered under '{}'{}", prefix,
+                             near.empty() ? "" : fmt::format("; did you mean {}?", fmt::join(near, " or "))));
 }
 
 std::string names_are(std::size_t count) { return fmt::format("{} name{}", count, count == 1 ? " is" : "s are"); }

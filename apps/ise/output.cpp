@@ -70,7 +70,8 @@ task<> output::write(component& self, std::string text) {
     if (going->problem == EPIPE) throw reader_gone();
     if (going->problem != 0)
         throw problem(exit_code::no_output, "no_output",
-                      fmt::format("standard output cannot be written: {}", std::error_code(going->problem, std::generic_category()).message()));
+                      fmt::format("standard output cannot be written: {}",
+                                  std::error_code(going->problem, std::generic_category()).message()));
 }
 
 bool output::is_terminal() const { return ::isatty(STDOUT_FILENO) == 1; }

@@ -30,19 +30,23 @@ ordered_json as_json(const parameter_text& of) {
     return told;
 }
 
-std::string line(const ordered_json& told) { return told.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n"; }
+std::string line(const ordered_json& told) {
+    return told.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
+}
 
 std::string as_page(const context& in, const std::vector<parameter_text>& all) {
     table rows({"PARAMETER", "VALUE", "CHANGEABLE", "ALLOWED", "WHAT"});
     for (const auto& one : all)
-        rows.add({one.about.name, fmt::format("{}", fmt::join(one.values, ",")), one.about.changeable ? "yes" : "at a start", allowed_values(one.about), one.about.description});
+        rows.add({one.about.name, fmt::format("{}", fmt::join(one.values, ",")),
+                  one.about.changeable ? "yes" : "at a start", allowed_values(one.about), one.about.description});
     return rows.text(in.out.width(), {}, {"CHANGEABLE", "ALLOWED"}, 24);
 }
 
 /// What was said against it, without the service by which we asked.
 problem said_against(const failure& why) {
     auto text = why.message();
-    bool answered = why.code() == errc::refused || why.code() == errc::invalid_argument || why.code() == errc::handler_failed;
+    bool answered =
+        why.code() == errc::refused || why.code() == errc::invalid_argument || why.code() == errc::handler_failed;
     if (auto end = text.find(": "); answered && text.starts_with("'ise.") && end != text.npos) text.erase(0, end + 2);
     return problem(failure(why.code(), std::move(text), why.executed()));
 }
@@ -98,7 +102,9 @@ task<> set(context& in, remote who, param_options options) {
 
 void check_words(const param_options& options) {
     auto need = [&](bool given, const char* what) {
-        if (!given) throw problem(exit_code::usage, "usage", fmt::format("ise param {} takes {}", options.act, what), fmt::format("ise param list {}", options.name));
+        if (!given)
+            throw problem(exit_code::usage, "usage", fmt::format("ise param {} takes {}", options.act, what),
+                          fmt::format("ise param list {}", options.name));
     };
     auto refuse = [&](bool given, const char* what) {
         if (given) throw problem(exit_code::usage, "usage", fmt::format("ise param {} takes no {}", options.act, what));

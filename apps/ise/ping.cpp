@@ -53,7 +53,8 @@ std::string line(context& in, std::uint64_t number, const std::string& name, con
     return fmt::format("{}: {} answered after {}\n", number, printable(name), show_duration(got->round_trip));
 }
 
-std::string summary(context& in, std::uint64_t sent, const spread& of, const std::optional<duration>& ahead, bool by_health) {
+std::string summary(context& in, std::uint64_t sent, const spread& of, const std::optional<duration>& ahead,
+                    bool by_health) {
     bool any = of.count() > 0;
     if (in.set.json) {
         ordered_json told;
@@ -66,8 +67,13 @@ std::string summary(context& in, std::uint64_t sent, const spread& of, const std
         return told.dump() + "\n";
     }
     auto text = fmt::format("{} of {} answered", of.count(), sent);
-    if (any) text += fmt::format("; min {}, median {}, max {}", show_duration(of.shortest()), show_duration(of.median()), show_duration(of.longest()));
-    if (any && ahead) text += fmt::format("; its clock is {} {} ours (within {})", show_duration(*ahead < duration{} ? -*ahead : *ahead), *ahead < duration{} ? "behind" : "ahead of", show_duration(of.shortest() / 2));
+    if (any)
+        text += fmt::format("; min {}, median {}, max {}", show_duration(of.shortest()), show_duration(of.median()),
+                            show_duration(of.longest()));
+    if (any && ahead)
+        text +=
+            fmt::format("; its clock is {} {} ours (within {})", show_duration(*ahead < duration{} ? -*ahead : *ahead),
+                        *ahead < duration{} ? "behind" : "ahead of", show_duration(of.shortest() / 2));
     return text + "\n";
 }
 

@@ -7,7 +7,7 @@ namespace ise::cli {
 namespace {
 
 // Bytes of sessions with those who do not only look, in and out.
-std::pair<std::uint64_t, std::uint64_t> bytes_of(const component_text& about) {
+std::pair<std::uint64_t, std::uint64_t> bytes_of(const component_info& about) {
     std::pair<std::uint64_t, std::uint64_t> sum;
     for (const auto& one : about.sessions) {
         if (peer_of(one.peer).looks_only()) continue;

@@ -15,7 +15,8 @@ namespace {
 // Briefly: a terminal that does not take it is not worth waiting for.
 void put(std::string_view text) {
     pollfd out{STDOUT_FILENO, POLLOUT, 0};
-    if (::poll(&out, 1, 100) == 1) [[maybe_unused]] auto written = ::write(STDOUT_FILENO, text.data(), text.size());
+    if (::poll(&out, 1, 100) == 1) [[maybe_unused]]
+        auto written = ::write(STDOUT_FILENO, text.data(), text.size());
 }
 
 } // namespace
@@ -70,7 +71,8 @@ bool screen::quit() const {
     if (!keys_) return false;
     char pressed[64];
     auto count = ::read(STDIN_FILENO, pressed, sizeof pressed);
-    return count > 0 && std::string_view(pressed, static_cast<std::size_t>(count)).find_first_of("qQ") != std::string_view::npos;
+    return count > 0 &&
+           std::string_view(pressed, static_cast<std::size_t>(count)).find_first_of("qQ") != std::string_view::npos;
 }
 
 } // namespace ise::cli

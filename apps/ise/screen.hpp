@@ -17,7 +17,8 @@ public:
     bool live() const noexcept { return live_; }
     /// Lines of the terminal; 0 where there is none.
     std::size_t height() const;
-    /// The page with what puts it in the place of the one before; no more lines than there are, none longer than `width`.
+    /// The page with what puts it in the place of the one before; no more lines than there are, none longer than
+    /// `width`.
     std::string page(std::string text, std::size_t width) const;
     /// Whether q was pressed since the last look.
     bool quit() const;

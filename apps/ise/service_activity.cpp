@@ -31,7 +31,8 @@ bool service_activity::loses() const noexcept {
     return std::ranges::any_of(losses, [](const loss& one) { return one.meanwhile > 0; });
 }
 
-std::optional<duration> percentile(const std::vector<duration_count>& before, const std::vector<duration_count>& now, double part) {
+std::optional<duration> percentile(const std::vector<duration_count>& before, const std::vector<duration_count>& now,
+                                   double part) {
     std::map<std::uint64_t, std::uint64_t> counts;
     for (const auto& one : now) counts[one.below_ns] += one.count;
     for (const auto& one : before) {
@@ -43,13 +44,15 @@ std::optional<duration> percentile(const std::vector<duration_count>& before, co
     if (all == 0) return std::nullopt;
     auto wanted = std::max<std::uint64_t>(static_cast<std::uint64_t>(std::ceil(part * static_cast<double>(all))), 1);
     for (const auto& [below, count] : counts) {
-        if (count >= wanted) return duration(static_cast<std::int64_t>(std::min<std::uint64_t>(below, std::uint64_t{1} << 62)));
+        if (count >= wanted)
+            return duration(static_cast<std::int64_t>(std::min<std::uint64_t>(below, std::uint64_t{1} << 62)));
         wanted -= count;
     }
     return std::nullopt;
 }
 
-std::vector<service_activity> service_activities(const health_text& before, const health_text& now, double seconds) {
+std::vector<service_activity> service_activities(const health_report& before, const health_report& now,
+                                                 double seconds) {
     std::vector<service_activity> all;
     if (seconds <= 0) return all;
     for (const auto& one : now.services) {
@@ -58,7 +61,9 @@ std::vector<service_activity> service_activities(const health_text& before, cons
         service_activity made;
         made.name = one.name;
         made.publishes = one.published > 0 || one.subscribers > 0;
-        made.hz = static_cast<double>(made.publishes ? grown(one.published, then->published) : grown(one.calls, then->calls)) / seconds;
+        made.hz = static_cast<double>(made.publishes ? grown(one.published, then->published)
+                                                     : grown(one.calls, then->calls)) /
+                  seconds;
         made.running = one.running;
         made.waiting = one.waiting;
         made.subscribers = one.subscribers;

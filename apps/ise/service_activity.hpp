@@ -17,8 +17,8 @@ struct service_activity {
     };
 
     std::string name;
-    bool publishes = false;            ///< else it answers calls
-    double hz = 0;                     ///< calls that a handler began with, or packets
+    bool publishes = false;                                  ///< else it answers calls
+    double hz = 0;                                           ///< calls that a handler began with, or packets
     std::uint64_t running = 0, waiting = 0, subscribers = 0; ///< now
     std::optional<duration> handled_p50, handled_p99, waited_p50, waited_p99; ///< nothing: no call meanwhile
     std::vector<loss> losses;
@@ -32,9 +32,10 @@ struct service_activity {
 std::uint64_t grown(std::uint64_t now, std::uint64_t before);
 
 /// Those that both have, ISE's own apart. `seconds` lie between.
-std::vector<service_activity> service_activities(const health_text& before, const health_text& now, double seconds);
+std::vector<service_activity> service_activities(const health_report& before, const health_report& now, double seconds);
 
 /// The time that `part` of them did not exceed, of those that came between; nothing where none came.
-std::optional<duration> percentile(const std::vector<duration_count>& before, const std::vector<duration_count>& now, double part);
+std::optional<duration> percentile(const std::vector<duration_count>& before, const std::vector<duration_count>& now,
+                                   double part);
 
 } // namespace ise::cli

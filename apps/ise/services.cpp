@@ -4,7 +4,7 @@
 #include "table.hpp"
 #include "text.hpp"
 
-#include <ise/component/learn.hpp>
+#include <ise/component/discover.hpp>
 
 #include <nlohmann/json.hpp>
 
@@ -35,7 +35,9 @@ std::map<std::pair<std::string, std::uint8_t>, parties> services_of(const std::v
     return found;
 }
 
-std::string_view kind_name(std::uint8_t kind) { return ise::name_of(kind == 0 ? service_kind::request_response : service_kind::subscription); }
+std::string_view kind_name(std::uint8_t kind) {
+    return ise::name_of(kind == 0 ? service_kind::request_response : service_kind::subscription);
+}
 
 struct type_users {
     schema of;
@@ -54,7 +56,8 @@ std::map<std::pair<std::string, std::uint64_t>, type_users> types_of(const std::
                 if (!own && packet.type().members.empty()) continue; // says nothing
                 auto& into = found[{packet.name(), packet.fingerprint()}];
                 into.of = packet;
-                into.users.push_back(fmt::format("{} {} ({})", one.name.path, service.name, role::name(contract->kind(), place)));
+                into.users.push_back(
+                    fmt::format("{} {} ({})", one.name.path, service.name, role::name(contract->kind(), place)));
             }
         }
     }
@@ -83,7 +86,9 @@ std::string services_as_json(const std::vector<surveyed>& all, bool own) {
 table services_as_table(const std::vector<surveyed>& all, bool own) {
     table rows({"SERVICE", "KIND", "PROVIDED BY", "NEEDED BY"});
     for (const auto& [key, who] : services_of(all, own))
-        rows.add({key.first, std::string(kind_name(key.second)), who.providers.empty() ? "nobody" : fmt::format("{}", fmt::join(who.providers, " ")), fmt::format("{}", fmt::join(who.requirers, " "))});
+        rows.add({key.first, std::string(kind_name(key.second)),
+                  who.providers.empty() ? "nobody" : fmt::format("{}", fmt::join(who.providers, " ")),
+                  fmt::format("{}", fmt::join(who.requirers, " "))});
     return rows;
 }
 
@@ -102,7 +107,8 @@ std::string types_as_json(const std::vector<surveyed>& all, bool own) {
 
 table types_as_table(const std::vector<surveyed>& all, bool own) {
     table rows({"TYPE", "FINGERPRINT", "USED BY"});
-    for (const auto& [key, one] : types_of(all, own)) rows.add({key.first, fmt::format("{:016x}", key.second), fmt::format("{}", fmt::join(one.users, ", "))});
+    for (const auto& [key, one] : types_of(all, own))
+        rows.add({key.first, fmt::format("{:016x}", key.second), fmt::format("{}", fmt::join(one.users, ", "))});
     return rows;
 }
 
@@ -123,7 +129,11 @@ task<> look_at_all(context& in, services_options options, json_maker as_json, ta
 
 } // namespace
 
-task<> services(context& in, services_options options) { return look_at_all(in, std::move(options), services_as_json, services_as_table); }
-task<> types(context& in, services_options options) { return look_at_all(in, std::move(options), types_as_json, types_as_table); }
+task<> services(context& in, services_options options) {
+    return look_at_all(in, std::move(options), services_as_json, services_as_table);
+}
+task<> types(context& in, services_options options) {
+    return look_at_all(in, std::move(options), types_as_json, types_as_table);
+}
 
 } // namespace ise::cli

@@ -27,7 +27,8 @@ ordered_json type_json(const std::string& host, const instantiation::catalogue_t
     told["parameters"] = ordered_json::array();
     for (const auto& one : type.about.parameters) told["parameters"].push_back(ordered_json::parse(ise::to_json(one)));
     told["services"] = ordered_json::array();
-    for (const auto& one : type.about.services) told["services"].push_back({{"name", one.name}, {"kind", one.kind}, {"provided", one.provided}});
+    for (const auto& one : type.about.services)
+        told["services"].push_back({{"name", one.name}, {"kind", one.kind}, {"provided", one.provided}});
     told["variables"] = type.about.variables;
     return told;
 }
@@ -45,14 +46,17 @@ std::string type_page(const std::string& host, const instantiation::catalogue_ty
     for (const auto& one : about.parameters) column = std::max(column, std::min<std::size_t>(columns(one.name), 25));
     if (!about.parameters.empty()) text += "  parameters\n";
     for (const auto& one : about.parameters)
-        text += printable(fmt::format("    {:<{}}  {}: {}{} (default: {})", one.name, column, one.description, allowed_values(one), one.changeable ? "; also while it runs" : "",
-                                      one.preset.empty() ? "none" : one.preset)) + "\n";
+        text += printable(fmt::format("    {:<{}}  {}: {}{} (default: {})", one.name, column, one.description,
+                                      allowed_values(one), one.changeable ? "; also while it runs" : "",
+                                      one.preset.empty() ? "none" : one.preset)) +
+                "\n";
     return (width == 0 ? text : wrapped(text, width)) + "\n";
 }
 
 std::pair<std::string, std::string> split_argument(const std::string& text, std::string_view option) {
     auto equals = text.find('=');
-    if (equals == 0 || equals == std::string::npos) throw problem(exit_code::usage, "usage", fmt::format("{} takes NAME=VALUE, not '{}'", option, text));
+    if (equals == 0 || equals == std::string::npos)
+        throw problem(exit_code::usage, "usage", fmt::format("{} takes NAME=VALUE, not '{}'", option, text));
     return {text.substr(0, equals), text.substr(equals + 1)};
 }
 
@@ -79,7 +83,8 @@ task<> show_types(context& in, start_options options) {
     }
     if (!options.type.empty() && !found) {
         auto near = nearest(options.type, known);
-        throw problem(exit_code::not_reached, "no_such_name", fmt::format("no host has a component type '{}'", options.type),
+        throw problem(exit_code::not_reached, "no_such_name",
+                      fmt::format("no host has a component type '{}'", options.type),
                       near.empty() ? "" : fmt::format("did you mean '{}'?", near.front()));
     }
     if (in.set.json && !options.names) text = json.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
@@ -93,7 +98,9 @@ task<> start(context& in, start_options options) {
         co_await show_types(in, options);
         co_return;
     }
-    if (options.type.empty()) throw problem(exit_code::usage, "usage", "which type is to be started?", "ise start --types tells what there is");
+    if (options.type.empty())
+        throw problem(exit_code::usage, "usage", "which type is to be started?",
+                      "ise start --types tells what there is");
     instantiation::start_request request;
     request.type = options.type;
     request.path = options.name;

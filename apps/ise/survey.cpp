@@ -101,12 +101,15 @@ task<std::vector<surveyed>> survey(context& in, survey_options options) {
 }
 
 std::string show_age(const context& in, const std::vector<surveyed>& all) {
-    auto answered = static_cast<std::size_t>(std::ranges::count_if(all, [](const auto& one) { return one.about.has_value(); }));
+    auto answered =
+        static_cast<std::size_t>(std::ranges::count_if(all, [](const auto& one) { return one.about.has_value(); }));
     duration longest{};
     for (const auto& one : all)
         if (one.about) longest = std::max(longest, one.answered_after);
     auto text = fmt::format("as of {}", show_wall(in.self.wall()));
-    if (answered > 0) text += fmt::format("; {} component{} answered within {}", answered, answered == 1 ? "" : "s", show_duration(longest));
+    if (answered > 0)
+        text += fmt::format("; {} component{} answered within {}", answered, answered == 1 ? "" : "s",
+                            show_duration(longest));
     if (answered < all.size()) text += fmt::format("; {} did not answer", all.size() - answered);
     return text + "\n";
 }

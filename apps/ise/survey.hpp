@@ -16,7 +16,7 @@ task<std::vector<surveyed>> survey(context& in, survey_options options);
 /// One component, asked how it is: round trip, clock and figures. The failures of `remote::try_call`, and
 /// errc::no_such_service from a version without.
 struct pulse {
-    health_text told;
+    health_report told;
     duration round_trip{};
     duration clock_ahead{};
 };

@@ -15,14 +15,14 @@ namespace ise::cli {
 struct surveyed {
     naming::listed_name name;            ///< as the name server knows it
     duration lease{};                    ///< of its node; zero: not asked
-    std::optional<component_text> about; ///< nothing: it did not answer, and `why` and `trouble` say so
-    std::optional<health_text> health;   ///< nothing too where it is of a version that has no such service
+    std::optional<component_info> about; ///< nothing: it did not answer, and `why` and `trouble` say so
+    std::optional<health_report> health; ///< nothing too where it is of a version that has no such service
     errc why{};
     std::string trouble;
     time_point answered_at{};
-    duration answered_after{};           ///< round trip of the last question
-    duration clock_ahead{};              ///< of its host's clock, against ours; only with `health`
-    duration clock_doubt{};              ///< half of that round trip
+    duration answered_after{}; ///< round trip of the last question
+    duration clock_ahead{};    ///< of its host's clock, against ours; only with `health`
+    duration clock_doubt{};    ///< half of that round trip
 };
 
 /// Commands that look at everything call themselves so, in order not to see themselves.

@@ -12,8 +12,10 @@ void table::add(std::vector<std::string> cells) {
     rows_.push_back(std::move(cells));
 }
 
-std::string table::text(std::size_t width, const std::string& indent, const std::vector<std::string_view>& less_important, std::optional<std::size_t> for_last) const {
-    constexpr std::size_t gap = 2, least_last = 12, least = 4;
+std::string table::text(std::size_t width, const std::string& indent,
+                        const std::vector<std::string_view>& less_important,
+                        std::optional<std::size_t> for_last) const {
+    constexpr std::size_t gap = 2, min_last = 12, least = 4;
     auto count = rows_.front().size();
     std::vector<std::size_t> widths(count, 0);
     for (const auto& row : rows_)
@@ -28,7 +30,7 @@ std::string table::text(std::size_t width, const std::string& indent, const std:
         shown[at] = false;
         before -= widths[at] + gap;
     }
-    auto room_for_last = std::min(widths.back(), for_last.value_or(least_last));
+    auto room_for_last = std::min(widths.back(), for_last.value_or(min_last));
     while (width != 0 && before + room_for_last > width) {
         std::size_t widest = count;
         for (std::size_t at = 0; at + 1 < count; ++at)
@@ -41,8 +43,10 @@ std::string table::text(std::size_t width, const std::string& indent, const std:
     for (const auto& row : rows_) {
         auto line = indent;
         for (std::size_t at = 0; at + 1 < count; ++at)
-            if (shown[at]) line += cut(row[at], widths[at]) + std::string(widths[at] + gap - std::min(widths[at], columns(row[at])), ' ');
-        line += width == 0 ? row.back() : cut(row.back(), std::max(least_last, width > before ? width - before : 0));
+            if (shown[at])
+                line += cut(row[at], widths[at]) +
+                        std::string(widths[at] + gap - std::min(widths[at], columns(row[at])), ' ');
+        line += width == 0 ? row.back() : cut(row.back(), std::max(min_last, width > before ? width - before : 0));
         line.erase(line.find_last_not_of(' ') + 1);
         text += line + '\n';
     }

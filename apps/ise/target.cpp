@@ -49,11 +49,12 @@ task<std::string> advice_for_name(context& in, std::string name) {
 // Somebody who accepts and says nothing that is ISE's.
 std::string advice_for_endpoint(errc why) {
     if (why == errc::timed_out || why == errc::protocol_error)
-        return "the listener there is not ISE: another protocol (a web page, a database), or a stopped component; ise list shows the endpoints of components";
+        return "the listener there is not ISE: another protocol (a web page, a database), or a stopped component; ise "
+               "list shows the endpoints of components";
     return "is the component running there? --wait waits for it until the timeout";
 }
 
-std::string services_there(const component_text& about) {
+std::string services_there(const component_info& about) {
     std::vector<std::string> names;
     for (const auto& one : about.services)
         if (one.provided && !is_internal(one.name)) names.push_back(in_quotes(one.name));
@@ -67,8 +68,10 @@ task<remote> reach_name_server(context& in) {
     auto server = in.self.at(at, std::string(naming::server_path));
     auto got = co_await connect(in, server);
     if (!got)
-        throw problem(exit_code::not_reached, "name_server_lost", fmt::format("there is no name server at {}: {}", at.text(), got.error().message()),
-                      "start one with ise_name_server, tell where it is with --name-server or ISE_NAME_SERVER, or name the component by its endpoint");
+        throw problem(exit_code::not_reached, "name_server_lost",
+                      fmt::format("there is no name server at {}: {}", at.text(), got.error().message()),
+                      "start one with ise_name_server, tell where it is with --name-server or ISE_NAME_SERVER, or name "
+                      "the component by its endpoint");
     co_return server;
 }
 
@@ -95,13 +98,18 @@ task<remote> reach(context& in, std::string name) {
         if (!at) throw problem(exit_code::usage, "usage", at.error().message());
         auto who = in.self.at(*at);
         auto got = co_await connect(in, who);
-        if (!got) throw problem(failure(got.error().code(), fmt::format("{} is not reached: {}", name, got.error().message())), advice_for_endpoint(got.error().code()));
+        if (!got)
+            throw problem(
+                failure(got.error().code(), fmt::format("{} is not reached: {}", name, got.error().message())),
+                advice_for_endpoint(got.error().code()));
         co_return who;
     }
     check_name(name);
     [[maybe_unused]] auto server = co_await reach_name_server(in);
     auto* names = in.self.services().resolver();
-    if (!names) throw problem(exit_code::failed, "unexpected", "this program was built without names: name the component by its endpoint");
+    if (!names)
+        throw problem(exit_code::failed, "unexpected",
+                      "this program was built without names: name the component by its endpoint");
     result<resolution> found;
     if (in.set.wait) {
         found = co_await names->resolve_when_present(name, in.until);
@@ -114,14 +122,17 @@ task<remote> reach(context& in, std::string name) {
             in.until = std::max(in.until, in.self.now() + std::chrono::seconds(1));
             advice = co_await advice_for_name(in, name);
         } else if (found.error().code() == errc::name_server_lost) {
-            advice = "it knows all components again within a lease, a few seconds: try again, or use --wait to wait until the timeout";
+            advice = "it knows all components again within a lease, a few seconds: try again, or use --wait to wait "
+                     "until the timeout";
         }
         throw problem(found.error(), advice);
     }
     auto who = in.self.at(name);
     auto got = co_await connect(in, who);
-    if (!got) throw problem(failure(got.error().code(), fmt::format("'{}' is registered, but not reached: {}", name, got.error().message())),
-                            "it may just have ended: its name goes when its lease ends, a few seconds later");
+    if (!got)
+        throw problem(failure(got.error().code(),
+                              fmt::format("'{}' is registered, but not reached: {}", name, got.error().message())),
+                      "it may just have ended: its name goes when its lease ends, a few seconds later");
     co_return who;
 }
 
@@ -134,7 +145,7 @@ task<resolution> members_of(context& in, std::string name) {
     co_return who;
 }
 
-task<component_text> ask_about(context& in, remote who) {
+task<component_info> ask_about(context& in, remote who) {
     describe_request question;
     auto told = co_await who.try_call(describe_service, question, in.left());
     if (!told) throw problem(told.error());
@@ -152,13 +163,17 @@ task<dynamic_contract> find_service(context& in, remote who, std::string service
         if (!contract) throw problem(contract.error());
         if (contract->kind() != wanted) {
             bool calls = wanted == service_kind::request_response;
-            throw problem(exit_code::usage, "usage", fmt::format("'{}' at {} is a {} service", service, who.name(), ise::name_of(contract->kind())),
-                          fmt::format("{} it: ise {} {} {}", calls ? "subscribe to" : "call", calls ? "echo" : "call", who.name(), service));
+            throw problem(
+                exit_code::usage, "usage",
+                fmt::format("'{}' at {} is a {} service", service, who.name(), ise::name_of(contract->kind())),
+                fmt::format("{} it: ise {} {} {}", calls ? "subscribe to" : "call", calls ? "echo" : "call", who.name(),
+                            service));
         }
         co_return std::move(*contract);
     }
     auto near = nearest(service, names);
-    throw problem(exit_code::not_reached, "no_such_service", fmt::format("there is no service '{}' at {}", service, who.name()),
+    throw problem(exit_code::not_reached, "no_such_service",
+                  fmt::format("there is no service '{}' at {}", service, who.name()),
                   services_there(about) + (near.empty() ? "" : fmt::format("; did you mean '{}'?", near.front())));
 }
 
@@ -167,7 +182,8 @@ task<dynamic_packet> packet_from(context& in, schema of, std::string json, std::
         try {
             return dynamic_packet::from_json(of, json);
         } catch (const error& unfit) {
-            throw problem(failure(unfit.code(), fmt::format("the {} is not as it must be: {}", what, unfit.what())), "it is " + of.pretty());
+            throw problem(failure(unfit.code(), fmt::format("the {} is not as it must be: {}", what, unfit.what())),
+                          "it is " + of.pretty());
         }
     };
     auto packet = co_await in.self.offload(std::move(parse));

@@ -2,7 +2,7 @@
 #include "conversation.hpp"
 #include "names.hpp"
 
-#include <ise/component/learn.hpp>
+#include <ise/component/discover.hpp>
 #include <ise/naming/services.hpp>
 #include <ise/service/resolver.hpp>
 
@@ -25,7 +25,7 @@ task<remote> reach(context& in, std::string name);
 task<resolution> members_of(context& in, std::string name);
 
 /// What it tells about itself.
-task<component_text> ask_about(context& in, remote who);
+task<component_info> ask_about(context& in, remote who);
 
 /// One of its services; problem(not_reached) with those that there are, problem(usage) naming the right command if it
 /// is of the other kind.

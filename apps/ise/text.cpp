@@ -37,7 +37,8 @@ std::string show_duration(duration length) {
 
 std::string show_wall(wall_time at) {
     auto seconds = std::chrono::floor<std::chrono::seconds>(at);
-    return fmt::format("{:%Y-%m-%dT%H:%M:%S}Z", fmt::gmtime(static_cast<std::time_t>(seconds.time_since_epoch().count())));
+    return fmt::format("{:%Y-%m-%dT%H:%M:%S}Z",
+                       fmt::gmtime(static_cast<std::time_t>(seconds.time_since_epoch().count())));
 }
 
 std::string show_bytes(std::uint64_t count) {
@@ -63,8 +64,8 @@ std::string cut(std::string_view text, std::size_t width) {
     if (columns(text) <= width) return std::string(text);
     if (width == 0) return {};
     std::size_t end = 0;
-    for (std::size_t shown = 0; shown + 1 < width; ++shown)
-        do ++end;
+    for (std::size_t shown = 0; shown + 1 < width; ++shown) do
+            ++end;
         while (end < text.size() && continues(text[end]));
     return std::string(text.substr(0, end)) + "…";
 }
@@ -85,7 +86,8 @@ std::vector<std::string> reachable_first(std::vector<std::string> endpoints) {
 
 std::string enumerate(const std::vector<std::string>& names) {
     std::string text;
-    for (std::size_t at = 0; at < names.size(); ++at) text += (at == 0 ? "" : at + 1 == names.size() ? " and " : ", ") + names[at];
+    for (std::size_t at = 0; at < names.size(); ++at)
+        text += (at == 0 ? "" : at + 1 == names.size() ? " and " : ", ") + names[at];
     return text;
 }
 

@@ -19,7 +19,8 @@ std::string show_wall(wall_time at);
 /// "1.4 MB"
 std::string show_bytes(std::uint64_t count);
 
-/// What others wrote, fit for a terminal: no control characters, no broken UTF-8 and, unless `keep_lines`, no line ends.
+/// What others wrote, fit for a terminal: no control characters, no broken UTF-8 and, unless `keep_lines`, no line
+/// ends.
 std::string printable(std::string_view text, bool keep_lines = false);
 using ise::columns;
 /// Cut to `width` columns, with "…" where something is missing.

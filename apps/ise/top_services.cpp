@@ -27,7 +27,8 @@ std::string show_took(const std::optional<duration>& took) { return took ? show_
 std::string show_losses(const service_activity& of) {
     std::string text;
     for (const auto& one : of.losses)
-        text += fmt::format("{}{} {}{}", text.empty() ? "" : ", ", one.ever, one.meanwhile > 0 ? fmt::format("+{} ", one.meanwhile) : "", one.reason);
+        text += fmt::format("{}{} {}{}", text.empty() ? "" : ", ", one.ever,
+                            one.meanwhile > 0 ? fmt::format("+{} ", one.meanwhile) : "", one.reason);
     return text.empty() ? "-" : text;
 }
 
@@ -53,14 +54,16 @@ std::string services_table(const std::vector<activity>& all, std::size_t width, 
     if (auto rows = busiest(all, false, most); !rows.empty()) {
         table calls({"CALLS/S", "P50", "P99", "WAIT P50", "WAIT P99", "RUNNING", "WAITING", "REFUSED", "SERVICE"});
         for (const auto& [of, one] : rows)
-            calls.add({fmt::format("{:.1f}", one->hz), show_took(one->handled_p50), show_took(one->handled_p99), show_wait(one->waited_p50), show_wait(one->waited_p99),
-                       std::to_string(one->running), std::to_string(one->waiting), show_losses(*one), fmt::format("{} {}", of->path, one->name)});
+            calls.add({fmt::format("{:.1f}", one->hz), show_took(one->handled_p50), show_took(one->handled_p99),
+                       show_wait(one->waited_p50), show_wait(one->waited_p99), std::to_string(one->running),
+                       std::to_string(one->waiting), show_losses(*one), fmt::format("{} {}", of->path, one->name)});
         text += fmt::format("\n{}", calls.text(width, {}, {"WAIT P50", "P50", "RUNNING", "WAITING", "WAIT P99"}));
     }
     if (auto rows = busiest(all, true, most); !rows.empty()) {
         table packets({"PACKETS/S", "SUBSCRIBERS", "WAITING", "NOT SENT", "PUBLICATION"});
         for (const auto& [of, one] : rows)
-            packets.add({fmt::format("{:.1f}", one->hz), std::to_string(one->subscribers), std::to_string(one->waiting), show_losses(*one), fmt::format("{} {}", of->path, one->name)});
+            packets.add({fmt::format("{:.1f}", one->hz), std::to_string(one->subscribers), std::to_string(one->waiting),
+                         show_losses(*one), fmt::format("{} {}", of->path, one->name)});
         text += fmt::format("\n{}", packets.text(width, {}, {"WAITING", "SUBSCRIBERS"}));
     }
     return text;

@@ -36,26 +36,35 @@ branch grow(const std::vector<surveyed>& all) {
 }
 
 std::string about(const surveyed& one) {
-    return fmt::format("  {}, {}, process {}, lease renewed {} ago", printable(one.name.state), printable(one.name.host_name), one.name.process_id, show_duration(one.name.lease_age));
+    return fmt::format("  {}, {}, process {}, lease renewed {} ago", printable(one.name.state),
+                       printable(one.name.host_name), one.name.process_id, show_duration(one.name.lease_age));
 }
 
 std::vector<std::string> services_of(const surveyed& one) {
     std::vector<std::string> lines;
     if (!one.about) return {"(does not answer)"};
     for (const auto& service : one.about->services)
-        if (!is_own_service(service.name)) lines.push_back(fmt::format("{} {}", service.provided ? (service.kind == 0 ? "answers  " : "publishes") : "needs    ", printable(service.name)));
+        if (!is_own_service(service.name))
+            lines.push_back(
+                fmt::format("{} {}", service.provided ? (service.kind == 0 ? "answers  " : "publishes") : "needs    ",
+                            printable(service.name)));
     return lines;
 }
 
 void draw(const branch& of, const std::string& before, bool services, std::string& text) {
     std::vector<std::string> leaves;
     if (services && of.component) leaves = services_of(*of.component);
-    for (std::size_t at = 0; at < leaves.size(); ++at) text += before + (at + 1 == leaves.size() && of.below.empty() ? "└─ " : "├─ ") + leaves[at] + "\n";
+    for (std::size_t at = 0; at < leaves.size(); ++at)
+        text += before + (at + 1 == leaves.size() && of.below.empty() ? "└─ " : "├─ ") + leaves[at] + "\n";
     std::size_t left = of.below.size();
     for (const auto& [name, one] : of.below) {
         bool last = --left == 0;
         bool top = of.path.empty();
-        text += fmt::format("{}{}{}{}\n", before, top ? "" : last ? "└─ " : "├─ ", printable(name), one.component ? about(*one.component) : "/");
+        text += fmt::format("{}{}{}{}\n", before,
+                            top    ? ""
+                            : last ? "└─ "
+                                   : "├─ ",
+                            printable(name), one.component ? about(*one.component) : "/");
         draw(one, top ? before : before + (last ? "   " : "│  "), services, text);
     }
 }
@@ -104,7 +113,8 @@ task<> tree(context& in, tree_options options) {
     }
     auto root = grow(all);
     std::string text;
-    if (in.set.json) text = as_json(root, options.services).dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
+    if (in.set.json)
+        text = as_json(root, options.services).dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
     else draw(root, "", options.services, text);
     co_await in.out.write(in.self, std::move(text));
     if (all.empty()) note_nothing(in, options.prefix);

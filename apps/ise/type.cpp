@@ -45,8 +45,10 @@ task<dynamic_contract> service_at(context& in, std::string name, std::string ser
     if (!found) {
         auto near = nearest(service, names);
         std::erase_if(names, [](const auto& one) { return is_internal(one); });
-        throw problem(exit_code::not_reached, "no_such_service", fmt::format("{} neither provides nor needs a service '{}'", name, service),
-                      near.empty() ? fmt::format("it has {}", names.empty() ? "none" : enumerate(names)) : fmt::format("did you mean '{}'?", near.front()));
+        throw problem(exit_code::not_reached, "no_such_service",
+                      fmt::format("{} neither provides nor needs a service '{}'", name, service),
+                      near.empty() ? fmt::format("it has {}", names.empty() ? "none" : enumerate(names))
+                                   : fmt::format("did you mean '{}'?", near.front()));
     }
     auto contract = contract_of(*found);
     if (!contract) throw problem(contract.error());
@@ -59,7 +61,8 @@ std::string as_text(const dynamic_contract& service) {
     auto text = fmt::format("{}  ({})\n", printable(service.name()), ise::name_of(service.kind()));
     for (std::size_t place = 0; place < packets_of(service); ++place) {
         const auto& packet = service.packet(place);
-        text += fmt::format("  {}  {}  {:016x}\n", role::name(service.kind(), place), printable(packet.name()), packet.fingerprint());
+        text += fmt::format("  {}  {}  {:016x}\n", role::name(service.kind(), place), printable(packet.name()),
+                            packet.fingerprint());
         if (!packet.type().members.empty()) text += indented(printable(packet.pretty(), true), "    ");
     }
     return text;
@@ -72,7 +75,8 @@ std::string as_json(const std::string& component, const dynamic_contract& servic
     told.kind = ise::name_of(service.kind());
     for (std::size_t place = 0; place < packets_of(service); ++place) {
         const auto& packet = service.packet(place);
-        told.packets.push_back({std::string(role::name(service.kind(), place)), packet.name(), fmt::format("{:016x}", packet.fingerprint()), packet.text()});
+        told.packets.push_back({std::string(role::name(service.kind(), place)), packet.name(),
+                                fmt::format("{:016x}", packet.fingerprint()), packet.text()});
     }
     return ise::to_json(told) + "\n";
 }
@@ -96,7 +100,10 @@ type_comparison compare(const dynamic_contract& a, const dynamic_contract& b) {
 std::string as_text(const type_comparison& of) {
     std::string text;
     for (const auto& one : of.packets) {
-        text += fmt::format("{}: {}\n", one.role, one.verdict == "mismatch" ? "does not fit" : one.verdict == "equal" ? "equal" : "compatible: something was appended on one side");
+        text += fmt::format("{}: {}\n", one.role,
+                            one.verdict == "mismatch" ? "does not fit"
+                            : one.verdict == "equal"  ? "equal"
+                                                      : "compatible: something was appended on one side");
         if (one.differences.empty()) continue;
         auto why = printable(one.differences, true);
         while (why.ends_with('\n')) why.pop_back();
@@ -117,14 +124,19 @@ task<> type(context& in, type_options options) {
     auto other_service = options.other_service.empty() ? options.service : options.other_service;
     auto other = co_await service_at(in, options.other_name, other_service);
     if (first.kind() != other.kind())
-        throw problem(exit_code::mismatch, "type_mismatch", fmt::format("'{}' at {} is a {} service, '{}' at {} a {} service", options.service, options.name, ise::name_of(first.kind()),
-                                                                        other_service, options.other_name, ise::name_of(other.kind())));
+        throw problem(exit_code::mismatch, "type_mismatch",
+                      fmt::format("'{}' at {} is a {} service, '{}' at {} a {} service", options.service, options.name,
+                                  ise::name_of(first.kind()), other_service, options.other_name,
+                                  ise::name_of(other.kind())));
     auto told = compare(first, other);
     auto text = in.set.json ? ise::to_json(told) + "\n" : as_text(told);
     co_await in.out.write(in.self, std::move(text));
     if (!told.compatible)
-        throw problem(exit_code::mismatch, "type_mismatch", fmt::format("'{}' of {} (reader) does not fit '{}' of {} (writer)", options.service, options.name, other_service, options.other_name),
-                      "fields, enumerators and alternatives may be appended; anything else takes a service of another name");
+        throw problem(
+            exit_code::mismatch, "type_mismatch",
+            fmt::format("'{}' of {} (reader) does not fit '{}' of {} (writer)", options.service, options.name,
+                        other_service, options.other_name),
+            "fields, enumerators and alternatives may be appended; anything else takes a service of another name");
 }
 
 } // namespace ise::cli

@@ -31,7 +31,8 @@ task<prepared> prepare(context& in, deployment_options options, bool settled) {
     co_return made;
 }
 
-std::string summary(const deployment::deployment& of, const char* word, std::size_t components, std::size_t steps, bool json) {
+std::string summary(const deployment::deployment& of, const char* word, std::size_t components, std::size_t steps,
+                    bool json) {
     if (json) {
         nlohmann::ordered_json told;
         told["deployment"] = of.name.text;
@@ -41,7 +42,8 @@ std::string summary(const deployment::deployment& of, const char* word, std::siz
         return told.dump() + "\n";
     }
     auto done = steps == 0 ? std::string("nothing to do") : fmt::format("{} step{}", steps, steps == 1 ? "" : "s");
-    return fmt::format("{} is {}: {} component{}, {}\n", of.name.text, word, components, components == 1 ? "" : "s", done);
+    return fmt::format("{} is {}: {} component{}, {}\n", of.name.text, word, components, components == 1 ? "" : "s",
+                       done);
 }
 
 // One that a component of the file is to run on: what it runs cannot be ended.
@@ -85,8 +87,13 @@ task<> down(context& in, deployment_options options) {
         why = thrown;
     }
     if (auto lacking = server_that_is_missing(wanted, there); !why && options.only.empty() && !lacking.empty())
-        why.emplace(exit_code::not_reached, "no_such_name", fmt::format("no instantiation server '{}' is registered, and its components may still be running: start it again with the same --state", lacking));
-    if (why) throw problem(why->code(), why->name(), fmt::format("not all of {} is down: {}", wanted.name.text, why->what()), "ise ps tells what runs; try again");
+        why.emplace(exit_code::not_reached, "no_such_name",
+                    fmt::format("no instantiation server '{}' is registered, and its components may still be running: "
+                                "start it again with the same --state",
+                                lacking));
+    if (why)
+        throw problem(why->code(), why->name(), fmt::format("not all of {} is down: {}", wanted.name.text, why->what()),
+                      "ise ps tells what runs; try again");
     auto text = summary(wanted, "down", steps, steps, in.set.json);
     co_await in.out.write(in.self, std::move(text));
 }
@@ -104,7 +111,9 @@ task<> diff(context& in, deployment_options options) {
         text = told.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
     } else {
         for (const auto& one : made.plan.steps) text += printable(deployment::as_text(one, true), true) + "\n";
-        if (text.empty()) text = fmt::format("{} is as {} describes it: {} component{}\n", made.wanted.name.text, options.file, made.wanted.components.size(), made.wanted.components.size() == 1 ? "" : "s");
+        if (text.empty())
+            text = fmt::format("{} is as {} describes it: {} component{}\n", made.wanted.name.text, options.file,
+                               made.wanted.components.size(), made.wanted.components.size() == 1 ? "" : "s");
     }
     co_await in.out.write(in.self, std::move(text));
 }

@@ -53,7 +53,8 @@ task<> validate(context& in, deployment_options options) {
     if (checked) {
         deployment::complete(wanted, told.there.hosts, wrong);
         for (std::size_t at = 0; at < types.size(); ++at)
-            if (const auto* state = deployment::state_of(wanted, wanted.components[at].host.text, told.there.hosts)) types[at] = state->type(wanted.components[at].type.text);
+            if (const auto* state = deployment::state_of(wanted, wanted.components[at].host.text, told.there.hosts))
+                types[at] = state->type(wanted.components[at].type.text);
     }
     deployment::ordering sorted;
     if (readable) sorted = deployment::order_of(wanted, types);
@@ -62,7 +63,8 @@ task<> validate(context& in, deployment_options options) {
         co_await check_starts(in, wanted, told.there);
         wrong = deployment::plan_up(wanted, told.there.hosts).problems;
     }
-    std::ranges::stable_sort(wrong, {}, [](const deployment::problem& one) { return std::tuple(one.at.file, one.at.line, one.at.column); });
+    std::ranges::stable_sort(
+        wrong, {}, [](const deployment::problem& one) { return std::tuple(one.at.file, one.at.line, one.at.column); });
     refuse(options.file, wrong);
     std::string text;
     if (in.set.json) {
@@ -76,8 +78,10 @@ task<> validate(context& in, deployment_options options) {
         made["order"] = std::move(order);
         text = made.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
     } else {
-        text = fmt::format("{} is well formed: {} with {} component{} on {} host{}{}\n", options.file, wanted.name.text, wanted.components.size(), many(wanted.components.size()), wanted.hosts.size(), many(wanted.hosts.size()),
-                           checked ? ", all of types and with parameters that there are, and no obstacle was found" : "");
+        text = fmt::format(
+            "{} is well formed: {} with {} component{} on {} host{}{}\n", options.file, wanted.name.text,
+            wanted.components.size(), many(wanted.components.size()), wanted.hosts.size(), many(wanted.hosts.size()),
+            checked ? ", all of types and with parameters that there are, and no obstacle was found" : "");
     }
     co_await in.out.write(in.self, std::move(text));
 }

@@ -36,13 +36,16 @@ ise::duration duration_of(const std::string& text) {
     char unit[3] = {};
     double value = 0;
     int used = 0;
-    if (std::sscanf(text.c_str(), "%lf%2[a-z]%n", &value, unit, &used) != 2 || static_cast<std::size_t>(used) != text.size())
+    if (std::sscanf(text.c_str(), "%lf%2[a-z]%n", &value, unit, &used) != 2 ||
+        static_cast<std::size_t>(used) != text.size())
         throw CLI::ValidationError("--lease", fmt::format("'{}' is not a duration: write it like 2s or 500ms", text));
     std::string name = unit;
     double scale_ns = name == "s" ? 1e9 : name == "ms" ? 1e6 : 0;
-    if (scale_ns == 0) throw CLI::ValidationError("--lease", fmt::format("'{}' has no unit that is known: s or ms", text));
+    if (scale_ns == 0)
+        throw CLI::ValidationError("--lease", fmt::format("'{}' has no unit that is known: s or ms", text));
     double ns = value * scale_ns;
-    if (!(ns >= 50e6 && ns <= 3600e9)) throw CLI::ValidationError("--lease", fmt::format("'{}' is not from 50ms to 3600s", text));
+    if (!(ns >= 50e6 && ns <= 3600e9))
+        throw CLI::ValidationError("--lease", fmt::format("'{}' is not from 50ms to 3600s", text));
     return ise::duration(static_cast<std::int64_t>(ns));
 }
 
@@ -70,10 +73,13 @@ std::shared_ptr<ise::server_memory> memory_of(const settings& wanted, ise::envir
     if (wanted.state == "none" || (wanted.state.empty() && any_port)) return nullptr;
     auto file = wanted.state.empty() ? default_state_file(at) : wanted.state;
     auto made = file.empty() ? nullptr : std::make_shared<ise::state_file>(env, file);
-    auto usable = made ? made->probe() : ise::result<void>(ise::failure(ise::errc::io_failed, "neither XDG_STATE_HOME nor HOME is set"));
+    auto usable = made
+                      ? made->probe()
+                      : ise::result<void>(ise::failure(ise::errc::io_failed, "neither XDG_STATE_HOME nor HOME is set"));
     if (usable) return made;
     if (!wanted.state.empty()) throw ise::error(usable.error());
-    complain(fmt::format("keeps no state, so that names could be taken from their holders when it is started again: {}; choose a file with --state",
+    complain(fmt::format("keeps no state, so that names could be taken from their holders when it is started again: "
+                         "{}; choose a file with --state",
                          usable.error().message()));
     return nullptr;
 }
@@ -108,11 +114,13 @@ int run(const settings& wanted, ise::duration lease) {
     std::string listening;
     try {
         auto& server = node.start<ise::name_server>(std::string(ise::naming::server_path), std::move(where), terms);
-        for (const auto& at : server.services().listening()) listening += (listening.empty() ? "" : " and ") + at.text();
+        for (const auto& at : server.services().listening())
+            listening += (listening.empty() ? "" : " and ") + at.text();
     } catch (const ise::error& thrown) {
         if (thrown.code() != ise::errc::address_in_use) throw;
         complain(thrown.what());
-        complain("perhaps a name server runs there already: one is enough. Otherwise choose another endpoint with --listen, and set "
+        complain("perhaps a name server runs there already: one is enough. Otherwise choose another endpoint with "
+                 "--listen, and set "
                  "ISE_NAME_SERVER to it for the others");
         return cannot_run;
     }
@@ -125,20 +133,37 @@ int run(const settings& wanted, ise::duration lease) {
 } // namespace
 
 int main(int argc, char** argv) {
-    CLI::App app("Keeps the names of an ISE system: components register here and find each other by path.", "ise_name_server");
+    CLI::App app("Keeps the names of an ISE system: components register here and find each other by path.",
+                 "ise_name_server");
     app.formatter(std::make_shared<wrapped_help>());
     settings wanted;
-    app.add_option("--listen", wanted.listen, "endpoint to listen on, such as tcp://0.0.0.0:7400; several are allowed (default " + ise::default_name_server().text() + ")");
-    app.add_option("--advertise", wanted.advertise, "endpoint of a tunnel that leads to it, such as tcp://10.0.0.2:7400; several are allowed")->type_name("ENDPOINT");
-    app.add_option("--state", wanted.state, "state file that proves grants to the next name server, or none (default: below $XDG_STATE_HOME or ~/.local/state)")->type_name("FILE");
-    app.add_option("--lease", wanted.lease, "the longest lease, after which a lost node loses its names, such as 2s or 500ms")->capture_default_str();
-    app.add_option("--key", wanted.security.key_file, "a file with the shared key of the system; peers without it are refused (default: $ISE_KEY)")->type_name("FILE");
-    app.add_option("--tls", wanted.security.tls_folder, "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: $ISE_TLS)")->type_name("FOLDER");
-    app.add_flag("--demand-credentials", wanted.security.demanded, "refuse to listen beyond this host, except with a key or on tls://");
-    app.add_option("--log-level", wanted.log_level, "minimum level of log lines on stderr: debug, info, warning or error")
+    app.add_option("--listen", wanted.listen,
+                   "endpoint to listen on, such as tcp://0.0.0.0:7400; several are allowed (default " +
+                       ise::default_name_server().text() + ")");
+    app.add_option("--advertise", wanted.advertise,
+                   "endpoint of a tunnel that leads to it, such as tcp://10.0.0.2:7400; several are allowed")
+        ->type_name("ENDPOINT");
+    app.add_option("--state", wanted.state,
+                   "state file that proves grants to the next name server, or none (default: below $XDG_STATE_HOME or "
+                   "~/.local/state)")
+        ->type_name("FILE");
+    app.add_option("--lease", wanted.lease,
+                   "the longest lease, after which a lost node loses its names, such as 2s or 500ms")
+        ->capture_default_str();
+    app.add_option("--key", wanted.security.key_file,
+                   "a file with the shared key of the system; peers without it are refused (default: $ISE_KEY)")
+        ->type_name("FILE");
+    app.add_option("--tls", wanted.security.tls_folder,
+                   "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: $ISE_TLS)")
+        ->type_name("FOLDER");
+    app.add_flag("--demand-credentials", wanted.security.demanded,
+                 "refuse to listen beyond this host, except with a key or on tls://");
+    app.add_option("--log-level", wanted.log_level,
+                   "minimum level of log lines on stderr: debug, info, warning or error")
         ->check(CLI::IsMember({"debug", "info", "warning", "error"}))
         ->capture_default_str();
-    app.add_flag("--fresh", wanted.fresh, "no name server ran here before: grant names at once, without waiting one lease for former holders");
+    app.add_flag("--fresh", wanted.fresh,
+                 "no name server ran here before: grant names at once, without waiting one lease for former holders");
     app.set_version_flag("--version", "ise_name_server " ISE_VERSION);
     app.footer("Nodes find it at ISE_NAME_SERVER, or at " + ise::default_name_server().text() +
                ".\nExit codes: 0 ended by a signal, 1 it cannot run, 2 wrong usage.");

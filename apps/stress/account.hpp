@@ -15,20 +15,21 @@ namespace atirma::stress {
 struct episode {
     ise::duration from{}, until{}; ///< until < from: not over
     std::string what;
-    std::optional<link_id> link;   ///< over which it is felt
-    bool everywhere = false;       ///< over all of them
+    std::optional<link_id> link; ///< over which it is felt
+    bool everywhere = false;     ///< over all of them
 };
 
 /// How everything was at one instant; what a clock does not have stays 0.
 struct sample {
     ise::duration at{};
-    std::size_t waiting = 0;       ///< virtual clock: in the scheduler: timers, waits, what is under way
-    std::size_t sessions = 0;      ///< virtual clock: of all components
-    std::size_t gprs_waiting = 0, xbee_queued = 0, xbee_waiting = 0; ///< at the boat; waiting: for a receipt
+    std::size_t waiting = 0;  ///< virtual clock: in the scheduler: timers, waits, what is under way
+    std::size_t sessions = 0; ///< virtual clock: of all components
+    std::size_t gprs_waiting = 0, xbee_queued = 0, xbee_waiting = 0;  ///< at the boat; waiting: for a receipt
     std::array<std::uint64_t, 2> packets{}, unseen{}, held{}, open{}; ///< of the nodes
-    bool whole = true;             ///< nothing is down
-    std::size_t processes = 0, resident_kib = 0, descriptors = 0; ///< real clock: of all processes together
-    /// Stopped components use no memory, and packets that wait for the radio use some temporarily: neither shows growth.
+    bool whole = true;                                                ///< nothing is down
+    std::size_t processes = 0, resident_kib = 0, descriptors = 0;     ///< real clock: of all processes together
+    /// Stopped components use no memory, and packets that wait for the radio use some temporarily: neither shows
+    /// growth.
     bool settled() const noexcept { return whole && xbee_waiting < 256; }
 };
 
@@ -39,7 +40,7 @@ struct shown_page {
 /// What an operator's console knew at the end.
 struct console_view {
     std::string name;
-    bool fix = false;              ///< knows where the boat is
+    bool fix = false; ///< knows where the boat is
     std::size_t links = 0, track = 0, commands = 0, present = 0;
 };
 
@@ -48,18 +49,18 @@ struct account {
     std::uint64_t seed = 0;
     voyage_plan plan;
     bool virtual_clock = true;
-    std::string wind;              ///< in words
-    double xbee_range_m = 0;       ///< from the short-range node; beyond, nothing is heard; 0: no such limit
+    std::string wind;        ///< in words
+    double xbee_range_m = 0; ///< from the short-range node; beyond, nothing is heard; 0: no such limit
     ise::wall_time began{};
     std::vector<episode> episodes;
     std::vector<sample> samples;
     std::array<operator_record, operators> people;
     std::vector<console_view> consoles;
     std::map<std::string, std::uint64_t> complaints; ///< warnings and errors, with how often they came
-    ise::duration calm{};          ///< after the end, until nothing was owed any more
-    std::size_t set_back = 0;      ///< times that a backup was put in the place of a node's disk
+    ise::duration calm{};                            ///< after the end, until nothing was owed any more
+    std::size_t set_back = 0;                        ///< times that a backup was put in the place of a node's disk
     shown_page page;
-    std::uint64_t recorded = 0;    ///< telecommands in the primary node's record
+    std::uint64_t recorded = 0; ///< telecommands in the primary node's record
     double sailed_m = 0;
     std::vector<telemetry_packet> packets; ///< of the primary node's disk, in the order of the boat's measurements
 };

@@ -75,7 +75,7 @@ void voyage::start_sea() {
               iridium_gateway_options options;
               options.model.imeis = {iridium_modem_options().imei};
               options.model.seed = options_.seed;
-              options.model.longest_repeat = 2min;
+              options.model.max_repeat = 2min;
               options.duplicates = 0.05;
               options.delivery_delay_s = 20;
               options.post_to = "http://links:7480/rockblock/mo";
@@ -85,8 +85,8 @@ void voyage::start_sea() {
     start(
         "atirma/iridium/modem", "sky", [this, time](ise::node& node, ise::component_options where) -> ise::component& {
             iridium_modem_options options;
-            options.shortest_session_s = 10;
-            options.longest_session_s = 40;
+            options.min_session_s = 10;
+            options.max_session_s = 40;
             options.failures = 0.1;
             options.seed = options_.seed;
             auto& env = static_cast<ise::sim::process&>(node.env());
@@ -183,11 +183,12 @@ void voyage::start_operator(std::size_t which) {
               console::gui_client_options options;
               options.name_server = ise::endpoint::parse("tcp://names:7400").value();
               options.tick = 1s;
-              options.longest_quiet = 5s;
+              options.max_quiet = 5s;
               consoles_[which] = options.port;
               node.start<console::gui_client>("atirma/console/" + name, where, options);
-              return node.start<operator_seat>("atirma/desk/" + name, std::move(where), told_.people[which], book_,
-                                               [this] { return world_.elapsed(); }, options.port);
+              return node.start<operator_seat>(
+                  "atirma/desk/" + name, std::move(where), told_.people[which], book_,
+                  [this] { return world_.elapsed(); }, options.port);
           });
 }
 

@@ -14,13 +14,13 @@ struct findings {
     /// A silence of one link, or of all of them together, with what may have caused it.
     struct gap {
         ise::duration from{}, until{};
-        std::string cause;          ///< empty: none is known
+        std::string cause; ///< empty: none is known
     };
     struct fix {
         utc_time at{};
         double latitude_deg = 0, longitude_deg = 0;
         link_id link = link_id::xbee;
-        bool history = false;       ///< told later than it happened
+        bool history = false; ///< told later than it happened
     };
     struct span {
         ise::duration from{}, until{};
@@ -30,10 +30,10 @@ struct findings {
 
     std::array<std::map<std::string, std::uint64_t>, link_count> by_type; ///< of each link: "location" → 12
     std::array<std::uint64_t, link_count> history{};
-    std::vector<fix> track;                                     ///< in the order of time
+    std::vector<fix> track; ///< in the order of time
     std::array<std::vector<gap>, link_count> gaps;
-    std::vector<gap> track_gaps;                                ///< nothing of any link tells where the boat was
-    std::array<std::vector<span>, link_count> heard;            ///< when something arrived over it, again and again
+    std::vector<gap> track_gaps;                     ///< nothing of any link tells where the boat was
+    std::array<std::vector<span>, link_count> heard; ///< when something arrived over it, again and again
 
     /// What may have cost packets of that link that are lost: each cause with how many.
     static std::map<std::string, std::uint64_t> causes_of(const account& of, const std::vector<ledger::entry>& lost,

@@ -57,9 +57,9 @@ public:
     struct verdict {
         std::array<per_link, link_count> links;
         std::vector<missing_packet> missing; ///< although the shore had taken it over
-        std::vector<entry> lost;       ///< sent, on no disk, and no longer at the boat; `missing` included
-        std::uint64_t only_on_one = 0; ///< on one disk and not on the other
-        std::uint64_t unheard = 0;     ///< on a disk, and never seen on a wire: who read along missed it
+        std::vector<entry> lost;             ///< sent, on no disk, and no longer at the boat; `missing` included
+        std::uint64_t only_on_one = 0;       ///< on one disk and not on the other
+        std::uint64_t unheard = 0;           ///< on a disk, and never seen on a wire: who read along missed it
         std::map<std::string, audience> subscribers;
         bool holds = false;
     };

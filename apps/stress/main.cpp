@@ -66,20 +66,27 @@ public:
             kib_.emplace_back(when.at, kib);
             descriptors_.emplace_back(when.at, descriptors);
         }
-        most_tracks_kib_ = std::max(most_tracks_kib_, tracks / 1024);
-        rows_ += fmt::format("| {} | {:.2f} | {} | {} | {} | {} | {} |\n", stress::clock_text(when.at), spent_s, blocks, kib,
-                             tracks / 1024, resident_kib(), descriptors);
+        max_tracks_kib_ = std::max(max_tracks_kib_, tracks / 1024);
+        rows_ += fmt::format("| {} | {:.2f} | {} | {} | {} | {} | {} |\n", stress::clock_text(when.at), spent_s, blocks,
+                             kib, tracks / 1024, resident_kib(), descriptors);
     }
     std::string text(double sailing_s) const {
         return fmt::format(
-            "# What this run cost here\nNot part of the report: it differs from machine to machine. The heap is without the "
-            "ledger and the text of events.log, which forget nothing; what is resident is with them, and with the virtual disks.\n\n- heap blocks: "
-            "{}\n- heap KiB, without the consoles' tracks: {}\n- consoles' tracks: {} KiB at most, of {} KiB that two full "
-            "ones may take: they grow until they are full\n- descriptors: {}\n\n{} Samples count as in the report. Two things fill up to a bound, again whenever their component starts: 17 telemetry filters, 128 KiB each, in about nine hours; and the telecommands that are remembered, 512 in each book and 300 at each console.\n\n| virtual | processor s | heap blocks | heap "
-            "KiB | tracks KiB | resident KiB | descriptors |\n|---|---:|---:|---:|---:|---:|---:|\n{}\nThe sailing took {:.1f} s "
+            "# What this run cost here\nNot part of the report: it differs from machine to machine. The heap is "
+            "without the "
+            "ledger and the text of events.log, which forget nothing; what is resident is with them, and with the "
+            "virtual disks.\n\n- heap blocks: "
+            "{}\n- heap KiB, without the consoles' tracks: {}\n- consoles' tracks: {} KiB at most, of {} KiB that two "
+            "full "
+            "ones may take: they grow until they are full\n- descriptors: {}\n\n{} Samples count as in the report. Two "
+            "things fill up to a bound, again whenever their component starts: 17 telemetry filters, 128 KiB each, in "
+            "about nine hours; and the telecommands that are remembered, 512 in each book and 300 at each "
+            "console.\n\n| virtual | processor s | heap blocks | heap "
+            "KiB | tracks KiB | resident KiB | descriptors |\n|---|---:|---:|---:|---:|---:|---:|\n{}\nThe sailing "
+            "took {:.1f} s "
             "of one processor, {} allocations.\n",
-            change(blocks_), change(kib_), most_tracks_kib_, full_tracks_kib(),
-            change(descriptors_), stress::meaning_of_flat(), rows_, sailing_s, stress::heap_now().allocations);
+            change(blocks_), change(kib_), max_tracks_kib_, full_tracks_kib(), change(descriptors_),
+            stress::meaning_of_flat(), rows_, sailing_s, stress::heap_now().allocations);
     }
 
 private:
@@ -90,7 +97,7 @@ private:
         return stress::operators * 3 * atirma::console::state_options().max_track *
                sizeof(atirma::console::track_point) / 1024;
     }
-    std::size_t most_tracks_kib_ = 0;
+    std::size_t max_tracks_kib_ = 0;
     series blocks_, kib_, descriptors_;
     std::string rows_;
 };

@@ -15,18 +15,18 @@ namespace atirma::stress {
 /// A telecommand as its operator saw it.
 struct given_command {
     telecommand_request request;
-    ise::duration asked{}, decided{-1};  ///< since the beginning
+    ise::duration asked{}, decided{-1}; ///< since the beginning
     telecommand_stage state = telecommand_stage::pending;
     std::optional<ack_code> result;
     std::string text;
-    std::uint32_t asks = 0;              ///< how often the role was asked, with the same id
+    std::uint32_t asks = 0; ///< how often the role was asked, with the same id
 };
 
 /// What an operator knows, and takes along when leaving.
 struct operator_record {
     std::string name;
     std::size_t index = 0;
-    std::vector<order> orders;           ///< in the order of time
+    std::vector<order> orders; ///< in the order of time
     std::size_t next_order = 0;
     std::vector<given_command> commands;
     track_cursor seen;

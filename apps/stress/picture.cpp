@@ -79,13 +79,14 @@ void draw_times(drawing& to, const account& of, const findings& found) {
         made.push_back({since, length});
         return made;
     };
-    const std::array<row, 7> rows{{{"XBee", styles[over_xbee].colour, found.heard[0]},
-                                   {"GPRS", styles[over_gprs].colour, found.heard[1]},
-                                   {"Iridium", styles[over_iridium].colour, found.heard[2]},
-                                   {"node 1", "#6b7683", without(trouble::primary_killed, trouble::primary_set_back)},
-                                   {"node 2", "#6b7683", without(trouble::secondary_killed, trouble::secondary_set_back)},
-                                   {"name server", "#6b7683", without(trouble::names_restarted, trouble::names_restarted)},
-                                   {"operator ana", "#6b7683", without(trouble::operator_away, trouble::operator_away)}}};
+    const std::array<row, 7> rows{
+        {{"XBee", styles[over_xbee].colour, found.heard[0]},
+         {"GPRS", styles[over_gprs].colour, found.heard[1]},
+         {"Iridium", styles[over_iridium].colour, found.heard[2]},
+         {"node 1", "#6b7683", without(trouble::primary_killed, trouble::primary_set_back)},
+         {"node 2", "#6b7683", without(trouble::secondary_killed, trouble::secondary_set_back)},
+         {"name server", "#6b7683", without(trouble::names_restarted, trouble::names_restarted)},
+         {"operator ana", "#6b7683", without(trouble::operator_away, trouble::operator_away)}}};
     const double pitch = times.height / static_cast<double>(rows.size());
     auto minutes = std::chrono::duration_cast<std::chrono::minutes>(length).count();
     auto step = minutes > 180  ? std::chrono::minutes(60)

@@ -172,8 +172,7 @@ voyage_plan make_short_plan(std::uint64_t seed, ise::duration length) {
     std::vector<trouble> victims{primary_killed, names_restarted, secondary_killed,
                                  page_crashed,   boat_killed,     gprs_proxy_crashed};
     shuffle(dice, victims);
-    for (std::size_t i = 0; i < victims.size(); ++i)
-        add(victims[i], 0.14 + 0.13 * static_cast<double>(i), 0.06);
+    for (std::size_t i = 0; i < victims.size(); ++i) add(victims[i], 0.14 + 0.13 * static_cast<double>(i), 0.06);
     finish_plan(made, dice);
     return made;
 }

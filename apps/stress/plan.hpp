@@ -25,15 +25,15 @@ enum class trouble : std::uint8_t {
     nodes_parted,      ///< the two communication nodes do not see each other
     primary_killed,
     secondary_killed,
-    primary_set_back,  ///< killed, and its disk is a backup of minutes before when it starts again
+    primary_set_back, ///< killed, and its disk is a backup of minutes before when it starts again
     secondary_set_back,
     names_restarted,
     xbee_proxy_crashed,
     gprs_proxy_crashed,
     iridium_proxy_crashed,
     page_crashed,
-    boat_killed,       ///< its computer loses its power; it calls by datagrams in every other life
-    operator_away,     ///< the first operator leaves, and comes back
+    boat_killed,   ///< its computer loses its power; it calls by datagrams in every other life
+    operator_away, ///< the first operator leaves, and comes back
 };
 /// "the carrier is down".
 std::string_view describe(trouble what) noexcept;
@@ -50,17 +50,17 @@ struct fault {
 /// What an operator does: one telecommand after the other, each when the one before is decided.
 struct order {
     ise::duration at{};
-    std::size_t by = 0;            ///< which operator
+    std::size_t by = 0; ///< which operator
     std::vector<boat_command> steps;
     std::optional<link_id> via;
     float valid_s = 600;
-    bool by_console = false;       ///< given at his console, like by hand; else by a call of the role
+    bool by_console = false; ///< given at his console, like by hand; else by a call of the role
 };
 
 struct voyage_plan {
     ise::duration length{};
-    std::vector<fault> faults;     ///< in the order of time
-    std::vector<order> orders;     ///< in the order of time
+    std::vector<fault> faults; ///< in the order of time
+    std::vector<order> orders; ///< in the order of time
     double wind_speed_mps = 6, wind_from_deg = 45;
     double iridium_period_s = 600;
 };

@@ -38,19 +38,22 @@ void say_links(text& out, const account& of, const ledger::verdict& proof) {
             lost += count;
             causes += fmt::format("{}{} {}", causes.empty() ? "" : "; ", count, cause);
         }
-        out.line("| {} | {} | {} | {} | {} | {} | {} |", link_names[i], one.sent, one.heard, one.kept, one.waiting, lost,
-                 causes);
+        out.line("| {} | {} | {} | {} | {} | {} | {} |", link_names[i], one.sent, one.heard, one.kept, one.waiting,
+                 lost, causes);
     }
-    out.line("\nSent: given to the link's modem at least once. Came ashore: read by the XBee proxy, receipted over GPRS, "
-             "accepted by Iridium's gateway. Kept: on the disk of a communication node.");
+    out.line(
+        "\nSent: given to the link's modem at least once. Came ashore: read by the XBee proxy, receipted over GPRS, "
+        "accepted by Iridium's gateway. Kept: on the disk of a communication node.");
 }
 
 void say_proof(text& out, const account& of, const ledger::verdict& proof) {
     out.line("\n## The proof");
-    out.line("Read off the boat's own wires, not told by the components: XBee and GPRS by the shore's receipts, Iridium "
-             "by the sessions that the gateway accepted.");
-    out.line("*Owed* is what the shore had acknowledged by the end; all of it must be on the disks of both communication "
-             "nodes.\n");
+    out.line(
+        "Read off the boat's own wires, not told by the components: XBee and GPRS by the shore's receipts, Iridium "
+        "by the sessions that the gateway accepted.");
+    out.line(
+        "*Owed* is what the shore had acknowledged by the end; all of it must be on the disks of both communication "
+        "nodes.\n");
     out.line("| link | sent by the boat | acknowledged by the modem or the shore | owed | missing |");
     out.line("|---|---:|---:|---:|---:|");
     for (std::size_t i = 0; i < link_count; ++i) {
@@ -98,8 +101,9 @@ void say_packets(text& out, const findings& found) {
     }
     out.line("| **all** | {} | {} | {} |", sum[0], sum[1], sum[2]);
     out.line("| of these history | {} | {} | {} |", found.history[0], found.history[1], found.history[2]);
-    out.line("\nHistory is what was older than the newest packet of its type when it came: nearly all of Iridium's, while "
-             "another link lives.");
+    out.line(
+        "\nHistory is what was older than the newest packet of its type when it came: nearly all of Iridium's, while "
+        "another link lives.");
 }
 
 void say_gaps(text& out, const account& of, const findings& found) {
@@ -159,9 +163,10 @@ void say_commands(text& out, const account& of) {
                  way < 0 ? "the best link" : link_names[static_cast<std::size_t>(way)], given, times.size(), done,
                  part(times, 50), part(times, 90), part(times, 100), otherwise);
     }
-    out.line("\nWhat was given at a console is seen there once a second, and so decided after whole seconds. The nodes' "
-             "record holds {} telecommands: these, and theirs that tell the boat of a new authority.",
-             of.recorded);
+    out.line(
+        "\nWhat was given at a console is seen there once a second, and so decided after whole seconds. The nodes' "
+        "record holds {} telecommands: these, and theirs that tell the boat of a new authority.",
+        of.recorded);
     out.line("\n| asked | by | id | what | over | until | outcome | words |");
     out.line("|---|---|---:|---|---|---:|---|---|");
     std::vector<std::pair<const given_command*, std::string>> all;
@@ -190,7 +195,8 @@ void say_troubles(text& out, const account& of) {
                  one.what);
     if (of.virtual_clock)
         out.line("\nA node's disk was that of a backup {} times when it came back; where the other node did not have "
-                 "everything of it yet, it kept its disk.", of.set_back);
+                 "everything of it yet, it kept its disk.",
+                 of.set_back);
 }
 
 std::string change(const std::vector<sample>& all, std::size_t sample::*what) {
@@ -214,21 +220,25 @@ void say_processes(text& out, const account& of) {
 void say_samples(text& out, const account& of) {
     out.line("\n## Over time");
     if (!of.virtual_clock) return say_processes(out, of);
-    out.line("Waiting: coroutines and timers in the world that wait for a time or have something under way, without the "
-             "script's own. Sessions: of all components.");
-    out.line("Unacknowledged, queued, no receipt: at the boat. The nodes: packets on disk; what is not shown yet; telecommands "
+    out.line(
+        "Waiting: coroutines and timers in the world that wait for a time or have something under way, without the "
+        "script's own. Sessions: of all components.");
+    out.line("Unacknowledged, queued, no receipt: at the boat. The nodes: packets on disk; what is not shown yet; "
+             "telecommands "
              "that are open.\n");
     const auto& all = of.samples;
     out.line("- waiting: {}", change(all, &sample::waiting));
     out.line("- sessions: {}", change(all, &sample::sessions));
-    out.line("\n{} Samples while something was down, or while 256 packets or more had no receipt, do not count.", meaning_of_flat());
-    out.line("\n| at | waiting | sessions | GPRS unacknowledged | XBee queued | no receipt | node 1: packets | not shown | open | "
+    out.line("\n{} Samples while something was down, or while 256 packets or more had no receipt, do not count.",
+             meaning_of_flat());
+    out.line("\n| at | waiting | sessions | GPRS unacknowledged | XBee queued | no receipt | node 1: packets | not "
+             "shown | open | "
              "node 2: packets | not shown | open |");
     out.line("|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|");
     for (const auto& s : all)
         out.line("| {}{} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |", clock_text(s.at),
-                 s.whole ? "" : " (something is down)", s.waiting, s.sessions, s.gprs_waiting, s.xbee_queued, s.xbee_waiting,
-                 s.packets[0], s.unseen[0], s.open[0], s.packets[1], s.unseen[1], s.open[1]);
+                 s.whole ? "" : " (something is down)", s.waiting, s.sessions, s.gprs_waiting, s.xbee_queued,
+                 s.xbee_waiting, s.packets[0], s.unseen[0], s.open[0], s.packets[1], s.unseen[1], s.open[1]);
 }
 
 void say_complaints(text& out, const account& of) {
@@ -269,17 +279,18 @@ std::string say(const trend& found) {
 }
 
 std::string meaning_of_flat() {
-    return fmt::format("Per hour: the slope of the line by least squares through the second half. Flat: within that half the line rises by at most "
+    return fmt::format("Per hour: the slope of the line by least squares through the second half. Flat: within that "
+                       "half the line rises by at most "
                        "{:.0f} % of the average.",
-                       trend::most_rise * 100);
+                       trend::max_rise * 100);
 }
 
 bool holds(const account& of, const ledger::verdict& proof) {
     // A page on the real clock counts from its last start on; on the virtual one it has no archive and asks for all.
     bool page_whole = of.virtual_clock ? of.page.received == of.packets.size() : of.page.received > 0;
     // In a minute or two Iridium may honestly have brought nothing.
-    bool all_links = of.plan.length < 10min ||
-                     std::ranges::all_of(proof.links, [](const auto& one) { return one.owed > 0; });
+    bool all_links =
+        of.plan.length < 10min || std::ranges::all_of(proof.links, [](const auto& one) { return one.owed > 0; });
     return proof.holds && all_links && page_whole && of.page.duplicates == 0 && of.page.malformed == 0 &&
            std::ranges::all_of(of.consoles, &console_view::fix);
 }

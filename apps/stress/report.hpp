@@ -16,10 +16,10 @@ bool holds(const account& of, const ledger::verdict& proof);
 
 /// How something that was counted over time changes: the line by least squares through the second half of the time.
 struct trend {
-    static constexpr double most_rise = 0.05; ///< of the mean, within that half; above, it is not flat
+    static constexpr double max_rise = 0.05; ///< of the mean, within that half; above, it is not flat
     double mean = 0, per_hour = 0;
     double rise = 0; ///< from the beginning of that half to its end, as a part of the mean
-    bool flat() const noexcept { return rise <= most_rise; }
+    bool flat() const noexcept { return rise <= max_rise; }
 };
 trend trend_of(const std::vector<std::pair<ise::duration, std::size_t>>& all);
 /// The same in words. What flat means is said by `meaning_of_flat`.

@@ -135,7 +135,7 @@ public:
             }
             auto letter = std::to_integer<char>(byte);
             if (letter != '\r') {
-                if (command_.size() < longest_line) command_ += letter;
+                if (command_.size() < max_line) command_ += letter;
                 continue;
             }
             command(std::exchange(command_, {}));
@@ -145,7 +145,7 @@ public:
         for (auto byte : bytes) {
             auto letter = std::to_integer<char>(byte);
             if (letter != '\r' && letter != '\n') {
-                if (answer_.size() < longest_line) answer_ += letter;
+                if (answer_.size() < max_line) answer_ += letter;
                 continue;
             }
             answer(std::exchange(answer_, {}));
@@ -153,7 +153,7 @@ public:
     }
 
 private:
-    static constexpr std::size_t longest_line = 512;
+    static constexpr std::size_t max_line = 512;
 
     void command(const std::string& line) {
         constexpr std::string_view write = "AT+SBDWB=";

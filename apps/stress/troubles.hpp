@@ -6,8 +6,8 @@ namespace atirma::stress {
 
 /// How a trouble is made, and how it is over.
 struct deed {
-    std::string process;        ///< killed, and started again: by the path of its component; empty: none
-    director::job begin, end;   ///< what an emulator is told; empty: nothing
+    std::string process;      ///< killed, and started again: by the path of its component; empty: none
+    director::job begin, end; ///< what an emulator is told; empty: nothing
 };
 deed deed_of(trouble what);
 

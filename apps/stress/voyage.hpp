@@ -25,8 +25,8 @@ namespace atirma::stress {
 struct voyage_options {
     std::uint64_t seed = 1;
     ise::duration length = std::chrono::hours(10);
-    std::string wind_csv;          ///< the content of a recorded series; empty: seeded
-    double xbee_range_m = 2000;    ///< from the beach; beyond, nothing is heard
+    std::string wind_csv;       ///< the content of a recorded series; empty: seeded
+    double xbee_range_m = 2000; ///< from the beach; beyond, nothing is heard
     /// Called with each sample, for what only this machine can measure; `tracks`: bytes that the
     /// consoles' tracks take.
     std::function<void(const sample& taken, std::size_t tracks)> on_sample;
@@ -92,7 +92,7 @@ private:
     std::pmr::string log_{memory_apart()};
     std::array<std::shared_ptr<console::operator_port>, operators> consoles_;
     gprs_numbers numbers_;
-    std::vector<database> disks_; // held open: they outlive the components
+    std::vector<database> disks_;             // held open: they outlive the components
     std::map<std::size_t, database> backups_; // of the nodes
     std::string disk_prefix_;
     std::map<std::string, place> places_;

@@ -121,7 +121,8 @@ outcome asio_call(const options& asked) {
         run(io, measure(std::move(socket), asked, out));
     } else {
         tcp::socket socket(io);
-        socket.connect(tcp::endpoint(asio::ip::address_v4::loopback(), static_cast<asio::ip::port_type>(std::stoul(asked.connect))));
+        socket.connect(tcp::endpoint(asio::ip::address_v4::loopback(),
+                                     static_cast<asio::ip::port_type>(std::stoul(asked.connect))));
         run(io, measure(std::move(socket), asked, out));
     }
     return out;

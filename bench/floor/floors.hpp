@@ -11,7 +11,7 @@ outcome raw_publish(const options&);    ///< all subscribers of one process
 void serve_raw_paced(const options&);   ///< a time stamp every millisecond
 outcome raw_paced(const options&);
 void serve_asio_call(const options&);
-outcome asio_call(const options&);      ///< a coroutine a side, no dispatch, no codec
-outcome asio_post(const options&);      ///< in process: a post to one's own executor and the resumption
+outcome asio_call(const options&); ///< a coroutine a side, no dispatch, no codec
+outcome asio_post(const options&); ///< in process: a post to one's own executor and the resumption
 
 } // namespace bench

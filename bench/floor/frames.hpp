@@ -21,7 +21,7 @@ public:
     char* space() noexcept { return buffer_.data() + end_; }
     std::size_t space_bytes() const noexcept { return buffer_.size() - end_; }
 
-    explicit message_reader(std::size_t largest_bytes) : buffer_(256 * 1024 + largest_bytes) {}
+    explicit message_reader(std::size_t max_bytes) : buffer_(256 * 1024 + max_bytes) {}
 
     /// Calls `each(data, size)` for every message that is whole once `got` more bytes have come.
     template <class Each>

@@ -9,7 +9,8 @@ namespace {
 using namespace bench;
 
 void check_offered(const options& asked) {
-    if (asked.transport == "inproc") throw std::invalid_argument("between threads the floor is a local socket: --transport local");
+    if (asked.transport == "inproc")
+        throw std::invalid_argument("between threads the floor is a local socket: --transport local");
     if (asked.work == "idle" || asked.work == "names") throw std::invalid_argument("there is no floor for that");
     if (asked.transport == "udp" && (asked.work != "call" || asked.outstanding != 1 || asked.kind != "raw"))
         throw std::invalid_argument("over udp there is a floor for one outstanding call, of kind raw");
@@ -26,7 +27,8 @@ void serve(const options& asked) {
 
 outcome measure(const options& asked) {
     if (asked.transport == "oneloop") {
-        if (asked.kind != "asio" || asked.work != "call") throw std::invalid_argument("on one loop the floor is a call of kind asio: a post and its resumption");
+        if (asked.kind != "asio" || asked.work != "call")
+            throw std::invalid_argument("on one loop the floor is a call of kind asio: a post and its resumption");
         return asio_post(asked);
     }
     if (asked.kind == "asio" && asked.work == "call" && asked.outstanding == 1) return asio_call(asked);

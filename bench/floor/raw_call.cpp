@@ -50,7 +50,8 @@ outcome pipelined(const options& asked, const fd& socket) {
     while (now < end || counted_since == 0) {
         bool moved = false;
         if (sent_bytes != unsent.size()) {
-            const auto sent = ::send(socket.get(), unsent.data() + sent_bytes, unsent.size() - sent_bytes, MSG_NOSIGNAL);
+            const auto sent =
+                ::send(socket.get(), unsent.data() + sent_bytes, unsent.size() - sent_bytes, MSG_NOSIGNAL);
             if (sent > 0) {
                 sent_bytes += static_cast<std::size_t>(sent);
                 moved = true;
@@ -64,7 +65,8 @@ outcome pipelined(const options& asked, const fd& socket) {
         }
         const auto got = ::read(socket.get(), reader.space(), reader.space_bytes());
         if (got > 0) {
-            const auto whole = reader.take(static_cast<std::size_t>(got), [&](const char*, std::size_t) { append_message(unsent, request); });
+            const auto whole = reader.take(static_cast<std::size_t>(got),
+                                           [&](const char*, std::size_t) { append_message(unsent, request); });
             now = now_ns();
             if (counted_since != 0) out.count += whole;
             else if (now >= begin) counted_since = now;
@@ -92,8 +94,8 @@ void serve_raw_call(const options& asked) {
         const auto socket = accept_from(listener, asked.transport);
         if (asked.outstanding == 1) {
             std::vector<char> message(asked.size_bytes);
-            while (read_exactly(socket, message.data(), message.size()) && write_all(socket, message.data(), message.size())) {
-            }
+            while (read_exactly(socket, message.data(), message.size()) &&
+                   write_all(socket, message.data(), message.size())) {}
             continue;
         }
         // Of many outstanding, all that came whole in one read is answered in one write.
@@ -102,7 +104,8 @@ void serve_raw_call(const options& asked) {
         for (std::vector<char> replies;; replies.clear()) {
             const auto got = ::read(socket.get(), reader.space(), reader.space_bytes());
             if (got <= 0) break;
-            reader.take(static_cast<std::size_t>(got), [&](const char*, std::size_t) { append_message(replies, reply); });
+            reader.take(static_cast<std::size_t>(got),
+                        [&](const char*, std::size_t) { append_message(replies, reply); });
             if (!write_all(socket, replies.data(), replies.size())) break;
         }
     }

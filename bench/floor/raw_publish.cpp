@@ -72,7 +72,8 @@ outcome raw_publish(const options& asked) {
             if (waits[i].revents == 0) continue;
             const auto got = ::read(waits[i].fd, readers[i].space(), readers[i].space_bytes());
             if (got > 0) out.count += readers[i].take(static_cast<std::size_t>(got), [](const char*, std::size_t) {});
-            else if (got == 0 || (errno != EAGAIN && errno != EINTR)) throw std::runtime_error("the publisher closed the connection");
+            else if (got == 0 || (errno != EAGAIN && errno != EINTR))
+                throw std::runtime_error("the publisher closed the connection");
         }
         now = now_ns();
         if (counted_since == 0 && now >= begin) {
@@ -109,7 +110,8 @@ outcome raw_paced(const options& asked) {
     const auto begin = now + static_cast<std::int64_t>(asked.warmup_seconds * 1e9);
     const auto end = begin + static_cast<std::int64_t>(asked.seconds * 1e9);
     while (now < end) {
-        if (!read_exactly(socket, message.data(), message.size())) throw std::runtime_error("the publisher closed the connection");
+        if (!read_exactly(socket, message.data(), message.size()))
+            throw std::runtime_error("the publisher closed the connection");
         now = now_ns();
         std::int64_t stamp = 0;
         std::memcpy(&stamp, message.data(), sizeof stamp);

@@ -96,9 +96,12 @@ void echo_datagrams(const fd& socket) {
     for (;;) {
         sockaddr_in from{};
         socklen_t size = sizeof from;
-        const auto got = ::recvfrom(socket.get(), content.data(), content.size(), 0, reinterpret_cast<sockaddr*>(&from), &size);
+        const auto got =
+            ::recvfrom(socket.get(), content.data(), content.size(), 0, reinterpret_cast<sockaddr*>(&from), &size);
         if (got < 0 && errno != EINTR && !peer_gone()) fail("recvfrom");
-        if (got >= 0) ::sendto(socket.get(), content.data(), static_cast<std::size_t>(got), MSG_NOSIGNAL, reinterpret_cast<const sockaddr*>(&from), size);
+        if (got >= 0)
+            ::sendto(socket.get(), content.data(), static_cast<std::size_t>(got), MSG_NOSIGNAL,
+                     reinterpret_cast<const sockaddr*>(&from), size);
     }
 }
 

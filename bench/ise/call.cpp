@@ -31,7 +31,8 @@ private:
 template <class Packet>
 class caller final : public ise::component {
 public:
-    caller(const options& asked, ise::endpoint server, collector& into) : asked_(asked), server_(std::move(server)), into_(into) {}
+    caller(const options& asked, ise::endpoint server, collector& into)
+        : asked_(asked), server_(std::move(server)), into_(into) {}
 
 private:
     ise::task<> run() override {
@@ -121,7 +122,9 @@ private:
         }
     }
 
-    static ise::duration to_duration(double seconds) { return std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(seconds)); }
+    static ise::duration to_duration(double seconds) {
+        return std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(seconds));
+    }
 
     options asked_;
     ise::endpoint server_;
@@ -136,7 +139,8 @@ private:
 } // namespace
 
 std::unique_ptr<ise::component> make_call_server(const options& asked) {
-    if (asked.size_bytes == telemetry_bytes) return std::make_unique<echo_server<telemetry>>(in_a_hurry(asked), asked.services);
+    if (asked.size_bytes == telemetry_bytes)
+        return std::make_unique<echo_server<telemetry>>(in_a_hurry(asked), asked.services);
     return std::make_unique<echo_server<block>>(in_a_hurry(asked), asked.services);
 }
 

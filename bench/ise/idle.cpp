@@ -37,7 +37,8 @@ struct progress {
 // Connects once and then only keeps its session: each such component has a connection of its own.
 class idler final : public ise::component {
 public:
-    idler(std::size_t number, ise::endpoint server, std::shared_ptr<progress> all) : number_(number), server_(std::move(server)), all_(std::move(all)) {}
+    idler(std::size_t number, ise::endpoint server, std::shared_ptr<progress> all)
+        : number_(number), server_(std::move(server)), all_(std::move(all)) {}
 
 private:
     ise::task<> run() override {

@@ -1,5 +1,5 @@
-// A name server with many names: how long they take to register, resolves a second, and how long it takes until a server
-// that was started again knows them all.
+// A name server with many names: how long they take to register, resolves a second, and how long it takes until a
+// server that was started again knows them all.
 #include "collector.hpp"
 #include "programs.hpp"
 
@@ -72,12 +72,13 @@ private:
         ++running_;
         ise::naming::resolve_request wanted;
         wanted.path = name_of(number % names_);
-        peer.try_call(ise::naming::resolve, std::move(wanted), generous, [this, peer, number](ise::result<ise::naming::resolve_response> found) {
-            --running_;
-            if (!found) failed_ = found.error();
-            else ++resolved_;
-            if (found && !done_) resolve_again(peer, number + 7919);
-        });
+        peer.try_call(ise::naming::resolve, std::move(wanted), generous,
+                      [this, peer, number](ise::result<ise::naming::resolve_response> found) {
+                          --running_;
+                          if (!found) failed_ = found.error();
+                          else ++resolved_;
+                          if (found && !done_) resolve_again(peer, number + 7919);
+                      });
     }
 
     ise::endpoint server_;
@@ -93,7 +94,10 @@ struct server {
         ise::component_options how;
         how.listen = {at};
         how.registers = false;
-        where = node.start<ise::name_server>(std::string(ise::naming::server_path), std::move(how)).services().listening().front();
+        where = node.start<ise::name_server>(std::string(ise::naming::server_path), std::move(how))
+                    .services()
+                    .listening()
+                    .front();
     }
     ~server() {
         node.stop();
@@ -130,9 +134,11 @@ void measure_names(const options& asked) {
     const auto gone = now_ns();
     const server second(env, where);
     const auto whole_again = asking_one.wait(asking_one.until_whole(gone));
-    std::printf("{\"work\":\"names\",\"components\":%zu,\"services\":%zu,\"registered_s\":%.2f,\"resolves_per_s\":%.0f,\"whole_again_s\":%.2f,"
+    std::printf("{\"work\":\"names\",\"components\":%zu,\"services\":%zu,\"registered_s\":%.2f,\"resolves_per_s\":%.0f,"
+                "\"whole_again_s\":%.2f,"
                 "\"lease_s\":%lld}\n",
-                asked.outstanding, asked.outstanding * services_each, registered, rate, whole_again, static_cast<long long>(lease.count()));
+                asked.outstanding, asked.outstanding * services_each, registered, rate, whole_again,
+                static_cast<long long>(lease.count()));
     std::fflush(stdout);
     crowd.stop();
     others.stop();

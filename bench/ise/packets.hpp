@@ -47,7 +47,8 @@ inline constexpr ise::request_response<Packet, Packet> echo{"echo"};
 inline std::string_view echo_name(std::size_t place) {
     static std::vector<std::unique_ptr<const std::string>> made;
     if (place == 0) return "echo";
-    while (made.size() < place) made.push_back(std::make_unique<const std::string>("echo-" + std::to_string(made.size() + 1)));
+    while (made.size() < place)
+        made.push_back(std::make_unique<const std::string>("echo-" + std::to_string(made.size() + 1)));
     return *made[place - 1];
 }
 template <class Packet>

@@ -11,7 +11,8 @@ namespace bench {
 
 /// Of kind `ise`, a program is written as the documentation writes it: handlers are coroutines, `co_await call`,
 /// `co_await send`, `co_await next`. Of kind `ise-fast` it uses what the interface offers to those in a hurry: plain
-/// functions as handlers, calls with a callback, `try_send`, `try_next`. Kind `ise-poll` is `ise` on nodes that poll for 50 µs.
+/// functions as handlers, calls with a callback, `try_send`, `try_next`. Kind `ise-poll` is `ise` on nodes that poll
+/// for 50 µs.
 bool in_a_hurry(const options& asked);
 
 /// The component that serves one kind of work: the other side of a measurement.
@@ -31,7 +32,9 @@ ise::node_options node_options();
 /// For components that only ask.
 ise::component_options asking(std::string together_with = {});
 /// The same, on the server's loop where that was asked for.
-inline ise::component_options beside_server(const options& asked) { return asking(asked.transport == "oneloop" ? "bench/server" : ""); }
+inline ise::component_options beside_server(const options& asked) {
+    return asking(asked.transport == "oneloop" ? "bench/server" : "");
+}
 
 /// When a measurement begins and ends.
 struct span {
@@ -41,7 +44,8 @@ struct span {
 
 inline constexpr ise::duration generous = std::chrono::seconds(10); ///< the deadline of every call
 
-/// Work `names`, all in one process: `--outstanding` components with ten services each. Prints a line of JSON of its own.
+/// Work `names`, all in one process: `--outstanding` components with ten services each. Prints a line of JSON of its
+/// own.
 void measure_names(const options& asked);
 
 } // namespace bench

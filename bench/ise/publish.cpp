@@ -51,7 +51,8 @@ private:
     ise::task<> run() override {
         try {
             auto peer = at(server_);
-            auto packets = co_await peer.subscribe(feed<Packet>, ise::subscribe_options::lossless(depth_for(asked_.size_bytes)));
+            auto packets =
+                co_await peer.subscribe(feed<Packet>, ise::subscribe_options::lossless(depth_for(asked_.size_bytes)));
             ++all_->subscribed;
             const bool hurry = in_a_hurry(asked_);
             for (;;) {
@@ -74,7 +75,8 @@ private:
 
 class stopwatch final : public ise::component {
 public:
-    stopwatch(const options& asked, std::shared_ptr<tally> all, collector& into) : asked_(asked), all_(std::move(all)), into_(into) {}
+    stopwatch(const options& asked, std::shared_ptr<tally> all, collector& into)
+        : asked_(asked), all_(std::move(all)), into_(into) {}
 
 private:
     ise::task<> run() override {
@@ -117,7 +119,8 @@ private:
 template <class Packet>
 class pace_listener final : public ise::component {
 public:
-    pace_listener(const options& asked, ise::endpoint server, collector& into) : asked_(asked), server_(std::move(server)), into_(into) {}
+    pace_listener(const options& asked, ise::endpoint server, collector& into)
+        : asked_(asked), server_(std::move(server)), into_(into) {}
 
 private:
     ise::task<> run() override {
@@ -151,7 +154,8 @@ void start_typed_subscribers(ise::node& node, const options& asked, const ise::e
     auto all = std::make_shared<tally>();
     node.start<stopwatch>("bench/stopwatch", beside_server(asked), asked, all, into);
     for (std::size_t i = 0; i != asked.subscribers; ++i)
-        node.start<subscriber<Packet>>("bench/subscriber-" + std::to_string(i), asking("bench/stopwatch"), asked, server, all, into);
+        node.start<subscriber<Packet>>("bench/subscriber-" + std::to_string(i), asking("bench/stopwatch"), asked,
+                                       server, all, into);
 }
 
 } // namespace

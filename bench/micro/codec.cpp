@@ -1,5 +1,5 @@
-// What encoding and decoding cost on one thread, beside what the same bytes cost by hand: a packet of six fields (26 bytes)
-// against storing each field at its place, ten thousand floats against memcpy.
+// What encoding and decoding cost on one thread, beside what the same bytes cost by hand: a packet of six fields (26
+// bytes) against storing each field at its place, ten thousand floats against memcpy.
 #include "support/report.hpp"
 
 #include <ise/packet/codec.hpp>
@@ -63,8 +63,9 @@ void compare(const char* name, std::size_t in_a_batch, Packet packet, ByHandOut 
         in_by_hand(read, raw.data());
         touch(&read);
     });
-    std::printf("{\"packet\":\"%s\",\"bytes\":%zu,\"encode_ns\":%.2f,\"encode_floor_ns\":%.2f,\"decode_ns\":%.2f,\"decode_floor_ns\":%.2f}\n", name,
-                bytes.size(), encode, encode_floor, decode, decode_floor);
+    std::printf("{\"packet\":\"%s\",\"bytes\":%zu,\"encode_ns\":%.2f,\"encode_floor_ns\":%.2f,\"decode_ns\":%.2f,"
+                "\"decode_floor_ns\":%.2f}\n",
+                name, bytes.size(), encode, encode_floor, decode, decode_floor);
 }
 
 // Field by field, as reflection without an archive would.
@@ -95,6 +96,11 @@ int main() {
     scan ranges;
     ranges.ranges_m.assign(10'000, 1.5F);
     compare(
-        "10,000 floats", 500, ranges, [](const scan& packet, std::byte* to) { std::memcpy(to, packet.ranges_m.data(), packet.ranges_m.size() * sizeof(float)); },
-        [](scan& packet, const std::byte* from) { std::memcpy(packet.ranges_m.data(), from, packet.ranges_m.size() * sizeof(float)); });
+        "10,000 floats", 500, ranges,
+        [](const scan& packet, std::byte* to) {
+            std::memcpy(to, packet.ranges_m.data(), packet.ranges_m.size() * sizeof(float));
+        },
+        [](scan& packet, const std::byte* from) {
+            std::memcpy(packet.ranges_m.data(), from, packet.ranges_m.size() * sizeof(float));
+        });
 }

@@ -12,7 +12,8 @@
 /// they can do.
 namespace bench {
 
-/// Parses the command line, serves or measures, and gives the exit code. What throws std::invalid_argument is not offered.
+/// Parses the command line, serves or measures, and gives the exit code. What throws std::invalid_argument is not
+/// offered.
 int peer_main(int argc, char** argv, const char* name, const std::function<void(const options&)>& serve,
               const std::function<outcome(const options&)>& measure);
 
@@ -70,7 +71,8 @@ outcome rate_by(const options& asked, Step step) {
 class pace {
 public:
     explicit pace(const options& asked)
-        : begin_(now_ns() + static_cast<std::int64_t>(asked.warmup_seconds * 1e9)), end_(begin_ + static_cast<std::int64_t>(asked.seconds * 1e9)) {}
+        : begin_(now_ns() + static_cast<std::int64_t>(asked.warmup_seconds * 1e9)),
+          end_(begin_ + static_cast<std::int64_t>(asked.seconds * 1e9)) {}
     void take(const void* packet) {
         std::int64_t stamp = 0;
         __builtin_memcpy(&stamp, packet, sizeof stamp);

@@ -25,7 +25,8 @@ public:
     /// The middle of the bucket that holds the given share (0..1) of the samples; 0 without samples.
     double quantile_ns(double share) const noexcept {
         if (samples_ == 0) return 0;
-        const auto wanted = std::max<std::uint64_t>(1, static_cast<std::uint64_t>(share * static_cast<double>(samples_) + 0.5));
+        const auto wanted =
+            std::max<std::uint64_t>(1, static_cast<std::uint64_t>(share * static_cast<double>(samples_) + 0.5));
         std::uint64_t seen = 0;
         for (std::size_t i = 0; i != counts_.size(); ++i) {
             seen += counts_[i];

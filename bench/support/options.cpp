@@ -11,7 +11,8 @@ std::size_t to_count(std::string_view name, std::string_view text, std::size_t m
     std::size_t value = 0;
     const auto [end, wrong] = std::from_chars(text.data(), text.data() + text.size(), value);
     if (wrong != std::errc{} || end != text.data() + text.size() || value == 0 || value > most) {
-        throw std::invalid_argument(std::string(name) + " takes a number from 1 to " + std::to_string(most) + ", not " + std::string(text));
+        throw std::invalid_argument(std::string(name) + " takes a number from 1 to " + std::to_string(most) + ", not " +
+                                    std::string(text));
     }
     return value;
 }
@@ -62,7 +63,8 @@ options parse_options(int argc, char** argv) {
     check_one_of("transport", out.transport, {"tcp", "local", "udp", "inproc", "oneloop"});
     if (out.serve && in_process(out)) throw std::invalid_argument("in process there is nothing to serve");
     if (out.serve && out.work == "names") throw std::invalid_argument("names: one process does it all");
-    if (!out.serve && !in_process(out) && out.work != "names" && out.connect.empty()) throw std::invalid_argument("--connect is missing");
+    if (!out.serve && !in_process(out) && out.work != "names" && out.connect.empty())
+        throw std::invalid_argument("--connect is missing");
     if (out.size_bytes < 8) throw std::invalid_argument("--size: at least 8 bytes, for a time stamp");
     return out;
 }

@@ -8,10 +8,10 @@ namespace bench {
 
 /// What one run measured.
 struct outcome {
-    std::uint64_t count = 0;  ///< calls answered, or messages received by all subscribers together
-    double seconds = 0;       ///< the time in which they were
-    histogram latency;        ///< of each call or message where it is known, else empty
-    double bytes_each = 0;    ///< idle: what one connection costs the serving process
+    std::uint64_t count = 0; ///< calls answered, or messages received by all subscribers together
+    double seconds = 0;      ///< the time in which they were
+    histogram latency;       ///< of each call or message where it is known, else empty
+    double bytes_each = 0;   ///< idle: what one connection costs the serving process
     double resident_bytes_each = 0;
 };
 

@@ -11,18 +11,18 @@ template std::span<const enum_name<command_kind>> names_of() noexcept;
 
 namespace {
 
-constexpr command_traits unknown_traits{.kind = command_kind{}, .help = {}}; // the boat does not obey it without authority
+constexpr command_traits unknown_traits{.kind = command_kind{},
+                                        .help = {}}; // the boat does not obey it without authority
 
 template <class T>
-    requires std::is_enum_v<T>
-ise::result<void> check_argument(std::string_view name, T value, const argument_range*) {
+requires std::is_enum_v<T> ise::result<void> check_argument(std::string_view name, T value, const argument_range*) {
     if (is_known(value)) return {};
     return ise::failure(ise::errc::invalid_argument, fmt::format("no {} has number {}", name, static_cast<int>(value)));
 }
 
 template <class T>
-    requires std::is_arithmetic_v<T>
-ise::result<void> check_argument(std::string_view name, T value, const argument_range* range) {
+requires std::is_arithmetic_v<T> ise::result<void> check_argument(std::string_view name, T value,
+                                                                  const argument_range* range) {
     auto number = static_cast<double>(value);
     if (!range) {
         if (std::isfinite(number)) return {};
@@ -30,16 +30,18 @@ ise::result<void> check_argument(std::string_view name, T value, const argument_
     }
     if (number >= range->minimum && number <= range->maximum) return {}; // false where it is not a number, too
     if (range->zero_is_off && number == 0) return {};
-    return ise::failure(ise::errc::invalid_argument,
-                        fmt::format("{} is {}{:g} to {:g} {}, not {:g}", range->called, range->zero_is_off ? "0 (off) or " : "",
-                                    range->minimum, range->maximum, range->unit, number));
+    return ise::failure(ise::errc::invalid_argument, fmt::format("{} is {}{:g} to {:g} {}, not {:g}", range->called,
+                                                                 range->zero_is_off ? "0 (off) or " : "",
+                                                                 range->minimum, range->maximum, range->unit, number));
 }
 
 ise::result<void> check_argument(std::string_view name, const waypoint& at, const argument_range*) {
-    if (at.latitude_deg >= -90 && at.latitude_deg <= 90 && at.longitude_deg >= -180 && at.longitude_deg <= 180) return {};
-    return ise::failure(ise::errc::invalid_argument,
-                        fmt::format("{} is latitude -90 to 90 and longitude -180 to 180 deg; {:g}, {:g} is not a place on the globe", name,
-                                    at.latitude_deg, at.longitude_deg));
+    if (at.latitude_deg >= -90 && at.latitude_deg <= 90 && at.longitude_deg >= -180 && at.longitude_deg <= 180)
+        return {};
+    return ise::failure(
+        ise::errc::invalid_argument,
+        fmt::format("{} is latitude -90 to 90 and longitude -180 to 180 deg; {:g}, {:g} is not a place on the globe",
+                    name, at.latitude_deg, at.longitude_deg));
 }
 
 } // namespace

@@ -32,14 +32,14 @@ constexpr void for_each_telecommand(F&& f) {
 ///     command.visit([](const auto& each) { … });                      // each is one of telecommands.hpp
 ///     if (auto* set = command.get_if<commands::set_mode>()) set->mode …
 ///
-/// In messages, records and JSON it is a struct of its kind and of all arguments that any telecommand has, of which those
-/// of its kind count: `{"kind":"set_mode","mode":"hold"}`.
+/// In messages, records and JSON it is a struct of its kind and of all arguments that any telecommand has, of which
+/// those of its kind count: `{"kind":"set_mode","mode":"hold"}`.
 class boat_command {
 public:
     boat_command() = default;
     template <class C>
-        requires telecommand_struct<C> || std::same_as<C, commands::unknown>
-    boat_command(C what) : what_(what) {} // NOLINT: each of them is one
+    requires telecommand_struct<C> || std::same_as<C, commands::unknown> boat_command(C what)
+        : what_(what) {} // NOLINT: each of them is one
     /// Of that kind with its presets; `unknown` where no telecommand has that number.
     explicit boat_command(command_kind kind);
 

@@ -12,17 +12,19 @@ bool is_answer(const acknowledgement& ack, command_kind kind, std::uint32_t sent
     return ack.authority && (!traits_of(kind).needs_authority || *ack.authority == sent_under);
 }
 
-ise::result<std::uint32_t> command_book::submit(ise::time_point now, utc_time wall, const telecommand_request& request, std::uint32_t chosen) {
+ise::result<std::uint32_t> command_book::submit(ise::time_point now, utc_time wall, const telecommand_request& request,
+                                                std::uint32_t chosen) {
     auto id = request.id != 0 ? request.id : chosen;
     if (auto known = entries_.find(id); known != entries_.end()) {
         auto& e = known->second;
         if (e.command == request.command) {
-            bool here = e.status.state == telecommand_stage::queued && !e.at_link; // else its answer names the epoch that it left with
-            if (here) e.authority = std::max(e.authority, request.authority);     // taken anew meanwhile
+            bool here = e.status.state == telecommand_stage::queued &&
+                        !e.at_link; // else its answer names the epoch that it left with
+            if (here) e.authority = std::max(e.authority, request.authority); // taken anew meanwhile
             return id;
         }
-        return ise::failure(ise::errc::invalid_argument,
-                            fmt::format("telecommand {} is {} already; choose another id", id, name_of(known->second.command.kind())));
+        return ise::failure(ise::errc::invalid_argument, fmt::format("telecommand {} is {} already; choose another id",
+                                                                     id, name_of(known->second.command.kind())));
     }
     if (auto good = check_request(request); !good) return good.error();
     if (open_ >= options_.max_open)
@@ -34,9 +36,10 @@ ise::result<std::uint32_t> command_book::submit(ise::time_point now, utc_time wa
     made.status.asked_at = wall;
     made.command = request.command;
     made.authority = request.authority;
-    made.expires = ise::saturating_add(now, std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(request.valid_s)));
+    made.expires = ise::saturating_add(
+        now, std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(request.valid_s)));
     made.next_try = now;
-    made.pause = options_.shortest_pause;
+    made.pause = options_.min_pause;
     auto& kept = entries_.emplace(id, std::move(made)).first->second;
     order_.push_back(id);
     ++open_;
@@ -60,20 +63,21 @@ std::optional<command_book::due> command_book::next_due(ise::time_point now, utc
     return std::nullopt;
 }
 
-void command_book::on_outcome(ise::time_point now, utc_time wall, std::uint32_t id, bool delivered, bool certain, const std::string& reason) {
+void command_book::on_outcome(ise::time_point now, utc_time wall, std::uint32_t id, bool delivered, bool certain,
+                              const std::string& reason) {
     auto found = entries_.find(id);
     if (found == entries_.end()) return;
     auto& e = found->second;
     e.at_link = false;
     if (is_final(e.status.state)) return;
     if (delivered) {
-        e.pause = options_.shortest_pause;
+        e.pause = options_.min_pause;
         e.next_try = ise::saturating_add(now, options_.answer_time);
         change(e, wall, telecommand_stage::sent, reason.empty() ? "arrived at the boat's modem" : reason);
         return;
     }
     e.next_try = ise::saturating_add(now, e.pause);
-    e.pause = std::min(e.pause * 2, options_.longest_pause);
+    e.pause = std::min(e.pause * 2, options_.max_pause);
     // What may have arrived stays "sent": it never goes back to a state that promises more.
     bool left = !certain || e.status.state == telecommand_stage::sent;
     change(e, wall, left ? telecommand_stage::sent : telecommand_stage::queued, reason + "; is tried again");
@@ -105,7 +109,7 @@ bool command_book::recall(utc_time wall, std::uint32_t id, const std::string& wh
 void command_book::on_link_up(ise::time_point now) {
     for (auto id : order_) {
         auto& e = entries_.at(id);
-        e.pause = options_.shortest_pause;
+        e.pause = options_.min_pause;
         if (!e.at_link) e.next_try = now;
     }
 }
@@ -114,8 +118,9 @@ void command_book::on_time(ise::time_point now, utc_time wall) {
     for (auto id : std::vector(order_.begin(), order_.end())) {
         auto& e = entries_.at(id);
         if (e.expires > now) continue;
-        auto why = e.status.state == telecommand_stage::queued ? "its time was over before it could be sent"
-                                                               : "its time was over without the boat's answer: it may have been executed";
+        auto why = e.status.state == telecommand_stage::queued
+                       ? "its time was over before it could be sent"
+                       : "its time was over without the boat's answer: it may have been executed";
         change(e, wall, telecommand_stage::expired, why);
     }
 }

@@ -11,20 +11,21 @@ namespace atirma {
 
 struct book_options {
     link_id link = link_id::xbee;
-    std::size_t max_open = 64;           ///< telecommands that are not decided; above: overloaded
-    std::size_t max_remembered = 512;    ///< decided ones that a repeated id still finds
-    ise::duration answer_time = std::chrono::seconds(15);  ///< until one that was delivered is sent again
-    ise::duration shortest_pause = std::chrono::seconds(2);///< after one that was not delivered; doubles
-    ise::duration longest_pause = std::chrono::seconds(60);
+    std::size_t max_open = 64;                            ///< telecommands that are not decided; above: overloaded
+    std::size_t max_remembered = 512;                     ///< decided ones that a repeated id still finds
+    ise::duration answer_time = std::chrono::seconds(15); ///< until one that was delivered is sent again
+    ise::duration min_pause = std::chrono::seconds(2);    ///< after one that was not delivered; doubles
+    ise::duration max_pause = std::chrono::seconds(60);
 };
 
-/// Whether `ack` may be the boat's answer to a telecommand of that kind that was sent under that epoch of authority (0: none).
-/// Under an epoch it names one, as the boat answers type 42 with 43: that of the telecommand if the boat did what needs
-/// authority, any if the telecommand only asks, and any or none with no_authority.
+/// Whether `ack` may be the boat's answer to a telecommand of that kind that was sent under that epoch of authority (0:
+/// none). Under an epoch it names one, as the boat answers type 42 with 43: that of the telecommand if the boat did
+/// what needs authority, any if the telecommand only asks, and any or none with no_authority.
 bool is_answer(const acknowledgement& ack, command_kind kind, std::uint32_t sent_under) noexcept;
 
-/// The telecommands that one link has in hand, from request to acknowledgement, without I/O: it decides what is sent when,
-/// and again, and what a repeated id means. The boat executes an id once, so sending again is safe. Bounded. Not thread safe.
+/// The telecommands that one link has in hand, from request to acknowledgement, without I/O: it decides what is sent
+/// when, and again, and what a repeated id means. The boat executes an id once, so sending again is safe. Bounded. Not
+/// thread safe.
 ///
 ///     auto id = book.submit(now, wall, request, chosen_id);
 ///     while (auto due = book.next_due(now, wall)) give due->raw to the link;     // after every call, and at next_event()
@@ -35,10 +36,11 @@ class command_book {
 public:
     explicit command_book(book_options options = book_options()) : options_(options) {}
 
-    /// Takes a telecommand, or finds the one of that id. Gives its id. `chosen` serves where the request has none. One that has not
-    /// left the shore goes under the highest epoch of authority that it was given with.
-    /// Errors: invalid_argument, overloaded.
-    ise::result<std::uint32_t> submit(ise::time_point now, utc_time wall, const telecommand_request& request, std::uint32_t chosen);
+    /// Takes a telecommand, or finds the one of that id. Gives its id. `chosen` serves where the request has none. One
+    /// that has not left the shore goes under the highest epoch of authority that it was given with. Errors:
+    /// invalid_argument, overloaded.
+    ise::result<std::uint32_t> submit(ise::time_point now, utc_time wall, const telecommand_request& request,
+                                      std::uint32_t chosen);
 
     struct due {
         std::uint32_t id = 0;
@@ -47,8 +49,10 @@ public:
     };
     /// One that is to be given to the link now; it counts as given, and an outcome must follow.
     std::optional<due> next_due(ise::time_point now, utc_time wall);
-    /// The link's word: it arrived at the boat's modem (or what `reason` says instead), or not (`certain`: it never left the shore).
-    void on_outcome(ise::time_point now, utc_time wall, std::uint32_t id, bool delivered, bool certain, const std::string& reason);
+    /// The link's word: it arrived at the boat's modem (or what `reason` says instead), or not (`certain`: it never
+    /// left the shore).
+    void on_outcome(ise::time_point now, utc_time wall, std::uint32_t id, bool delivered, bool certain,
+                    const std::string& reason);
     /// False if nobody waits for it, or it is no answer (`is_answer`).
     bool on_acknowledgement(utc_time wall, const acknowledgement& ack);
     /// The way to the boat is open (again): what waits for an answer is due now.

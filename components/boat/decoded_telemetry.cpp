@@ -22,7 +22,8 @@ ise::result<std::string> decoded_telemetry(std::string_view line) {
     std::string_view before, after;
     if (line.starts_with(envelope)) {
         auto begin = line.find(packet_in_envelope);
-        if (begin == line.npos || !line.ends_with('}')) return ise::failure(ise::errc::malformed, "no line of `ise echo --losses`");
+        if (begin == line.npos || !line.ends_with('}'))
+            return ise::failure(ise::errc::malformed, "no line of `ise echo --losses`");
         begin += packet_in_envelope.size();
         before = line.substr(0, begin);
         after = "}";
@@ -36,7 +37,8 @@ ise::result<std::string> decoded_telemetry(std::string_view line) {
         constexpr std::string_view bytes = "\"raw\":\"\"";
         auto text = ise::to_json(packet);
         auto report = std::visit([](const auto& body) { return ise::to_json(body); }, message->body);
-        text.replace(text.find(bytes), bytes.size(), fmt::format("\"kind\":\"{}\",\"report\":{}", name_of(message->body), report));
+        text.replace(text.find(bytes), bytes.size(),
+                     fmt::format("\"kind\":\"{}\",\"report\":{}", name_of(message->body), report));
         return fmt::format("{}{}{}", before, text, after);
     } catch (const ise::error& why) {
         return why.why();

@@ -8,7 +8,8 @@ namespace {
 
 std::uint16_t mark_of(ise::bytes_view raw) {
     unsigned mark = 0;
-    if (raw.size() >= 2) mark = std::to_integer<unsigned>(raw[raw.size() - 2]) | std::to_integer<unsigned>(raw.back()) << 8;
+    if (raw.size() >= 2)
+        mark = std::to_integer<unsigned>(raw[raw.size() - 2]) | std::to_integer<unsigned>(raw.back()) << 8;
     return static_cast<std::uint16_t>(mark == 0 ? 1 : mark);
 }
 
@@ -29,7 +30,8 @@ bool duplicate_filter::first_time(std::uint16_t boot, std::uint32_t sequence, is
     return first;
 }
 
-/// The boot with most pages gives up its oldest: neither history nor the present can take the whole window from the other.
+/// The boot with most pages gives up its oldest: neither history nor the present can take the whole window from the
+/// other.
 void duplicate_filter::make_room() {
     std::size_t all = 0;
     auto* most = &lives_.front();

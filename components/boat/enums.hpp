@@ -9,7 +9,8 @@
 
 namespace atirma {
 
-// The numbers of every enumeration here travel on air (README.md): they are never reused. Telecommands are in telecommands.hpp.
+// The numbers of every enumeration here travel on air (README.md): they are never reused. Telecommands are in
+// telecommands.hpp.
 
 enum class sailing_mode : std::uint8_t {
     manual = 0,       ///< actuators stay where they are; whoever holds the remote control steers
@@ -40,10 +41,11 @@ inline constexpr std::size_t parameter_count = 5;
 
 enum class ack_code : std::uint8_t {
     done = 0,
-    refused = 1,       ///< understood and not possible now; the text says why
-    bad_argument = 2,  ///< out of range; the text says which
+    refused = 1,      ///< understood and not possible now; the text says why
+    bad_argument = 2, ///< out of range; the text says which
     unknown_command = 3,
-    no_authority = 4,  ///< sent under a epoch of authority that the boat does not obey; the answer has the one that it obeys
+    no_authority =
+        4, ///< sent under a epoch of authority that the boat does not obey; the answer has the one that it obeys
 };
 
 /// A name and its value, as people type it: {"return_home", sailing_mode::return_home}.

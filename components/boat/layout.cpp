@@ -58,9 +58,9 @@ ise::bytes writer::finish() {
 }
 
 reader::reader(ise::bytes_view raw) {
-    if (raw.size() < header_size + checksum_size || raw.size() > max_packet_size)
-        {
-        fail(fmt::format("a packet has {} to {} bytes, not {}", header_size + checksum_size, max_packet_size, raw.size()));
+    if (raw.size() < header_size + checksum_size || raw.size() > max_packet_size) {
+        fail(fmt::format("a packet has {} to {} bytes, not {}", header_size + checksum_size, max_packet_size,
+                         raw.size()));
         return;
     }
     auto body = raw.first(raw.size() - checksum_size);

@@ -18,7 +18,15 @@ inline constexpr std::size_t header_size = 14;
 inline constexpr std::size_t checksum_size = 2;
 
 /// First bodies of a class of packets.
-enum : std::uint8_t { first_telemetry = 0x01, last_telemetry = 0x3F, telecommand_type = 0x40, acknowledgement_type = 0x41, authorised_type = 0x42, authorised_acknowledgement_type = 0x43, receipt_type = 0x44 };
+enum : std::uint8_t {
+    first_telemetry = 0x01,
+    last_telemetry = 0x3F,
+    telecommand_type = 0x40,
+    acknowledgement_type = 0x41,
+    authorised_type = 0x42,
+    authorised_acknowledgement_type = 0x43,
+    receipt_type = 0x44
+};
 
 /// CRC-16/CCITT (polynomial 0x1021, initial value 0xFFFF, not reflected, no final XOR; "123456789" gives 0x29B1).
 std::uint16_t crc16(ise::bytes_view raw) noexcept;
@@ -33,14 +41,17 @@ public:
         for (std::size_t i = 0; i < sizeof(U); ++i) out_.push_back(static_cast<std::byte>((bits >> (8 * i)) & 0xFF));
     }
     template <class E>
-    void enumerator(E value) { integer(static_cast<std::uint8_t>(value)); }
+    void enumerator(E value) {
+        integer(static_cast<std::uint8_t>(value));
+    }
 
     /// `value` in steps of `step`, rounded and clamped; not finite is 0.
     template <class U>
     void scaled(double value, double step) {
         if (!std::isfinite(value)) value = 0;
         double steps = std::round(value / step);
-        double low = static_cast<double>(std::numeric_limits<U>::min()), high = static_cast<double>(std::numeric_limits<U>::max());
+        double low = static_cast<double>(std::numeric_limits<U>::min()),
+               high = static_cast<double>(std::numeric_limits<U>::max());
         integer(static_cast<U>(steps < low ? low : steps > high ? high : steps));
     }
     /// A direction in hundredths of a degree, 0 … 35999.
@@ -75,7 +86,9 @@ public:
     }
     /// Kept as a number even without a name.
     template <class E>
-    E any_enumerator() { return static_cast<E>(integer<std::uint8_t>()); }
+    E any_enumerator() {
+        return static_cast<E>(integer<std::uint8_t>());
+    }
     /// Refused without a name.
     template <class E>
     E enumerator(std::string_view field) {
@@ -84,7 +97,9 @@ public:
         return value;
     }
     template <class U>
-    double scaled(double step) { return static_cast<double>(integer<U>()) * step; }
+    double scaled(double step) {
+        return static_cast<double>(integer<U>()) * step;
+    }
     double direction(std::string_view field);
     float real(std::string_view field);
     waypoint point(std::string_view field);

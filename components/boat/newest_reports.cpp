@@ -22,8 +22,7 @@ std::optional<std::size_t> newest_reports::take(const telemetry_packet& packet) 
     if (!seen_.first_time(packet.boot, packet.sequence, packet.raw) || packet.history) return std::nullopt;
     const auto& body = message->body;
     bool newer = false;
-    if (const auto* l = std::get_if<atirma::location>(&body))
-        newer = has_fix(*l) && replace(location_, *l, packet);
+    if (const auto* l = std::get_if<atirma::location>(&body)) newer = has_fix(*l) && replace(location_, *l, packet);
     else if (const auto* n = std::get_if<atirma::navigation>(&body)) newer = replace(navigation_, *n, packet);
     else if (const auto* w = std::get_if<atirma::wind>(&body)) newer = replace(wind_, *w, packet);
     else if (const auto* p = std::get_if<atirma::power>(&body)) newer = replace(power_, *p, packet);

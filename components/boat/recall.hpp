@@ -9,11 +9,11 @@ namespace atirma {
 /// A telecommand that need not be sent any more over this link: the boat has answered over another one.
 struct recall_request {
     std::uint32_t id = 0;
-    std::string why;        ///< "acknowledged over gprs"
+    std::string why; ///< "acknowledged over gprs"
 };
 struct recall_reply {
-    bool recalled = false;  ///< nothing more of it leaves the shore here
-    std::string text;       ///< for people
+    bool recalled = false; ///< nothing more of it leaves the shore here
+    std::string text;      ///< for people
 };
 
 namespace services {

@@ -7,8 +7,8 @@
 namespace atirma {
 namespace {
 
-constexpr std::size_t most_receipt_bits = telemetry_receipt::span / 8;
-static_assert(layout::header_size + 1 + most_receipt_bits + layout::checksum_size <= max_packet_size);
+constexpr std::size_t max_receipt_bits = telemetry_receipt::span / 8;
+static_assert(layout::header_size + 1 + max_receipt_bits + layout::checksum_size <= max_packet_size);
 
 } // namespace
 
@@ -34,11 +34,13 @@ ise::bytes encode_receipt(utc_time sent_at, std::set<packet_name>& packets) {
 
 ise::result<telemetry_receipt> parse_receipt(ise::bytes_view raw) {
     layout::reader in(raw);
-    if (in.ok() && in.type != layout::receipt_type) in.fail(fmt::format("a packet of type {:02X} is not a receipt", in.type));
+    if (in.ok() && in.type != layout::receipt_type)
+        in.fail(fmt::format("a packet of type {:02X} is not a receipt", in.type));
     telemetry_receipt made;
     made.sent_at = in.header.measured_at;
     auto bytes = in.integer<std::uint8_t>();
-    if (in.ok() && bytes > most_receipt_bits) in.fail(fmt::format("a receipt of {} bytes of bits; {} are possible", bytes, most_receipt_bits));
+    if (in.ok() && bytes > max_receipt_bits)
+        in.fail(fmt::format("a receipt of {} bytes of bits; {} are possible", bytes, max_receipt_bits));
     for (std::uint32_t i = 0; in.ok() && i < bytes; ++i) {
         auto some = in.integer<std::uint8_t>();
         for (std::uint32_t bit = 0; bit < 8; ++bit)

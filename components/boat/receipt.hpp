@@ -14,11 +14,11 @@ using packet_name = std::pair<std::uint16_t, std::uint32_t>;
 struct telemetry_receipt {
     static constexpr std::uint32_t span = 640; ///< sequences that one receipt can name, from the first one on
     utc_time sent_at{};
-    std::set<packet_name> packets;             ///< of one boot
+    std::set<packet_name> packets; ///< of one boot
 };
 
-/// One receipt for the first of these packets and those that fit beside it; they are taken out of `packets`, which is not
-/// empty.
+/// One receipt for the first of these packets and those that fit beside it; they are taken out of `packets`, which is
+/// not empty.
 ise::bytes encode_receipt(utc_time sent_at, std::set<packet_name>& packets);
 /// Errors: malformed, with what is wrong.
 ise::result<telemetry_receipt> parse_receipt(ise::bytes_view raw);

@@ -16,13 +16,13 @@ struct telemetry_packet {
     link_id link = link_id::xbee;
     std::uint16_t boot = 0;
     std::uint32_t sequence = 0;
-    utc_time measured_at{};         ///< by the boat's clock
-    utc_time received_at{};         ///< by the clock of the proxy's host
-    bool history = false;           ///< sent again after a gap: never the current position
-    std::vector<std::byte> raw;     ///< for parse_telemetry(); its checksum was right
-    std::uint64_t store = 0;        ///< of a communication node: whose numbering `position` belongs to; 0 from a proxy
-    std::uint64_t position = 0;     ///< in that store: 1, 2, 3… without a gap
-    std::uint64_t peer_store = 0;   ///< of the other communication node; 0 where that is not known to have it
+    utc_time measured_at{};       ///< by the boat's clock
+    utc_time received_at{};       ///< by the clock of the proxy's host
+    bool history = false;         ///< sent again after a gap: never the current position
+    std::vector<std::byte> raw;   ///< for parse_telemetry(); its checksum was right
+    std::uint64_t store = 0;      ///< of a communication node: whose numbering `position` belongs to; 0 from a proxy
+    std::uint64_t position = 0;   ///< in that store: 1, 2, 3… without a gap
+    std::uint64_t peer_store = 0; ///< of the other communication node; 0 where that is not known to have it
     std::uint64_t peer_position = 0;
 };
 
@@ -33,14 +33,14 @@ inline utc_time plausible_time(const telemetry_packet& packet) noexcept {
     return known && packet.measured_at > packet.received_at ? packet.received_at : packet.measured_at;
 }
 
-/// `{"id":7,"command":{"kind":"set_mode","mode":"hold"}}`. The same id with the same command again is the same telecommand:
-/// it is not executed twice, and the reply tells what became of it.
+/// `{"id":7,"command":{"kind":"set_mode","mode":"hold"}}`. The same id with the same command again is the same
+/// telecommand: it is not executed twice, and the reply tells what became of it.
 struct telecommand_request {
-    std::uint32_t id = 0;   ///< chosen by the requester; 0: the proxy chooses one and tells it
+    std::uint32_t id = 0; ///< chosen by the requester; 0: the proxy chooses one and tells it
     boat_command command;
-    float valid_s = 300;    ///< how long the proxy goes on trying, also after its reply, 1 … 86400
-    std::optional<link_id> via; ///< to a communication node: over this link only; missing: the best one that is alive
-    bool confirmed = false; ///< to a communication node: the operator has confirmed what is dangerous
+    float valid_s = 300;         ///< how long the proxy goes on trying, also after its reply, 1 … 86400
+    std::optional<link_id> via;  ///< to a communication node: over this link only; missing: the best one that is alive
+    bool confirmed = false;      ///< to a communication node: the operator has confirmed what is dangerous
     std::uint32_t authority = 0; ///< to a proxy: the epoch that travels to the boat; a node puts its own here
 };
 
@@ -60,9 +60,9 @@ constexpr bool is_final(telecommand_stage stage) noexcept { return stage >= tele
 struct telecommand_reply {
     std::uint32_t id = 0;
     telecommand_stage state = telecommand_stage::pending;
-    std::optional<ack_code> result; ///< the boat's word; nothing before it was acknowledged
-    std::optional<float> value;     ///< what holds at the boat now, for kinds that tell
-    std::string text;               ///< for people
+    std::optional<ack_code> result;          ///< the boat's word; nothing before it was acknowledged
+    std::optional<float> value;              ///< what holds at the boat now, for kinds that tell
+    std::string text;                        ///< for people
     std::optional<std::uint32_t> boat_obeys; ///< the epoch of authority that the boat obeys, where it said so
 };
 
@@ -75,12 +75,12 @@ struct telecommand_status {
     std::optional<ack_code> result;
     std::optional<float> value;
     std::string text;
-    utc_time at{};                  ///< of the change
-    std::uint32_t attempts = 0;     ///< times that it was given to the link
-    std::string asked_by;           ///< from a communication node: the operator
-    utc_time asked_at{};            ///< by the clock of who tells it
-    std::optional<boat_command> command; ///< from a communication node: what was asked for
-    std::uint32_t authority = 0;    ///< from a communication node: the epoch that it was sent under
+    utc_time at{};                           ///< of the change
+    std::uint32_t attempts = 0;              ///< times that it was given to the link
+    std::string asked_by;                    ///< from a communication node: the operator
+    utc_time asked_at{};                     ///< by the clock of who tells it
+    std::optional<boat_command> command;     ///< from a communication node: what was asked for
+    std::uint32_t authority = 0;             ///< from a communication node: the epoch that it was sent under
     std::optional<std::uint32_t> boat_obeys; ///< the epoch that the boat obeys, where its answer said so
 };
 
@@ -108,8 +108,8 @@ namespace services {
 inline constexpr ise::subscription<telemetry_packet> telemetry{"telemetry"};
 
 /// Provided by communication nodes (role `atirma/communication`). The reply says that every packet of the request is on
-/// disk, at the secondary too while one lives: now the boat may be acknowledged. A packet that is known already counts as
-/// kept, so that asking again is always safe. A failed call keeps nothing for certain: do not acknowledge, ask again
+/// disk, at the secondary too while one lives: now the boat may be acknowledged. A packet that is known already counts
+/// as kept, so that asking again is always safe. A failed call keeps nothing for certain: do not acknowledge, ask again
 /// later. Errors: refused (the disk is full, too many packets, no raw bytes).
 inline constexpr ise::request_response<keep_request, keep_reply> telemetry_store{"telemetry_store"};
 
@@ -117,7 +117,8 @@ inline constexpr ise::request_response<keep_request, keep_reply> telemetry_store
 /// (bad validity or place, an id that stands for another command, too many that are open); it then had no effect.
 inline constexpr ise::request_response<telecommand_request, telecommand_reply> telecommand{"telecommand"};
 
-inline constexpr ise::subscription<telecommand_status, follow_telecommand, followed_telecommands> telecommand_state{"telecommand_state"};
+inline constexpr ise::subscription<telecommand_status, follow_telecommand, followed_telecommands> telecommand_state{
+    "telecommand_state"};
 
 } // namespace services
 

@@ -45,13 +45,15 @@ ise::bytes encode_telecommand(const telecommand& command) {
 
 ise::result<telecommand> parse_telecommand(ise::bytes_view raw) {
     reader in(raw);
-    if (in.ok() && in.type != layout::telecommand_type && in.type != layout::authorised_type) in.fail(fmt::format("a packet of type {:02X} is not a telecommand", in.type));
+    if (in.ok() && in.type != layout::telecommand_type && in.type != layout::authorised_type)
+        in.fail(fmt::format("a packet of type {:02X} is not a telecommand", in.type));
     telecommand command;
     command.id = in.header.sequence;
     command.sent_at = in.header.measured_at;
     if (in.type == layout::authorised_type) command.authority = in.integer<std::uint32_t>();
     command.command = boat_command(in.any_enumerator<command_kind>());
-    if (in.ok() && command.command.get_if<commands::unknown>()) return command; // a newer shore: its arguments are not ours to read
+    if (in.ok() && command.command.get_if<commands::unknown>())
+        return command; // a newer shore: its arguments are not ours to read
     command.command.for_each_argument([&in](std::string_view name, auto& value) { take_argument(in, name, value); });
     if (auto done = in.finish(); !done) return done.error();
     return command;
@@ -71,7 +73,8 @@ ise::bytes encode_acknowledgement(const acknowledgement& ack) {
 ise::result<acknowledgement> parse_acknowledgement(ise::bytes_view raw) {
     reader in(raw);
     bool with_epoch = in.type == layout::authorised_acknowledgement_type;
-    if (in.ok() && in.type != layout::acknowledgement_type && !with_epoch) in.fail(fmt::format("a packet of type {:02X} is not an acknowledgement", in.type));
+    if (in.ok() && in.type != layout::acknowledgement_type && !with_epoch)
+        in.fail(fmt::format("a packet of type {:02X} is not an acknowledgement", in.type));
     acknowledgement ack;
     ack.header = in.header;
     if (with_epoch) ack.authority = in.integer<std::uint32_t>();

@@ -6,7 +6,8 @@
 
 namespace atirma {
 
-/// What the boat is told. It is idempotent by `id`: a telecommand that arrives twice is executed once and acknowledged twice.
+/// What the boat is told. It is idempotent by `id`: a telecommand that arrives twice is executed once and acknowledged
+/// twice.
 struct telecommand {
     std::uint32_t id = 0; ///< chosen by the sender, not reused while the boat may remember it
     utc_time sent_at{};
@@ -22,8 +23,9 @@ struct acknowledgement {
     std::uint32_t id = 0;
     command_kind kind = command_kind::ping;
     ack_code code = ack_code::done;
-    float value = 0;      ///< what holds now, of a telecommand that returns a value: the parameter, the period, how many waypoints
-    std::string text;     ///< for people; cut to max_text bytes when encoded
+    float value =
+        0; ///< what holds now, of a telecommand that returns a value: the parameter, the period, how many waypoints
+    std::string text; ///< for people; cut to max_text bytes when encoded
     /// The epoch that the boat obeys; in answers to what came under one, and with no_authority.
     std::optional<std::uint32_t> authority;
     bool operator==(const acknowledgement&) const = default;
@@ -31,8 +33,9 @@ struct acknowledgement {
 
 ise::bytes encode_telecommand(const telecommand& command);
 
-/// The command in `raw`, or `malformed` with what is wrong. An enumerator without a name is kept as a number, and a kind as
-/// `commands::unknown`: the boat answers `bad_argument` or `unknown_command`. A position that is not on the globe is refused.
+/// The command in `raw`, or `malformed` with what is wrong. An enumerator without a name is kept as a number, and a
+/// kind as `commands::unknown`: the boat answers `bad_argument` or `unknown_command`. A position that is not on the
+/// globe is refused.
 ise::result<telecommand> parse_telecommand(ise::bytes_view raw);
 
 ise::bytes encode_acknowledgement(const acknowledgement& ack);

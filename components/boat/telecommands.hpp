@@ -6,12 +6,12 @@
 #include <array>
 #include <variant>
 
-/// All that the boat can be told. To add a telecommand: its number in `command_kind`, a struct of the same name, that struct
-/// at the end of `any_telecommand`, and what the boat does (components/boat_simulator/boat_commands.cpp). Links, proxies, the
-/// console and the record take it from here.
+/// All that the boat can be told. To add a telecommand: its number in `command_kind`, a struct of the same name, that
+/// struct at the end of `any_telecommand`, and what the boat does (components/boat_simulator/boat_commands.cpp). Links,
+/// proxies, the console and the record take it from here.
 ///
-/// A struct's fields are the arguments, and travel in their order (README.md): enumerations, bool, whole numbers, float,
-/// `waypoint`. Arguments of one name have one type in all telecommands.
+/// A struct's fields are the arguments, and travel in their order (README.md): enumerations, bool, whole numbers,
+/// float, `waypoint`. Arguments of one name have one type in all telecommands.
 namespace atirma {
 
 /// The numbers on air, never reused, and the names that people type.
@@ -40,13 +40,15 @@ enum class command_priority : std::uint8_t { saves = 0, steers = 1, asks = 2 };
 
 struct command_traits {
     command_kind kind;
-    std::string_view help;       ///< what the boat does
-    std::string_view words = {}; ///< as an operator reads it: {argument} stands for its value, {argument+1} for that of an
-                                 ///< index, which people count from 1; default: the name
-    /// Whether the boat obeys it only under the highest epoch of authority that it has heard. Others ask, and change nothing.
+    std::string_view help; ///< what the boat does
+    std::string_view words =
+        {}; ///< as an operator reads it: {argument} stands for its value, {argument+1} for that of an
+            ///< index, which people count from 1; default: the name
+    /// Whether the boat obeys it only under the highest epoch of authority that it has heard. Others ask, and change
+    /// nothing.
     bool needs_authority = true;
     command_priority priority = command_priority::steers;
-    bool returns_value = false;  ///< the acknowledgement's `value` is what holds at the boat now
+    bool returns_value = false; ///< the acknowledgement's `value` is what holds at the boat now
 };
 
 /// What a number may be. One that is not listed in `ranges()` may be any.
@@ -54,7 +56,7 @@ struct argument_range {
     std::string_view argument; ///< the field's name
     double minimum, maximum;
     std::string_view unit;
-    bool zero_is_off = false;  ///< 0 is allowed too, whatever the range
+    bool zero_is_off = false;           ///< 0 is allowed too, whatever the range
     std::string_view called = argument; ///< in messages
 };
 
@@ -180,11 +182,13 @@ struct set_telemetry_period {
                                            .words = "telemetry over {link}: {period_s}",
                                            .returns_value = true};
     constexpr std::array<argument_range, 1> ranges() const {
-        return {argument_range{.argument = "period_s", .minimum = 0.5, .maximum = 86400, .unit = "s", .zero_is_off = true}};
+        return {
+            argument_range{.argument = "period_s", .minimum = 0.5, .maximum = 86400, .unit = "s", .zero_is_off = true}};
     }
     constexpr std::string_view caution() const {
         if (period_s == 0) return "Nothing will be heard over {link} until it is switched on again.";
-        if (link == link_id::iridium && period_s < 60) return "Iridium is paid by the message: such a short period costs much.";
+        if (link == link_id::iridium && period_s < 60)
+            return "Iridium is paid by the message: such a short period costs much.";
         return {};
     }
 };
@@ -223,12 +227,13 @@ struct unknown {
 
 } // namespace commands
 
-/// All of them. Their arguments, each name once in the order of this list, are the fields of `boat_command` in messages and
-/// records: a new telecommand goes to the end, before `unknown`.
+/// All of them. Their arguments, each name once in the order of this list, are the fields of `boat_command` in messages
+/// and records: a new telecommand goes to the end, before `unknown`.
 using any_telecommand =
-    std::variant<commands::ping, commands::set_mode, commands::waypoint_insert, commands::waypoint_add, commands::waypoint_delete,
-                 commands::waypoint_clear, commands::waypoint_read_back, commands::waypoint_select, commands::set_parameter,
-                 commands::get_parameter, commands::tack_now, commands::gybe_now, commands::set_telemetry_period,
-                 commands::request_status, commands::reboot, commands::emergency_beacon, commands::unknown>;
+    std::variant<commands::ping, commands::set_mode, commands::waypoint_insert, commands::waypoint_add,
+                 commands::waypoint_delete, commands::waypoint_clear, commands::waypoint_read_back,
+                 commands::waypoint_select, commands::set_parameter, commands::get_parameter, commands::tack_now,
+                 commands::gybe_now, commands::set_telemetry_period, commands::request_status, commands::reboot,
+                 commands::emergency_beacon, commands::unknown>;
 
 } // namespace atirma

@@ -34,7 +34,8 @@ void write(writer& out, const navigation& p) {
     out.enumerator(p.on);
     out.integer(static_cast<std::uint8_t>((p.in_irons ? 1 : 0) | (p.remote_control ? 2 : 0) | (p.beacon ? 4 : 0)));
     out.direction(p.heading_deg);
-    for (float angle : {p.heel_deg, p.pitch_deg, p.rudder_commanded_deg, p.rudder_measured_deg, p.sail_commanded_deg, p.sail_measured_deg})
+    for (float angle : {p.heel_deg, p.pitch_deg, p.rudder_commanded_deg, p.rudder_measured_deg, p.sail_commanded_deg,
+                        p.sail_measured_deg})
         out.scaled<std::int16_t>(angle, 0.1);
     out.integer(p.waypoint_index);
     out.integer(p.waypoint_count);
@@ -52,7 +53,8 @@ void read(reader& in, navigation& p) {
     p.remote_control = flags & 2;
     p.beacon = flags & 4;
     p.heading_deg = static_cast<float>(in.direction("heading"));
-    for (float* angle : {&p.heel_deg, &p.pitch_deg, &p.rudder_commanded_deg, &p.rudder_measured_deg, &p.sail_commanded_deg, &p.sail_measured_deg})
+    for (float* angle : {&p.heel_deg, &p.pitch_deg, &p.rudder_commanded_deg, &p.rudder_measured_deg,
+                         &p.sail_commanded_deg, &p.sail_measured_deg})
         *angle = static_cast<float>(in.scaled<std::int16_t>(0.1));
     p.waypoint_index = in.integer<std::uint8_t>();
     p.waypoint_count = in.integer<std::uint8_t>();
@@ -99,7 +101,8 @@ void read(reader& in, power& p) {
 void write(writer& out, const waypoints& p) {
     if (p.entries.size() > waypoints::max_entries)
         throw ise::error(ise::errc::invalid_argument,
-                         fmt::format("a waypoints packet holds {} entries, not {}: send the list in parts", waypoints::max_entries, p.entries.size()));
+                         fmt::format("a waypoints packet holds {} entries, not {}: send the list in parts",
+                                     waypoints::max_entries, p.entries.size()));
     out.integer(p.revision);
     out.integer(p.count);
     out.integer(p.active);
@@ -120,7 +123,9 @@ void read(reader& in, waypoints& p) {
 
 void write(writer& out, const configuration& p) {
     out.integer(p.revision);
-    for (float value : {p.time_to_next_tack_s, p.forbidden_angle_upwind_deg, p.forbidden_angle_downwind_deg, p.leeway_compensation}) out.real(value);
+    for (float value :
+         {p.time_to_next_tack_s, p.forbidden_angle_upwind_deg, p.forbidden_angle_downwind_deg, p.leeway_compensation})
+        out.real(value);
     for (float period : p.telemetry_period_s) out.real(period);
 }
 void read(reader& in, configuration& p) {
@@ -167,7 +172,8 @@ ise::result<telemetry_message> parse_as(reader& in) {
 } // namespace
 
 std::string_view name_of(const telemetry_body& body) noexcept {
-    static constexpr std::array<std::string_view, 8> names{"location", "navigation", "wind", "power", "waypoints", "configuration", "link_status", "notice"};
+    static constexpr std::array<std::string_view, 8> names{"location",  "navigation",    "wind",        "power",
+                                                           "waypoints", "configuration", "link_status", "notice"};
     return names[body.index()];
 }
 

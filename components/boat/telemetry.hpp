@@ -34,16 +34,16 @@ constexpr bool has_fix(const location& where) noexcept {
 struct navigation {
     sailing_mode mode = sailing_mode::manual;
     tack on = tack::none;
-    bool in_irons = false;        ///< head to wind without way: it does not get out by itself
-    bool remote_control = false;  ///< the RC receiver overrides the autopilot
-    bool beacon = false;          ///< the emergency beacon is on
-    float heading_deg = 0;        ///< true, 0 <= x < 360
-    float heel_deg = 0;           ///< starboard down positive
-    float pitch_deg = 0;          ///< bow up positive
+    bool in_irons = false;          ///< head to wind without way: it does not get out by itself
+    bool remote_control = false;    ///< the RC receiver overrides the autopilot
+    bool beacon = false;            ///< the emergency beacon is on
+    float heading_deg = 0;          ///< true, 0 <= x < 360
+    float heel_deg = 0;             ///< starboard down positive
+    float pitch_deg = 0;            ///< bow up positive
     float rudder_commanded_deg = 0; ///< turns to starboard positive
     float rudder_measured_deg = 0;
-    float sail_commanded_deg = 0; ///< widest angle that the sheet allows, 0 … 90
-    float sail_measured_deg = 0;  ///< where the boom stands; out to starboard positive
+    float sail_commanded_deg = 0;    ///< widest angle that the sheet allows, 0 … 90
+    float sail_measured_deg = 0;     ///< where the boom stands; out to starboard positive
     std::uint8_t waypoint_index = 0; ///< the one it sails to; meaningless where count is 0
     std::uint8_t waypoint_count = 0;
     float distance_to_waypoint_m = 0;
@@ -55,32 +55,32 @@ struct navigation {
 };
 
 struct wind {
-    float apparent_angle_deg = 0;     ///< where it comes from, relative to the bow, starboard positive
+    float apparent_angle_deg = 0; ///< where it comes from, relative to the bow, starboard positive
     float apparent_speed_mps = 0;
-    float true_direction_deg = 0;     ///< where it comes from, true
+    float true_direction_deg = 0; ///< where it comes from, true
     float true_speed_mps = 0;
     bool operator==(const wind&) const = default;
 };
 
 struct power {
     float battery_v = 0;
-    float battery_a = 0;              ///< out of the battery positive
+    float battery_a = 0; ///< out of the battery positive
     std::uint8_t battery_percent = 0;
-    float temperature_c = 0;          ///< inside the hull
+    float temperature_c = 0; ///< inside the hull
     std::uint32_t uptime_s = 0;
     reset_cause last_reset = reset_cause::power_on;
-    std::uint16_t faults = 0;         ///< bits; 0 is no fault
+    std::uint16_t faults = 0; ///< bits; 0 is no fault
     bool operator==(const power&) const = default;
 };
 
 /// A part of the list of waypoints; several packets tell a long list.
 struct waypoints {
     static constexpr std::size_t max_entries = 9;
-    std::uint16_t revision = 0;       ///< grows with each change of the list: parts of two revisions do not mix
-    std::uint8_t count = 0;           ///< of the whole list
+    std::uint16_t revision = 0; ///< grows with each change of the list: parts of two revisions do not mix
+    std::uint8_t count = 0;     ///< of the whole list
     std::uint8_t active = 0;
-    std::uint8_t first = 0;           ///< index of the first entry here
-    std::vector<waypoint> entries;    ///< at most max_entries
+    std::uint8_t first = 0;        ///< index of the first entry here
+    std::vector<waypoint> entries; ///< at most max_entries
     bool operator==(const waypoints&) const = default;
 };
 
@@ -89,8 +89,8 @@ struct configuration {
     float time_to_next_tack_s = 0;
     float forbidden_angle_upwind_deg = 0;
     float forbidden_angle_downwind_deg = 0;
-    float leeway_compensation = 0;                           ///< 0 none … 1 full
-    std::array<float, link_count> telemetry_period_s{};      ///< by link_id; 0 is off
+    float leeway_compensation = 0;                      ///< 0 none … 1 full
+    std::array<float, link_count> telemetry_period_s{}; ///< by link_id; 0 is off
     bool operator==(const configuration&) const = default;
 };
 
@@ -98,11 +98,11 @@ struct configuration {
 struct link_status {
     link_id link = link_id::xbee;
     bool up = false;
-    std::int16_t rssi_dbm = 0;        ///< of the last packet heard; 0 unknown
+    std::int16_t rssi_dbm = 0; ///< of the last packet heard; 0 unknown
     std::uint16_t queued = 0;
     std::uint32_t sent = 0;
     std::uint32_t failed = 0;
-    std::uint32_t dropped = 0;        ///< never sent: the queue was full
+    std::uint32_t dropped = 0; ///< never sent: the queue was full
     float last_heard_age_s = 0;
     bool operator==(const link_status&) const = default;
 };
@@ -110,7 +110,7 @@ struct link_status {
 /// Something that happened, in words.
 struct notice {
     static constexpr std::size_t max_text = 80;
-    std::string text;                 ///< UTF-8, cut to max_text bytes when encoded
+    std::string text; ///< UTF-8, cut to max_text bytes when encoded
     bool operator==(const notice&) const = default;
 };
 

@@ -1,6 +1,6 @@
 #include <components/boat/telemetry_follower.hpp>
 
-#include <ise/component/learn.hpp>
+#include <ise/component/discover.hpp>
 
 namespace atirma {
 namespace {
@@ -8,7 +8,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr ise::duration look_period = 1s; // whether another node has taken over
-constexpr std::size_t most_stores = 4; // those of two nodes, and of the disks that they had before
+constexpr std::size_t max_stores = 4;     // those of two nodes, and of the disks that they had before
 
 } // namespace
 
@@ -107,12 +107,12 @@ void telemetry_follower::on_page(const ise::result<track_page>& page) {
     }
     for (const auto& packet : page->packets)
         if (!knows(packet)) tell(packet);
-    // Packets received live meanwhile are known as well. A number that the page does not name any more is that of an earlier
-    // life of a store, whose present number stands for it.
+    // Packets received live meanwhile are known as well. A number that the page does not name any more is that of an
+    // earlier life of a store, whose present number stands for it.
     auto before = std::exchange(seen, page->seen);
     for (auto& [store, position] : seen)
         if (auto known = before.find(store); known != before.end()) position = std::max(position, known->second);
-    while (seen.size() > most_stores) {
+    while (seen.size() > max_stores) {
         auto oldest = std::ranges::find_if(
             seen, [&](const auto& one) { return page->packets.empty() || one.first != page->packets.back().store; });
         seen.erase(oldest);

@@ -19,8 +19,8 @@ public:
     telemetry_follower(ise::component& self, ise::remote provider, teller tell);
     ~telemetry_follower();
 
-    track_cursor seen;              ///< what was told before; to be kept by who wants to go on after a restart
-    std::optional<utc_time> from;   ///< nothing that was measured before is asked for
+    track_cursor seen;            ///< what was told before; to be kept by who wants to go on after a restart
+    std::optional<utc_time> from; ///< nothing that was measured before is asked for
 
     /// Follows until the provider ends the subscription. Throws as `subscribe` does. May be called again: nothing is
     /// told twice. Cancellation: terminal.
@@ -46,7 +46,7 @@ private:
     teller tell_;
     ise::timer due_;
     std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
-    const ise::stream_of<ise::subscription<telemetry_packet>>* stream_ = nullptr;
+    const ise::subscriber<ise::subscription<telemetry_packet>>* stream_ = nullptr;
     duplicate_filter told_; // where nodes that did not see each other could not say what the other one has told
     std::string holder_;
     std::uint64_t lost_ = 0;

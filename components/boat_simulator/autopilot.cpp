@@ -6,8 +6,8 @@ namespace atirma::simulator {
 namespace {
 constexpr double mark_radius_m = 15;
 constexpr double station_radius_m = 12;
-constexpr double station_reach_m = 40;   // it goes to and fro across the wind, so far to each side
-constexpr double forced_turn_s = 45;     // a commanded tack holds at least so long
+constexpr double station_reach_m = 40; // it goes to and fro across the wind, so far to each side
+constexpr double forced_turn_s = 45;   // a commanded tack holds at least so long
 } // namespace
 
 autopilot::autopilot(waypoint home) : chart_(home) {
@@ -60,7 +60,8 @@ ise::result<void> autopilot::insert(std::size_t before, waypoint point, const bo
     if (list_.size() >= max_waypoints)
         return ise::failure(ise::errc::overloaded, fmt::format("the list is full: {} waypoints", max_waypoints));
     if (before > list_.size())
-        return ise::failure(ise::errc::invalid_argument, fmt::format("no place {} in a list of {}", before, list_.size()));
+        return ise::failure(ise::errc::invalid_argument,
+                            fmt::format("no place {} in a list of {}", before, list_.size()));
     bool keeps_active = !list_.empty();
     list_.insert(list_.begin() + static_cast<std::ptrdiff_t>(before), point);
     if (keeps_active && before <= active_) ++active_; // it goes on to where it was going
@@ -74,7 +75,8 @@ ise::result<void> autopilot::insert(std::size_t before, waypoint point, const bo
 
 ise::result<void> autopilot::erase(std::size_t index, const boat_state& state) {
     if (index >= list_.size())
-        return ise::failure(ise::errc::invalid_argument, fmt::format("no waypoint {} in a list of {}", index, list_.size()));
+        return ise::failure(ise::errc::invalid_argument,
+                            fmt::format("no waypoint {} in a list of {}", index, list_.size()));
     list_.erase(list_.begin() + static_cast<std::ptrdiff_t>(index));
     ++revision_;
     laps_ = 0;
@@ -90,7 +92,8 @@ ise::result<void> autopilot::erase(std::size_t index, const boat_state& state) {
 
 ise::result<void> autopilot::select(std::size_t index, const boat_state& state) {
     if (index >= list_.size())
-        return ise::failure(ise::errc::invalid_argument, fmt::format("no waypoint {} in a list of {}", index, list_.size()));
+        return ise::failure(ise::errc::invalid_argument,
+                            fmt::format("no waypoint {} in a list of {}", index, list_.size()));
     active_ = static_cast<std::uint8_t>(index);
     if (mode_ == sailing_mode::automatic) aim_at_active(state.position_m);
     return {};
@@ -125,8 +128,7 @@ ise::result<void> autopilot::gybe_now() { return turn(last_.broad, "gybe"); }
 ise::result<void> autopilot::turn(bool possible, std::string_view what) {
     if (mode_ == sailing_mode::manual || mode_ == sailing_mode::hold)
         return ise::failure(ise::errc::refused, fmt::format("no {} in mode {}", what, name_of(mode_)));
-    if (!possible)
-        return ise::failure(ise::errc::refused, fmt::format("no {}: it sails straight for the mark", what));
+    if (!possible) return ise::failure(ise::errc::refused, fmt::format("no {}: it sails straight for the mark", what));
     memory_.side = -memory_.side;
     memory_.held_s = 0;
     memory_.forced_s = std::max(forced_turn_s, settings_.time_to_next_tack_s);
@@ -151,7 +153,8 @@ bool autopilot::arrived(const boat_state& state, double radius_m) const {
     if (!has_target_) return false;
     if (length(state.position_m - target_) < radius_m) return true;
     vec leg = target_ - from_; // or it has passed the mark inside the corridor
-    return dot(leg, state.position_m - target_) > 0 && std::abs(det(leg, state.position_m - from_)) < 1.5 * settings_.corridor_m * length(leg);
+    return dot(leg, state.position_m - target_) > 0 &&
+           std::abs(det(leg, state.position_m - from_)) < 1.5 * settings_.corridor_m * length(leg);
 }
 
 void autopilot::on_arrival(const boat_state& state, wind_vector wind) {

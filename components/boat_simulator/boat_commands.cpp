@@ -24,9 +24,11 @@ ise::result<acknowledgement> simulated_boat::on_packet(link_id link, ise::bytes_
 acknowledgement simulated_boat::execute(const telecommand& command, link_id from) {
     auto kind = command.command.kind();
     bool needs_authority = traits_of(kind).needs_authority;
-    auto known = std::find_if(acknowledged_.begin(), acknowledged_.end(), [&](auto& ack) { return ack.id == command.id; });
+    auto known =
+        std::find_if(acknowledged_.begin(), acknowledged_.end(), [&](auto& ack) { return ack.id == command.id; });
     if (known != acknowledged_.end()) {
-        if (command.command.get_if<commands::waypoint_read_back>()) schedule_.request(packet_type::waypoints, from); // may have been lost
+        if (command.command.get_if<commands::waypoint_read_back>())
+            schedule_.request(packet_type::waypoints, from); // may have been lost
         auto again = *known;
         again.header = next_header(); // another packet that says the same
         // What was done names the epoch under which it was done, whatever has been heard since.
@@ -60,8 +62,8 @@ bool simulated_boat::obeys(std::uint32_t epoch) const {
     return epoch - authority_ <= max_epoch_step;
 }
 
-/// What the boat does for each telecommand: the words of its answer, or why not (invalid_argument: the argument is wrong).
-/// Its arguments are in their ranges.
+/// What the boat does for each telecommand: the words of its answer, or why not (invalid_argument: the argument is
+/// wrong). Its arguments are in their ranges.
 struct simulated_boat::command_handlers {
     simulated_boat& boat;
     link_id from;
@@ -78,7 +80,9 @@ struct simulated_boat::command_handlers {
         return std::string();
     }
 
-    outcome operator()(const commands::ping&) { return fmt::format("boot {}, up {:.0f} s", boat.boot_, boat.now_s_ - boat.booted_s_); }
+    outcome operator()(const commands::ping&) {
+        return fmt::format("boot {}, up {:.0f} s", boat.boot_, boat.now_s_ - boat.booted_s_);
+    }
     outcome operator()(const commands::set_mode& to) {
         boat.pilot_.set_mode(to.mode, boat.state_, to_vector(boat.true_wind()));
         boat.schedule_.request(packet_type::navigation);
@@ -90,7 +94,9 @@ struct simulated_boat::command_handlers {
     outcome operator()(const commands::waypoint_add& at) {
         return list_changed(boat.pilot_.insert(boat.pilot_.list().size(), at.point, boat.state_));
     }
-    outcome operator()(const commands::waypoint_delete& at) { return list_changed(boat.pilot_.erase(at.index, boat.state_)); }
+    outcome operator()(const commands::waypoint_delete& at) {
+        return list_changed(boat.pilot_.erase(at.index, boat.state_));
+    }
     outcome operator()(const commands::waypoint_clear&) {
         boat.pilot_.clear();
         return list_changed({});
@@ -99,11 +105,14 @@ struct simulated_boat::command_handlers {
         boat.schedule_.request(packet_type::waypoints, from);
         return std::string();
     }
-    outcome operator()(const commands::waypoint_select& at) { return list_changed(boat.pilot_.select(at.index, boat.state_)); }
+    outcome operator()(const commands::waypoint_select& at) {
+        return list_changed(boat.pilot_.select(at.index, boat.state_));
+    }
     outcome operator()(const commands::set_parameter& to) {
         auto done = boat.pilot_.set_parameter(to.parameter, to.value);
         if (!done) return done.error();
-        if (to.parameter == parameter_id::telemetry_period) boat.schedule_.set_period(link_id::xbee, to.value, boat.now_s_);
+        if (to.parameter == parameter_id::telemetry_period)
+            boat.schedule_.set_period(link_id::xbee, to.value, boat.now_s_);
         boat.schedule_.request(packet_type::configuration);
         return std::string();
     }
@@ -115,7 +124,8 @@ struct simulated_boat::command_handlers {
         boat.schedule_.request(packet_type::configuration);
         bool also_parameter = to.link == link_id::xbee && check_parameter(parameter_id::telemetry_period, to.period_s);
         if (!also_parameter) return std::string();
-        return nothing_to_say(boat.pilot_.set_parameter(parameter_id::telemetry_period, to.period_s)); // the same thing by its other name
+        return nothing_to_say(
+            boat.pilot_.set_parameter(parameter_id::telemetry_period, to.period_s)); // the same thing by its other name
     }
     outcome operator()(const commands::request_status&) {
         boat.schedule_.request_all(from);
@@ -163,7 +173,9 @@ acknowledgement simulated_boat::decide(const boat_command& command, std::uint32_
         ack.text = *done;
     } else {
         bool wrong = done.error().code() == ise::errc::invalid_argument;
-        ack.code = command.get_if<commands::unknown>() ? ack_code::unknown_command : wrong ? ack_code::bad_argument : ack_code::refused;
+        ack.code = command.get_if<commands::unknown>() ? ack_code::unknown_command
+                   : wrong                             ? ack_code::bad_argument
+                                                       : ack_code::refused;
         ack.text = done.error().message();
     }
     if (traits_of(ack.kind).returns_value) ack.value = command.visit(command_values{*this});

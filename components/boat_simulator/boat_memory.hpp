@@ -6,14 +6,14 @@
 namespace atirma {
 
 /// What the boat's computer keeps over the loss of its power, in one file: where it was and what it was told, which
-/// telecommands it has executed, and the packets that the shore has not acknowledged over GPRS or the radio, as a tracker
-/// keeps them in its flash. Used on one loop; each call blocks for as long as the disk takes.
+/// telecommands it has executed, and the packets that the shore has not acknowledged over GPRS or the radio, as a
+/// tracker keeps them in its flash. Used on one loop; each call blocks for as long as the disk takes.
 class boat_memory {
 public:
     static constexpr std::size_t kept_commands = simulator::simulated_boat::remembered_commands;
 
-    /// "memory:NAME" as `database`. Of a damaged file, what can still be read is kept. Errors: io_failed; malformed (only
-    /// without `how`); invalid_argument for a file of a newer program.
+    /// "memory:NAME" as `database`. Of a damaged file, what can still be read is kept. Errors: io_failed; malformed
+    /// (only without `how`); invalid_argument for a file of a newer program.
     static ise::result<boat_memory> open(const std::string& file, when_damaged how = when_damaged());
 
     /// As it was kept last; nothing in a new file. Errors: io_failed, malformed.

@@ -19,12 +19,16 @@ boat_state rate(const boat_state& s, const actuators& set, wind_vector w, const 
     d.position_m.y = v * std::sin(s.heading_rad) + p.drift * w.speed_mps * std::sin(w.towards_rad);
     d.heading_rad = s.turn_rate_rps;
     d.speed_mps = (sail_force * std::sin(sail) - rudder_force * std::sin(set.rudder_rad) - drag) / p.mass;
-    d.turn_rate_rps = ((p.sail_offset - p.mast_offset * std::cos(sail)) * sail_force - p.rudder_offset * std::cos(set.rudder_rad) * rudder_force -
-                       p.angular_friction * s.turn_rate_rps * v) / p.moment_of_inertia;
+    d.turn_rate_rps =
+        ((p.sail_offset - p.mast_offset * std::cos(sail)) * sail_force -
+         p.rudder_offset * std::cos(set.rudder_rad) * rudder_force - p.angular_friction * s.turn_rate_rps * v) /
+        p.moment_of_inertia;
     // The sail's sideways force to port heels to port; sails stand to leeward, so the sign is that of the force.
     d.heel_rad = s.heel_rate_rps;
-    d.heel_rate_rps = (-p.heel_damping * s.heel_rate_rps + sail_force * p.sail_height_m * std::cos(sail) * std::cos(s.heel_rad) -
-                       p.heel_mass * 9.81 * p.righting_arm_m * std::sin(s.heel_rad)) / p.heel_inertia;
+    d.heel_rate_rps =
+        (-p.heel_damping * s.heel_rate_rps + sail_force * p.sail_height_m * std::cos(sail) * std::cos(s.heel_rad) -
+         p.heel_mass * 9.81 * p.righting_arm_m * std::sin(s.heel_rad)) /
+        p.heel_inertia;
     return d;
 }
 
@@ -42,7 +46,8 @@ boat_state add(const boat_state& s, const boat_state& d, double k) {
 boat_parameters make(std::array<double, 10> p, bool signed_drag) {
     boat_parameters out;
     out.drift = p[0], out.drag = p[1], out.angular_friction = p[2], out.sail_lift = p[3], out.rudder_lift = p[4];
-    out.sail_offset = p[5], out.mast_offset = p[6], out.rudder_offset = p[7], out.mass = p[8], out.moment_of_inertia = p[9];
+    out.sail_offset = p[5], out.mast_offset = p[6], out.rudder_offset = p[7], out.mass = p[8],
+    out.moment_of_inertia = p[9];
     out.signed_drag = signed_drag;
     return out;
 }
@@ -53,7 +58,8 @@ boat_parameters published_parameters() { return make({0.1, 1, 6000, 1000, 2000, 
 boat_parameters small_boat_parameters() { return make({0.02, 20, 30, 6.5, 35, 0.15, 0.15, 0.9, 50, 20}, true); }
 
 wind_vector apparent_wind(const boat_state& s, wind_vector w) {
-    vec ap{w.speed_mps * std::cos(w.towards_rad - s.heading_rad) - s.speed_mps, w.speed_mps * std::sin(w.towards_rad - s.heading_rad)};
+    vec ap{w.speed_mps * std::cos(w.towards_rad - s.heading_rad) - s.speed_mps,
+           w.speed_mps * std::sin(w.towards_rad - s.heading_rad)};
     return {length(ap), angle_rad(ap)};
 }
 

@@ -22,14 +22,14 @@ struct boat_state {
 };
 
 struct actuators {
-    double rudder_rad = 0;    ///< positive turns the boat to starboard (the heading angle falls)
-    double sheet_rad = 0;     ///< widest angle that the sheet lets the sail stand at, 0 … π/2
+    double rudder_rad = 0; ///< positive turns the boat to starboard (the heading angle falls)
+    double sheet_rad = 0;  ///< widest angle that the sheet lets the sail stand at, 0 … π/2
 };
 
 /// Coefficients p1 … p10 of Jaulin's sailboat model and those of its heel.
 struct boat_parameters {
-    double drift = 0, drag = 0, angular_friction = 0, sail_lift = 0, rudder_lift = 0;                 ///< p1 … p5
-    double sail_offset = 0, mast_offset = 0, rudder_offset = 0, mass = 0, moment_of_inertia = 0;      ///< p6 … p10
+    double drift = 0, drag = 0, angular_friction = 0, sail_lift = 0, rudder_lift = 0;            ///< p1 … p5
+    double sail_offset = 0, mast_offset = 0, rudder_offset = 0, mass = 0, moment_of_inertia = 0; ///< p6 … p10
     bool signed_drag = true; ///< drag v|v| rather than v²: a boat that goes backwards is braked, too
     double heel_mass = 280, heel_inertia = 15, heel_damping = 40, sail_height_m = 2.1, righting_arm_m = 0.2;
 };
@@ -45,7 +45,9 @@ wind_vector apparent_wind(const boat_state& state, wind_vector true_wind);
 /// Where the sail stands: at its sheet to leeward, or flapping in the wind.
 double sail_angle_rad(wind_vector apparent, double sheet_rad);
 
-/// One step of the classical Runge–Kutta method, wind and actuators held. A pure function; steps of up to 0.1 s are stable.
-boat_state step(const boat_state& state, const actuators& set, wind_vector true_wind, const boat_parameters& p, double dt_s);
+/// One step of the classical Runge–Kutta method, wind and actuators held. A pure function; steps of up to 0.1 s are
+/// stable.
+boat_state step(const boat_state& state, const actuators& set, wind_vector true_wind, const boat_parameters& p,
+                double dt_s);
 
 } // namespace atirma::simulator

@@ -38,7 +38,8 @@ std::shared_ptr<const simulator::wind_source> boat_simulator::make_wind() {
 void boat_simulator::change(const boat_simulator_options& now) {
     if (now.wind_speed_mps == options_.wind_speed_mps && now.wind_from_deg == options_.wind_from_deg) return;
     if (!options_.wind_file.empty())
-        throw ise::error(ise::errc::refused, fmt::format("the wind is the recorded one of {}: it cannot be changed", options_.wind_file));
+        throw ise::error(ise::errc::refused,
+                         fmt::format("the wind is the recorded one of {}: it cannot be changed", options_.wind_file));
     auto before = std::pair(options_.wind_speed_mps, options_.wind_from_deg);
     options_.wind_speed_mps = now.wind_speed_mps;
     options_.wind_from_deg = now.wind_from_deg;
@@ -66,7 +67,9 @@ void boat_simulator::make_boat() {
     simulator::boat_options made;
     if (options_.course != "none") {
         auto course = simulator::find_course(options_.course);
-        if (!course) throw ise::error(ise::errc::invalid_argument, fmt::format("there is no course '{}': T1, T2, none", options_.course));
+        if (!course)
+            throw ise::error(ise::errc::invalid_argument,
+                             fmt::format("there is no course '{}': T1, T2, none", options_.course));
         made.course = course->marks;
     }
     auto utc = std::chrono::floor<std::chrono::milliseconds>(wall());
@@ -101,7 +104,8 @@ ise::task<> boat_simulator::run() {
         spawn("modem", port_->run());
     }
     if (!options_.iridium.port.device.empty()) {
-        iridium_ = std::make_unique<iridium_uplink>(on(), log(), options_.iridium, [this] { boat_->advance(model_now()); });
+        iridium_ =
+            std::make_unique<iridium_uplink>(on(), log(), options_.iridium, [this] { boat_->advance(model_now()); });
         spawn("Iridium", iridium_->run(*boat_));
     }
     if (!options_.gprs.empty()) {
@@ -119,8 +123,11 @@ ise::task<> boat_simulator::run() {
         return truth();
     });
     // A step of the model, but not more often than a hundred times a second: then several steps at once.
-    auto pace = std::max<ise::duration>(10ms, std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(0.1 / options_.speedup)));
-    log().info("the boat sails", {{"course", options_.course}, {"boot", std::to_string(boat_->boot())}, {"speedup", fmt::format("{:g}", options_.speedup)}});
+    auto pace = std::max<ise::duration>(
+        10ms, std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(0.1 / options_.speedup)));
+    log().info("the boat sails", {{"course", options_.course},
+                                  {"boot", std::to_string(boat_->boot())},
+                                  {"speedup", fmt::format("{:g}", options_.speedup)}});
     for (;;) {
         sail();
         co_await sleep(pace);
@@ -144,7 +151,8 @@ void boat_simulator::send_uplink() {
         return;
     }
     // The model's time may be faster than the link's.
-    uplink_->set_period(std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(boat_->telemetry_period_s(link_id::gprs) / options_.speedup)));
+    uplink_->set_period(std::chrono::duration_cast<ise::duration>(
+        std::chrono::duration<double>(boat_->telemetry_period_s(link_id::gprs) / options_.speedup)));
     for (;;) {
         auto raw = boat_->take_packet(link_id::gprs);
         if (raw.empty()) return;
@@ -228,10 +236,13 @@ void boat_simulator::heard(link_id link, ise::bytes_view raw) {
     auto done = boat_->on_packet(link, raw);
     if (done) {
         ++heard_;
-        log().info("telecommand", {{"id", std::to_string(done->id)}, {"kind", std::string(name_of(done->kind))}, {"result", std::string(name_of(done->code))},
+        log().info("telecommand", {{"id", std::to_string(done->id)},
+                                   {"kind", std::string(name_of(done->kind))},
+                                   {"result", std::string(name_of(done->code))},
                                    {"link", std::string(name_of(link))}});
     } else {
-        log().warning("a packet was refused", {{"cause", done.error().message()}, {"link", std::string(name_of(link))}});
+        log().warning("a packet was refused",
+                      {{"cause", done.error().message()}, {"link", std::string(name_of(link))}});
     }
 }
 
@@ -239,7 +250,8 @@ scene boat_simulator::set_scene(const scene_request& request) {
     boat_->advance(model_now());
     auto air = boat_->true_wind();
     if (request.wind_speed_mps) air.speed_mps = in_range("wind_speed_mps", *request.wind_speed_mps, 0, 40);
-    if (request.wind_from_deg) air.from_deg = std::fmod(in_range("wind_from_deg", *request.wind_from_deg, 0, 360), 360.0);
+    if (request.wind_from_deg)
+        air.from_deg = std::fmod(in_range("wind_from_deg", *request.wind_from_deg, 0, 360), 360.0);
     double at_s = std::chrono::duration<double>(model_now()).count();
     if (request.original_wind) wind_->change(at_s, std::nullopt);
     else if (request.wind_speed_mps || request.wind_from_deg) wind_->change(at_s, air);

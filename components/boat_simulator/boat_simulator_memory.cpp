@@ -8,8 +8,8 @@ namespace {
 constexpr ise::duration remember_period = std::chrono::seconds(10);
 }
 
-/// A memory that cannot be opened is an error: going on without it would send a boat on its way from the beginning. Of a
-/// damaged one the boat goes on with what can be read.
+/// A memory that cannot be opened is an error: going on without it would send a boat on its way from the beginning. Of
+/// a damaged one the boat goes on with what can be read.
 void boat_simulator::open_memory(simulator::boat_options& made) {
     memory_.reset();
     when_damaged how(log(), [this] { return std::chrono::floor<std::chrono::system_clock::duration>(wall()); });

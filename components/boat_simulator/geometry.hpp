@@ -37,15 +37,18 @@ inline double wrap_deg(double angle) {
 inline double compass_deg(double angle) { return wrap_deg(90 - degrees(angle)); }
 inline double from_compass_rad(double direction_deg) { return wrap_rad(radians(90 - direction_deg)); }
 
-/// Places on the chart as metres around an origin, on the local tangent plane of a sphere: good to a few metres in 20 km.
+/// Places on the chart as metres around an origin, on the local tangent plane of a sphere: good to a few metres in 20
+/// km.
 class local_chart {
 public:
     explicit local_chart(waypoint origin) : origin_(origin), cos_latitude_(std::cos(radians(origin.latitude_deg))) {}
     vec to_metres(waypoint p) const {
-        return {radians(p.longitude_deg - origin_.longitude_deg) * earth_radius_m * cos_latitude_, radians(p.latitude_deg - origin_.latitude_deg) * earth_radius_m};
+        return {radians(p.longitude_deg - origin_.longitude_deg) * earth_radius_m * cos_latitude_,
+                radians(p.latitude_deg - origin_.latitude_deg) * earth_radius_m};
     }
     waypoint to_waypoint(vec v) const {
-        return {origin_.latitude_deg + degrees(v.y / earth_radius_m), origin_.longitude_deg + degrees(v.x / (earth_radius_m * cos_latitude_))};
+        return {origin_.latitude_deg + degrees(v.y / earth_radius_m),
+                origin_.longitude_deg + degrees(v.x / (earth_radius_m * cos_latitude_))};
     }
     waypoint origin() const { return origin_; }
 

@@ -11,8 +11,8 @@
 namespace atirma {
 
 struct iridium_uplink_options {
-    iridium::sbd_port_options port;      ///< of the boat's 9602; an empty device: it has none
-    double period_s = 600;               ///< of its telemetry, until a telecommand changes it
+    iridium::sbd_port_options port;                        ///< of the boat's 9602; an empty device: it has none
+    double period_s = 600;                                 ///< of its telemetry, until a telecommand changes it
     ise::duration check_period = std::chrono::minutes(30); ///< it looks for mail when nothing was sent for so long
 };
 

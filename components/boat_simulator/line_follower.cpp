@@ -25,13 +25,16 @@ actuators steer_to(double course_rad, const boat_state& state, wind_vector wind,
 
 double nearest_feasible_rad(double course_rad, wind_vector wind, double side, const follower_settings& s) {
     double off = wrap_rad(course_rad - (wind.towards_rad + pi)); // from the eye of the wind
-    if (std::abs(off) < s.forbidden_upwind_rad) return wind.towards_rad + pi + (off == 0 ? -side : sign(off)) * s.forbidden_upwind_rad;
+    if (std::abs(off) < s.forbidden_upwind_rad)
+        return wind.towards_rad + pi + (off == 0 ? -side : sign(off)) * s.forbidden_upwind_rad;
     double run = wrap_rad(course_rad - wind.towards_rad);
-    if (std::abs(run) < s.forbidden_downwind_rad) return wind.towards_rad + (run == 0 ? side : sign(run)) * s.forbidden_downwind_rad;
+    if (std::abs(run) < s.forbidden_downwind_rad)
+        return wind.towards_rad + (run == 0 ? side : sign(run)) * s.forbidden_downwind_rad;
     return course_rad;
 }
 
-steering follow_line(vec a, vec b, const boat_state& state, wind_vector wind, const follower_settings& s, double leeway_rad, follower_state& memory, double dt_s) {
+steering follow_line(vec a, vec b, const boat_state& state, wind_vector wind, const follower_settings& s,
+                     double leeway_rad, follower_state& memory, double dt_s) {
     memory.held_s += dt_s;
     memory.forced_s = std::max(0.0, memory.forced_s - dt_s);
 
@@ -52,8 +55,9 @@ steering follow_line(vec a, vec b, const boat_state& state, wind_vector wind, co
     bool upwind = std::cos(wind.towards_rad - wanted) + zeta < 0;
     bool line_upwind = std::abs(e) < s.corridor_m && std::cos(wind.towards_rad - along) + zeta < 0;
     double run = std::cos(s.forbidden_downwind_rad);
-    bool downwind = s.forbidden_downwind_rad > 0 && (std::cos(wind.towards_rad - wanted) > run ||
-                                                     (std::abs(e) < s.corridor_m && std::cos(wind.towards_rad - along) > run));
+    bool downwind =
+        s.forbidden_downwind_rad > 0 && (std::cos(wind.towards_rad - wanted) > run ||
+                                         (std::abs(e) < s.corridor_m && std::cos(wind.towards_rad - along) > run));
     out.cross_track_m = e;
     if (upwind || line_upwind) {
         out.beating = true;

@@ -17,7 +17,7 @@ std::optional<packet_name> name_in(ise::bytes_view raw) {
 void radio_backlog::sent(ise::time_point now, packet_name name, kept_packet& packet) {
     held_.erase(name);
     due_.erase({packet.due, name});
-    packet.pause = packet.pause.count() == 0 ? first_pause : std::min(packet.pause * 2, longest_pause);
+    packet.pause = packet.pause.count() == 0 ? first_pause : std::min(packet.pause * 2, max_pause);
     packet.due = now + packet.pause;
     due_.emplace(packet.due, name);
 }
@@ -66,7 +66,7 @@ bool radio_backlog::put(ise::time_point now, const ise::bytes& raw) {
 }
 
 ise::bytes radio_backlog::next(ise::time_point now) {
-    if (!alive(now) || duty_percent_ >= most_duty_percent) return {};
+    if (!alive(now) || duty_percent_ >= max_duty_percent) return {};
     // What was held goes to any shore that hears it; what was sent, again only while receipts come.
     std::optional<packet_name> which;
     if (!held_.empty()) which = *held_.begin();

@@ -14,15 +14,15 @@ namespace atirma::simulator {
 /// The telemetry that a boat keeps until the shore has receipted it over the radio, and when each packet goes again.
 /// Without I/O.
 ///
-/// While the radio's acknowledgements show that the shore's modem hears the boat, packets go as they come. Otherwise they
-/// are held, and one goes every few seconds to find the shore again: retries into the void would use up the duty cycle
-/// that the backlog needs afterwards. What was sent is sent again only to a shore that gives receipts.
+/// While the radio's acknowledgements show that the shore's modem hears the boat, packets go as they come. Otherwise
+/// they are held, and one goes every few seconds to find the shore again: retries into the void would use up the duty
+/// cycle that the backlog needs afterwards. What was sent is sent again only to a shore that gives receipts.
 class radio_backlog {
 public:
     static constexpr std::size_t capacity = 8192; ///< packets; beyond, the oldest is given up. Two hours
     static constexpr ise::duration alive_for = std::chrono::seconds(30), probe_period = std::chrono::seconds(15);
-    static constexpr ise::duration first_pause = std::chrono::seconds(20), longest_pause = std::chrono::minutes(5);
-    static constexpr unsigned most_duty_percent = 80; ///< of what is allowed; above, only what is new is sent
+    static constexpr ise::duration first_pause = std::chrono::seconds(20), max_pause = std::chrono::minutes(5);
+    static constexpr unsigned max_duty_percent = 80; ///< of what is allowed; above, only what is new is sent
 
     explicit radio_backlog(ise::time_point now) : heard_at_(now), receipted_at_(now) {}
 
@@ -36,8 +36,8 @@ public:
     void not_taken(ise::bytes_view raw);
 
     void on_radio_acknowledgement(ise::time_point now) noexcept { heard_at_ = now; }
-    /// Those of the receipt that were kept here and had been sent: a forged one costs a packet its repetitions, never its
-    /// first transmission.
+    /// Those of the receipt that were kept here and had been sent: a forged one costs a packet its repetitions, never
+    /// its first transmission.
     std::vector<packet_name> on_receipt(ise::time_point now, const telemetry_receipt& told);
     void on_duty(unsigned percent) noexcept { duty_percent_ = percent; }
 

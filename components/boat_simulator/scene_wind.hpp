@@ -6,8 +6,8 @@
 
 namespace atirma::simulator {
 
-/// A wind that somebody may take into their own hands from some time on. Changes count from their time only, so that the
-/// past stays as it was.
+/// A wind that somebody may take into their own hands from some time on. Changes count from their time only, so that
+/// the past stays as it was.
 class scene_wind final : public wind_source {
 public:
     static constexpr std::size_t max_changes = 1000;

@@ -24,10 +24,12 @@ waypoint start_of(const boat_options& options) {
 } // namespace
 
 simulated_boat::simulated_boat(boat_options options, std::shared_ptr<const wind_source> wind)
-    : options_(std::move(options)), wind_(std::move(wind)), chart_(start_of(options_)), pilot_(chart_.origin()), boot_(options_.boot) {
+    : options_(std::move(options)), wind_(std::move(wind)), chart_(start_of(options_)), pilot_(chart_.origin()),
+      boot_(options_.boot) {
     if (!wind_) throw ise::error(ise::errc::invalid_argument, "a simulated boat without a wind");
     auto air = to_vector(wind_->at(0));
-    state_.heading_rad = options_.heading_deg ? from_compass_rad(*options_.heading_deg) : wrap_rad(air.towards_rad + pi / 2);
+    state_.heading_rad =
+        options_.heading_deg ? from_compass_rad(*options_.heading_deg) : wrap_rad(air.towards_rad + pi / 2);
     for (auto& mark : options_.resumed ? std::vector<waypoint>() : options_.course)
         if (auto put = pilot_.insert(pilot_.list().size(), mark, state_); !put) throw ise::error(put.error());
     for (std::size_t i = 0; i < link_count; ++i) {
@@ -71,7 +73,8 @@ remembered_boat simulated_boat::remember() const {
     made.list = pilot_.list();
     made.active = pilot_.active();
     made.beacon = beacon_;
-    for (std::size_t i = 0; i < parameter_count; ++i) made.parameters[i] = pilot_.parameter(static_cast<parameter_id>(i));
+    for (std::size_t i = 0; i < parameter_count; ++i)
+        made.parameters[i] = pilot_.parameter(static_cast<parameter_id>(i));
     for (std::size_t i = 0; i < link_count; ++i)
         made.telemetry_period_s[i] = schedule_.period_s(static_cast<link_id>(i));
     return made;
@@ -148,7 +151,9 @@ void simulated_boat::emit(link_id link, packet_type type) {
     }
 }
 
-void simulated_boat::emit(link_id link, const telemetry_body& body) { queue(link, encode_telemetry(next_header(), body)); }
+void simulated_boat::emit(link_id link, const telemetry_body& body) {
+    queue(link, encode_telemetry(next_header(), body));
+}
 
 void simulated_boat::emit_waypoints(link_id link) {
     auto& all = pilot_.list();

@@ -29,17 +29,17 @@ struct remembered_boat {
 };
 
 struct boat_options {
-    std::vector<waypoint> course;             ///< sailed round and round; empty: it stays where it is
-    std::optional<waypoint> start;            ///< also home; else half-way along the last leg of the course
-    std::optional<double> heading_deg;        ///< else on a reach: a boat at rest head to wind never moves
-    utc_time epoch{};                         ///< the UTC of model time 0
-    double clock_rate = 1;                    ///< UTC that passes per model time; 1/speedup keeps the boat's clock right
+    std::vector<waypoint> course;      ///< sailed round and round; empty: it stays where it is
+    std::optional<waypoint> start;     ///< also home; else half-way along the last leg of the course
+    std::optional<double> heading_deg; ///< else on a reach: a boat at rest head to wind never moves
+    utc_time epoch{};                  ///< the UTC of model time 0
+    double clock_rate = 1;             ///< UTC that passes per model time; 1/speedup keeps the boat's clock right
     std::uint16_t boot = 1;
     std::array<double, link_count> telemetry_period_s{2, 0, 0}; ///< at the start, by link_id; 0 is off
-    std::optional<remembered_boat> resumed;   ///< goes on from there, in the boot after that one; `course`, `start` and
-                                              ///< `boot` count for nothing then
-    std::vector<acknowledgement> executed;    ///< before, oldest first: repeated, they change nothing
-    std::uint64_t seed = 1;                   ///< of the noise of the instruments
+    std::optional<remembered_boat> resumed; ///< goes on from there, in the boot after that one; `course`, `start` and
+                                            ///< `boot` count for nothing then
+    std::vector<acknowledgement> executed;  ///< before, oldest first: repeated, they change nothing
+    std::uint64_t seed = 1;                 ///< of the noise of the instruments
     boat_parameters model = small_boat_parameters();
 };
 
@@ -49,14 +49,15 @@ struct outgoing_packet {
     ise::bytes raw;
 };
 
-/// The boat: hull, wind, autopilot, telemetry and telecommands. It reads no clock and draws no random number but its own:
-/// the same options, commands and times give the same packets. Not thread safe.
+/// The boat: hull, wind, autopilot, telemetry and telecommands. It reads no clock and draws no random number but its
+/// own: the same options, commands and times give the same packets. Not thread safe.
 class simulated_boat {
 public:
-    static constexpr std::size_t max_queued = 128;      ///< packets a link; the oldest is dropped and counted
-    static constexpr std::size_t max_answers = 32;      ///< acknowledgements a link; the same
+    static constexpr std::size_t max_queued = 128; ///< packets a link; the oldest is dropped and counted
+    static constexpr std::size_t max_answers = 32; ///< acknowledgements a link; the same
     static constexpr std::size_t remembered_commands = 256;
-    static constexpr std::uint32_t max_epoch_step = 1024; ///< an epoch of authority further above the boat's does not count
+    static constexpr std::uint32_t max_epoch_step =
+        1024; ///< an epoch of authority further above the boat's does not count
 
     /// Throws `ise::error` (invalid_argument) without a wind.
     simulated_boat(boat_options options, std::shared_ptr<const wind_source> wind);
@@ -102,7 +103,7 @@ public:
     remembered_boat remember() const;
     const std::deque<acknowledgement>& executed() const { return acknowledged_; }
     std::uint64_t executed_count() const { return executed_count_; } ///< so many ever were added to `executed()`
-    std::uint32_t authority() const { return authority_; } ///< the epoch that it obeys; 0: anybody
+    std::uint32_t authority() const { return authority_; }           ///< the epoch that it obeys; 0: anybody
 
 private:
     void resume(const remembered_boat& from);
@@ -128,10 +129,10 @@ private:
     telemetry_schedule schedule_;
     boat_state state_;
     actuators set_;
-    struct waiting_packets {
+    struct send_queue {
         std::deque<ise::bytes> answers, telemetry;
     };
-    std::array<waiting_packets, link_count> queues_;
+    std::array<send_queue, link_count> queues_;
     std::array<link_status, link_count> links_;
     std::deque<acknowledgement> acknowledged_;
     double now_s_ = 0, up_again_s_ = -1, irons_s_ = 0, distance_m_ = 0, booted_s_ = 0, charge_ah_ = 17;

@@ -51,7 +51,8 @@ navigation simulated_boat::navigation_now() const {
 wind simulated_boat::wind_now() const {
     auto sample = true_wind();
     auto ap = apparent_wind(state_, to_vector(sample));
-    return {static_cast<float>(bow_angle_deg(ap)), static_cast<float>(ap.speed_mps), static_cast<float>(sample.from_deg), static_cast<float>(sample.speed_mps)};
+    return {static_cast<float>(bow_angle_deg(ap)), static_cast<float>(ap.speed_mps),
+            static_cast<float>(sample.from_deg), static_cast<float>(sample.speed_mps)};
 }
 
 configuration simulated_boat::configuration_now() const {
@@ -61,7 +62,8 @@ configuration simulated_boat::configuration_now() const {
     p.forbidden_angle_upwind_deg = pilot_.parameter(parameter_id::forbidden_angle_upwind);
     p.forbidden_angle_downwind_deg = pilot_.parameter(parameter_id::forbidden_angle_downwind);
     p.leeway_compensation = pilot_.parameter(parameter_id::leeway_compensation);
-    for (std::size_t i = 0; i < link_count; ++i) p.telemetry_period_s[i] = static_cast<float>(schedule_.period_s(static_cast<link_id>(i)));
+    for (std::size_t i = 0; i < link_count; ++i)
+        p.telemetry_period_s[i] = static_cast<float>(schedule_.period_s(static_cast<link_id>(i)));
     return p;
 }
 

@@ -6,7 +6,8 @@
 
 namespace atirma::simulator {
 namespace {
-// Every how many periods a type goes. Iridium is paid by the byte: only where the boat is and how it sails, unless asked.
+// Every how many periods a type goes. Iridium is paid by the byte: only where the boat is and how it sails, unless
+// asked.
 constexpr std::array<std::uint64_t, packet_type_count> radio_turns{1, 1, 2, 10, 30, 30, 15};
 constexpr std::array<std::uint64_t, packet_type_count> satellite_turns{1, 1, 0, 0, 0, 0, 0};
 } // namespace
@@ -22,7 +23,9 @@ void telemetry_schedule::request(packet_type type) {
         if (e.period_s > 0) e.requested[static_cast<std::size_t>(type)] = true;
 }
 
-void telemetry_schedule::request(packet_type type, link_id link) { links_[index(link)].requested[static_cast<std::size_t>(type)] = true; }
+void telemetry_schedule::request(packet_type type, link_id link) {
+    links_[index(link)].requested[static_cast<std::size_t>(type)] = true;
+}
 
 void telemetry_schedule::request_all(link_id link) { links_[index(link)].requested.fill(true); }
 
@@ -32,12 +35,14 @@ std::vector<packet_type> telemetry_schedule::take_due(link_id link, double now_s
     bool due = e.period_s > 0 && now_s >= e.next_s;
     std::vector<packet_type> out;
     for (std::size_t i = 0; i < packet_type_count; ++i) {
-        if (e.requested[i] || (due && turns[i] > 0 && e.turn % turns[i] == 0)) out.push_back(static_cast<packet_type>(i));
+        if (e.requested[i] || (due && turns[i] > 0 && e.turn % turns[i] == 0))
+            out.push_back(static_cast<packet_type>(i));
         e.requested[i] = false;
     }
     if (due) {
         ++e.turn;
-        e.next_s += e.period_s * std::max(1.0, std::ceil((now_s - e.next_s) / e.period_s + 1e-9)); // missed turns are not made up
+        e.next_s += e.period_s *
+                    std::max(1.0, std::ceil((now_s - e.next_s) / e.period_s + 1e-9)); // missed turns are not made up
     }
     return out;
 }

@@ -10,11 +10,12 @@ namespace atirma::simulator {
 enum class packet_type : std::uint8_t { location, navigation, wind, power, waypoints, configuration, link_status };
 inline constexpr std::size_t packet_type_count = 7;
 
-/// Which packet is due on which link. Each link has a period; location and navigation go once a period, the others every
-/// so many; what has changed goes at once.
+/// Which packet is due on which link. Each link has a period; location and navigation go once a period, the others
+/// every so many; what has changed goes at once.
 class telemetry_schedule {
 public:
-    void set_period(link_id link, double period_s, double now_s); ///< 0 switches the link's telemetry off, as it is at first
+    void set_period(link_id link, double period_s,
+                    double now_s); ///< 0 switches the link's telemetry off, as it is at first
     double period_s(link_id link) const { return links_[index(link)].period_s; }
 
     /// Due at the next look, on every link that is not off.

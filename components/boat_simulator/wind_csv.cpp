@@ -24,9 +24,11 @@ std::vector<std::string_view> fields_of(std::string_view line) {
     }
 }
 
-std::optional<std::size_t> column(const std::vector<std::string_view>& header, std::initializer_list<std::string_view> names) {
+std::optional<std::size_t> column(const std::vector<std::string_view>& header,
+                                  std::initializer_list<std::string_view> names) {
     for (auto name : names)
-        if (auto at = std::find(header.begin(), header.end(), name); at != header.end()) return static_cast<std::size_t>(at - header.begin());
+        if (auto at = std::find(header.begin(), header.end(), name); at != header.end())
+            return static_cast<std::size_t>(at - header.begin());
     return std::nullopt;
 }
 
@@ -40,7 +42,9 @@ std::optional<double> number(std::string_view text) {
 } // namespace
 
 ise::result<std::unique_ptr<recorded_wind>> parse_wind_csv(std::string_view csv, std::string_view name) {
-    auto wrong = [&](std::size_t line, std::string what) { return ise::failure(ise::errc::malformed, fmt::format("{}:{}: {}", name, line, what)); };
+    auto wrong = [&](std::size_t line, std::string what) {
+        return ise::failure(ise::errc::malformed, fmt::format("{}:{}: {}", name, line, what));
+    };
     std::optional<std::size_t> time, speed, direction;
     double unit = 1;
     std::vector<recorded_wind::entry> entries;
@@ -65,18 +69,21 @@ ise::result<std::unique_ptr<recorded_wind>> parse_wind_csv(std::string_view csv,
             continue;
         }
         if (fields.size() <= std::max({*time, *speed, *direction}))
-            return wrong(line_number, fmt::format("{} columns, {} are needed", fields.size(), std::max({*time, *speed, *direction}) + 1));
+            return wrong(line_number, fmt::format("{} columns, {} are needed", fields.size(),
+                                                  std::max({*time, *speed, *direction}) + 1));
         if (fields[*speed].empty() || fields[*direction].empty()) continue; // the instrument gave nothing
         auto t = number(fields[*time]), v = number(fields[*speed]), d = number(fields[*direction]);
         if (!t) return wrong(line_number, fmt::format("time \"{}\" is not a number", fields[*time]));
         if (!v) return wrong(line_number, fmt::format("wind speed \"{}\" is not a number", fields[*speed]));
         if (!d) return wrong(line_number, fmt::format("wind direction \"{}\" is not a number", fields[*direction]));
         if (*v < 0) return wrong(line_number, fmt::format("wind speed {} is negative", *v));
-        if (!entries.empty() && *t <= entries.back().time_s) return wrong(line_number, fmt::format("time {} does not follow {}", *t, entries.back().time_s));
+        if (!entries.empty() && *t <= entries.back().time_s)
+            return wrong(line_number, fmt::format("time {} does not follow {}", *t, entries.back().time_s));
         entries.push_back({*t, {*v * unit, wrap_deg(*d)}});
     }
     if (!time) return ise::failure(ise::errc::malformed, fmt::format("{}: no header line", name));
-    if (entries.empty()) return ise::failure(ise::errc::malformed, fmt::format("{}: no row has both wind speed and direction", name));
+    if (entries.empty())
+        return ise::failure(ise::errc::malformed, fmt::format("{}: no row has both wind speed and direction", name));
     return std::make_unique<recorded_wind>(std::move(entries));
 }
 

@@ -80,13 +80,15 @@ wind_sample recorded_wind::at(double time_s) const {
     double t = std::fmod(time_s, length);
     if (t < 0) t += length;
     t += entries_.front().time_s;
-    auto next = std::upper_bound(entries_.begin(), entries_.end(), t, [](double x, const entry& e) { return x < e.time_s; });
+    auto next =
+        std::upper_bound(entries_.begin(), entries_.end(), t, [](double x, const entry& e) { return x < e.time_s; });
     if (next == entries_.begin()) return entries_.front().wind;
     if (next == entries_.end()) return entries_.back().wind;
     auto& a = *(next - 1);
     double part = (t - a.time_s) / (next->time_s - a.time_s);
     double turn = std::remainder(next->wind.from_deg - a.wind.from_deg, 360.0);
-    return {a.wind.speed_mps + part * (next->wind.speed_mps - a.wind.speed_mps), wrap_deg(a.wind.from_deg + part * turn)};
+    return {a.wind.speed_mps + part * (next->wind.speed_mps - a.wind.speed_mps),
+            wrap_deg(a.wind.from_deg + part * turn)};
 }
 
 } // namespace atirma::simulator

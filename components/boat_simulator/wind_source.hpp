@@ -16,7 +16,8 @@ struct wind_sample {
 };
 wind_vector to_vector(wind_sample w);
 
-/// Wind as a function of model time. Immutable after it is made: the same time gives the same wind, in any order of asking.
+/// Wind as a function of model time. Immutable after it is made: the same time gives the same wind, in any order of
+/// asking.
 class wind_source {
 public:
     virtual ~wind_source() = default;
@@ -26,9 +27,9 @@ public:
 std::unique_ptr<wind_source> constant_wind(wind_sample mean);
 
 struct gust_settings {
-    double speed_deviation = 0.2;     ///< of the mean speed
+    double speed_deviation = 0.2; ///< of the mean speed
     double direction_deviation_deg = 12;
-    double period_s = 60;             ///< of the slowest swing; gusts come several times as often
+    double period_s = 60; ///< of the slowest swing; gusts come several times as often
 };
 /// Gusts and shifts about a mean, smooth, from a seed: the same on every machine.
 std::unique_ptr<wind_source> gusting_wind(wind_sample mean, std::uint64_t seed, gust_settings gusts = {});
@@ -51,8 +52,8 @@ private:
 };
 
 /// A series out of CSV text with a header line. Columns by name: time `t_s`; speed `tws_mps`, or in knots `tws_kn` or
-/// `tws_vwt_kn`; direction `twd_deg` or `twd_est_deg`. Rows whose speed or direction is empty are left out. Everything else
-/// that is wrong is `malformed` with `name` and the number of the line.
+/// `tws_vwt_kn`; direction `twd_deg` or `twd_est_deg`. Rows whose speed or direction is empty are left out. Everything
+/// else that is wrong is `malformed` with `name` and the number of the line.
 ise::result<std::unique_ptr<recorded_wind>> parse_wind_csv(std::string_view csv, std::string_view name);
 
 } // namespace atirma::simulator

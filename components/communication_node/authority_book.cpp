@@ -16,11 +16,13 @@ ise::failure refused(std::string why) { return ise::failure(ise::errc::refused, 
 // Epochs of the boat begin again after the last one: half of all numbers lie ahead of each.
 bool is_ahead(std::uint32_t epoch, std::uint32_t of) { return epoch != of && epoch - of < 0x8000'0000; }
 
-bool may_hold(std::string_view who) { return who.size() <= authority_book::longest_name && ise::naming::is_path(who); }
+bool may_hold(std::string_view who) { return who.size() <= authority_book::max_name && ise::naming::is_path(who); }
 
 std::string has_no_path(const std::string& who) {
-    return fmt::format("{} has no path, and is not known again by its next call: it cannot hold the authority; give it a "
-                       "path of its own (ise --as PATH call …)", who);
+    return fmt::format(
+        "{} has no path, and is not known again by its next call: it cannot hold the authority; give it a "
+        "path of its own (ise --as PATH call …)",
+        who);
 }
 
 } // namespace
@@ -47,10 +49,11 @@ ise::result<std::uint32_t> authority_book::next_epoch() const {
     if (boat_ && *boat_ > last && *boat_ - last <= max_step) last = *boat_;
     auto step = last % 2 == (odd_ ? 1u : 0u) ? 2u : 1u;
     if (last > std::numeric_limits<std::uint32_t>::max() - step)
-        return refused(fmt::format("the authority stays as it is: its epochs are used up ({} is the last but {}), which "
-                                   "only a damaged store can bring about; stop both nodes and start them with new "
-                                   "files, then take the authority anew",
-                                   last, std::numeric_limits<std::uint32_t>::max() - last));
+        return refused(
+            fmt::format("the authority stays as it is: its epochs are used up ({} is the last but {}), which "
+                        "only a damaged store can bring about; stop both nodes and start them with new "
+                        "files, then take the authority anew",
+                        last, std::numeric_limits<std::uint32_t>::max() - last));
     return last + step;
 }
 
@@ -82,10 +85,9 @@ ise::result<authority_state> authority_book::decide(const authority_request& req
         case authority_action::take:
             if (state_.holder == who && !outdated) return made;
             if (!state_.holder.empty() && state_.holder != who && !request.confirmed)
-                return refused(
-                    held() +
-                    ": ask for it (action ask) and wait for hand_over, or take it against the holder's will "
-                    "(action take, confirmed true)");
+                return refused(held() +
+                               ": ask for it (action ask) and wait for hand_over, or take it against the holder's will "
+                               "(action take, confirmed true)");
             return change_hands(who, state_.holder.empty() || state_.holder == who
                                          ? fmt::format("taken by {}", who)
                                          : fmt::format("taken by {} from {}", who, state_.holder));
@@ -139,10 +141,9 @@ std::optional<std::string> authority_book::refusal(const std::string& who) const
         return "nobody holds the authority over the boat: take it first (service authority, action take)";
     if (state_.holder != who)
         return held() +
-               fmt::format(
-                   ", not {}: ask for it (service authority, action ask), or take it against the holder's will "
-                   "(action take, confirmed true)",
-                   who);
+               fmt::format(", not {}: ask for it (service authority, action ask), or take it against the holder's will "
+                           "(action take, confirmed true)",
+                           who);
     if (!may_hold(who)) return has_no_path(who); // of a store that an older program wrote
     if (boat_)
         return fmt::format(

@@ -7,8 +7,8 @@
 
 namespace atirma {
 
-/// The operator behind a caller ("PATH (ADDRESS)", or "ADDRESS"): the path that it claims. Without one, or where what it
-/// claims is no path: "anonymous@ADDRESS", which is no path either and belongs to that session only.
+/// The operator behind a caller ("PATH (ADDRESS)", or "ADDRESS"): the path that it claims. Without one, or where what
+/// it claims is no path: "anonymous@ADDRESS", which is no path either and belongs to that session only.
 std::string operator_of(std::string_view caller);
 
 /// Who holds the authority over the boat: what may be done with it, without I/O. Two nodes that cannot see each other
@@ -17,7 +17,7 @@ std::string operator_of(std::string_view caller);
 class authority_book {
 public:
     static constexpr std::size_t max_asking = 16;
-    static constexpr std::size_t longest_name = 200;
+    static constexpr std::size_t max_name = 200;
     /// The boat's word moves the epoch of the nodes by this much at most.
     static constexpr std::uint32_t max_step = 1024;
 

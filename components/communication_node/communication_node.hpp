@@ -1,5 +1,5 @@
 #pragma once
-#include <components/communication_node/command_desk.hpp>
+#include <components/communication_node/command_router.hpp>
 #include <components/communication_node/options.hpp>
 #include <components/communication_node/services.hpp>
 
@@ -19,8 +19,8 @@ struct node_core;
 ///
 /// A store that cannot be opened is tried again, and the log says why; that of a newer program ends `run()` with an
 /// error. A damaged store is set aside (renamed, never deleted), and a new one is filled from what is sound in it and
-/// from the other node; the log and `communication_state` report it. While the disk takes nothing packets wait in memory, nothing is acknowledged, and the other node serves the
-/// role.
+/// from the other node; the log and `communication_state` report it. While the disk takes nothing packets wait in
+/// memory, nothing is acknowledged, and the other node serves the role.
 class communication_node final : public ise::component {
 public:
     explicit communication_node(communication_node_options options = communication_node_options());
@@ -75,8 +75,8 @@ private:
     void work();
     void put_changes();
     void tell(const telecommand_status& status);
-    ise::task<> drive(command_desk::give what);
-    ise::task<> recall(command_desk::recall what);
+    ise::task<> drive(command_router::give what);
+    ise::task<> recall(command_router::recall what);
     ise::task<> follow_states(std::size_t proxy);
     ise::result<void> begin_command(const command_record& record);
     ise::task<telecommand_reply> command(telecommand_request request, std::string who, ise::time_point deadline);

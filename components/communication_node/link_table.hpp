@@ -12,8 +12,8 @@ namespace atirma {
 
 struct link_terms {
     link_id link = link_id::xbee;
-    ise::duration alive_for{};  ///< after the boat was heard over it
-    ise::duration patience{};   ///< for its acknowledgement; then another link is tried too
+    ise::duration alive_for{}; ///< after the boat was heard over it
+    ise::duration patience{};  ///< for its acknowledgement; then another link is tried too
 };
 
 /// XBee (30 s, 20 s), GPRS (60 s, 30 s), Iridium (an hour, ten minutes): in the order of preference, which is that of
@@ -26,7 +26,7 @@ public:
     explicit link_table(std::vector<link_terms> in_order) : terms_(std::move(in_order)), state_(terms_.size()) {}
 
     void heard(link_id link, ise::time_point now);
-    void reached(link_id link, bool is);  ///< its proxy answers, or not
+    void reached(link_id link, bool is); ///< its proxy answers, or not
     bool has(link_id link) const { return find(link) < terms_.size(); }
     bool is_reached(link_id link) const;
     bool alive(link_id link, ise::time_point now) const;

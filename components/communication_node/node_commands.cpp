@@ -57,7 +57,7 @@ void communication_node::put_changes() {
         auto put = c.store.put(records);
         disk(put ? nullptr : &put.error());
         if (put) c.unsaved.clear();
-        c.news.ring();
+        c.news.notify();
     }
     for (const auto& record : changes) tell(record.status);
     for (const auto& told : c.desk.take_boat_epochs()) c.authority.boat_obeys(told.obeyed, told.sent_under);
@@ -69,7 +69,7 @@ void communication_node::tell(const telecommand_status& status) {
         auto who = c.followers.find(subscriber.number);
         return who == c.followers.end() || who->second == 0 || who->second == status.id;
     });
-    if (is_final(status.state)) c.progress.ring();
+    if (is_final(status.state)) c.progress.notify();
 }
 
 /// From here on it is on record, and under way.
@@ -80,7 +80,7 @@ ise::result<void> communication_node::begin_command(const command_record& record
     if (!put) return put.error();
     c.desk.know(now(), clock(), record, path());
     tell(record.status);
-    c.news.ring();
+    c.news.notify();
     work();
     return {};
 }
@@ -100,8 +100,8 @@ ise::task<telecommand_reply> communication_node::command(telecommand_request req
         }
     }
     if (known && known->status.command != request.command)
-        throw command_refused(fmt::format("telecommand {} is {} already, asked for by {}; choose another id", request.id,
-                                  name_of(known->status.kind), known->status.asked_by));
+        throw command_refused(fmt::format("telecommand {} is {} already, asked for by {}; choose another id",
+                                          request.id, name_of(known->status.kind), known->status.asked_by));
     auto id = request.id;
     if (!known) {
         if (auto good = check_request(request); !good) throw command_refused(good.error().message());
@@ -116,7 +116,7 @@ ise::task<telecommand_reply> communication_node::command(telecommand_request req
             for (const auto& one : c.proxies)
                 there += fmt::format("{}{}", there.empty() ? "" : ", ", name_of(one.health.link));
             throw command_refused(fmt::format("this node has no proxy for {}; it has {}", name_of(*request.via),
-                                      there.empty() ? "none" : there));
+                                              there.empty() ? "none" : there));
         }
         auto chosen = static_cast<std::uint32_t>(env().random()) | 1u; // never 0
         auto record = c.desk.prepare(now(), clock(), request, chosen, who, c.authority.now().boat_epoch, path());
@@ -151,10 +151,10 @@ ise::task<authority_state> communication_node::change_authority(authority_reques
         disk(put ? nullptr : &put.error());
         if (!put)
             throw command_refused(fmt::format("the authority stays as it is, as the change cannot be put to disk: {}",
-                                      put.error().message()));
+                                              put.error().message()));
         c.authority.apply(*made, change);
         c.authorities(*made);
-        c.news.ring();
+        c.news.notify();
         log().info("authority over the boat",
                    {{"how", hands ? made->how : who + " asks for it"}, {"epoch", std::to_string(made->epoch)}});
         if (hands) announce_authority();

@@ -2,10 +2,10 @@
 // Private to this folder: what a node has while it runs.
 #include <components/boat/find_component.hpp>
 #include <components/communication_node/authority_book.hpp>
-#include <components/communication_node/bell.hpp>
-#include <components/communication_node/command_desk.hpp>
+#include <components/communication_node/command_router.hpp>
 #include <components/communication_node/newest_by_kind.hpp>
 #include <components/communication_node/node_store.hpp>
+#include <components/communication_node/notifier.hpp>
 #include <components/communication_node/options.hpp>
 #include <components/communication_node/peer_watch.hpp>
 #include <components/communication_node/services.hpp>
@@ -32,30 +32,30 @@ struct node_core {
 
     struct proxy_state {
         ise::remote proxy;
-        const ise::stream_of<ise::subscription<telemetry_packet>>* stream = nullptr;
+        const ise::subscriber<ise::subscription<telemetry_packet>>* stream = nullptr;
         link_health health;
     };
 
     node_store store;
     link_table links;
-    command_desk desk;
+    command_router desk;
     authority_book authority;
     peer_watch peer;
     newest_by_kind newest;
-    bell news;     // something that the other node does not have
-    bell progress; // it has more, or is given up, or a telecommand was decided
+    notifier news;     // something that the other node does not have
+    notifier progress; // it has more, or is given up, or a telecommand was decided
     ise::timer due, silence;
     std::vector<proxy_state> proxies;
 
     std::deque<telemetry_packet> held;
-    std::map<std::uint32_t, command_record> unsaved; // changes that the disk did not take
+    std::map<std::uint32_t, command_record> unsaved;  // changes that the disk did not take
     std::map<std::uint64_t, std::uint32_t> followers; // subscriber's number → id, 0 for all
     std::uint64_t shown = 0;
     std::string trouble, peer_trouble;
-    std::string store_notice;    // what happened to the store in this life: set back, or damaged and set aside
-    bool refilling = false;      // the store is a new one in the place of a damaged one, and not all of it is there again
-    std::size_t salvaging = 0;   // files set aside that are still read
-    store_part told_back;        // what the other node knew of the store when it was last said to have gone back
+    std::string store_notice;  // what happened to the store in this life: set back, or damaged and set aside
+    bool refilling = false;    // the store is a new one in the place of a damaged one, and not all of it is there again
+    std::size_t salvaging = 0; // files set aside that are still read
+    store_part told_back;      // what the other node knew of the store when it was last said to have gone back
     bool serving = false, caught_up = false, working = false;
     std::uint64_t duplicates = 0, refused = 0, dropped = 0;
     std::optional<current_fix> fix;

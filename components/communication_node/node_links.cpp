@@ -12,7 +12,7 @@ using namespace std::chrono_literals;
 
 /// One telecommand at one link, until it is decided. The proxy goes on by itself; asking again with the same id is
 /// safe, and needed after a proxy has forgotten it.
-ise::task<> communication_node::drive(command_desk::give what) {
+ise::task<> communication_node::drive(command_router::give what) {
     auto& c = *core_;
     auto position = c.store.commands_head(), store = c.store.number();
     while (c.store.number() == store && c.peer.lives(now()) && !c.peer.has_commands(position))
@@ -53,7 +53,7 @@ ise::task<> communication_node::drive(command_desk::give what) {
 }
 
 /// What it is not told, the proxy goes on trying until the telecommand's time is over; the boat does it once.
-ise::task<> communication_node::recall(command_desk::recall what) {
+ise::task<> communication_node::recall(command_router::recall what) {
     auto proxy = std::ranges::find_if(core_->proxies, [&](const auto& one) { return one.health.link == what.link; });
     recall_request request;
     request.id = what.id;

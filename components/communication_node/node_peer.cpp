@@ -81,15 +81,14 @@ ise::result<void> communication_node::take_page(replication_page page) {
         c.authority.apply(page.authority, page.authority_change);
         c.authorities(page.authority);
     }
-    if (*fresh > 0 || !news.empty()) c.news.ring();
+    if (*fresh > 0 || !news.empty()) c.news.notify();
     show();
     work();
     return {};
 }
 
 /// Those that say more than what is known here.
-ise::result<std::vector<command_record>>
-communication_node::news_among(const std::vector<command_record>& records) {
+ise::result<std::vector<command_record>> communication_node::news_among(const std::vector<command_record>& records) {
     auto& c = *core_;
     std::vector<command_record> news;
     for (const auto& record : records) {

@@ -23,7 +23,8 @@ struct remembered {
     std::vector<command_record> open_commands;
 };
 
-ise::result<remembered> remember(const std::string& file, std::uint64_t fresh_number, std::optional<node_store>& store) {
+ise::result<remembered> remember(const std::string& file, std::uint64_t fresh_number,
+                                 std::optional<node_store>& store) {
     auto opened = node_store::open(file, fresh_number);
     if (!opened) return opened.error();
     store.emplace(std::move(*opened));
@@ -71,14 +72,13 @@ ise::task<> communication_node::open_store() {
         }
         auto why = known.error();
         if (why.code() == ise::errc::malformed) {
-            auto moved = store ? store->set_aside(why, wall(), log())
-                               : atirma::set_aside(options_.file, why, wall(), log());
+            auto moved =
+                store ? store->set_aside(why, wall(), log()) : atirma::set_aside(options_.file, why, wall(), log());
             if (moved) {
                 notice = notice_of(why, *moved);
                 aside.push_back(*moved);
             } else {
-                why = ise::failure(ise::errc::io_failed,
-                                   fmt::format("{}; {}", why.message(), moved.error().message()));
+                why = ise::failure(ise::errc::io_failed, fmt::format("{}; {}", why.message(), moved.error().message()));
             }
         } else if (why.code() != ise::errc::io_failed) {
             throw ise::error(why);
@@ -130,8 +130,8 @@ void communication_node::begin_store_anew() {
         if (!put) disk(&put.error());
     }
     put_changes();
-    c.news.ring();
-    c.progress.ring();
+    c.news.notify();
+    c.progress.notify();
     consider_serving();
 }
 
@@ -153,7 +153,8 @@ ise::task<> communication_node::salvage(std::string file) {
             c.authority.apply(held.first, held.second);
             c.authorities(held.first);
         }
-        for (auto records = reader.next_commands(repair_page); !records.empty(); records = reader.next_commands(repair_page)) {
+        for (auto records = reader.next_commands(repair_page); !records.empty();
+             records = reader.next_commands(repair_page)) {
             bool kept = take_salvaged(records);
             while (!kept) {
                 co_await sleep(try_again);
@@ -161,7 +162,8 @@ ise::task<> communication_node::salvage(std::string file) {
             }
             co_await sleep(pause);
         }
-        for (auto packets = reader.next_packets(repair_page); !packets.empty(); packets = reader.next_packets(repair_page)) {
+        for (auto packets = reader.next_packets(repair_page); !packets.empty();
+             packets = reader.next_packets(repair_page)) {
             bool kept = take_salvaged(packets);
             while (!kept) {
                 co_await sleep(try_again);
@@ -171,8 +173,9 @@ ise::task<> communication_node::salvage(std::string file) {
         }
         const auto& found = reader.found();
         auto outcome = fmt::format("{} packets and {} telecommands of it were sound; {} and {} were not, and {} parts "
-                                   "could not be read", found.packets, found.telecommands, found.damaged_packets,
-                                   found.damaged_telecommands, found.unreadable.size());
+                                   "could not be read",
+                                   found.packets, found.telecommands, found.damaged_packets, found.damaged_telecommands,
+                                   found.unreadable.size());
         c.store_notice += "; " + outcome;
         log().warning("the intact rows of the damaged store are restored", {{"file", file}, {"found", outcome}});
     } else {
@@ -191,7 +194,7 @@ bool communication_node::take_salvaged(const std::vector<command_record>& record
     disk(put ? nullptr : &put.error());
     if (!put) return false;
     know_all(*news);
-    c.news.ring();
+    c.news.notify();
     work();
     return true;
 }
@@ -201,7 +204,7 @@ bool communication_node::take_salvaged(const std::vector<telemetry_packet>& pack
     auto kept = c.store.add(packets);
     disk(kept ? nullptr : &kept.error());
     if (!kept) return false;
-    c.news.ring();
+    c.news.notify();
     show();
     return true;
 }
@@ -212,9 +215,10 @@ void communication_node::went_back(const store_part& known_there, const store_pa
     if (shared.packets >= known_there.packets && shared.commands >= known_there.commands) return;
     if (known_there == c.told_back || c.refilling) return;
     c.told_back = known_there;
-    auto text = fmt::format("the store went back in time, or is another file: '{}' knows {} packets and {} changes of "
-                            "telecommands of it, of which {} and {} are here; the nodes send each other what is missing",
-                            options_.peer, known_there.packets, known_there.commands, shared.packets, shared.commands);
+    auto text =
+        fmt::format("the store went back in time, or is another file: '{}' knows {} packets and {} changes of "
+                    "telecommands of it, of which {} and {} are here; the nodes send each other what is missing",
+                    options_.peer, known_there.packets, known_there.commands, shared.packets, shared.commands);
     c.store_notice = c.store_notice.empty() ? text : c.store_notice + "; " + text;
     log().error("its store went back in time: was a backup restored?", {{"file", c.store.file()}, {"found", text}});
 }

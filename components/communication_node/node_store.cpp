@@ -228,8 +228,8 @@ ise::result<void> node_store::begin_anew(std::uint64_t fresh_number) {
     return {};
 }
 
-// Known already with the same content: its position, and that at the peer is noted. Another content under its numbers is
-// another packet, so that a forged one does not take the place of the boat's own.
+// Known already with the same content: its position, and that at the peer is noted. Another content under its numbers
+// is another packet, so that a forged one does not take the place of the boat's own.
 ise::result<std::uint64_t> node_store::insert(const telemetry_packet& p, std::uint64_t at_peer, std::uint64_t& head,
                                               std::uint32_t& fresh) {
     auto kind = p.raw.size() > 1 ? std::to_integer<std::int64_t>(p.raw[1]) : 0;
@@ -246,8 +246,9 @@ ise::result<std::uint64_t> node_store::insert(const telemetry_packet& p, std::ui
         ++fresh;
         return ++head;
     }
-    static const auto sql = fmt::format(
-        "SELECT position, {} FROM packets WHERE boot = ? AND sequence = ? AND measured = ? AND raw = ?", packet_is_sound);
+    static const auto sql =
+        fmt::format("SELECT position, {} FROM packets WHERE boot = ? AND sequence = ? AND measured = ? AND raw = ?",
+                    packet_is_sound);
     auto known = db_.query(sql, {std::int64_t{p.boot}, std::int64_t{p.sequence}, cell(p.measured_at), p.raw});
     if (!known) return known.error();
     if (known->empty())
@@ -265,7 +266,8 @@ ise::result<std::uint64_t> node_store::insert(const telemetry_packet& p, std::ui
 ise::result<void> node_store::note_at_peer(std::uint64_t position, std::uint64_t there) {
     static const auto sql = fmt::format(
         "UPDATE packets SET peer_position = ?1, sum = iif(sum IS NULL, NULL, row_sum(position, boot, sequence, "
-        "measured, link, received, history, kind, raw, ?1)) WHERE position = ?2 AND {}", packet_is_sound);
+        "measured, link, received, history, kind, raw, ?1)) WHERE position = ?2 AND {}",
+        packet_is_sound);
     auto noted = db_.execute(sql, {cell(there), cell(position)});
     if (!noted) return noted.error();
     if (*noted > 0) return {};
@@ -337,9 +339,9 @@ std::uint64_t node_store::known_in(const track_cursor& seen, bool of_peer) const
 }
 
 ise::result<track_page> node_store::track(const track_request& request, std::uint64_t up_to) {
-    static const auto sql =
-        packet_select + "WHERE position > ? AND position <= ? AND (peer_position IS NULL OR peer_position > ?)"
-                        " AND measured >= ? AND measured < ? ORDER BY position LIMIT ?";
+    static const auto sql = packet_select +
+                            "WHERE position > ? AND position <= ? AND (peer_position IS NULL OR peer_position > ?)"
+                            " AND measured >= ? AND measured < ? ORDER BY position LIMIT ?";
     auto here = known_in(request.seen, false), there = known_in(request.seen, true);
     auto from = request.from ? cell(*request.from) : std::numeric_limits<std::int64_t>::min();
     auto until = request.until ? cell(*request.until) : std::numeric_limits<std::int64_t>::max();
@@ -389,13 +391,13 @@ ise::result<std::optional<telemetry_packet>> node_store::last_of(std::uint8_t ki
 
 ise::result<void> node_store::write(const command_record& record, std::uint64_t position) {
     const auto& s = record.status;
-    auto done = db_.execute(
-        "INSERT INTO commands(id, position, open, asked_by, changed, record, sum)"
-        " VALUES(?1, ?2, ?3, ?4, ?5, ?6, row_sum(?1, ?2, ?3, ?4, ?5, ?6))"
-        " ON CONFLICT(id) DO UPDATE SET position = excluded.position, open = excluded.open, asked_by = "
-        "excluded.asked_by, changed = excluded.changed, record = excluded.record, sum = excluded.sum",
-        {std::int64_t{s.id}, cell(position), std::int64_t{!is_final(s.state)}, s.asked_by, cell(s.at),
-         ise::to_json(record)});
+    auto done =
+        db_.execute("INSERT INTO commands(id, position, open, asked_by, changed, record, sum)"
+                    " VALUES(?1, ?2, ?3, ?4, ?5, ?6, row_sum(?1, ?2, ?3, ?4, ?5, ?6))"
+                    " ON CONFLICT(id) DO UPDATE SET position = excluded.position, open = excluded.open, asked_by = "
+                    "excluded.asked_by, changed = excluded.changed, record = excluded.record, sum = excluded.sum",
+                    {std::int64_t{s.id}, cell(position), std::int64_t{!is_final(s.state)}, s.asked_by, cell(s.at),
+                     ise::to_json(record)});
     if (!done) return done.error();
     return {};
 }
@@ -449,13 +451,13 @@ ise::result<std::vector<command_record>> node_store::open_commands() {
 ise::result<record_page> node_store::list(const record_request& request) {
     static const auto all =
         fmt::format("SELECT {}, number FROM commands WHERE number < ? ORDER BY number DESC LIMIT ?", command_columns);
-    static const auto of_one = fmt::format(
-        "SELECT {}, number FROM commands WHERE number < ? AND asked_by = ? ORDER BY number DESC LIMIT ?",
-        command_columns);
+    static const auto of_one =
+        fmt::format("SELECT {}, number FROM commands WHERE number < ? AND asked_by = ? ORDER BY number DESC LIMIT ?",
+                    command_columns);
     auto before = request.before == 0 ? std::numeric_limits<std::int64_t>::max() : cell(request.before);
     auto most = std::int64_t{request.max_entries} + 1;
-    auto rows = request.asked_by.empty() ? db_.query(all, {before, most})
-                                         : db_.query(of_one, {before, request.asked_by, most});
+    auto rows =
+        request.asked_by.empty() ? db_.query(all, {before, most}) : db_.query(of_one, {before, request.asked_by, most});
     auto found = records_of(rows, db_);
     if (!found) return found.error();
     record_page made;
@@ -525,9 +527,7 @@ ise::result<replication_page> node_store::page_after(std::uint64_t asker, std::u
 
 ise::result<std::uint32_t> node_store::apply(const replication_page& page, std::span<const command_record> news,
                                              bool authority_is_news) {
-    auto out_of_step = [](std::string why) {
-        return ise::failure(ise::errc::protocol_error, std::move(why));
-    };
+    auto out_of_step = [](std::string why) { return ise::failure(ise::errc::protocol_error, std::move(why)); };
     if (page.after > peer_.packets || page.commands_after > peer_.commands)
         return out_of_step(fmt::format("the other node tells what follows packet {} and change {}; known are {} and {}",
                                        page.after, page.commands_after, peer_.packets, peer_.commands));
@@ -591,7 +591,8 @@ ise::result<std::uint32_t> node_store::apply(const replication_page& page, std::
 ise::result<void> node_store::forget_peer_after(std::uint64_t packets, std::uint64_t commands) {
     static const auto sql = fmt::format(
         "UPDATE packets SET peer_position = NULL, sum = iif(sum IS NULL, NULL, row_sum(position, boot, sequence, "
-        "measured, link, received, history, kind, raw, NULL)) WHERE peer_position > ? AND {}", packet_is_sound);
+        "measured, link, received, history, kind, raw, NULL)) WHERE peer_position > ? AND {}",
+        packet_is_sound);
     auto cut = db_.execute(sql, {until_cell(packets)});
     if (!cut) return cut.error();
     auto lives = db_.execute("UPDATE lives SET packets = min(packets, ?1), commands = min(commands, ?2), sum = "
@@ -603,10 +604,10 @@ ise::result<void> node_store::forget_peer_after(std::uint64_t packets, std::uint
 
 // By number, not by time: a clock that was wrong for a while must not cost what is new.
 ise::result<std::int64_t> node_store::prune(std::uint64_t keep_packets, std::uint64_t keep_commands) {
-    auto packets = db_.execute(
-        "DELETE FROM packets WHERE position IN (SELECT position FROM packets WHERE position <= ? ORDER BY "
-        "position LIMIT 2000)",
-        {cell(head_ - std::min(head_, keep_packets))});
+    auto packets =
+        db_.execute("DELETE FROM packets WHERE position IN (SELECT position FROM packets WHERE position <= ? ORDER BY "
+                    "position LIMIT 2000)",
+                    {cell(head_ - std::min(head_, keep_packets))});
     if (!packets) return packets.error();
     auto commands = db_.execute(
         "DELETE FROM commands WHERE number IN (SELECT number FROM commands WHERE open = 0 AND number <= (SELECT "

@@ -9,10 +9,11 @@
 namespace atirma {
 
 /// What a communication node must not lose, in one SQLite file: packets, telecommands, who has the authority, and how
-/// far the other node's store is known. A packet is its boot, sequence, time and content. Packets are numbered 1, 2, 3… in the order in which they came to this disk, and
-/// know their number at the other node. What a call returned success for is on the disk. Used by one component, on its
-/// loop. Errors of everything: io_failed with what the disk says; malformed where the file is damaged (a row that
-/// differs from its checksum, or a file that SQLite cannot read). Nothing of that call is kept then.
+/// far the other node's store is known. A packet is its boot, sequence, time and content. Packets are numbered 1, 2, 3…
+/// in the order in which they came to this disk, and know their number at the other node. What a call returned success
+/// for is on the disk. Used by one component, on its loop. Errors of everything: io_failed with what the disk says;
+/// malformed where the file is damaged (a row that differs from its checksum, or a file that SQLite cannot read).
+/// Nothing of that call is kept then.
 ///
 /// Each opening is a life of the store with a number of its own. The file knows how far each life came, and so a
 /// position of a life that it does not know, or beyond that life's end, tells that the file went back in time.
@@ -40,7 +41,7 @@ public:
 
     // Packets
     struct kept {
-        std::uint64_t last = 0;    ///< the highest position among them, also of those that were known
+        std::uint64_t last = 0; ///< the highest position among them, also of those that were known
         std::uint32_t fresh = 0;
     };
     ise::result<kept> add(std::span<const telemetry_packet> packets);

@@ -9,9 +9,9 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::size_t batch = 256, longest_raw = 1024;
+constexpr std::size_t batch = 256, max_raw = 1024;
 
-bool can_be_kept(const telemetry_packet& packet) { return packet.raw.size() >= 2 && packet.raw.size() <= longest_raw; }
+bool can_be_kept(const telemetry_packet& packet) { return packet.raw.size() >= 2 && packet.raw.size() <= max_raw; }
 
 } // namespace
 
@@ -84,7 +84,7 @@ ise::result<std::uint64_t> communication_node::take(std::vector<telemetry_packet
     if (!kept) return kept.error();
     c.duplicates += packets.size() - kept->fresh;
     if (kept->fresh > 0) {
-        c.news.ring();
+        c.news.notify();
         show();
     }
     return kept->last;
@@ -133,7 +133,7 @@ void communication_node::show() {
             note_fix(packet);
         }
     }
-    c.progress.ring();
+    c.progress.notify();
 }
 
 /// The newest fix wins, whichever link it came over and in whichever order.
@@ -143,8 +143,7 @@ void communication_node::note_fix(const telemetry_packet& packet) {
     if (packet.history || (c.fix && measured <= c.fix->measured_at)) return;
     auto message = parse_telemetry(packet.raw);
     const auto* at = message ? std::get_if<location>(&message->body) : nullptr;
-    if (at && has_fix(*at))
-        c.fix = current_fix{packet.link, measured, at->latitude_deg, at->longitude_deg};
+    if (at && has_fix(*at)) c.fix = current_fix{packet.link, measured, at->latitude_deg, at->longitude_deg};
 }
 
 ise::task<keep_reply> communication_node::keep(keep_request request) {
@@ -158,7 +157,7 @@ ise::task<keep_reply> communication_node::keep(keep_request request) {
         throw ise::error(
             ise::errc::refused,
             fmt::format("packet {} of boot {} has {} raw bytes; 2 to {} can be kept: nothing of this request was",
-                        packet.sequence, packet.boot, packet.raw.size(), longest_raw));
+                        packet.sequence, packet.boot, packet.raw.size(), max_raw));
     }
     keep_reply made;
     auto asked = static_cast<std::uint32_t>(request.packets.size());
@@ -176,7 +175,8 @@ ise::task<keep_reply> communication_node::keep(keep_request request) {
     if (c.store.number() != store)
         throw ise::error(ise::errc::refused,
                          fmt::format("the store of {} was damaged and set aside meanwhile; do not acknowledge the "
-                                     "packets to the boat, and ask again", path()));
+                                     "packets to the boat, and ask again",
+                                     path()));
     made.copies = !options_.peer.empty() && c.peer.lives(now()) ? 2 : 1;
     work();
     co_return made;

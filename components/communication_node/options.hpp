@@ -1,6 +1,6 @@
 #pragma once
 #include <components/boat/enums.hpp>
-#include <components/communication_node/command_desk.hpp>
+#include <components/communication_node/command_router.hpp>
 #include <components/communication_node/link_table.hpp>
 #include <components/communication_node/services.hpp>
 
@@ -14,17 +14,17 @@ namespace atirma {
 
 struct proxy_of_link {
     link_id link = link_id::xbee;
-    std::string path;                     ///< or an endpoint
+    std::string path; ///< or an endpoint
 };
 
 struct communication_node_options {
-    std::string file = "communication.db";///< of its store; "memory:NAME" on the virtual world
-    bool secondary = false;               ///< backs the primary: the lower priority under the role
-    std::string peer;                     ///< path of the other node; empty: it stands alone
+    std::string file = "communication.db"; ///< of its store; "memory:NAME" on the virtual world
+    bool secondary = false;                ///< backs the primary: the lower priority under the role
+    std::string peer;                      ///< path of the other node; empty: it stands alone
     std::vector<proxy_of_link> proxies;
     std::string role = std::string(communication_role); ///< empty: it serves none
     ise::duration silence = std::chrono::seconds(3);    ///< the other node is given up for so long; at least 1 s
-    std::size_t max_held = 20'000;        ///< packets in memory while the disk takes none
+    std::size_t max_held = 20'000;                      ///< packets in memory while the disk takes none
     ise::duration state_period = std::chrono::seconds(2);
     std::uint64_t max_packets = 5'000'000; ///< on disk; then the oldest go. A gigabyte, and weeks at sea
     std::uint64_t max_commands = 100'000;  ///< on record, the same

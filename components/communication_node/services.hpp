@@ -9,7 +9,7 @@ struct command_record {
     telecommand_status status;
     utc_time valid_until{};
     std::optional<link_id> via;
-    std::string node;               ///< which one gives it to the links
+    std::string node;                 ///< which one gives it to the links
     std::int64_t asked_steady_ms = 0; ///< `asked_at` by the steady clock of that node; 0: not known
 };
 
@@ -24,7 +24,7 @@ struct replicated_packet {
 struct store_part {
     std::uint64_t store = 0;
     std::uint64_t packets = 0;
-    std::uint64_t commands = 0;     ///< changes of telecommands, the same
+    std::uint64_t commands = 0; ///< changes of telecommands, the same
     bool operator==(const store_part&) const = default;
 };
 
@@ -35,10 +35,10 @@ struct replication_request {
 
     std::string node;
     bool secondary = false;
-    std::uint64_t origin = 0;       ///< of the asker's file, the same over all its lives: two nodes need two files
-    std::uint64_t store = 0;        ///< the asker's
-    bool keeps = true;              ///< the asker's disk takes what it is told
-    std::vector<store_part> yours;  ///< of your store on my disk, by its numbers in your last lives, the newest first
+    std::uint64_t origin = 0;      ///< of the asker's file, the same over all its lives: two nodes need two files
+    std::uint64_t store = 0;       ///< the asker's
+    bool keeps = true;             ///< the asker's disk takes what it is told
+    std::vector<store_part> yours; ///< of your store on my disk, by its numbers in your last lives, the newest first
     std::uint32_t authority_epoch = 0; ///< on my disk
     std::uint64_t authority_change = 0;
     float wait_s = 1;
@@ -48,13 +48,13 @@ struct replication_page {
     bool secondary = false;
     std::uint64_t origin = 0;
     std::uint64_t store = 0;
-    std::uint64_t after = 0;                 ///< what the asker knows holds up to here, and the packets follow it
-    std::uint64_t commands_after = 0;        ///< the same of the changes of telecommands
-    std::vector<replicated_packet> packets;  ///< in order, without a gap
-    std::vector<command_record> commands;    ///< the last state of those that changed
-    std::uint64_t commands_up_to = 0;        ///< the position of the last of these
+    std::uint64_t after = 0;                ///< what the asker knows holds up to here, and the packets follow it
+    std::uint64_t commands_after = 0;       ///< the same of the changes of telecommands
+    std::vector<replicated_packet> packets; ///< in order, without a gap
+    std::vector<command_record> commands;   ///< the last state of those that changed
+    std::uint64_t commands_up_to = 0;       ///< the position of the last of these
     authority_state authority;
-    std::uint64_t authority_change = 0;      ///< counts within an epoch: who asks for it
+    std::uint64_t authority_change = 0; ///< counts within an epoch: who asks for it
     bool more = false;
 };
 

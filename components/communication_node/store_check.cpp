@@ -13,7 +13,7 @@ namespace {
 
 using namespace store_rows;
 
-constexpr std::size_t most_told = 20;
+constexpr std::size_t max_told = 20;
 
 /// The file of a program that wrote no checksums is taken as it is.
 std::string_view if_sealed(std::uint64_t version, std::string_view is_sound) { return version >= 2 ? is_sound : "1"; }
@@ -38,13 +38,14 @@ ise::result<store_reader> store_reader::open(const std::string& file) {
         opened->query("SELECT count(*) FROM sqlite_master WHERE type = 'table' AND name IN ('packets', 'commands')");
     if (!tables) return tables.error();
     if (tables->at(0).integer(0) != 2)
-        return ise::failure(ise::errc::malformed,
-                            fmt::format("{}: is not a store of a communication node: it has no packets or telecommands", file));
+        return ise::failure(
+            ise::errc::malformed,
+            fmt::format("{}: is not a store of a communication node: it has no packets or telecommands", file));
     return store_reader(std::move(*opened), number_in(version->at(0), 0));
 }
 
 void store_reader::unreadable(std::string why) {
-    if (found_.unreadable.size() < most_told) found_.unreadable.push_back(std::move(why));
+    if (found_.unreadable.size() < max_told) found_.unreadable.push_back(std::move(why));
 }
 
 /// A part that cannot be read is stepped over in strides that double, until something can be read again.
@@ -69,8 +70,8 @@ std::vector<database_row> store_reader::next_rows(std::string_view sql, std::int
 }
 
 std::vector<telemetry_packet> store_reader::next_packets(std::size_t most) {
-    auto sql = fmt::format("SELECT {}, {}, {} FROM packets WHERE position > ? ORDER BY position LIMIT ?", packet_columns,
-                           if_sealed(schema_, packet_is_sound), schema_ >= 2 ? "sum IS NULL" : "1");
+    auto sql = fmt::format("SELECT {}, {}, {} FROM packets WHERE position > ? ORDER BY position LIMIT ?",
+                           packet_columns, if_sealed(schema_, packet_is_sound), schema_ >= 2 ? "sum IS NULL" : "1");
     std::vector<telemetry_packet> made;
     while (made.empty()) { // all of a page may be damaged
         auto rows = next_rows(sql, last_packet_, most, 0);
@@ -78,7 +79,7 @@ std::vector<telemetry_packet> store_reader::next_packets(std::size_t most) {
         for (const auto& row : rows) {
             if (row.integer(9) == 0) {
                 ++found_.damaged_packets;
-                if (found_.damaged_positions.size() < most_told) found_.damaged_positions.push_back(number_in(row, 0));
+                if (found_.damaged_positions.size() < max_told) found_.damaged_positions.push_back(number_in(row, 0));
                 continue;
             }
             ++found_.packets;
@@ -147,7 +148,8 @@ ise::result<store_verdict> check_store(const std::string& file) {
     made.text = fmt::format("{}: {} packets and {} telecommands are sound\n", file, found.packets, found.telecommands);
     if (found.unsealed != 0)
         made.text += fmt::format("{} packets have no checksum yet: an older program wrote them; the communication node "
-                                 "adds the checksums while it runs\n", found.unsealed);
+                                 "adds the checksums while it runs\n",
+                                 found.unsealed);
     if (found.damaged_packets != 0) {
         made.text += fmt::format("{} packets differ from their checksums, at positions", found.damaged_packets);
         for (auto position : found.damaged_positions) made.text += fmt::format(" {}", position);

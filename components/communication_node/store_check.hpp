@@ -10,8 +10,8 @@ public:
     static ise::result<store_reader> open(const std::string& file);
 
     std::uint64_t schema() const noexcept { return schema_; }
-    /// The next packets in the order of their positions, at most so many; empty at the end. Damaged ones are left out and
-    /// counted; what the file cannot give at all is stepped over.
+    /// The next packets in the order of their positions, at most so many; empty at the end. Damaged ones are left out
+    /// and counted; what the file cannot give at all is stepped over.
     std::vector<telemetry_packet> next_packets(std::size_t most);
     /// The same of telecommands, in the order in which they were recorded.
     std::vector<command_record> next_commands(std::size_t most);
@@ -20,11 +20,11 @@ public:
 
     /// What was found until now.
     struct findings {
-        std::uint64_t packets = 0, telecommands = 0;                  ///< sound
-        std::uint64_t unsealed = 0;                                   ///< of the packets: written without a checksum
-        std::uint64_t damaged_packets = 0, damaged_telecommands = 0;  ///< they differ from their checksums
-        std::vector<std::uint64_t> damaged_positions;                 ///< the first 20 of the packets
-        std::vector<std::string> unreadable;                          ///< what SQLite said of the file, the first 20
+        std::uint64_t packets = 0, telecommands = 0;                 ///< sound
+        std::uint64_t unsealed = 0;                                  ///< of the packets: written without a checksum
+        std::uint64_t damaged_packets = 0, damaged_telecommands = 0; ///< they differ from their checksums
+        std::vector<std::uint64_t> damaged_positions;                ///< the first 20 of the packets
+        std::vector<std::string> unreadable;                         ///< what SQLite said of the file, the first 20
     };
     const findings& found() const noexcept { return found_; }
     /// Looks at everything else of the file as well: its structure and the small tables.

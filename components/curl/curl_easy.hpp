@@ -38,8 +38,8 @@ public:
     std::size_t max_body = 1 << 20;
     std::size_t max_header = 256 * 1024;
     std::string body;
-    std::string header;          ///< all header lines, or replies of SMTP and IMAP, with their line ends
-    bool too_much = false;       ///< it was ended because of one of these limits
+    std::string header;    ///< all header lines, or replies of SMTP and IMAP, with their line ends
+    bool too_much = false; ///< it was ended because of one of these limits
 
     curl_socket_t socket = CURL_SOCKET_BAD; ///< it was watched last for this transfer
 

@@ -5,10 +5,10 @@
 namespace atirma {
 
 struct smtp_options {
-    std::string server; ///< "smtps://mail.example" (465), or "smtp://mail.example:587", which then starts TLS
-    std::string user, password;     ///< no user: no login
-    std::string ca_file;            ///< PEM file of the authorities to trust; empty: those of the system
-    bool clear_text = false;        ///< smtp:// without TLS where the server has none: on the own host only
+    std::string server;         ///< "smtps://mail.example" (465), or "smtp://mail.example:587", which then starts TLS
+    std::string user, password; ///< no user: no login
+    std::string ca_file;        ///< PEM file of the authorities to trust; empty: those of the system
+    bool clear_text = false;    ///< smtp:// without TLS where the server has none: on the own host only
     ise::duration within = std::chrono::seconds(60); ///< one mail, from connecting on
 };
 

@@ -32,9 +32,9 @@ struct login {
 struct record {
     std::uint16_t boot = 0;
     std::uint32_t number = 1;
-    std::int64_t unix_s = 0;         ///< when it was measured
-    bool history = false;            ///< sent late: never the current position
-    ise::bytes raw;                  ///< 1 … max_packet_size bytes
+    std::int64_t unix_s = 0; ///< when it was measured
+    bool history = false;    ///< sent late: never the current position
+    ise::bytes raw;          ///< 1 … max_packet_size bytes
     bool operator==(const record&) const = default;
 };
 /// `$PATA`: all up to this number is safe ashore, the boat may forget it.
@@ -52,14 +52,14 @@ struct order {
 /// `$PATR`: how a telecommand ended, and the boat's acknowledgement packet with its words and value.
 struct outcome {
     std::uint32_t id = 0;
-    std::uint8_t code = 0;           ///< an ack_code
-    ise::bytes raw;                  ///< may be missing
+    std::uint8_t code = 0; ///< an ack_code
+    ise::bytes raw;        ///< may be missing
     bool operator==(const outcome&) const = default;
 };
 /// `$PATN`: over datagrams, the shore's answer to a login from an address that has not shown the address's key.
 struct challenge {
-    std::uint64_t token = 0;         ///< of that login
-    std::uint64_t key = 0;           ///< of that address, to be shown from now on
+    std::uint64_t token = 0; ///< of that login
+    std::uint64_t key = 0;   ///< of that address, to be shown from now on
     bool operator==(const challenge&) const = default;
 };
 /// `$PATK`: the first line of every datagram, either way, but of the login that asks for a key and the challenge.

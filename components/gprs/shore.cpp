@@ -10,23 +10,28 @@ void shore::connected(ise::time_point now, way by) {
     ++counters_.connections;
     auto place = places_.take(by.peer.text()); // all wait: one makes way
     auto& made = strangers_.emplace_back();
-    place->on_displaced([this, door = by.door] {
-        auto who = std::find_if(strangers_.begin(), strangers_.end(), [&](const stranger& s) { return s.by.door == door; });
-        cut_stranger(who, fmt::format("{} connections wait to log in (max_strangers): the oldest one of the host with the most makes way",
-                                      strangers_.size()));
+    place->on_displaced([this, channel = by.channel] {
+        auto who = std::find_if(strangers_.begin(), strangers_.end(),
+                                [&](const stranger& s) { return s.by.channel == channel; });
+        cut_stranger(
+            who,
+            fmt::format(
+                "{} connections wait to log in (max_strangers): the oldest one of the host with the most makes way",
+                strangers_.size()));
     });
     made.place = std::move(place);
     made.by = std::move(by);
     made.until = ise::saturating_add(now, options_.login_time);
 }
 
-void shore::disconnected(ise::time_point, std::uint64_t door, const std::string& reason) {
-    if (boat_ && !boat_->datagrams && boat_->door == door) return lose_boat(reason);
-    std::erase_if(strangers_, [&](const stranger& s) { return s.by.door == door; });
+void shore::disconnected(ise::time_point, std::uint64_t channel, const std::string& reason) {
+    if (boat_ && !boat_->datagrams && boat_->channel == channel) return lose_boat(reason);
+    std::erase_if(strangers_, [&](const stranger& s) { return s.by.channel == channel; });
 }
 
-void shore::on_bytes(ise::time_point now, std::uint64_t door, ise::bytes_view bytes) {
-    auto who = std::find_if(strangers_.begin(), strangers_.end(), [&](const stranger& s) { return s.by.door == door; });
+void shore::on_bytes(ise::time_point now, std::uint64_t channel, ise::bytes_view bytes) {
+    auto who =
+        std::find_if(strangers_.begin(), strangers_.end(), [&](const stranger& s) { return s.by.channel == channel; });
     if (who != strangers_.end()) {
         who->bytes += bytes.size();
         who->reader.push(bytes);
@@ -44,12 +49,12 @@ void shore::on_bytes(ise::time_point now, std::uint64_t door, ise::bytes_view by
         auto reader = std::move(who->reader);
         strangers_.erase(who);
         admit(now, by, *told, std::move(reader));
-    } else if (boat_ && !boat_->datagrams && boat_->door == door) {
+    } else if (boat_ && !boat_->datagrams && boat_->channel == channel) {
         reader_.push(bytes);
     } else {
         return; // it was cut off; this was under way
     }
-    while (boat_ && !boat_->datagrams && boat_->door == door) {
+    while (boat_ && !boat_->datagrams && boat_->channel == channel) {
         auto got = reader_.next();
         if (!got) break;
         take(now, *got);
@@ -130,7 +135,8 @@ void shore::take(ise::time_point now, const ise::result<line>& got) {
         take_record(record(*data));
     } else if (const auto* done = std::get_if<outcome>(&*got)) {
         const auto* here = known(boot_);
-        auto asked = std::find_if(orders_.begin(), orders_.end(), [&](const auto& one) { return one.first == done->id; });
+        auto asked =
+            std::find_if(orders_.begin(), orders_.end(), [&](const auto& one) { return one.first == done->id; });
         if (here && asked != orders_.end() && asked->second == here->id) tell(outcome_came{*done});
         else ++counters_.strange_outcomes; // it comes again once the telecommand has gone there
     } else {
@@ -208,7 +214,7 @@ void shore::send_to_boat(std::string text) {
 
 /// Only who receives at that address learns it, and only the shore's secret makes it.
 std::uint64_t shore::key_of(const way& by) const {
-    return ise::net::udp::keyed_hash(options_.secret, ise::as_bytes(fmt::format("{} {}", by.door, by.peer.text())));
+    return ise::net::udp::keyed_hash(options_.secret, ise::as_bytes(fmt::format("{} {}", by.channel, by.peer.text())));
 }
 
 bool shore::send(const order& what) {
@@ -266,12 +272,14 @@ void shore::cut_stranger(std::list<stranger>::iterator who, std::string reason) 
 }
 
 const shore::life* shore::known(std::uint16_t boot) const {
-    auto found = std::find_if(lives_.begin(), lives_.end(), [&](const life& l) { return l.boot == boot && l.token == token_; });
+    auto found =
+        std::find_if(lives_.begin(), lives_.end(), [&](const life& l) { return l.boot == boot && l.token == token_; });
     return found == lives_.end() ? nullptr : &*found;
 }
 
 shore::life& shore::life_of(std::uint16_t boot) {
-    auto found = std::find_if(lives_.begin(), lives_.end(), [&](const life& l) { return l.boot == boot && l.token == token_; });
+    auto found =
+        std::find_if(lives_.begin(), lives_.end(), [&](const life& l) { return l.boot == boot && l.token == token_; });
     if (found != lives_.end()) {
         lives_.splice(lives_.begin(), lives_, found);
         return lives_.front();

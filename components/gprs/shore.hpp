@@ -19,18 +19,19 @@ struct shore_options {
     std::string boat_id = "atirma";                      ///< whose login is taken
     ise::duration login_time = std::chrono::seconds(10); ///< a connection that has not logged in by then is cut off
     ise::duration silence = std::chrono::minutes(3);     ///< of the boat; then its way is half open, and given up
-    std::size_t max_strangers = 16;                      ///< connections without a login; `ise::net::fair_places` decides
-    std::size_t max_login_bytes = 1024;                  ///< that a stranger may send before he has logged in
-    std::size_t max_bad_lines = 8;                       ///< one after the other, of the boat's own connection
-    std::size_t max_unsafe = 4096; ///< records that wait until they are safe; further ones come again
-    std::size_t max_boots = 8;                           ///< lives of the boat whose numbers are remembered
-    std::size_t max_orders = 256;                        ///< telecommands of which it is known to whom they went
-    ise::net::udp::secret secret{};                      ///< drawn at random; the keys of addresses follow from it
+    std::size_t max_strangers = 16;     ///< connections without a login; `ise::net::fair_places` decides
+    std::size_t max_login_bytes = 1024; ///< that a stranger may send before he has logged in
+    std::size_t max_bad_lines = 8;      ///< one after the other, of the boat's own connection
+    std::size_t max_unsafe = 4096;      ///< records that wait until they are safe; further ones come again
+    std::size_t max_boots = 8;          ///< lives of the boat whose numbers are remembered
+    std::size_t max_orders = 256;       ///< telecommands of which it is known to whom they went
+    ise::net::udp::secret secret{};     ///< drawn at random; the keys of addresses follow from it
 };
 
 /// A way to the boat: a connection, or a socket for datagrams and who is at the other end.
 struct way {
-    std::uint64_t door = 0; ///< names the connection or the socket; given by the shell, never reused for a connection
+    std::uint64_t channel =
+        0; ///< names the connection or the socket; given by the shell, never reused for a connection
     ise::endpoint peer;
     bool datagrams = false;
     bool operator==(const way&) const = default;
@@ -82,8 +83,8 @@ struct shore_counters {
     std::uint64_t postponed = 0;                         ///< not taken for lack of room: they come again
     std::uint64_t given_up = 0;                          ///< numbers that the boat will not send any more
     std::uint64_t malformed = 0, strangers_cut_off = 0, stranger_datagrams = 0, half_open = 0;
-    std::uint64_t challenges = 0;                        ///< logins by datagram that were asked to show their key
-    std::uint64_t strange_outcomes = 0;                  ///< of telecommands that did not go to that life of the boat
+    std::uint64_t challenges = 0;       ///< logins by datagram that were asked to show their key
+    std::uint64_t strange_outcomes = 0; ///< of telecommands that did not go to that life of the boat
 };
 
 /// The shore's end of the uplink, without I/O: who is the boat and who a stranger, what came, what is acknowledged,
@@ -102,8 +103,8 @@ public:
 
     /// A connection was accepted, and ended by itself.
     void connected(ise::time_point now, way by);
-    void disconnected(ise::time_point now, std::uint64_t door, const std::string& reason);
-    void on_bytes(ise::time_point now, std::uint64_t door, ise::bytes_view bytes);
+    void disconnected(ise::time_point now, std::uint64_t channel, const std::string& reason);
+    void on_bytes(ise::time_point now, std::uint64_t channel, ise::bytes_view bytes);
     void on_datagram(ise::time_point now, const way& by, ise::bytes_view content);
     /// These numbers of a life may be acknowledged.
     void safe(std::uint64_t life, const std::vector<std::uint32_t>& numbers);
@@ -154,15 +155,17 @@ private:
     std::uint64_t key_of(const way& by) const;
     void start_afresh(life& of);
     template <class E>
-    void tell(E event) { events_.push_back(shore_event(std::move(event))); }
+    void tell(E event) {
+        events_.push_back(shore_event(std::move(event)));
+    }
 
     shore_options options_;
     ise::net::fair_places places_; // before the strangers, who hold them
     std::optional<way> boat_;
-    line_reader reader_; // of the boat's connection
+    line_reader reader_;            // of the boat's connection
     std::list<stranger> strangers_; // as they came
-    std::list<life> lives_; // the one that was heard last is first
-    std::set<std::uint16_t> owed_; // boots whose acknowledgement is to be sent
+    std::list<life> lives_;         // the one that was heard last is first
+    std::set<std::uint16_t> owed_;  // boots whose acknowledgement is to be sent
     std::deque<shore_event> events_;
     shore_counters counters_;
     ise::time_point came_at_{}, heard_at_{};

@@ -11,10 +11,10 @@ namespace {
 using namespace std::chrono_literals;
 constexpr std::size_t max_outcomes = 64, max_orders = 32, max_bad_lines = 8;
 constexpr std::size_t again_at_once = 8; // the oldest of what is late: only these hold up the others' acknowledgement
-constexpr ise::duration shortest_period = 5s; // less would take a slow carrier for a dead one
-constexpr ise::duration longest_period = 60s;
-constexpr ise::duration longest_patience = 5min;
-constexpr int largest_factor = 8;
+constexpr ise::duration min_period = 5s; // less would take a slow carrier for a dead one
+constexpr ise::duration max_period = 60s;
+constexpr ise::duration max_patience = 5min;
+constexpr int max_factor = 8;
 } // namespace
 
 uplink::uplink(std::uint16_t boot, uplink_options options) : options_(std::move(options)), boot_(boot) {
@@ -27,7 +27,7 @@ uplink::uplink(std::uint16_t boot, uplink_options options) : options_(std::move(
     set_period(options_.period);
 }
 
-void uplink::set_period(ise::duration period) { options_.period = std::clamp(period, shortest_period, longest_period); }
+void uplink::set_period(ise::duration period) { options_.period = std::clamp(period, min_period, max_period); }
 
 void uplink::put(ise::bytes raw) {
     if (classify(raw) == packet_class::acknowledgement) {
@@ -75,7 +75,7 @@ void uplink::begin_history() {
 }
 
 void uplink::closed() {
-    if (open_ && !answered_) factor_ = std::min(2 * factor_, largest_factor);
+    if (open_ && !answered_) factor_ = std::min(2 * factor_, max_factor);
     open_ = false;
 }
 
@@ -167,7 +167,7 @@ void uplink::on_time(ise::time_point now) {
     for (std::size_t i = 0; i < most; ++i)
         if (late(ring_[i])) again_.push_back(first_ + static_cast<std::uint32_t>(i));
     if (!again_.empty() && holds(fix_) && late(at(fix_)) && fix_ > again_.back())
-        again_.push_front(fix_); // where the boat is comes first
+        again_.push_front(fix_);            // where the boat is comes first
     if (!again_.empty()) login_due_ = true; // the address may be another one by now
 }
 
@@ -263,8 +263,7 @@ std::optional<std::string> uplink::trouble(ise::time_point now) {
 }
 
 ise::duration uplink::patience() const {
-    return std::min<ise::duration>(factor_ * std::max<ise::duration>(3 * options_.period, 3 * slowest_),
-                                   longest_patience);
+    return std::min<ise::duration>(factor_ * std::max<ise::duration>(3 * options_.period, 3 * slowest_), max_patience);
 }
 
 ise::duration uplink::resend_after() const {

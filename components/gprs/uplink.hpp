@@ -8,13 +8,13 @@
 namespace atirma::gprs {
 
 struct uplink_options {
-    std::string id = "atirma";                           ///< how the boat calls itself
-    std::uint64_t token = 0;                             ///< of this start of the program, drawn at random
-    bool datagrams = false;                              ///< the way may lose and reorder, and its address may change
-    std::size_t capacity = 8192; ///< packets without acknowledgement; beyond, the oldest is given up
-    std::size_t window = 32;                             ///< packets of history under way at a time
-    ise::duration period = std::chrono::seconds(5);      ///< an acknowledgement is expected once in this time
-    ise::duration keepalive = std::chrono::seconds(60);  ///< of silence; then it asks whether the shore is there
+    std::string id = "atirma";                      ///< how the boat calls itself
+    std::uint64_t token = 0;                        ///< of this start of the program, drawn at random
+    bool datagrams = false;                         ///< the way may lose and reorder, and its address may change
+    std::size_t capacity = 8192;                    ///< packets without acknowledgement; beyond, the oldest is given up
+    std::size_t window = 32;                        ///< packets of history under way at a time
+    ise::duration period = std::chrono::seconds(5); ///< an acknowledgement is expected once in this time
+    ise::duration keepalive = std::chrono::seconds(60); ///< of silence; then it asks whether the shore is there
 };
 
 struct uplink_counters {
@@ -93,19 +93,19 @@ private:
     std::uint16_t boot_;
     line_reader reader_;
     std::optional<std::uint64_t> key_; // of the address that the shore sees; over datagrams
-    std::deque<kept> ring_;      // numbers first_, first_ + 1 …
+    std::deque<kept> ring_;            // numbers first_, first_ + 1 …
     std::deque<outcome> outcomes_;
     std::deque<order> orders_;
     std::deque<std::uint32_t> again_; // to be sent again
     std::uint32_t first_ = 1;
-    std::uint32_t old_ = 0;      // the highest number when the way was opened
+    std::uint32_t old_ = 0;                     // the highest number when the way was opened
     std::uint32_t next_old_ = 1, next_new_ = 1; // the first not looked at, of either kind
-    std::uint32_t fix_ = 0;      // the newest fix, 0 for none
+    std::uint32_t fix_ = 0;                     // the newest fix, 0 for none
     std::size_t old_under_way_ = 0;
     std::uint64_t session_ = 0;
     std::optional<ise::time_point> asked_at_; // since when an acknowledgement is missing
     ise::time_point said_at_{}, heard_at_{}, login_at_{};
-    ise::duration slowest_{};    // answer lately
+    ise::duration slowest_{}; // answer lately
     int factor_ = 1;
     std::size_t bad_lines_ = 0;
     bool open_ = false, answered_ = false, asked_again_ = false, login_due_ = false, gap_untold_ = false;

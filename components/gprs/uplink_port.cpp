@@ -35,13 +35,13 @@ void uplink_port::put(ise::bytes raw) {
 }
 
 ise::task<> uplink_port::run() {
-    auto pause = options_.shortest_retry;
+    auto pause = options_.min_retry;
     for (;;) {
         std::string problem;
         if (link_.counters().sessions == 0) log_.info("the uplink calls the shore", {{"shore", options_.shore.text()}});
         if (options_.shore.kind == ise::protocol::udp) problem = co_await serve_datagrams();
         else problem = co_await serve_stream();
-        if (link_.answered()) pause = options_.shortest_retry;
+        if (link_.answered()) pause = options_.min_retry;
         link_.closed();
         stream_.reset();
         socket_.reset();
@@ -52,7 +52,7 @@ ise::task<> uplink_port::run() {
             log_.warning(problem, {{"shore", options_.shore.text()}}); // once, not with every attempt
         trouble_ = problem;
         co_await ise::sleep_for(loop_, pause);
-        pause = std::min(2 * pause, options_.longest_retry);
+        pause = std::min(2 * pause, options_.max_retry);
     }
 }
 

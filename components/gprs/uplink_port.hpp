@@ -14,12 +14,11 @@
 namespace atirma::gprs {
 
 struct port_options {
-    ise::endpoint shore;                                    ///< of the proxy, or of a carrier before it: tcp or udp
-    uplink_options link;                                    ///< `datagrams` follows from the endpoint, `token` is drawn
+    ise::endpoint shore; ///< of the proxy, or of a carrier before it: tcp or udp
+    uplink_options link; ///< `datagrams` follows from the endpoint, `token` is drawn
     ise::duration connect_time = std::chrono::seconds(20);
-    ise::duration shortest_retry =
-        std::chrono::seconds(1); ///< between attempts; doubles as long as nothing is acknowledged
-    ise::duration longest_retry = std::chrono::seconds(30);
+    ise::duration min_retry = std::chrono::seconds(1); ///< between attempts; doubles as long as nothing is acknowledged
+    ise::duration max_retry = std::chrono::seconds(30);
 };
 
 /// The thin shell around `uplink`: dials the shore through the environment, over a connection or by datagrams, and

@@ -15,22 +15,22 @@ constexpr ise::duration receive_pause = 250ms;
 ise::result<ise::endpoint> datagram_relay::open(const ise::endpoint& at) {
     auto made = loop_.env().open_datagram(loop_, at);
     if (!made) return made.error();
-    std::shared_ptr<ise::datagram_socket> door = std::move(*made);
-    auto where = door->where();
-    spawn_("boats at " + where.text(), from_boats(std::move(door)));
+    std::shared_ptr<ise::datagram_socket> channel = std::move(*made);
+    auto where = channel->where();
+    spawn_("boats at " + where.text(), from_boats(std::move(channel)));
     return where;
 }
 
-ise::task<> datagram_relay::from_boats(std::shared_ptr<ise::datagram_socket> door) {
+ise::task<> datagram_relay::from_boats(std::shared_ptr<ise::datagram_socket> channel) {
     for (;;) {
-        auto [problem, got] = co_await door->receive();
+        auto [problem, got] = co_await channel->receive();
         if (problem == asio::error::operation_aborted) co_return;
         if (problem) {
             log_.warning("the socket for datagrams failed", {{"cause", problem.message()}});
             co_await ise::sleep_for(loop_, receive_pause);
             continue;
         }
-        if (auto of = flow_of(door, got->peer)) send(*of, true, got->content);
+        if (auto of = flow_of(channel, got->peer)) send(*of, true, got->content);
     }
 }
 
@@ -44,17 +44,17 @@ ise::task<> datagram_relay::from_proxy(std::shared_ptr<flow> of, std::shared_ptr
     }
 }
 
-std::shared_ptr<datagram_relay::flow> datagram_relay::flow_of(const std::shared_ptr<ise::datagram_socket>& door,
+std::shared_ptr<datagram_relay::flow> datagram_relay::flow_of(const std::shared_ptr<ise::datagram_socket>& channel,
                                                               const ise::endpoint& boat) {
     auto known = std::find_if(flows_.begin(), flows_.end(),
-                              [&](const auto& one) { return one->door == door && one->boat == boat; });
+                              [&](const auto& one) { return one->channel == channel && one->boat == boat; });
     if (known != flows_.end()) {
         flows_.splice(flows_.begin(), flows_, known);
         return flows_.front();
     }
     if (flows_.size() >= max_flows) end(*flows_.back());
     auto made = std::make_shared<flow>(*this);
-    made->door = door;
+    made->channel = channel;
     made->boat = boat;
     if (!connect(made)) return nullptr;
     flows_.push_front(made);
@@ -78,7 +78,7 @@ bool datagram_relay::connect(const std::shared_ptr<flow>& of) {
 
 void datagram_relay::send(flow& of, bool upward, ise::bytes content) {
     of.used = loop_.now();
-    if (!air_.up || of.frozen || air_.loses() || of.under_way.size() >= most_held) ++air_.datagrams_lost;
+    if (!air_.up || of.frozen || air_.loses() || of.under_way.size() >= max_held) ++air_.datagrams_lost;
     else of.under_way.emplace(ise::saturating_add(of.used, air_.flight()), std::pair(upward, std::move(content)));
     turn(of);
 }
@@ -88,13 +88,13 @@ void datagram_relay::turn(flow& of) {
         auto [upward, content] = std::move(of.under_way.begin()->second);
         of.under_way.erase(of.under_way.begin());
         auto problem = !air_.up || of.frozen ? std::error_code(asio::error::network_down)
-                       : upward             ? of.out->try_send(proxy_, content)
-                                            : of.door->try_send(of.boat, content);
+                       : upward              ? of.out->try_send(proxy_, content)
+                                             : of.channel->try_send(of.boat, content);
         if (problem) ++air_.datagrams_lost;
         else (upward ? air_.bytes_up : air_.bytes_down) += content.size();
     }
     if (of.over) return;
-    auto idle_until = ise::saturating_add(of.used, longest_idle);
+    auto idle_until = ise::saturating_add(of.used, max_idle);
     if (!of.under_way.empty()) of.due.arm(of.under_way.begin()->first);
     else if (loop_.now() < idle_until) of.due.arm(idle_until);
     else end(of);

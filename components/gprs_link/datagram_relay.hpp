@@ -19,9 +19,10 @@ namespace atirma {
 /// spawns.
 class datagram_relay {
 public:
-    static constexpr std::size_t max_flows = 64;      ///< beyond, the one that was idle longest goes
-    static constexpr std::size_t most_held = 512;     ///< datagrams under way of one flow; beyond: lost
-    static constexpr ise::duration longest_idle = std::chrono::minutes(5); ///< without a datagram either way; then the flow ends
+    static constexpr std::size_t max_flows = 64; ///< beyond, the one that was idle longest goes
+    static constexpr std::size_t max_held = 512; ///< datagrams under way of one flow; beyond: lost
+    static constexpr ise::duration max_idle =
+        std::chrono::minutes(5); ///< without a datagram either way; then the flow ends
 
     datagram_relay(ise::loop& on, ise::logger log, carrier_air& air, ise::endpoint proxy,
                    std::function<void(std::string, ise::task<>)> spawn)
@@ -38,18 +39,18 @@ public:
 private:
     struct flow {
         explicit flow(datagram_relay& self) : due(self.loop_, [this, &self] { self.turn(*this); }) {}
-        std::shared_ptr<ise::datagram_socket> door; // that the boat knows
+        std::shared_ptr<ise::datagram_socket> channel; // that the boat knows
         ise::endpoint boat;
-        std::shared_ptr<ise::datagram_socket> out;  // that the proxy knows
+        std::shared_ptr<ise::datagram_socket> out;                             // that the proxy knows
         std::multimap<ise::time_point, std::pair<bool, ise::bytes>> under_way; // by arrival; up or not
         ise::timer due;
-        ise::time_point used{};                     // when a datagram came, either way
+        ise::time_point used{}; // when a datagram came, either way
         bool frozen = false, over = false;
     };
 
-    ise::task<> from_boats(std::shared_ptr<ise::datagram_socket> door);
+    ise::task<> from_boats(std::shared_ptr<ise::datagram_socket> channel);
     ise::task<> from_proxy(std::shared_ptr<flow> of, std::shared_ptr<ise::datagram_socket> out);
-    std::shared_ptr<flow> flow_of(const std::shared_ptr<ise::datagram_socket>& door, const ise::endpoint& boat);
+    std::shared_ptr<flow> flow_of(const std::shared_ptr<ise::datagram_socket>& channel, const ise::endpoint& boat);
     bool connect(const std::shared_ptr<flow>& of);
     void send(flow& of, bool upward, ise::bytes content);
     void turn(flow& of);

@@ -65,7 +65,7 @@ ise::task<> stream_relay::pump(std::shared_ptr<call> of, std::size_t which) {
     auto& way = of->halves[which];
     std::array<std::byte, 4096> buffer;
     while (!of->over) {
-        if (way.held >= most_held) {
+        if (way.held >= max_held) {
             co_await ise::sleep_for(loop_, room_pause);
             continue;
         }

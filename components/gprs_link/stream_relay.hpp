@@ -20,8 +20,8 @@ namespace atirma {
 /// complete, for as long as nobody breaks it. Used on one loop; must outlive the coroutines that it spawns.
 class stream_relay {
 public:
-    static constexpr std::size_t max_calls = 64;             ///< beyond, `ise::net::fair_places` decides
-    static constexpr std::size_t most_held = 64 * 1024;      ///< under way in one direction; then nothing more is read
+    static constexpr std::size_t max_calls = 64;       ///< beyond, `ise::net::fair_places` decides
+    static constexpr std::size_t max_held = 64 * 1024; ///< under way in one direction; then nothing more is read
 
     stream_relay(ise::loop& on, ise::logger log, carrier_air& air, ise::endpoint proxy,
                  std::function<void(std::string, ise::task<>)> spawn)
@@ -53,9 +53,9 @@ private:
     };
     struct call {
         explicit call(stream_relay& self) : due(self.loop_, [this, &self] { self.turn(*this); }) {}
-        std::shared_ptr<ise::stream> boat, proxy; // no proxy while it is dialled
+        std::shared_ptr<ise::stream> boat, proxy;            // no proxy while it is dialled
         std::unique_ptr<ise::net::fair_places::place> place; // from its first moment on
-        std::array<half, 2> halves; // up, down
+        std::array<half, 2> halves;                          // up, down
         ise::timer due;
         bool frozen = false, over = false;
     };
@@ -73,7 +73,7 @@ private:
     ise::endpoint proxy_;
     std::function<void(std::string, ise::task<>)> spawn_;
     ise::net::fair_places places_{max_calls}; // before the calls, which hold them
-    std::list<std::shared_ptr<call>> calls_; // as they came
+    std::list<std::shared_ptr<call>> calls_;  // as they came
 };
 
 } // namespace atirma

@@ -5,7 +5,7 @@
 #include <components/boat/remote_telemetry_store.hpp>
 #include <components/boat/telecommand_desk.hpp>
 #include <components/gprs/freshness.hpp>
-#include <components/gprs_proxy/doors.hpp>
+#include <components/gprs_proxy/listeners.hpp>
 
 #include <ise/core/log_limiter.hpp>
 #include <ise/core/task_scope.hpp>
@@ -39,7 +39,7 @@ struct gprs_proxy::link {
           more(self.on(), [this] { more.resume(asio::error::operation_aborted); }) {}
 
     gprs::shore shore;
-    doors sockets;
+    listeners sockets;
     telecommand_desk desk;
     duplicate_filter seen;
     std::map<std::uint64_t, gprs::freshness> fresh; // by the life of the boat: what one says hides nothing of another
@@ -93,12 +93,12 @@ void gprs_proxy::open_doors() {
         link_->shore.connected(now(), by);
         act();
     };
-    l.sockets.on_bytes = [this](std::uint64_t door, ise::bytes_view bytes) {
-        link_->shore.on_bytes(now(), door, bytes);
+    l.sockets.on_bytes = [this](std::uint64_t channel, ise::bytes_view bytes) {
+        link_->shore.on_bytes(now(), channel, bytes);
         act();
     };
-    l.sockets.on_disconnected = [this](std::uint64_t door, const std::string& reason) {
-        link_->shore.disconnected(now(), door, reason);
+    l.sockets.on_disconnected = [this](std::uint64_t channel, const std::string& reason) {
+        link_->shore.disconnected(now(), channel, reason);
         act();
     };
     l.sockets.on_datagram = [this](const gprs::way& by, ise::bytes_view content) {
@@ -141,7 +141,7 @@ void gprs_proxy::handle(const gprs::shore_event& event) {
     if (const auto* send = std::get_if<gprs::send_text>(&event)) {
         l.sockets.send(send->to, send->text);
     } else if (const auto* cut = std::get_if<gprs::cut_off>(&event)) {
-        l.sockets.cut(cut->whom.door);
+        l.sockets.cut(cut->whom.channel);
         auto left_out = cut->stranger ? l.strangers.admit(now()) : std::optional<std::uint64_t>(0);
         if (left_out)
             log().warning(cut->stranger ? "a stranger was cut off" : "a connection of the boat was cut off",
@@ -195,8 +195,8 @@ void gprs_proxy::on_record(const gprs::record_came& came) {
     out.sequence = header.sequence;
     out.measured_at = header.measured_at;
     out.received_at = clock();
-    out.history =
-        l.fresh[came.life].is_history(came.history, header.boot, std::to_integer<std::uint8_t>(came.raw[1]), header.sequence);
+    out.history = l.fresh[came.life].is_history(came.history, header.boot, std::to_integer<std::uint8_t>(came.raw[1]),
+                                                header.sequence);
     if (l.fresh.size() > options_.shore.max_boots) l.fresh.erase(l.fresh.begin());
     out.raw = came.raw;
     l.telemetry(out);

@@ -12,14 +12,14 @@ enum class severity : std::uint8_t { notice, warning, critical };
 
 /// When the operator is called.
 struct alarm_limits {
-    double no_data_s = 60;          ///< nothing heard over any link; five periods where the boat tells more rarely
-    double link_silent_s = 60;      ///< nothing over a link that was heard before; five periods if that is longer
+    double no_data_s = 60;     ///< nothing heard over any link; five periods where the boat tells more rarely
+    double link_silent_s = 60; ///< nothing over a link that was heard before; five periods if that is longer
     double proxy_lost_s = 5;
     unsigned battery_low_percent = 20;
     unsigned battery_critical_percent = 10;
     double off_track_m = 60;
-    int modem_hot_c = 60;           ///< the modem then holds its duty cycle over a second
-    unsigned duty_percent = 90;     ///< of what is allowed
+    int modem_hot_c = 60;       ///< the modem then holds its duty cycle over a second
+    unsigned duty_percent = 90; ///< of what is allowed
     bool operator==(const alarm_limits&) const = default;
 };
 
@@ -32,7 +32,7 @@ struct acknowledged_alarm {
 
 /// Something that the operator must see. It stays until it is over *and* was acknowledged.
 struct alarm_entry {
-    std::string key;            ///< "battery", "link:atirma/shore/xbee"
+    std::string key; ///< "battery", "link:atirma/shore/xbee"
     severity how = severity::warning;
     std::string text;
     utc_time raised_at{};

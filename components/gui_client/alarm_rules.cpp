@@ -58,16 +58,17 @@ void console_state::watch_boat(utc_time now) {
 
 void console_state::watch_links(utc_time now) {
     const auto& limits = options_.limits;
-    alarms_.set("names", finding_.uses_names && !finding_.reached && !finding_.trouble.empty(), severity::notice,
-                fmt::format("The name server at {} is not reached; components found before stay connected", finding_.where),
-                now);
+    alarms_.set(
+        "names", finding_.uses_names && !finding_.reached && !finding_.trouble.empty(), severity::notice,
+        fmt::format("The name server at {} is not reached; components found before stay connected", finding_.where),
+        now);
     for (const auto& [path, link] : links_) {
         if (link.all_links) continue; // the nodes tell of themselves
         auto name = label(link);
         bool lost = !link.connected && link.since != utc_time() && age_s(now, link.since) > limits.proxy_lost_s;
         alarms_.set("proxy:" + path, lost, severity::warning, fmt::format("{}: {} is not reached", name, path), now);
         // A boat that does not call is told by its silence; one that calls and is not kept is told here.
-        auto trouble = link.xbee                          ? link.xbee->trouble
+        auto trouble = link.xbee                           ? link.xbee->trouble
                        : link.gprs && link.gprs->connected ? link.gprs->trouble
                        : link.account                      ? link.account->trouble
                                                            : std::string();

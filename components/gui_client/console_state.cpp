@@ -26,9 +26,7 @@ bool replace(std::optional<heard<Packet>>& current, const Packet& told, const te
 } // namespace
 
 console_state::console_state(state_options options)
-    : options_(options),
-      track_(options.max_track),
-      commands_(options.max_commands) {
+    : options_(options), track_(options.max_track), commands_(options.max_commands) {
     for (const auto& info : parameters()) {
         parameter_view one;
         one.id = info.id;

@@ -18,7 +18,7 @@ struct state_options {
     std::size_t max_packets = 500;
     std::size_t max_notices = 50;
     std::size_t max_commands = 300;
-    std::size_t max_links = 32;     ///< proxies that are followed
+    std::size_t max_links = 32; ///< proxies that are followed
 };
 
 /// All that the console knows, without I/O: what came is told to it with the console's time, and it makes snapshots.
@@ -92,7 +92,7 @@ private:
     std::map<std::string, link_view> links_;
     std::map<std::string, node_view> nodes_;
     authority_view authority_;
-    std::map<std::string, duplicate_filter> heard_over_;       ///< what came over one link is counted once there
+    std::map<std::string, duplicate_filter> heard_over_; ///< what came over one link is counted once there
     duplicate_filter seen_;
     alarm_book alarms_;
     track_store track_;

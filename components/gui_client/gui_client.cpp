@@ -6,8 +6,7 @@ constexpr ise::duration settles = std::chrono::seconds(10);
 } // namespace
 
 gui_client::gui_client(gui_client_options options)
-    : options_(std::move(options)),
-      state_(std::make_unique<console_state>(options_.state)) {
+    : options_(std::move(options)), state_(std::make_unique<console_state>(options_.state)) {
     if (!options_.port) options_.port = std::make_shared<operator_port>();
 }
 gui_client::~gui_client() { options_.port->close(); }
@@ -52,7 +51,7 @@ ise::task<> gui_client::run() {
 
 void gui_client::publish_snapshot() {
     watch_streams();
-    if (!dirty_ && now() - published_ < options_.longest_quiet && published_ != ise::time_point{}) return;
+    if (!dirty_ && now() - published_ < options_.max_quiet && published_ != ise::time_point{}) return;
     dirty_ = false;
     published_ = now();
     options_.port->publish(state_->view(clock()));

@@ -15,15 +15,15 @@
 namespace atirma::console {
 
 struct gui_client_options {
-    std::string space = "atirma";              ///< the namespace whose components are looked at
-    std::optional<ise::endpoint> name_server;  ///< where proxies are found; nothing: only `proxies` are followed
-    std::vector<std::string> proxies;          ///< followed besides what is found: paths or endpoints
+    std::string space = "atirma";             ///< the namespace whose components are looked at
+    std::optional<ise::endpoint> name_server; ///< where proxies are found; nothing: only `proxies` are followed
+    std::vector<std::string> proxies;         ///< followed besides what is found: paths or endpoints
     std::string communication = std::string(communication_role); ///< followed as soon as a node of it is found
-    ise::duration look_back = std::chrono::hours(12); ///< so much of the track is asked of the nodes
+    ise::duration look_back = std::chrono::hours(12);            ///< so much of the track is asked of the nodes
     state_options state;
     std::shared_ptr<operator_port> port = std::make_shared<operator_port>(); ///< to the windows
-    ise::duration tick = std::chrono::milliseconds(200);       ///< snapshots come at most so often…
-    ise::duration longest_quiet = std::chrono::milliseconds(600); ///< …and at least so often
+    ise::duration tick = std::chrono::milliseconds(200);                     ///< snapshots come at most so often…
+    ise::duration max_quiet = std::chrono::milliseconds(600);                ///< …and at least so often
 };
 
 /// The operator's console without windows. It follows every component below its namespace that provides `telemetry`,
@@ -88,12 +88,12 @@ private:
 
     gui_client_options options_;
     std::unique_ptr<console_state> state_;
-    std::map<std::string, std::set<std::string>> followed_;      ///< by path: the services
-    std::map<std::string, std::function<bool()>> connected_;     ///< by path: of the telemetry streams that were made
-    std::map<std::string, std::string> trouble_;                 ///< by path: why there is none
+    std::map<std::string, std::set<std::string>> followed_;  ///< by path: the services
+    std::map<std::string, std::function<bool()>> connected_; ///< by path: of the telemetry streams that were made
+    std::map<std::string, std::string> trouble_;             ///< by path: why there is none
     std::set<std::string> nodes_;
     bool role_followed_ = false;
-    track_cursor recorded_;                                      ///< what the nodes have told
+    track_cursor recorded_; ///< what the nodes have told
     std::map<std::string, present_component> present_;
     /// By path: the incarnation, and how many services it had.
     std::map<std::string, std::pair<std::uint64_t, std::uint32_t>> looked_at_;

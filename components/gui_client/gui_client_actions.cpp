@@ -10,11 +10,11 @@
 namespace atirma::console {
 namespace {
 using namespace std::chrono_literals;
-constexpr ise::duration longest_call = 30s, try_again = 2s;
-constexpr ise::duration longest_call_of_upload = 2s, try_again_of_upload = 100ms; // so soon it can be cancelled
+constexpr ise::duration max_call = 30s, try_again = 2s;
+constexpr ise::duration max_call_of_upload = 2s, try_again_of_upload = 100ms; // so soon it can be cancelled
 constexpr ise::duration authority_call = 15s;
 constexpr auto remembers_alarms = 10min;
-constexpr std::size_t most_in_hand = 64; // own telecommands that are not decided
+constexpr std::size_t max_in_hand = 64; // own telecommands that are not decided
 
 /// Asking again changes nothing.
 bool is_refusal(ise::errc code) {
@@ -51,7 +51,7 @@ ise::task<command_phase> gui_client::execute(give_command what, const bool* stop
     request.confirmed = what.confirmed;
     const auto& links = state_->links();
     auto via = what.via;
-    if (role_followed_) { // the nodes record it, and know the links
+    if (role_followed_) {              // the nodes record it, and know the links
         auto chosen = links.find(via); // the role itself is all of them: its link is that of the newest packet only
         if (chosen != links.end() && !chosen->second.all_links) request.via = chosen->second.link;
         via = options_.communication;
@@ -66,7 +66,7 @@ ise::task<command_phase> gui_client::execute(give_command what, const bool* stop
         return phase;
     };
     if (via.empty()) co_return settle(command_phase::failed, std::nullopt, "no link to the boat was found yet");
-    if (commands_in_hand_ >= most_in_hand)
+    if (commands_in_hand_ >= max_in_hand)
         co_return settle(command_phase::failed, std::nullopt,
                          fmt::format("{} telecommands wait already", commands_in_hand_));
     struct counted {
@@ -79,7 +79,7 @@ ise::task<command_phase> gui_client::execute(give_command what, const bool* stop
     auto proxy = find_component(*this, via);
     auto valid = std::chrono::duration_cast<ise::duration>(std::chrono::duration<float>(what.valid_s));
     auto expires = ise::saturating_add(now(), valid);
-    auto longest = stop ? longest_call_of_upload : longest_call;
+    auto longest = stop ? max_call_of_upload : max_call;
     bool may_be_executed = false;
     for (;;) {
         auto left = expires - now();

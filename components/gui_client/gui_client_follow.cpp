@@ -7,8 +7,8 @@
 namespace atirma::console {
 namespace {
 using namespace std::chrono_literals;
-constexpr ise::duration first_pause = 500ms, longest_pause = 5s;
-ise::duration longer(ise::duration pause) { return std::min<ise::duration>(2 * pause, longest_pause); }
+constexpr ise::duration first_pause = 500ms, max_pause = 5s;
+ise::duration longer(ise::duration pause) { return std::min<ise::duration>(2 * pause, max_pause); }
 } // namespace
 
 /// A stream that was made: whether it is connected shows only here, since it heals by itself.

@@ -5,7 +5,7 @@ namespace {
 using namespace std::chrono_literals;
 using namespace ise::naming;
 constexpr ise::duration question = 5s;
-constexpr std::size_t most_present = 500; // that are shown
+constexpr std::size_t max_present = 500; // that are shown
 
 bool is_of_interest(const std::string& service) {
     return service == services::telemetry.name() || service == services::telecommand.name() ||
@@ -58,7 +58,7 @@ void gui_client::on_names(const name_events& told) {
             present_.erase(name.path);
             continue;
         }
-        if (present_.size() >= most_present && !present_.contains(name.path)) continue;
+        if (present_.size() >= max_present && !present_.contains(name.path)) continue;
         auto& shown = present_[name.path];
         if (shown.path.empty()) shown.since = clock();
         shown.path = name.path;
@@ -74,7 +74,7 @@ void gui_client::on_names(const name_events& told) {
         if (std::exchange(known, as_it_is) == as_it_is) continue;
         spawn("look at " + name.path, look_at(name.path));
     }
-    while (looked_at_.size() > 2 * most_present) looked_at_.erase(looked_at_.begin());
+    while (looked_at_.size() > 2 * max_present) looked_at_.erase(looked_at_.begin());
     show_present();
 }
 

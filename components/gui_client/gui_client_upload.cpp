@@ -32,7 +32,6 @@ void gui_client::act(cancel_upload) {
     state_->on_upload(std::move(told));
 }
 
-
 void gui_client::show_upload(upload_phase phase, std::size_t done, std::size_t total, std::string text) {
     upload_view told;
     told.phase = phase;
@@ -99,8 +98,8 @@ ise::task<std::string> gui_client::upload_points(upload_mission what) {
         one.command = commands::waypoint_add{points[i]};
         phase = co_await execute(one, &cancel_upload_);
         if (cancel_upload_ && !is_over(phase))
-            co_return fmt::format("cancelled: the boat has {} of {} waypoints; waypoint {} is under way and may arrive", i,
-                                  points.size(), i + 1);
+            co_return fmt::format("cancelled: the boat has {} of {} waypoints; waypoint {} is under way and may arrive",
+                                  i, points.size(), i + 1);
         if (phase != command_phase::done)
             co_return fmt::format("waypoint {} of {}: {}", i + 1, points.size(), name_of(phase));
     }

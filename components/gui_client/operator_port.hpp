@@ -62,9 +62,8 @@ struct set_limits {
 struct forget_track {};
 
 /// What an operator does.
-using action =
-    std::variant<give_command, upload_mission, cancel_upload, set_xbee_parameter, acknowledge_alarm, forget_track,
-                 sail_to, change_authority, remember_alarms, set_limits>;
+using action = std::variant<give_command, upload_mission, cancel_upload, set_xbee_parameter, acknowledge_alarm,
+                            forget_track, sail_to, change_authority, remember_alarms, set_limits>;
 
 /// What lies between windows and the component, which live on threads of their own: snapshots one way, actions the
 /// other. Neither side waits for the other. Thread-safe; shared by both, and outlives either.

@@ -37,7 +37,7 @@ struct packet_field {
 };
 /// The kind and every field of a packet, or what is wrong with it.
 struct packet_text {
-    std::string kind;  ///< "navigation"; "malformed"
+    std::string kind; ///< "navigation"; "malformed"
     std::vector<packet_field> fields;
 };
 packet_text describe(const telemetry_packet& packet);

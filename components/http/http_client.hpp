@@ -12,7 +12,7 @@ namespace atirma {
 /// What is asked of an HTTP server.
 struct http_exchange {
     std::string method = "GET";
-    std::string url;                                          ///< "https://host/path?query"
+    std::string url; ///< "https://host/path?query"
     std::vector<std::pair<std::string, std::string>> headers;
     std::string body;
 };
@@ -31,8 +31,8 @@ public:
     virtual ~http_client() = default;
 
     /// One request and its answer, of at most `max_answer_bytes` (1 MiB).
-    /// Errors: invalid_argument (no such URL), unreachable (name, address, TLS: nothing was sent), timed_out and peer_lost
-    /// (unknown whether the server acted), too_large. Cancellation: terminal, the transfer ends.
+    /// Errors: invalid_argument (no such URL), unreachable (name, address, TLS: nothing was sent), timed_out and
+    /// peer_lost (unknown whether the server acted), too_large. Cancellation: terminal, the transfer ends.
     virtual ise::task<ise::result<http_answer>> exchange(http_exchange what, ise::duration within) = 0;
 
     static constexpr std::size_t max_answer_bytes = 1 << 20;

@@ -12,9 +12,9 @@ namespace atirma {
 
 /// One HTTP message as it was read.
 struct http_message {
-    std::string method;   ///< of a request
-    std::string target;   ///< of a request: "/mo?x=1"
-    int status = 0;       ///< of an answer
+    std::string method;                                       ///< of a request
+    std::string target;                                       ///< of a request: "/mo?x=1"
+    int status = 0;                                           ///< of an answer
     std::vector<std::pair<std::string, std::string>> headers; ///< names in lower case
     std::string body;
     bool keep_alive = false;
@@ -44,7 +44,7 @@ public:
     /// The stream has ended: completes an answer that has no length of its own. Error: malformed where it is cut off.
     ise::result<void> end();
 
-    bool begun() const noexcept;    ///< something of a message is there
+    bool begun() const noexcept; ///< something of a message is there
     bool complete() const noexcept;
     /// The sender waits for `100 Continue` before it sends the body; said once a message.
     bool wants_continue();

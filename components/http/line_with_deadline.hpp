@@ -25,8 +25,8 @@ public:
     /// The same of several pieces, one after the other.
     ise::task<std::error_code> write_all(std::vector<std::string_view> pieces);
 
-    /// Reads until the other side closes, the deadline, or `most` bytes, and keeps nothing: whoever closes on bytes that were
-    /// not read may take back what it has written. Cancellation: terminal.
+    /// Reads until the other side closes, the deadline, or `most` bytes, and keeps nothing: whoever closes on bytes
+    /// that were not read may take back what it has written. Cancellation: terminal.
     ise::task<> drop_rest(std::size_t most);
 
     bool late() const noexcept { return late_; }

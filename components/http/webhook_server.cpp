@@ -10,8 +10,8 @@
 namespace atirma {
 namespace {
 
-constexpr std::size_t most_turned_away = 32; // at a time; beyond it they are just closed
-constexpr std::size_t most_dropped = 1 << 20;  // bytes of a request that was refused
+constexpr std::size_t max_turned_away = 32;  // at a time; beyond it they are just closed
+constexpr std::size_t max_dropped = 1 << 20; // bytes of a request that was refused
 
 std::string text_of(const webhook_answer& answer, bool keep) {
     return fmt::format(
@@ -57,7 +57,7 @@ ise::task<> webhook_server::run() {
             continue;
         }
         note(fmt::format("{} connections are open: another one is turned away", places_.taken()), peer);
-        if (turned_away_ < most_turned_away) spawn_("http " + peer, turn_away(std::move(who.line)));
+        if (turned_away_ < max_turned_away) spawn_("http " + peer, turn_away(std::move(who.line)));
     }
 }
 
@@ -101,7 +101,7 @@ ise::task<> webhook_server::converse(std::string peer, ise::net::admitted who) {
             line.until(ise::saturating_add(loop_.now(), limits_.times.request));
             co_await line.write_all(text);
             line.line().shutdown_write();
-            co_await line.drop_rest(most_dropped);
+            co_await line.drop_rest(max_dropped);
             co_return;
         }
         who.place->serve();

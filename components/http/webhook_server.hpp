@@ -15,18 +15,18 @@ namespace atirma {
 
 struct webhook_limits {
     http_reader_limits message;
-    std::size_t max_connections = 32;                    ///< beyond it `ise::net::fair_places` decides; 503
-    std::size_t max_requests = 1000;                     ///< of one connection
-    http_times times;                                    ///< the time for a request also bounds writing its answer
+    std::size_t max_connections = 32; ///< beyond it `ise::net::fair_places` decides; 503
+    std::size_t max_requests = 1000;  ///< of one connection
+    http_times times;                 ///< the time for a request also bounds writing its answer
 };
 
 struct webhook_request {
     http_message message;
-    std::string peer;       ///< "tcp://10.0.0.2:40112"
+    std::string peer; ///< "tcp://10.0.0.2:40112"
 };
 struct webhook_answer {
     int status = 200;
-    std::string body;       ///< text/plain
+    std::string body; ///< text/plain
 };
 
 /// A small HTTP/1.1 server over the environment's listener, so that it runs on the virtual world, too: for the posts of

@@ -38,11 +38,13 @@ ise::result<address_list> address_list::parse(std::string_view text) {
         auto slash = part.find('/');
         auto read = numeric(part.substr(0, slash));
         auto widest = read && read->is_v4() ? 32 : 128;
-        auto bits = slash == std::string_view::npos ? ise::result<std::int64_t>(widest)
-                                                    : parse_integer("the length of a prefix", part.substr(slash + 1), 0, widest);
+        auto bits = slash == std::string_view::npos
+                        ? ise::result<std::int64_t>(widest)
+                        : parse_integer("the length of a prefix", part.substr(slash + 1), 0, widest);
         if (!read || !bits)
-            return ise::failure(ise::errc::invalid_argument,
-                                fmt::format("'{}' is neither an address nor a network, such as 12.47.179.11 or 192.0.2.0/24", part));
+            return ise::failure(
+                ise::errc::invalid_argument,
+                fmt::format("'{}' is neither an address nor a network, such as 12.47.179.11 or 192.0.2.0/24", part));
         network one;
         one.first = wide(*read);
         one.bits = static_cast<unsigned>(*bits + 128 - widest);

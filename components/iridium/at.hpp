@@ -11,10 +11,10 @@ namespace atirma::iridium {
 struct sbdix {
     int mo_status = 0;
     int momsn = 0;
-    int mt_status = 0;    ///< 0 none waits, 1 one was received, 2 the mailbox could not be looked at
+    int mt_status = 0; ///< 0 none waits, 1 one was received, 2 the mailbox could not be looked at
     int mtmsn = 0;
     int mt_length = 0;
-    int mt_queued = 0;    ///< that wait at the gateway still
+    int mt_queued = 0; ///< that wait at the gateway still
     bool mo_arrived() const noexcept { return mo_status >= 0 && mo_status <= 4; }
     bool operator==(const sbdix&) const = default;
 };

@@ -9,8 +9,13 @@ namespace atirma::iridium {
 namespace {
 
 enum element : std::uint8_t {
-    mo_header = 0x01, mo_payload = 0x02, mo_location = 0x03, mo_confirmed = 0x05,
-    mt_header = 0x41, mt_payload = 0x42, mt_confirmed = 0x44,
+    mo_header = 0x01,
+    mo_payload = 0x02,
+    mo_location = 0x03,
+    mo_confirmed = 0x05,
+    mt_header = 0x41,
+    mt_payload = 0x42,
+    mt_confirmed = 0x44,
 };
 
 ise::failure malformed(std::string what) { return ise::failure(ise::errc::malformed, "DirectIP: " + std::move(what)); }

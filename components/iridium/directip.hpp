@@ -48,8 +48,8 @@ ise::bytes encode_directip_mt(const directip_mt& what);
 struct mt_confirmation {
     std::uint32_t client_id = 0;
     std::array<std::byte, 15> imei{};
-    std::uint32_t auto_id = 0;     ///< of the gateway
-    std::int16_t status = 0;       ///< 1 … 50 place in the queue, 0 no payload, below: what went wrong
+    std::uint32_t auto_id = 0; ///< of the gateway
+    std::int16_t status = 0;   ///< 1 … 50 place in the queue, 0 no payload, below: what went wrong
     bool operator==(const mt_confirmation&) const = default;
 };
 ise::result<mt_confirmation> parse_mt_confirmation(ise::bytes_view whole);

@@ -73,8 +73,10 @@ ise::task<> directip_server::run() {
         if (!who.line) co_return;
         auto peer = who.line->peer();
         if (who.refused)
-            note(fmt::format("{} connections are open (max_connections): another one is closed", places_.taken()), peer);
-        else if (!limits_.allowed.accepts(peer)) note("a connection is closed: its address is not on the list (--gateway-addresses)", peer);
+            note(fmt::format("{} connections are open (max_connections): another one is closed", places_.taken()),
+                 peer);
+        else if (!limits_.allowed.accepts(peer))
+            note("a connection is closed: its address is not on the list (--gateway-addresses)", peer);
         else spawn_("directip " + peer, serve(std::move(who)));
     }
 }
@@ -85,8 +87,9 @@ ise::task<> directip_server::serve(ise::net::admitted who) {
     line.until(ise::saturating_add(loop_.now(), limits_.message_time));
     auto message = co_await read_message(line);
     if (!message) {
-        note(who.place->displaced() ? std::string("no DirectIP message had come when its place was needed (max_connections)")
-                                    : "no DirectIP message came: " + message.error().message(),
+        note(who.place->displaced()
+                 ? std::string("no DirectIP message had come when its place was needed (max_connections)")
+                 : "no DirectIP message came: " + message.error().message(),
              peer);
         co_return;
     }
@@ -97,7 +100,8 @@ ise::task<> directip_server::serve(ise::net::admitted who) {
     auto unsent = co_await line.write_all(ise::as_text(answer));
     if (unsent) note("the confirmation could not be sent: " + unsent.message(), peer);
     line.line().shutdown_write();
-    co_await line.drop_rest(std::numeric_limits<std::size_t>::max()); // the other side reads it and closes, or the time is over
+    co_await line.drop_rest(
+        std::numeric_limits<std::size_t>::max()); // the other side reads it and closes, or the time is over
 }
 
 void directip_server::note(std::string_view what, const std::string& peer) {

@@ -18,14 +18,16 @@ namespace {
 template <auto Free>
 struct releases {
     template <class T>
-    void operator()(T* what) const noexcept { Free(what); }
+    void operator()(T* what) const noexcept {
+        Free(what);
+    }
 };
 using bio = std::unique_ptr<BIO, releases<BIO_free_all>>;
 using evp_key = std::unique_ptr<EVP_PKEY, releases<EVP_PKEY_free>>;
 using certificate = std::unique_ptr<X509, releases<X509_free>>;
 using digest_context = std::unique_ptr<EVP_MD_CTX, releases<EVP_MD_CTX_free>>;
 
-constexpr std::size_t longest_token = 16 * 1024;
+constexpr std::size_t max_token = 16 * 1024;
 constexpr auto clock_tolerance = std::chrono::minutes(5);
 
 bio memory(std::string_view text) {
@@ -120,7 +122,7 @@ ise::result<jwt_key> jwt_key::parse(std::string_view pem) {
 }
 
 ise::result<std::string> jwt_key::verify(std::string_view token) const {
-    if (token.size() > longest_token) return unauthorized("it is too long");
+    if (token.size() > max_token) return unauthorized("it is too long");
     auto first = token.find('.'), second = first == std::string_view::npos ? first : token.find('.', first + 1);
     if (second == std::string_view::npos || token.find('.', second + 1) != std::string_view::npos)
         return unauthorized("it has not three parts");
@@ -162,8 +164,10 @@ ise::result<void> jwt_key::verify(const mo_delivery& delivery, std::chrono::sys_
     // These two decide nothing here; a token need not sign them.
     check.text("serial", std::to_string(delivery.serial), false);
     check.text("device_type", delivery.device_type, false);
-    if (auto at = check.instant("exp"); at && now >= *at + clock_tolerance) check.object("it has expired: compare this machine's clock");
-    if (auto at = check.instant("nbf"); at && now + clock_tolerance < *at) check.object("it is not valid yet: compare this machine's clock");
+    if (auto at = check.instant("exp"); at && now >= *at + clock_tolerance)
+        check.object("it has expired: compare this machine's clock");
+    if (auto at = check.instant("nbf"); at && now + clock_tolerance < *at)
+        check.object("it is not valid yet: compare this machine's clock");
     if (check.problem()) return unauthorized(*check.problem());
     return {};
 }

@@ -21,9 +21,10 @@ public:
     /// The claims of a token, as JSON. Errors: unauthorized, with what is wrong: no token, another algorithm than
     /// RS256, a signature of somebody else.
     ise::result<std::string> verify(std::string_view token) const;
-    /// Whether the token of a delivery is good, and signs this very message: its claims have imei, momsn, transmit_time and
-    /// data, the position if the delivery has one, and each is that of the delivery; so are serial and device_type where
-    /// the token signs them. `exp` and `nbf`, where they are, hold at `now` to five minutes. Errors: unauthorized.
+    /// Whether the token of a delivery is good, and signs this very message: its claims have imei, momsn, transmit_time
+    /// and data, the position if the delivery has one, and each is that of the delivery; so are serial and device_type
+    /// where the token signs them. `exp` and `nbf`, where they are, hold at `now` to five minutes. Errors:
+    /// unauthorized.
     ise::result<void> verify(const mo_delivery& delivery, std::chrono::sys_seconds now) const;
 
 private:

@@ -28,10 +28,10 @@ struct mo_message {
     std::uint16_t momsn = 0;
     std::chrono::sys_seconds session_time{};
     std::uint16_t mtmsn = 0; ///< of the MT message that the session took along; 0: none, or the path does not tell
-    std::uint8_t session_status = 0;    ///< 0 … 2: the session went well; others came with what arrived all the same
-    std::optional<std::uint32_t> cdr;   ///< DirectIP's call record
+    std::uint8_t session_status = 0;  ///< 0 … 2: the session went well; others came with what arrived all the same
+    std::optional<std::uint32_t> cdr; ///< DirectIP's call record
     std::optional<estimate> where;
-    ise::bytes data;                    ///< empty: the boat looked for messages only
+    ise::bytes data; ///< empty: the boat looked for messages only
     bool operator==(const mo_message&) const = default;
 };
 

@@ -10,10 +10,10 @@ namespace atirma::iridium {
 /// What the gateway posts to a webhook.
 struct mo_delivery {
     mo_message message;
-    std::uint32_t serial = 0;   ///< of the device; 0: was not told
-    std::string device_type;    ///< "ROCKBLOCK"
-    std::string jwt;            ///< empty: none came along
-    std::string transmit_time;  ///< as it stood there
+    std::uint32_t serial = 0;  ///< of the device; 0: was not told
+    std::string device_type;   ///< "ROCKBLOCK"
+    std::string jwt;           ///< empty: none came along
+    std::string transmit_time; ///< as it stood there
 };
 
 /// A form, or JSON where the body begins with `{`. Required: imei, momsn, transmit_time, data (may be empty).

@@ -8,8 +8,8 @@
 namespace atirma::iridium {
 namespace {
 constexpr std::array<std::string_view, 6> start_commands{"AT", "ATE0", "AT&D0", "AT&K0", "AT+SBDMTA=1", "AT+CGSN"};
-constexpr std::size_t longest_line = 256;
-constexpr unsigned most_fetches = 3; // of one message out of the modem
+constexpr std::size_t max_line = 256;
+constexpr unsigned max_fetches = 3; // of one message out of the modem
 } // namespace
 
 void sbd_client::start(ise::time_point now) {
@@ -69,7 +69,7 @@ void sbd_client::on_bytes(ise::time_point now, ise::bytes_view in) {
         }
         auto c = std::to_integer<char>(b);
         if (c != '\r' && c != '\n') {
-            if (line_.size() < longest_line) line_ += c;
+            if (line_.size() < max_line) line_ += c;
             continue;
         }
         if (line_.empty()) continue;
@@ -105,7 +105,7 @@ void sbd_client::binary(ise::time_point now) {
 
 /// It is in the modem still.
 void sbd_client::fetch_failed(std::string reason) {
-    if (++fetch_failures_ < most_fetches) return;
+    if (++fetch_failures_ < max_fetches) return;
     fetch_ = false;
     events_.push_back(sbd_gave_up{std::move(reason), false});
 }
@@ -154,26 +154,24 @@ void sbd_client::on_done(ise::time_point now, bool ok) {
         case step::writing:
             if (!ok || write_result_ != 0)
                 return failed(now, fmt::format("the modem did not take the message ({})", write_result_),
-                              options_.shortest_pause);
+                              options_.min_pause);
             step_ = step::in_session;
             told_.reset();
             return command(now, std::exchange(rang_, false) ? "AT+SBDIXA" : "AT+SBDIX", options_.session_time);
         case step::in_session: return end_session(now);
         case step::fetching: return;
-        case step::fetched:
-            step_ = step::idle;
-            return go_on(now);
+        case step::fetched: step_ = step::idle; return go_on(now);
     }
 }
 
 void sbd_client::end_session(ise::time_point now) {
-    if (!told_) return failed(now, "the modem told no result of a session", options_.shortest_pause);
+    if (!told_) return failed(now, "the modem told no result of a session", options_.min_pause);
     auto told = *told_;
     events_.push_back(sbd_attempt{told});
     if (!told.mo_arrived()) {
-        auto pause = std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(
-            dice_.between(std::chrono::duration<double>(options_.shortest_pause).count(),
-                          std::chrono::duration<double>(options_.longest_pause).count())));
+        auto pause = std::chrono::duration_cast<ise::duration>(
+            std::chrono::duration<double>(dice_.between(std::chrono::duration<double>(options_.min_pause).count(),
+                                                        std::chrono::duration<double>(options_.max_pause).count())));
         if (told.mo_status == 36) pause = options_.late_pause;
         return failed(now, fmt::format("{} (status {})", explain_mo_status(told.mo_status), told.mo_status), pause);
     }
@@ -184,7 +182,7 @@ void sbd_client::end_session(ise::time_point now) {
     // A message was fetched or could not be looked for: the next session asks again.
     check_ = told.mt_queued > 0 || told.mt_status == 2 || rang_;
     first_try_ = now;
-    next_try_ = told.mt_status == 2 ? ise::saturating_add(now, options_.shortest_pause) : now;
+    next_try_ = told.mt_status == 2 ? ise::saturating_add(now, options_.min_pause) : now;
     fetch_ = told.mt_status == 1;
     fetch_failures_ = 0;
     step_ = step::idle;

@@ -1,6 +1,6 @@
 #pragma once
 #include <components/iridium/at.hpp>
-#include <components/iridium/dice.hpp>
+#include <components/iridium/random_source.hpp>
 
 #include <ise/core/time.hpp>
 
@@ -14,22 +14,33 @@ namespace atirma::iridium {
 struct sbd_client_options {
     ise::duration answer_time = std::chrono::seconds(5);    ///< of the modem to a command
     ise::duration session_time = std::chrono::seconds(120); ///< to AT+SBDIX
-    ise::duration shortest_pause = std::chrono::seconds(10);///< between the attempts for one message
-    ise::duration longest_pause = std::chrono::seconds(30);
-    ise::duration late_pause = std::chrono::seconds(180);   ///< after status 36
-    ise::duration give_up = std::chrono::seconds(300);      ///< after the first attempt
+    ise::duration min_pause = std::chrono::seconds(10);     ///< between the attempts for one message
+    ise::duration max_pause = std::chrono::seconds(30);
+    ise::duration late_pause = std::chrono::seconds(180); ///< after status 36
+    ise::duration give_up = std::chrono::seconds(300);    ///< after the first attempt
     std::uint64_t seed = 1;
 };
 
-struct sbd_ready { std::string imei; };
-struct sbd_silent { std::string reason; };                 ///< the modem does not answer; it is asked on
-struct sbd_attempt { sbdix told; };                        ///< a session is over
-struct sbd_sent { std::uint16_t momsn = 0; };              ///< the message is at the gateway
+struct sbd_ready {
+    std::string imei;
+};
+struct sbd_silent {
+    std::string reason;
+}; ///< the modem does not answer; it is asked on
+struct sbd_attempt {
+    sbdix told;
+}; ///< a session is over
+struct sbd_sent {
+    std::uint16_t momsn = 0;
+}; ///< the message is at the gateway
 struct sbd_gave_up {
     std::string reason;
     bool message = false; ///< one was lost by it, not only a look for mail
 };
-struct sbd_received { ise::bytes data; std::uint16_t mtmsn = 0; };
+struct sbd_received {
+    ise::bytes data;
+    std::uint16_t mtmsn = 0;
+};
 using sbd_event = std::variant<sbd_ready, sbd_silent, sbd_attempt, sbd_sent, sbd_gave_up, sbd_received>;
 
 /// The host's side of a 9602, without I/O: starts the modem, takes one message at a time through sessions until it is
@@ -78,14 +89,14 @@ private:
     bool wanted() const noexcept { return message_ || check_; }
 
     sbd_client_options options_;
-    dice dice_;
+    random_source dice_;
     step step_ = step::off;
     std::size_t start_at_ = 0;
     bool told_silent_ = false;
     std::optional<ise::bytes> message_;
     bool check_ = false, rang_ = false;
     bool carrying_ = false; // the session under way has the message
-    bool fetch_ = false; // a message lies in the modem
+    bool fetch_ = false;    // a message lies in the modem
     unsigned fetch_failures_ = 0;
     ise::time_point first_try_ = ise::time_point::max(); // of what is wanted now
     ise::time_point next_try_{};

@@ -30,7 +30,7 @@ void sbd_port::check() {
 }
 
 ise::task<> sbd_port::run() {
-    auto pause = options_.shortest_retry;
+    auto pause = options_.min_retry;
     for (;;) {
         ise::serial_options wanted;
         wanted.device = options_.device;
@@ -48,7 +48,7 @@ ise::task<> sbd_port::run() {
             client_.stop();
             stream_.reset();
             unwritten_.clear();
-            if (loop_.now() - opened_at > options_.longest_retry) pause = options_.shortest_retry;
+            if (loop_.now() - opened_at > options_.max_retry) pause = options_.min_retry;
         } else {
             problem = opened.error().message();
         }
@@ -58,7 +58,7 @@ ise::task<> sbd_port::run() {
         trouble_ = problem;
         service();
         co_await ise::sleep_for(loop_, pause);
-        pause = std::min(pause * 2, options_.longest_retry);
+        pause = std::min(pause * 2, options_.max_retry);
     }
 }
 

@@ -14,11 +14,11 @@
 namespace atirma::iridium {
 
 struct sbd_port_options {
-    std::string device;                     ///< "/dev/ttyUSB1"
+    std::string device; ///< "/dev/ttyUSB1"
     unsigned baud = 19200;
     sbd_client_options client;
-    ise::duration shortest_retry = std::chrono::milliseconds(250); ///< between attempts to open it; doubles
-    ise::duration longest_retry = std::chrono::seconds(5);
+    ise::duration min_retry = std::chrono::milliseconds(250); ///< between attempts to open it; doubles
+    ise::duration max_retry = std::chrono::seconds(5);
 };
 
 /// The thin shell around `sbd_client`: the serial port of a 9602, opened through the environment and opened again when

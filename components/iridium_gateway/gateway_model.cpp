@@ -66,7 +66,7 @@ ise::result<sbd_session_reply> gateway_model::session(ise::time_point now, std::
     made.message.data = request.data;
     made.since = now;
     made.next = ise::saturating_add(now, seconds_of(told.delivery_delay_s * dice_.between(0.5, 1.5)));
-    made.pause = options_.shortest_repeat;
+    made.pause = options_.min_repeat;
     deliveries_.emplace(next_number_++, std::move(made));
     told.mo_waiting = deliveries_.size();
     told.mt_waiting = 0;
@@ -98,11 +98,11 @@ void gateway_model::on_delivered(ise::time_point now, std::uint64_t number, bool
         deliveries_.erase(found);
     } else if (taken) {
         d.again = true;
-        d.next = ise::saturating_add(now, options_.shortest_repeat);
+        d.next = ise::saturating_add(now, options_.min_repeat);
     } else {
         ++told.posts_failed;
         d.next = ise::saturating_add(now, d.pause);
-        d.pause = std::min(d.pause * 2, options_.longest_repeat);
+        d.pause = std::min(d.pause * 2, options_.max_repeat);
         if (now - d.since >= options_.give_up) {
             deliveries_.erase(found);
             ++told.mo_given_up;

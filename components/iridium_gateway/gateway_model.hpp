@@ -1,6 +1,6 @@
 #pragma once
-#include <components/iridium/dice.hpp>
 #include <components/iridium/message.hpp>
+#include <components/iridium/random_source.hpp>
 #include <components/iridium/rockblock.hpp>
 #include <components/iridium_gateway/services.hpp>
 
@@ -14,17 +14,17 @@
 namespace atirma {
 
 struct gateway_model_options {
-    std::set<std::string> imeis;                 ///< of the account
+    std::set<std::string> imeis; ///< of the account
     std::string username = "atirma";
     std::string password = "atirma";
-    ise::duration shortest_repeat = std::chrono::seconds(2); ///< of a delivery that was not taken; doubles
-    ise::duration longest_repeat = std::chrono::minutes(15);
+    ise::duration min_repeat = std::chrono::seconds(2); ///< of a delivery that was not taken; doubles
+    ise::duration max_repeat = std::chrono::minutes(15);
     ise::duration give_up = std::chrono::hours(12);
     ise::duration purge = std::chrono::hours(24 * 5); ///< messages that no modem fetched
-    std::size_t max_queue = 50;                  ///< a modem
-    std::size_t max_deliveries = 1000;           ///< MO messages under way; beyond it sessions fail: queue full
-    iridium::estimate where{28.15, -15.45, 5};   ///< what it tells of the modem, with an error of its own
-    bool tells_mtmsn = false;                    ///< RockBLOCK's posts do not; mail and DirectIP do
+    std::size_t max_queue = 50;                       ///< a modem
+    std::size_t max_deliveries = 1000;                ///< MO messages under way; beyond it sessions fail: queue full
+    iridium::estimate where{28.15, -15.45, 5};        ///< what it tells of the modem, with an error of its own
+    bool tells_mtmsn = false;                         ///< RockBLOCK's posts do not; mail and DirectIP do
     std::uint64_t seed = 1;
 };
 
@@ -80,7 +80,7 @@ private:
     };
 
     gateway_model_options options_;
-    iridium::dice dice_;
+    iridium::random_source dice_;
     std::map<std::uint64_t, waiting_mo> deliveries_;
     std::map<std::string, modem> modems_;
     std::uint64_t next_number_ = 1;

@@ -21,11 +21,11 @@ struct iridium_gateway_options {
     double delivery_delay_s = 2;
 
     // MO messages go to all of these that are given.
-    std::string post_to;                  ///< "http://127.0.0.1:7480/rockblock/mo"
-    bool post_json = false;               ///< else forms
-    std::string sign_with;                ///< a private key (PEM file) for the tokens of posts; empty: none
-    std::string directip_to;              ///< "tcp://127.0.0.1:10800"
-    std::string mail_to;                  ///< needs `make_mail_sender`
+    std::string post_to;     ///< "http://127.0.0.1:7480/rockblock/mo"
+    bool post_json = false;  ///< else forms
+    std::string sign_with;   ///< a private key (PEM file) for the tokens of posts; empty: none
+    std::string directip_to; ///< "tcp://127.0.0.1:10800"
+    std::string mail_to;     ///< needs `make_mail_sender`
     std::function<std::unique_ptr<http_client>(ise::loop&)> make_http_client; ///< empty: stream_http_client
     std::function<std::unique_ptr<mail_sender>(ise::loop&)> make_mail_sender;
 

@@ -8,8 +8,8 @@
 namespace atirma::iridium_mail {
 namespace {
 
-/// RFC 8601 without comments, in lower case, its words separated by single blanks. What stands in quotes is a sender's text
-/// and becomes one word without meaning.
+/// RFC 8601 without comments, in lower case, its words separated by single blanks. What stands in quotes is a sender's
+/// text and becomes one word without meaning.
 std::string without_comments(std::string_view text) {
     std::string made;
     int depth = 0;
@@ -54,7 +54,8 @@ std::string_view property(std::string_view result, std::string_view name) {
 /// `of` is the domain, or one above it that is no top-level domain.
 bool covers(std::string_view of, std::string_view domain) {
     if (of.empty() || of.find('.') == std::string_view::npos) return false;
-    return of == domain || (domain.size() > of.size() && domain.ends_with(of) && domain[domain.size() - of.size() - 1] == '.');
+    return of == domain ||
+           (domain.size() > of.size() && domain.ends_with(of) && domain[domain.size() - of.size() - 1] == '.');
 }
 
 bool passes(std::string_view result, std::string_view domain) {
@@ -67,7 +68,8 @@ bool passes(std::string_view result, std::string_view domain) {
 
 } // namespace
 
-ise::result<void> check_authentication(const std::vector<std::string>& results, std::string_view authserv, std::string_view domain) {
+ise::result<void> check_authentication(const std::vector<std::string>& results, std::string_view authserv,
+                                       std::string_view domain) {
     const auto wanted = lower(domain), server = lower(authserv);
     for (const auto& each : results) {
         auto text = without_comments(each);
@@ -81,9 +83,11 @@ ise::result<void> check_authentication(const std::vector<std::string>& results, 
             if (passes(result, wanted)) return {};
             rest.remove_prefix(std::min(rest.find(';'), rest.size()));
         }
-        return ise::failure(ise::errc::unauthorized, fmt::format("{} did not find the mail to be of {}: {}", authserv, domain, text.substr(0, 200)));
+        return ise::failure(ise::errc::unauthorized, fmt::format("{} did not find the mail to be of {}: {}", authserv,
+                                                                 domain, text.substr(0, 200)));
     }
-    return ise::failure(ise::errc::unauthorized, fmt::format("no Authentication-Results of {} say that the mail is of {}", authserv, domain));
+    return ise::failure(ise::errc::unauthorized,
+                        fmt::format("no Authentication-Results of {} say that the mail is of {}", authserv, domain));
 }
 
 } // namespace atirma::iridium_mail

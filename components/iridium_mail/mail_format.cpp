@@ -256,8 +256,8 @@ mail_message make_mo_mail(const mo_session& session, const std::string& to, std:
                             session.momsn, session.mtmsn, session_time_text(session.session_at),
                             static_cast<unsigned>(session.status), status, session.size);
     if (session.latitude_deg && session.longitude_deg)
-        made.text += fmt::format("Unit Location: Lat = {:.6f} Long = {:.6f}\r\n", *session.latitude_deg,
-                                 *session.longitude_deg);
+        made.text +=
+            fmt::format("Unit Location: Lat = {:.6f} Long = {:.6f}\r\n", *session.latitude_deg, *session.longitude_deg);
     if (session.cep_km) made.text += fmt::format("CEPradius = {}\r\n", *session.cep_km);
     if (!session.payload.empty()) {
         made.text += "\r\nMessage is Attached.\r\n";

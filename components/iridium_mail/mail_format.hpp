@@ -14,17 +14,17 @@
 // The mails of the Iridium short-burst-data gateway. Pure.
 namespace atirma::iridium_mail {
 
-inline constexpr std::size_t max_mt_bytes = 270;       ///< what a 9602 takes
-inline constexpr std::size_t max_mt_imeis = 4;         ///< units that one mail may be for
-inline constexpr std::size_t max_mo_bytes = 1960;      ///< of any unit; a 9602 sends 340
+inline constexpr std::size_t max_mt_bytes = 270;                                 ///< what a 9602 takes
+inline constexpr std::size_t max_mt_imeis = 4;                                   ///< units that one mail may be for
+inline constexpr std::size_t max_mo_bytes = 1960;                                ///< of any unit; a 9602 sends 340
 inline constexpr std::string_view gateway_sender = "sbdservice@sbd.iridium.com"; ///< who mails to us
 inline constexpr std::string_view gateway_address = "data@sbd.iridium.com";      ///< who takes messages for units
 
 /// How a session went, as the gateway numbers it.
 enum class session_status : std::uint8_t {
     ok = 0,
-    mt_too_large = 1,        ///< the message from the unit is whole all the same
-    location_poor = 2,       ///< likewise
+    mt_too_large = 1,  ///< the message from the unit is whole all the same
+    location_poor = 2, ///< likewise
     timed_out = 10,
     mo_too_large = 12,
     incomplete = 13,
@@ -38,27 +38,27 @@ constexpr bool has_arrived(session_status status) noexcept { return static_cast<
 
 /// One session of a unit, as the gateway told it by mail. A mailbox check has no payload.
 struct mo_session {
-    std::string imei;                         ///< 15 digits
-    std::uint16_t momsn = 0;                  ///< grows with each session, wraps
-    std::uint16_t mtmsn = 0;                  ///< of the message that the unit received; 0: none
+    std::string imei;        ///< 15 digits
+    std::uint16_t momsn = 0; ///< grows with each session, wraps
+    std::uint16_t mtmsn = 0; ///< of the message that the unit received; 0: none
     std::chrono::sys_seconds session_at{};
     session_status status = session_status::ok; ///< may be a number without a name
-    std::uint32_t size = 0;                   ///< bytes of the message, as the gateway says
-    std::optional<double> latitude_deg;       ///< absent where geo-data is off
+    std::uint32_t size = 0;                     ///< bytes of the message, as the gateway says
+    std::optional<double> latitude_deg;         ///< absent where geo-data is off
     std::optional<double> longitude_deg;
     std::optional<double> cep_km;
-    std::vector<std::byte> payload;           ///< `size` bytes, or none where the transfer failed
+    std::vector<std::byte> payload; ///< `size` bytes, or none where the transfer failed
     bool operator==(const mo_session&) const = default;
 };
 
 /// What the gateway did with a message for a unit.
 struct disposition {
     bool queued = false;
-    std::string imei;                           ///< empty where an error does not say it
-    std::string attachment;                     ///< the name that the message had; may be empty
-    std::optional<std::uint16_t> mtmsn;         ///< given when it was queued
-    std::optional<std::uint32_t> queue_position;///< 1: the next one
-    std::string reason;                         ///< why it was not queued, in the gateway's words
+    std::string imei;                            ///< empty where an error does not say it
+    std::string attachment;                      ///< the name that the message had; may be empty
+    std::optional<std::uint16_t> mtmsn;          ///< given when it was queued
+    std::optional<std::uint32_t> queue_position; ///< 1: the next one
+    std::string reason;                          ///< why it was not queued, in the gateway's words
     bool operator==(const disposition&) const = default;
 };
 
@@ -68,10 +68,11 @@ using gateway_mail = std::variant<mo_session, disposition>;
 /// which field, which attachment, a message of another size than stated), too_large.
 ise::result<gateway_mail> read_gateway_mail(const mail_message& mail, std::string_view from = gateway_sender);
 
-/// Whether the mail server `authserv` found the sender of a mail to be of `domain`. Of `results` (see mail_message) the first
-/// of that server counts: it passes by DMARC, by a DKIM signature of the domain or one above it, or by SPF of the domain.
-/// Error: unauthorized, with what it says.
-ise::result<void> check_authentication(const std::vector<std::string>& results, std::string_view authserv, std::string_view domain);
+/// Whether the mail server `authserv` found the sender of a mail to be of `domain`. Of `results` (see mail_message) the
+/// first of that server counts: it passes by DMARC, by a DKIM signature of the domain or one above it, or by SPF of the
+/// domain. Error: unauthorized, with what it says.
+ise::result<void> check_authentication(const std::vector<std::string>& results, std::string_view authserv,
+                                       std::string_view domain);
 
 /// A message for units: its attachment's name comes back in the disposition.
 struct mt_message {

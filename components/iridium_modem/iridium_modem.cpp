@@ -25,8 +25,8 @@ iridium_modem::~iridium_modem() = default;
 
 ise::task<> iridium_modem::run() {
     if (auto good = iridium::check_imei(options_.imei); !good) throw ise::error(good.error());
-    in_range("the length of a session in s", options_.shortest_session_s, 0, 600);
-    in_range("the length of a session in s", options_.longest_session_s, options_.shortest_session_s, 600);
+    in_range("the length of a session in s", options_.min_session_s, 0, 600);
+    in_range("the length of a session in s", options_.max_session_s, options_.min_session_s, 600);
     modem_ = std::make_unique<modem_9602>(options_.imei);
     due_ = std::make_unique<ise::timer>(on(), [this] {
         modem_->on_time(now());
@@ -102,7 +102,7 @@ void iridium_modem::write() {
 ise::task<> iridium_modem::hold_session(modem_9602::session what) {
     ++told_.sessions;
     co_await sleep(std::chrono::duration_cast<ise::duration>(
-        std::chrono::duration<double>(dice_.between(options_.shortest_session_s, options_.longest_session_s))));
+        std::chrono::duration<double>(dice_.between(options_.min_session_s, options_.max_session_s))));
     iridium::sbdix told;
     ise::bytes message;
     bool sent_something = !what.message.empty();

@@ -1,5 +1,5 @@
 #pragma once
-#include <components/iridium/dice.hpp>
+#include <components/iridium/random_source.hpp>
 #include <components/iridium_gateway/services.hpp>
 #include <components/iridium_modem/modem_9602.hpp>
 #include <components/iridium_modem/services.hpp>
@@ -14,14 +14,14 @@
 namespace atirma {
 
 struct iridium_modem_options {
-    std::string port = "/tmp/iridium-boat";  ///< a symbolic link to its pseudo-terminal
+    std::string port = "/tmp/iridium-boat"; ///< a symbolic link to its pseudo-terminal
     /// Makes the far end of its serial line instead, where that is no pseudo-terminal.
     std::function<ise::result<std::unique_ptr<ise::stream>>(ise::loop&)> open;
     std::string imei = "300234010753370";
     std::string gateway = "atirma/iridium/gateway"; ///< path or endpoint of the gateway; empty: no network service
-    double shortest_session_s = 4;
-    double longest_session_s = 12;
-    double failures = 0;                     ///< part of the sessions that fail on the radio link
+    double min_session_s = 4;
+    double max_session_s = 12;
+    double failures = 0; ///< part of the sessions that fail on the radio link
     bool sky_free = true;
     std::uint64_t seed = 1;
 };
@@ -46,7 +46,7 @@ private:
 
     iridium_modem_options options_;
     std::unique_ptr<modem_9602> modem_;
-    iridium::dice dice_;
+    iridium::random_source dice_;
     struct iridium_sky told_;
     int fail_next_ = 0;
     std::unique_ptr<ise::stream> line_;

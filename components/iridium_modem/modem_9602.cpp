@@ -6,7 +6,7 @@
 
 namespace atirma {
 namespace {
-constexpr std::size_t longest_line = 400; // AT+SBDWT with its text
+constexpr std::size_t max_line = 400; // AT+SBDWT with its text
 constexpr ise::duration data_time = std::chrono::seconds(60);
 } // namespace
 
@@ -21,7 +21,7 @@ void modem_9602::on_serial(ise::time_point now, ise::bytes_view in) {
         if (echo_) out_.push_back(b);
         if (c == '\n') continue;
         if (c != '\r') {
-            if (line_.size() < longest_line) line_ += c;
+            if (line_.size() < max_line) line_ += c;
             continue;
         }
         auto command = std::exchange(line_, {});

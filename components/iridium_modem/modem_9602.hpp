@@ -19,7 +19,7 @@ public:
 
     struct session {
         std::uint16_t momsn = 0;
-        ise::bytes message;             ///< empty: a look for mail
+        ise::bytes message; ///< empty: a look for mail
         std::uint16_t received_mtmsn = 0;
     };
     /// A session that the host asked for; until it is ended the modem hears nothing.
@@ -50,8 +50,8 @@ private:
     std::string line_;
     ise::bytes out_;
     ise::bytes mo_, mt_;
-    ise::bytes data_;                                          // of AT+SBDWB
-    std::size_t data_wanted_ = 0;                              // with its sum; 0: commands are read
+    ise::bytes data_;             // of AT+SBDWB
+    std::size_t data_wanted_ = 0; // with its sum; 0: commands are read
     ise::time_point data_by_ = ise::time_point::max();
     std::uint16_t momsn_ = 1;
     std::uint16_t mtmsn_ = 0;

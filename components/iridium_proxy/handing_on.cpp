@@ -12,7 +12,7 @@ namespace atirma {
 namespace {
 using namespace std::chrono_literals;
 constexpr std::size_t handed_on_at_once = 64;
-constexpr ise::duration shortest_keep_pause = 250ms, longest_keep_pause = 10s;
+constexpr ise::duration min_keep_pause = 250ms, max_keep_pause = 10s;
 } // namespace
 
 /// Not before a subscriber comes, as telemetry: a telecommand is decided by it.
@@ -58,7 +58,7 @@ void iridium_proxy::hand_on() {
 /// A subscriber alone is not enough: it may be a console, while the communication nodes are away.
 ise::task<> iridium_proxy::keep_messages() {
     auto& s = *state_;
-    auto pause = shortest_keep_pause;
+    auto pause = min_keep_pause;
     for (;;) {
         auto waiting = s.store.unpublished(1);
         if (!waiting) disk_trouble(waiting.error());
@@ -86,11 +86,11 @@ ise::task<> iridium_proxy::keep_messages() {
             if (!marked) disk_trouble(marked.error()); // it is kept twice then, which changes nothing
         }
         if (trouble.empty()) {
-            pause = shortest_keep_pause;
+            pause = min_keep_pause;
             continue;
         }
         co_await sleep(pause);
-        pause = std::min(2 * pause, longest_keep_pause);
+        pause = std::min(2 * pause, max_keep_pause);
     }
 }
 

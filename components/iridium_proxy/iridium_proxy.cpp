@@ -48,18 +48,23 @@ void iridium_proxy::check_options() const {
         throw wrong("nothing can come from the boat: give --webhook, --directip or a mailbox");
     if (options_.webhook_path.empty() || options_.webhook_path[0] != '/')
         throw wrong("--webhook-path begins with a slash");
-    auto beyond = [](const std::string& at) { return !at.empty() && !ise::within_host(ise::endpoint::parse(at).value()); };
+    auto beyond = [](const std::string& at) {
+        return !at.empty() && !ise::within_host(ise::endpoint::parse(at).value());
+    };
     if (beyond(options_.webhook) && options_.jwt_key_file.empty() && options_.gateway_addresses.empty())
-        throw wrong(fmt::format("--webhook {}: any host could post there as the gateway; give --jwt-key, or --gateway-addresses, or "
-                                "listen on 127.0.0.1 behind a reverse proxy",
-                                options_.webhook));
+        throw wrong(fmt::format(
+            "--webhook {}: any host could post there as the gateway; give --jwt-key, or --gateway-addresses, or "
+            "listen on 127.0.0.1 behind a reverse proxy",
+            options_.webhook));
     if (beyond(options_.directip) && options_.gateway_addresses.empty())
-        throw wrong(fmt::format("--directip {}: any host could connect there as the gateway; give --gateway-addresses, or listen on "
-                                "127.0.0.1",
-                                options_.directip));
+        throw wrong(fmt::format(
+            "--directip {}: any host could connect there as the gateway; give --gateway-addresses, or listen on "
+            "127.0.0.1",
+            options_.directip));
     if (options_.open_mailbox && options_.mail_authserv.empty() && !options_.mail_unchecked)
-        throw wrong("any sender can forge the gateway's address: name the mail server whose Authentication-Results are to be "
-                    "believed with --mail-authserv, or give --mail-unchecked if no other sender can reach the mailbox");
+        throw wrong(
+            "any sender can forge the gateway's address: name the mail server whose Authentication-Results are to be "
+            "believed with --mail-authserv, or give --mail-unchecked if no other sender can reach the mailbox");
     if (options_.send_by == "mail" && (!options_.make_mail_sender || options_.mail_from.empty()))
         throw wrong("to send by mail, a mail server and --mail-from are needed");
     if (options_.send_by == "directip" && options_.send_directip.empty())
@@ -89,8 +94,9 @@ ise::task<> iridium_proxy::run() {
     state_.reset();
     when_damaged how(log(), [this] { return std::chrono::floor<std::chrono::system_clock::duration>(wall()); });
     how.begun = [this](database&, const std::string&) { keep_what_is_open(); };
-    state_ = std::make_unique<proxy_state>(on(), sbd_store::open(options_.database, std::move(how)).value(), options_.queue,
-                                           [this] { work(); }, [this] { hand_on(); });
+    state_ = std::make_unique<proxy_state>(
+        on(), sbd_store::open(options_.database, std::move(how)).value(), options_.queue, [this] { work(); },
+        [this] { hand_on(); });
     auto& s = *state_;
     s.clock_ahead = s.store.clock_ahead().value();
     s.queue.restore(queue_clock(), s.store.load().value());

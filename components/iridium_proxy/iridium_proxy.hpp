@@ -18,43 +18,43 @@
 namespace atirma {
 
 struct iridium_proxy_options {
-    std::string imei;                            ///< of the boat's modem, 15 digits: others are refused
-    std::string database = "iridium.db";         ///< what must survive; "memory:NAME" in tests
+    std::string imei;                    ///< of the boat's modem, 15 digits: others are refused
+    std::string database = "iridium.db"; ///< what must survive; "memory:NAME" in tests
 
     /// Keeps telemetry before a message counts as handed on; nothing: it is published once somebody subscribes.
     std::shared_ptr<telemetry_store> store;
-    std::string store_at;                        ///< the same, of the component at this path: atirma/communication
+    std::string store_at; ///< the same, of the component at this path: atirma/communication
 
     // From the boat. What is empty or missing is not used; several may be.
-    std::string webhook = "tcp://127.0.0.1:7480";///< where the gateway posts
+    std::string webhook = "tcp://127.0.0.1:7480"; ///< where the gateway posts
     std::string webhook_path = "/rockblock/mo";
     std::string jwt_key_file; ///< public key or certificate (PEM): each post must carry a token of it
-    /// Of the gateway, as iridium::address_list: at web hook and DirectIP connections from elsewhere are refused, unless these
-    /// listen on loopback. Beyond it, DirectIP needs this list, and the web hook needs it or a key.
+    /// Of the gateway, as iridium::address_list: at web hook and DirectIP connections from elsewhere are refused,
+    /// unless these listen on loopback. Beyond it, DirectIP needs this list, and the web hook needs it or a key.
     std::string gateway_addresses;
     webhook_limits http;
-    std::string directip;                        ///< where the gateway's DirectIP connects: "tcp://0.0.0.0:10800"
+    std::string directip; ///< where the gateway's DirectIP connects: "tcp://0.0.0.0:10800"
     iridium::directip_limits directip_bounds;
     std::function<std::unique_ptr<mailbox>(ise::loop&)> open_mailbox; ///< where the gateway's mails arrive
-    std::string gateway_mail = "sbdservice@sbd.iridium.com"; ///< who writes them
+    std::string gateway_mail = "sbdservice@sbd.iridium.com";          ///< who writes them
     std::string mail_authserv;   ///< the mail server whose Authentication-Results (RFC 8601) say whether that is true
     bool mail_unchecked = false; ///< believes `From:`: only where nobody else can mail there
-    ise::duration mail_period = std::chrono::seconds(60);    ///< between looks, where the mailbox does not tell
+    ise::duration mail_period = std::chrono::seconds(60); ///< between looks, where the mailbox does not tell
 
     // To the boat, by one way: "http", "directip", "mail", "none".
     std::string send_by = "http";
-    rockblock_account rockblock;                 ///< an empty password: $ATIRMA_ROCKBLOCK_PASSWORD
+    rockblock_account rockblock; ///< an empty password: $ATIRMA_ROCKBLOCK_PASSWORD
     /// Empty: stream_http_client, without TLS.
     std::function<std::unique_ptr<http_client>(ise::loop&)> make_http_client;
-    std::string send_directip;                   ///< "tcp://host:port" of the gateway
+    std::string send_directip; ///< "tcp://host:port" of the gateway
     std::function<std::unique_ptr<mail_sender>(ise::loop&)> make_mail_sender;
     std::string mail_from;
     std::string mail_to = "data@sbd.iridium.com";
 
-    std::uint64_t daily_budget = 100;            ///< credits a day (UTC) for telecommands; 0: unlimited
+    std::uint64_t daily_budget = 100; ///< credits a day (UTC) for telecommands; 0: unlimited
     mt_queue_options queue;
     ise::duration account_period = std::chrono::seconds(5);
-    std::chrono::days keep{30};                  ///< messages and decided telecommands
+    std::chrono::days keep{30}; ///< messages and decided telecommands
 };
 
 struct proxy_state;

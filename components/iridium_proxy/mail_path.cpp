@@ -35,7 +35,7 @@ public:
         }
         auto code = sent.error().code();
         bool never = code == ise::errc::refused || code == ise::errc::invalid_argument;
-        made.what = never                                                   ? mt_outcome::kind::refused
+        made.what = never                                                     ? mt_outcome::kind::refused
                     : sent.error().executed() == ise::execution::not_executed ? mt_outcome::kind::later
                                                                               : mt_outcome::kind::unknown;
         made.text = "the mail was not taken: " + sent.error().message();

@@ -77,8 +77,9 @@ ise::result<std::uint32_t> mt_queue::submit(utc_time now, const telecommand_requ
     if (auto known = entries_.find(id); known != entries_.end()) {
         auto& e = known->second;
         if (e.command == request.command) {
-            bool here = e.stage == iridium_stage::waiting && !e.may_have_left; // else its answer names the epoch that it left with
-            if (here) e.authority = std::max(e.authority, request.authority);  // taken anew meanwhile
+            bool here = e.stage == iridium_stage::waiting &&
+                        !e.may_have_left; // else its answer names the epoch that it left with
+            if (here) e.authority = std::max(e.authority, request.authority); // taken anew meanwhile
             return id;
         }
         return ise::failure(ise::errc::invalid_argument, fmt::format("telecommand {} is {} already; choose another id",
@@ -144,9 +145,9 @@ std::optional<mt_queue::due> mt_queue::next_due(utc_time now, std::optional<std:
 }
 
 std::chrono::seconds mt_queue::pause_of(const mt_entry& e) const {
-    auto pause = options_.shortest_pause;
-    for (std::uint32_t i = 1; i < e.attempts && pause < options_.longest_pause; ++i) pause *= 2;
-    return std::min(pause, options_.longest_pause);
+    auto pause = options_.min_pause;
+    for (std::uint32_t i = 1; i < e.attempts && pause < options_.max_pause; ++i) pause *= 2;
+    return std::min(pause, options_.max_pause);
 }
 
 void mt_queue::on_outcome(utc_time now, std::uint32_t id, const mt_outcome& outcome) {

@@ -15,10 +15,10 @@ namespace atirma {
 struct mt_entry {
     std::uint32_t id = 0;
     boat_command command;
-    std::uint32_t authority = 0;  ///< the epoch that travels to the boat
-    std::uint64_t order = 0;      ///< as they were asked for
+    std::uint32_t authority = 0; ///< the epoch that travels to the boat
+    std::uint64_t order = 0;     ///< as they were asked for
     iridium_stage stage = iridium_stage::waiting;
-    bool may_have_left = false;   ///< an attempt ended in the dark
+    bool may_have_left = false; ///< an attempt ended in the dark
     std::string text;
     std::optional<ack_code> result;
     std::optional<float> value;
@@ -39,11 +39,11 @@ struct mt_outcome {
 };
 
 struct mt_queue_options {
-    std::size_t max_open = 64;          ///< above: overloaded
-    std::size_t max_remembered = 512;   ///< decided ones that a repeated id still finds
+    std::size_t max_open = 64;        ///< above: overloaded
+    std::size_t max_remembered = 512; ///< decided ones that a repeated id still finds
     std::uint32_t bytes_per_credit = 50;
-    std::chrono::seconds shortest_pause{5}; ///< after an attempt that may succeed later; doubles
-    std::chrono::seconds longest_pause{900};
+    std::chrono::seconds min_pause{5}; ///< after an attempt that may succeed later; doubles
+    std::chrono::seconds max_pause{900};
 };
 
 /// What one message costs.
@@ -59,9 +59,9 @@ public:
     /// What the disk has kept, at the start. One that was being sent then is sent again.
     void restore(utc_time now, std::vector<mt_entry> kept);
 
-    /// Takes a telecommand, or finds the one of that id. Gives its id. `chosen` serves where the request has none. One that has not
-    /// left the shore goes under the highest epoch of authority that it was given with.
-    /// Errors: invalid_argument, overloaded.
+    /// Takes a telecommand, or finds the one of that id. Gives its id. `chosen` serves where the request has none. One
+    /// that has not left the shore goes under the highest epoch of authority that it was given with. Errors:
+    /// invalid_argument, overloaded.
     ise::result<std::uint32_t> submit(utc_time now, const telecommand_request& request, std::uint32_t chosen);
     /// Forgets one that could not be kept on disk.
     void forget(std::uint32_t id);
@@ -99,11 +99,11 @@ private:
 
     mt_queue_options options_;
     std::map<std::uint32_t, mt_entry> entries_;
-    std::vector<std::uint32_t> decided_;  // as they were decided
+    std::vector<std::uint32_t> decided_; // as they were decided
     std::vector<std::uint32_t> changed_;
     std::uint64_t next_order_ = 1;
     std::size_t open_ = 0;
-    utc_time budget_until_{};             // no budget before then
+    utc_time budget_until_{}; // no budget before then
 };
 
 } // namespace atirma

@@ -159,8 +159,7 @@ ise::result<void> sbd_store::save(const mt_entry& e) {
                             {std::int64_t{e.id}, ise::to_json(e.command), static_cast<std::int64_t>(e.order),
                              static_cast<std::int64_t>(e.stage), std::int64_t{e.may_have_left}, e.text, result, value,
                              e.reference, std::int64_t{e.attempts}, number(e.asked_at), number(e.expires_at),
-                             number(e.changed_at), number(e.next_try), std::int64_t{e.authority},
-                             boat_obeys});
+                             number(e.changed_at), number(e.next_try), std::int64_t{e.authority}, boat_obeys});
     if (!done) return done.error();
     return {};
 }

@@ -48,7 +48,9 @@ void iridium_proxy::work() {
     auto next = s.queue.next_event();
     if (next == utc_time::max()) s.due.disarm();
     // The wall clock may be set: it is asked again once a minute at least. Without a path nothing is ever given.
-    else s.due.arm(ise::saturating_add(now(), std::clamp<ise::duration>(next - queue_clock(), s.path ? 1ms : 1000ms, 60s)));
+    else
+        s.due.arm(
+            ise::saturating_add(now(), std::clamp<ise::duration>(next - queue_clock(), s.path ? 1ms : 1000ms, 60s)));
 }
 
 /// Gives one message after the other to the gateway.

@@ -39,12 +39,12 @@ private:
 
     imap_limits limits_;
     std::string buffer_;
-    std::size_t begin_ = 0;   // of what is not taken
-    std::size_t looked_ = 0;  // no line end before this
-    std::size_t wanted_ = 0;  // bytes of the literal that is under way
-    std::size_t held_ = 0;    // bytes of the literals of this reply
+    std::size_t begin_ = 0;  // of what is not taken
+    std::size_t looked_ = 0; // no line end before this
+    std::size_t wanted_ = 0; // bytes of the literal that is under way
+    std::size_t held_ = 0;   // bytes of the literals of this reply
     bool in_literal_ = false;
-    std::string line_;        // so far, with the literals' sizes
+    std::string line_; // so far, with the literals' sizes
     std::vector<std::string> literals_;
     std::optional<ise::failure> broken_;
 };

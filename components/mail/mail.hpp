@@ -22,8 +22,8 @@ struct mail_message {
     std::string subject;
     std::string text;
     std::vector<mail_attachment> attachments;
-    /// What the servers on the way found out about the sender: each Authentication-Results (RFC 8601), the last server's
-    /// first. Read, never written.
+    /// What the servers on the way found out about the sender: each Authentication-Results (RFC 8601), the last
+    /// server's first. Read, never written.
     std::vector<std::string> authentication_results;
 };
 

@@ -108,7 +108,7 @@ std::optional<ise::failure> memory_mail::take(const mail_message& what) {
         if (known != options.refused.end())
             return ise::failure(ise::errc::refused,
                                 fmt::format("the mail server refuses mail for {}: {}", address, known->second));
-        if (folder_of(address).mails.size() >= options.most_mails)
+        if (folder_of(address).mails.size() >= options.max_mails)
             return ise::failure(ise::errc::refused,
                                 fmt::format("the mail server refuses mail for {}: 552 mailbox full", address));
     }
@@ -127,7 +127,7 @@ bool memory_mail::deliver(const mail_message& what) {
     bool all = true;
     for (const auto& address : what.to) {
         auto& into = folder_of(address);
-        if (into.mails.size() >= options.most_mails) {
+        if (into.mails.size() >= options.max_mails) {
             all = false;
             continue;
         }

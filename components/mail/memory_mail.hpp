@@ -14,14 +14,14 @@ namespace atirma {
 /// How the server in memory behaves; may be changed at any time.
 struct memory_mail_options {
     ise::duration answer_after = std::chrono::milliseconds(50); ///< of each operation, on the clock of whoever asks
-    ise::duration transit{};                  ///< between the taking of a mail and its delivery; needs `later`
+    ise::duration transit{}; ///< between the taking of a mail and its delivery; needs `later`
     /// Runs an action after a time: `[&](auto t, auto f) { world.after(t, f); }`. The mails under way belong to the
     /// server, not to the process that sent them. Without it mails are delivered as soon as they are taken.
     std::function<void(ise::duration, std::function<void()>)> later;
-    bool reachable = true;                    ///< false: everything ends with unreachable
-    bool accepts_logins = true;               ///< false: with unauthorized
+    bool reachable = true;                      ///< false: everything ends with unreachable
+    bool accepts_logins = true;                 ///< false: with unauthorized
     std::map<std::string, std::string> refused; ///< addresses that take no mail, each with the server's reason
-    std::size_t most_mails = 10'000;          ///< in one folder; beyond them it is full and refuses
+    std::size_t max_mails = 10'000;             ///< in one folder; beyond them it is full and refuses
 };
 
 /// A mail server in memory, for the virtual world: what it has taken survives the processes that use it. One folder an

@@ -111,7 +111,8 @@ std::vector<std::string> values_of(GMimeMessage* message, const char* name) {
     auto* headers = g_mime_object_get_header_list(GMIME_OBJECT(message));
     for (int i = 0; i < g_mime_header_list_get_count(headers) && found.size() < 100; ++i) {
         auto* one = g_mime_header_list_get_header_at(headers, i);
-        if (g_ascii_strcasecmp(g_mime_header_get_name(one), name) == 0) found.push_back(as_utf8(g_mime_header_get_value(one)));
+        if (g_ascii_strcasecmp(g_mime_header_get_name(one), name) == 0)
+            found.push_back(as_utf8(g_mime_header_get_value(one)));
     }
     return found;
 }
@@ -134,10 +135,10 @@ ise::result<mail_message> read_mail(std::string_view raw, const mime_limits& lim
     std::optional<std::string> damage;
     // GMime 3.2.13 of Debian 12 takes three arguments, that of Debian 13 four.
     auto warn_by = [&](auto* set) {
-        if constexpr (std::is_invocable_v<decltype(set), GMimeParserOptions*, GMimeParserWarningFunc, gpointer, GDestroyNotify>)
+        if constexpr (std::is_invocable_v<decltype(set), GMimeParserOptions*, GMimeParserWarningFunc, gpointer,
+                                          GDestroyNotify>)
             set(options.get(), on_warning, &damage, nullptr);
-        else
-            set(options.get(), on_warning, &damage);
+        else set(options.get(), on_warning, &damage);
     };
     warn_by(&g_mime_parser_options_set_warning_callback);
     owned<GMimeMessage> message(g_mime_parser_construct_message(parser.get(), options.get()));

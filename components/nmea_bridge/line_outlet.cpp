@@ -91,11 +91,11 @@ outlet_status line_outlet::status() const {
 }
 
 ise::task<> line_outlet::accept(std::shared_ptr<state> self) {
-    ise::net::bounded_acceptor entrance(self->owner.on(), self->listener, &self->places,
-                                        [self](const std::string& what, const std::string& at) {
-                                            if (auto left_out = self->quiet.admit(self->owner.now()))
-                                                self->owner.log().warning(what, {{"at", at}, {"left_out", std::to_string(*left_out)}});
-                                        });
+    ise::net::bounded_acceptor entrance(
+        self->owner.on(), self->listener, &self->places, [self](const std::string& what, const std::string& at) {
+            if (auto left_out = self->quiet.admit(self->owner.now()))
+                self->owner.log().warning(what, {{"at", at}, {"left_out", std::to_string(*left_out)}});
+        });
     for (;;) {
         auto who = co_await entrance.next();
         if (!who.line) co_return;

@@ -14,8 +14,8 @@
 namespace atirma {
 
 struct outlet_options {
-    std::optional<ise::endpoint> tcp;  ///< where it listens
-    std::vector<ise::endpoint> udp;    ///< whom it sends to
+    std::optional<ise::endpoint> tcp; ///< where it listens
+    std::vector<ise::endpoint> udp;   ///< whom it sends to
     std::size_t max_clients = 50;
     std::size_t max_queued_bytes = 64 * 1024; ///< of one client; one that takes less is dropped
 };

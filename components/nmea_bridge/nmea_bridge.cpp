@@ -93,8 +93,8 @@ std::string nmea_bridge::nmea_now(std::optional<std::size_t> kind) const {
     if (wanted(kind_of<location>(), known_.location())) made += nmea::position(*known_.location());
     else if (!kind) made += nmea::no_position(clock());
     if (wanted(kind_of<navigation>(), known_.navigation())) made += nmea::attitude(*known_.navigation());
-    auto heading = known_.navigation() && is_fresh(known_.navigation()->measured_at) ? known_.navigation()
-                                                                                     : std::nullopt;
+    auto heading =
+        known_.navigation() && is_fresh(known_.navigation()->measured_at) ? known_.navigation() : std::nullopt;
     if (wanted(kind_of<wind>(), known_.wind())) made += nmea::wind_of(*known_.wind(), heading);
     if (wanted(kind_of<power>(), known_.power())) made += nmea::battery(*known_.power());
     return made;
@@ -108,8 +108,8 @@ std::string nmea_bridge::signalk_now(std::optional<std::size_t> kind) const {
     if (wanted(kind_of<location>(), known_.location())) made += signalk::position(*known_.location());
     else if (!kind) made += signalk::no_position(clock());
     if (wanted(kind_of<navigation>(), known_.navigation())) made += signalk::attitude(*known_.navigation());
-    auto heading = known_.navigation() && is_fresh(known_.navigation()->measured_at) ? known_.navigation()
-                                                                                     : std::nullopt;
+    auto heading =
+        known_.navigation() && is_fresh(known_.navigation()->measured_at) ? known_.navigation() : std::nullopt;
     if (wanted(kind_of<wind>(), known_.wind())) made += signalk::wind_of(*known_.wind(), heading);
     if (wanted(kind_of<power>(), known_.power())) made += signalk::battery(*known_.power());
     for (auto link : {link_id::xbee, link_id::gprs, link_id::iridium})

@@ -12,13 +12,13 @@
 namespace atirma {
 
 struct nmea_bridge_options {
-    std::vector<std::string> telemetry;              ///< paths of the proxies that it listens to
+    std::vector<std::string> telemetry; ///< paths of the proxies that it listens to
     outlet_options nmea;
     outlet_options signalk;
-    std::string vessel = "A-Tirma";                  ///< its name, for Signal K
-    std::string vessel_uuid;                         ///< its identity there; empty: made from its name
-    std::chrono::seconds stale_after{60};            ///< a position that was measured before is none any more
-    ise::duration period = std::chrono::seconds(5);  ///< in which it is said that there is none
+    std::string vessel = "A-Tirma";                 ///< its name, for Signal K
+    std::string vessel_uuid;                        ///< its identity there; empty: made from its name
+    std::chrono::seconds stale_after{60};           ///< a position that was measured before is none any more
+    ise::duration period = std::chrono::seconds(5); ///< in which it is said that there is none
     std::function<void(const std::string& where)> on_listening; ///< on the component's loop, for each TCP endpoint
 };
 

@@ -9,8 +9,8 @@ namespace atirma {
 
 /// One of its two outlets: NMEA 0183, or Signal K.
 struct outlet_status {
-    std::string listens;                ///< where TCP clients come to; empty: nowhere
-    std::uint32_t clients = 0;          ///< now
+    std::string listens;       ///< where TCP clients come to; empty: nowhere
+    std::uint32_t clients = 0; ///< now
     std::uint64_t accepted = 0;
     std::uint64_t refused = 0;          ///< beyond the most
     std::uint64_t dropped_slow = 0;     ///< they did not take what was sent
@@ -21,7 +21,7 @@ struct outlet_status {
 struct bridge_status {
     outlet_status nmea;
     outlet_status signalk;
-    std::uint64_t packets = 0;          ///< of telemetry, from all proxies
+    std::uint64_t packets = 0; ///< of telemetry, from all proxies
     std::uint64_t malformed = 0;
     bool position_is_fresh = false;
 };

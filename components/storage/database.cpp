@@ -63,17 +63,17 @@ struct binder {
 
 database_value cell(sqlite3_stmt* of, int column) {
     switch (sqlite3_column_type(of, column)) {
-    case SQLITE_INTEGER: return std::int64_t{sqlite3_column_int64(of, column)};
-    case SQLITE_FLOAT: return sqlite3_column_double(of, column);
-    case SQLITE_TEXT: {
-        auto text = reinterpret_cast<const char*>(sqlite3_column_text(of, column));
-        return std::string(text, static_cast<std::size_t>(sqlite3_column_bytes(of, column)));
-    }
-    case SQLITE_BLOB: {
-        auto data = static_cast<const std::byte*>(sqlite3_column_blob(of, column));
-        return std::vector<std::byte>(data, data + sqlite3_column_bytes(of, column));
-    }
-    default: return std::monostate{};
+        case SQLITE_INTEGER: return std::int64_t{sqlite3_column_int64(of, column)};
+        case SQLITE_FLOAT: return sqlite3_column_double(of, column);
+        case SQLITE_TEXT: {
+            auto text = reinterpret_cast<const char*>(sqlite3_column_text(of, column));
+            return std::string(text, static_cast<std::size_t>(sqlite3_column_bytes(of, column)));
+        }
+        case SQLITE_BLOB: {
+            auto data = static_cast<const std::byte*>(sqlite3_column_blob(of, column));
+            return std::vector<std::byte>(data, data + sqlite3_column_bytes(of, column));
+        }
+        default: return std::monostate{};
     }
 }
 
@@ -320,12 +320,15 @@ ise::result<database> database::open_as_it_is(const std::string& file, std::span
     if (!rows) return rows.error();
     auto version = static_cast<std::size_t>(rows->at(0).integer(0));
     if (version > schema.size()) {
-        return ise::failure(ise::errc::invalid_argument,
-                            fmt::format("{}: was written by a newer program (schema {}, this one knows {}): use that, or "
-                                        "another file", file, version, schema.size()));
+        return ise::failure(
+            ise::errc::invalid_argument,
+            fmt::format("{}: was written by a newer program (schema {}, this one knows {}): use that, or "
+                        "another file",
+                        file, version, schema.size()));
     }
     for (; version < schema.size(); ++version) {
-        auto whole = fmt::format("BEGIN IMMEDIATE;\n{};\nPRAGMA user_version={};\nCOMMIT", schema[version], version + 1);
+        auto whole =
+            fmt::format("BEGIN IMMEDIATE;\n{};\nPRAGMA user_version={};\nCOMMIT", schema[version], version + 1);
         auto done = opened.state_->script(whole);
         if (!done) {
             opened.rollback();
@@ -389,12 +392,14 @@ ise::result<void> database::copy(const std::string& from, const std::string& to)
     auto* copying = sqlite3_backup_init(target.handle(), "main", source.handle(), "main");
     if (!copying) return target.failed("cannot be written over");
     sqlite3_backup_step(copying, -1);
-    if (sqlite3_backup_finish(copying) != SQLITE_OK) return target.failed(fmt::format("cannot become a copy of {}", from));
+    if (sqlite3_backup_finish(copying) != SQLITE_OK)
+        return target.failed(fmt::format("cannot become a copy of {}", from));
     return {};
 }
 
 ise::result<std::uint64_t> database::keep_readable(const std::string& damaged) {
-    constexpr std::string_view tables = "SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite%'";
+    constexpr std::string_view tables =
+        "SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite%'";
     constexpr std::string_view columns = "SELECT name FROM pragma_table_info(?)";
     auto source = open_to_read(damaged);
     if (!source) return source.error();
@@ -437,7 +442,8 @@ ise::result<std::uint64_t> database::keep_readable(const std::string& damaged) {
 when_damaged when_damaged::keeping_readable(when_damaged how) {
     how.begun = [log = how.log, then = std::move(how.begun)](database& fresh, const std::string& aside) {
         auto kept = fresh.keep_readable(aside);
-        if (kept) log.warning("what can be read of the damaged database is kept again", {{"rows", std::to_string(*kept)}});
+        if (kept)
+            log.warning("what can be read of the damaged database is kept again", {{"rows", std::to_string(*kept)}});
         else log.error("nothing of the damaged database can be kept again", {{"cause", kept.error().message()}});
         if (then) then(fresh, aside);
     };

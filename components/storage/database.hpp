@@ -55,15 +55,15 @@ struct when_damaged {
 
 /// What must not be lost when a component or its host dies: SQLite, one file.
 ///
-/// What `execute` of a write or `commit` of a transaction returned success for is on the disk, also after a loss of power.
-/// The name "memory:NAME" makes a database in memory that all openings of that name in this process share, and that goes
-/// with the last of them: the disk of a virtual world (its script holds it open over crashes of components).
+/// What `execute` of a write or `commit` of a transaction returned success for is on the disk, also after a loss of
+/// power. The name "memory:NAME" makes a database in memory that all openings of that name in this process share, and
+/// that goes with the last of them: the disk of a virtual world (its script holds it open over crashes of components).
 ///
-/// Files are made for their owner alone (mode 0600, also SQLite's `-wal` and `-shm`); an existing file of this user loses
-/// the rights of others when it is opened.
+/// Files are made for their owner alone (mode 0600, also SQLite's `-wal` and `-shm`); an existing file of this user
+/// loses the rights of others when it is opened.
 ///
-/// Statements may use `row_sum(a, b, …)`: a checksum of 64 bits over the values and their types, for rows that shall show
-/// when the disk has changed them.
+/// Statements may use `row_sum(a, b, …)`: a checksum of 64 bits over the values and their types, for rows that shall
+/// show when the disk has changed them.
 ///
 /// Not thread-safe: used by one component, on its loop. Each call blocks for as long as the disk takes.
 /// Errors: io_failed, with the file, what was tried, and SQLite's words ("database or disk is full"); malformed where
@@ -73,14 +73,15 @@ class database {
 public:
     using values = std::initializer_list<database_value>;
 
-    /// Opens or makes the file; its folder exists. Another process that writes to it is waited for, two seconds at most.
-    /// `schema`: scripts that bring version n of the file to n+1; those that the file has not seen run, each whole or not
-    /// at all. A file of a newer program (more scripts) is refused with invalid_argument.
-    /// The texts of `schema` outlive the database.
+    /// Opens or makes the file; its folder exists. Another process that writes to it is waited for, two seconds at
+    /// most. `schema`: scripts that bring version n of the file to n+1; those that the file has not seen run, each
+    /// whole or not at all. A file of a newer program (more scripts) is refused with invalid_argument. The texts of
+    /// `schema` outlive the database.
     static ise::result<database> open(const std::string& file, std::span<const std::string_view> schema,
                                       when_damaged how = when_damaged());
 
-    /// Opens a file that another program writes, to look at it: what is written through this fails. Whatever its schema.
+    /// Opens a file that another program writes, to look at it: what is written through this fails. Whatever its
+    /// schema.
     static ise::result<database> open_to_read(const std::string& file);
 
     /// Makes `to` hold exactly what `from` holds: backup and restore. Both may be open here meanwhile, without a
@@ -127,8 +128,9 @@ private:
 };
 
 /// Renames a database file that is damaged, with its `-wal` and `-shm`, so that a new one can be made in its place, and
-/// logs that as an error with the cause and the new name, which it gives. Nothing is deleted or overwritten. The new name
-/// is that of the file with ".damaged" and the time behind it. Nobody in this process has the file open. Errors: io_failed.
+/// logs that as an error with the cause and the new name, which it gives. Nothing is deleted or overwritten. The new
+/// name is that of the file with ".damaged" and the time behind it. Nobody in this process has the file open. Errors:
+/// io_failed.
 ise::result<std::string> set_aside(const std::string& file, const ise::failure& cause,
                                    std::chrono::system_clock::time_point now, const ise::logger& log);
 

@@ -13,7 +13,8 @@ namespace atirma {
 /// "location", "navigation", …: the kinds of telemetry, in their order.
 inline const auto telemetry_kinds = []<std::size_t... I>(std::index_sequence<I...>) {
     return std::array{name_of(telemetry_body(std::in_place_index<I>))...};
-}(std::make_index_sequence<std::variant_size_v<telemetry_body>>());
+}
+(std::make_index_sequence<std::variant_size_v<telemetry_body>>());
 
 /// So many packets of each kind stay, however old: a long list of waypoints comes in several.
 inline constexpr std::int64_t newest_of_a_kind = 64;

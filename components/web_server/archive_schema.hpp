@@ -36,7 +36,7 @@ CREATE VIEW track AS SELECT
     round(wind_speed_mps * 3600 / 1852, 2) AS wind_kn, wind_direction_deg, circular_error_m, link
     FROM fix
 )sql", // The content belongs to a packet's identity. `number`: in the order in which they came. `shown_at`: as the page dates it.
-R"sql(
+                                                                   R"sql(
 CREATE TABLE telemetry_by_content (
     number INTEGER PRIMARY KEY, boat TEXT NOT NULL REFERENCES boat, boot INTEGER NOT NULL, sequence INTEGER NOT NULL,
     link INTEGER NOT NULL, kind TEXT NOT NULL, measured_at INTEGER NOT NULL, received_at INTEGER NOT NULL,

@@ -4,7 +4,7 @@
 #include <components/iridium_proxy/services.hpp>
 #include <components/web_server/downloads.hpp>
 
-#include <ise/component/learn.hpp>
+#include <ise/component/discover.hpp>
 
 #include <fmt/format.h>
 
@@ -13,7 +13,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::size_t most_restored = 20'000;
+constexpr std::size_t max_restored = 20'000;
 constexpr auto restored_whole = 24h; // what is older is restored with that many fixes at most
 
 /// "xbee", as reports name their link.
@@ -34,10 +34,7 @@ T value_or_throw(ise::result<T> result) {
 } // namespace
 
 boat_page::boat_page(ise::component& self, boat_source source, track_options options, track_archive* archive)
-    : self_(self),
-      source_(std::move(source)),
-      archive_(archive),
-      state_(named(std::move(options), source_)),
+    : self_(self), source_(std::move(source)), archive_(archive), state_(named(std::move(options), source_)),
       feed_(state_) {}
 
 utc_ms boat_page::clock() const { return std::chrono::floor<std::chrono::milliseconds>(self_.wall()); }
@@ -47,9 +44,9 @@ void boat_page::restore() {
     const auto& id = source_.id;
     if (auto entered = archive_->enter(id, source_.name); !entered) throw ise::error(entered.error());
     auto recent = clock() - restored_whole;
-    for (const auto& fix : value_or_throw(archive_->fixes(id, utc_ms{}, recent, most_restored)))
+    for (const auto& fix : value_or_throw(archive_->fixes(id, utc_ms{}, recent, max_restored)))
         state_.restore(fix.point, fix.link);
-    for (const auto& fix : value_or_throw(archive_->fixes(id, recent, utc_ms::max(), 100 * most_restored)))
+    for (const auto& fix : value_or_throw(archive_->fixes(id, recent, utc_ms::max(), 100 * max_restored)))
         state_.restore(fix.point, fix.link);
     state_.restore_sailed(value_or_throw(archive_->sailed_m(id)));
     for (const auto& packet : value_or_throw(archive_->newest(id))) feed_.restore(packet, clock());

@@ -65,8 +65,8 @@ private:
     std::vector<sse_channel*> streams_;
     std::map<std::string, bool> links_; ///< by path: whether telemetry can come now
     std::map<std::string, telemetry_follower*> followers_;
-    std::set<std::string> nodes_;              ///< paths of roles that told of several links
-    std::set<std::string> estimates_;          ///< paths that are asked for rough fixes
+    std::set<std::string> nodes_;     ///< paths of roles that told of several links
+    std::set<std::string> estimates_; ///< paths that are asked for rough fixes
     std::uint64_t events_ = 0;
 };
 

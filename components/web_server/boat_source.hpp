@@ -8,7 +8,7 @@ namespace atirma {
 /// A boat that the page shows.
 struct boat_source {
     std::string name;
-    std::string id;                     ///< in its addresses: a-z, 0-9, '-'; see `address_of`
+    std::string id; ///< in its addresses: a-z, 0-9, '-'; see `address_of`
     std::vector<std::string>
         telemetry; ///< paths of the proxies whose `telemetry` is shown, or the role of the communication nodes
 };

@@ -16,12 +16,14 @@ namespace atirma {
 namespace {
 
 using namespace std::chrono_literals;
-constexpr std::size_t most_fixes = 20'000, most_packets = 5'000, most_kept = 8;
+constexpr std::size_t max_fixes = 20'000, max_packets = 5'000, max_kept = 8;
 constexpr auto kept_for = 10s;
 constexpr auto quick = 250ms;
 constexpr int rest_after = 4; // times as long as one took to make: those who watch come first
 
-struct span { utc_ms from, until; };
+struct span {
+    utc_ms from, until;
+};
 
 struct collected {
     std::vector<track_point> points;
@@ -58,7 +60,7 @@ public:
         auto made = format == "ndjson" ? telemetry(when) : track(format, when);
         made.content_type = type;
         if (auto took = clock_() - now; archive_ && took > quick) rests_until_ = now + rest_after * took;
-        if (kept_.size() >= most_kept)
+        if (kept_.size() >= max_kept)
             kept_.erase(std::ranges::min_element(kept_, {}, [](const auto& one) { return one.second.at; }));
         kept_[key] = {made, now};
         return made;
@@ -72,7 +74,7 @@ private:
         all.links = state_.sources();
         auto after = when.from;
         if (archive_) {
-            auto fixes = archive_->fixes(state_.options().id, when.from, when.until, most_fixes);
+            auto fixes = archive_->fixes(state_.options().id, when.from, when.until, max_fixes);
             if (!fixes) throw ise::error(fixes.error());
             for (auto& fix : *fixes) {
                 auto known = std::ranges::find(all.links, fix.link);
@@ -100,7 +102,7 @@ private:
     }
 
     http_reply telemetry(span when) const {
-        auto packets = archive_->telemetry(state_.options().id, when.from, when.until, most_packets);
+        auto packets = archive_->telemetry(state_.options().id, when.from, when.until, max_packets);
         if (!packets) throw ise::error(packets.error());
         http_reply made;
         for (const auto& packet : *packets) {

@@ -27,7 +27,7 @@ namespace atirma {
 namespace {
 
 using headers = std::vector<std::pair<std::string, std::string>>;
-constexpr std::size_t most_dropped = 64 * 1024; // bytes that a client sends although nobody reads them
+constexpr std::size_t max_dropped = 64 * 1024; // bytes that a client sends although nobody reads them
 
 /// An answer that is no stream: embedded files are sent from where they lie.
 struct page_answer {
@@ -58,9 +58,11 @@ page_answer error_answer(int status, std::string_view what, headers extra = head
 /// The first line and the headers that every answer has, each ending its line.
 std::string head_of(ise::loop& on, int status, std::string_view content_type, const headers& extra, bool framed) {
     auto at = std::chrono::floor<std::chrono::seconds>(on.env().wall());
-    auto head = fmt::format("HTTP/1.1 {} {}\r\nDate: {:%a, %d %b %Y %H:%M:%S} GMT\r\nContent-Type: {}\r\n", status, reason_of(status),
-                            fmt::gmtime(std::chrono::system_clock::to_time_t(at)), content_type);
-    auto add = [&](std::string_view name, std::string_view value) { head.append(name).append(": ").append(value).append("\r\n"); };
+    auto head = fmt::format("HTTP/1.1 {} {}\r\nDate: {:%a, %d %b %Y %H:%M:%S} GMT\r\nContent-Type: {}\r\n", status,
+                            reason_of(status), fmt::gmtime(std::chrono::system_clock::to_time_t(at)), content_type);
+    auto add = [&](std::string_view name, std::string_view value) {
+        head.append(name).append(": ").append(value).append("\r\n");
+    };
     for (const auto& [name, value] : extra) add(name, value);
     for (const auto& [name, value] : security_headers(framed)) add(name, value);
     return head;
@@ -124,7 +126,7 @@ public:
     /// Reads, and keeps nothing, to learn at once that the client has left.
     static ise::task<> watch(std::shared_ptr<stream_sink> self) {
         auto over = self->over_;
-        co_await over->line().drop_rest(most_dropped);
+        co_await over->line().drop_rest(max_dropped);
         self->close();
     }
 
@@ -139,14 +141,16 @@ private:
 } // namespace
 
 struct http_server::implementation : std::enable_shared_from_this<implementation> {
-    implementation(ise::loop& on_, http_options chosen, spawner start) : on(on_), options(std::move(chosen)), spawn(std::move(start)) {}
+    implementation(ise::loop& on_, http_options chosen, spawner start)
+        : on(on_), options(std::move(chosen)), spawn(std::move(start)) {}
 
     struct other_name {
         std::string file;
         bool framed = false;
     };
     struct channel {
-        channel(sse_channel::snapshot_source source, sse_limits limits) : events(std::move(source), limits), places(limits.max_clients) {}
+        channel(sse_channel::snapshot_source source, sse_limits limits)
+            : events(std::move(source), limits), places(limits.max_clients) {}
         sse_channel events;
         ise::net::fair_places places;
     };
@@ -155,7 +159,8 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
         if (options.log) options.log(line);
     }
     void log_some(std::string_view line) {
-        if (auto left_out = quiet.admit(on.now())) log(fmt::format("{} ({} such lines were left out)", line, *left_out));
+        if (auto left_out = quiet.admit(on.now()))
+            log(fmt::format("{} ({} such lines were left out)", line, *left_out));
     }
 
     page_answer asset_answer(const http_message& request, const asset& file, bool framed) const {
@@ -184,7 +189,8 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
         }
         headers extra = {{"Cache-Control", "no-store"}};
         if (!reply.download_as.empty())
-            extra.emplace_back("Content-Disposition", fmt::format("attachment; filename=\"{}\"", safe_file_name(reply.download_as)));
+            extra.emplace_back("Content-Disposition",
+                               fmt::format("attachment; filename=\"{}\"", safe_file_name(reply.download_as)));
         return make_page_answer(reply.status, reply.content_type, std::move(reply.body), std::move(extra));
     }
 
@@ -227,7 +233,8 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
     }
 
     /// The rest of the connection is an event stream; or an answer says why not.
-    ise::task<> stream(std::shared_ptr<conversation> over, channel& of, std::string path, const http_message& request, std::string peer) {
+    ise::task<> stream(std::shared_ptr<conversation> over, channel& of, std::string path, const http_message& request,
+                       std::string peer) {
         auto sink = std::make_shared<stream_sink>(on, over);
         auto place = stopped ? nullptr : of.places.take(peer);
         bool added = false, failed = false;
@@ -248,7 +255,8 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
         }
         if (!added) {
             auto refusal = failed ? error_answer(500, "The server could not make this page. It was logged.")
-                                  : error_answer(503, "Too many people are watching right now. Try again in a minute.", {{"Retry-After", "30"}});
+                                  : error_answer(503, "Too many people are watching right now. Try again in a minute.",
+                                                 {{"Retry-After", "30"}});
             auto sending = send(*over, std::move(refusal), false, false);
             co_await std::move(sending);
             co_return;
@@ -278,7 +286,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
                 auto sending = send(*over, std::move(refusal), false, false);
                 co_await std::move(sending);
                 over->line().line().shutdown_write();
-                co_await over->line().drop_rest(most_dropped);
+                co_await over->line().drop_rest(max_dropped);
                 co_return;
             }
             place.serve();
@@ -299,7 +307,8 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
 
     /// A connection never takes the component down with it.
     static ise::task<> serve(std::shared_ptr<implementation> self, ise::net::admitted accepted) {
-        auto who = std::move(accepted); // its place goes before the places; the order of parameters differs among compilers
+        auto who =
+            std::move(accepted); // its place goes before the places; the order of parameters differs among compilers
         struct listed {
             std::set<ise::stream*>& all;
             ise::stream* which;
@@ -327,9 +336,10 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
     }
 
     static ise::task<> accept(std::shared_ptr<implementation> self, std::shared_ptr<ise::listener> from) {
-        ise::net::bounded_acceptor entrance(self->on, from, self->places.get(), [raw = self.get()](const std::string& what, const std::string& at) {
-            raw->log_some(fmt::format("{}: {}", at, what));
-        });
+        ise::net::bounded_acceptor entrance(self->on, from, self->places.get(),
+                                            [raw = self.get()](const std::string& what, const std::string& at) {
+                                                raw->log_some(fmt::format("{}: {}", at, what));
+                                            });
         for (;;) {
             auto who = co_await entrance.next();
             if (!who.line) co_return;
@@ -384,28 +394,33 @@ void http_server::listen() {
     std::error_code not_numeric;
     auto address = asio::ip::make_address(options.address, not_numeric);
     if (not_numeric)
-        throw ise::error(ise::errc::invalid_argument,
-                         fmt::format("web server: \"{}\" is not a numeric IP address; use such as 127.0.0.1, 0.0.0.0 or ::", options.address));
+        throw ise::error(
+            ise::errc::invalid_argument,
+            fmt::format("web server: \"{}\" is not a numeric IP address; use such as 127.0.0.1, 0.0.0.0 or ::",
+                        options.address));
     auto room = ise::room_for_sockets(options.limits.max_connections);
     if (room < options.limits.max_connections)
-        self.log(fmt::format("this process may open too few files for {} viewers: at most {} are served at once; raise the limit "
-                             "(ulimit -Hn, or LimitNOFILE= of systemd)",
-                             options.limits.max_connections, room));
+        self.log(fmt::format(
+            "this process may open too few files for {} viewers: at most {} are served at once; raise the limit "
+            "(ulimit -Hn, or LimitNOFILE= of systemd)",
+            options.limits.max_connections, room));
     ise::endpoint at;
     at.kind = ise::protocol::tcp;
     at.host = address.to_string();
     at.port = options.port;
     auto made = self.on.env().listen(self.on, at);
     if (!made)
-        throw ise::error(made.error().code(),
-                         fmt::format("web server: {} (--address {}, --port {})", made.error().message(), options.address, options.port));
+        throw ise::error(made.error().code(), fmt::format("web server: {} (--address {}, --port {})",
+                                                          made.error().message(), options.address, options.port));
     self.listener = std::move(*made);
     if (!self.places) self.places = std::make_unique<ise::net::fair_places>(room);
     self.stopped = false;
     self.spawn("http at " + self.listener->where().text(), implementation::accept(self_, self.listener));
 }
 
-std::uint16_t http_server::port() const noexcept { return self_->listener ? self_->listener->where().port : std::uint16_t{0}; }
+std::uint16_t http_server::port() const noexcept {
+    return self_->listener ? self_->listener->where().port : std::uint16_t{0};
+}
 
 std::string http_server::url() const {
     bool v6 = self_->options.address.find(':') != std::string::npos;

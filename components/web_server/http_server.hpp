@@ -18,17 +18,17 @@ namespace atirma {
 
 /// What a stranger can cost the server at most.
 struct http_limits {
-    /// Beyond it `ise::net::fair_places` decides. `listen` raises the process's limit of open files as far as it may, and
-    /// accepts fewer where that is too low.
+    /// Beyond it `ise::net::fair_places` decides. `listen` raises the process's limit of open files as far as it may,
+    /// and accepts fewer where that is too low.
     std::size_t max_connections = 4000;
     std::size_t max_url_bytes = 2048;
-    std::size_t max_header_bytes = 8 * 1024;     ///< of all, with the first line
+    std::size_t max_header_bytes = 8 * 1024; ///< of all, with the first line
     std::size_t max_header_fields = 64;
-    std::size_t max_body_bytes = 4096;           ///< nothing here takes a body
-    std::chrono::seconds request_timeout{15};    ///< to send a whole request, and for an idle connection
-    std::chrono::seconds write_timeout{90};      ///< to take a whole answer or event: a long track over a slow phone
+    std::size_t max_body_bytes = 4096;              ///< nothing here takes a body
+    std::chrono::seconds request_timeout{15};       ///< to send a whole request, and for an idle connection
+    std::chrono::seconds write_timeout{90};         ///< to take a whole answer or event: a long track over a slow phone
     std::chrono::seconds silent_stream_timeout{60}; ///< a stream nobody writes to (see sse_channel::tick) ends
-    sse_limits streams;                          ///< beyond `max_clients` `ise::net::fair_places` decides
+    sse_limits streams;                             ///< beyond `max_clients` `ise::net::fair_places` decides
 };
 
 struct http_options {
@@ -41,8 +41,8 @@ struct http_options {
 };
 
 struct http_request {
-    std::string path;         ///< "/track.gpx"
-    std::string query;        ///< undecoded, without the '?'
+    std::string path;  ///< "/track.gpx"
+    std::string query; ///< undecoded, without the '?'
 };
 
 struct http_reply {
@@ -54,7 +54,7 @@ struct http_reply {
 
 struct http_statistics {
     std::uint64_t connections = 0;
-    std::uint64_t connections_refused = 0; ///< beyond max_connections
+    std::uint64_t connections_refused = 0;   ///< beyond max_connections
     std::uint64_t connections_displaced = 0; ///< made way for others, streams included
     std::uint64_t requests = 0;
     std::uint64_t handlers_failed = 0;

@@ -9,7 +9,7 @@ namespace atirma {
 namespace {
 struct sse_client {
     std::shared_ptr<sse_sink> sink;
-    std::string queue;             ///< encoded events that wait for the write under way
+    std::string queue;              ///< encoded events that wait for the write under way
     std::string queued_id, sent_id; ///< of the last event there, and of the last that was given to the sink
     std::uint64_t queued_events = 0;
     bool writing = false;

@@ -33,13 +33,13 @@ struct sse_limits {
 /// Counted since the channel was made.
 struct sse_statistics {
     std::uint64_t accepted = 0;
-    std::uint64_t refused = 0;       ///< beyond max_clients
+    std::uint64_t refused = 0; ///< beyond max_clients
     std::uint64_t published = 0;
-    std::uint64_t resynchronised = 0;///< times a slow client's queue was replaced by a snapshot
-    std::uint64_t events_skipped = 0;///< events that were in those queues
-    std::uint64_t dropped_slow = 0;  ///< clients whose write did not move for max_stuck_ticks
-    std::uint64_t shared = 0;        ///< clients that were given a snapshot that another one had been given before
-    std::uint64_t left = 0;          ///< clients that went away or whose connection failed
+    std::uint64_t resynchronised = 0; ///< times a slow client's queue was replaced by a snapshot
+    std::uint64_t events_skipped = 0; ///< events that were in those queues
+    std::uint64_t dropped_slow = 0;   ///< clients whose write did not move for max_stuck_ticks
+    std::uint64_t shared = 0;         ///< clients that were given a snapshot that another one had been given before
+    std::uint64_t left = 0;           ///< clients that went away or whose connection failed
 };
 
 /// One stream of server-sent events to any number of clients. Each new client first receives a snapshot; a slow

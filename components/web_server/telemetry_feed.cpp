@@ -51,7 +51,8 @@ power_update page_view(const report_origin& from, const power& of) {
 std::vector<page_event> telemetry_feed::take(const telemetry_packet& packet, utc_ms now) {
     auto message = parse_telemetry(packet.raw);
     if (!message) return ++statistics_.malformed, std::vector<page_event>();
-    if (!seen_.first_time(packet.boot, packet.sequence, packet.raw)) return ++statistics_.duplicates, std::vector<page_event>();
+    if (!seen_.first_time(packet.boot, packet.sequence, packet.raw))
+        return ++statistics_.duplicates, std::vector<page_event>();
     ++statistics_.received;
     auto kind = name_of(message->body);
     ++statistics_.by_type[std::string(kind)];

@@ -11,7 +11,7 @@ namespace atirma {
 
 struct feed_statistics {
     std::uint64_t received = 0;
-    std::uint64_t duplicates = 0;               ///< of a packet that came over another link before
+    std::uint64_t duplicates = 0; ///< of a packet that came over another link before
     std::uint64_t malformed = 0;
     std::map<std::string, std::uint64_t> by_type; ///< "location" → 12
 };

@@ -35,8 +35,14 @@ telemetry_packet packet_of(const database_row& row) {
 struct track_archive::implementation {
     explicit implementation(archive_options chosen) : options(std::move(chosen)) {}
 
-    struct fix_row { std::string boat, link; track_point point; };
-    struct packet_row { std::string boat, kind; telemetry_packet packet; };
+    struct fix_row {
+        std::string boat, link;
+        track_point point;
+    };
+    struct packet_row {
+        std::string boat, kind;
+        telemetry_packet packet;
+    };
 
     ise::result<void> write();
     database& db() { return *opened; }
@@ -95,7 +101,8 @@ ise::result<void> track_archive::enter(const std::string& boat, const std::strin
     return self_->enter(self_->db(), boat, name);
 }
 
-ise::result<void> track_archive::implementation::enter(database& into, const std::string& boat, const std::string& name) {
+ise::result<void> track_archive::implementation::enter(database& into, const std::string& boat,
+                                                       const std::string& name) {
     auto done = into.execute(
         "INSERT INTO boat (id, name) VALUES (?, ?) ON CONFLICT (id) DO UPDATE SET name = excluded.name", {boat, name});
     if (!done) return done.error();
@@ -166,9 +173,9 @@ ise::result<void> track_archive::implementation::write() {
         auto known = db().query("SELECT 1 FROM fix WHERE boat = ? AND at = ?", {row.boat, archived(p.at)});
         if (!known) return known.error();
         auto done = db().execute("INSERT OR REPLACE INTO fix VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                               {row.boat, archived(p.at), p.latitude_deg, p.longitude_deg, maybe(p.speed_mps),
-                                maybe(p.course_deg), maybe(p.heading_deg), maybe(p.heel_deg), maybe(p.wind_speed_mps),
-                                maybe(p.wind_direction_deg), maybe(p.circular_error_m), row.link});
+                                 {row.boat, archived(p.at), p.latitude_deg, p.longitude_deg, maybe(p.speed_mps),
+                                  maybe(p.course_deg), maybe(p.heading_deg), maybe(p.heel_deg), maybe(p.wind_speed_mps),
+                                  maybe(p.wind_direction_deg), maybe(p.circular_error_m), row.link});
         if (!done) return done.error();
         new_fixes += known->empty() ? 1 : 0;
     }
@@ -177,8 +184,8 @@ ise::result<void> track_archive::implementation::write() {
         auto done =
             db().execute("INSERT OR IGNORE INTO telemetry (boat, boot, sequence, link, kind, measured_at, received_at, "
                          "history, raw) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                       {row.boat, std::int64_t{p.boot}, std::int64_t{p.sequence}, static_cast<std::int64_t>(p.link),
-                        row.kind, archived(p.measured_at), archived(p.received_at), std::int64_t{p.history}, p.raw});
+                         {row.boat, std::int64_t{p.boot}, std::int64_t{p.sequence}, static_cast<std::int64_t>(p.link),
+                          row.kind, archived(p.measured_at), archived(p.received_at), std::int64_t{p.history}, p.raw});
         if (!done) return done.error();
         new_packets += static_cast<std::uint64_t>(*done);
     }
@@ -192,8 +199,8 @@ ise::result<void> track_archive::implementation::write() {
         auto done = db().execute("DELETE FROM followed WHERE boat = ? AND feed = ?", {where.first, where.second});
         for (auto one = seen.begin(); done && one != seen.end(); ++one)
             done = db().execute("INSERT INTO followed VALUES (?, ?, ?, ?)",
-                              {where.first, where.second, static_cast<std::int64_t>(one->first),
-                               static_cast<std::int64_t>(one->second)});
+                                {where.first, where.second, static_cast<std::int64_t>(one->first),
+                                 static_cast<std::int64_t>(one->second)});
         if (!done) return done.error();
     }
     for (const auto& [boat, sailed] : trips) {
@@ -265,9 +272,10 @@ ise::result<std::vector<telemetry_packet>> track_archive::newest(const std::stri
     for (auto name : telemetry_kinds) {
         std::string kind(name);
         // Of one time the first, as on the page.
-        auto rows = self_->db().query("SELECT boot, sequence, link, measured_at, received_at, history, raw FROM telemetry "
-                                      "WHERE boat = ? AND kind = ? ORDER BY shown_at DESC, number LIMIT ?",
-                                      {boat, kind, kind == "waypoints" ? newest_of_a_kind : 1});
+        auto rows =
+            self_->db().query("SELECT boot, sequence, link, measured_at, received_at, history, raw FROM telemetry "
+                              "WHERE boat = ? AND kind = ? ORDER BY shown_at DESC, number LIMIT ?",
+                              {boat, kind, kind == "waypoints" ? newest_of_a_kind : 1});
         if (!rows) return rows.error();
         for (const auto& row : *rows) all.push_back(packet_of(row));
     }

@@ -99,8 +99,8 @@ json to_json(const feed_update& update) {
 }
 
 json track_columns() {
-    return {"at", "latitude_deg", "longitude_deg", "speed_mps", "course_deg", "heading_deg", "heel_deg",
-            "wind_speed_mps", "wind_direction_deg", "circular_error_m", "source"};
+    return {"at",       "latitude_deg",   "longitude_deg",      "speed_mps",        "course_deg", "heading_deg",
+            "heel_deg", "wind_speed_mps", "wind_direction_deg", "circular_error_m", "source"};
 }
 
 json to_json(const track_point& point) {

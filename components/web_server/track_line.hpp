@@ -22,16 +22,16 @@ struct track_point {
     double longitude_deg = 0;
     std::optional<double> speed_mps, course_deg, heading_deg, heel_deg, wind_speed_mps, wind_direction_deg,
         circular_error_m;
-    std::uint32_t source = 0;    ///< index into the state's list of links
-    std::uint64_t revision = 0;  ///< of the state when it was added or last changed
-    double sailed_m = 0;         ///< along the track up to here; thinning does not change it
+    std::uint32_t source = 0;   ///< index into the state's list of links
+    std::uint64_t revision = 0; ///< of the state when it was added or last changed
+    double sailed_m = 0;        ///< along the track up to here; thinning does not change it
 };
 
 struct track_limits {
     std::size_t max_points = 3000;
     std::chrono::milliseconds spacing{1000}; ///< fixes nearer in time to a neighbour are left out
-    double noise_m = 4;      ///< smaller moves are not counted as sailed
-    double rough_fix_m = 200;///< a fix with a larger circular error is shown, but not counted as sailed
+    double noise_m = 4;                      ///< smaller moves are not counted as sailed
+    double rough_fix_m = 200;                ///< a fix with a larger circular error is shown, but not counted as sailed
 };
 
 /// The boat's track in the order of time, whatever order its fixes arrive in, in bounded memory: when it is full,

@@ -55,9 +55,9 @@ json track_state_parts::next_waypoint() const {
 std::optional<double> track_state_parts::closing_mps(const track_waypoint& target, double there_m) const {
     auto now = position->from.measured_at;
     auto since = std::max(now - std::chrono::minutes(5), leg_since.value_or(utc_ms::min() + std::chrono::hours(1)));
-    if (now - since >= beside) {
+    if (now - since >= match_window) {
         auto then = line.before(since);
-        if (then && since - then->at < beside) {
+        if (then && since - then->at < match_window) {
             double was_m =
                 distance_m(then->latitude_deg, then->longitude_deg, target.latitude_deg, target.longitude_deg);
             return (was_m - there_m) * 1000 / static_cast<double>((now - then->at).count());

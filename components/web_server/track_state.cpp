@@ -80,7 +80,7 @@ std::optional<page_event> track_state::apply(const position_update& given, utc_m
     normalise_direction(update.course_over_ground_deg);
 
     auto near = [&](const auto& other) {
-        return other && std::chrono::abs(other->from.measured_at - update.from.measured_at) <= beside;
+        return other && std::chrono::abs(other->from.measured_at - update.from.measured_at) <= match_window;
     };
     track_point point;
     point.at = update.from.measured_at;
@@ -149,8 +149,8 @@ std::optional<page_event> track_state::apply(const wind_update& given, utc_ms no
     ++self.revision;
     const track_point* point = nullptr;
     if (update.true_speed_mps)
-        point =
-            self.line.annotate_wind(newest, *update.true_speed_mps, update.true_direction_deg, self.revision, beside);
+        point = self.line.annotate_wind(newest, *update.true_speed_mps, update.true_direction_deg, self.revision,
+                                        match_window);
     if (point && on_point) on_point(*point, self.sources[point->source]);
     if (newer) self.wind = std::move(update);
     if (!newer && !point) return std::nullopt;

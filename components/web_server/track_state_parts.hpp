@@ -18,7 +18,7 @@ namespace atirma {
 constexpr std::size_t max_track_text = 64;
 constexpr std::size_t max_track_sources = 16;
 /// How far apart in time a fix and a wind may be to belong together.
-constexpr std::chrono::seconds beside{60};
+constexpr std::chrono::seconds match_window{60};
 
 inline std::string bounded(std::string_view text) { return std::string(text.substr(0, max_track_text)); }
 

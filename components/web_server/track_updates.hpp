@@ -12,9 +12,9 @@ using utc_ms = std::chrono::sys_time<std::chrono::milliseconds>;
 
 /// Where and when a report comes from. Angles are degrees, clockwise; directions are true, 0 <= x < 360.
 struct report_origin {
-    utc_ms measured_at; ///< by the boat
-    utc_ms received_at; ///< by the shore
-    std::string source; ///< the link it came by: "xbee", "gprs", "iridium"
+    utc_ms measured_at;   ///< by the boat
+    utc_ms received_at;   ///< by the shore
+    std::string source;   ///< the link it came by: "xbee", "gprs", "iridium"
     bool history = false; ///< sent again after a gap: fills the track
 };
 
@@ -35,8 +35,8 @@ struct navigation_update {
     std::optional<double> pitch_deg; ///< bow up is positive
     std::optional<double> rudder_deg;
     std::optional<double> course_to_steer_deg;
-    std::optional<double> cross_track_error_m; ///< right of the leg is positive
-    std::optional<std::size_t> active_waypoint;///< index into the last waypoints_update
+    std::optional<double> cross_track_error_m;  ///< right of the leg is positive
+    std::optional<std::size_t> active_waypoint; ///< index into the last waypoints_update
 };
 
 struct wind_update {
@@ -75,11 +75,11 @@ struct mode_update {
 /// Whether the server itself is in touch with what brings the boat's reports: the proxy of a link, or the
 /// communication nodes that follow several links.
 struct feed_update {
-    std::string source;  ///< "xbee", "gprs", "iridium", "communication"
+    std::string source; ///< "xbee", "gprs", "iridium", "communication"
     bool connected = false;
-    utc_ms since;        ///< of `connected`
-    std::string detail;  ///< "name server lost"; may be empty
-    bool link = true;    ///< false: not a link of the boat's, but who follows them
+    utc_ms since;                     ///< of `connected`
+    std::string detail;               ///< "name server lost"; may be empty
+    bool link = true;                 ///< false: not a link of the boat's, but who follows them
     std::optional<utc_ms> last_heard; ///< the boat, over this link, as the communication nodes tell
 };
 

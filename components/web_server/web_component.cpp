@@ -9,7 +9,7 @@ namespace {
 using namespace std::chrono_literals;
 constexpr ise::duration tick_period = 10s; // of http_server's streams
 constexpr ise::duration watch_period = 1s; // of the links, and of the archive
-}
+} // namespace
 
 web_server::web_server(web_server_options options) : options_(std::move(options)) { forget_boats(); }
 web_server::~web_server() = default;

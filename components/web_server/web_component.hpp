@@ -10,16 +10,17 @@ namespace atirma {
 
 struct web_server_options {
     http_options http;
-    std::vector<std::string> telemetry;        ///< of the first boat, see `boat_source`; its name is `track.boat`
-    std::vector<std::string> more_boats;       ///< each as `parse_boat` reads it: "Vela=vela/communication"
-    track_options track;                       ///< its `epoch` is chosen anew at each start, `id` from the name
+    std::vector<std::string> telemetry;  ///< of the first boat, see `boat_source`; its name is `track.boat`
+    std::vector<std::string> more_boats; ///< each as `parse_boat` reads it: "Vela=vela/communication"
+    track_options track;                 ///< its `epoch` is chosen anew at each start, `id` from the name
     archive_options archive; ///< without a file nothing outlives a restart but what communication nodes keep
     std::function<void(const std::string& url)> on_listening; ///< on the component's loop
 };
 
 /// The public tracking page: subscribes to the `telemetry` of each boat, keeps its state and track, in memory and on
 /// disk, and serves page, events and downloads. Who is not there is waited for, and the page says so. When the port is
-/// taken, when a boat cannot be called so, or when the archive cannot be opened, `run()` ends with an error that says so.
+/// taken, when a boat cannot be called so, or when the archive cannot be opened, `run()` ends with an error that says
+/// so.
 class web_server final : public ise::component {
 public:
     explicit web_server(web_server_options options = web_server_options());

@@ -54,7 +54,8 @@ constexpr std::array<at_info, 40> table{{
     {at("ND"), 0, action, 0, 0, 0, "discover nodes"},
 }};
 
-constexpr std::array<power_level, 5> levels{{{0, 1, "1 mW"}, {1, 23, "23 mW"}, {2, 100, "100 mW"}, {3, 158, "158 mW"}, {4, 315, "315 mW"}}};
+constexpr std::array<power_level, 5> levels{
+    {{0, 1, "1 mW"}, {1, 23, "23 mW"}, {2, 100, "100 mW"}, {3, 158, "158 mW"}, {4, 315, "315 mW"}}};
 
 } // namespace
 
@@ -68,7 +69,8 @@ const at_info* find_at(at_name name) noexcept {
 
 ise::bytes at_value(std::uint64_t value, std::size_t size) {
     ise::bytes out;
-    for (std::size_t i = std::min<std::size_t>(size, 8); i-- > 0;) out.push_back(static_cast<std::byte>((value >> (8 * i)) & 0xFF));
+    for (std::size_t i = std::min<std::size_t>(size, 8); i-- > 0;)
+        out.push_back(static_cast<std::byte>((value >> (8 * i)) & 0xFF));
     return out;
 }
 
@@ -87,6 +89,8 @@ std::optional<int> temperature_c(ise::bytes_view value) noexcept {
 
 std::span<const power_level> power_levels() noexcept { return levels; }
 
-double power_dbm(std::uint8_t level) noexcept { return 10 * std::log10(levels[std::min<std::size_t>(level, 4)].milliwatts); }
+double power_dbm(std::uint8_t level) noexcept {
+    return 10 * std::log10(levels[std::min<std::size_t>(level, 4)].milliwatts);
+}
 
 } // namespace atirma::xbee

@@ -12,7 +12,7 @@ enum class at_access : std::uint8_t { read_only, read_write, action };
 /// A command of the XBee 868 Pro.
 struct at_info {
     at_name name;
-    std::uint8_t size;          ///< bytes of the value, big-endian; 0 for text and actions
+    std::uint8_t size; ///< bytes of the value, big-endian; 0 for text and actions
     at_access access;
     std::uint64_t minimum;
     std::uint64_t maximum;

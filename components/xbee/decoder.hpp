@@ -5,9 +5,9 @@
 
 namespace atirma::xbee {
 
-/// Frames out of a byte stream that arrives in pieces of any size and may hold garbage. After a refusal it looks for the
-/// next delimiter *inside* what it took for a frame, so a false 7E costs no true frame. Holds at most one frame's bytes
-/// beyond what was pushed and not yet taken.
+/// Frames out of a byte stream that arrives in pieces of any size and may hold garbage. After a refusal it looks for
+/// the next delimiter *inside* what it took for a frame, so a false 7E costs no true frame. Holds at most one frame's
+/// bytes beyond what was pushed and not yet taken.
 class frame_decoder {
 public:
     explicit frame_decoder(api_mode mode) : mode_(mode) {}
@@ -17,8 +17,8 @@ public:
     /// The next frame or refusal; nothing while more bytes are wanted. Call it until it gives nothing.
     std::optional<parsed_frame> next();
 
-    /// The line has been silent in the middle of a frame: that frame is refused as truncated and whatever true frames it
-    /// swallowed come out of `next()`. Does nothing between frames.
+    /// The line has been silent in the middle of a frame: that frame is refused as truncated and whatever true frames
+    /// it swallowed come out of `next()`. Does nothing between frames.
     void give_up();
 
     /// A frame has begun and is not complete. Only after `next()` gave nothing.

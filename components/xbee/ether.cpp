@@ -21,7 +21,9 @@ double ether::strength_dbm(double power_dbm, double distance_m) const {
     return power_dbm - options_.reference_loss_db - 10 * options_.exponent * std::log10(std::max(distance_m, 1.0));
 }
 
-double ether::mean_dbm(const flight& f, place at) const { return strength_dbm(f.what.power_dbm, std::hypot(f.at.x_m - at.x_m, f.at.y_m - at.y_m)); }
+double ether::mean_dbm(const flight& f, place at) const {
+    return strength_dbm(f.what.power_dbm, std::hypot(f.at.x_m - at.x_m, f.at.y_m - at.y_m));
+}
 
 instant ether::next_event() const noexcept {
     instant next = never;
@@ -51,7 +53,8 @@ void ether::collect() {
             flights_.push_back({std::move(t), n.device, n.at});
             auto& f = flights_.back();
             for (auto& other : nodes_)
-                if (other.device != n.device && mean_dbm(f, other.at) > options_.sensitivity_dbm) other.device->on_carrier(f.what.end);
+                if (other.device != n.device && mean_dbm(f, other.at) > options_.sensitivity_dbm)
+                    other.device->on_carrier(f.what.end);
         }
 }
 

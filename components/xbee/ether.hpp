@@ -11,12 +11,12 @@ struct place {
 
 struct ether_options {
     std::uint64_t seed = 1;
-    double reference_loss_db = 31.2;  ///< at one metre
-    double exponent = 2.7;            ///< of the log-distance path loss
-    double shadowing_db = 2;          ///< deviation from packet to packet
-    double sensitivity_dbm = -112;    ///< half of the packets at this strength are lost
-    double extra_loss = 0;            ///< part of the packets that is lost at any distance, 0 … 1
-    double capture_db = 10;           ///< so much stronger survives a collision
+    double reference_loss_db = 31.2; ///< at one metre
+    double exponent = 2.7;           ///< of the log-distance path loss
+    double shadowing_db = 2;         ///< deviation from packet to packet
+    double sensitivity_dbm = -112;   ///< half of the packets at this strength are lost
+    double extra_loss = 0;           ///< part of the packets that is lost at any distance, 0 … 1
+    double capture_db = 10;          ///< so much stronger survives a collision
 };
 
 /// The air that modems share: strength and loss by distance, collisions, a receiver deaf while it sends. The same seed,

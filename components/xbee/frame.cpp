@@ -32,7 +32,8 @@ class field_writer {
 public:
     template <class U>
     field_writer& put(U value) {
-        for (std::size_t i = sizeof(U); i-- > 0;) out.push_back(static_cast<std::byte>((std::uint64_t{value} >> (8 * i)) & 0xFF));
+        for (std::size_t i = sizeof(U); i-- > 0;)
+            out.push_back(static_cast<std::byte>((std::uint64_t{value} >> (8 * i)) & 0xFF));
         return *this;
     }
     field_writer& put(const at_name& name) {
@@ -66,22 +67,59 @@ struct encoder {
         return field_writer().put(type_of(f)).put(f.frame_id).put(f.command).put(f.parameter).out;
     }
     ise::bytes operator()(const at_response& f) const {
-        return field_writer().put(type_of(f)).put(f.frame_id).put(f.command).put(static_cast<std::uint8_t>(f.status)).put(f.value).out;
+        return field_writer()
+            .put(type_of(f))
+            .put(f.frame_id)
+            .put(f.command)
+            .put(static_cast<std::uint8_t>(f.status))
+            .put(f.value)
+            .out;
     }
     ise::bytes operator()(const transmit_request& f) const {
-        return field_writer().put(type_of(f)).put(f.frame_id).put(f.destination).put(f.network).put(f.radius).put(f.options).put(f.payload).out;
+        return field_writer()
+            .put(type_of(f))
+            .put(f.frame_id)
+            .put(f.destination)
+            .put(f.network)
+            .put(f.radius)
+            .put(f.options)
+            .put(f.payload)
+            .out;
     }
     ise::bytes operator()(const transmit_status& f) const {
-        return field_writer().put(type_of(f)).put(f.frame_id).put(f.network).put(f.retries).put(static_cast<std::uint8_t>(f.outcome)).put(f.discovery).out;
+        return field_writer()
+            .put(type_of(f))
+            .put(f.frame_id)
+            .put(f.network)
+            .put(f.retries)
+            .put(static_cast<std::uint8_t>(f.outcome))
+            .put(f.discovery)
+            .out;
     }
     ise::bytes operator()(const received_packet& f) const {
         return field_writer().put(type_of(f)).put(f.source).put(f.network).put(f.options).put(f.payload).out;
     }
     ise::bytes operator()(const remote_at_request& f) const {
-        return field_writer().put(type_of(f)).put(f.frame_id).put(f.destination).put(f.network).put(f.options).put(f.command).put(f.parameter).out;
+        return field_writer()
+            .put(type_of(f))
+            .put(f.frame_id)
+            .put(f.destination)
+            .put(f.network)
+            .put(f.options)
+            .put(f.command)
+            .put(f.parameter)
+            .out;
     }
     ise::bytes operator()(const remote_at_response& f) const {
-        return field_writer().put(type_of(f)).put(f.frame_id).put(f.source).put(f.network).put(f.command).put(static_cast<std::uint8_t>(f.status)).put(f.value).out;
+        return field_writer()
+            .put(type_of(f))
+            .put(f.frame_id)
+            .put(f.source)
+            .put(f.network)
+            .put(f.command)
+            .put(static_cast<std::uint8_t>(f.status))
+            .put(f.value)
+            .out;
     }
     ise::bytes operator()(const modem_status& f) const { return field_writer().put(type_of(f)).put(f.status).out; }
     ise::bytes operator()(const raw_frame& f) const { return field_writer().put(f.type).put(f.body).out; }
@@ -207,7 +245,8 @@ parsed_frame parse_frame(ise::bytes_view wire, api_mode mode) {
     frame_scan scan = scan_frame(wire, mode);
     if (scan.state == scan_state::refused) return refused{scan.reason, std::move(scan.message)};
     if (scan.state == scan_state::incomplete)
-        return refused{refusal::truncated, fmt::format("the frame ends after {} bytes, before its checksum", wire.size())};
+        return refused{refusal::truncated,
+                       fmt::format("the frame ends after {} bytes, before its checksum", wire.size())};
     if (scan.wire_size != wire.size())
         return refused{refusal::trailing_bytes, fmt::format("{} bytes follow the frame", wire.size() - scan.wire_size)};
     return parse_frame_data(scan.data);

@@ -51,7 +51,8 @@ frame_scan scan_frame(ise::bytes_view wire, api_mode mode) {
     frame_scan scan;
     if (wire.empty()) return scan;
     if (wire[0] != std::byte{0x7E})
-        return refuse(refusal::no_delimiter, fmt::format("a frame starts with 7E, not {:02X}", std::to_integer<unsigned>(wire[0])));
+        return refuse(refusal::no_delimiter,
+                      fmt::format("a frame starts with 7E, not {:02X}", std::to_integer<unsigned>(wire[0])));
 
     std::size_t at = 1, length = 0, taken = 0;
     std::uint8_t sum = 0;
@@ -60,16 +61,19 @@ frame_scan scan_frame(ise::bytes_view wire, api_mode mode) {
         switch (next(wire, at, mode, b)) {
             case got::none: return scan;
             case got::delimiter:
-                return refuse(refusal::unexpected_delimiter, fmt::format("another frame starts at byte {} of this one", at));
+                return refuse(refusal::unexpected_delimiter,
+                              fmt::format("another frame starts at byte {} of this one", at));
             case got::bad_escape:
-                return refuse(refusal::bad_escape, fmt::format("7D at byte {} stands before {:02X}, which is never escaped", at, b ^ 0x20u));
+                return refuse(refusal::bad_escape,
+                              fmt::format("7D at byte {} stands before {:02X}, which is never escaped", at, b ^ 0x20u));
             case got::byte: break;
         }
         ++taken;
         if (taken <= 2) {
             length = (length << 8) | b;
             if (taken == 2 && (length == 0 || length > max_frame_data))
-                return refuse(refusal::bad_length, fmt::format("a frame of {} bytes; 1 to {} are possible", length, max_frame_data));
+                return refuse(refusal::bad_length,
+                              fmt::format("a frame of {} bytes; 1 to {} are possible", length, max_frame_data));
             continue;
         }
         sum = static_cast<std::uint8_t>(sum + b);
@@ -78,8 +82,9 @@ frame_scan scan_frame(ise::bytes_view wire, api_mode mode) {
             continue;
         }
         if (sum != 0xFF)
-            return refuse(refusal::bad_checksum, fmt::format("the checksum is {:02X}, the data want {:02X}", b,
-                                                             static_cast<std::uint8_t>(0xFF - static_cast<std::uint8_t>(sum - b))));
+            return refuse(refusal::bad_checksum,
+                          fmt::format("the checksum is {:02X}, the data want {:02X}", b,
+                                      static_cast<std::uint8_t>(0xFF - static_cast<std::uint8_t>(sum - b))));
         scan.state = scan_state::complete;
         scan.wire_size = at;
         return scan;

@@ -18,10 +18,10 @@ inline constexpr std::size_t max_frame_data = 1024; ///< larger than any frame o
 
 /// Why bytes are no frame.
 enum class refusal : std::uint8_t {
-    no_delimiter,         ///< the first byte is not 7E
-    truncated,            ///< the bytes end before the checksum
-    bad_length,           ///< a length of zero, or above the bound
-    too_short_for_type,   ///< a known type whose fixed fields do not fit in
+    no_delimiter,       ///< the first byte is not 7E
+    truncated,          ///< the bytes end before the checksum
+    bad_length,         ///< a length of zero, or above the bound
+    too_short_for_type, ///< a known type whose fixed fields do not fit in
     bad_checksum,
     bad_escape,           ///< AP=2: 7D before a byte that is never escaped
     unexpected_delimiter, ///< AP=2: 7E inside a frame

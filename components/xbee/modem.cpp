@@ -6,12 +6,13 @@ namespace atirma::xbee {
 namespace {
 using namespace std::chrono_literals;
 constexpr instant ack_timeout = 30ms;
-constexpr unsigned most_deferrals = 12;
+constexpr unsigned max_deferrals = 12;
 constexpr double hot_c = 60;
 } // namespace
 
 modem::modem(modem_options options)
-    : options_(options), temperature_c_(options.temperature_c), decoder_(options.api_mode == 2 ? api_mode::escaped : api_mode::plain), random_(options.seed ^ options.address) {
+    : options_(options), temperature_c_(options.temperature_c),
+      decoder_(options.api_mode == 2 ? api_mode::escaped : api_mode::plain), random_(options.seed ^ options.address) {
     for (auto& info : at_commands()) registers_[info.name] = info.initial;
     registers_[at("AP")] = options.api_mode;
     registers_[at("SH")] = options.address >> 32;
@@ -51,7 +52,7 @@ void modem::start_next(instant now) {
 void modem::attempt(instant now) {
     job& work = jobs_.front();
     if (busy_until_ > now) { // listen before talk
-        if (++work.deferred > most_deferrals) return finish(now, delivery::cca_failure);
+        if (++work.deferred > max_deferrals) return finish(now, delivery::cca_failure);
         phase_ = phase::backing_off;
         timer_ = busy_until_ + instant(1ms + random_.next() % 20'000'000 * 1ns);
         return;
@@ -80,7 +81,8 @@ void modem::on_timer(instant now) {
     auto again = [&](instant longest) {
         ++work.retries;
         phase_ = phase::backing_off;
-        timer_ = now + 5ms + instant(static_cast<std::int64_t>(random_.next() % static_cast<std::uint64_t>(longest.count())));
+        timer_ = now + 5ms +
+                 instant(static_cast<std::int64_t>(random_.next() % static_cast<std::uint64_t>(longest.count())));
     };
     switch (phase_) {
         case phase::idle: return;
@@ -108,10 +110,12 @@ void modem::finish(instant now, delivery outcome) {
     jobs_.pop_front();
     bool broadcast = done.packet.destination == broadcast_address;
     if (done.frame_id != 0 && done.packet.kind == radio_kind::data) {
-        put(transmit_status{done.frame_id, unknown_network, static_cast<std::uint8_t>(broadcast ? 0 : done.retries), outcome, 0});
+        put(transmit_status{done.frame_id, unknown_network, static_cast<std::uint8_t>(broadcast ? 0 : done.retries),
+                            outcome, 0});
     } else if (done.frame_id != 0 && done.packet.kind == radio_kind::remote_at && outcome != delivery::success) {
         at_name name{static_cast<char>(done.packet.payload[2]), static_cast<char>(done.packet.payload[3])};
-        put(remote_at_response{done.frame_id, done.packet.destination, unknown_network, name, at_status::tx_failure, {}});
+        put(remote_at_response{
+            done.frame_id, done.packet.destination, unknown_network, name, at_status::tx_failure, {}});
     }
     start_next(now);
 }
@@ -141,7 +145,8 @@ void modem::on_air(instant now, const radio_packet& packet, double rssi_dbm) {
         radio_packet ack{address(), packet.source, network(), packet.sequence, radio_kind::acknowledgement, {}};
         duty_.add(now, acknowledgement_airtime); // counted, never held back
         on_carrier(now + acknowledgement_airtime);
-        transmissions_.push_back({std::move(ack), now, now + acknowledgement_airtime, power_dbm(static_cast<std::uint8_t>(number("PL")))});
+        transmissions_.push_back(
+            {std::move(ack), now, now + acknowledgement_airtime, power_dbm(static_cast<std::uint8_t>(number("PL")))});
     }
     if (!seen_before(packet)) deliver(now, packet);
 }
@@ -161,7 +166,9 @@ void modem::deliver(instant now, const radio_packet& packet) {
     switch (packet.kind) {
         case radio_kind::data:
             if (number("AP") == 0) put_text(ise::as_text(raw));
-            else put(received_packet{packet.source, unknown_network, static_cast<std::uint8_t>(packet.destination == broadcast_address ? 2 : 1), raw});
+            else
+                put(received_packet{packet.source, unknown_network,
+                                    static_cast<std::uint8_t>(packet.destination == broadcast_address ? 2 : 1), raw});
             return;
         case radio_kind::remote_at: { // frame id, options, two letters, parameter
             if (raw.size() < 4) return;
@@ -178,8 +185,12 @@ void modem::deliver(instant now, const radio_packet& packet) {
         }
         case radio_kind::remote_at_answer: // frame id, two letters, status, value
             if (raw.size() < 4) return;
-            put(remote_at_response{byte(0), packet.source, unknown_network, {static_cast<char>(byte(1)), static_cast<char>(byte(2))},
-                                   static_cast<at_status>(byte(3)), {raw.begin() + 4, raw.end()}});
+            put(remote_at_response{byte(0),
+                                   packet.source,
+                                   unknown_network,
+                                   {static_cast<char>(byte(1)), static_cast<char>(byte(2))},
+                                   static_cast<at_status>(byte(3)),
+                                   {raw.begin() + 4, raw.end()}});
             return;
         case radio_kind::acknowledgement: return;
     }

@@ -12,19 +12,19 @@ namespace atirma::xbee {
 
 struct modem_options {
     std::uint64_t address = 0x0013A20040000001;
-    std::uint8_t api_mode = 1;        ///< AP: 0 transparent, 1, 2
+    std::uint8_t api_mode = 1; ///< AP: 0 transparent, 1, 2
     double temperature_c = 27;
-    std::uint64_t seed = 1;           ///< of its back-off times
+    std::uint64_t seed = 1; ///< of its back-off times
 };
 
-/// An XBee 868 Pro, emulated without I/O. Serial bytes and radio packets come in with their time, bytes and transmissions
-/// are taken out; `advance` lets time pass, `next_event` says when it wants that. Time never goes back. An `ether` drives
-/// the radio side of the modems that are attached to it. Queues are bounded. Not thread safe.
+/// An XBee 868 Pro, emulated without I/O. Serial bytes and radio packets come in with their time, bytes and
+/// transmissions are taken out; `advance` lets time pass, `next_event` says when it wants that. Time never goes back.
+/// An `ether` drives the radio side of the modems that are attached to it. Queues are bounded. Not thread safe.
 class modem {
 public:
     static constexpr std::size_t max_payload = 100;
-    static constexpr std::size_t max_queued = 16;         ///< transmissions; above: resource_error
-    static constexpr std::size_t max_serial_out = 65536;  ///< bytes that nobody takes; above: frames are dropped
+    static constexpr std::size_t max_queued = 16;        ///< transmissions; above: resource_error
+    static constexpr std::size_t max_serial_out = 65536; ///< bytes that nobody takes; above: frames are dropped
 
     /// Starts with a modem status 0 (hardware reset) in its serial output, in API mode.
     explicit modem(modem_options options);
@@ -42,13 +42,15 @@ public:
     // Radio side.
     std::vector<transmission> take_transmissions();
     void on_air(instant now, const radio_packet& packet, double rssi_dbm);
-    void on_damaged(instant now);                ///< heard, and not understood
-    void on_carrier(instant until) noexcept;     ///< somebody is heard sending until then
+    void on_damaged(instant now);            ///< heard, and not understood
+    void on_carrier(instant until) noexcept; ///< somebody is heard sending until then
 
     void set_temperature(double celsius) noexcept { temperature_c_ = celsius; }
     std::uint64_t address() const noexcept { return options_.address; }
     std::uint64_t network() const { return number("ID"); }
-    double duty_percent(instant now) { return 100.0 * static_cast<double>(duty_.used(now).count()) / static_cast<double>(duty_cycle::budget.count()); }
+    double duty_percent(instant now) {
+        return 100.0 * static_cast<double>(duty_.used(now).count()) / static_cast<double>(duty_cycle::budget.count());
+    }
     std::uint64_t refused_frames() const noexcept { return refused_; }
 
 private:
@@ -100,7 +102,8 @@ private:
     std::vector<std::pair<at_name, ise::bytes>> queued_at_;
     std::map<std::uint64_t, std::deque<std::uint32_t>> heard_;
     phase phase_ = phase::idle;
-    instant timer_ = never, busy_until_{0}, last_serial_ = instant::min() / 2, guard_ends_ = never, command_ends_ = never, transparent_due_ = never, restart_at_ = never;
+    instant timer_ = never, busy_until_{0}, last_serial_ = instant::min() / 2, guard_ends_ = never,
+            command_ends_ = never, transparent_due_ = never, restart_at_ = never;
     std::string command_line_;
     unsigned plus_ = 0;
     std::uint32_t sequence_ = 0;

@@ -32,7 +32,7 @@ ise::result<token> modem_port::local_at(at_name command, ise::bytes parameter) {
 }
 
 ise::task<> modem_port::run() {
-    auto pause = options_.shortest_retry;
+    auto pause = options_.min_retry;
     for (;;) {
         ise::serial_options wanted;
         wanted.device = options_.device;
@@ -52,16 +52,17 @@ ise::task<> modem_port::run() {
             client_.stop(now(), problem);
             stream_.reset();
             unwritten_.clear();
-            if (loop_.now() - opened_at > options_.longest_retry) pause = options_.shortest_retry;
+            if (loop_.now() - opened_at > options_.max_retry) pause = options_.min_retry;
         } else {
             problem = opened.error().message();
         }
         bool stopping = problem == "serial port closed";
-        if (problem != trouble_ && !stopping) log_.warning(problem, {{"device", options_.device}}); // once, not with every attempt
+        if (problem != trouble_ && !stopping)
+            log_.warning(problem, {{"device", options_.device}}); // once, not with every attempt
         trouble_ = problem;
         service();
         co_await ise::sleep_for(loop_, pause);
-        pause = std::min(pause * 2, options_.longest_retry);
+        pause = std::min(pause * 2, options_.max_retry);
     }
 }
 

@@ -18,13 +18,13 @@ struct port_options {
     unsigned baud = 9600;
     bool hardware_flow_control = false;
     client_options client;
-    ise::duration shortest_retry = std::chrono::milliseconds(250); ///< between attempts to open it; doubles
-    ise::duration longest_retry = std::chrono::seconds(5);
+    ise::duration min_retry = std::chrono::milliseconds(250); ///< between attempts to open it; doubles
+    ise::duration max_retry = std::chrono::seconds(5);
 };
 
-/// The thin shell around `radio_client`: the serial port of a modem, opened through the environment and opened again when it
-/// vanished. Requests may be made at any time; they wait for port and modem until their time is up, and each ends in one
-/// event. Used on one loop; must outlive `run()`.
+/// The thin shell around `radio_client`: the serial port of a modem, opened through the environment and opened again
+/// when it vanished. Requests may be made at any time; they wait for port and modem until their time is up, and each
+/// ends in one event. Used on one loop; must outlive `run()`.
 class modem_port {
 public:
     modem_port(ise::loop& on, ise::logger log, port_options options);
@@ -32,7 +32,8 @@ public:
     /// Hears every event, on the loop; may make new requests. Set it before `run()`.
     std::function<void(const client_event&)> on_event;
 
-    /// Opens the port and serves it until it is cancelled. Never fails: what is wrong is logged and shown by `trouble()`.
+    /// Opens the port and serves it until it is cancelled. Never fails: what is wrong is logged and shown by
+    /// `trouble()`.
     ise::task<> run();
 
     ise::result<token> send(std::uint64_t destination, ise::bytes payload, ise::duration timeout);

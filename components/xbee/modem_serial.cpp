@@ -32,7 +32,8 @@ void modem::put(const frame& f) {
 
 void modem::put_text(std::string_view text) {
     auto raw = ise::as_bytes(text);
-    if (serial_out_.size() + raw.size() <= max_serial_out) serial_out_.insert(serial_out_.end(), raw.begin(), raw.end());
+    if (serial_out_.size() + raw.size() <= max_serial_out)
+        serial_out_.insert(serial_out_.end(), raw.begin(), raw.end());
 }
 
 void modem::on_serial(instant now, ise::bytes_view bytes) {
@@ -75,7 +76,9 @@ void modem::flush_transparent(instant now) {
     if (!work.packet.payload.empty() && jobs_.size() < max_queued) enqueue(now, std::move(work));
 }
 
-instant modem::next_serial() const noexcept { return std::min({guard_ends_, command_ends_, transparent_due_, restart_at_}); }
+instant modem::next_serial() const noexcept {
+    return std::min({guard_ends_, command_ends_, transparent_due_, restart_at_});
+}
 
 void modem::serial_timers(instant now) {
     if (guard_ends_ <= now) { // +++ stood alone
@@ -120,7 +123,9 @@ void modem::on_command_line(instant now) {
     if (name == at("NI")) {
         parameter.assign(ise::as_bytes(argument).begin(), ise::as_bytes(argument).end());
     } else if (!argument.empty()) {
-        if (argument.size() > 16 || !std::all_of(argument.begin(), argument.end(), [](unsigned char c) { return std::isxdigit(c); })) return put_text("ERROR\r");
+        if (argument.size() > 16 ||
+            !std::all_of(argument.begin(), argument.end(), [](unsigned char c) { return std::isxdigit(c); }))
+            return put_text("ERROR\r");
         parameter = at_value(std::stoull(std::string(argument), nullptr, 16), 8);
     }
     answer got = execute(now, name, parameter);
@@ -169,13 +174,21 @@ void modem::on_frame(instant now, const frame& f) {
     }
     if (auto* request = std::get_if<remote_at_request>(&f)) {
         if (jobs_.size() >= max_queued || request->parameter.size() > max_payload) {
-            if (request->frame_id) put(remote_at_response{request->frame_id, request->destination, unknown_network, request->command, at_status::tx_failure, {}});
+            if (request->frame_id)
+                put(remote_at_response{request->frame_id,
+                                       request->destination,
+                                       unknown_network,
+                                       request->command,
+                                       at_status::tx_failure,
+                                       {}});
             return;
         }
         job work;
         work.packet.destination = request->destination;
         work.packet.kind = radio_kind::remote_at;
-        work.packet.payload = {std::byte{request->frame_id}, std::byte{request->options}, static_cast<std::byte>(request->command[0]), static_cast<std::byte>(request->command[1])};
+        work.packet.payload = {std::byte{request->frame_id}, std::byte{request->options},
+                               static_cast<std::byte>(request->command[0]),
+                               static_cast<std::byte>(request->command[1])};
         work.packet.payload.insert(work.packet.payload.end(), request->parameter.begin(), request->parameter.end());
         work.frame_id = request->frame_id;
         return enqueue(now, std::move(work));
@@ -209,10 +222,14 @@ modem::answer modem::execute(instant now, at_name name, ise::bytes_view paramete
 }
 
 modem::answer modem::read(instant now, const at_info& info) {
-    if (info.name == at("NI")) return {at_status::ok, {ise::as_bytes(node_identifier_).begin(), ise::as_bytes(node_identifier_).end()}};
+    if (info.name == at("NI"))
+        return {at_status::ok, {ise::as_bytes(node_identifier_).begin(), ise::as_bytes(node_identifier_).end()}};
     std::uint64_t value = registers_[info.name];
-    if (info.name == at("TP")) value = static_cast<std::uint16_t>(static_cast<std::int16_t>(std::lround(std::clamp(temperature_c_, -100.0, 200.0))));
-    if (info.name == at("DC")) value = std::min<std::uint64_t>(100, static_cast<std::uint64_t>(std::lround(duty_percent(now))));
+    if (info.name == at("TP"))
+        value = static_cast<std::uint16_t>(
+            static_cast<std::int16_t>(std::lround(std::clamp(temperature_c_, -100.0, 200.0))));
+    if (info.name == at("DC"))
+        value = std::min<std::uint64_t>(100, static_cast<std::uint64_t>(std::lround(duty_percent(now))));
     if (info.name == at("%V")) value = 3300;
     return {at_status::ok, at_value(value, info.size)};
 }

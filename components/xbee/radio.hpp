@@ -16,8 +16,8 @@ enum class radio_kind : std::uint8_t { data, acknowledgement, remote_at, remote_
 struct radio_packet {
     std::uint64_t source = 0;
     std::uint64_t destination = 0;
-    std::uint64_t network = 0;      ///< the ID parameter
-    std::uint32_t sequence = 0;     ///< the same in every attempt
+    std::uint64_t network = 0;  ///< the ID parameter
+    std::uint32_t sequence = 0; ///< the same in every attempt
     radio_kind kind = radio_kind::data;
     ise::bytes payload;
 };
@@ -31,7 +31,9 @@ struct transmission {
 };
 
 /// (50 + n) bytes at 24 kbit/s, an attempt.
-constexpr instant airtime(std::size_t payload) { return instant((50 + static_cast<std::int64_t>(payload)) * 1'000'000 / 3); }
+constexpr instant airtime(std::size_t payload) {
+    return instant((50 + static_cast<std::int64_t>(payload)) * 1'000'000 / 3);
+}
 inline constexpr instant acknowledgement_airtime{6'666'667};
 
 /// SplitMix64: the same numbers from every compiler.

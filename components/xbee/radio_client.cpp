@@ -7,25 +7,31 @@
 namespace atirma::xbee {
 namespace {
 using namespace std::chrono_literals;
-constexpr instant shortest_pause = 250ms, longest_pause = 60s, frame_gap = 500ms;
+constexpr instant min_pause = 250ms, max_pause = 60s, frame_gap = 500ms;
 constexpr std::size_t max_payload = 100;
 constexpr std::size_t max_at_outstanding = 8;
 constexpr unsigned silent_limit = 3; // requests without an answer before the modem is looked for again
 
-bool turned_away(delivery code) { return code == delivery::cca_failure || code == delivery::purged || code == delivery::resource_error; }
+bool turned_away(delivery code) {
+    return code == delivery::cca_failure || code == delivery::purged || code == delivery::resource_error;
+}
 } // namespace
 
 ise::result<token> radio_client::accept(frame content, instant deadline) {
     if (waiting_.size() >= options_.max_queued)
-        return ise::failure(ise::errc::overloaded, fmt::format("{} requests wait for the modem already", waiting_.size()));
+        return ise::failure(ise::errc::overloaded,
+                            fmt::format("{} requests wait for the modem already", waiting_.size()));
     waiting_.push_back({next_token_, std::move(content), deadline});
     return next_token_++;
 }
 
-ise::result<token> radio_client::send(instant now, std::uint64_t destination, ise::bytes payload, std::uint8_t tx_options, std::optional<instant> timeout) {
+ise::result<token> radio_client::send(instant now, std::uint64_t destination, ise::bytes payload,
+                                      std::uint8_t tx_options, std::optional<instant> timeout) {
     if (payload.size() > max_payload)
-        return ise::failure(ise::errc::too_large, fmt::format("a radio packet of {} bytes; the XBee 868 carries {}", payload.size(), max_payload));
-    auto accepted = accept(transmit_request{0, destination, unknown_network, 0, tx_options, std::move(payload)}, now + timeout.value_or(options_.send_timeout));
+        return ise::failure(ise::errc::too_large, fmt::format("a radio packet of {} bytes; the XBee 868 carries {}",
+                                                              payload.size(), max_payload));
+    auto accepted = accept(transmit_request{0, destination, unknown_network, 0, tx_options, std::move(payload)},
+                           now + timeout.value_or(options_.send_timeout));
     pump(now);
     return accepted;
 }
@@ -37,14 +43,16 @@ ise::result<token> radio_client::local_at(instant now, at_name command, ise::byt
 }
 
 ise::result<token> radio_client::remote_at(instant now, std::uint64_t address, at_name command, ise::bytes parameter) {
-    auto accepted = accept(remote_at_request{0, address, unknown_network, 2, command, std::move(parameter)}, now + options_.remote_at_timeout);
+    auto accepted = accept(remote_at_request{0, address, unknown_network, 2, command, std::move(parameter)},
+                           now + options_.remote_at_timeout);
     pump(now);
     return accepted;
 }
 
 void radio_client::pump(instant now) {
     if (phase_ != phase::ready) return;
-    auto sends = static_cast<std::size_t>(std::count_if(pending_.begin(), pending_.end(), [](auto& p) { return p.second.is_send(); }));
+    auto sends = static_cast<std::size_t>(
+        std::count_if(pending_.begin(), pending_.end(), [](auto& p) { return p.second.is_send(); }));
     auto commands = pending_.size() - sends;
     for (auto r = waiting_.begin(); r != waiting_.end();) { // commands overtake transmissions that have to wait
         bool may = r->is_send() ? sends < options_.window && now >= hold_until_ : commands < max_at_outstanding;
@@ -60,11 +68,14 @@ void radio_client::pump(instant now) {
 }
 
 void radio_client::write_request(instant, request r) {
-    while (next_frame_id_ == 0 || pending_.contains(next_frame_id_)) ++next_frame_id_; // window and limit are far below 255
+    while (next_frame_id_ == 0 || pending_.contains(next_frame_id_))
+        ++next_frame_id_; // window and limit are far below 255
     std::uint8_t id = next_frame_id_++;
-    std::visit([id](auto& f) {
-        if constexpr (requires { f.frame_id; }) f.frame_id = id;
-    }, r.content);
+    std::visit(
+        [id](auto& f) {
+            if constexpr (requires { f.frame_id; }) f.frame_id = id;
+        },
+        r.content);
     auto wire = encode(r.content, mode_);
     output_.insert(output_.end(), wire.begin(), wire.end());
     pending_.emplace(id, std::move(r));
@@ -150,7 +161,9 @@ void radio_client::on_time(instant now) {
         }
         request late = std::move(*r);
         r = waiting_.erase(r);
-        fail(late, false, phase_ == phase::ready ? "not sent in time: the modem holds it back" : "not sent in time: no modem answers");
+        fail(late, false,
+             phase_ == phase::ready ? "not sent in time: the modem holds it back"
+                                    : "not sent in time: no modem answers");
     }
     for (auto p = pending_.begin(); p != pending_.end();) {
         if (p->second.deadline > now) {
@@ -159,10 +172,12 @@ void radio_client::on_time(instant now) {
         }
         request late = std::move(p->second);
         p = pending_.erase(p);
-        if (!std::holds_alternative<remote_at_request>(late.content)) ++silent_requests_; // a far modem may be out of reach
+        if (!std::holds_alternative<remote_at_request>(late.content))
+            ++silent_requests_; // a far modem may be out of reach
         fail(late, true, "the modem gave no answer in time");
     }
-    if (phase_ == phase::ready && silent_requests_ >= silent_limit) find_again(now, "the modem answers no request any more");
+    if (phase_ == phase::ready && silent_requests_ >= silent_limit)
+        find_again(now, "the modem answers no request any more");
     if (phase_due_ <= now) on_phase_time(now);
     pump(now);
 }
@@ -194,7 +209,8 @@ std::optional<client_event> radio_client::take_event() {
 
 void radio_client::tell(client_event event) {
     if (events_.size() >= options_.max_events) { // outcomes are never lost: requests are bounded themselves
-        auto packet = std::find_if(events_.begin(), events_.end(), [](auto& e) { return std::holds_alternative<packet_received>(e); });
+        auto packet = std::find_if(events_.begin(), events_.end(),
+                                   [](auto& e) { return std::holds_alternative<packet_received>(e); });
         if (packet != events_.end()) {
             events_.erase(packet);
             ++counters_.dropped_events;
@@ -209,10 +225,12 @@ void radio_client::on_frame(instant now, const frame& f) {
         auto* answer = std::get_if<at_response>(&f);
         if (answer && answer->command == at("AP") && answer->status == at_status::ok && !answer->value.empty())
             become_ready(now, answer->value.back() == std::byte{2} ? api_mode::escaped : api_mode::plain);
-        else if (auto* got = std::get_if<received_packet>(&f)) tell(packet_received{got->source, (got->options & 2) != 0, got->payload});
+        else if (auto* got = std::get_if<received_packet>(&f))
+            tell(packet_received{got->source, (got->options & 2) != 0, got->payload});
         return;
     }
-    if (auto* got = std::get_if<received_packet>(&f)) return tell(packet_received{got->source, (got->options & 2) != 0, got->payload});
+    if (auto* got = std::get_if<received_packet>(&f))
+        return tell(packet_received{got->source, (got->options & 2) != 0, got->payload});
     if (auto* status = std::get_if<transmit_status>(&f)) return settle(now, status->frame_id, f);
     if (auto* answer = std::get_if<at_response>(&f)) return settle(now, answer->frame_id, f);
     if (auto* answer = std::get_if<remote_at_response>(&f)) return settle(now, answer->frame_id, f);
@@ -227,10 +245,12 @@ void radio_client::settle(instant now, std::uint8_t frame_id, const frame& answe
     auto* status = std::get_if<transmit_status>(&answer);
     auto* local = std::get_if<at_response>(&answer);
     auto* remote = std::get_if<remote_at_response>(&answer);
-    bool fits = found != pending_.end() &&
-                ((status && found->second.is_send()) ||
-                 (local && std::holds_alternative<at_request>(found->second.content) && std::get<at_request>(found->second.content).command == local->command) ||
-                 (remote && std::holds_alternative<remote_at_request>(found->second.content) && std::get<remote_at_request>(found->second.content).command == remote->command));
+    bool fits =
+        found != pending_.end() && ((status && found->second.is_send()) ||
+                                    (local && std::holds_alternative<at_request>(found->second.content) &&
+                                     std::get<at_request>(found->second.content).command == local->command) ||
+                                    (remote && std::holds_alternative<remote_at_request>(found->second.content) &&
+                                     std::get<remote_at_request>(found->second.content).command == remote->command));
     if (!fits) {
         ++counters_.unmatched; // an answer that came after its time was up
         return;
@@ -238,14 +258,22 @@ void radio_client::settle(instant now, std::uint8_t frame_id, const frame& answe
     request r = std::move(found->second);
     pending_.erase(found);
     if (local) return tell(at_outcome{r.id, local->command, 0, local->status, local->value, {}});
-    if (remote) return tell(at_outcome{r.id, remote->command, std::get<remote_at_request>(r.content).destination, remote->status, remote->value, {}});
+    if (remote)
+        return tell(at_outcome{r.id,
+                               remote->command,
+                               std::get<remote_at_request>(r.content).destination,
+                               remote->status,
+                               remote->value,
+                               {}});
 
     if (turned_away(status->outcome)) {
         ++counters_.delayed;
-        if (now >= hold_until_) pause_ = std::min(longest_pause, std::max(shortest_pause, 2 * pause_)); // once for a whole window
+        if (now >= hold_until_)
+            pause_ = std::min(max_pause, std::max(min_pause, 2 * pause_)); // once for a whole window
         hold_until_ = now + pause_;
         if (hold_until_ < r.deadline && waiting_.size() < options_.max_queued + options_.window) {
-            auto place = std::find_if(waiting_.begin(), waiting_.end(), [&](auto& w) { return w.id > r.id; }); // order of asking
+            auto place =
+                std::find_if(waiting_.begin(), waiting_.end(), [&](auto& w) { return w.id > r.id; }); // order of asking
             waiting_.insert(place, std::move(r));
             return;
         }
@@ -258,9 +286,12 @@ void radio_client::settle(instant now, std::uint8_t frame_id, const frame& answe
     out.delivered = status->outcome == delivery::success;
     out.code = status->outcome;
     out.retries = status->retries;
-    bool maybe = status->outcome == delivery::no_ack || status->outcome == delivery::network_ack_failure; // perhaps only the ACK was lost
+    bool maybe = status->outcome == delivery::no_ack ||
+                 status->outcome == delivery::network_ack_failure; // perhaps only the ACK was lost
     out.executed = out.delivered || maybe ? ise::execution::unknown : ise::execution::not_executed;
-    if (!out.delivered) out.reason = fmt::format("the modem reports {} ({:02X}) after {} retries", name_of(status->outcome), static_cast<unsigned>(status->outcome), status->retries);
+    if (!out.delivered)
+        out.reason = fmt::format("the modem reports {} ({:02X}) after {} retries", name_of(status->outcome),
+                                 static_cast<unsigned>(status->outcome), status->retries);
     tell(std::move(out));
 }
 

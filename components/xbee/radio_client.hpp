@@ -14,13 +14,13 @@ namespace atirma::xbee {
 using token = std::uint64_t;
 
 struct client_options {
-    std::size_t window = 4;                               ///< transmissions that the modem holds at a time
-    std::size_t max_queued = 64;                          ///< requests that wait for the modem; above: overloaded
-    std::size_t max_events = 1024;                        ///< events that nobody takes; above: the oldest received packet goes
+    std::size_t window = 4;        ///< transmissions that the modem holds at a time
+    std::size_t max_queued = 64;   ///< requests that wait for the modem; above: overloaded
+    std::size_t max_events = 1024; ///< events that nobody takes; above: the oldest received packet goes
     instant send_timeout = std::chrono::seconds(60);
     instant at_timeout = std::chrono::seconds(2);
     instant remote_at_timeout = std::chrono::seconds(15);
-    bool wake_transparent = true;                         ///< a modem that answers no frame is asked by +++ and set to AP=1
+    bool wake_transparent = true; ///< a modem that answers no frame is asked by +++ and set to AP=1
 };
 
 /// The modem answers; requests that waited are on their way.
@@ -35,16 +35,16 @@ struct radio_silent {
 struct send_outcome {
     token id = 0;
     bool delivered = false;
-    std::optional<delivery> code;   ///< the modem's own word; nothing if it gave none in time
+    std::optional<delivery> code; ///< the modem's own word; nothing if it gave none in time
     std::uint8_t retries = 0;
     ise::execution executed = ise::execution::not_executed;
-    std::string reason;             ///< for people; empty where delivered
+    std::string reason; ///< for people; empty where delivered
 };
 /// The answer to an AT command. Where `status` is empty none came in time, `reason` says so.
 struct at_outcome {
     token id = 0;
     at_name command{};
-    std::uint64_t address = 0;      ///< of the remote modem; 0 for the local one
+    std::uint64_t address = 0; ///< of the remote modem; 0 for the local one
     std::optional<at_status> status;
     ise::bytes value;
     std::string reason;
@@ -58,7 +58,8 @@ struct packet_received {
 struct modem_restarted {
     std::uint8_t status = 0;
 };
-using client_event = std::variant<radio_ready, radio_silent, send_outcome, at_outcome, packet_received, modem_restarted>;
+using client_event =
+    std::variant<radio_ready, radio_silent, send_outcome, at_outcome, packet_received, modem_restarted>;
 
 struct client_counters {
     std::uint64_t frames = 0, refused_frames = 0, skipped_bytes = 0, unmatched = 0, dropped_events = 0, delayed = 0;
@@ -72,9 +73,9 @@ struct client_counters {
 ///     while (auto e = client.take_event()) …   // after every call, too
 ///     client.stop(now, "the port vanished");   // then start() again with the next port
 ///
-/// Finds out by itself whether the modem speaks AP=1 or AP=2. Each accepted request ends in exactly one outcome event. A
-/// transmission that the modem turned away for its duty cycle, a busy channel or lack of memory was certainly not sent: it
-/// is tried again after a growing pause until its time is up. Not thread safe.
+/// Finds out by itself whether the modem speaks AP=1 or AP=2. Each accepted request ends in exactly one outcome event.
+/// A transmission that the modem turned away for its duty cycle, a busy channel or lack of memory was certainly not
+/// sent: it is tried again after a growing pause until its time is up. Not thread safe.
 class radio_client {
 public:
     explicit radio_client(client_options options = {}) : options_(options) {}
@@ -85,7 +86,8 @@ public:
 
     /// Payloads above 100 bytes are refused here (too_large), a full queue is `overloaded`. May be called before the
     /// modem is ready, and while stopped: the request waits.
-    ise::result<token> send(instant now, std::uint64_t destination, ise::bytes payload, std::uint8_t tx_options = 0, std::optional<instant> timeout = {});
+    ise::result<token> send(instant now, std::uint64_t destination, ise::bytes payload, std::uint8_t tx_options = 0,
+                            std::optional<instant> timeout = {});
     ise::result<token> local_at(instant now, at_name command, ise::bytes parameter = {});
     ise::result<token> remote_at(instant now, std::uint64_t address, at_name command, ise::bytes parameter = {});
 
@@ -107,7 +109,7 @@ private:
     enum class phase : std::uint8_t { stopped, asking, quiet, plus, setting, leaving, ready };
     struct request {
         token id = 0;
-        frame content;              ///< its frame id is put in when it is written
+        frame content; ///< its frame id is put in when it is written
         instant deadline{};
         bool is_send() const { return std::holds_alternative<transmit_request>(content); }
     };

@@ -4,7 +4,8 @@
 namespace atirma::xbee {
 namespace {
 using namespace std::chrono_literals;
-// Neither this frame nor its answer has a byte that AP=2 escapes: modems of both modes understand it, and it both of them.
+// Neither this frame nor its answer has a byte that AP=2 escapes: modems of both modes understand it, and it both of
+// them.
 constexpr std::uint8_t question_id = 0x52;
 constexpr unsigned questions = 3;
 constexpr instant answer_time = 1s, guard_time = 1200ms, plus_time = 2500ms;
@@ -40,7 +41,8 @@ void radio_client::ask(instant now) {
 }
 
 void radio_client::become_ready(instant now, api_mode mode) {
-    // What the decoder holds behind the answer was sent in the mode that the answer names; it is at most a part of a frame.
+    // What the decoder holds behind the answer was sent in the mode that the answer names; it is at most a part of a
+    // frame.
     mode_ = mode;
     if (decoder_.mode() != mode) decoder_.reset(mode);
     phase_ = phase::ready;
@@ -84,9 +86,7 @@ void radio_client::on_phase_time(instant now) {
             return;
         case phase::plus:
         case phase::setting:
-        case phase::leaving:
-            asked_ = 0;
-            return ask(now);
+        case phase::leaving: asked_ = 0; return ask(now);
     }
 }
 

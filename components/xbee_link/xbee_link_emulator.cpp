@@ -11,7 +11,8 @@
 namespace atirma {
 namespace {
 using namespace std::chrono_literals;
-constexpr std::size_t max_unwritten_bytes = 64 * 1024; // nobody reads the port: a modem without flow control loses bytes, too
+constexpr std::size_t max_unwritten_bytes =
+    64 * 1024; // nobody reads the port: a modem without flow control loses bytes, too
 constexpr ise::duration write_again = 20ms;
 constexpr std::size_t shore = 0, boat = 1;
 constexpr double full_power_dbm = 25;
@@ -26,7 +27,8 @@ struct xbee_link_emulator::side {
     std::array<std::byte, 1024> buffer{};
 };
 
-xbee_link_emulator::xbee_link_emulator(xbee_link_options options) : options_(std::move(options)), loss_given_(options_.extra_loss) {}
+xbee_link_emulator::xbee_link_emulator(xbee_link_options options)
+    : options_(std::move(options)), loss_given_(options_.extra_loss) {}
 xbee_link_emulator::~xbee_link_emulator() = default;
 
 void xbee_link_emulator::change(const xbee_link_options& now) {
@@ -38,7 +40,8 @@ void xbee_link_emulator::change(const xbee_link_options& now) {
 
 ise::task<> xbee_link_emulator::run() {
     if (!(options_.speedup >= 0.1 && options_.speedup <= 1000))
-        throw ise::error(ise::errc::invalid_argument, fmt::format("the speedup is 0.1 to 1000, not {:g}", options_.speedup));
+        throw ise::error(ise::errc::invalid_argument,
+                         fmt::format("the speedup is 0.1 to 1000, not {:g}", options_.speedup));
     started_ = now();
     distance_m_ = options_.distance_m;
     xbee::ether_options air;
@@ -77,7 +80,8 @@ ise::task<> xbee_link_emulator::serve(std::size_t which) {
         } else {
             auto made = env().open_pseudo_terminal(on(), s.options.port);
             s.line = std::move(made.value().far_end);
-            log().info("a modem is ready", {{"port", made->device}, {"address", fmt::format("{:016X}", s.options.address)}});
+            log().info("a modem is ready",
+                       {{"port", made->device}, {"address", fmt::format("{:016X}", s.options.address)}});
         }
         co_await read(which);
         // Who had opened it closed it: another pseudo-terminal under the same name, without what he left behind.
@@ -127,7 +131,8 @@ void xbee_link_emulator::move_boat(double latitude_deg, double longitude_deg) {
     constexpr double metres_per_degree = 111'195, radians_per_degree = 0.017453292519943295;
     const auto& home = options_.shore_position;
     xbee::place to;
-    to.x_m = (longitude_deg - home.longitude_deg) * metres_per_degree * std::cos(home.latitude_deg * radians_per_degree);
+    to.x_m =
+        (longitude_deg - home.longitude_deg) * metres_per_degree * std::cos(home.latitude_deg * radians_per_degree);
     to.y_m = (latitude_deg - home.latitude_deg) * metres_per_degree;
     if (!std::isfinite(to.x_m) || !std::isfinite(to.y_m)) return;
     distance_m_ = std::hypot(to.x_m, to.y_m);
@@ -140,14 +145,17 @@ void xbee_link_emulator::turn() {
     auto next = ise::time_point::max();
     for (auto& s : sides_) {
         auto more = s->device.take_serial();
-        if (s->unwritten.size() + more.size() <= max_unwritten_bytes) s->unwritten.insert(s->unwritten.end(), more.begin(), more.end());
+        if (s->unwritten.size() + more.size() <= max_unwritten_bytes)
+            s->unwritten.insert(s->unwritten.end(), more.begin(), more.end());
         write(*s);
         if (!s->unwritten.empty()) next = std::min(next, ise::saturating_add(now(), write_again));
     }
     if (auto event = air_->next_event(); event != xbee::never) {
         auto after_s = std::chrono::duration<double>(event - model_now()).count() / options_.speedup;
         // Rounded up: just before the event there is nothing to do, again and again.
-        auto after = std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(std::clamp(after_s, 0.0, 3600.0))) + 10us;
+        auto after =
+            std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(std::clamp(after_s, 0.0, 3600.0))) +
+            10us;
         next = std::min(next, ise::saturating_add(now(), after));
     }
     if (next == ise::time_point::max()) due_->disarm();
@@ -171,7 +179,8 @@ xbee_air xbee_link_emulator::control(const xbee_air_request& request) {
     if (request.extra_loss && !(*request.extra_loss >= 0 && *request.extra_loss <= 1))
         throw ise::error(ise::errc::refused, fmt::format("extra_loss is 0 to 1, not {:g}", *request.extra_loss));
     if (request.shore_temperature_c && !(*request.shore_temperature_c >= -40 && *request.shore_temperature_c <= 125))
-        throw ise::error(ise::errc::refused, fmt::format("a temperature is -40 to 125 °C, not {:g}", *request.shore_temperature_c));
+        throw ise::error(ise::errc::refused,
+                         fmt::format("a temperature is -40 to 125 °C, not {:g}", *request.shore_temperature_c));
     options_.up = request.up.value_or(options_.up);
     options_.extra_loss = request.extra_loss.value_or(options_.extra_loss);
     air_->set_extra_loss(options_.up ? options_.extra_loss : 1);

@@ -23,17 +23,17 @@ struct xbee_link_options {
     };
     end shore{"/tmp/xbee-shore", 0x0013A20040000001, 1, {}};
     end boat{"/tmp/xbee-boat", 0x0013A20040000002, 2, {}};
-    waypoint shore_position{28.1580, -15.4408};  ///< on land: the shore of La Isleta, above the bay of El Confital
-    std::string boat_path;                       ///< whose `ground_truth` tells where the boat is; empty: `distance_m`
-    double distance_m = 300;                     ///< until the boat's position is known
-    double speedup = 1;                          ///< of the air's model time: airtime, retries, duty cycle
+    waypoint shore_position{28.1580, -15.4408}; ///< on land: the shore of La Isleta, above the bay of El Confital
+    std::string boat_path;                      ///< whose `ground_truth` tells where the boat is; empty: `distance_m`
+    double distance_m = 300;                    ///< until the boat's position is known
+    double speedup = 1;                         ///< of the air's model time: airtime, retries, duty cycle
     double extra_loss = 0;
     bool up = true;
     std::uint64_t seed = 1;
 };
 
-/// Two emulated XBee 868 Pro and the air between them. Programs open the modems' ports as they would open real ones, may
-/// close them, and open them again. Services: `air`, `air_control` (services.hpp).
+/// Two emulated XBee 868 Pro and the air between them. Programs open the modems' ports as they would open real ones,
+/// may close them, and open them again. Services: `air`, `air_control` (services.hpp).
 class xbee_link_emulator final : public ise::component {
 public:
     explicit xbee_link_emulator(xbee_link_options options = xbee_link_options());

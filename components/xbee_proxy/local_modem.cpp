@@ -35,10 +35,11 @@ const xbee::at_info& parameter_named(const std::string& name) {
     if (info) return *info;
     std::string known;
     for (const auto& n : names) known += fmt::format("{}{}", known.empty() ? "" : ", ", n.name);
-    auto wrong = name.empty() ? std::string("no parameter is named") : fmt::format("the modem has no parameter '{}'", name);
+    auto wrong =
+        name.empty() ? std::string("no parameter is named") : fmt::format("the modem has no parameter '{}'", name);
     throw ise::error(ise::errc::refused,
-                     fmt::format("{}; there are {}, and the AT commands by their two letters: {{\"name\":\"{}\"}}", wrong,
-                                 known, names.front().name));
+                     fmt::format("{}; there are {}, and the AT commands by their two letters: {{\"name\":\"{}\"}}",
+                                 wrong, known, names.front().name));
 }
 
 std::int64_t shown(at_name command, ise::bytes_view value) {
@@ -107,19 +108,24 @@ ise::task<xbee_param> local_modem::parameter(xbee_param_request request) {
     ise::bytes argument;
     if (request.value) {
         if (info.access != xbee::at_access::read_write || info.size == 0)
-            throw ise::error(ise::errc::refused, fmt::format("{} ({}) cannot be set", xbee::text(info.name), info.meaning));
+            throw ise::error(ise::errc::refused,
+                             fmt::format("{} ({}) cannot be set", xbee::text(info.name), info.meaning));
         if (info.name == at("AP") || info.name == at("BD"))
-            throw ise::error(ise::errc::refused, fmt::format("{} ({}) would cut off the proxy itself", xbee::text(info.name), info.meaning));
+            throw ise::error(ise::errc::refused, fmt::format("{} ({}) would cut off the proxy itself",
+                                                             xbee::text(info.name), info.meaning));
         if (*request.value < info.minimum || *request.value > info.maximum)
-            throw ise::error(ise::errc::refused, fmt::format("{} ({}) is {} to {}, not {}", xbee::text(info.name), info.meaning, info.minimum, info.maximum, *request.value));
+            throw ise::error(ise::errc::refused, fmt::format("{} ({}) is {} to {}, not {}", xbee::text(info.name),
+                                                             info.meaning, info.minimum, info.maximum, *request.value));
         argument = xbee::at_value(*request.value, info.size);
     } else if (info.access == xbee::at_access::action) {
-        throw ise::error(ise::errc::refused, fmt::format("{} ({}) is not a parameter", xbee::text(info.name), info.meaning));
+        throw ise::error(ise::errc::refused,
+                         fmt::format("{} ({}) is not a parameter", xbee::text(info.name), info.meaning));
     }
     auto check = [&](const xbee::at_outcome& answer) {
         if (!answer.status) throw ise::error(ise::errc::handler_failed, answer.reason, ise::execution::unknown);
         if (*answer.status != xbee::at_status::ok)
-            throw ise::error(ise::errc::refused, fmt::format("the modem answers {} with {}", xbee::text(info.name), xbee::name_of(*answer.status)));
+            throw ise::error(ise::errc::refused, fmt::format("the modem answers {} with {}", xbee::text(info.name),
+                                                             xbee::name_of(*answer.status)));
     };
     if (!argument.empty()) {
         auto set = co_await ask(info.name, argument);

@@ -10,8 +10,8 @@
 
 namespace atirma {
 
-/// The parameters of the local modem: asks for those that `xb_local` publishes, and reads or sets one by name. Used on its
-/// port's loop.
+/// The parameters of the local modem: asks for those that `xb_local` publishes, and reads or sets one by name. Used on
+/// its port's loop.
 class local_modem {
 public:
     local_modem(ise::loop& on, xbee::modem_port& port) : loop_(on), port_(port) {}

@@ -4,7 +4,7 @@
 #include <components/boat/find_component.hpp>
 #include <components/boat/receipt.hpp>
 #include <components/boat/remote_telemetry_store.hpp>
-#include <components/boat/telecommand_desk.hpp>
+#include <components/boat/telecommand_service.hpp>
 
 #include <ise/core/task_scope.hpp>
 #include <ise/core/waiter.hpp>
@@ -22,9 +22,9 @@ using namespace std::chrono_literals;
 constexpr std::size_t max_unheard = 4096; // an hour of telemetry
 constexpr std::size_t max_unkept = 8192;  // what a boat keeps at most
 constexpr std::size_t max_receipts = 8192;
-constexpr ise::duration receipt_time = 4s;    // to be sent in; then the boat has sent the packets again
-constexpr ise::duration boat_is_near = 30s;   // since it was heard; receipts would be sent into the void
-constexpr ise::duration shortest_keep_pause = 250ms, longest_keep_pause = 10s;
+constexpr ise::duration receipt_time = 4s;  // to be sent in; then the boat has sent the packets again
+constexpr ise::duration boat_is_near = 30s; // since it was heard; receipts would be sent into the void
+constexpr ise::duration min_keep_pause = 250ms, max_keep_pause = 10s;
 } // namespace
 
 struct xbee_proxy::radio {
@@ -45,15 +45,15 @@ struct xbee_proxy::radio {
 
     xbee::modem_port port;
     local_modem modem;
-    telecommand_desk desk;
+    telecommand_service desk;
     ise::timer hand_on_soon;
     std::deque<telemetry_packet> unheard; // oldest first
     bool full = false;
     duplicate_filter seen;
     bool stored;
-    std::deque<telemetry_packet> unkept;            // for the store, oldest first
-    std::set<packet_name> unsafe;                   // the names of these
-    std::set<packet_name> receipts;                 // to be given
+    std::deque<telemetry_packet> unkept; // for the store, oldest first
+    std::set<packet_name> unsafe;        // the names of these
+    std::set<packet_name> receipts;      // to be given
     ise::waiter<std::error_code> more;
     std::string store_trouble;
     ise::time_point heard_at{};
@@ -92,7 +92,7 @@ ise::task<> xbee_proxy::keep() {
     auto& r = *radio_;
     require(services::telemetry_store);
     remote_telemetry_store store(find_component(*this, options_.store_at));
-    auto pause = shortest_keep_pause;
+    auto pause = min_keep_pause;
     for (;;) {
         if (r.unkept.empty()) co_await r.more.wait(); // throws what it was resumed with
         auto many = std::min(r.unkept.size(), keep_request::max_packets);
@@ -110,10 +110,10 @@ ise::task<> xbee_proxy::keep() {
         r.store_trouble = trouble;
         if (!trouble.empty()) {
             co_await sleep(pause);
-            pause = std::min(2 * pause, longest_keep_pause);
+            pause = std::min(2 * pause, max_keep_pause);
             continue;
         }
-        pause = shortest_keep_pause;
+        pause = min_keep_pause;
         for (const auto& packet : packets) {
             packet_name name(packet.boot, packet.sequence);
             r.unsafe.erase(name);

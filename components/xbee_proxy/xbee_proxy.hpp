@@ -12,12 +12,13 @@ namespace atirma {
 
 struct xbee_proxy_options {
     xbee::port_options port;
-    std::uint64_t boat_address = 0x0013A20040000002; ///< of the boat's modem; 0: whoever is heard last
-    ise::duration local_period = std::chrono::seconds(2); ///< of xb_local
-    ise::duration send_time = std::chrono::seconds(30);   ///< that one attempt may take; then it is tried again
+    std::uint64_t boat_address = 0x0013A20040000002;        ///< of the boat's modem; 0: whoever is heard last
+    ise::duration local_period = std::chrono::seconds(2);   ///< of xb_local
+    ise::duration send_time = std::chrono::seconds(30);     ///< that one attempt may take; then it is tried again
     ise::duration receipt_period = std::chrono::seconds(5); ///< of receipts for telemetry that is safe
     book_options book;
-    /// Path or role of the store that keeps telemetry before the boat gets a receipt: `atirma/communication`; empty: no receipts.
+    /// Path or role of the store that keeps telemetry before the boat gets a receipt: `atirma/communication`; empty: no
+    /// receipts.
     std::string store_at;
 };
 

@@ -36,18 +36,21 @@ TEST_CASE("the shore sees every loss of a boat that is cut off and then crashes"
     std::vector<std::optional<std::uint64_t>> gaps;
     ise::component_options asks_only;
     asks_only.listens = false;
-    ashore.start("shore", [&](ise::component& self) -> ise::task<> {
-        auto boat = self.at(ise::endpoint::parse("tcp://boat:7000").value());
-        set_mode hold{"hold"};
-        co_await boat.call(helm, hold, 5s);
-        auto lines = co_await boat.subscribe(logbook, ise::subscribe_options::last(4));
-        for (;;) {
-            auto line = co_await lines.next();
-            if (!line) break;
-            seen.push_back(*line);
-            if (line.lost_before() != 0) gaps.push_back(line.lost_before());
-        }
-    }, asks_only);
+    ashore.start(
+        "shore",
+        [&](ise::component& self) -> ise::task<> {
+            auto boat = self.at(ise::endpoint::parse("tcp://boat:7000").value());
+            set_mode hold{"hold"};
+            co_await boat.call(helm, hold, 5s);
+            auto lines = co_await boat.subscribe(logbook, ise::subscribe_options::last(4));
+            for (;;) {
+                auto line = co_await lines.next();
+                if (!line) break;
+                seen.push_back(*line);
+                if (line.lost_before() != 0) gaps.push_back(line.lost_before());
+            }
+        },
+        asks_only);
 
     REQUIRE(world.run_until([&] { return seen.size() == 3; }, 1min)); // virtual time
     CHECK(gaps.empty());
@@ -58,12 +61,12 @@ TEST_CASE("the shore sees every loss of a boat that is cut off and then crashes"
     world.net().heal("boat", "shore");
     REQUIRE(world.run_until([&] { return gaps.size() == 1; }, 1min));
     const auto missing = gaps.front().value();
-    CHECK(missing > 10);            // it kept the last four of twenty seconds
+    CHECK(missing > 10);                                  // it kept the last four of twenty seconds
     CHECK(seen.back().mile == seen.size() + missing - 1); // and told exactly how many are gone
 
-    afloat.restart();               // a new process: the boat is moored again, at mile 0
+    afloat.restart(); // a new process: the boat is moored again, at mile 0
     REQUIRE(world.run_until([&] { return gaps.size() == 2; }, 1min));
-    CHECK(!gaps.back());             // nobody knows how many: it is empty
+    CHECK(!gaps.back()); // nobody knows how many: it is empty
     CHECK(seen.back().mode == "moored");
 
     ashore.stop();

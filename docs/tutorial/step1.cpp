@@ -17,8 +17,8 @@ class boat : public ise::component {
 int main() {
     ise::real_environment env;
     ise::node_options options;
-    options.use_names = false;              // nobody has to find it yet
+    options.use_names = false; // nobody has to find it yet
     ise::node node(env, options);
     node.start<boat>("tutorial/boat");
-    return ise::run_until_signal(node);     // until Ctrl-C, or until every component has stopped
+    return ise::run_until_signal(node); // until Ctrl-C, or until every component has stopped
 }

@@ -39,8 +39,8 @@ class shore : public ise::component {
 
 int main() {
     ise::real_environment env;
-    ise::node boats(env), people(env);      // a node finds the name server by ISE_NAME_SERVER
+    ise::node boats(env), people(env); // a node finds the name server by ISE_NAME_SERVER
     boats.start<boat>("tutorial/boat");
     people.start<shore>("tutorial/shore");
-    return ise::run_until_signal(people);   // the shore ends by itself; the boat with its node
+    return ise::run_until_signal(people); // the shore ends by itself; the boat with its node
 }

@@ -29,21 +29,23 @@ class shore : public ise::component {
     ise::task<> run() override {
         auto boat = co_await find("tutorial/boat");
         ise::subscribe_options wanted;
-        wanted.last_value = false;          // only what is published from now on
+        wanted.last_value = false; // only what is published from now on
         auto fixes = co_await boat.subscribe(position, wanted);
         double before = 0;
         for (int seen = 0; seen < 3; ++seen) {
             auto packet = co_await fixes.next();
-            if (!packet) {                  // the boat has withdrawn the service, say
+            if (!packet) { // the boat has withdrawn the service, say
                 fmt::print("it ended: {}\n", fixes.cause().message());
                 break;
             }
             auto lost = packet.lost_before(); // empty where nobody knows: the boat restarted
-            if (before != 0) fmt::print("{:.2f} degrees north, {} lost\n", packet->latitude_deg - before, lost ? std::to_string(*lost) : "unknown");
+            if (before != 0)
+                fmt::print("{:.2f} degrees north, {} lost\n", packet->latitude_deg - before,
+                           lost ? std::to_string(*lost) : "unknown");
             before = packet->latitude_deg;
         }
         fmt::print("received {}\n", fixes.counts().received);
-        stop();                             // leaving the scope unsubscribes
+        stop(); // leaving the scope unsubscribes
     }
 };
 

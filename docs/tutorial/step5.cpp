@@ -8,7 +8,7 @@ using namespace std::chrono_literals;
 
 class shore : public ise::component {
     ise::task<> run() override {
-        auto boat = at("tutorial/boat");    // there or not: calls wait for it within their deadline
+        auto boat = at("tutorial/boat"); // there or not: calls wait for it within their deadline
         set_mode hold{"hold"};
         auto reply = co_await boat.call(helm, hold, 10s);
         fmt::print("hold: {}\n", reply.accepted ? "accepted" : reply.reason);

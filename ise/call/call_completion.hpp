@@ -11,7 +11,8 @@ struct call_outcome {
     incoming_packet* response = nullptr;
 };
 
-/// Called once with the outcome, which it decodes; what it gives back completes the call, on its loop or wherever the caller is.
+/// Called once with the outcome, which it decodes; what it gives back completes the call, on its loop or wherever the
+/// caller is.
 using call_completion = unique_function<loop::ready_function(const call_outcome&)>;
 
 } // namespace ise

@@ -12,7 +12,8 @@
 namespace ise {
 
 call_worker::call_worker(call_service& service, service_runtime& runtime)
-    : service_(service), runtime_(runtime), wake_(runtime.on(), nullptr), deadline_(runtime.on(), [this] { expire(); }) {}
+    : service_(service), runtime_(runtime), wake_(runtime.on(), nullptr),
+      deadline_(runtime.on(), [this] { expire(); }) {}
 
 task<bool> call_worker::next() {
     return asio::async_initiate<const asio::use_awaitable_t<>, void(bool)>(
@@ -81,7 +82,8 @@ void call_worker::answer(const failure& why) {
 }
 
 call_service::call_service(service_runtime& runtime, std::string name, const packet_types& types, serve_options options)
-    : runtime_(runtime), name_(std::move(name)), types_(types), options_(options), waiting_(std::make_unique<waiting_calls>()) {}
+    : runtime_(runtime), name_(std::move(name)), types_(types), options_(options),
+      waiting_(std::make_unique<waiting_calls>()) {}
 
 call_service::~call_service() = default;
 
@@ -119,12 +121,17 @@ void call_service::serve(call_origin& from, incoming_call call, incoming_packet 
     if (options_.concurrent == 1 && !workers_.empty()) workers_.front()->note_waiting(from);
     waiting_->push(waiting_call{std::move(call), request.keep(), measured ? began : runtime_.env().now()});
     while (auto beyond = waiting_->overflow(options_.waiting, options_.waiting_bytes))
-        refuse_overloaded(*beyond->call.from, beyond->call, failure(errc::overloaded, fmt::format("'{}' has {} requests of {} bytes waiting (waiting, waiting_bytes)", name_, waiting_->size(), waiting_->bytes_held())));
+        refuse_overloaded(
+            *beyond->call.from, beyond->call,
+            failure(errc::overloaded, fmt::format("'{}' has {} requests of {} bytes waiting (waiting, waiting_bytes)",
+                                                  name_, waiting_->size(), waiting_->bytes_held())));
     if (more_workers) add_worker();
 }
 
 void call_service::tell_failure(const call_origin& from, const failure& why) {
-    if (why.code() == errc::handler_failed) runtime_.tell(peer_trouble::handler, fmt::format("a handler of '{}' failed: {}", name_, why.message()), from.caller_name());
+    if (why.code() == errc::handler_failed)
+        runtime_.tell(peer_trouble::handler, fmt::format("a handler of '{}' failed: {}", name_, why.message()),
+                      from.caller_name());
 }
 
 bool call_service::refuse_late(call_origin& to, const incoming_call& call) {
@@ -144,7 +151,8 @@ void call_service::refuse_overloaded(call_origin& to, const incoming_call& call,
 bool call_service::may_begin(const call_origin& from) const {
     auto most = options_.concurrent < 4 ? options_.concurrent : options_.concurrent - options_.concurrent / 4;
     if (running() < most) return true;
-    auto theirs = std::ranges::count_if(workers_, [&](const auto& worker) { return worker->call_.from.get() == &from; });
+    auto theirs =
+        std::ranges::count_if(workers_, [&](const auto& worker) { return worker->call_.from.get() == &from; });
     return static_cast<std::size_t>(theirs) < most;
 }
 
@@ -176,10 +184,12 @@ void call_service::add_worker() {
         co_await who.run();
     };
     auto executor = with_context(runtime_.on().get_executor(), &worker.context_);
-    worker.cancel_ = runtime_.scope().spawn("handler of " + name_, body(shared_from_this(), worker), std::move(executor));
+    worker.cancel_ =
+        runtime_.scope().spawn("handler of " + name_, body(shared_from_this(), worker), std::move(executor));
     if (worker.cancel_) return;
     workers_.pop_back();
-    for (auto& entry : waiting_->take_all()) entry.call.from->refuse(entry.call.id, failure(errc::cancelled, "the component stops"));
+    for (auto& entry : waiting_->take_all())
+        entry.call.from->refuse(entry.call.id, failure(errc::cancelled, "the component stops"));
 }
 
 void call_service::idle(call_worker& worker) {
@@ -221,12 +231,17 @@ void call_service::withdraw(const call_origin& from, std::uint64_t id) {
 
 void call_service::stop() {
     stopped_ = true;
-    for (auto& entry : waiting_->take_all()) entry.call.from->refuse(entry.call.id, failure(errc::cancelled, fmt::format("'{}' is not provided any more", name_)));
+    for (auto& entry : waiting_->take_all())
+        entry.call.from->refuse(entry.call.id,
+                                failure(errc::cancelled, fmt::format("'{}' is not provided any more", name_)));
     for (auto* worker : std::exchange(idle_, {})) worker->wake_.resume(false);
     // Those who wait for a handler that runs are told now, before the sessions say goodbye.
     for (auto& worker : workers_) {
         worker->deadline_.disarm();
-        if (std::exchange(worker->wanted_, false)) worker->call_.from->refuse(worker->call_.id, failure(errc::cancelled, fmt::format("'{}' was stopped while it ran", name_), execution::unknown));
+        if (std::exchange(worker->wanted_, false))
+            worker->call_.from->refuse(
+                worker->call_.id,
+                failure(errc::cancelled, fmt::format("'{}' was stopped while it ran", name_), execution::unknown));
         worker->give_up();
     }
 }

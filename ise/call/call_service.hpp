@@ -35,8 +35,8 @@ protected:
     /// Takes a request for the next turn; may throw.
     virtual void load(incoming_packet& request) = 0;
 
-    /// Waits for the next call; false: no more will come. Only the service ends this wait: to hear of a cancellation costs
-    /// memory, at each call.
+    /// Waits for the next call; false: no more will come. Only the service ends this wait: to hear of a cancellation
+    /// costs memory, at each call.
     task<bool> next();
     /// Whether somebody still waits for it and it is not too late to begin; else it is over.
     bool may_begin();
@@ -55,8 +55,8 @@ private:
     waiter<bool> wake_;
     asio::cancellation_signal* cancel_ = nullptr; // of its coroutine
     timer deadline_;
-    incoming_call call_; // context_ borrows the name of who called
-    bool wanted_ = false; // somebody waits for the answer
+    incoming_call call_;                   // context_ borrows the name of who called
+    bool wanted_ = false;                  // somebody waits for the answer
     time_point began_ = time_point::max(); // max: it is not measured
     call_context context_;
     std::string waiting_; // context_ borrows it
@@ -65,8 +65,10 @@ private:
 
 /// How a service is served.
 struct serve_options {
-    std::size_t concurrent = 256; ///< handlers at once; more wait. 1: exclusive. From 4 on, one session has three quarters at most
-    std::size_t waiting = 1024;   ///< requests that may wait; beyond, the session that has most of them is refused as overloaded
+    std::size_t concurrent =
+        256; ///< handlers at once; more wait. 1: exclusive. From 4 on, one session has three quarters at most
+    std::size_t waiting =
+        1024; ///< requests that may wait; beyond, the session that has most of them is refused as overloaded
     std::size_t waiting_bytes = std::size_t{64} << 20; ///< of these requests together; the same
 };
 

@@ -68,7 +68,8 @@ const call_context* context_of(const asio::any_io_executor& on) noexcept {
 
 std::string suspected_cycle(const call_context& context) {
     if (context.waiting.empty()) return {};
-    return fmt::format("; '{}' runs one request at a time (provide_exclusive), and one from {} came meanwhile and waits for it: if its handler waits for that caller, this is a cycle",
+    return fmt::format("; '{}' runs one request at a time (provide_exclusive), and one from {} came meanwhile and "
+                       "waits for it: if its handler waits for that caller, this is a cycle",
                        context.service, context.waiting);
 }
 

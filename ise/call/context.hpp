@@ -18,11 +18,12 @@ struct trace_id {
 /// Information about the call that a handler answers. Nested calls inherit it: the executor of a handler's
 /// coroutine carries it, so a call made there has the earlier of the two deadlines and the same trace.
 struct call_context {
-    std::string_view service; ///< the called service
-    std::string_view caller; ///< the caller's path, or its address if it has none
+    std::string_view service;                ///< the called service
+    std::string_view caller;                 ///< the caller's path, or its address if it has none
     time_point deadline = time_point::max(); ///< the deadline of the call, on the loop's clock
-    trace_id trace; ///< the trace of the call
-    std::string_view waiting; ///< for an exclusive service: the first caller whose request waits for this one. Otherwise empty
+    trace_id trace;                          ///< the trace of the call
+    std::string_view
+        waiting; ///< for an exclusive service: the first caller whose request waits for this one. Otherwise empty
 };
 
 /// Text for a call that timed out inside `context`: that it may have waited for its own handler. Empty if it did not.

@@ -29,7 +29,7 @@ protected:
 
 /// A request on its way to a handler.
 struct incoming_call {
-    std::shared_ptr<call_origin> from;  ///< set where it is kept for longer than it takes to receive it
+    std::shared_ptr<call_origin> from; ///< set where it is kept for longer than it takes to receive it
     std::uint64_t id = 0;
     time_point deadline;
     trace_id trace;

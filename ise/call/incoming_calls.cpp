@@ -15,18 +15,19 @@ std::uint32_t slot_of(std::uint64_t id) noexcept { return static_cast<std::uint3
 
 // Where the answers of numbered calls are encoded, before they are kept: one for all on a loop.
 struct answer_room {
-    static constexpr std::size_t most_kept = 4096;
+    static constexpr std::size_t max_kept = 4096;
     buffer frame;
 
     buffer& cleared() {
-        if (frame.capacity() > most_kept) frame = buffer();
+        if (frame.capacity() > max_kept) frame = buffer();
         frame.clear();
         return frame;
     }
 };
 
 failure replies_not_taken(std::size_t unsent, execution state) {
-    return failure(errc::overloaded, fmt::format("{} bytes of replies wait for being taken (max_unsent_bytes)", unsent), state);
+    return failure(errc::overloaded, fmt::format("{} bytes of replies wait for being taken (max_unsent_bytes)", unsent),
+                   state);
 }
 
 } // namespace
@@ -34,9 +35,11 @@ failure replies_not_taken(std::size_t unsent, execution state) {
 result<void> incoming_calls::on_introduce(const wire::frame& received) {
     auto introduced = wire::read_body<wire::introduction>(received.body);
     if (!introduced) return introduced.error();
-    if (received.header.id != bindings_.size()) return failure(errc::protocol_error, "a service was introduced with a number out of turn");
+    if (received.header.id != bindings_.size())
+        return failure(errc::protocol_error, "a service was introduced with a number out of turn");
     if (bindings_.size() >= limit::introduced_services)
-        return failure(errc::overloaded, fmt::format("more than {} services were introduced (introduced_services)", limit::introduced_services));
+        return failure(errc::overloaded, fmt::format("more than {} services were introduced (introduced_services)",
+                                                     limit::introduced_services));
     if (auto wrong = objection_to(*introduced)) return *wrong;
     auto made = std::make_unique<binding>();
     made->name = std::move(introduced->service);
@@ -45,7 +48,7 @@ result<void> incoming_calls::on_introduce(const wire::frame& received) {
     return {};
 }
 
-reply_window& incoming_calls::replies() {
+reply_cache& incoming_calls::replies() {
     if (!replies_) {
         replies_ = answered_.of(over_.peer().reply_key, over_.peer().incarnation, over_.on().now());
         self_ = std::shared_ptr<incoming_calls>(over_.shared_from_this(), this);
@@ -53,15 +56,17 @@ reply_window& incoming_calls::replies() {
     return *replies_;
 }
 
-reply_window::place incoming_calls::here(std::uint64_t id) {
-    reply_window::place made;
+reply_cache::place incoming_calls::here(std::uint64_t id) {
+    reply_cache::place made;
     made.over = self_;
     made.id = id;
     return made;
 }
 
 result<void> incoming_calls::on_request(const wire::frame& received) {
-    auto malformed = [](std::string_view what) { return failure(errc::protocol_error, fmt::format("a request came {}", what)); };
+    auto malformed = [](std::string_view what) {
+        return failure(errc::protocol_error, fmt::format("a request came {}", what));
+    };
     const auto flags = received.header.flags;
     auto told = wire::request_head::read(flags, received.body);
     if (!told) return malformed("with half a head");
@@ -70,7 +75,8 @@ result<void> incoming_calls::on_request(const wire::frame& received) {
     if (told->time_ns < 0 && !until) return malformed("with a negative time");
     if (told->service >= bindings_.size()) return malformed("for a service that was not introduced");
     const bool numbered = flags & wire::flag::numbered;
-    if (numbered && (!over_.wire().lossy() || over_.peer().incarnation == 0)) return malformed("with a number that makes no sense");
+    if (numbered && (!over_.wire().lossy() || over_.peer().incarnation == 0))
+        return malformed("with a number that makes no sense");
     auto id = received.header.id;
     request_head head;
     head.id = id;
@@ -80,24 +86,30 @@ result<void> incoming_calls::on_request(const wire::frame& received) {
     head.again = numbered && (flags & wire::flag::again);
     auto& runtime = over_.runtime();
     if (slot_of(id) >= runtime.options().max_calls_per_session) {
-        turn_away(head, failure(errc::overloaded, fmt::format("more than {} calls of one session at once (max_calls_per_session)", runtime.options().max_calls_per_session)));
+        turn_away(head, failure(errc::overloaded,
+                                fmt::format("more than {} calls of one session at once (max_calls_per_session)",
+                                            runtime.options().max_calls_per_session)));
         return {};
     }
-    if (slot_of(id) < running_.size() && running_[slot_of(id)].of) return malformed("with the number of a call that runs");
+    if (slot_of(id) < running_.size() && running_[slot_of(id)].of)
+        return malformed("with the number of a call that runs");
     if (auto unsent = over_.wire().out().pending_call_bytes(); unsent > runtime.options().max_unsent_bytes) {
         if (auto good = over_.takes_answers(); !good) return good;
         turn_away(head, replies_not_taken(unsent, execution::not_executed));
         return {};
     }
 
-    head.deadline = until ? time_point(duration(told->time_ns)) : saturating_add(over_.on().now(), duration(told->time_ns));
+    head.deadline =
+        until ? time_point(duration(told->time_ns)) : saturating_add(over_.on().now(), duration(told->time_ns));
     auto& of = *bindings_[told->service];
     if (of.now == state::refused) {
         turn_away(head, of.why);
     } else if (of.now == state::comparing) {
         incoming_packet request(packet, received.object);
         if (of.held.size() >= limit::held_requests || held_bytes_ + request.size() > limit::held_bytes) {
-            turn_away(head, failure(errc::overloaded, fmt::format("{} requests wait for the schemas of '{}' (held_requests, held_bytes)", of.held.size(), of.name)));
+            turn_away(head, failure(errc::overloaded,
+                                    fmt::format("{} requests wait for the schemas of '{}' (held_requests, held_bytes)",
+                                                of.held.size(), of.name)));
         } else {
             held_bytes_ += request.size();
             ++held_;
@@ -161,7 +173,8 @@ void incoming_calls::compare(std::uint32_t number, std::vector<std::uint64_t> fi
         if (auto wrong = incompatibility(theirs[role::response], ours.schemas[role::response]))
             diff += fmt::format("{}response: {}", diff.empty() ? "" : "\n", *wrong);
         if (!diff.empty())
-            return decide(failure(errc::type_mismatch, fmt::format("the packets of '{}' differ incompatibly:\n{}", of.name, diff)));
+            return decide(failure(errc::type_mismatch,
+                                  fmt::format("the packets of '{}' differ incompatibly:\n{}", of.name, diff)));
         if (theirs[role::request].fingerprint() != ours.fingerprints[role::request])
             of.request = std::make_unique<adapter>(theirs[role::request], ours.schemas[role::request]);
         decide(std::nullopt);
@@ -179,7 +192,10 @@ void incoming_calls::serve(binding& of, const request_head& head, incoming_packe
     auto& runtime = over_.runtime();
     if (head.deadline <= runtime.on().now()) {
         of.service->meter().refused_expired();
-        turn_away(head, failure(errc::timed_out, fmt::format("'{}' was asked too late: the deadline had passed before the request was read", of.name)));
+        turn_away(head,
+                  failure(errc::timed_out,
+                          fmt::format("'{}' was asked too late: the deadline had passed before the request was read",
+                                      of.name)));
         return;
     }
     if (head.number != 0 && seen_before(of, head)) return;
@@ -204,24 +220,30 @@ void incoming_calls::occupy(binding& of, const request_head& head, bool elsewher
     ++running_count_;
 }
 
-// A call that the client makes again after its session was lost: it runs once, and its answer goes to where it asked last.
+// A call that the client makes again after its session was lost: it runs once, and its answer goes to where it asked
+// last.
 bool incoming_calls::seen_before(binding& of, const request_head& head) {
     auto& window = replies();
     switch (window.look(head.number, head.again)) {
-        case reply_window::state::fresh:
+        case reply_cache::state::fresh:
             window.begin(head.number, here(head.id), head.deadline, over_.on().now());
             return false;
-        case reply_window::state::running:
+        case reply_cache::state::running:
             window.redirect(head.number, here(head.id));
             occupy(of, head, true);
             return true;
-        case reply_window::state::answered:
-            send_answer(head.id, *window.answer(head.number));
-            return true;
-        case reply_window::state::forgotten: break;
+        case reply_cache::state::answered: send_answer(head.id, *window.answer(head.number)); return true;
+        case reply_cache::state::forgotten: break;
     }
     over_.runtime().counts().refused(errc::peer_lost);
-    refuse(head.id, failure(errc::peer_lost, fmt::format("'{}' may have been executed before the session was lost; it was not resent within its linger, or its answer is no longer kept (max_replies, max_reply_bytes, max_kept_bytes, idle_caller_life)", of.name), execution::unknown));
+    refuse(
+        head.id,
+        failure(errc::peer_lost,
+                fmt::format(
+                    "'{}' may have been executed before the session was lost; it was not resent within its linger, or "
+                    "its answer is no longer kept (max_replies, max_reply_bytes, max_kept_bytes, idle_caller_life)",
+                    of.name),
+                execution::unknown));
     return true;
 }
 
@@ -317,7 +339,8 @@ void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
     if (number == 0) forget(id);
     if (number == 0 && !over_.open()) return;
     auto& wire = over_.wire();
-    if (auto unsent = wire.out().pending_call_bytes(); number == 0 && unsent > over_.runtime().options().max_unsent_bytes) {
+    if (auto unsent = wire.out().pending_call_bytes();
+        number == 0 && unsent > over_.runtime().options().max_unsent_bytes) {
         refuse(id, replies_not_taken(unsent, execution::unknown));
         return;
     }
@@ -327,14 +350,21 @@ void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
     std::optional<failure> problem;
     try {
         if (wire.passes_objects() && response.is_object()) object = response.pass();
-        wire::put_frame(out, wire::frame_type::reply, object ? wire::flag::beside : std::uint8_t{0}, id, [&](buffer& body) {
-            if (!object) response.write(body);
-        });
+        wire::put_frame(out, wire::frame_type::reply, object ? wire::flag::attached : std::uint8_t{0}, id,
+                        [&](buffer& body) {
+                            if (!object) response.write(body);
+                        });
         auto size = out.size() - start - wire::frame_header::size + object.weight();
         auto most = wire.terms().peer_accepts.max_message_bytes;
-        if (size > most) problem.emplace(errc::too_large, fmt::format("the response of '{}' has {} bytes, its caller accepts {} (max_message_bytes)", of.name, size, most), execution::unknown);
+        if (size > most)
+            problem.emplace(errc::too_large,
+                            fmt::format("the response of '{}' has {} bytes, its caller accepts {} (max_message_bytes)",
+                                        of.name, size, most),
+                            execution::unknown);
     } catch (const std::exception& thrown) {
-        problem.emplace(errc::handler_failed, fmt::format("the response of '{}' cannot be encoded: {}", of.name, thrown.what()), execution::unknown);
+        problem.emplace(errc::handler_failed,
+                        fmt::format("the response of '{}' cannot be encoded: {}", of.name, thrown.what()),
+                        execution::unknown);
     }
     if (problem) {
         out.truncate(start);
@@ -365,7 +395,8 @@ void incoming_calls::send_answer(std::uint64_t id, bytes_view frame) {
     if (!over_.open()) return;
     auto& wire = over_.wire();
     auto unsent = wire.out().pending_call_bytes();
-    if (unsent > over_.runtime().options().max_unsent_bytes && wire::read_header(frame.data()).type == wire::frame_type::reply) {
+    if (unsent > over_.runtime().options().max_unsent_bytes &&
+        wire::read_header(frame.data()).type == wire::frame_type::reply) {
         refuse(id, replies_not_taken(unsent, execution::unknown));
         return;
     }
@@ -379,7 +410,8 @@ void incoming_calls::send_answer(std::uint64_t id, bytes_view frame) {
 
 void incoming_calls::refuse(std::uint64_t id, const failure& why) {
     auto slot = slot_of(id);
-    std::uint64_t number = slot < running_.size() && running_[slot].id == id && running_[slot].of ? running_[slot].number : 0;
+    std::uint64_t number =
+        slot < running_.size() && running_[slot].id == id && running_[slot].of ? running_[slot].number : 0;
     forget(id);
     if (number == 0 && !over_.open()) return;
     wire::call_failure told;

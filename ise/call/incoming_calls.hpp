@@ -1,6 +1,6 @@
 #pragma once
 #include <ise/call/call_service.hpp>
-#include <ise/call/reply_window.hpp>
+#include <ise/call/reply_cache.hpp>
 #include <ise/core/loop.hpp>
 #include <ise/core/result.hpp>
 #include <ise/session/conversation.hpp>
@@ -17,7 +17,8 @@ namespace ise {
 /// The requests that come over one session: which service they mean, and whether its packets fit.
 class incoming_calls final : public call_origin {
 public:
-    incoming_calls(conversation& over, const call_directory& services, reply_windows& answered) : over_(over), services_(services), answered_(answered) {}
+    incoming_calls(conversation& over, const call_directory& services, reply_windows& answered)
+        : over_(over), services_(services), answered_(answered) {}
 
     result<void> on_introduce(const wire::frame& received);
     result<void> on_request(const wire::frame& received);
@@ -33,7 +34,8 @@ public:
     /// Sends an answer that was made before, or for another session: a whole frame, whose id is replaced.
     void send_answer(std::uint64_t id, bytes_view frame);
 
-    /// Nobody waits for a numbered call any more: within the linger somebody may come back for it, then it is cancelled.
+    /// Nobody waits for a numbered call any more: within the linger somebody may come back for it, then it is
+    /// cancelled.
     void orphan(std::uint64_t id);
 
     std::size_t running() const noexcept { return running_count_; }
@@ -78,19 +80,19 @@ private:
     void end_orphans();
     void answer_numbered(std::uint64_t number, bytes_view frame);
     /// What the peer was answered, over this session and those before.
-    reply_window& replies();
-    reply_window::place here(std::uint64_t id);
+    reply_cache& replies();
+    reply_cache::place here(std::uint64_t id);
 
     conversation& over_;
     const call_directory& services_;
     reply_windows& answered_;
-    std::shared_ptr<reply_window> replies_; // once it has numbered a call
-    std::weak_ptr<incoming_calls> self_;    // the same
+    std::shared_ptr<reply_cache> replies_;           // once it has numbered a call
+    std::weak_ptr<incoming_calls> self_;             // the same
     std::vector<std::unique_ptr<binding>> bindings_; // by the caller's number
     std::vector<running_call> running_;              // by the call's slot
     std::size_t running_count_ = 0;
     std::unique_ptr<timer> orphans_; // once there are some
-    std::size_t held_ = 0; // requests, of all bindings
+    std::size_t held_ = 0;           // requests, of all bindings
     std::size_t held_bytes_ = 0;
 };
 

@@ -24,7 +24,8 @@ std::uint64_t call_id(std::uint32_t slot, std::uint32_t generation) noexcept {
 
 std::uint32_t outgoing_calls::number_of(const pending_call& call) {
     for (std::size_t number = 0; number < introduced_.size(); ++number)
-        if (introduced_[number]->types == call.types && introduced_[number]->name == call.service) return static_cast<std::uint32_t>(number);
+        if (introduced_[number]->types == call.types && introduced_[number]->name == call.service)
+            return static_cast<std::uint32_t>(number);
     auto made = std::make_unique<introduced>();
     made->name = call.service;
     made->types = call.types;
@@ -70,7 +71,7 @@ bool outgoing_calls::send(pending_call& call, outgoing_packet request) {
     passed_object object;
     if (connection.passes_objects() && request.is_object()) {
         object = request.pass();
-        flags |= wire::flag::beside;
+        flags |= wire::flag::attached;
     }
     auto& out = connection.out().begin_call();
     std::size_t start = out.size();
@@ -87,8 +88,10 @@ bool outgoing_calls::send(pending_call& call, outgoing_packet request) {
         auto size = out.size() - start - wire::frame_header::size + object.weight();
         auto most = connection.terms().peer_accepts.max_message_bytes;
         if (size > most)
-            throw error(errc::too_large, fmt::format("the request of '{}' has {} bytes, {} accepts {} (max_message_bytes){}", call.service, size,
-                                                     over_.peer_name(), most, connection.lossy() ? " over udp: split it, or use tcp" : ""));
+            throw error(errc::too_large,
+                        fmt::format("the request of '{}' has {} bytes, {} accepts {} (max_message_bytes){}",
+                                    call.service, size, over_.peer_name(), most,
+                                    connection.lossy() ? " over udp: split it, or use tcp" : ""));
     } catch (...) {
         out.truncate(start);
         throw;
@@ -112,7 +115,8 @@ failure outgoing_calls::let_go(pending_call& call, errc why) {
         else over_.send_ahead(frame_type::cancel, call.id, [](buffer&) {});
     }
     const auto& who = call.owner->name();
-    if (why == errc::cancelled) return {why, fmt::format("the call of '{}' at {} was cancelled", call.service, who), execution::unknown};
+    if (why == errc::cancelled)
+        return {why, fmt::format("the call of '{}' at {} was cancelled", call.service, who), execution::unknown};
     return {why, fmt::format("'{}' at {} did not answer in time", call.service, who), execution::unknown};
 }
 
@@ -144,7 +148,9 @@ result<void> outgoing_calls::on_reply(const wire::frame& received) {
         incoming_packet response(received.body, received.object);
         held_reply_bytes_ += response.size();
         if (service.held.size() >= limit::held_replies || held_reply_bytes_ > limit::held_bytes)
-            return failure(errc::overloaded, fmt::format("{} replies of '{}' wait for its schema (held_replies, held_bytes)", service.held.size(), service.name));
+            return failure(errc::overloaded,
+                           fmt::format("{} replies of '{}' wait for its schema (held_replies, held_bytes)",
+                                       service.held.size(), service.name));
         service.held.emplace_back(received.header.id, response.keep());
         return {};
     }
@@ -155,14 +161,18 @@ result<void> outgoing_calls::on_reply(const wire::frame& received) {
 result<void> outgoing_calls::on_answers(const wire::frame& received) {
     auto told = wire::read_body<wire::provider_packets>(received.body);
     if (!told) return told.error();
-    if (received.header.id >= introduced_.size()) return failure(errc::protocol_error, "the packets of a service came that was not introduced");
+    if (received.header.id >= introduced_.size())
+        return failure(errc::protocol_error, "the packets of a service came that was not introduced");
     auto& service = *introduced_[received.header.id]; // stays where it is
-    if (service.adapting || service.response) return failure(errc::protocol_error, fmt::format("the packets of '{}' came twice", service.name));
+    if (service.adapting || service.response)
+        return failure(errc::protocol_error, fmt::format("the packets of '{}' came twice", service.name));
     if (told->fingerprints.size() != service.types->fingerprints.size())
-        return failure(errc::protocol_error, fmt::format("'{}' was answered with the packets of another kind", service.name));
+        return failure(errc::protocol_error,
+                       fmt::format("'{}' was answered with the packets of another kind", service.name));
     if (told->fingerprints[role::response] == service.types->fingerprints[role::response]) return {};
     service.adapting = true;
-    over_.schemas().need({told->fingerprints[role::response]},
+    over_.schemas().need(
+        {told->fingerprints[role::response]},
         [this, &service](const std::vector<schema>& theirs) {
             try {
                 service.response = std::make_unique<adapter>(theirs[0], service.types->schemas[role::response]);
@@ -185,7 +195,10 @@ void outgoing_calls::release(introduced& service, const failure* problem) {
         } else if (!problem) {
             complete(*call, service, incoming_packet(response));
         } else {
-            calls_.fail(*call, failure(problem->code(), fmt::format("the response of '{}' from {}: {}", service.name, over_.peer_name(), problem->message()), execution::unknown));
+            calls_.fail(*call, failure(problem->code(),
+                                       fmt::format("the response of '{}' from {}: {}", service.name, over_.peer_name(),
+                                                   problem->message()),
+                                       execution::unknown));
         }
     }
 }
@@ -216,14 +229,17 @@ void outgoing_calls::on_session_end(const failure& cause, call_owner* owner) {
     over_.wire().take_unwritten([&](const wire::frame& unwritten) {
         const auto& header = unwritten.header;
         auto* call = take_slot(header.id);
-        if (!call) return; // given up
+        if (!call) return;                               // given up
         bool ours = owner && call->owner.get() == owner; // one over another link to this session ends with it
         if (ours && (header.flags & wire::flag::again)) {
             owner->repeat(*call); // an earlier session may have carried it
         } else if (ours) {
-            owner->requeue(*call, incoming_packet(unwritten.body.subspan(wire::request_head::size(header.flags)), unwritten.object).keep());
+            owner->requeue(
+                *call, incoming_packet(unwritten.body.subspan(wire::request_head::size(header.flags)), unwritten.object)
+                           .keep());
         } else {
-            calls_.fail(*call, failure(errc::peer_lost, fmt::format("'{}': the session ended before it was called: {}", call->service, cause.message())));
+            calls_.fail(*call, failure(errc::peer_lost, fmt::format("'{}': the session ended before it was called: {}",
+                                                                    call->service, cause.message())));
         }
     });
     for (auto& left : slots_) {
@@ -233,7 +249,10 @@ void outgoing_calls::on_session_end(const failure& cause, call_owner* owner) {
             owner->repeat(call);
             continue;
         }
-        calls_.fail(call, failure(errc::peer_lost, fmt::format("'{}': the session ended before the answer: {}", call.service, cause.message()), execution::unknown));
+        calls_.fail(call,
+                    failure(errc::peer_lost,
+                            fmt::format("'{}': the session ended before the answer: {}", call.service, cause.message()),
+                            execution::unknown));
     }
 }
 

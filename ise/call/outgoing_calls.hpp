@@ -14,7 +14,7 @@ namespace ise {
 /// The calls that this side makes over one session: their numbers, and whose response a reply is.
 class outgoing_calls final : public call_holder {
 public:
-    outgoing_calls(conversation& over, call_desk& calls) : over_(over), calls_(calls) {}
+    outgoing_calls(conversation& over, pending_calls& calls) : over_(over), calls_(calls) {}
 
     /// Sends a request; false where too much is pending (the call is untouched). Throws what writing it throws, and
     /// errc::too_large where the peer would not take it.
@@ -37,8 +37,8 @@ private:
     struct introduced {
         std::string name;
         const packet_types* types;
-        std::unique_ptr<adapter> response;   // where the peer's response differs from ours
-        bool adapting = false;               // its schema was asked for; replies wait
+        std::unique_ptr<adapter> response; // where the peer's response differs from ours
+        bool adapting = false;             // its schema was asked for; replies wait
         std::vector<std::pair<std::uint64_t, kept_packet>> held;
     };
     struct slot {
@@ -57,7 +57,7 @@ private:
     void complete(pending_call& call, introduced& service, incoming_packet response);
 
     conversation& over_;
-    call_desk& calls_;
+    pending_calls& calls_;
     std::vector<std::unique_ptr<introduced>> introduced_;
     std::vector<slot> slots_;
     std::vector<std::uint32_t> free_slots_;

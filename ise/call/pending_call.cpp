@@ -23,8 +23,8 @@ struct cancel_operation {
     }
 };
 
-// Takes the place, and the memory, of one whose call has ended. Memory that Asio itself lets go when the coroutine goes on
-// is there for its next call; what was let go before, for many calls that end together, is not.
+// Takes the place, and the memory, of one whose call has ended. Memory that Asio itself lets go when the coroutine goes
+// on is there for its next call; what was let go before, for many calls that end together, is not.
 struct nothing_to_cancel {
     void operator()(asio::cancellation_type) const noexcept {}
 };
@@ -35,7 +35,8 @@ void let_go_of_owner::operator()(call_owner* held) const noexcept {
     if (--held->calls_ == 0) auto last = std::move(held->self_); // may be the last of all
 }
 
-pending_call::pending_call(call_desk& of) : desk(of), alarm(of.on(), [this] { desk.give_up(*this, errc::timed_out); }) {}
+pending_call::pending_call(pending_calls& of)
+    : desk(of), alarm(of.on(), [this] { desk.give_up(*this, errc::timed_out); }) {}
 
 void pending_call::drop() noexcept {
     alarm.disarm();
@@ -44,12 +45,12 @@ void pending_call::drop() noexcept {
     auto dropped = std::move(done);
 }
 
-call_desk::~call_desk() {
+pending_calls::~pending_calls() {
     for (auto& call : all_)
         if (call->done) on_.delist(*call);
 }
 
-pending_call& call_desk::open() {
+pending_call& pending_calls::open() {
     if (free_.empty()) {
         all_.push_back(std::make_unique<pending_call>(*this));
         free_.push_back(all_.back().get());
@@ -60,14 +61,15 @@ pending_call& call_desk::open() {
     return *call;
 }
 
-void call_desk::watch(pending_call& call, asio::cancellation_slot slot) {
+void pending_calls::watch(pending_call& call, asio::cancellation_slot slot) {
     call.slot = slot;
     call.cancelling = false;
     if (!slot.is_connected()) return;
-    slot.emplace<cancel_operation>(&call, [](pending_call& given_up) { given_up.desk.give_up(given_up, errc::cancelled); });
+    slot.emplace<cancel_operation>(&call,
+                                   [](pending_call& given_up) { given_up.desk.give_up(given_up, errc::cancelled); });
 }
 
-void call_desk::end(pending_call& call, const call_outcome& outcome) {
+void pending_calls::end(pending_call& call, const call_outcome& outcome) {
     if (!call.done) return; // dropped: the loop has ended
     on_.delist(call);
     call.alarm.disarm();
@@ -82,7 +84,9 @@ void call_desk::end(pending_call& call, const call_outcome& outcome) {
     if (call.waiting.raw.capacity() > kept_capacity) call.waiting.raw = buffer();
     call.number = call.sent_to = 0;
     free_.push_back(&call);
-    if (auto cycle = made_in && outcome.why && outcome.why->code() == errc::timed_out ? suspected_cycle(*made_in) : std::string(); !cycle.empty()) {
+    if (auto cycle = made_in && outcome.why && outcome.why->code() == errc::timed_out ? suspected_cycle(*made_in)
+                                                                                      : std::string();
+        !cycle.empty()) {
         failure why(errc::timed_out, outcome.why->message() + cycle, outcome.why->executed());
         call_outcome told;
         told.why = &why;
@@ -92,19 +96,19 @@ void call_desk::end(pending_call& call, const call_outcome& outcome) {
     on_.later(done(outcome));
 }
 
-void call_desk::fail(pending_call& call, const failure& why) {
+void pending_calls::fail(pending_call& call, const failure& why) {
     call_outcome outcome;
     outcome.why = &why;
     end(call, outcome);
 }
 
-void call_desk::abandon(pending_call& call) {
+void pending_calls::abandon(pending_call& call) {
     if (call.slot.is_connected()) call.slot.clear();
     on_.delist(call);
     auto dropped = std::move(call.done);
     auto owner = std::move(call.owner);
 }
 
-void call_desk::give_up(pending_call& call, errc why) { fail(call, call.holder->let_go(call, why)); }
+void pending_calls::give_up(pending_call& call, errc why) { fail(call, call.holder->let_go(call, why)); }
 
 } // namespace ise

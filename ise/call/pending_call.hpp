@@ -15,12 +15,12 @@
 
 namespace ise {
 
-class call_desk;
+class pending_calls;
 class call_owner;
 struct pending_call;
 
-/// Keeps the owner of a call. All calls of one owner have one share of it together: a share for each would cost two locked
-/// instructions a call.
+/// Keeps the owner of a call. All calls of one owner have one share of it together: a share for each would cost two
+/// locked instructions a call.
 struct let_go_of_owner {
     void operator()(call_owner* held) const noexcept;
 };
@@ -37,7 +37,8 @@ enum class call_state : std::uint8_t {
 /// Who has a call at present: its owner while it waits, the session over which it was sent.
 class call_holder {
 public:
-    /// Nobody waits for it any more: forgets it, and says what is known of it. `why`: errc::timed_out or errc::cancelled.
+    /// Nobody waits for it any more: forgets it, and says what is known of it. `why`: errc::timed_out or
+    /// errc::cancelled.
     virtual failure let_go(pending_call& call, errc why) = 0;
 
 protected:
@@ -46,9 +47,9 @@ protected:
 
 /// One call from its beginning to its outcome. Pooled: steady calling allocates none of these.
 struct pending_call final : suspended {
-    explicit pending_call(call_desk& of);
+    explicit pending_call(pending_calls& of);
 
-    call_desk& desk;
+    pending_calls& desk;
     std::string service;
     const packet_types* types = nullptr;
     time_point deadline;
@@ -60,16 +61,17 @@ struct pending_call final : suspended {
     bool cancelling = false;
 
     call_state state = call_state::starting;
-    call_holder* holder = nullptr;       ///< null while it is starting
-    held_owner owner;                    ///< where it goes on waiting
-    std::uint64_t id = 0;                ///< on the session
-    kept_packet waiting;                 ///< the request, while there is no session, or where it may be sent again
-    std::uint64_t number = 0;            ///< by which it is sent again, once it was sent where that is possible
-    std::uint64_t sent_to = 0;           ///< the provider's life that may have executed it
+    call_holder* holder = nullptr; ///< null while it is starting
+    held_owner owner;              ///< where it goes on waiting
+    std::uint64_t id = 0;          ///< on the session
+    kept_packet waiting;           ///< the request, while there is no session, or where it may be sent again
+    std::uint64_t number = 0;      ///< by which it is sent again, once it was sent where that is possible
+    std::uint64_t sent_to = 0;     ///< the provider's life that may have executed it
 
     /// What is known of its execution if it ends now.
     execution executed() const noexcept {
-        return state == call_state::sent || state == call_state::repeating ? execution::unknown : execution::not_executed;
+        return state == call_state::sent || state == call_state::repeating ? execution::unknown
+                                                                           : execution::not_executed;
     }
     void moves(call_state to, call_holder& now) noexcept {
         state = to;
@@ -116,10 +118,10 @@ private:
 };
 
 /// Makes, ends and recycles the calls of one component.
-class call_desk {
+class pending_calls {
 public:
-    explicit call_desk(loop& on) : on_(on) {}
-    ~call_desk();
+    explicit pending_calls(loop& on) : on_(on) {}
+    ~pending_calls();
 
     loop& on() noexcept { return on_; }
     pending_call& open();

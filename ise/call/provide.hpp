@@ -20,7 +20,8 @@ failure failure_of(const std::exception_ptr& thrown);
 template <class Request, class Response, class Handler>
 class coroutine_service final : public call_service {
 public:
-    coroutine_service(service_runtime& runtime, std::string name, const packet_types& types, serve_options options, Handler handler)
+    coroutine_service(service_runtime& runtime, std::string name, const packet_types& types, serve_options options,
+                      Handler handler)
         : call_service(runtime, std::move(name), types, options), handler_(std::move(handler)) {}
 
 private:
@@ -48,7 +49,8 @@ private:
                 if (problem) answer(*problem);
                 // A cancelled call leaves its mark on the coroutine; the next call must not see it.
                 auto state = co_await asio::this_coro::cancellation_state;
-                if (state.cancelled() != asio::cancellation_type::none) co_await asio::this_coro::reset_cancellation_state();
+                if (state.cancelled() != asio::cancellation_type::none)
+                    co_await asio::this_coro::reset_cancellation_state();
             }
         }
 
@@ -113,7 +115,7 @@ struct handler_result {
     using type = std::invoke_result_t<Handler&, Request>;
 };
 template <class Handler, class Request>
-    requires std::is_invocable_v<Handler&, Request, const call_context&>
+requires std::is_invocable_v<Handler&, Request, const call_context&>
 struct handler_result<Handler, Request> {
     using type = std::invoke_result_t<Handler&, Request, const call_context&>;
 };
@@ -122,10 +124,11 @@ struct handler_result<Handler, Request> {
 
 /// Makes the service that answers requests by `handler`: a coroutine `ise::task<Response>(Request)` or a plain
 /// function `Response(Request)` (or `ise::result<Response>(Request)`), either also with a second parameter
-/// `const ise::call_context&`. The caller gets its exceptions as errors with their text: an ise::error with errc::refused
-/// unchanged, all others as errc::handler_failed. A failure that it returns keeps its code.
+/// `const ise::call_context&`. The caller gets its exceptions as errors with their text: an ise::error with
+/// errc::refused unchanged, all others as errc::handler_failed. A failure that it returns keeps its code.
 template <class Contract, class Handler>
-std::shared_ptr<call_service> make_call_service(service_runtime& runtime, const Contract& contract, Handler handler, serve_options options = serve_options()) {
+std::shared_ptr<call_service> make_call_service(service_runtime& runtime, const Contract& contract, Handler handler,
+                                                serve_options options = serve_options()) {
     using request = typename Contract::request_type;
     using response = typename Contract::response_type;
     static_assert(std::is_invocable_v<Handler&, request> || std::is_invocable_v<Handler&, request, const call_context&>,
@@ -133,11 +136,13 @@ std::shared_ptr<call_service> make_call_service(service_runtime& runtime, const 
     using answer = typename detail::handler_result<Handler, request>::type;
     auto name = std::string(contract.name());
     if constexpr (std::is_same_v<answer, task<response>>) {
-        return std::make_shared<detail::coroutine_service<request, response, Handler>>(runtime, std::move(name), Contract::types(), options, std::move(handler));
+        return std::make_shared<detail::coroutine_service<request, response, Handler>>(
+            runtime, std::move(name), Contract::types(), options, std::move(handler));
     } else {
         static_assert(std::is_convertible_v<answer, result<response>>,
                       "ise: a handler returns the service's response packet, or an ise::task or ise::result of it");
-        return std::make_shared<detail::plain_service<request, response, Handler>>(runtime, std::move(name), Contract::types(), std::move(handler));
+        return std::make_shared<detail::plain_service<request, response, Handler>>(
+            runtime, std::move(name), Contract::types(), std::move(handler));
     }
 }
 

@@ -10,8 +10,8 @@
 
 namespace ise {
 
-/// How long something took, counted in buckets each a quarter of a doubling wide, from a microsecond to two minutes; what is
-/// longer counts as that. Adding costs a shift and an increment.
+/// How long something took, counted in buckets each a quarter of a doubling wide, from a microsecond to two minutes;
+/// what is longer counts as that. Adding costs a shift and an increment.
 class duration_histogram {
 public:
     static constexpr std::size_t buckets = 108; ///< how many there are
@@ -36,9 +36,9 @@ private:
     std::array<std::uint64_t, buckets> counts_{};
 };
 
-/// A provided request-response service in figures. Every call is counted, and how long it waited for a handler. How long a
-/// handler took is measured for every call that waited, and else for the first one after a pause of 100 µs: while nothing
-/// waits, the clock is read for 10,000 calls a second at most.
+/// A provided request-response service in figures. Every call is counted, and how long it waited for a handler. How
+/// long a handler took is measured for every call that waited, and else for the first one after a pause of 100 µs:
+/// while nothing waits, the clock is read for 10,000 calls a second at most.
 class service_meter {
 public:
     static constexpr duration pause = std::chrono::microseconds(100);
@@ -46,13 +46,15 @@ public:
     /// A request came: whether its handling is to be measured if it begins at once. `turn`: the loop's time.
     bool samples(time_point turn) {
         if (turn < next_) return false;
-        if (!took_) [[unlikely]] took_ = std::make_unique<both>();
+        if (!took_) [[unlikely]]
+            took_ = std::make_unique<both>();
         next_ = saturating_add(turn, pause);
         return true;
     }
     /// A handler begins with it, after that wait.
     void begins(duration wait = duration{}) {
-        if (!took_) [[unlikely]] took_ = std::make_unique<both>();
+        if (!took_) [[unlikely]]
+            took_ = std::make_unique<both>();
         ++calls_;
         took_->waited.add(wait);
     }
@@ -62,7 +64,9 @@ public:
 
     std::uint64_t calls() const noexcept { return calls_; }           ///< that a handler began with
     std::uint64_t overloaded() const noexcept { return overloaded_; } ///< refused: too many waited
-    std::uint64_t expired() const noexcept { return expired_; }       ///< refused: their deadline came before a handler was free
+    std::uint64_t expired() const noexcept {
+        return expired_;
+    } ///< refused: their deadline came before a handler was free
     /// Null before the first call.
     const duration_histogram* handling() const noexcept { return took_ ? &took_->handled : nullptr; }
     const duration_histogram* waiting() const noexcept { return took_ ? &took_->waited : nullptr; }

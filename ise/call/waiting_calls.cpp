@@ -40,9 +40,9 @@ std::optional<waiting_call> waiting_calls::pop(function_ref<bool(const call_orig
     return std::nullopt;
 }
 
-std::optional<waiting_call> waiting_calls::overflow(std::size_t most, std::size_t most_bytes) {
+std::optional<waiting_call> waiting_calls::overflow(std::size_t most, std::size_t max_bytes) {
     bool too_many = count_ > most;
-    if (!too_many && (bytes_ <= most_bytes || count_ <= 1)) return std::nullopt;
+    if (!too_many && (bytes_ <= max_bytes || count_ <= 1)) return std::nullopt;
     auto smaller = [&](const lines::value_type& a, const lines::value_type& b) {
         return too_many ? a.second.calls.size() < b.second.calls.size() : a.second.bytes < b.second.bytes;
     };

@@ -18,8 +18,8 @@ struct waiting_call {
     time_point since; ///< it waits
 };
 
-/// The requests of one service that wait for a handler. The sessions take turns, so that one that asks much is served no
-/// faster than one that asks little; where there are too many, who has most loses its newest.
+/// The requests of one service that wait for a handler. The sessions take turns, so that one that asks much is served
+/// no faster than one that asks little; where there are too many, who has most loses its newest.
 class waiting_calls {
 public:
     bool empty() const noexcept { return count_ == 0; }
@@ -30,7 +30,7 @@ public:
     /// The next whose session `may` be served now.
     std::optional<waiting_call> pop(function_ref<bool(const call_origin&)> may);
     /// The newest request of the session that has most of them, or the most bytes, while there are more than allowed.
-    std::optional<waiting_call> overflow(std::size_t most, std::size_t most_bytes);
+    std::optional<waiting_call> overflow(std::size_t most, std::size_t max_bytes);
     /// One that nobody waits for any more.
     void withdraw(const call_origin& from, std::uint64_t id);
     std::vector<waiting_call> take_all();

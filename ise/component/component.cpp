@@ -12,7 +12,9 @@ namespace ise {
 namespace {
 
 component_runner& started(component_runner* runner) {
-    if (!runner) throw error(errc::invalid_argument, "a component is used before it was started: do it in run(), not in the constructor");
+    if (!runner)
+        throw error(errc::invalid_argument,
+                    "a component is used before it was started: do it in run(), not in the constructor");
     return *runner;
 }
 
@@ -33,9 +35,13 @@ service_runtime& component::service_parts() const noexcept { return runner_->ser
 void component::add(std::shared_ptr<call_service> service) { started(runner_).add(std::move(service)); }
 void component::add(std::shared_ptr<publication_core> service) { started(runner_).add(std::move(service)); }
 void component::withdraw_service(const std::string& name) { started(runner_).withdraw_service(name); }
-void component::declare_required(const std::string& name, const packet_types& types) { started(runner_).declare_required(name, types); }
+void component::declare_required(const std::string& name, const packet_types& types) {
+    started(runner_).declare_required(name, types);
+}
 
-void component::serve_role(const std::string& role, std::int32_t priority) { started(runner_).serve_role(role, priority); }
+void component::serve_role(const std::string& role, std::int32_t priority) {
+    started(runner_).serve_role(role, priority);
+}
 void component::leave_role(const std::string& role) { started(runner_).leave_role(role); }
 bool component::name_confirmed() const { return started(runner_).name_confirmed(); }
 void component::on_name_lost(const failure& why) { started(runner_).stop_as_failed(why.message()); }
@@ -46,13 +52,17 @@ task<remote> component::find(std::string path, role_options how, duration wait) 
     auto& services = started(runner_).services();
     auto way = services.link_to(path, how);
     auto until = saturating_add(on().now(), wait);
-    auto found = co_await link::find(way, until);
+    auto found = co_await peer_channel::find(way, until);
     found.value();
     co_return remote(std::move(way));
 }
 
-remote component::at(const std::string& path, role_options how) { return remote(started(runner_).services().link_to(path, how)); }
-remote component::at(const endpoint& where, const std::string& path) { return remote(started(runner_).services().link_to(where, path)); }
+remote component::at(const std::string& path, role_options how) {
+    return remote(started(runner_).services().link_to(path, how));
+}
+remote component::at(const endpoint& where, const std::string& path) {
+    return remote(started(runner_).services().link_to(where, path));
+}
 
 remote component::caller(const call_context& context) {
     auto& services = started(runner_).services();
@@ -61,7 +71,9 @@ remote component::caller(const call_context& context) {
     throw error(errc::peer_lost, fmt::format("the session with {} has ended", context.caller));
 }
 
-void component::spawn(std::string name, task<> body) { started(runner_).flow().spawn(std::move(name), std::move(body)); }
+void component::spawn(std::string name, task<> body) {
+    started(runner_).flow().spawn(std::move(name), std::move(body));
+}
 task<> component::ready() { return started(runner_).ready(); }
 void component::stop() { started(runner_).stop(); }
 
@@ -115,7 +127,8 @@ void component::throw_outcome(const std::exception_ptr& thrown) const {
         gone = cancelled.code() == asio::error::operation_aborted && runner_->stop_asked();
         if (!gone) throw;
     }
-    throw error(errc::cancelled, fmt::format("'{}' was stopped while a thread waited for it", path()), execution::unknown);
+    throw error(errc::cancelled, fmt::format("'{}' was stopped while a thread waited for it", path()),
+                execution::unknown);
 }
 
 void component::check_period(duration period) {
@@ -130,9 +143,13 @@ void component::check_may_block() const {
     auto& runner = started(runner_);
     if (runner.state() == component_state::stopped || runner.state() == component_state::failed)
         throw error(errc::cancelled, fmt::format("'{}' has stopped", runner.path()));
-    if (runner.env().is_virtual()) throw error(errc::would_block_self, "a blocking wait in the virtual world would stop its only thread: co_await instead");
+    if (runner.env().is_virtual())
+        throw error(errc::would_block_self,
+                    "a blocking wait in the virtual world would stop its only thread: co_await instead");
     if (runner.on().running_here())
-        throw error(errc::would_block_self, fmt::format("a blocking wait on the own thread of '{}' would never end: co_await instead", runner.path()));
+        throw error(
+            errc::would_block_self,
+            fmt::format("a blocking wait on the own thread of '{}' would never end: co_await instead", runner.path()));
 }
 
 } // namespace ise

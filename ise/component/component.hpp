@@ -24,9 +24,9 @@ class service_host;
 /// that it uses. Derive from it, or pass a coroutine to `node::start`.
 ///
 /// All code of a component runs on its loop; handlers and `run()` interleave only at `co_await`. When the component is
-/// stopped, its coroutines are cancelled at their next suspension (`operation_aborted` is thrown there), its sessions are
-/// closed, and its name is withdrawn. An exception that escapes from `run()` or a spawned coroutine is logged with the
-/// component's path and follows the failure policy with which the component was started.
+/// stopped, its coroutines are cancelled at their next suspension (`operation_aborted` is thrown there), its sessions
+/// are closed, and its name is withdrawn. An exception that escapes from `run()` or a spawned coroutine is logged with
+/// the component's path and follows the failure policy with which the component was started.
 class component : public runnable {
 public:
     component();
@@ -65,7 +65,8 @@ public:
     }
     /// Provides a subscription service: call the result to publish.
     template <class Contract>
-    publication<Contract> publish(const Contract& service, publication_callbacks<Contract> callbacks = publication_callbacks<Contract>()) {
+    publication<Contract> publish(const Contract& service,
+                                  publication_callbacks<Contract> callbacks = publication_callbacks<Contract>()) {
         auto core = make_publication(service_parts(), service, std::move(callbacks));
         add(core);
         return publication<Contract>(core);
@@ -73,23 +74,27 @@ public:
     // Mistakes of the kind of a service.
     template <class... Packets, class Handler>
     void provide(const subscription<Packets...>&, Handler&&, serve_options = serve_options()) {
-        static_assert(detail::never<Packets...>, "ise: this service is a subscription, which is published: auto out = publish(service)");
+        static_assert(detail::never<Packets...>,
+                      "ise: this service is a subscription, which is published: auto out = publish(service)");
     }
     template <class... Packets>
     void publish(const request_response<Packets...>&) {
-        static_assert(detail::never<Packets...>, "ise: this service is a request-response, which is provided: provide(service, handler)");
+        static_assert(detail::never<Packets...>,
+                      "ise: this service is a request-response, which is provided: provide(service, handler)");
     }
 
-    /// Publishes the result of `make()`, now and every `period` until the component stops. Missed ticks are skipped, not
-    /// replayed. Throws errc::invalid_argument for a period that is not positive.
+    /// Publishes the result of `make()`, now and every `period` until the component stops. Missed ticks are skipped,
+    /// not replayed. Throws errc::invalid_argument for a period that is not positive.
     template <class Contract, class Make>
     void publish_every(const Contract& service, duration period, Make make) {
         using packet_type = typename Contract::packet_type;
         if constexpr (std::is_invocable_r_v<packet_type, Make&>) {
             check_period(period);
-            spawn(std::string(service.name()), tick(publish(service), period, std::function<packet_type()>(std::move(make))));
+            spawn(std::string(service.name()),
+                  tick(publish(service), period, std::function<packet_type()>(std::move(make))));
         } else {
-            static_assert(detail::never<Make>, "ise: publish_every takes a function without arguments that returns a packet of the service");
+            static_assert(detail::never<Make>,
+                          "ise: publish_every takes a function without arguments that returns a packet of the service");
         }
     }
     /// Ends a provided service.
@@ -97,12 +102,13 @@ public:
     void withdraw(const Contract& service) {
         withdraw_service(std::string(service.name()));
     }
-    /// Serves a role beside its own name, or changes its priority there (the highest is preferred). `leave_role` ends it,
-    /// and handles fail over to the next member. The name server is notified at once.
+    /// Serves a role beside its own name, or changes its priority there (the highest is preferred). `leave_role` ends
+    /// it, and handles fail over to the next member. The name server is notified at once.
     void serve_role(const std::string& role, std::int32_t priority = 0);
     void leave_role(const std::string& role); ///< see `serve_role`
-    /// Whether its name is granted and its lease valid, as far as this side knows. While the name server is unreachable,
-    /// or has no room, the name is unconfirmed: sessions continue, but another component may be granted it.
+    /// Whether its name is granted and its lease valid, as far as this side knows. While the name server is
+    /// unreachable, or has no room, the name is unconfirmed: sessions continue, but another component may be granted
+    /// it.
     bool name_confirmed() const;
     /// Declares a service of another component that this one needs: if it has no provider, `ise doctor` reports that.
     /// Services that are called or subscribed to are shown without a declaration.
@@ -114,26 +120,30 @@ public:
     // --- other components ---------------------------------------------------------------------------------------
 
     /// Returns the component at `path` as soon as it is registered. Throws errc::no_such_name or errc::name_server_lost
-    /// after `wait` (default: no limit). A wait of more than 3 s is logged, and shown by `ise list`, `describe` and `doctor`.
-    /// Cancellation: terminal, throws `operation_aborted`.
-    /// A role is found like a name: the handle uses the live member with the highest priority, fails over to the next one,
-    /// and returns to a better one according to `how`. Subscriptions continue at the next member after a gap of unknown
-    /// length; a call moves too, unless a byte of it was written already (peer_lost, unknown).
+    /// after `wait` (default: no limit). A wait of more than 3 s is logged, and shown by `ise list`, `describe` and
+    /// `doctor`. Cancellation: terminal, throws `operation_aborted`. A role is found like a name: the handle uses the
+    /// live member with the highest priority, fails over to the next one, and returns to a better one according to
+    /// `how`. Subscriptions continue at the next member after a gap of unknown length; a call moves too, unless a byte
+    /// of it was written already (peer_lost, unknown).
     task<remote> find(std::string path, duration wait = duration::max());
     task<remote> find(std::string path, role_options how, duration wait = duration::max()); ///< the same
-    /// A handle to the component at `path`, whether it is registered now or not: calls wait for it within their deadline.
+    /// A handle to the component at `path`, whether it is registered now or not: calls wait for it within their
+    /// deadline.
     remote at(const std::string& path, role_options how = role_options());
     /// A handle to the component `path` that listens at `where`; with an empty path any component that listens there.
     remote at(const endpoint& where, const std::string& path = std::string());
     /// A handle to the caller of the call being answered, for calling back over the same session.
     remote caller(const call_context& context);
 
-    /// Subscribes with a callback: calls `on_packet(const Packet&)` for every packet, in order, on the component's loop,
-    /// until the provider withdraws the service. Waits for a missing provider without a limit. A refusal, or an exception
-    /// of the callback, follows the failure policy.
+    /// Subscribes with a callback: calls `on_packet(const Packet&)` for every packet, in order, on the component's
+    /// loop, until the provider withdraws the service. Waits for a missing provider without a limit. A refusal, or an
+    /// exception of the callback, follows the failure policy.
     template <class Contract, class Callback>
-    void listen(remote provider, const Contract& service, Callback on_packet, subscribe_options options = subscribe_options()) {
-        spawn(std::string(service.name()), each(std::move(provider), service, std::function<void(const typename Contract::packet_type&)>(std::move(on_packet)), options));
+    void listen(remote provider, const Contract& service, Callback on_packet,
+                subscribe_options options = subscribe_options()) {
+        spawn(std::string(service.name()),
+              each(std::move(provider), service,
+                   std::function<void(const typename Contract::packet_type&)>(std::move(on_packet)), options));
     }
 
     // --- its own flow -------------------------------------------------------------------------------------------
@@ -148,8 +158,9 @@ public:
     time_point now() const { return on().now(); }
     /// Civil time, UTC.
     wall_time wall() const { return env().wall(); }
-    /// Runs `work` on another thread and returns its result: for long computations. Rethrows its exception. `work` may refer
-    /// to variables of the coroutine: cancellation does not interrupt it, and takes effect at the next suspension.
+    /// Runs `work` on another thread and returns its result: for long computations. Rethrows its exception. `work` may
+    /// refer to variables of the coroutine: cancellation does not interrupt it, and takes effect at the next
+    /// suspension.
     template <class Work>
     task<std::invoke_result_t<Work&>> offload(Work work) {
         return offload_on(std::move(work));
@@ -166,8 +177,8 @@ public:
     // --- from other threads -------------------------------------------------------------------------------------
 
     /// Runs a coroutine on the component's loop and blocks the calling thread until it is done; rethrows its exception.
-    /// Throws errc::cancelled if the component stops meanwhile or has stopped; errc::would_block_self on the component's
-    /// own loop, and in the virtual world, where nothing may block.
+    /// Throws errc::cancelled if the component stops meanwhile or has stopped; errc::would_block_self on the
+    /// component's own loop, and in the virtual world, where nothing may block.
     template <class T>
     T wait(task<T> body) {
         check_may_block();
@@ -216,8 +227,9 @@ private:
         }
     }
     template <class Contract>
-    task<> each(remote provider, Contract service, std::function<void(const typename Contract::packet_type&)> on_packet, subscribe_options options) {
-        stream_of<Contract> packets;
+    task<> each(remote provider, Contract service, std::function<void(const typename Contract::packet_type&)> on_packet,
+                subscribe_options options) {
+        subscriber<Contract> packets;
         for (;;) {
             std::optional<failure> why;
             try {

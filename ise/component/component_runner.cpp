@@ -49,7 +49,8 @@ std::vector<endpoint> reachable(environment& env, const endpoint& at) {
 // The class of a component for people; empty for one that is a bare coroutine.
 std::string class_of(const runnable& of) {
     int status = 0;
-    std::unique_ptr<char, decltype(&std::free)> name(abi::__cxa_demangle(typeid(of).name(), nullptr, nullptr, &status), &std::free);
+    std::unique_ptr<char, decltype(&std::free)> name(abi::__cxa_demangle(typeid(of).name(), nullptr, nullptr, &status),
+                                                     &std::free);
     std::string_view text = name ? name.get() : "";
     constexpr std::string_view anonymous = "(anonymous namespace)::";
     if (auto at = text.find(anonymous); at != text.npos) text.remove_prefix(at + anonymous.size());
@@ -58,21 +59,25 @@ std::string class_of(const runnable& of) {
 
 } // namespace
 
-component_runner::component_runner(std::weak_ptr<component_owner> of, environment& env, std::shared_ptr<loop_share> share, std::string path,
-                                   std::unique_ptr<runnable> made, component_options options, const node_options& node, const security& credentials,
+component_runner::component_runner(std::weak_ptr<component_owner> of, environment& env,
+                                   std::shared_ptr<loop_share> share, std::string path, std::unique_ptr<runnable> made,
+                                   component_options options, const node_options& node, const security& credentials,
                                    std::uint64_t incarnation)
-    : node_(std::move(of)), env_(env), share_(std::move(share)), path_(std::move(path)), options_(std::move(options)), grace_(node.grace),
-      names_(node.use_names), name_server_(node.name_server), log_(env, path_.empty() ? "(anonymous)" : path_, node.log),
-      component_(std::move(made)),
+    : node_(std::move(of)), env_(env), share_(std::move(share)), path_(std::move(path)), options_(std::move(options)),
+      grace_(node.grace), names_(node.use_names), name_server_(node.name_server),
+      log_(env, path_.empty() ? "(anonymous)" : path_, node.log), component_(std::move(made)),
       pause_(env, std::chrono::milliseconds(200), std::chrono::seconds(30)) {
     wire::identity self;
     self.path = path_;
     self.host_name = env.identity().host_name;
     self.process_key = env.identity().process_key;
     self.incarnation = incarnation;
-    auto failed = [this](const std::string& name, std::exception_ptr thrown) { log_.error(describe(thrown), {{"coroutine", name}}); };
+    auto failed = [this](const std::string& name, std::exception_ptr thrown) {
+        log_.error(describe(thrown), {{"coroutine", name}});
+    };
     connections_ = std::make_unique<task_scope>(on(), failed);
-    services_ = std::make_unique<service_host>(env, on(), *connections_, std::move(self), node.services, log_, credentials);
+    services_ =
+        std::make_unique<service_host>(env, on(), *connections_, std::move(self), node.services, log_, credentials);
     signs_ = services_->signs();
     signs_->on_shorter([owner = node_] {
         if (auto held = owner.lock()) held->watch_sooner();
@@ -98,10 +103,17 @@ void component_runner::start() {
 
 void component_runner::open() {
     if (names_ && name_server_) services_->use_resolver(std::make_shared<name_resolver>(*services_, *name_server_));
-    services_->services().add(make_call_service(*services_, describe_service, [this](const describe_request&) { return describe_self(); })).value();
-    services_->services().add(make_call_service(*services_, health_service, [this](const health_request&) { return health_of(*services_); })).value();
+    services_->services()
+        .add(make_call_service(*services_, describe_service,
+                               [this](const describe_request&) { return describe_self(); }))
+        .value();
+    services_->services()
+        .add(make_call_service(*services_, health_service,
+                               [this](const health_request&) { return health_of(*services_); }))
+        .value();
     if (options_.listens) {
-        auto wanted = options_.listen.empty() ? default_endpoints(env_, services_->self().incarnation) : options_.listen;
+        auto wanted =
+            options_.listen.empty() ? default_endpoints(env_, services_->self().incarnation) : options_.listen;
         services_->acceptor().advertise(options_.advertise);
         services_->acceptor().hold(); // until it has provided its services
         for (const auto& at : wanted) services_->listen(at).value();
@@ -112,7 +124,8 @@ void component_runner::open() {
 }
 
 void component_runner::make_flow() {
-    flow_ = std::make_unique<task_scope>(on(), [this](const std::string& name, std::exception_ptr thrown) { on_child_failure(name, thrown); });
+    flow_ = std::make_unique<task_scope>(
+        on(), [this](const std::string& name, std::exception_ptr thrown) { on_child_failure(name, thrown); });
 }
 
 void component_runner::begin_flow() {
@@ -152,8 +165,9 @@ task<> component_runner::enroll([[maybe_unused]] std::shared_ptr<component_runne
     if (!owner) co_return;
     // On the node's loop; not cancelled from here, it ends by its deadline.
     auto asked = owner->names()->enroll(describe_for_names(), name_wait);
-    auto granted = co_await asio::co_spawn(owner->loop().get_executor(), std::move(asked),
-                                           asio::bind_cancellation_slot(asio::cancellation_slot(), asio::use_awaitable));
+    auto granted =
+        co_await asio::co_spawn(owner->loop().get_executor(), std::move(asked),
+                                asio::bind_cancellation_slot(asio::cancellation_slot(), asio::use_awaitable));
     if (granted) {
         services_->set_epoch(*granted);
         log_.info("registered", {{"epoch", std::to_string(*granted)}});
@@ -202,7 +216,8 @@ void component_runner::services_changed() {
     if (!announcing_ || path_.empty() || !options_.registers) return;
     auto owner = node_.lock();
     if (!owner || !owner->names()) return;
-    owner->loop().gate()->post([owner, told = describe_for_names()]() mutable { owner->names()->update(std::move(told)); });
+    owner->loop().gate()->post(
+        [owner, told = describe_for_names()]() mutable { owner->names()->update(std::move(told)); });
 }
 
 void component_runner::add(std::shared_ptr<call_service> service) {
@@ -231,8 +246,12 @@ void component_runner::declare_required(const std::string& name, const packet_ty
 }
 
 void component_runner::serve_role(const std::string& role, std::int32_t priority) {
-    if (!naming::is_path(role)) throw error(errc::invalid_argument, fmt::format("'{}' is not a role: write it like a component's path, atirma/gateway", role));
-    if (role == path_) throw error(errc::invalid_argument, fmt::format("'{}' is the component's own name: it is found without being a role", role));
+    if (!naming::is_path(role))
+        throw error(errc::invalid_argument,
+                    fmt::format("'{}' is not a role: write it like a component's path, atirma/gateway", role));
+    if (role == path_)
+        throw error(errc::invalid_argument,
+                    fmt::format("'{}' is the component's own name: it is found without being a role", role));
     options_.roles[role] = priority;
     services_changed();
 }
@@ -251,8 +270,8 @@ void component_runner::stop_as_failed(std::string why) {
     stop();
 }
 
-component_text component_runner::describe_self() const {
-    component_text made;
+component_info component_runner::describe_self() const {
+    component_info made;
     made.path = path_;
     made.state = name_of(state());
     made.incarnation = services_->self().incarnation;
@@ -266,7 +285,8 @@ component_text component_runner::describe_self() const {
         text.kind = static_cast<std::uint8_t>(types.kind);
         text.provided = provided;
         text.declared = declared;
-        for (const auto& packet : types.schemas) text.packets.push_back(packet_text{packet.fingerprint(), packet.text()});
+        for (const auto& packet : types.schemas)
+            text.packets.push_back(packet_text{packet.fingerprint(), packet.text()});
         made.services.push_back(std::move(text));
     };
     std::set<std::string> required;

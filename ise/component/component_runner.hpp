@@ -21,13 +21,13 @@ namespace ise {
 /// the constructor, `stop()` and what reads atomics happens on the component's loop.
 class component_runner : public std::enable_shared_from_this<component_runner> {
 public:
-    component_runner(std::weak_ptr<component_owner> of, environment& env, std::shared_ptr<loop_share> share, std::string path,
-                     std::unique_ptr<runnable> made, component_options options, const node_options& node, const security& credentials,
-                     std::uint64_t incarnation);
+    component_runner(std::weak_ptr<component_owner> of, environment& env, std::shared_ptr<loop_share> share,
+                     std::string path, std::unique_ptr<runnable> made, component_options options,
+                     const node_options& node, const security& credentials, std::uint64_t incarnation);
     ~component_runner();
 
-    /// Listens, provides ISE's own services and starts the flow. Throws what listening refuses; then nothing listens, and
-    /// what was begun ends by itself.
+    /// Listens, provides ISE's own services and starts the flow. Throws what listening refuses; then nothing listens,
+    /// and what was begun ends by itself.
     void start();
     /// From any thread, any number of times.
     void stop();
@@ -63,7 +63,7 @@ public:
     /// Asks the loop to show that it turns; true if the question before was answered.
     bool poke();
     /// Through which peers hear that it lives while its loop does not turn.
-    net::vital_signs_list& signs() noexcept { return *signs_; }
+    net::heartbeat_senders& signs() noexcept { return *signs_; }
     std::atomic<bool> stalled{false};
     /// Counts it as stopped although its thread does not come back to its loop, or its executor is not run, for longer
     /// than stopping may take. True if it was given up now.
@@ -83,7 +83,7 @@ private:
     registration describe_for_names() const;
     void services_changed();
     void lose_name(const failure& why);
-    component_text describe_self() const;
+    component_info describe_self() const;
     void on_child_failure(const std::string& name, std::exception_ptr thrown);
     task<> restart();
     static task<> shut_down(std::shared_ptr<component_runner> self);
@@ -104,7 +104,7 @@ private:
     std::atomic<bool> poked_{false};
     std::atomic<bool> ended_{false};
     std::atomic<duration::rep> stop_limit_{duration::max().count()}; // when it is given up
-    std::shared_ptr<net::vital_signs_list> signs_;
+    std::shared_ptr<net::heartbeat_senders> signs_;
     std::shared_ptr<job_count> jobs_ = std::make_shared<job_count>();
 
     // On the loop. The component goes first, then its coroutines' owners, then its services.

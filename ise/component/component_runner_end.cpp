@@ -46,12 +46,14 @@ task<> component_runner::restart() {
     flow_->stop();
     bool ended = co_await flow_->join_until(saturating_add(on().now(), grace_));
     if (!ended) {
-        log_.error("cannot be restarted: coroutines of its last flow still run", {{"coroutines", fmt::format("{}", fmt::join(flow_->running(), ", "))}});
+        log_.error("cannot be restarted: coroutines of its last flow still run",
+                   {{"coroutines", fmt::format("{}", fmt::join(flow_->running(), ", "))}});
         stop();
         co_return;
     }
     services_->pause(failure(errc::peer_lost, fmt::format("'{}' restarts after a failure", path_)), grace_ / 2);
-    co_await services_->peers().ended(saturating_add(on().now(), grace_ / 2)); // subscribers shall not hear that the services have ended, which they have not
+    co_await services_->peers().ended(saturating_add(
+        on().now(), grace_ / 2)); // subscribers shall not hear that the services have ended, which they have not
     for (const auto& name : std::vector(own_services_)) withdraw_service(name);
     if (on().now() - flow_began_ >= steady_flow) pause_.reset();
     auto pause = pause_.next();
@@ -72,7 +74,8 @@ void component_runner::stop() {
     if (stop_asked_.exchange(true)) return;
     stop_limit_ = saturating_add(env_.now(), grace_ * 3 + std::chrono::milliseconds(100)).time_since_epoch().count();
     // Through the gate, as everything from other threads: a loop that has ended meanwhile keeps nothing.
-    on().gate()->post([self = shared_from_this()] { asio::co_spawn(self->on().get_executor(), shut_down(self), asio::detached); });
+    on().gate()->post(
+        [self = shared_from_this()] { asio::co_spawn(self->on().get_executor(), shut_down(self), asio::detached); });
 }
 
 // Its own coroutines first, then its sessions say goodbye, then everything that carried them.
@@ -80,7 +83,8 @@ task<> component_runner::shut_down(std::shared_ptr<component_runner> self) {
     auto& me = *self;
     auto limit = saturating_add(me.on().now(), me.grace_);
     if (!me.over()) me.state_ = component_state::stopping;
-    if (auto owner = me.node_.lock(); owner && owner->names() && me.announcing_ && !me.path_.empty() && me.options_.registers)
+    if (auto owner = me.node_.lock();
+        owner && owner->names() && me.announcing_ && !me.path_.empty() && me.options_.registers)
         asio::co_spawn(owner->loop().get_executor(), owner->names()->withdraw(me.path_), asio::detached);
 
     std::vector<std::string> still;
@@ -118,7 +122,8 @@ void component_runner::finish() {
 
 bool component_runner::give_up_if_late() {
     if (over() || env_.now().time_since_epoch().count() < stop_limit_) return false;
-    std::string what = share_->adopted ? "its executor, which is blocked or not run by the program" : "its thread, which does not come back to its loop";
+    std::string what = share_->adopted ? "its executor, which is blocked or not run by the program"
+                                       : "its thread, which does not come back to its loop";
     log_.error("cannot be stopped and is left behind", {{"still_running", what}});
     {
         std::lock_guard lock(report_mutex_);

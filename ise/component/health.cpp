@@ -10,22 +10,26 @@ namespace {
 std::vector<duration_count> counts_of(const duration_histogram* from) {
     std::vector<duration_count> made;
     for (std::size_t at = 0; from && at < duration_histogram::buckets; ++at)
-        if (from->count(at) > 0) made.push_back({static_cast<std::uint64_t>(duration_histogram::end_of(at).count()), from->count(at)});
+        if (from->count(at) > 0)
+            made.push_back({static_cast<std::uint64_t>(duration_histogram::end_of(at).count()), from->count(at)});
     return made;
 }
 
 std::vector<drop_count> counts_of(const publication_losses& from) {
     std::vector<drop_count> made;
-    for (const auto& [reason, count] : {std::pair("replaced", from.replaced), {"overrun", from.overrun}, {"too_many_bytes", from.too_many_bytes},
-                                        {"too_large", from.too_large}, {"ended", from.ended}})
+    for (const auto& [reason, count] : {std::pair("replaced", from.replaced),
+                                        {"overrun", from.overrun},
+                                        {"too_many_bytes", from.too_many_bytes},
+                                        {"too_large", from.too_large},
+                                        {"ended", from.ended}})
         if (count > 0) made.push_back({reason, count});
     return made;
 }
 
 } // namespace
 
-health_text health_of(service_host& services) {
-    health_text made;
+health_report health_of(service_host& services) {
+    health_report made;
     made.wall = services.env().wall();
     made.incarnation = services.self().incarnation;
     const auto& counts = services.counts();

@@ -22,8 +22,8 @@ struct duration_count {
 
 /// Packets that a publication did not send, by the reason.
 struct drop_count {
-    std::string reason;         ///< "replaced", "overrun", "too_many_bytes", "too_large"; "ended": subscribers, not packets
-    std::uint64_t count = 0;    ///< since it began
+    std::string reason; ///< "replaced", "overrun", "too_many_bytes", "too_large"; "ended": subscribers, not packets
+    std::uint64_t count = 0; ///< since it began
 };
 
 /// A service that a component provides, at work.
@@ -44,17 +44,17 @@ struct service_load {
 
 /// What waits to be sent over a session, published packets apart.
 struct session_load {
-    std::string peer; ///< as in `session_text`
+    std::string peer;               ///< as in `session_text`
     std::uint64_t unsent_bytes = 0; ///< of calls, replies and control
 };
 
 /// How the component is now. Fields are only ever appended.
-struct health_text {
-    wall_time wall{};                ///< the clock of its host
-    std::uint64_t incarnation = 0;   ///< of this life
-    std::uint64_t calls_served = 0;  ///< since it began
-    std::uint64_t calls_refused = 0; ///< since it began: expired, unknown, mismatched or beyond a limit
-    std::uint64_t packets_dropped = 0; ///< since it began, by the policies of slow subscribers
+struct health_report {
+    wall_time wall{};                   ///< the clock of its host
+    std::uint64_t incarnation = 0;      ///< of this life
+    std::uint64_t calls_served = 0;     ///< since it began
+    std::uint64_t calls_refused = 0;    ///< since it began: expired, unknown, mismatched or beyond a limit
+    std::uint64_t packets_dropped = 0;  ///< since it began, by the policies of slow subscribers
     std::vector<service_load> services; ///< provided
     std::vector<session_load> sessions; ///< now
     std::uint64_t calls_expired = 0;    ///< of those refused: their deadline came before a handler was free
@@ -62,9 +62,9 @@ struct health_text {
 };
 
 /// Every component provides it.
-inline constexpr request_response<health_request, health_text> health_service{"ise.health"};
+inline constexpr request_response<health_request, health_report> health_service{"ise.health"};
 
 /// Of a component's services; on its loop.
-health_text health_of(service_host& services);
+health_report health_of(service_host& services);
 
 } // namespace ise

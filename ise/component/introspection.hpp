@@ -57,27 +57,27 @@ struct wait_text {
 struct describe_request {};
 
 /// The description of a component.
-struct component_text {
+struct component_info {
     /// Empty for an anonymous one.
     std::string path;
-    std::string state;                   ///< a component_state by name
-    std::uint64_t incarnation = 0;       ///< of this life
-    std::uint64_t epoch = 0;             ///< of its name; 0: none granted
-    std::string host_name;               ///< for people
-    std::uint64_t process_id = 0;        ///< on that host
-    std::vector<std::string> endpoints;  ///< where it listens
-    std::vector<service_text> services;  ///< provided and required
-    std::vector<session_text> sessions;  ///< now
-    std::uint64_t calls_served = 0;      ///< since it began
-    std::uint64_t packets_published = 0; ///< since it began
-    std::uint64_t packets_dropped = 0;   ///< by the policies of slow subscribers
-    bool confirmed = false;              ///< its name: the lease holds, as far as it knows
-    std::map<std::string, std::int32_t> roles; ///< that it serves, with its priority
+    std::string state;                                        ///< a component_state by name
+    std::uint64_t incarnation = 0;                            ///< of this life
+    std::uint64_t epoch = 0;                                  ///< of its name; 0: none granted
+    std::string host_name;                                    ///< for people
+    std::uint64_t process_id = 0;                             ///< on that host
+    std::vector<std::string> endpoints;                       ///< where it listens
+    std::vector<service_text> services;                       ///< provided and required
+    std::vector<session_text> sessions;                       ///< now
+    std::uint64_t calls_served = 0;                           ///< since it began
+    std::uint64_t packets_published = 0;                      ///< since it began
+    std::uint64_t packets_dropped = 0;                        ///< by the policies of slow subscribers
+    bool confirmed = false;                                   ///< its name: the lease holds, as far as it knows
+    std::map<std::string, std::int32_t> roles;                ///< that it serves, with its priority
     std::vector<ended_subscription_text> ended_subscriptions; ///< the last ones
-    std::vector<wait_text> waits; ///< present waits of any length
+    std::vector<wait_text> waits;                             ///< present waits of any length
 };
 
 /// Every component provides it.
-inline constexpr request_response<describe_request, component_text> describe_service{"ise.describe"};
+inline constexpr request_response<describe_request, component_info> describe_service{"ise.describe"};
 
 } // namespace ise

@@ -19,13 +19,16 @@ T allowed(result<T> what) {
 
 } // namespace
 
-live_parameters::live_parameters(parameter_set set, std::function<void(component&)> changed, std::shared_ptr<const void> keeps)
+live_parameters::live_parameters(parameter_set set, std::function<void(component&)> changed,
+                                 std::shared_ptr<const void> keeps)
     : set_(std::move(set)), changed_(std::move(changed)), keeps_(std::move(keeps)) {}
 
 void live_parameters::offer(service_host& host, component& of) {
     auto add = [&](std::shared_ptr<call_service> service) { host.services().add(std::move(service)).value(); };
-    add(make_call_service(host, parameters_service, [this](const parameters_request& asked) { return tell(asked.names); }));
-    add(make_call_service(host, change_parameters_service, [this, &of](const change_parameters_request& asked) { return change(of, asked.settings); }));
+    add(make_call_service(host, parameters_service,
+                          [this](const parameters_request& asked) { return tell(asked.names); }));
+    add(make_call_service(host, change_parameters_service,
+                          [this, &of](const change_parameters_request& asked) { return change(of, asked.settings); }));
 }
 
 parameters_response live_parameters::tell(const std::vector<std::string>& names) const {
@@ -54,7 +57,8 @@ parameters_response live_parameters::change(component& of, const std::vector<par
         for (const auto& name : names) set_.assign_again(name);
         throw;
     }
-    for (const auto& [name, value] : wanted) of.log().info("a parameter was changed", {{"name", name}, {"value", value}});
+    for (const auto& [name, value] : wanted)
+        of.log().info("a parameter was changed", {{"name", name}, {"value", value}});
     return tell({names.begin(), names.end()});
 }
 

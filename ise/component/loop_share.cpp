@@ -25,7 +25,8 @@ bool on_context_of(const asio::any_io_executor& executor) {
 
 } // namespace
 
-loop_share::loop_share(std::unique_ptr<loop_host> runs, bool on_foreign_executor) : host(std::move(runs)), adopted(on_foreign_executor) {
+loop_share::loop_share(std::unique_ptr<loop_host> runs, bool on_foreign_executor)
+    : host(std::move(runs)), adopted(on_foreign_executor) {
     if (!adopted || host->loop().env().is_virtual()) return;
     entrance_ = std::make_shared<entrance>();
     asio::post(host->loop().get_executor(), [entrance = entrance_] {
@@ -59,8 +60,9 @@ void loop_share::run_alone(function_ref<void()> work) {
     }
     if (loop.running_here()) return work();
     if (on_context_of(loop.get_executor()))
-        throw error(errc::would_block_self, "a component that shares the loop of a running one is started on that loop, or from a thread "
-                                            "that does not run the program's io_context");
+        throw error(errc::would_block_self,
+                    "a component that shares the loop of a running one is started on that loop, or from a thread "
+                    "that does not run the program's io_context");
     try {
         asio::post(loop.get_executor(), std::packaged_task<void()>(work)).get();
     } catch (const std::future_error&) { // dropped unrun

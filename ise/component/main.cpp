@@ -75,17 +75,20 @@ int run(component_type& type, program_words where, const std::string& program) {
     });
     for (const auto& report : running.reports()) {
         if (!report.failure.empty()) complain(program, fmt::format("{}: {}", report.path, report.failure));
-        for (const auto& name : report.still_running) complain(program, fmt::format("{} did not end in time: {}", report.path, name));
+        for (const auto& name : report.still_running)
+            complain(program, fmt::format("{} did not end in time: {}", report.path, name));
     }
     return code;
 }
 
 // `again` is empty where the types were made once and for all.
-int obey(std::vector<std::string> words, std::vector<component_type>& types, const type_maker& again, const std::string& program, const std::string& version) {
+int obey(std::vector<std::string> words, std::vector<component_type>& types, const type_maker& again,
+         const std::string& program, const std::string& version) {
     std::string first = words.empty() ? "" : words.front();
     if (first == "--describe") return fmt::print("{}\n", describe_types(program, version, types, again != nullptr)), 0;
     if (first == "--version") return fmt::print("{} {}\n", program, version), 0;
-    if (first == "--help" || first == "-h") return fmt::print("{}", detail::help_of(program, types, again != nullptr)), 0;
+    if (first == "--help" || first == "-h")
+        return fmt::print("{}", detail::help_of(program, types, again != nullptr)), 0;
     if (first == "host") {
         if (!again) throw wrong("components of this program cannot share a process: each runs in one of its own");
         words.erase(words.begin());
@@ -93,8 +96,10 @@ int obey(std::vector<std::string> words, std::vector<component_type>& types, con
         if (where.help) return fmt::print("{}", detail::help_of(program, types, true)), 0;
         return detail::run_process_host(again, std::move(where), program);
     }
-    if (first != "run" || words.size() < 2) throw wrong(fmt::format("say `{} run TYPE`; `{} --help` lists the types", program, program));
-    if (words[1] == "--help" || words[1] == "-h") return fmt::print("{}", detail::help_of(program, types, again != nullptr)), 0;
+    if (first != "run" || words.size() < 2)
+        throw wrong(fmt::format("say `{} run TYPE`; `{} --help` lists the types", program, program));
+    if (words[1] == "--help" || words[1] == "-h")
+        return fmt::print("{}", detail::help_of(program, types, again != nullptr)), 0;
     auto& type = detail::type_among(types, words[1]);
     words.erase(words.begin(), words.begin() + 2);
     auto where = detail::read_words(words, &type);
@@ -103,7 +108,8 @@ int obey(std::vector<std::string> words, std::vector<component_type>& types, con
     return run(type, std::move(where), program);
 }
 
-int guarded(int count, const char* const* words, std::vector<component_type> types, const type_maker& again, const std::string& version) {
+int guarded(int count, const char* const* words, std::vector<component_type> types, const type_maker& again,
+            const std::string& version) {
     std::setvbuf(stdout, nullptr, _IOLBF, BUFSIZ); // what was printed before a crash reaches the log
     std::string program = count > 0 ? words[0] : "";
     program = program.substr(program.rfind('/') + 1);
@@ -140,7 +146,8 @@ program_words read_words(const std::vector<std::string>& words, component_type* 
             continue;
         }
         auto equals = word.find('=');
-        if (!word.starts_with("--")) throw wrong(fmt::format("'{}' is not an option: options are written --name=value", word));
+        if (!word.starts_with("--"))
+            throw wrong(fmt::format("'{}' is not an option: options are written --name=value", word));
         if (equals != std::string::npos) value = word.substr(equals + 1);
         else if (++at < words.size()) value = words[at];
         else throw wrong(fmt::format("'{}' needs a value", word));
@@ -165,7 +172,8 @@ void take_parameters(component_type& type, component_options& into, environment&
 
 } // namespace detail
 
-std::string describe_types(const std::string& program, const std::string& version, const std::vector<component_type>& types, bool shares) {
+std::string describe_types(const std::string& program, const std::string& version,
+                           const std::vector<component_type>& types, bool shares) {
     program_text made;
     made.shares_process = shares;
     made.program = program;
@@ -180,8 +188,12 @@ std::string describe_types(const std::string& program, const std::string& versio
 std::shared_ptr<live_parameters> component_type::live() const {
     for (const auto& one : parameters.all())
         if (one.changeable && !changed)
-            throw error(errc::invalid_argument, fmt::format("type '{}': parameter '{}' is changeable, but nothing of it takes a change over: C::change", about.name, one.name));
-    return std::make_shared<live_parameters>(parameters, changed, std::make_shared<std::function<std::unique_ptr<component>()>>(make));
+            throw error(
+                errc::invalid_argument,
+                fmt::format("type '{}': parameter '{}' is changeable, but nothing of it takes a change over: C::change",
+                            about.name, one.name));
+    return std::make_shared<live_parameters>(parameters, changed,
+                                             std::make_shared<std::function<std::unique_ptr<component>()>>(make));
 }
 
 result<std::pair<std::string, std::int32_t>> parse_role(std::string_view text) {
@@ -190,7 +202,9 @@ result<std::pair<std::string, std::int32_t>> parse_role(std::string_view text) {
     auto number = text.substr(equals == text.npos ? text.size() : equals + 1);
     auto [end, problem] = std::from_chars(number.data(), number.data() + number.size(), priority);
     if (equals == 0 || problem != std::errc() || end != number.data() + number.size())
-        return failure(errc::invalid_argument, fmt::format("'{}' is not a role with its priority: write it like atirma/gateway=5", text.substr(0, 200)));
+        return failure(
+            errc::invalid_argument,
+            fmt::format("'{}' is not a role with its priority: write it like atirma/gateway=5", text.substr(0, 200)));
     return std::pair(std::string(text.substr(0, equals)), priority);
 }
 

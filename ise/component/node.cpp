@@ -25,8 +25,9 @@ std::string printable(std::string text) {
 }
 
 void check_path(const std::string& path, std::string_view what) {
-    if (path.size() > naming::longest_path || !naming::is_path(path))
-        throw error(errc::invalid_argument, fmt::format("'{}' is no {}: write it like atirma/shore/xbee", printable(path), what));
+    if (path.size() > naming::max_path || !naming::is_path(path))
+        throw error(errc::invalid_argument,
+                    fmt::format("'{}' is no {}: write it like atirma/shore/xbee", printable(path), what));
 }
 
 class coroutine_component final : public component {
@@ -81,7 +82,8 @@ node::~node() {
                 co_await held->scope->join_until(saturating_add(held->loop().now(), held->options.grace));
             }
         };
-        asio::co_spawn(state_->loop().get_executor(), closing(state_), [&closed](std::exception_ptr) { closed.set_value(); });
+        asio::co_spawn(state_->loop().get_executor(), closing(state_),
+                       [&closed](std::exception_ptr) { closed.set_value(); });
         over.get();
     }
     // Every loop ends before what its coroutines use; those that cannot be ended now are left behind together with all
@@ -93,7 +95,8 @@ node::~node() {
         state_->runners.clear();
     }
     for (auto& [share, runners] : by_loop) {
-        bool ended = state_->env.is_virtual() || std::ranges::all_of(runners, [](const auto& runner) { return runner->ended(); });
+        bool ended = state_->env.is_virtual() ||
+                     std::ranges::all_of(runners, [](const auto& runner) { return runner->ended(); });
         if (!ended) {
             leave_behind(std::move(runners));
         } else if (!share->adopted || state_->env.is_virtual()) {
@@ -111,13 +114,18 @@ component& node::start(const std::string& path, std::function<task<>(component&)
 component& node::launch(const std::string& path, std::unique_ptr<component> made, component_options options) {
     if (!path.empty()) check_path(path, "path of a component");
     for (const auto& [role, priority] : options.roles) check_path(role, "role of a component");
-    if (options.roles.contains(path)) throw error(errc::invalid_argument, fmt::format("'{}' is the component's own name and needs not be a role of it", path));
-    if (!options.roles.empty() && path.empty()) throw error(errc::invalid_argument, "an anonymous component serves no role: give it a path");
+    if (options.roles.contains(path))
+        throw error(errc::invalid_argument,
+                    fmt::format("'{}' is the component's own name and needs not be a role of it", path));
+    if (!options.roles.empty() && path.empty())
+        throw error(errc::invalid_argument, "an anonymous component serves no role: give it a path");
     auto share = state_->loop_for(path, options);
     auto& reference = *made;
     auto parameters = options.parameters;
     auto incarnation = state_->env.random() | 1; // never 0
-    auto runner = std::make_shared<component_runner>(state_, state_->env, share, path, std::move(made), std::move(options), state_->options, state_->credentials, incarnation);
+    auto runner =
+        std::make_shared<component_runner>(state_, state_->env, share, path, std::move(made), std::move(options),
+                                           state_->options, state_->credentials, incarnation);
     state_->take_in(runner); // first, so that whoever stops the node stops it too
     try {
         share->run_alone([&] {
@@ -142,7 +150,9 @@ void node::stop(const std::string& path) {
 void node::stop() { state_->stop_all(); }
 
 void node::wait() {
-    if (state_->env.is_virtual()) throw error(errc::would_block_self, "a blocking wait in the virtual world would stop its only thread: co_await stopped()");
+    if (state_->env.is_virtual())
+        throw error(errc::would_block_self,
+                    "a blocking wait in the virtual world would stop its only thread: co_await stopped()");
     std::unique_lock lock(state_->mutex);
     state_->changed.wait(lock, [this] { return state_->all_stopped(); });
 }
@@ -151,7 +161,9 @@ task<> node::stopped() {
     return asio::async_initiate<const asio::use_awaitable_t<>, void()>(
         [](auto handler, std::shared_ptr<node_state> held) {
             auto executor = asio::get_associated_executor(handler);
-            unique_function<void()> resume = [handler = std::move(handler), executor]() mutable { asio::post(executor, std::move(handler)); };
+            unique_function<void()> resume = [handler = std::move(handler), executor]() mutable {
+                asio::post(executor, std::move(handler));
+            };
             {
                 std::lock_guard lock(held->mutex);
                 if (!held->all_stopped()) {

@@ -26,17 +26,17 @@ enum class on_failure : std::uint8_t {
 
 /// Options for all components of a node.
 struct node_options {
-    std::string name;                          ///< for people, such as the name of the process
-    std::optional<endpoint> name_server;       ///< else ISE_NAME_SERVER, else tcp://127.0.0.1:7400
-    bool use_names = true;                     ///< false: components are reached by endpoint only
-    duration lease = std::chrono::seconds(2);  ///< of the names
-    duration grace = std::chrono::seconds(2);  ///< for coroutines and sessions to end when stopped
-    /// How long the thread of a component polls for events before it sleeps, at most 1 s. This saves the wake-up and keeps
-    /// a core busy. Polling is adaptive: without events in that time, or if others need the core, the thread sleeps and polls
-    /// again later (docs/embedding.md). Default: ISE_POLL_US, else no polling.
+    std::string name;                         ///< for people, such as the name of the process
+    std::optional<endpoint> name_server;      ///< else ISE_NAME_SERVER, else tcp://127.0.0.1:7400
+    bool use_names = true;                    ///< false: components are reached by endpoint only
+    duration lease = std::chrono::seconds(2); ///< of the names
+    duration grace = std::chrono::seconds(2); ///< for coroutines and sessions to end when stopped
+    /// How long the thread of a component polls for events before it sleeps, at most 1 s. This saves the wake-up and
+    /// keeps a core busy. Polling is adaptive: without events in that time, or if others need the core, the thread
+    /// sleeps and polls again later (docs/embedding.md). Default: ISE_POLL_US, else no polling.
     std::optional<duration> poll;
-    service_options services;                  ///< limits and times of sessions, calls and subscriptions
-    log_sink log = log_to_stderr();            ///< the sink of all log records of the node
+    service_options services;       ///< limits and times of sessions, calls and subscriptions
+    log_sink log = log_to_stderr(); ///< the sink of all log records of the node
     /// Its credentials, loaded when the node is made. Default of empty fields: ISE_KEY and ISE_TLS.
     security_options security;
 };
@@ -50,8 +50,8 @@ struct component_options {
     /// Further endpoints to register, for a listener behind a tunnel or an address translation. With a shared key, a
     /// session that was dialled neither to one of these nor to the endpoint where it arrived is refused.
     std::vector<endpoint> advertise;
-    bool listens = true;                       ///< false: it is only a client
-    bool registers = true;                     ///< at the name server, if it has a path
+    bool listens = true;   ///< false: it is only a client
+    bool registers = true; ///< at the name server, if it has a path
     /// Roles that it serves beside its own name, with its priorities: the highest is preferred. Several components may
     /// serve one role; clients that look for the role get the live member with the highest priority.
     std::map<std::string, std::int32_t> roles;

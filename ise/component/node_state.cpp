@@ -42,7 +42,7 @@ void node_state::watch_loops() {
         if (runner->give_up_if_late()) on_stopped();
         if (!runner->over()) {
             runner->signs().show(now);
-            period = std::min(period, runner->signs().shortest_heartbeat() / 2);
+            period = std::min(period, runner->signs().min_heartbeat() / 2);
         }
         if (now < poke_at) continue;
         bool turning = runner->poke();
@@ -50,9 +50,11 @@ void node_state::watch_loops() {
         if (turning) {
             log.info("a component goes on", {{"component", runner->path()}});
         } else {
-            log.warning("a component is stalled: its thread does not come back to its loop", {{"component", runner->path()}});
+            log.warning("a component is stalled: its thread does not come back to its loop",
+                        {{"component", runner->path()}});
         }
-        if (kept_names && !runner->path().empty()) kept_names->set_state(runner->path(), turning ? name_of(runner->state()) : "stalled");
+        if (kept_names && !runner->path().empty())
+            kept_names->set_state(runner->path(), turning ? name_of(runner->state()) : "stalled");
     }
     if (now >= poke_at) poke_at = now + watch_period;
     watch->arm(now + period);
@@ -106,8 +108,9 @@ std::shared_ptr<loop_share> node_state::loop_for(const std::string& path, const 
     }
     auto other = find(wanted.together_with);
     if (!other || other->over())
-        throw error(errc::invalid_argument, fmt::format("'{}' shall share the loop of '{}', which this node does not run{}", path,
-                                                        wanted.together_with, other ? " any more" : ""));
+        throw error(errc::invalid_argument,
+                    fmt::format("'{}' shall share the loop of '{}', which this node does not run{}", path,
+                                wanted.together_with, other ? " any more" : ""));
     return other->share();
 }
 

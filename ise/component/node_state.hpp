@@ -15,7 +15,8 @@ struct node_state final : component_owner, std::enable_shared_from_this<node_sta
     node_state(environment& of, node_options given, security loaded);
     ~node_state();
 
-    /// How often it looks whether the loops of its components turn; more often where a peer wants to hear from one sooner.
+    /// How often it looks whether the loops of its components turn; more often where a peer wants to hear from one
+    /// sooner.
     static constexpr duration watch_period = std::chrono::milliseconds(500);
 
     ise::loop& loop() noexcept override { return host->loop(); }

@@ -17,7 +17,8 @@ namespace {
 // As much of a text as belongs into a message.
 std::string shown(std::string_view value) {
     std::string text;
-    for (char letter : value.substr(0, 60)) text += static_cast<unsigned char>(letter) < 0x20 || letter == 0x7F ? '?' : letter;
+    for (char letter : value.substr(0, 60))
+        text += static_cast<unsigned char>(letter) < 0x20 || letter == 0x7F ? '?' : letter;
     return value.size() > 60 ? text + "…" : text;
 }
 
@@ -44,7 +45,8 @@ bool in_range(const parameter& of, double value) {
 // A numeric address or a host's name; which ones are allowed is the affair of whoever starts programs for others.
 bool is_address(std::string_view value) {
     return std::ranges::all_of(value, [](unsigned char letter) {
-        return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') || (letter >= '0' && letter <= '9') || letter == '.' || letter == ':' || letter == '-' || letter == '_';
+        return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') ||
+               (letter >= '0' && letter <= '9') || letter == '.' || letter == ':' || letter == '-' || letter == '_';
     });
 }
 
@@ -75,7 +77,8 @@ bool fits_kind(const parameter& of, std::string_view value) {
 }
 
 failure not_a_value(const parameter& of, std::string_view value) {
-    return {errc::invalid_argument, fmt::format("parameter '{}' cannot be '{}': it is {}", of.name, shown(value), allowed_values(of))};
+    return {errc::invalid_argument,
+            fmt::format("parameter '{}' cannot be '{}': it is {}", of.name, shown(value), allowed_values(of))};
 }
 
 template <class T>
@@ -123,10 +126,12 @@ std::string allowed_values(const parameter& of) {
 }
 
 result<void> check(const parameter& of, std::string_view value) {
-    if (value.size() > longest_parameter_value)
-        return failure(errc::invalid_argument, fmt::format("parameter '{}' has {} bytes, {} are allowed", of.name, value.size(), longest_parameter_value));
+    if (value.size() > max_parameter_value)
+        return failure(errc::invalid_argument, fmt::format("parameter '{}' has {} bytes, {} are allowed", of.name,
+                                                           value.size(), max_parameter_value));
     bool plain = std::ranges::none_of(value, [](unsigned char letter) { return letter < 0x20 || letter == 0x7F; });
-    if (!plain) return failure(errc::invalid_argument, fmt::format("parameter '{}' holds a control character", of.name));
+    if (!plain)
+        return failure(errc::invalid_argument, fmt::format("parameter '{}' holds a control character", of.name));
     bool chosen = of.choices.empty() || std::ranges::find(of.choices, value) != of.choices.end();
     if (!chosen || !fits_kind(of, value)) return not_a_value(of, value);
     return {};
@@ -138,15 +143,20 @@ result<void> read_value(const parameter& of, const std::string& text, double& in
     if (!parses(text, into)) return not_a_value(of, text);
     return {};
 }
-result<void> read_value(const parameter& of, const std::string& text, std::int64_t& into) { return read_integer(of, text, into); }
-result<void> read_value(const parameter& of, const std::string& text, std::uint64_t& into) { return read_integer(of, text, into); }
+result<void> read_value(const parameter& of, const std::string& text, std::int64_t& into) {
+    return read_integer(of, text, into);
+}
+result<void> read_value(const parameter& of, const std::string& text, std::uint64_t& into) {
+    return read_integer(of, text, into);
+}
 
 std::string show_value(double value) { return fmt::format("{}", value); }
 result<void> refuse_value(const parameter& of, const std::string& text) { return not_a_value(of, text); }
 
 std::string parameter_name(std::string_view field) {
     std::string name;
-    for (char letter : field) name += letter == '_' ? '-' : letter >= 'A' && letter <= 'Z' ? static_cast<char>(letter - 'A' + 'a') : letter;
+    for (char letter : field)
+        name += letter == '_' ? '-' : letter >= 'A' && letter <= 'Z' ? static_cast<char>(letter - 'A' + 'a') : letter;
     return name;
 }
 
@@ -211,7 +221,9 @@ result<const parameter*> parameter_set::known(std::string_view name) const {
     std::vector<std::string> names;
     for (const auto& one : declared_) names.push_back(one.name);
     auto near = nearest(name, names);
-    auto advice = names.empty() ? "there are none" : near.empty() ? fmt::format("there are {}", fmt::join(names, ", ")) : fmt::format("did you mean '{}'?", near.front());
+    auto advice = names.empty()  ? "there are none"
+                  : near.empty() ? fmt::format("there are {}", fmt::join(names, ", "))
+                                 : fmt::format("did you mean '{}'?", near.front());
     return failure(errc::invalid_argument, fmt::format("there is no parameter '{}'; {}", shown(name), advice));
 }
 
@@ -222,7 +234,8 @@ result<void> parameter_set::set(std::string_view name, const std::string& value)
     auto allowed = check(which, value);
     if (!allowed) return allowed;
     auto& given = given_[place_of(which)];
-    if (!given.empty() && !which.many) return failure(errc::invalid_argument, fmt::format("parameter '{}' is given twice", which.name));
+    if (!given.empty() && !which.many)
+        return failure(errc::invalid_argument, fmt::format("parameter '{}' is given twice", which.name));
     given.push_back(value);
     return stores_[place_of(which)](which, value);
 }
@@ -231,11 +244,16 @@ result<void> parameter_set::set_from(const std::function<std::optional<std::stri
     for (const auto& one : declared_) {
         if (!given_[place_of(one)].empty()) continue;
         std::string name = "ISE_PARAMETER_";
-        for (char letter : one.name) name += letter == '-' ? '_' : letter >= 'a' && letter <= 'z' ? static_cast<char>(letter - 'a' + 'A') : letter;
+        for (char letter : one.name)
+            name += letter == '-'                    ? '_'
+                    : letter >= 'a' && letter <= 'z' ? static_cast<char>(letter - 'a' + 'A')
+                                                     : letter;
         auto told = variable(name);
         if (!told) continue;
         auto taken = set(one.name, *told);
-        if (!taken) return failure(taken.error().code(), fmt::format("the environment variable {}: {}", name, taken.error().message()));
+        if (!taken)
+            return failure(taken.error().code(),
+                           fmt::format("the environment variable {}: {}", name, taken.error().message()));
     }
     return {};
 }
@@ -249,8 +267,11 @@ result<void> parameter_set::may_change(std::string_view name, const std::string&
     std::vector<std::string> others;
     for (const auto& one : declared_)
         if (one.changeable) others.push_back(one.name);
-    return failure(errc::invalid_argument, fmt::format("parameter '{}' cannot be changed while the component runs, {}: it is given at a start", (*found)->name,
-                                                       others.empty() ? "and neither can its others" : fmt::format("only {}", fmt::join(others, ", "))));
+    return failure(
+        errc::invalid_argument,
+        fmt::format("parameter '{}' cannot be changed while the component runs, {}: it is given at a start",
+                    (*found)->name,
+                    others.empty() ? "and neither can its others" : fmt::format("only {}", fmt::join(others, ", "))));
 }
 
 result<void> parameter_set::change(std::string_view name, const std::string& value) {
@@ -276,7 +297,11 @@ std::vector<std::string> parameter_set::values(const parameter& of) const {
 }
 
 parameter_set::declared& parameter_set::declared::changeable() {
-    if (what_->many) throw error(errc::invalid_argument, fmt::format("parameter '{}' may be given several times: it cannot be changed while the component runs", what_->name));
+    if (what_->many)
+        throw error(
+            errc::invalid_argument,
+            fmt::format("parameter '{}' may be given several times: it cannot be changed while the component runs",
+                        what_->name));
     return what_->changeable = true, *this;
 }
 

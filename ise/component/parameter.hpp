@@ -42,7 +42,7 @@ struct parameter {
     std::string address;              ///< for a TCP port to listen on: the parameter with the address
 };
 
-inline constexpr std::size_t longest_parameter_value = 4096;
+inline constexpr std::size_t max_parameter_value = 4096;
 
 /// "a number from 0 to 40 (m/s)"
 std::string allowed_values(const parameter& of);
@@ -67,7 +67,9 @@ public:
     class declared {
     public:
         explicit declared(parameter& what) : what_(&what) {}
-        declared& range(double minimum, double maximum) { return what_->minimum = minimum, what_->maximum = maximum, *this; }
+        declared& range(double minimum, double maximum) {
+            return what_->minimum = minimum, what_->maximum = maximum, *this;
+        }
         declared& unit(std::string name) { return what_->unit = std::move(name), *this; }
         declared& one_of(std::vector<std::string> choices) { return what_->choices = std::move(choices), *this; }
         /// Of a text or an integer.
@@ -94,22 +96,25 @@ public:
     declared add(std::string name, std::vector<std::string>& into, std::string description);
     declared add(std::string name, bool& into, std::string description);
     template <class T>
-        requires std::is_arithmetic_v<T>
-    declared add(std::string name, T& into, std::string description) {
+    requires std::is_arithmetic_v<T> declared add(std::string name, T& into, std::string description) {
         parameter made;
         made.name = std::move(name);
         made.description = std::move(description);
         if constexpr (std::is_floating_point_v<T>) {
             made.kind = parameter_kind::number;
             made.preset = detail::show_value(static_cast<double>(into));
-            return add(std::move(made), [&into](const parameter& of, const std::string& text) { return read<double>(of, text, into); });
+            return add(std::move(made),
+                       [&into](const parameter& of, const std::string& text) { return read<double>(of, text, into); });
         } else {
             made.kind = parameter_kind::integer;
             made.preset = std::to_string(into);
-            if constexpr (std::is_unsigned_v<T> || sizeof(T) < 8) made.minimum = static_cast<double>(std::numeric_limits<T>::min());
-            if constexpr (sizeof(T) < 8) made.maximum = static_cast<double>(std::numeric_limits<T>::max()); // exact as a double
+            if constexpr (std::is_unsigned_v<T> || sizeof(T) < 8)
+                made.minimum = static_cast<double>(std::numeric_limits<T>::min());
+            if constexpr (sizeof(T) < 8)
+                made.maximum = static_cast<double>(std::numeric_limits<T>::max()); // exact as a double
             using wide = std::conditional_t<std::is_signed_v<T>, std::int64_t, std::uint64_t>;
-            return add(std::move(made), [&into](const parameter& of, const std::string& text) { return read<wide>(of, text, into); });
+            return add(std::move(made),
+                       [&into](const parameter& of, const std::string& text) { return read<wide>(of, text, into); });
         }
     }
 
@@ -127,7 +132,8 @@ public:
         if constexpr (std::is_floating_point_v<T>) made.preset = detail::show_value(static_cast<double>(into.value()));
         else made.preset = std::to_string(into.value());
         return add(std::move(made), [&into](const parameter& of, const std::string& text) {
-            using wide = std::conditional_t<std::is_floating_point_v<T>, double, std::conditional_t<std::is_signed_v<T>, std::int64_t, std::uint64_t>>;
+            using wide = std::conditional_t<std::is_floating_point_v<T>, double,
+                                            std::conditional_t<std::is_signed_v<T>, std::int64_t, std::uint64_t>>;
             T value{};
             auto got = read<wide>(of, text, value);
             if (!got) return got;
@@ -136,21 +142,23 @@ public:
             return got;
         });
     }
-    /// Adds every field of a packet, by its name: `wind_speed_mps` is "wind-speed-mps". Numbers, `bounded` numbers, bools, texts and
-    /// lists of texts are parameters; another field does not compile. `operator[]` refines one.
+    /// Adds every field of a packet, by its name: `wind_speed_mps` is "wind-speed-mps". Numbers, `bounded` numbers,
+    /// bools, texts and lists of texts are parameters; another field does not compile. `operator[]` refines one.
     template <reflectable Options>
     void add_fields(Options& of) {
-        for_each_field(of, [this](std::string_view name, auto& field) { this->add(detail::parameter_name(name), field, std::string()); });
+        for_each_field(of, [this](std::string_view name, auto& field) {
+            this->add(detail::parameter_name(name), field, std::string());
+        });
     }
-    /// Refines a parameter declared before: `set["wind-speed"].described("of the wind").changeable()`. Throws errc::invalid_argument
-    /// if there is none of that name.
+    /// Refines a parameter declared before: `set["wind-speed"].described("of the wind").changeable()`. Throws
+    /// errc::invalid_argument if there is none of that name.
     declared operator[](std::string_view name);
 
-    /// Checks and stores a value; a parameter that may be given several times gets one more. errc::invalid_argument names
-    /// the parameter and the allowed values, or for an unknown one the known parameters.
+    /// Checks and stores a value; a parameter that may be given several times gets one more. errc::invalid_argument
+    /// names the parameter and the allowed values, or for an unknown one the known parameters.
     result<void> set(std::string_view name, const std::string& value);
-    /// Sets parameters that have not been given from the environment: "wind-speed" by ISE_PARAMETER_WIND_SPEED. Errors as `set`, with
-    /// the variable's name.
+    /// Sets parameters that have not been given from the environment: "wind-speed" by ISE_PARAMETER_WIND_SPEED. Errors
+    /// as `set`, with the variable's name.
     result<void> set_from(const std::function<std::optional<std::string>(const std::string&)>& variable);
     /// Whether `change` would succeed: errc::invalid_argument also if the parameter is not changeable.
     result<void> may_change(std::string_view name, const std::string& value) const;
@@ -161,14 +169,17 @@ public:
     const parameter* find(std::string_view name) const noexcept;
     /// The same; errc::invalid_argument with the nearest name, or those that there are.
     result<const parameter*> known(std::string_view name) const;
-    /// The present value: one text, or any number for a parameter that may be given several times. `of` is one of all().
+    /// The present value: one text, or any number for a parameter that may be given several times. `of` is one of
+    /// all().
     std::vector<std::string> values(const parameter& of) const;
     const std::vector<parameter>& all() const noexcept { return declared_; }
 
 private:
     using store = std::function<result<void>(const parameter& of, const std::string& text)>;
     declared add(parameter made, store assign);
-    std::size_t place_of(const parameter& which) const noexcept { return static_cast<std::size_t>(&which - declared_.data()); }
+    std::size_t place_of(const parameter& which) const noexcept {
+        return static_cast<std::size_t>(&which - declared_.data());
+    }
 
     template <class Wide, class T>
     static result<void> read(const parameter& of, const std::string& text, T& into) {

@@ -5,7 +5,8 @@
 #include <string>
 #include <vector>
 
-/// What a component that was started with parameters tells of them, whoever asks. Packets: fields are only ever appended.
+/// What a component that was started with parameters tells of them, whoever asks. Packets: fields are only ever
+/// appended.
 namespace ise {
 
 /// A parameter, and what it is now.
@@ -35,8 +36,9 @@ struct change_parameters_request {
 /// errc::refused names the parameters that there are.
 inline constexpr request_response<parameters_request, parameters_response> parameters_service{"ise.parameters"};
 /// Completes when the component has taken the change over; the response tells how they are now. errc::refused: no such
-/// parameter, none that may be changed, a value that is not allowed, with what is; or what the component itself has against
-/// it.
-inline constexpr request_response<change_parameters_request, parameters_response> change_parameters_service{"ise.change_parameters"};
+/// parameter, none that may be changed, a value that is not allowed, with what is; or what the component itself has
+/// against it.
+inline constexpr request_response<change_parameters_request, parameters_response> change_parameters_service{
+    "ise.change_parameters"};
 
 } // namespace ise

@@ -13,14 +13,17 @@
 namespace ise::detail {
 namespace {
 
-/// The component through which the others are started and stopped. It is anonymous: only who knows its endpoint reaches it.
+/// The component through which the others are started and stopped. It is anonymous: only who knows its endpoint reaches
+/// it.
 class host_component final : public component {
 public:
-    host_component(const type_maker& types, node& around, environment& world) : types_(types), node_(around), world_(world) {}
+    host_component(const type_maker& types, node& around, environment& world)
+        : types_(types), node_(around), world_(world) {}
 
 private:
     task<> run() override {
-        provide_exclusive(process_host::start, [this](process_host::start_request request) { return begin(std::move(request)); });
+        provide_exclusive(process_host::start,
+                          [this](process_host::start_request request) { return begin(std::move(request)); });
         provide(process_host::stop, [this](process_host::stop_request request) {
             if (lives_.contains(request.path)) node_.stop(request.path);
             return process_host::stop_response{};
@@ -56,7 +59,8 @@ private:
         words.erase(words.begin());
         auto where = read_words(words, &type);
         if (where.path.empty()) where.path = type.about.path;
-        if (where.path.empty()) throw wrong_words(fmt::format("type '{}' has no path of its own: give one", type.about.name));
+        if (where.path.empty())
+            throw wrong_words(fmt::format("type '{}' has no path of its own: give one", type.about.name));
         take_parameters(type, where.component, world_);
         node_.launch(where.path, type.make(), std::move(where.component));
         fmt::print("started: {}\n", where.path);
@@ -108,7 +112,8 @@ int run_process_host(const type_maker& types, program_words where, const std::st
     int code = run_until_signal(running);
     for (const auto& report : running.reports()) {
         if (!report.failure.empty()) complain(program, fmt::format("{}: {}", report.path, report.failure));
-        for (const auto& name : report.still_running) complain(program, fmt::format("{} did not end in time: {}", report.path, name));
+        for (const auto& name : report.still_running)
+            complain(program, fmt::format("{} did not end in time: {}", report.path, name));
     }
     return code;
 }

@@ -28,18 +28,18 @@ struct components_request {};
 /// A component that runs or has run here.
 struct hosted {
     std::string path;
-    std::uint64_t number = 0;  ///< of its last life
+    std::uint64_t number = 0; ///< of its last life
     bool over = false;
-    bool stuck = false;        ///< it was stopped, but a thread of it did not come back
-    std::string failure;       ///< why it failed, if it did
+    bool stuck = false;  ///< it was stopped, but a thread of it did not come back
+    std::string failure; ///< why it failed, if it did
 };
 
 struct components_response {
     std::vector<hosted> components;
 };
 
-/// Starts a component; it is told as soon as it runs, perhaps before it is ready. errc::refused says what of the words, or of
-/// the host, does not allow it.
+/// Starts a component; it is told as soon as it runs, perhaps before it is ready. errc::refused says what of the words,
+/// or of the host, does not allow it.
 inline constexpr request_response<start_request, start_response> start{"ise.process.start"};
 /// Asks one to stop; `components` tells when it has.
 inline constexpr request_response<stop_request, stop_response> stop{"ise.process.stop"};

@@ -12,7 +12,8 @@ namespace ise::detail {
 namespace {
 
 std::string help_row(const std::string& left, const std::string& text, std::size_t column) {
-    return fmt::format("  {:<{}}  {}{}\n", left, column, left.size() > column ? "\n" + std::string(column + 4, ' ') : "", text);
+    return fmt::format("  {:<{}}  {}{}\n", left, column,
+                       left.size() > column ? "\n" + std::string(column + 4, ' ') : "", text);
 }
 
 std::string parameter_row(const parameter& of, std::size_t column) {
@@ -28,8 +29,10 @@ std::string common_rows() {
     constexpr std::size_t column = 25;
     const std::array<std::pair<const char*, const char*>, 10> all{{
         {"--path=PATH", "the name that it registers (default: that of the type)"},
-        {"--listen=ENDPOINT", "where it listens; several are allowed (default: in-process, a local socket and a port of the loopback interface)"},
-        {"--advertise=ENDPOINT", "a further address to register, of a tunnel or an address translation; several are allowed"},
+        {"--listen=ENDPOINT", "where it listens; several are allowed (default: in-process, a local socket and a port "
+                              "of the loopback interface)"},
+        {"--advertise=ENDPOINT",
+         "a further address to register, of a tunnel or an address translation; several are allowed"},
         {"--role=ROLE=PRIORITY", "a role that it serves; the highest priority is preferred; several are allowed"},
         {"--name-server=ENDPOINT", "(default: ISE_NAME_SERVER, else tcp://127.0.0.1:7400)"},
         {"--log-level=LEVEL", "debug, info, warning or error (default: info)"},
@@ -49,7 +52,8 @@ constexpr const char* exit_codes = "Exit codes: 0 ended as asked, 1 failed, 2 wr
 
 std::string help_of(const std::string& program, const component_type& type) {
     const auto& about = type.about;
-    auto text = fmt::format("{}: {}\nusage: {} run {} [--PARAMETER=VALUE]... [--OPTION=VALUE]...\n", about.name, about.description, program, about.name);
+    auto text = fmt::format("{}: {}\nusage: {} run {} [--PARAMETER=VALUE]... [--OPTION=VALUE]...\n", about.name,
+                            about.description, program, about.name);
     if (!about.path.empty()) text += fmt::format("path: {}\n", about.path);
     for (bool provided : {true, false}) {
         std::string names;
@@ -58,8 +62,11 @@ std::string help_of(const std::string& program, const component_type& type) {
         if (!names.empty()) text += fmt::format("{}: {}\n", provided ? "provides" : "requires", names);
     }
     std::size_t column = 10;
-    for (const auto& one : type.parameters.all()) column = std::max(column, std::min<std::size_t>(one.name.size() + 2, 25));
-    text += type.parameters.all().empty() ? "\nIt has no parameters.\n" : "\nParameters; one that is not given is read from the environment:\nISE_PARAMETER_WIND_SPEED for --wind-speed.\n";
+    for (const auto& one : type.parameters.all())
+        column = std::max(column, std::min<std::size_t>(one.name.size() + 2, 25));
+    text += type.parameters.all().empty() ? "\nIt has no parameters.\n"
+                                          : "\nParameters; one that is not given is read from the "
+                                            "environment:\nISE_PARAMETER_WIND_SPEED for --wind-speed.\n";
     for (const auto& one : type.parameters.all()) text += parameter_row(one, column);
     return wrapped(text + "\nOptions of every type:\n" + common_rows() + "\n" + exit_codes);
 }
@@ -68,13 +75,17 @@ std::string help_of(const std::string& program, const std::vector<component_type
     auto text = fmt::format("usage: {0} run TYPE [--PARAMETER=VALUE]... [--OPTION=VALUE]...\n"
                             "       {0} run TYPE --help    its parameters and services\n"
                             "       {0} --describe    all types as JSON, for instantiation servers\n"
-                            "       {0} --version | --help\n", program);
+                            "       {0} --version | --help\n",
+                            program);
     if (shares) text += fmt::format("       {} host --control=ENDPOINT... [--OPTION=VALUE]...\n", program);
     text += "\nTypes:\n";
     std::size_t column = 10;
     for (const auto& type : types) column = std::max(column, std::min<std::size_t>(type.about.name.size(), 25));
     for (const auto& type : types)
-        text += help_row(type.about.name, type.about.description + (type.about.path.empty() ? "" : fmt::format(" (path: {})", type.about.path)), column);
+        text += help_row(type.about.name,
+                         type.about.description +
+                             (type.about.path.empty() ? "" : fmt::format(" (path: {})", type.about.path)),
+                         column);
     return wrapped(text + "\nOptions of every type:\n" + common_rows() + "\n" + exit_codes);
 }
 

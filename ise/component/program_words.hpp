@@ -19,13 +19,14 @@ struct program_words {
     component_options component;
     node_options node;
     std::vector<endpoint> control; ///< of a host
-    bool help = false; ///< asked for, in place of a run
+    bool help = false;             ///< asked for, in place of a run
 };
 
 /// The type of that name; `wrong_words` names those that there are.
 component_type& type_among(std::vector<component_type>& types, const std::string& name);
 
-/// Reads options, `--name=value` or `--name value`; parameters go to `type`, where there is one. `wrong_words` says what is wrong.
+/// Reads options, `--name=value` or `--name value`; parameters go to `type`, where there is one. `wrong_words` says
+/// what is wrong.
 program_words read_words(const std::vector<std::string>& words, component_type* type);
 
 /// What `run TYPE --help` prints.

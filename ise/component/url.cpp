@@ -10,14 +10,17 @@ namespace ise {
 namespace {
 
 failure no_url(std::string_view text, std::string_view why) {
-    return {errc::invalid_argument, fmt::format("'{}' is not a URL: {}; write https://host/path or tcp://host:7411", text.substr(0, 200), why)};
+    return {errc::invalid_argument,
+            fmt::format("'{}' is not a URL: {}; write https://host/path or tcp://host:7411", text.substr(0, 200), why)};
 }
 
 bool is_letter(char one) { return (one >= 'a' && one <= 'z') || (one >= 'A' && one <= 'Z'); }
 bool is_digit(char one) { return one >= '0' && one <= '9'; }
 bool is_of_scheme(char one) { return is_letter(one) || is_digit(one) || one == '+' || one == '.' || one == '-'; }
 bool is_of_host(char one) { return is_letter(one) || is_digit(one) || one == '.' || one == '-' || one == '_'; }
-bool is_of_v6(char one) { return is_digit(one) || (one >= 'a' && one <= 'f') || (one >= 'A' && one <= 'F') || one == ':' || one == '.'; }
+bool is_of_v6(char one) {
+    return is_digit(one) || (one >= 'a' && one <= 'f') || (one >= 'A' && one <= 'F') || one == ':' || one == '.';
+}
 
 std::string lower(std::string_view text) {
     std::string made(text);
@@ -27,7 +30,8 @@ std::string lower(std::string_view text) {
 }
 
 std::uint16_t usual_port(std::string_view scheme) {
-    static constexpr std::pair<std::string_view, std::uint16_t> usual[] = {{"http", 80}, {"https", 443}, {"imap", 143}, {"imaps", 993}, {"smtp", 25}, {"smtps", 465}};
+    static constexpr std::pair<std::string_view, std::uint16_t> usual[] = {
+        {"http", 80}, {"https", 443}, {"imap", 143}, {"imaps", 993}, {"smtp", 25}, {"smtps", 465}};
     for (const auto& [name, port] : usual)
         if (name == scheme) return port;
     return 0;
@@ -39,9 +43,11 @@ result<url_parts> parse_url(std::string_view text) {
     auto colon = text.find("://");
     if (colon == std::string_view::npos || colon == 0) return no_url(text, "it has no scheme");
     auto scheme = text.substr(0, colon);
-    if (!is_letter(scheme.front()) || !std::ranges::all_of(scheme, is_of_scheme)) return no_url(text, "its scheme is none");
+    if (!is_letter(scheme.front()) || !std::ranges::all_of(scheme, is_of_scheme))
+        return no_url(text, "its scheme is none");
     for (char one : text)
-        if (static_cast<unsigned char>(one) <= 0x20 || one == 0x7F || one == '\\') return no_url(text, "it holds a blank, a control character or a backslash");
+        if (static_cast<unsigned char>(one) <= 0x20 || one == 0x7F || one == '\\')
+            return no_url(text, "it holds a blank, a control character or a backslash");
     url_parts made;
     made.scheme = lower(scheme);
     made.port = usual_port(made.scheme);
@@ -65,7 +71,8 @@ result<url_parts> parse_url(std::string_view text) {
     if (!port.empty()) {
         auto digits = port.substr(1);
         auto [end, problem] = std::from_chars(digits.data(), digits.data() + digits.size(), made.port);
-        if (port.front() != ':' || problem != std::errc() || end != digits.data() + digits.size()) return no_url(text, "the port is not a number from 0 to 65535");
+        if (port.front() != ':' || problem != std::errc() || end != digits.data() + digits.size())
+            return no_url(text, "the port is not a number from 0 to 65535");
     }
     made.host = lower(host);
     return made;

@@ -3,12 +3,12 @@
 #include <asio/use_awaitable.hpp>
 #include <asio/version.hpp>
 #if ASIO_VERSION >= 102300
-#include <asio/as_tuple.hpp>
+    #include <asio/as_tuple.hpp>
 #else
-#include <asio/experimental/as_tuple.hpp>
+    #include <asio/experimental/as_tuple.hpp>
 #endif
 #if ASIO_VERSION < 102600
-#include <asio/execution/execute.hpp>
+    #include <asio/execution/execute.hpp>
 #endif
 
 #include <utility>

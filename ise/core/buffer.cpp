@@ -13,12 +13,12 @@ struct block {
     std::size_t capacity = 0;
 };
 
-// What big buffers leave behind serves the next ones of the thread. From and to malloc, each big message would have its pages
-// taken from the system and given back, which costs more than copying it.
+// What big buffers leave behind serves the next ones of the thread. From and to malloc, each big message would have its
+// pages taken from the system and given back, which costs more than copying it.
 class spare_blocks {
 public:
-    static constexpr std::size_t least_bytes = 64 * 1024;
-    static constexpr std::size_t most_bytes = 16 * 1024 * 1024; // all together
+    static constexpr std::size_t min_bytes = 64 * 1024;
+    static constexpr std::size_t max_bytes = 16 * 1024 * 1024; // all together
 
     ~spare_blocks() {
         ended = true;
@@ -29,15 +29,17 @@ public:
     block take(std::size_t least) noexcept {
         block* best = nullptr;
         for (auto& one : kept_)
-            if (one.capacity >= least && one.capacity / 4 <= least && (!best || one.capacity < best->capacity)) best = &one;
+            if (one.capacity >= least && one.capacity / 4 <= least && (!best || one.capacity < best->capacity))
+                best = &one;
         if (!best) return {};
         bytes_ -= best->capacity;
         return std::exchange(*best, {});
     }
     /// Keeps it, or in its place the one that it takes the room of.
     block keep(block one) noexcept {
-        auto& smallest = *std::min_element(kept_.begin(), kept_.end(), [](const block& a, const block& b) { return a.capacity < b.capacity; });
-        if (smallest.capacity >= one.capacity || bytes_ - smallest.capacity + one.capacity > most_bytes) return one;
+        auto& smallest = *std::min_element(kept_.begin(), kept_.end(),
+                                           [](const block& a, const block& b) { return a.capacity < b.capacity; });
+        if (smallest.capacity >= one.capacity || bytes_ - smallest.capacity + one.capacity > max_bytes) return one;
         bytes_ += one.capacity - smallest.capacity;
         return std::exchange(smallest, one);
     }
@@ -54,7 +56,7 @@ thread_local bool spare_blocks::ended = false;
 thread_local spare_blocks spare;
 
 void release(block unused) noexcept {
-    if (unused.capacity >= spare_blocks::least_bytes && !spare_blocks::ended) unused = spare.keep(unused);
+    if (unused.capacity >= spare_blocks::min_bytes && !spare_blocks::ended) unused = spare.keep(unused);
     std::free(unused.at);
 }
 
@@ -67,7 +69,7 @@ buffer::~buffer() {
 void buffer::enlarge(std::size_t more) {
     if (more > SIZE_MAX / 2 - size_) throw std::bad_alloc();
     std::size_t capacity = std::max({size_ + more, capacity_ * 2, std::size_t{32}});
-    if (capacity >= spare_blocks::least_bytes && !spare_blocks::ended) {
+    if (capacity >= spare_blocks::min_bytes && !spare_blocks::ended) {
         if (const auto found = spare.take(capacity); found.at) {
             if (size_ > 0) std::memcpy(found.at, data_, size_);
             if (data_) release({data_, capacity_});

@@ -46,7 +46,8 @@ public:
 
     /// Room for `count` more bytes, uninitialised: the caller writes every one of them.
     std::byte* grow(std::size_t count) {
-        if (capacity_ - size_ < count) [[unlikely]] enlarge(count);
+        if (capacity_ - size_ < count) [[unlikely]]
+            enlarge(count);
         std::byte* room = data_ + size_;
         size_ += count;
         return room;
@@ -58,10 +59,8 @@ public:
 
     /// An integer or a float, little-endian.
     template <class T>
-        requires std::is_arithmetic_v<T>
-    void append(T value) {
-        detail::store_little(grow(sizeof(T)), value);
-    }
+    requires std::is_arithmetic_v<T>
+    void append(T value) { detail::store_little(grow(sizeof(T)), value); }
 
     /// Drops what lies before `count`; the rest moves to the front.
     void drop_front(std::size_t count) noexcept {

@@ -77,7 +77,8 @@ private:
     struct cell final : counted_cell {
         template <class... A>
         explicit cell(A&&... arguments)
-            : counted_cell([](counted_cell* unheld) noexcept { delete static_cast<cell*>(unheld); }), value(std::forward<A>(arguments)...) {}
+            : counted_cell([](counted_cell* unheld) noexcept { delete static_cast<cell*>(unheld); }),
+              value(std::forward<A>(arguments)...) {}
         T value;
     };
 

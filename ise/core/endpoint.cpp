@@ -8,9 +8,11 @@ namespace ise {
 namespace {
 
 failure bad_endpoint(std::string_view text, std::string_view why) {
-    return {errc::invalid_argument,
-            fmt::format("'{}' is not an endpoint: {}; write tcp://127.0.0.1:7400, tcp://[::1]:0, local:///path/of.sock, "
-                        "local://@name, inproc://name or tls://boat.local:7400", text, why)};
+    return {
+        errc::invalid_argument,
+        fmt::format("'{}' is not an endpoint: {}; write tcp://127.0.0.1:7400, tcp://[::1]:0, local:///path/of.sock, "
+                    "local://@name, inproc://name or tls://boat.local:7400",
+                    text, why)};
 }
 
 // The longest path that a sockaddr_un takes.
@@ -50,7 +52,8 @@ result<endpoint> endpoint::parse(std::string_view text) {
         made.path = rest;
         return made;
     }
-    if (scheme != "tcp" && scheme != "udp" && scheme != "tls") return bad_endpoint(text, fmt::format("there is no scheme '{}'", scheme));
+    if (scheme != "tcp" && scheme != "udp" && scheme != "tls")
+        return bad_endpoint(text, fmt::format("there is no scheme '{}'", scheme));
     made.kind = scheme == "tcp" ? protocol::tcp : scheme == "udp" ? protocol::udp : protocol::tls;
 
     std::string_view port;
@@ -76,7 +79,8 @@ result<endpoint> endpoint::parse(std::string_view text) {
 }
 
 bool within_host(const endpoint& at) noexcept {
-    if (at.kind == protocol::local || at.kind == protocol::inproc || at.host == "localhost" || at.host == "::1") return true;
+    if (at.kind == protocol::local || at.kind == protocol::inproc || at.host == "localhost" || at.host == "::1")
+        return true;
     // 127.evil.example is a name, and anybody's.
     return at.host.starts_with("127.") && at.host.find_first_not_of("0123456789.") == std::string::npos;
 }

@@ -19,9 +19,9 @@ std::string_view name_of(protocol kind) noexcept;
 /// `local://@abstract`, `inproc://name`. Port 0 asks for any free port.
 struct endpoint {
     protocol kind = protocol::tcp; ///< determines which of the fields below are used
-    std::string host;       ///< tcp, udp, tls: a name or an address, IPv6 without brackets
-    std::uint16_t port = 0; ///< tcp, udp, tls
-    std::string path;       ///< local: file or `@name`; inproc: name
+    std::string host;              ///< tcp, udp, tls: a name or an address, IPv6 without brackets
+    std::uint16_t port = 0;        ///< tcp, udp, tls
+    std::string path;              ///< local: file or `@name`; inproc: name
 
     /// Compares the kind, then the fields; names are not resolved.
     auto operator<=>(const endpoint&) const = default;

@@ -21,16 +21,16 @@ class loop;
 
 /// The identity of this process, for choosing the nearest transport and for distinguishing lives of a component.
 struct process_identity {
-    std::string host_name;  ///< for people
-    std::string host_key;   ///< equal where local sockets and loopback reach: machine, boot, network namespace
-    std::string process_key;///< equal only within one process and life
+    std::string host_name;        ///< for people
+    std::string host_key;         ///< equal where local sockets and loopback reach: machine, boot, network namespace
+    std::string process_key;      ///< equal only within one process and life
     std::uint64_t process_id = 0; ///< the operating system's process id
 };
 
 /// The settings of a serial line; always 8 data bits, no parity, 1 stop bit.
 struct serial_options {
-    std::string device; ///< "/dev/ttyUSB0", or a name in the virtual world
-    unsigned baud = 9600; ///< bits per second
+    std::string device;                 ///< "/dev/ttyUSB0", or a name in the virtual world
+    unsigned baud = 9600;               ///< bits per second
     bool hardware_flow_control = false; ///< RTS and CTS
 };
 
@@ -38,7 +38,7 @@ struct serial_options {
 /// writes `far_end`. When the program closes the device, `far_end` may fail; make another one then.
 struct pseudo_terminal {
     std::unique_ptr<stream> far_end; ///< the end of the emulated device
-    std::string device; ///< the name for `open_serial`: the symbolic link, if there is one
+    std::string device;              ///< the name for `open_serial`: the symbolic link, if there is one
 };
 
 /// Owns a loop and its thread, if it has one; destroying it ends the loop and waits for the thread.
@@ -46,13 +46,14 @@ class loop_host {
 public:
     virtual ~loop_host() = default;
     virtual ise::loop& loop() noexcept = 0; ///< always the same one
-    /// Makes it poll for events for up to `window` before it sleeps, adaptively. This applies only to a thread of its own: a
-    /// program polls its own executors, and in the virtual world nothing sleeps. Call it at most once; thread-safe.
+    /// Makes it poll for events for up to `window` before it sleeps, adaptively. This applies only to a thread of its
+    /// own: a program polls its own executors, and in the virtual world nothing sleeps. Call it at most once;
+    /// thread-safe.
     virtual void poll([[maybe_unused]] duration window) {}
-    /// Ends the loop: nothing runs on it any more, its thread has ended, and suspended coroutines are destroyed while the
-    /// objects that they refer to still exist. The loop and its executor remain, unusable, until the host is
-    /// destroyed, so that sockets and timers made on them can be destroyed in between. May be repeated; not
-    /// from the loop's own thread, except for an adopted loop, which is ended on its executor.
+    /// Ends the loop: nothing runs on it any more, its thread has ended, and suspended coroutines are destroyed while
+    /// the objects that they refer to still exist. The loop and its executor remain, unusable, until the host is
+    /// destroyed, so that sockets and timers made on them can be destroyed in between. May be repeated; not from the
+    /// loop's own thread, except for an adopted loop, which is ended on its executor.
     virtual void end() = 0;
 };
 
@@ -98,8 +99,8 @@ public:
     virtual result<std::unique_ptr<datagram_socket>> open_datagram(loop& on, const endpoint& at) = 0;
     /// Errors: errc::io_failed (no such device, no permission, in use).
     virtual result<std::unique_ptr<stream>> open_serial(loop& on, const serial_options& options) = 0;
-    /// Makes a pseudo-terminal, with the symbolic link `link` unless that is empty. The link is removed with `far_end`; one
-    /// of a dead program is replaced. Errors: errc::address_in_use (another file is there), errc::io_failed.
+    /// Makes a pseudo-terminal, with the symbolic link `link` unless that is empty. The link is removed with `far_end`;
+    /// one of a dead program is replaced. Errors: errc::address_in_use (another file is there), errc::io_failed.
     virtual result<pseudo_terminal> open_pseudo_terminal(loop& on, const std::string& link) = 0;
 
     /// The whole content of a small file (configuration, recorded data), at most `max_bytes`.
@@ -113,7 +114,9 @@ public:
     virtual result<std::string> read_secret(const std::string& path, std::size_t max_bytes) = 0;
     /// Reads a file with trusted authorities: refuses one that other users of the machine can replace or change.
     /// Errors as `read_secret`. A world without users reads it like any other file.
-    virtual result<std::string> read_trusted(const std::string& path, std::size_t max_bytes) { return read_file(path, max_bytes); }
+    virtual result<std::string> read_trusted(const std::string& path, std::size_t max_bytes) {
+        return read_file(path, max_bytes);
+    }
 };
 
 } // namespace ise

@@ -10,30 +10,30 @@ namespace ise {
 /// The kind of an error, to branch on; docs/errors.md has the remedies. The message of the error has the details.
 /// The numbers are part of the wire format (FORMAT.md): they are never reused.
 enum class errc : std::uint8_t {
-    refused = 1,          ///< the provider refused the request; the message is its reason
-    no_such_service = 2,  ///< the component provides no service of that name and kind
-    type_mismatch = 3,    ///< the packets of the two sides differ incompatibly; the message is the diff
-    timed_out = 4,        ///< the deadline passed
-    peer_lost = 5,        ///< the session ended before the answer
-    cancelled = 6,        ///< the caller cancelled, or a component stopped
-    overloaded = 7,       ///< a bounded queue or table is full
-    handler_failed = 8,   ///< the handler threw; the message is its text
-    malformed = 9,        ///< bytes or JSON that do not match the packet
-    too_large = 10,       ///< a limit was exceeded; the message names it
-    protocol_error = 11,  ///< the peer violated the wire format
-    version_mismatch = 12,///< no common version of the wire format
-    wrong_peer = 13,      ///< the endpoint belongs to another component, epoch or incarnation
-    unreachable = 14,     ///< no session could be made
-    no_such_name = 15,    ///< nothing is registered under that path
-    name_taken = 16,      ///< the path is held by another component
-    name_server_lost = 17,///< the name server does not answer
-    superseded = 18,      ///< a component with a higher epoch holds the path now
-    address_in_use = 19,  ///< the endpoint to listen on is taken
-    invalid_argument = 20,///< an invalid argument or state of the program
-    would_block_self = 21,///< a blocking wait on the component's own thread
-    io_failed = 22,       ///< the operating system reported an error, which is in the message
-    unauthorized = 23,    ///< credentials missing or not accepted
-    not_connected = 24,   ///< a component's handler has no connection right now; ISE itself does not use it
+    refused = 1,           ///< the provider refused the request; the message is its reason
+    no_such_service = 2,   ///< the component provides no service of that name and kind
+    type_mismatch = 3,     ///< the packets of the two sides differ incompatibly; the message is the diff
+    timed_out = 4,         ///< the deadline passed
+    peer_lost = 5,         ///< the session ended before the answer
+    cancelled = 6,         ///< the caller cancelled, or a component stopped
+    overloaded = 7,        ///< a bounded queue or table is full
+    handler_failed = 8,    ///< the handler threw; the message is its text
+    malformed = 9,         ///< bytes or JSON that do not match the packet
+    too_large = 10,        ///< a limit was exceeded; the message names it
+    protocol_error = 11,   ///< the peer violated the wire format
+    version_mismatch = 12, ///< no common version of the wire format
+    wrong_peer = 13,       ///< the endpoint belongs to another component, epoch or incarnation
+    unreachable = 14,      ///< no session could be made
+    no_such_name = 15,     ///< nothing is registered under that path
+    name_taken = 16,       ///< the path is held by another component
+    name_server_lost = 17, ///< the name server does not answer
+    superseded = 18,       ///< a component with a higher epoch holds the path now
+    address_in_use = 19,   ///< the endpoint to listen on is taken
+    invalid_argument = 20, ///< an invalid argument or state of the program
+    would_block_self = 21, ///< a blocking wait on the component's own thread
+    io_failed = 22,        ///< the operating system reported an error, which is in the message
+    unauthorized = 23,     ///< credentials missing or not accepted
+    not_connected = 24,    ///< a component's handler has no connection right now; ISE itself does not use it
 };
 
 /// The category of `std::error_code`s made from `errc`: "ise".
@@ -78,7 +78,8 @@ class error : public std::runtime_error {
 public:
     /// `what()` is the message of the failure.
     explicit error(failure why) : std::runtime_error(why.message()), failure_(std::move(why)) {}
-    /// Thrown from a handler, errc::refused reaches the caller unchanged; any other code becomes errc::handler_failed with its text.
+    /// Thrown from a handler, errc::refused reaches the caller unchanged; any other code becomes errc::handler_failed
+    /// with its text.
     error(errc code, std::string message, execution state = execution::not_executed)
         : error(failure(code, std::move(message), state)) {}
 

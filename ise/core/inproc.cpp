@@ -24,8 +24,8 @@ public:
         std::unique_lock held(mutex_);
         if (closed_) return failure(errc::unreachable, fmt::format("nothing listens on inproc://{}", name));
         if (backlog_.size() >= inproc_registry::backlog)
-            return failure(errc::overloaded,
-                           fmt::format("inproc://{} has {} connections that it did not accept yet", name, backlog_.size()));
+            return failure(errc::overloaded, fmt::format("inproc://{} has {} connections that it did not accept yet",
+                                                         name, backlog_.size()));
         auto [near, far] = make_inproc_pair(from, loop_, "inproc://" + name);
         backlog_.push_back(std::move(far));
         const bool wake = std::exchange(waits_, false);
@@ -145,7 +145,8 @@ result<std::unique_ptr<stream>> inproc_registry::connect(loop& on, const std::st
         auto found = table_->names.find(name);
         if (found != table_->names.end()) acceptor = found->second.lock();
     }
-    if (!acceptor) return failure(errc::unreachable, fmt::format("nothing listens on inproc://{} in this process", name));
+    if (!acceptor)
+        return failure(errc::unreachable, fmt::format("nothing listens on inproc://{} in this process", name));
     return acceptor->connect(on, acceptor);
 }
 

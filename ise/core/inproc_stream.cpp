@@ -14,8 +14,9 @@ namespace {
 
 class side;
 
-// One direction. The two sides meet here and nowhere else; each wakes the other, at most once for each time that the other
-// said that it waits: through the gate of its loop, or, on the same loop, in the present turn. There no lock is needed.
+// One direction. The two sides meet here and nowhere else; each wakes the other, at most once for each time that the
+// other said that it waits: through the gate of its loop, or, on the same loop, in the present turn. There no lock is
+// needed.
 class channel {
 public:
     explicit channel(std::size_t capacity) : capacity_(capacity) {}
@@ -25,19 +26,21 @@ public:
 
     // For the reader. `would_block`: nothing yet, and the reader will be woken.
     transfer read(std::span<std::byte> into);
-    std::error_code take(buffer& content, ring<passed_object>& beside); // all of it, into what is empty
-    bool wait();                                                      // false: there is more, or the end
-    void refuse();                                                    // nobody will read any more
+    std::error_code take(buffer& content, ring<passed_object>& attachments); // all of it, into what is empty
+    bool wait();                                                             // false: there is more, or the end
+    void refuse();                                                           // nobody will read any more
 
     // For the writer. `would_block`: full.
     transfer write(std::span<const asio::const_buffer> from);
-    transfer pass(buffer& from, ring<passed_object>& beside);
+    transfer pass(buffer& from, ring<passed_object>& attachments);
     std::error_code writable(); // `would_block`: no, and the writer will be woken
     void end();                 // nothing more will be written
 
 private:
-    std::unique_lock<std::mutex> hold() { return one_loop_ ? std::unique_lock<std::mutex>() : std::unique_lock(mutex_); }
-    std::size_t weight() const noexcept { return content_.size() - begin_ + weight_beside_; }
+    std::unique_lock<std::mutex> hold() {
+        return one_loop_ ? std::unique_lock<std::mutex>() : std::unique_lock(mutex_);
+    }
+    std::size_t weight() const noexcept { return content_.size() - begin_ + attached_weight_; }
     void drop_content() noexcept;
     void wake_reader(std::unique_lock<std::mutex> held);
     void post_to_reader();
@@ -47,8 +50,8 @@ private:
     const std::size_t capacity_;
     buffer content_;
     std::size_t begin_ = 0; // what lies before was read
-    ring<passed_object> beside_;
-    std::size_t weight_beside_ = 0;
+    ring<passed_object> attachments_;
+    std::size_t attached_weight_ = 0;
     bool one_loop_ = false;
     bool ended_ = false;
     bool refused_ = false;
@@ -64,8 +67,13 @@ class side final : public std::enable_shared_from_this<side>, public flushable {
 public:
     side(loop& owner, std::shared_ptr<channel> in, std::shared_ptr<channel> out)
         : incoming(std::move(in)), outgoing(std::move(out)), on(owner), gate(owner.gate()),
-          readable(owner, [this] { readable.resume({asio::error::operation_aborted, 0}); }),
-          writable(owner, [this] { writable.resume({asio::error::operation_aborted, 0}); }) {}
+          readable(owner,
+                   [this] {
+                       readable.resume({asio::error::operation_aborted, 0});
+                   }),
+          writable(owner, [this] {
+              writable.resume({asio::error::operation_aborted, 0});
+          }) {}
 
     void close() {
         if (std::exchange(closed, true)) return;
@@ -82,14 +90,14 @@ public:
     }
     void flush() override {
         if (closed) return;
-        if (auto problem = incoming->take(content, beside)) {
+        if (auto problem = incoming->take(content, attachments)) {
             if (problem == asio::error::would_block) return;
             over = true;
             return readable.resume({problem, 0});
         }
-        receiver->on_passed(content.view(), beside);
+        receiver->on_passed(content.view(), attachments);
         content.recycle();
-        if (!beside.empty()) beside.clear();
+        if (!attachments.empty()) attachments.clear();
         if (!incoming->wait()) on.flush_soon(*this); // others have their turn before
     }
 
@@ -98,10 +106,10 @@ public:
     const std::shared_ptr<loop_gate> gate;
     waiter<transfer> readable, writable;
     bool closed = false;
-    bool over = false; // the receiver was given everything
+    bool over = false;                       // the receiver was given everything
     object_stream::user* receiver = nullptr; // of all that comes
-    buffer content; // while it is being handed over
-    ring<passed_object> beside;
+    buffer content;                          // while it is being handed over
+    ring<passed_object> attachments;
 };
 
 void channel::join(const std::shared_ptr<side>& reader, const std::shared_ptr<side>& writer) {
@@ -162,7 +170,7 @@ transfer channel::read(std::span<std::byte> into) {
     return {{}, count};
 }
 
-std::error_code channel::take(buffer& content, ring<passed_object>& beside) {
+std::error_code channel::take(buffer& content, ring<passed_object>& attachments) {
     auto held = hold();
     if (content_.empty()) {
         if (ended_) return asio::error::eof;
@@ -171,8 +179,8 @@ std::error_code channel::take(buffer& content, ring<passed_object>& beside) {
     }
     if (begin_ > 0) content_.drop_front(std::exchange(begin_, 0));
     content = std::move(content_); // they change places
-    if (!beside_.empty()) std::swap(beside, beside_);
-    weight_beside_ = 0;
+    if (!attachments_.empty()) std::swap(attachments, attachments_);
+    attached_weight_ = 0;
     wake_writer(std::move(held));
     return {};
 }
@@ -188,8 +196,8 @@ void channel::refuse() {
     std::unique_lock held(mutex_);
     refused_ = true;
     drop_content();
-    std::swap(dropped, beside_);
-    weight_beside_ = 0;
+    std::swap(dropped, attachments_);
+    attached_weight_ = 0;
     reader_waits_ = false;
     wake_writer(std::move(held));
 }
@@ -210,7 +218,7 @@ transfer channel::write(std::span<const asio::const_buffer> from) {
     return {{}, moved};
 }
 
-transfer channel::pass(buffer& from, ring<passed_object>& beside) {
+transfer channel::pass(buffer& from, ring<passed_object>& attachments) {
     auto held = hold();
     if (refused_ || ended_) return {asio::error::broken_pipe, 0};
     if (weight() >= capacity_) return {asio::error::would_block, 0};
@@ -218,10 +226,11 @@ transfer channel::pass(buffer& from, ring<passed_object>& beside) {
     if (content_.empty()) content_ = std::move(from); // they change places
     else content_.append(from.view());
     from.recycle();
-    if (!beside.empty()) {
-        for (std::size_t place = 0; place < beside.size(); ++place) weight_beside_ += beside[place].weight();
-        if (beside_.empty()) std::swap(beside, beside_);
-        while (!beside.empty()) beside_.push_back(beside.pop_front());
+    if (!attachments.empty()) {
+        for (std::size_t place = 0; place < attachments.size(); ++place)
+            attached_weight_ += attachments[place].weight();
+        if (attachments_.empty()) std::swap(attachments, attachments_);
+        while (!attachments.empty()) attachments_.push_back(attachments.pop_front());
     }
     wake_reader(std::move(held));
     return {{}, moved};
@@ -260,9 +269,9 @@ public:
         side_->receiver = &receiver;
         side_->wake();
     }
-    transfer pass(buffer& content, ring<passed_object>& beside) override {
+    transfer pass(buffer& content, ring<passed_object>& attachments) override {
         if (side_->closed) return {asio::error::operation_aborted, 0};
-        return side_->outgoing->pass(content, beside);
+        return side_->outgoing->pass(content, attachments);
     }
     bool on_one_loop() const noexcept override { return side_->outgoing->on_one_loop(); }
 

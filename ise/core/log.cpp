@@ -19,7 +19,7 @@ void append_value(std::string& line, std::string_view value) {
         return;
     }
     line += '"';
-    for (char letter : value.substr(0, longest_readable)) {
+    for (char letter : value.substr(0, max_readable)) {
         if (letter == '"' || letter == '\\') line += '\\';
         line += letter;
     }
@@ -41,7 +41,8 @@ std::string_view name_of(log_level level) noexcept {
 std::string format_line(const log_record& record) {
     auto milliseconds = std::chrono::floor<std::chrono::milliseconds>(record.at);
     auto seconds = std::chrono::floor<std::chrono::seconds>(milliseconds);
-    auto line = fmt::format("{:%Y-%m-%dT%H:%M:%S}.{:03}Z {:<7} {}: {}", fmt::gmtime(std::chrono::system_clock::to_time_t(seconds)),
+    auto line = fmt::format("{:%Y-%m-%dT%H:%M:%S}.{:03}Z {:<7} {}: {}",
+                            fmt::gmtime(std::chrono::system_clock::to_time_t(seconds)),
                             (milliseconds - seconds).count(), name_of(record.level), record.component, record.message);
     for (const auto& field : record.fields) {
         line += fmt::format(" {}=", field.name);
@@ -54,7 +55,8 @@ log_sink log_to_stderr(log_level least) {
     return [least](const log_record& record) {
         if (record.level < least) return;
         auto line = format_line(record);
-        [[maybe_unused]] auto written = ::write(STDERR_FILENO, line.data(), line.size()); // a full disk must not stop the boat
+        [[maybe_unused]] auto written =
+            ::write(STDERR_FILENO, line.data(), line.size()); // a full disk must not stop the boat
     };
 }
 

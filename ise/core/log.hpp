@@ -51,13 +51,21 @@ public:
         : clock_(&clock), component_(std::move(component)), sink_(std::move(sink)) {}
 
     /// Passes a record of this level to the sink, on the calling thread. Exceptions of the sink are ignored.
-    void debug(std::string_view message, std::initializer_list<log_field> fields = {}) const { write(log_level::debug, message, fields); }
+    void debug(std::string_view message, std::initializer_list<log_field> fields = {}) const {
+        write(log_level::debug, message, fields);
+    }
     /// At level info, as `debug`.
-    void info(std::string_view message, std::initializer_list<log_field> fields = {}) const { write(log_level::info, message, fields); }
+    void info(std::string_view message, std::initializer_list<log_field> fields = {}) const {
+        write(log_level::info, message, fields);
+    }
     /// At level warning, as `debug`.
-    void warning(std::string_view message, std::initializer_list<log_field> fields = {}) const { write(log_level::warning, message, fields); }
+    void warning(std::string_view message, std::initializer_list<log_field> fields = {}) const {
+        write(log_level::warning, message, fields);
+    }
     /// At level error, as `debug`.
-    void error(std::string_view message, std::initializer_list<log_field> fields = {}) const { write(log_level::error, message, fields); }
+    void error(std::string_view message, std::initializer_list<log_field> fields = {}) const {
+        write(log_level::error, message, fields);
+    }
     /// At the level given, as `debug`.
     void write(log_level level, std::string_view message, std::initializer_list<log_field> fields) const;
 

@@ -8,11 +8,12 @@
 
 namespace ise {
 
-/// Keeps what a peer can cause as often as it likes from filling the log: a few lines of a kind come through at once, then
-/// one in each interval, which tells how many were left out before it.
+/// Keeps what a peer can cause as often as it likes from filling the log: a few lines of a kind come through at once,
+/// then one in each interval, which tells how many were left out before it.
 class log_limiter {
 public:
-    explicit log_limiter(duration interval = std::chrono::seconds(5), unsigned at_once = 5) : interval_(interval), at_once_(at_once), tokens_(at_once) {}
+    explicit log_limiter(duration interval = std::chrono::seconds(5), unsigned at_once = 5)
+        : interval_(interval), at_once_(at_once), tokens_(at_once) {}
 
     /// The number of lines left out since the last, if one may be written now.
     std::optional<std::uint64_t> admit(time_point now) {

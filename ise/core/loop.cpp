@@ -8,8 +8,8 @@
 namespace ise {
 namespace {
 
-// Works a list off; what comes meanwhile goes into `next`, an empty one, and the two change places. Keeps their room, unless
-// it was an exceptional one. Where `ended` comes to hold the rest is dropped.
+// Works a list off; what comes meanwhile goes into `next`, an empty one, and the two change places. Keeps their room,
+// unless it was an exceptional one. Where `ended` comes to hold the rest is dropped.
 template <class T, class Do>
 void work_off(std::vector<T>& list, std::vector<T>& next, const bool& ended, Do work) {
     constexpr std::size_t most = 1024;
@@ -120,7 +120,8 @@ void loop::insert(timer& entry) {
 }
 
 std::size_t loop::armed_timers() const noexcept {
-    return static_cast<std::size_t>(std::count_if(heap_.begin(), heap_.end(), [](const timer* entry) { return entry->armed(); }));
+    return static_cast<std::size_t>(
+        std::count_if(heap_.begin(), heap_.end(), [](const timer* entry) { return entry->armed(); }));
 }
 
 void loop::remove(timer& entry) noexcept {

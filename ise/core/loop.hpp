@@ -178,7 +178,8 @@ public:
 
     bool in_turn() const noexcept { return depth_ > 0; }
 
-    /// What those who live on the loop have in common: one T, made when the first of them asks, which goes with the loop.
+    /// What those who live on the loop have in common: one T, made when the first of them asks, which goes with the
+    /// loop.
     template <class T>
     T& common() {
         static constexpr char key = 0; // its address

@@ -6,15 +6,15 @@
 
 namespace ise {
 
-/// A stream within one process: beside its bytes it can carry objects as they are, and hand both over without a coroutine
-/// that reads.
+/// A stream within one process: beside its bytes it can carry objects as they are, and hand both over without a
+/// coroutine that reads.
 class object_stream : public stream {
 public:
     class user {
     public:
-        /// What the other side wrote, each `pass` whole and with its objects, in order. Called inside a turn of the loop;
-        /// objects that are left are dropped.
-        virtual void on_passed(bytes_view content, ring<passed_object>& beside) = 0;
+        /// What the other side wrote, each `pass` whole and with its objects, in order. Called inside a turn of the
+        /// loop; objects that are left are dropped.
+        virtual void on_passed(bytes_view content, ring<passed_object>& attachments) = 0;
 
     protected:
         ~user() = default;
@@ -25,7 +25,7 @@ public:
     virtual void use(user& receiver) = 0;
     /// Takes all of it, and then both are empty (`content` with room of one that was taken before); or nothing,
     /// `would_block`, where too much waits already. What waits may exceed the capacity by one such write.
-    virtual transfer pass(buffer& content, ring<passed_object>& beside) = 0;
+    virtual transfer pass(buffer& content, ring<passed_object>& attachments) = 0;
     /// Both sides are on one loop.
     virtual bool on_one_loop() const noexcept = 0;
 };

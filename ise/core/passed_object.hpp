@@ -7,8 +7,8 @@
 
 namespace ise {
 
-/// What a `passed_object` knows of the type that it holds: one constant for each, whose address tells them apart. Layers
-/// that can do more with an object derive from it.
+/// What a `passed_object` knows of the type that it holds: one constant for each, whose address tells them apart.
+/// Layers that can do more with an object derive from it.
 struct object_type {
     void (*relocate)(void* from, void* to) noexcept; ///< moves it, and destroys what is left at `from`
     void (*destroy)(void* at) noexcept;
@@ -23,21 +23,21 @@ struct object_type {
     }
 };
 
-/// An object on its way from one owner to the next, who may be on another thread; or none. Move-only, without an allocation.
+/// An object on its way from one owner to the next, who may be on another thread; or none. Move-only, without an
+/// allocation.
 class passed_object {
 public:
     /// What is larger, or cannot be moved for sure, is held by a pointer.
-    static constexpr std::size_t most_bytes = 64;
+    static constexpr std::size_t max_bytes = 64;
     template <class T>
-    static constexpr bool fits = sizeof(T) <= most_bytes && alignof(T) <= alignof(std::max_align_t) && std::is_nothrow_move_constructible_v<T>;
+    static constexpr bool fits = sizeof(T) <= max_bytes &&
+                                 alignof(T) <= alignof(std::max_align_t) && std::is_nothrow_move_constructible_v<T>;
 
     passed_object() noexcept = default;
     /// `weight`: the bytes that it counts for where bytes are bounded.
     template <class T>
-        requires fits<T>
-    passed_object(const object_type& type, T value, std::size_t weight) noexcept : type_(&type), weight_(weight) {
-        ::new (static_cast<void*>(storage_)) T(std::move(value));
-    }
+    requires fits<T> passed_object(const object_type& type, T value, std::size_t weight)
+    noexcept : type_(&type), weight_(weight) { ::new (static_cast<void*>(storage_)) T(std::move(value)); }
     passed_object(passed_object&& other) noexcept { take(other); }
     passed_object& operator=(passed_object&& other) noexcept {
         if (this == &other) return *this;
@@ -66,7 +66,7 @@ private:
 
     const object_type* type_ = nullptr;
     std::size_t weight_ = 0;
-    alignas(std::max_align_t) std::byte storage_[most_bytes];
+    alignas(std::max_align_t) std::byte storage_[max_bytes];
 };
 
 } // namespace ise

@@ -15,7 +15,10 @@ namespace {
 std::optional<std::pair<char32_t, std::size_t>> character_at(std::string_view text) {
     auto first = static_cast<unsigned char>(text.front());
     if (first < 0x80) return std::pair(char32_t{first}, std::size_t{1});
-    std::size_t length = first >= 0xc2 && first <= 0xdf ? 2 : (first & 0xf0) == 0xe0 ? 3 : first >= 0xf0 && first <= 0xf4 ? 4 : 0;
+    std::size_t length = first >= 0xc2 && first <= 0xdf   ? 2
+                         : (first & 0xf0) == 0xe0         ? 3
+                         : first >= 0xf0 && first <= 0xf4 ? 4
+                                                          : 0;
     if (length == 0 || text.size() < length) return std::nullopt;
     char32_t letter = first & (0x7fu >> length);
     for (std::size_t i = 1; i < length; ++i) {
@@ -70,7 +73,8 @@ void wrap_line(std::string& out, std::string_view line, std::size_t width) {
 } // namespace
 
 std::size_t columns(std::string_view text) noexcept {
-    return static_cast<std::size_t>(std::ranges::count_if(text, [](unsigned char byte) { return (byte & 0xc0) != 0x80; }));
+    return static_cast<std::size_t>(
+        std::ranges::count_if(text, [](unsigned char byte) { return (byte & 0xc0) != 0x80; }));
 }
 
 std::string wrapped(std::string_view text, std::size_t width) {
@@ -92,7 +96,7 @@ std::size_t readable_length(std::string_view text) noexcept {
 std::string readable(std::string_view line) {
     std::string shown;
     while (!line.empty()) {
-        if (shown.size() > longest_readable) return shown + "...";
+        if (shown.size() > max_readable) return shown + "...";
         if (auto length = readable_length(line); length > 0) {
             shown += line.substr(0, length);
             line.remove_prefix(length);

@@ -22,11 +22,7 @@ public:
     /// Failure.
     result(failure why) : why_(std::move(why)) {}
     /// Copies, if T can be copied.
-    result(const result& other)
-        requires std::is_copy_constructible_v<T>
-    {
-        take(other);
-    }
+    result(const result& other) requires std::is_copy_constructible_v<T> { take(other); }
     /// Moves the other's value or failure.
     result(result&& other) noexcept(std::is_nothrow_move_constructible_v<T>) { take(std::move(other)); }
     /// The same, or a copy. If moving the value throws, the result is the failure `cancelled`.
@@ -76,8 +72,8 @@ private:
         if (!has_value()) throw ise::error(error());
     }
 
-    // By hand: std::variant costs every file of a user more than all of this. Which of the two is there is read once each
-    // time: else g++ 12 warns that one is used that was never made.
+    // By hand: std::variant costs every file of a user more than all of this. Which of the two is there is read once
+    // each time: else g++ 12 warns that one is used that was never made.
     void drop() noexcept {
         if (has_value_) std::destroy_at(&value_);
         else std::destroy_at(&why_);

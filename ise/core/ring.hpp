@@ -23,7 +23,8 @@ public:
     const T& front() const noexcept { return slots_[head_]; }
 
     void push_back(T element) {
-        if (size_ == capacity_) [[unlikely]] resize(std::max<std::size_t>(std::size_t{capacity_} * 2, 4));
+        if (size_ == capacity_) [[unlikely]]
+            resize(std::max<std::size_t>(std::size_t{capacity_} * 2, 4));
         (*this)[size_++] = std::move(element);
     }
 

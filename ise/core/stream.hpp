@@ -16,7 +16,7 @@ namespace ise {
 /// The result of a read or a write: the bytes transferred, and the error if there was one.
 struct transfer {
     std::error_code problem; ///< empty on success
-    std::size_t bytes = 0; ///< transferred before that
+    std::size_t bytes = 0;   ///< transferred before that
 };
 
 /// A reliable byte stream: tcp, local, in-process, a serial line, or a virtual equivalent. Used on one loop.

@@ -9,7 +9,8 @@
 namespace ise {
 
 task_scope::task_scope(loop& owner, failure_handler on_failure)
-    : loop_(owner), on_failure_(std::move(on_failure)), roster_(std::make_shared<roster>()), empty_(owner, [this] { empty_.resume(); }) {
+    : loop_(owner), on_failure_(std::move(on_failure)), roster_(std::make_shared<roster>()),
+      empty_(owner, [this] { empty_.resume(); }) {
     roster_->scope = this;
 }
 
@@ -29,7 +30,8 @@ asio::cancellation_signal* task_scope::spawn(std::string name, task<> body, asio
     // On the loop's own thread it runs at once up to its first suspension, and may end there.
     bool gone = false;
     auto outer = std::exchange(starting_, starting{&*who, &gone});
-    asio::co_spawn(std::move(executor), std::move(body), asio::bind_cancellation_slot(who->cancel.slot(), std::move(done)));
+    asio::co_spawn(std::move(executor), std::move(body),
+                   asio::bind_cancellation_slot(who->cancel.slot(), std::move(done)));
     starting_ = outer;
     return gone ? nullptr : &who->cancel;
 }

@@ -27,8 +27,8 @@ public:
     task_scope& operator=(const task_scope&) = delete;
 
     /// Starts `body` on the loop's executor (or `executor`, which must belong to it), at the next turn at the latest.
-    /// Returns the child's own cancellation, valid until it ends; null if it has ended already, and after `stop()`, when
-    /// nothing is started.
+    /// Returns the child's own cancellation, valid until it ends; null if it has ended already, and after `stop()`,
+    /// when nothing is started.
     asio::cancellation_signal* spawn(std::string name, task<> body);
     asio::cancellation_signal* spawn(std::string name, task<> body, asio::any_io_executor executor);
 
@@ -51,7 +51,7 @@ private:
         asio::cancellation_signal cancel;
     };
     using children = std::list<child>;
-    struct roster { // shared: a child that is torn down late must still find its signal
+    struct roster {        // shared: a child that is torn down late must still find its signal
         task_scope* scope; // null once that is gone
         task_scope::children children;
     };

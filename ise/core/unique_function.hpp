@@ -14,7 +14,6 @@ class unique_function;
 /// A move-only `std::function`: what fits into `InlineSize` bytes is held without an allocation.
 template <class R, class... A, std::size_t InlineSize>
 class unique_function<R(A...), InlineSize> {
-
     struct operations {
         R (*call)(void*, A...);
         void (*move)(void* from, void* to) noexcept; // constructs at `to`, destroys at `from`
@@ -22,8 +21,8 @@ class unique_function<R(A...), InlineSize> {
     };
 
     template <class F>
-    static constexpr bool fits = sizeof(F) <= InlineSize && alignof(F) <= alignof(std::max_align_t) &&
-                                 std::is_nothrow_move_constructible_v<F>;
+    static constexpr bool fits = sizeof(F) <= InlineSize &&
+                                 alignof(F) <= alignof(std::max_align_t) && std::is_nothrow_move_constructible_v<F>;
 
     template <class F>
     static constexpr operations inline_operations{
@@ -45,13 +44,14 @@ public:
     unique_function(std::nullptr_t) noexcept {}
 
     template <class F>
-        requires(!std::same_as<std::remove_cvref_t<F>, unique_function> && std::is_invocable_r_v<R, F&, A...>)
-    unique_function(F&& callable) {
+    requires(!std::same_as<std::remove_cvref_t<F>, unique_function> && std::is_invocable_r_v<R, F&, A...>)
+        unique_function(F&& callable) {
         hold(std::forward<F>(callable));
     }
     template <class F>
-        requires(!std::same_as<std::remove_cvref_t<F>, unique_function> && std::is_invocable_r_v<R, F&, A...>)
-    unique_function& operator=(F&& callable) {
+    requires(!std::same_as<std::remove_cvref_t<F>, unique_function> &&
+             std::is_invocable_r_v<R, F&, A...>) unique_function&
+    operator=(F&& callable) {
         reset();
         hold(std::forward<F>(callable));
         return *this;

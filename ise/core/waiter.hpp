@@ -35,7 +35,8 @@ public:
     /// Waits; one coroutine at a time. `token` defaults to an awaitable.
     template <class Token = asio::use_awaitable_t<>>
     auto wait(Token&& token = {}) {
-        return asio::async_initiate<Token, void(T...)>([this](auto handler) { this->begin(std::move(handler)); }, token);
+        return asio::async_initiate<Token, void(T...)>([this](auto handler) { this->begin(std::move(handler)); },
+                                                       token);
     }
 
     /// Takes a handler of signature `void(T...)` and keeps it until `resume()`.

@@ -21,14 +21,16 @@ std::string advice(const std::string& wanted, const std::vector<std::string>& kn
 
 std::string as_argument(const parameter& of, const value& from) {
     // An address is no number to whoever wrote it as one.
-    if (of.kind == parameter_kind::hexadecimal && from.is == value::kind::integer) return fmt::format("{:X}", static_cast<std::uint64_t>(from.integer));
+    if (of.kind == parameter_kind::hexadecimal && from.is == value::kind::integer)
+        return fmt::format("{:X}", static_cast<std::uint64_t>(from.integer));
     return from.plain();
 }
 
 std::string without_server(const std::string& name, const std::vector<std::string>& there) {
     auto told = advice(name, there, "there is none");
-    return fmt::format("no instantiation server '{}' is registered; {} start it on that host: ise_instantiation_server --name {} --programs FOLDER", name,
-                       told.ends_with('?') ? told + " Else" : told + ";", name);
+    return fmt::format("no instantiation server '{}' is registered; {} start it on that host: ise_instantiation_server "
+                       "--name {} --programs FOLDER",
+                       name, told.ends_with('?') ? told + " Else" : told + ";", name);
 }
 
 class checker {
@@ -40,8 +42,9 @@ public:
         for (const auto& given : one.parameters) check(one, type, given);
         for (const auto& variable : one.request.variables)
             if (std::ranges::find(type.variables, variable.name) == type.variables.end())
-                wrong(one.name.at, fmt::format("type '{}' does not let others set the environment variable '{}'; {}", type.name, variable.name,
-                                               advice(variable.name, type.variables, "it reads none")));
+                wrong(one.name.at,
+                      fmt::format("type '{}' does not let others set the environment variable '{}'; {}", type.name,
+                                  variable.name, advice(variable.name, type.variables, "it reads none")));
     }
 
 private:
@@ -50,9 +53,13 @@ private:
         if (found == type.parameters.end()) {
             std::vector<std::string> names;
             for (const auto& known : type.parameters) names.push_back(known.name);
-            return wrong(given.name.at, fmt::format("type '{}' has no parameter '{}'; {}", type.name, given.name.text.substr(0, 200), advice(given.name.text, names, "it has none")));
+            return wrong(given.name.at,
+                         fmt::format("type '{}' has no parameter '{}'; {}", type.name, given.name.text.substr(0, 200),
+                                     advice(given.name.text, names, "it has none")));
         }
-        if (given.values.size() != 1 && !found->many) return wrong(given.name.at, fmt::format("parameter '{}' of type '{}' takes one value, not {}", found->name, type.name, given.values.size()));
+        if (given.values.size() != 1 && !found->many)
+            return wrong(given.name.at, fmt::format("parameter '{}' of type '{}' takes one value, not {}", found->name,
+                                                    type.name, given.values.size()));
         for (const auto& one_value : given.values) {
             if (one_value.is == value::kind::unknown) continue; // was told when the file was read
             auto text = as_argument(*found, one_value);
@@ -90,7 +97,8 @@ void complete(deployment& of, const std::vector<host_state>& hosts, std::vector<
         if (used.contains(host.name.text) && !state_of(of, host.name.text, hosts))
             problems.push_back({host.name.at, without_server(host.server, servers)});
     checker check(problems);
-    std::set<std::pair<std::string, std::string>> missing; // host and type: one mistake, however many components meet it
+    std::set<std::pair<std::string, std::string>>
+        missing; // host and type: one mistake, however many components meet it
     for (auto& one : of.components) {
         const auto* state = state_of(of, one.host.text, hosts);
         if (!state) continue;
@@ -100,11 +108,18 @@ void complete(deployment& of, const std::vector<host_state>& hosts, std::vector<
             continue;
         }
         if (!missing.insert({one.host.text, one.type.text}).second) continue;
-        auto count = std::ranges::count_if(of.components, [&](const auto& other) { return other.host.text == one.host.text && other.type.text == one.type.text; });
+        auto count = std::ranges::count_if(of.components, [&](const auto& other) {
+            return other.host.text == one.host.text && other.type.text == one.type.text;
+        });
         std::vector<std::string> names;
         for (const auto& known : state->types) names.push_back(known.about.name);
-        problems.push_back({one.type.at, fmt::format("host '{}'{} has no component type '{}'{}; {}", one.host.text, state->server == one.host.text ? "" : fmt::format(" (instantiation server '{}')", state->server),
-                                                     one.type.text.substr(0, 200), count == 1 ? "" : fmt::format(", which {} components need", count), advice(one.type.text, names, "it has none"))});
+        problems.push_back({one.type.at, fmt::format("host '{}'{} has no component type '{}'{}; {}", one.host.text,
+                                                     state->server == one.host.text
+                                                         ? ""
+                                                         : fmt::format(" (instantiation server '{}')", state->server),
+                                                     one.type.text.substr(0, 200),
+                                                     count == 1 ? "" : fmt::format(", which {} components need", count),
+                                                     advice(one.type.text, names, "it has none"))});
     }
 }
 

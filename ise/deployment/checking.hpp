@@ -11,7 +11,7 @@ namespace ise::deployment {
 struct host_state {
     std::string server; ///< its name: "boat" is ise/host/boat
     std::vector<instantiation::catalogue_type> types;
-    std::vector<instantiation::instance_text> instances;
+    std::vector<instantiation::instance_info> instances;
     std::map<std::string, instantiation::checked_start> checked; ///< what it has against what is wanted of it, by path
 
     const type_text* type(const std::string& name) const;

@@ -27,10 +27,10 @@ struct wanted_parameter {
 };
 
 struct wanted_component {
-    word name;                               ///< in the file
+    word name; ///< in the file
     word type, host;
     std::vector<wanted_parameter> parameters;
-    std::optional<std::vector<word>> after;  ///< by name; nothing: the services that it requires give the order
+    std::optional<std::vector<word>> after; ///< by name; nothing: the services that it requires give the order
     /// To start it with. Its arguments follow from the parameters: `complete` (checking.hpp).
     instantiation::start_request request;
 };

@@ -34,7 +34,8 @@ form& form::texts(std::string name, std::vector<value>& into) {
 
 form& form::length(std::string name, duration& into) {
     return key(std::move(name), [this, &into](const entry& one) {
-        bool plain = one.what.is == value::kind::text || one.what.is == value::kind::integer || one.what.is == value::kind::number;
+        bool plain = one.what.is == value::kind::text || one.what.is == value::kind::integer ||
+                     one.what.is == value::kind::number;
         if (!plain) return wrong_kind(one, "a time such as \"5s\"");
         auto read = parse_duration(one.what.plain());
         if (read) into = *read;
@@ -45,13 +46,16 @@ form& form::length(std::string name, duration& into) {
 form& form::count(std::string name, std::uint32_t& into, std::int64_t most) {
     return key(std::move(name), [this, &into, most](const entry& one) {
         if (one.what.is != value::kind::integer) return wrong_kind(one, "an integer");
-        if (one.what.integer < 0 || one.what.integer > most) return wrong(one.what.at, fmt::format("'{}' of {} is 0 to {}, not {}", one.key, of_, most, one.what.integer));
+        if (one.what.integer < 0 || one.what.integer > most)
+            return wrong(one.what.at,
+                         fmt::format("'{}' of {} is 0 to {}, not {}", one.key, of_, most, one.what.integer));
         into = static_cast<std::uint32_t>(one.what.integer);
     });
 }
 
 void form::read(const value& from) const {
-    if (from.is != value::kind::table) return wrong(from.at, fmt::format("{} is a table, not {}", of_, from.kind_name()));
+    if (from.is != value::kind::table)
+        return wrong(from.at, fmt::format("{} is a table, not {}", of_, from.kind_name()));
     for (const auto& one : from.entries) {
         auto known = std::ranges::find(keys_, one.key, &std::pair<std::string, reader>::first);
         if (known != keys_.end()) {
@@ -62,7 +66,8 @@ void form::read(const value& from) const {
         std::vector<std::string> names;
         for (const auto& [name, reads] : keys_) names.push_back(name);
         auto near = nearest(one.key, names);
-        auto advice = near.empty() ? fmt::format("there are {}", fmt::join(names, ", ")) : fmt::format("did you mean '{}'?", near.front());
+        auto advice = near.empty() ? fmt::format("there are {}", fmt::join(names, ", "))
+                                   : fmt::format("did you mean '{}'?", near.front());
         wrong(one.at, fmt::format("{} has no key '{}'; {}", of_, one.key.substr(0, 200), advice));
     }
 }

@@ -11,7 +11,7 @@ namespace ise::deployment {
 namespace {
 
 constexpr std::size_t deepest = 16;
-constexpr std::size_t most_files = 64;
+constexpr std::size_t max_files = 64;
 
 std::string beside(const std::string& file, const std::string& other) {
     auto slash = file.rfind('/');
@@ -28,7 +28,8 @@ public:
             circle.push_back(file);
             return fail(from, fmt::format("files include each other: {}", fmt::join(circle, " includes ")));
         }
-        if (open_.size() >= deepest || ++count_ > most_files) return fail(from, fmt::format("more than {} files one in the other, or {} in all", deepest, most_files));
+        if (open_.size() >= deepest || ++count_ > max_files)
+            return fail(from, fmt::format("more than {} files one in the other, or {} in all", deepest, max_files));
         auto text = read_(file);
         if (!text) return fail(from, text.error().message());
         open_.push_back(file);
@@ -36,7 +37,8 @@ public:
         auto made = value();
         made.at = own.at;
         if (const auto* include = own.find("include"))
-            for (const auto& one : names_in(include->what)) made = laid_over(std::move(made), load(beside(file, one.text), one.at));
+            for (const auto& one : names_in(include->what))
+                made = laid_over(std::move(made), load(beside(file, one.text), one.at));
         std::erase_if(own.entries, [](const entry& one) { return one.key == "include"; });
         open_.pop_back();
         return laid_over(std::move(made), std::move(own));
@@ -46,7 +48,9 @@ private:
     std::vector<value> names_in(const value& what) {
         auto all = what.is == value::kind::array ? what.items : std::vector<value>{what};
         for (const auto& one : all)
-            if (one.is != value::kind::text) problems_.push_back({one.at, fmt::format("'include' names files: a text or an array of texts, not {}", one.kind_name())});
+            if (one.is != value::kind::text)
+                problems_.push_back({one.at, fmt::format("'include' names files: a text or an array of texts, not {}",
+                                                         one.kind_name())});
         std::erase_if(all, [](const value& one) { return one.is != value::kind::text; });
         return all;
     }

@@ -35,7 +35,9 @@ public:
     ordering sorted() const {
         ordering made;
         std::vector<bool> placed(before_.size(), false);
-        auto ready = [&](std::size_t which) { return std::ranges::all_of(before_[which], [&](auto first) { return placed[first]; }); };
+        auto ready = [&](std::size_t which) {
+            return std::ranges::all_of(before_[which], [&](auto first) { return placed[first]; });
+        };
         for (;;) {
             std::size_t next = 0;
             while (next < before_.size() && (placed[next] || !ready(next))) ++next;
@@ -62,8 +64,10 @@ private:
         way.erase(way.begin(), std::ranges::find(way, at));
         std::vector<std::string> reasons;
         for (std::size_t step = 0; step < way.size(); ++step)
-            reasons.push_back(fmt::format("'{}' comes after '{}'", name(way[step]), name(way[(step + 1) % way.size()])));
-        return {of_.components[way.front()].name.at, fmt::format("components wait for each other: {}", fmt::join(reasons, ", "))};
+            reasons.push_back(
+                fmt::format("'{}' comes after '{}'", name(way[step]), name(way[(step + 1) % way.size()])));
+        return {of_.components[way.front()].name.at,
+                fmt::format("components wait for each other: {}", fmt::join(reasons, ", "))};
     }
     const std::string& name(std::size_t which) const { return of_.components[which].name.text; }
 
@@ -85,9 +89,11 @@ ordering order_of(const deployment& of, const std::vector<const type_text*>& typ
         for (const auto& wanted : types[then]->services) {
             if (wanted.provided) continue;
             for (std::size_t first = 0; first < components.size(); ++first) {
-                if (first == then || !types[first] || all.reaches(then, first)) continue; // a circle is no matter: who is started first waits
+                if (first == then || !types[first] || all.reaches(then, first))
+                    continue; // a circle is no matter: who is started first waits
                 if (types[first]->name == types[then]->name) continue; // equals, such as two that back each other
-                bool provides = std::ranges::any_of(types[first]->services, [&](const auto& one) { return one.provided && one.name == wanted.name; });
+                bool provides = std::ranges::any_of(
+                    types[first]->services, [&](const auto& one) { return one.provided && one.name == wanted.name; });
                 if (provides) all.add(first, then);
             }
         }

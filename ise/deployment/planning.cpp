@@ -12,14 +12,16 @@
 namespace ise::deployment {
 namespace {
 
+using instantiation::instance_info;
 using instantiation::instance_state;
-using instantiation::instance_text;
 
-bool is_over(const instance_text& one) { return one.state == instance_state::stopped || one.state == instance_state::failed; }
+bool is_over(const instance_info& one) {
+    return one.state == instance_state::stopped || one.state == instance_state::failed;
+}
 
 struct running {
     const host_state* on = nullptr;
-    const instance_text* what = nullptr;
+    const instance_info* what = nullptr;
 };
 
 using steps = std::vector<std::size_t>; // by number
@@ -27,7 +29,8 @@ using steps = std::vector<std::size_t>; // by number
 class planner {
 public:
     planner(const deployment& wanted, const std::vector<host_state>& hosts, const std::vector<std::string>& only)
-        : wanted_(wanted), last_(wanted.components.size()), chosen_(wanted.components.size(), only.empty()), all_(only.empty()) {
+        : wanted_(wanted), last_(wanted.components.size()), chosen_(wanted.components.size(), only.empty()),
+          all_(only.empty()) {
         for (const auto& host : hosts)
             for (const auto& one : host.instances) there_[one.path].push_back({&host, &one});
         std::vector<const type_text*> types;
@@ -49,7 +52,9 @@ public:
             for (const auto& [path, all] : there_)
                 if (!is_wanted(path))
                     for (const auto& one : all)
-                        if (is_ours(*one.what)) stop(one, is_over(*one.what) ? "it is over, and not in the file any more" : "it is not in the file any more");
+                        if (is_ours(*one.what))
+                            stop(one, is_over(*one.what) ? "it is over, and not in the file any more"
+                                                         : "it is not in the file any more");
         first_ = made_.steps.size();
         for (auto which = order_.rbegin(); which != order_.rend(); ++which) // those that they come after, too
             if (chosen_[*which])
@@ -101,7 +106,8 @@ private:
         for (const auto& one : wanted_.components) names.push_back(one.name.text);
         auto near = nearest(name, names);
         unknown_.push_back(fmt::format("there is no component '{}' in it; {}", name.substr(0, 200),
-                                       near.empty() ? fmt::format("there are {}", fmt::join(names, ", ")) : fmt::format("did you mean '{}'?", near.front())));
+                                       near.empty() ? fmt::format("there are {}", fmt::join(names, ", "))
+                                                    : fmt::format("did you mean '{}'?", near.front())));
         made_.problems.push_back({wanted_.name.at, unknown_.back()});
     }
     /// What the host has against a step.
@@ -112,7 +118,9 @@ private:
         auto found = state->checked.find(of.path);
         if (found == state->checked.end() || found->second.outcome == instantiation::start_outcome::ready) return;
         // Its name is held by what is stopped before.
-        bool stops = std::ranges::any_of(made_.steps, [&](const step& other) { return other.what == action::stop && other.path == of.path && other.alive; });
+        bool stops = std::ranges::any_of(made_.steps, [&](const step& other) {
+            return other.what == action::stop && other.path == of.path && other.alive;
+        });
         if (stops && found->second.outcome == instantiation::start_outcome::name_taken) return;
         made_.problems.push_back({which->name.at, found->second.why});
     }
@@ -128,7 +136,7 @@ private:
         return all;
     }
 
-    bool is_ours(const instance_text& one) const { return one.deployment == wanted_.name.text; }
+    bool is_ours(const instance_info& one) const { return one.deployment == wanted_.name.text; }
     bool is_wanted(const std::string& path) const {
         return std::ranges::any_of(wanted_.components, [&](const auto& one) { return one.request.path == path; });
     }
@@ -152,13 +160,18 @@ private:
     void bring_up(const wanted_component& one, const host_state& on, const type_text& type) {
         auto count = made_.steps.size();
         const auto& path = one.request.path;
-        const instance_text* here = nullptr;
+        const instance_info* here = nullptr;
         std::string from;
         for (const auto& other : there_[path]) {
             if (!is_ours(*other.what)) {
                 if (is_over(*other.what)) continue; // its place is taken
-                made_.problems.push_back({one.name.at, fmt::format("'{}' runs on {} already, {}: stop it first (ise stop {})", path, other.on->server,
-                                                                   other.what->deployment.empty() ? "and was started by hand" : fmt::format("as a part of '{}'", other.what->deployment), path)});
+                made_.problems.push_back(
+                    {one.name.at,
+                     fmt::format("'{}' runs on {} already, {}: stop it first (ise stop {})", path, other.on->server,
+                                 other.what->deployment.empty()
+                                     ? "and was started by hand"
+                                     : fmt::format("as a part of '{}'", other.what->deployment),
+                                 path)});
                 return;
             }
             if (other.on == &on) {
@@ -177,21 +190,24 @@ private:
         made.request = one.request;
         made.after = after_;
         if (!from.empty()) made.reason = fmt::format("it moves from {}", from);
-        else if (here && here->state == instance_state::failed) made.reason = fmt::format("it has failed: {}", here->reason);
+        else if (here && here->state == instance_state::failed)
+            made.reason = fmt::format("it has failed: {}", here->reason);
         else if (here) made.reason = "it was stopped";
         made_.steps.push_back(std::move(made));
     }
 
-    void adapt(const wanted_component& one, const host_state& on, const type_text& type, const instance_text& here) {
+    void adapt(const wanted_component& one, const host_state& on, const type_text& type, const instance_info& here) {
         auto checked = on.checked.find(here.path);
-        auto found = instantiation::differences(here, one.request, type, checked != on.checked.end() && checked->second.other_environment);
+        auto found = instantiation::differences(here, one.request, type,
+                                                checked != on.checked.end() && checked->second.other_environment);
         bool waits = here.state == instance_state::waiting; // whoever brings it up wants to know what is wrong with it
         if (found.empty() && !waits) {
             made_.kept.push_back(here.path);
             return;
         }
         step made;
-        bool in_place = std::ranges::all_of(found, &instantiation::difference::in_place) && here.state == instance_state::ready;
+        bool in_place =
+            std::ranges::all_of(found, &instantiation::difference::in_place) && here.state == instance_state::ready;
         made.what = in_place ? action::change : action::restart;
         made.path = here.path;
         made.server = on.server;
@@ -207,12 +223,12 @@ private:
     std::vector<const host_state*> states_;
     std::vector<const type_text*> types_;
     std::vector<std::size_t> order_;
-    std::vector<steps> before_;          // of each component others
-    std::vector<steps> last_;            // of each component the steps after which it is as it should be
+    std::vector<steps> before_; // of each component others
+    std::vector<steps> last_;   // of each component the steps after which it is as it should be
     std::vector<bool> chosen_;
-    bool all_;                           // of the file, and of what it does not know any more
-    std::size_t first_ = 0;              // steps that come before all others
-    steps after_;                        // of what is planned now
+    bool all_;              // of the file, and of what it does not know any more
+    std::size_t first_ = 0; // steps that come before all others
+    steps after_;           // of what is planned now
     std::vector<std::string> unknown_;
     step_plan made_;
 };
@@ -229,11 +245,13 @@ std::string_view name_of(action what) noexcept {
     return "?";
 }
 
-step_plan plan_up(const deployment& wanted, const std::vector<host_state>& hosts, const std::vector<std::string>& only) {
+step_plan plan_up(const deployment& wanted, const std::vector<host_state>& hosts,
+                  const std::vector<std::string>& only) {
     return planner(wanted, hosts, only).up();
 }
 
-step_plan plan_down(const deployment& wanted, const std::vector<host_state>& hosts, const std::vector<std::string>& only) {
+step_plan plan_down(const deployment& wanted, const std::vector<host_state>& hosts,
+                    const std::vector<std::string>& only) {
     return planner(wanted, hosts, only).down();
 }
 
@@ -243,7 +261,9 @@ std::string as_text(const step& of, bool whole) {
     if (!whole) return text;
     for (const auto& one : of.differences) {
         text += fmt::format("\n    {}", one.what);
-        if (!one.is.empty() || !one.wanted.empty()) text += fmt::format(": {} -> {}", one.is.empty() ? "(none)" : one.is, one.wanted.empty() ? "(none)" : one.wanted);
+        if (!one.is.empty() || !one.wanted.empty())
+            text += fmt::format(": {} -> {}", one.is.empty() ? "(none)" : one.is,
+                                one.wanted.empty() ? "(none)" : one.wanted);
         if (of.what == action::restart && !one.in_place) text += "  (takes a restart)";
     }
     return text;

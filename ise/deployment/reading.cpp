@@ -16,7 +16,7 @@ namespace {
 using instantiation::restart_policy;
 using instantiation::restart_terms;
 
-constexpr std::size_t most_components = 256;
+constexpr std::size_t max_components = 256;
 
 class builder {
 public:
@@ -31,7 +31,9 @@ public:
         all.key("name", [&](const entry& one) {
             made_.name = {one.what.text, one.what.at};
             if (one.what.is != value::kind::text) all.wrong_kind(one, "a text");
-            else if (!naming::is_path(one.what.text)) wrong(one.what.at, fmt::format("'{}' is not a name: letters, digits, -, _ and . make one", shown(one.what.text)));
+            else if (!naming::is_path(one.what.text))
+                wrong(one.what.at,
+                      fmt::format("'{}' is not a name: letters, digits, -, _ and . make one", shown(one.what.text)));
         });
         all.key("namespace", [&](const entry& one) {
             in_own_space = false;
@@ -45,9 +47,11 @@ public:
         if (!root.find("name")) wrong(root.at, "the deployment has no 'name'");
         if (in_own_space) name_space = made_.name.text;
         if (hosts) read_hosts(*hosts);
-        if (made_.hosts.empty()) wrong(root.at, "the deployment has no host: [hosts.boat] is where the instantiation server 'boat' runs");
+        if (made_.hosts.empty())
+            wrong(root.at, "the deployment has no host: [hosts.boat] is where the instantiation server 'boat' runs");
         if (components) read_components(*components, name_space);
-        if (made_.components.empty()) wrong(root.at, "the deployment has no component: [components.boat] describes one");
+        if (made_.components.empty())
+            wrong(root.at, "the deployment has no component: [components.boat] describes one");
         return std::move(made_);
     }
 
@@ -64,14 +68,19 @@ private:
             form keys(fmt::format("host '{}'", shown(one.key)), problems_);
             keys.text("server", host.server).read(one.what);
             if (!naming::is_path(host.server) || host.server.find('/') != std::string::npos)
-                wrong(one.at, fmt::format("'{}' is not a name of an instantiation server: letters, digits, -, _ and . make one", shown(host.server)));
+                wrong(one.at,
+                      fmt::format("'{}' is not a name of an instantiation server: letters, digits, -, _ and . make one",
+                                  shown(host.server)));
             made_.hosts.push_back(std::move(host));
         }
     }
 
     void read_components(const value& from, const std::string& name_space) {
-        if (from.is != value::kind::table) return wrong(from.at, "'components' is a table of components: [components.boat]");
-        if (from.entries.size() > most_components) return wrong(from.at, fmt::format("{} components are described, {} are allowed", from.entries.size(), most_components));
+        if (from.is != value::kind::table)
+            return wrong(from.at, "'components' is a table of components: [components.boat]");
+        if (from.entries.size() > max_components)
+            return wrong(from.at, fmt::format("{} components are described, {} are allowed", from.entries.size(),
+                                              max_components));
         for (const auto& one : from.entries) made_.components.push_back(read_component(one, name_space));
         for (const auto& one : made_.components) check_links(one);
     }
@@ -86,7 +95,10 @@ private:
         keys.key("type", [&](const entry& one) { take_word(keys, one, made.type); });
         keys.key("host", [&](const entry& one) { take_word(keys, one, made.host); });
         keys.key("parameters", [&](const entry& one) { read_parameters(keys, one, made); });
-        keys.texts("listen", listen).text("protocol", request.protocol).texts("after", after).text("process", request.process);
+        keys.texts("listen", listen)
+            .text("protocol", request.protocol)
+            .texts("after", after)
+            .text("process", request.process);
         keys.key("restart", [&](const entry& one) { read_restart(keys, one, request.terms, of); });
         keys.key("limits", [&](const entry& one) { read_limits(keys, one, request.limits, of); });
         keys.key("probe", [&](const entry& one) { read_probe(keys, one, request.terms, of); });
@@ -104,18 +116,23 @@ private:
             made.after.emplace();
             for (const auto& one : after) made.after->push_back({one.text, one.at});
         }
-        if (made.type.text.empty() && !from.what.find("type")) wrong(from.at, fmt::format("{} has no 'type': ise start --types tells what there is", of));
+        if (made.type.text.empty() && !from.what.find("type"))
+            wrong(from.at, fmt::format("{} has no 'type': ise start --types tells what there is", of));
         take_host(made, of, from.what.find("host") != nullptr);
         constexpr std::string_view protocols[] = {"", "tcp", "udp", "tls", "local"};
         if (std::ranges::find(protocols, request.protocol) == std::end(protocols))
-            wrong(from.what.find("protocol")->what.at, fmt::format("'protocol' of {} is tcp, udp, tls or local, not '{}'", of, shown(request.protocol)));
-        else if (!request.protocol.empty() && !listen.empty()) wrong(from.at, fmt::format("{} has both 'protocol' and 'listen': choose one", of));
+            wrong(from.what.find("protocol")->what.at,
+                  fmt::format("'protocol' of {} is tcp, udp, tls or local, not '{}'", of, shown(request.protocol)));
+        else if (!request.protocol.empty() && !listen.empty())
+            wrong(from.at, fmt::format("{} has both 'protocol' and 'listen': choose one", of));
         request.type = made.type.text;
         request.path = name_space.empty() ? from.key : name_space + "/" + from.key;
         request.deployment = made_.name.text;
-        if (!naming::is_path(request.path) || request.path.size() > naming::longest_path)
-            wrong(from.at, fmt::format("'{}' is not a path of a component: write it like atirma/shore/xbee", shown(request.path)));
-        else if (request.path == "ise" || request.path.starts_with("ise/")) wrong(from.at, fmt::format("'{}' is kept for ISE itself", request.path));
+        if (!naming::is_path(request.path) || request.path.size() > naming::max_path)
+            wrong(from.at, fmt::format("'{}' is not a path of a component: write it like atirma/shore/xbee",
+                                       shown(request.path)));
+        else if (request.path == "ise" || request.path.starts_with("ise/"))
+            wrong(from.at, fmt::format("'{}' is kept for ISE itself", request.path));
         return made;
     }
 
@@ -127,11 +144,13 @@ private:
 
     void take_host(wanted_component& of, const std::string& name, bool said) {
         if (!said && made_.hosts.size() == 1) of.host = made_.hosts.front().name;
-        else if (!said && !made_.hosts.empty()) wrong(of.name.at, fmt::format("{} has no 'host', and there are several", name));
+        else if (!said && !made_.hosts.empty())
+            wrong(of.name.at, fmt::format("{} has no 'host', and there are several", name));
         else if (said && !of.host.text.empty() && !made_.host(of.host.text)) {
             std::vector<std::string> names;
             for (const auto& one : made_.hosts) names.push_back(one.name.text);
-            wrong(of.host.at, fmt::format("there is no host '{}'; {}", shown(of.host.text), advice(of.host.text, names)));
+            wrong(of.host.at,
+                  fmt::format("there is no host '{}'; {}", shown(of.host.text), advice(of.host.text, names)));
         }
     }
 
@@ -147,7 +166,9 @@ private:
             auto values = one.what.is == value::kind::array ? one.what.items : std::vector<value>{one.what};
             for (const auto& item : values)
                 if (item.is == value::kind::table || item.is == value::kind::array) {
-                    wrong(item.at, fmt::format("parameter '{}' is a text, a number, true or false, or an array of them, not {}", shown(one.key), item.kind_name()));
+                    wrong(item.at,
+                          fmt::format("parameter '{}' is a text, a number, true or false, or an array of them, not {}",
+                                      shown(one.key), item.kind_name()));
                     break;
                 }
             into.parameters.push_back({{one.key, one.at}, std::move(values)});
@@ -159,20 +180,24 @@ private:
             if (said.text == "never") into.policy = restart_policy::never;
             else if (said.text == "on-failure") into.policy = restart_policy::on_failure;
             else if (said.text == "always") into.policy = restart_policy::always;
-            else wrong(said.at, fmt::format("the restart policy of {} is never, on-failure or always, not '{}'", of, said.is == value::kind::text ? shown(said.text) : said.plain()));
+            else
+                wrong(said.at, fmt::format("the restart policy of {} is never, on-failure or always, not '{}'", of,
+                                           said.is == value::kind::text ? shown(said.text) : said.plain()));
         };
         if (from.what.is == value::kind::text) return policy(from.what);
-        if (from.what.is != value::kind::table) return keys.wrong_kind(from, "a policy (never, on-failure, always) or a table");
+        if (from.what.is != value::kind::table)
+            return keys.wrong_kind(from, "a policy (never, on-failure, always) or a table");
         form terms(fmt::format("'restart' of {}", of), problems_);
         terms.key("policy", [&](const entry& one) { policy(one.what); });
         terms.count("limit", into.limit, 1000).length("window", into.window);
-        terms.length("first-pause", into.first_pause).length("longest-pause", into.longest_pause);
+        terms.length("first-pause", into.first_pause).length("max-pause", into.max_pause);
         terms.read(from.what);
         if (!from.what.find("policy")) wrong(from.at, fmt::format("'restart' of {} has no 'policy'", of));
     }
 
     void read_limits(const form& keys, const entry& from, instantiation::resource_limits& into, const std::string& of) {
-        if (from.what.is != value::kind::table) return keys.wrong_kind(from, "a table of limits: { pids = 64, memory = \"256 MiB\" }");
+        if (from.what.is != value::kind::table)
+            return keys.wrong_kind(from, "a table of limits: { pids = 64, memory = \"256 MiB\" }");
         form limits(fmt::format("'limits' of {}", of), problems_);
         for (const char* name : {"pids", "memory", "cpus"})
             limits.key(name, [this, &into, name](const entry& one) {
@@ -187,7 +212,8 @@ private:
             into.probe = from.what.text;
             return;
         }
-        if (from.what.is != value::kind::table) return keys.wrong_kind(from, "a URL such as \"http://127.0.0.1:8080/\" or a table");
+        if (from.what.is != value::kind::table)
+            return keys.wrong_kind(from, "a URL such as \"http://127.0.0.1:8080/\" or a table");
         form probe(fmt::format("'probe' of {}", of), problems_);
         probe.text("url", into.probe).length("every", into.probe_every).count("failures", into.probe_failures, 1000);
         probe.read(from.what);
@@ -200,8 +226,12 @@ private:
             constexpr std::int64_t most = 1'000'000'000;
             if (one.what.is == value::kind::unknown) continue;
             bool fits = one.what.is == value::kind::integer && one.what.integer >= -most && one.what.integer <= most;
-            if (!naming::is_path(one.key)) wrong(one.at, fmt::format("'{}' is not a role: write it like a component's path, \"atirma/gateway\"", shown(one.key)));
-            else if (!fits) wrong(one.what.at, fmt::format("the priority in the role '{}' is an integer, the highest is preferred", one.key));
+            if (!naming::is_path(one.key))
+                wrong(one.at, fmt::format("'{}' is not a role: write it like a component's path, \"atirma/gateway\"",
+                                          shown(one.key)));
+            else if (!fits)
+                wrong(one.what.at,
+                      fmt::format("the priority in the role '{}' is an integer, the highest is preferred", one.key));
             else into.roles[one.key] = static_cast<std::int32_t>(one.what.integer);
         }
     }
@@ -209,7 +239,8 @@ private:
     void read_environment(const form& keys, const entry& from, instantiation::start_request& into) {
         if (from.what.is != value::kind::table) return keys.wrong_kind(from, "a table of variables");
         for (const auto& one : from.what.entries) {
-            if (one.what.is == value::kind::table || one.what.is == value::kind::array) wrong(one.what.at, fmt::format("the environment variable '{}' is a text", shown(one.key)));
+            if (one.what.is == value::kind::table || one.what.is == value::kind::array)
+                wrong(one.what.at, fmt::format("the environment variable '{}' is a text", shown(one.key)));
             else into.variables.push_back({one.key, one.what.plain()});
         }
     }
@@ -220,8 +251,10 @@ private:
         for (const auto& one : made_.components)
             if (one.name.text != of.name.text) names.push_back(one.name.text);
         for (const auto& one : *of.after) {
-            if (one.text == of.name.text) wrong(one.at, fmt::format("component '{}' cannot come after itself", one.text));
-            else if (!made_.component(one.text)) wrong(one.at, fmt::format("there is no component '{}'; {}", shown(one.text), advice(one.text, names)));
+            if (one.text == of.name.text)
+                wrong(one.at, fmt::format("component '{}' cannot come after itself", one.text));
+            else if (!made_.component(one.text))
+                wrong(one.at, fmt::format("there is no component '{}'; {}", shown(one.text), advice(one.text, names)));
         }
     }
 
@@ -250,7 +283,8 @@ reading read_deployment(const std::string& file, const file_reader& read, const 
         put_variables_in(root, given, told.problems);
         told.made = builder(told.problems).build(root);
     }
-    std::ranges::stable_sort(told.problems, {}, [](const problem& one) { return std::tuple(one.at.file, one.at.line, one.at.column); });
+    std::ranges::stable_sort(told.problems, {},
+                             [](const problem& one) { return std::tuple(one.at.file, one.at.line, one.at.column); });
     return told;
 }
 

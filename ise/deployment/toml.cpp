@@ -45,17 +45,19 @@ public:
 
 private:
     void fill(value& into, const toml::table& from) {
-        for (const auto& [key, node] : from) into.entries.push_back({std::string(key.str()), place_of(key.source()), convert(node)});
+        for (const auto& [key, node] : from)
+            into.entries.push_back({std::string(key.str()), place_of(key.source()), convert(node)});
         // The library keeps them by name.
-        std::ranges::stable_sort(into.entries, {}, [](const entry& one) { return std::pair(one.at.line, one.at.column); });
+        std::ranges::stable_sort(into.entries, {},
+                                 [](const entry& one) { return std::pair(one.at.line, one.at.column); });
     }
 
     const std::string& file_;
     std::vector<problem>& problems_;
 };
 
-// What stands for a value in the line of `at` and is a text without its quotes: of "name = boat" boat, and `at` is its place.
-// Empty: nothing does.
+// What stands for a value in the line of `at` and is a text without its quotes: of "name = boat" boat, and `at` is its
+// place. Empty: nothing does.
 std::string bare_word(const std::string& text, place& at) {
     std::size_t from = 0;
     for (std::uint32_t before = 1; before < at.line && from != std::string::npos; ++before) {
@@ -66,7 +68,10 @@ std::string bare_word(const std::string& text, place& at) {
     auto equals = text.find_first_of("=\"'#\n", from);
     if (equals == std::string::npos || text[equals] != '=') return {};
     auto begin = text.find_first_not_of(" \t", equals + 1);
-    auto is_letter = [](char one) { return (one >= 'a' && one <= 'z') || (one >= 'A' && one <= 'Z') || one == '_' || one == '/' || one == '.' || one == '~' || one == '$'; };
+    auto is_letter = [](char one) {
+        return (one >= 'a' && one <= 'z') || (one >= 'A' && one <= 'Z') || one == '_' || one == '/' || one == '.' ||
+               one == '~' || one == '$';
+    };
     if (begin == std::string::npos || !is_letter(text[begin])) return {};
     auto word = text.substr(begin, text.find_first_of(" \t\r\n,#\"'", begin) - begin);
     for (std::string_view value : {"true", "false", "inf", "nan"})
@@ -83,7 +88,8 @@ value parse_toml(const std::string& text, const std::string& file, std::vector<p
     if (parsed) return made.convert(parsed.table());
     auto at = made.place_of(parsed.error().source());
     auto word = bare_word(text, at);
-    problems.push_back({at, word.empty() ? std::string(parsed.error().description()) : fmt::format("{0} is not a value: put it in quotes, \"{0}\"", word)});
+    problems.push_back({at, word.empty() ? std::string(parsed.error().description())
+                                         : fmt::format("{0} is not a value: put it in quotes, \"{0}\"", word)});
     return {};
 }
 

@@ -13,7 +13,7 @@
 namespace ise::deployment {
 namespace {
 
-constexpr std::size_t longest_text = 64 << 10;
+constexpr std::size_t max_text = 64 << 10;
 
 template <class T>
 bool reads(const std::string& text, T& into) {
@@ -35,7 +35,8 @@ value typed(const std::string& text) {
 
 class filler {
 public:
-    filler(std::map<std::string, value> known, std::vector<problem>& problems) : known_(std::move(known)), problems_(problems) {}
+    filler(std::map<std::string, value> known, std::vector<problem>& problems)
+        : known_(std::move(known)), problems_(problems) {}
 
     void fill(value& into) {
         if (into.is == value::kind::text) into = filled(into);
@@ -69,8 +70,9 @@ private:
                 made.text += with.plain();
                 at = end + 1;
             }
-            if (made.text.size() > longest_text) {
-                problems_.push_back({from.at, fmt::format("with its variables the text has more than {} bytes", longest_text)});
+            if (made.text.size() > max_text) {
+                problems_.push_back(
+                    {from.at, fmt::format("with its variables the text has more than {} bytes", max_text)});
                 return unknown(from.at);
             }
         }
@@ -90,7 +92,9 @@ private:
             std::vector<std::string> names;
             for (const auto& [key, what] : known_) names.push_back(key);
             auto near = nearest(name, names);
-            problems_.push_back({at, fmt::format("there is no variable '{}'{}", name, near.empty() ? "" : fmt::format("; did you mean '{}'?", near.front()))});
+            problems_.push_back(
+                {at, fmt::format("there is no variable '{}'{}", name,
+                                 near.empty() ? "" : fmt::format("; did you mean '{}'?", near.front()))});
             return unknown(at);
         }
         if (std::ranges::find(open_, name) != open_.end()) {
@@ -117,10 +121,13 @@ private:
 void put_variables_in(value& into, const settings& given, std::vector<problem>& problems) {
     std::map<std::string, value> known;
     if (const auto* table = into.find("variables")) {
-        if (table->what.is != value::kind::table) problems.push_back({table->at, fmt::format("'variables' is a table, not {}", table->what.kind_name())});
+        if (table->what.is != value::kind::table)
+            problems.push_back({table->at, fmt::format("'variables' is a table, not {}", table->what.kind_name())});
         for (const auto& one : table->what.entries) {
             bool plain = one.what.is != value::kind::table && one.what.is != value::kind::array;
-            if (!plain) problems.push_back({one.at, fmt::format("the variable '{}' is a text, a number, true or false, not {}", one.key, one.what.kind_name())});
+            if (!plain)
+                problems.push_back({one.at, fmt::format("the variable '{}' is a text, a number, true or false, not {}",
+                                                        one.key, one.what.kind_name())});
             else known[one.key] = one.what;
         }
     }
@@ -133,7 +140,9 @@ void put_variables_in(value& into, const settings& given, std::vector<problem>& 
             continue;
         }
         auto near = nearest(name, names);
-        auto advice = names.empty() ? "it has none" : near.empty() ? fmt::format("it has {}", fmt::join(names, ", ")) : fmt::format("did you mean '{}'?", near.front());
+        auto advice = names.empty()  ? "it has none"
+                      : near.empty() ? fmt::format("it has {}", fmt::join(names, ", "))
+                                     : fmt::format("did you mean '{}'?", near.front());
         auto& unknown = problems.emplace_back();
         unknown.at.file = "--set";
         unknown.what = fmt::format("the file has no variable '{}'; {}", name, advice);

@@ -20,7 +20,8 @@ constexpr int own_log_file = O_CREAT | O_CLOEXEC | O_NOFOLLOW;
 
 } // namespace
 
-bounded_log::bounded_log(std::string file, std::uint64_t max_bytes) : file_(std::move(file)), max_bytes_(std::max<std::uint64_t>(max_bytes, 4096)) {}
+bounded_log::bounded_log(std::string file, std::uint64_t max_bytes)
+    : file_(std::move(file)), max_bytes_(std::max<std::uint64_t>(max_bytes, 4096)) {}
 
 std::optional<std::string> bounded_log::begin_life(const std::string& mark) {
     auto before = read_kept_status(content_of_file(status_file_of(file_), kept_status_bytes));
@@ -29,9 +30,12 @@ std::optional<std::string> bounded_log::begin_life(const std::string& mark) {
     if (status_.life > 0) {
         timespec now{};
         ::clock_gettime(CLOCK_BOOTTIME, &now);
-        auto now_ms = static_cast<std::uint64_t>(now.tv_sec) * 1000 + static_cast<std::uint64_t>(now.tv_nsec) / 1'000'000;
+        auto now_ms =
+            static_cast<std::uint64_t>(now.tv_sec) * 1000 + static_cast<std::uint64_t>(now.tv_nsec) / 1'000'000;
         bool known = status_.ended && status_.ended_at_ms <= now_ms;
-        again = known ? fmt::format("started again after {:.1f} s", static_cast<double>(now_ms - status_.ended_at_ms) / 1000) : std::string("started again");
+        again = known ? fmt::format("started again after {:.1f} s",
+                                    static_cast<double>(now_ms - status_.ended_at_ms) / 1000)
+                      : std::string("started again");
     }
     ++status_.life;
     status_.mark = mark;
@@ -55,12 +59,15 @@ void bounded_log::end_life(const process_end& how, std::uint64_t at_ms) {
     record();
 }
 
-void bounded_log::mark_line(const std::string& text) { append(fmt::format("{}--- life {}: {}\n", in_line_ ? "\n" : "", status_.life, text)); }
+void bounded_log::mark_line(const std::string& text) {
+    append(fmt::format("{}--- life {}: {}\n", in_line_ ? "\n" : "", status_.life, text));
+}
 
 void bounded_log::append(std::string_view text) {
     if (text.empty()) return;
     if (unmarked_ > 0) {
-        auto notice = fmt::format("{}--- {} bytes of output were dropped: {}\n", in_line_ ? "\n" : "", unmarked_, status_.trouble);
+        auto notice = fmt::format("{}--- {} bytes of output were dropped: {}\n", in_line_ ? "\n" : "", unmarked_,
+                                  status_.trouble);
         if (write(notice) == notice.size()) {
             unmarked_ = 0;
             status_.trouble.clear();
@@ -110,7 +117,8 @@ bool bounded_log::open() {
     size_ = ::fstat(to_.get(), &about) == 0 ? static_cast<std::uint64_t>(about.st_size) : 0;
     char last = '\n';
     file_handle reading(::open(file_.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW));
-    if (size_ > 0 && reading) [[maybe_unused]] auto got = ::pread(reading.get(), &last, 1, static_cast<off_t>(size_ - 1));
+    if (size_ > 0 && reading) [[maybe_unused]]
+        auto got = ::pread(reading.get(), &last, 1, static_cast<off_t>(size_ - 1));
     in_line_ = last != '\n';
     return true;
 }

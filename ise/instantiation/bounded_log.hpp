@@ -9,8 +9,8 @@
 namespace ise::instantiation {
 
 /// The output of a process: a file of at most so many bytes and an older one beside it, and the record of both
-/// (kept_status.hpp). It never waits for room: what cannot be written is dropped, counted, and marked by a line once there is
-/// room again.
+/// (kept_status.hpp). It never waits for room: what cannot be written is dropped, counted, and marked by a line once
+/// there is room again.
 class bounded_log {
 public:
     bounded_log(std::string file, std::uint64_t max_bytes);
@@ -34,8 +34,8 @@ private:
     file_handle to_, status_file_;
     kept_status status_;
     std::uint64_t sequence_ = 0;
-    std::uint64_t size_ = 0;       // of the file
-    std::uint64_t unmarked_ = 0;   // dropped since the last line that said so
+    std::uint64_t size_ = 0;     // of the file
+    std::uint64_t unmarked_ = 0; // dropped since the last line that said so
     bool in_line_ = false;
 };
 

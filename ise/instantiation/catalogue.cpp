@@ -15,7 +15,7 @@
 namespace ise::instantiation {
 namespace {
 
-bool good_path(std::string_view path) { return path.size() <= naming::longest_path && naming::is_path(path); }
+bool good_path(std::string_view path) { return path.size() <= naming::max_path && naming::is_path(path); }
 
 failure wrong(std::string why) { return {errc::invalid_argument, std::move(why)}; }
 
@@ -27,51 +27,69 @@ std::string meant(const std::string& wanted, const std::vector<std::string>& kno
 
 // Not what the loader, the shell or ISE itself looks at.
 bool is_variable(std::string_view text) {
-    auto good = [](unsigned char letter) { return (letter >= 'A' && letter <= 'Z') || (letter >= '0' && letter <= '9') || letter == '_'; };
-    bool letters = !text.empty() && text.size() <= 64 && !(text.front() >= '0' && text.front() <= '9') && std::ranges::all_of(text, good);
-    return letters && !text.starts_with("LD_") && !text.starts_with("ISE_") && !text.starts_with("GCONV") && text != "PATH" && text != "IFS" && text != "BASH_ENV" && text != "ENV";
+    auto good = [](unsigned char letter) {
+        return (letter >= 'A' && letter <= 'Z') || (letter >= '0' && letter <= '9') || letter == '_';
+    };
+    bool letters = !text.empty() && text.size() <= 64 && !(text.front() >= '0' && text.front() <= '9') &&
+                   std::ranges::all_of(text, good);
+    return letters && !text.starts_with("LD_") && !text.starts_with("ISE_") && !text.starts_with("GCONV") &&
+           text != "PATH" && text != "IFS" && text != "BASH_ENV" && text != "ENV";
 }
 
 // Options that every program has.
 bool is_common(std::string_view name) {
-    static constexpr std::string_view common[] = {"path", "listen", "advertise", "role", "name-server", "log-level", "key", "tls", "demand-credentials", "poll", "help",
-                                                   "describe", "version"};
+    static constexpr std::string_view common[] = {
+        "path", "listen", "advertise", "role",   "name-server", "log-level", "key", "tls", "demand-credentials",
+        "poll", "help",   "describe",  "version"};
     return std::ranges::find(common, name) != std::end(common);
 }
 
 std::string objection_to(const type_text& type) {
     if (!is_word(type.name)) return fmt::format("a type cannot be called '{}'", shown(type.name));
-    if (!type.path.empty() && !good_path(type.path)) return fmt::format("type '{}': '{}' is not a path of a component", type.name, shown(type.path));
+    if (!type.path.empty() && !good_path(type.path))
+        return fmt::format("type '{}': '{}' is not a path of a component", type.name, shown(type.path));
     std::set<std::string> names;
     for (const auto& one : type.parameters) {
         if (!is_word(one.name) || is_common(one.name) || !names.insert(one.name).second)
             return fmt::format("type '{}': a parameter cannot be called '{}'", type.name, shown(one.name));
-        if (one.kind > parameter_kind::url) return fmt::format("type '{}': parameter '{}' is of a kind that is not known here", type.name, one.name);
+        if (one.kind > parameter_kind::url)
+            return fmt::format("type '{}': parameter '{}' is of a kind that is not known here", type.name, one.name);
         if (one.address.empty()) continue;
         auto address = std::ranges::find(type.parameters, one.address, &parameter::name);
-        bool fits = one.kind == parameter_kind::integer && !one.many && address != type.parameters.end() && address->kind == parameter_kind::address && !address->many;
-        if (!fits) return fmt::format("type '{}': the port '{}' has no address '{}': one is an integer, the other an address, and each is given once", type.name, one.name, shown(one.address));
+        bool fits = one.kind == parameter_kind::integer && !one.many && address != type.parameters.end() &&
+                    address->kind == parameter_kind::address && !address->many;
+        if (!fits)
+            return fmt::format("type '{}': the port '{}' has no address '{}': one is an integer, the other an address, "
+                               "and each is given once",
+                               type.name, one.name, shown(one.address));
     }
     for (const auto& name : type.variables)
-        if (!is_variable(name)) return fmt::format("type '{}': the variable '{}' cannot be set by others", type.name, shown(name));
+        if (!is_variable(name))
+            return fmt::format("type '{}': the variable '{}' cannot be set by others", type.name, shown(name));
     return {};
 }
 
-result<void> add_arguments(launch_plan& to, const type_text& type, const start_request& request, const launch_rules& rules) {
-    if (request.arguments.size() > rules.max_arguments) return wrong(fmt::format("{} arguments are given, {} are allowed", request.arguments.size(), rules.max_arguments));
+result<void> add_arguments(launch_plan& to, const type_text& type, const start_request& request,
+                           const launch_rules& rules) {
+    if (request.arguments.size() > rules.max_arguments)
+        return wrong(
+            fmt::format("{} arguments are given, {} are allowed", request.arguments.size(), rules.max_arguments));
     std::set<std::string> given;
     for (const auto& one : request.arguments) {
         auto found = std::ranges::find(type.parameters, one.name, &parameter::name);
         if (found == type.parameters.end()) {
             std::vector<std::string> names;
             for (const auto& known : type.parameters) names.push_back(known.name);
-            return wrong(fmt::format("type '{}' has no parameter '{}'; {}it has {}", type.name, shown(one.name), meant(one.name, names), names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
+            return wrong(fmt::format("type '{}' has no parameter '{}'; {}it has {}", type.name, shown(one.name),
+                                     meant(one.name, names),
+                                     names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
         }
         auto allowed = check(*found, one.value);
         if (!allowed) return wrong(fmt::format("type '{}': {}", type.name, allowed.error().message()));
         auto may = rules.may_be(*found, one.value);
         if (!may) return wrong(fmt::format("type '{}': {}", type.name, may.error().message()));
-        if (!given.insert(one.name).second && !found->many) return wrong(fmt::format("type '{}': parameter '{}' is given twice", type.name, one.name));
+        if (!given.insert(one.name).second && !found->many)
+            return wrong(fmt::format("type '{}': parameter '{}' is given twice", type.name, one.name));
         to.words.push_back(fmt::format("--{}={}", one.name, one.value));
     }
     return {};
@@ -92,8 +110,8 @@ std::vector<std::string> values_of(const parameter& of, const start_request& req
     return values;
 }
 
-// Where the component listens beside its own endpoints: they are tried before a start. A preset that is no endpoint tells people
-// what happens without one.
+// Where the component listens beside its own endpoints: they are tried before a start. A preset that is no endpoint
+// tells people what happens without one.
 void add_listening(launch_plan& to, const type_text& type, const start_request& request) {
     for (const auto& one : type.parameters) {
         if (one.kind == parameter_kind::endpoint) {
@@ -102,7 +120,8 @@ void add_listening(launch_plan& to, const type_text& type, const start_request& 
         } else if (!one.address.empty()) {
             auto host = values_of(*std::ranges::find(type.parameters, one.address, &parameter::name), request).front();
             bool bare = host.find(':') != host.npos;
-            auto at = endpoint::parse(fmt::format("tcp://{}{}{}:{}", bare ? "[" : "", host, bare ? "]" : "", values_of(one, request).front()));
+            auto at = endpoint::parse(fmt::format("tcp://{}{}{}:{}", bare ? "[" : "", host, bare ? "]" : "",
+                                                  values_of(one, request).front()));
             if (at) to.listen.push_back(std::move(*at));
         }
     }
@@ -110,12 +129,15 @@ void add_listening(launch_plan& to, const type_text& type, const start_request& 
 
 result<void> add_variables(launch_plan& to, const type_text& type, const start_request& request) {
     if (request.variables.size() > type.variables.size())
-        if (type.variables.empty()) return wrong(fmt::format("type '{}' lets others set no environment variable", type.name));
+        if (type.variables.empty())
+            return wrong(fmt::format("type '{}' lets others set no environment variable", type.name));
     for (const auto& one : request.variables) {
         if (std::ranges::find(type.variables, one.name) == type.variables.end())
-            return wrong(fmt::format("type '{}' does not let others set the environment variable '{}', only {}", type.name, shown(one.name), fmt::join(type.variables, ", ")));
-        if (one.value.size() > longest_parameter_value || one.value.find('\0') != std::string::npos)
-            return wrong(fmt::format("the value of the environment variable '{}' is too long or holds a NUL", one.name));
+            return wrong(fmt::format("type '{}' does not let others set the environment variable '{}', only {}",
+                                     type.name, shown(one.name), fmt::join(type.variables, ", ")));
+        if (one.value.size() > max_parameter_value || one.value.find('\0') != std::string::npos)
+            return wrong(
+                fmt::format("the value of the environment variable '{}' is too long or holds a NUL", one.name));
         for (const auto& [name, value] : to.variables)
             if (name == one.name) return wrong(fmt::format("the environment variable '{}' is given twice", one.name));
         to.variables.emplace_back(one.name, one.value);
@@ -123,7 +145,8 @@ result<void> add_variables(launch_plan& to, const type_text& type, const start_r
     return {};
 }
 
-// Any free port; with tls of an address that others know the host by, where one is allowed: certificates are seldom for loopback.
+// Any free port; with tls of an address that others know the host by, where one is allowed: certificates are seldom for
+// loopback.
 std::string endpoint_for(const std::string& kind, const launch_rules& rules) {
     endpoint made;
     made.kind = kind == "tls" ? protocol::tls : kind == "udp" ? protocol::udp : protocol::tcp;
@@ -137,13 +160,17 @@ std::string endpoint_for(const std::string& kind, const launch_rules& rules) {
     return made.text();
 }
 
-result<void> add_endpoints(launch_plan& to, const start_request& request, const launch_rules& rules, std::uint64_t unique) {
+result<void> add_endpoints(launch_plan& to, const start_request& request, const launch_rules& rules,
+                           std::uint64_t unique) {
     constexpr std::size_t most = 8;
     auto wanted = request.listen;
-    if (!request.protocol.empty() && !wanted.empty()) return wrong("either a protocol or endpoints can be chosen, not both");
+    if (!request.protocol.empty() && !wanted.empty())
+        return wrong("either a protocol or endpoints can be chosen, not both");
     if (request.protocol == "local") wanted.push_back(fmt::format("local://@ise-{:016x}", unique));
-    else if (request.protocol == "tcp" || request.protocol == "udp" || request.protocol == "tls") wanted.push_back(endpoint_for(request.protocol, rules));
-    else if (!request.protocol.empty()) return wrong(fmt::format("the protocol is tcp, udp, tls or local, not '{}'", shown(request.protocol)));
+    else if (request.protocol == "tcp" || request.protocol == "udp" || request.protocol == "tls")
+        wanted.push_back(endpoint_for(request.protocol, rules));
+    else if (!request.protocol.empty())
+        return wrong(fmt::format("the protocol is tcp, udp, tls or local, not '{}'", shown(request.protocol)));
     if (wanted.size() > most) return wrong(fmt::format("{} endpoints are given, {} are allowed", wanted.size(), most));
     for (const auto& text : wanted) {
         auto at = rules.may_listen(text);
@@ -156,10 +183,14 @@ result<void> add_endpoints(launch_plan& to, const start_request& request, const 
 
 result<void> add_roles(launch_plan& to, const start_request& request) {
     constexpr std::size_t most = 16;
-    if (request.roles.size() > most) return wrong(fmt::format("{} roles are given, {} are allowed", request.roles.size(), most));
+    if (request.roles.size() > most)
+        return wrong(fmt::format("{} roles are given, {} are allowed", request.roles.size(), most));
     for (const auto& [role, priority] : request.roles) {
-        if (!good_path(role)) return wrong(fmt::format("'{}' is not a role: write it like a component's path, atirma/gateway", shown(role)));
-        if (role == to.path) return wrong(fmt::format("'{}' is the component's own name: it is found without being a role", role));
+        if (!good_path(role))
+            return wrong(
+                fmt::format("'{}' is not a role: write it like a component's path, atirma/gateway", shown(role)));
+        if (role == to.path)
+            return wrong(fmt::format("'{}' is the component's own name: it is found without being a role", role));
         if (role == "ise" || role.starts_with("ise/")) return wrong(fmt::format("'{}' is kept for ISE itself", role));
         to.words.push_back(fmt::format("--role={}={}", role, priority));
     }
@@ -168,11 +199,17 @@ result<void> add_roles(launch_plan& to, const start_request& request) {
 
 result<void> check_process(const catalogue_type& type, const start_request& request) {
     if (request.process.empty()) return {};
-    if (!is_word(request.process)) return wrong(fmt::format("a shared process cannot be called '{}': lower-case letters, digits, - and _ make a name", shown(request.process)));
+    if (!is_word(request.process))
+        return wrong(
+            fmt::format("a shared process cannot be called '{}': lower-case letters, digits, - and _ make a name",
+                        shown(request.process)));
     if (!type.shares_process)
-        return wrong(fmt::format("components of {} cannot share a process: its main gives ise::main a list of types, not a function that makes them", type.program));
+        return wrong(fmt::format("components of {} cannot share a process: its main gives ise::main a list of types, "
+                                 "not a function that makes them",
+                                 type.program));
     if (!request.variables.empty())
-        return wrong("environment variables belong to a whole process: a component that shares one cannot be given its own");
+        return wrong(
+            "environment variables belong to a whole process: a component that shares one cannot be given its own");
     return {};
 }
 
@@ -180,7 +217,8 @@ result<std::string> full_path(const type_text& type, const start_request& reques
     auto path = request.path.empty() ? type.path : request.path;
     if (path.empty()) return wrong(fmt::format("type '{}' has no path of its own: give one", type.name));
     if (!request.name_space.empty()) path = request.name_space + "/" + path;
-    if (!good_path(path)) return wrong(fmt::format("'{}' is not a path of a component: write it like atirma/shore/xbee", shown(path)));
+    if (!good_path(path))
+        return wrong(fmt::format("'{}' is not a path of a component: write it like atirma/shore/xbee", shown(path)));
     if (path == "ise" || path.starts_with("ise/")) return wrong(fmt::format("'{}' is kept for ISE itself", path));
     return path;
 }
@@ -192,11 +230,13 @@ void catalogue::add(const std::string& program, const std::string& description) 
     try {
         told = from_json<program_text>(description);
     } catch (const error& unfit) {
-        return add_problem(fmt::format("{}: its answer to --describe is not a description: {}", program, shown(unfit.what())));
+        return add_problem(
+            fmt::format("{}: its answer to --describe is not a description: {}", program, shown(unfit.what())));
     }
     for (auto& type : told.types) {
         auto why = objection_to(type);
-        if (why.empty() && types_.size() >= max_types) why = fmt::format("type '{}' is one too many: {} are kept", type.name, max_types);
+        if (why.empty() && types_.size() >= max_types)
+            why = fmt::format("type '{}' is one too many: {} are kept", type.name, max_types);
         if (auto other = types_.find(type.name); why.empty() && other != types_.end())
             why = fmt::format("type '{}' is the one of {}", type.name, other->second.program);
         if (!why.empty()) {
@@ -220,13 +260,16 @@ types_response catalogue::tell() const {
     return made;
 }
 
-result<launch_plan> catalogue::plan(const start_request& request, const launch_rules& rules, std::uint64_t unique) const {
+result<launch_plan> catalogue::plan(const start_request& request, const launch_rules& rules,
+                                    std::uint64_t unique) const {
     auto found = types_.find(request.type);
     if (found == types_.end()) {
         std::vector<std::string> names;
         for (const auto& [name, type] : types_) names.push_back(name);
-        return failure(errc::no_such_name, fmt::format("there is no component type '{}' here; {}there {}", shown(request.type), meant(request.type, names),
-                                                       names.empty() ? "are none" : fmt::format("are {}", fmt::join(names, ", "))));
+        return failure(errc::no_such_name,
+                       fmt::format("there is no component type '{}' here; {}there {}", shown(request.type),
+                                   meant(request.type, names),
+                                   names.empty() ? "are none" : fmt::format("are {}", fmt::join(names, ", "))));
     }
     const auto& type = found->second.about;
     auto sharing = check_process(found->second, request);

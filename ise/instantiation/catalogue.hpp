@@ -11,8 +11,8 @@ namespace ise::instantiation {
 
 /// What is to be run, checked: words that cannot be taken for other options than they are.
 struct launch_plan {
-    std::string program; ///< the file's name in the catalogue
-    std::string path;    ///< of the component
+    std::string program;          ///< the file's name in the catalogue
+    std::string path;             ///< of the component
     std::vector<endpoint> listen; ///< also those that parameters name
     std::vector<std::string> words;
     std::vector<std::pair<std::string, std::string>> variables;
@@ -34,9 +34,9 @@ public:
     const type_text* find(const std::string& type) const;
     const std::vector<std::string>& problems() const noexcept { return problems_; }
 
-    /// What a request comes to. errc::no_such_name: no such type; errc::invalid_argument: a path that is none, a parameter,
-    /// endpoint or variable that is not allowed. Always with what there is, or what is allowed. `unique` makes local endpoints of
-    /// their own.
+    /// What a request comes to. errc::no_such_name: no such type; errc::invalid_argument: a path that is none, a
+    /// parameter, endpoint or variable that is not allowed. Always with what there is, or what is allowed. `unique`
+    /// makes local endpoints of their own.
     result<launch_plan> plan(const start_request& request, const launch_rules& rules, std::uint64_t unique) const;
 
 private:

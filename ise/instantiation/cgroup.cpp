@@ -55,7 +55,8 @@ bool has_word(const std::string& text, std::string_view wanted) {
     return false;
 }
 
-// Controllers can be enabled for the groups below only where no process is in the group itself, but for the root of all.
+// Controllers can be enabled for the groups below only where no process is in the group itself, but for the root of
+// all.
 void enable_controllers(const std::string& base, bool is_root) {
     auto there = content_of_file(base + "/cgroup.controllers", 4096);
     bool any = has_word(there, "pids") || has_word(there, "memory") || has_word(there, "cpu");
@@ -67,7 +68,8 @@ void enable_controllers(const std::string& base, bool is_root) {
         moved = write_control(below + "/cgroup.procs", "0");
     }
     bool enabled = false;
-    for (const char* one : {"+pids", "+memory", "+cpu"}) enabled = write_control(base + "/cgroup.subtree_control", one) || enabled;
+    for (const char* one : {"+pids", "+memory", "+cpu"})
+        enabled = write_control(base + "/cgroup.subtree_control", one) || enabled;
     if (enabled || !moved) return;
     write_control(base + "/cgroup.procs", "0"); // others are in it: as it was
     ::rmdir(below.c_str());
@@ -83,7 +85,8 @@ void remove_abandoned(const std::string& base) {
         if (!name.starts_with(instance_prefix) || name == server_group) continue;
         auto path = fmt::format("{}/{}", base, name);
         struct stat about {};
-        if (::stat(path.c_str(), &about) == 0 && about.st_mtim.tv_sec + grown_old_s < ::time(nullptr)) ::rmdir(path.c_str()); // not while a process is in it
+        if (::stat(path.c_str(), &about) == 0 && about.st_mtim.tv_sec + grown_old_s < ::time(nullptr))
+            ::rmdir(path.c_str()); // not while a process is in it
     }
     ::closedir(folder);
 }
@@ -120,7 +123,8 @@ bool cgroup::open(const resource_limits& limits) {
         write_control(folder_ + "/memory.oom.group", "1");
     }
     constexpr double period_us = 100'000;
-    if (limits.cpus != 0) cpus_ = write_control(folder_ + "/cpu.max", fmt::format("{:.0f} {:.0f}", limits.cpus * period_us, period_us));
+    if (limits.cpus != 0)
+        cpus_ = write_control(folder_ + "/cpu.max", fmt::format("{:.0f} {:.0f}", limits.cpus * period_us, period_us));
     return true;
 }
 

@@ -5,9 +5,9 @@
 
 namespace ise::instantiation {
 
-/// A control group of version 2 below which this process may make others: its own, where that is writable. Empty: there is none.
-/// In a group of its own that was delegated to it (systemd: `Delegate=yes`, `DelegateSubgroup=ise-server`) it enables the
-/// controllers pids, memory and cpu, and goes into a group below for that.
+/// A control group of version 2 below which this process may make others: its own, where that is writable. Empty: there
+/// is none. In a group of its own that was delegated to it (systemd: `Delegate=yes`, `DelegateSubgroup=ise-server`) it
+/// enables the controllers pids, memory and cpu, and goes into a group below for that.
 std::string usable_cgroup();
 
 /// One group, of an instance. Its folder is made by `open`.

@@ -83,7 +83,8 @@ std::vector<argument> with_settings(std::vector<argument> given, const std::vect
     return given;
 }
 
-std::vector<difference> differences(const instance_text& is, const start_request& wanted, const type_text& type, bool other_environment) {
+std::vector<difference> differences(const instance_info& is, const start_request& wanted, const type_text& type,
+                                    bool other_environment) {
     std::vector<difference> all;
     compare(all, "type", is.type, wanted.type);
     auto given = by_name(is.arguments), asked = by_name(wanted.arguments);
@@ -92,7 +93,8 @@ std::vector<difference> differences(const instance_text& is, const start_request
         return found == in.end() ? nullptr : &found->second;
     };
     for (const auto& one : type.parameters)
-        if (auto made = of_parameter(one, find(given, one.name), find(asked, one.name))) all.push_back(std::move(*made));
+        if (auto made = of_parameter(one, find(given, one.name), find(asked, one.name)))
+            all.push_back(std::move(*made));
     compare(all, "roles", roles_text(is.roles), roles_text(wanted.roles));
     compare(all, "endpoints", joined(is.listen), joined(wanted.listen));
     compare(all, "protocol", is.protocol, wanted.protocol);

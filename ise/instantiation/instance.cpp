@@ -4,8 +4,8 @@
 
 namespace ise::instantiation {
 
-instance_text instance::text() const {
-    instance_text made;
+instance_info instance::text() const {
+    instance_info made;
     made.path = plan.path;
     made.type = asked.type;
     made.program = plan.program;

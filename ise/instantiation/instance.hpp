@@ -23,24 +23,25 @@ struct instance {
     launch_plan plan;
     supervision watch;
     std::shared_ptr<output_file> output; ///< with others of the same process
-    std::string mark;                 ///< of its processes: the same for all lives, so that the next server finds one that could not be recorded
-    bool mark_is_own = false;         ///< not that of a process that it shares
-    std::string version;              ///< of the program that it runs (machine::version_of)
+    std::string
+        mark; ///< of its processes: the same for all lives, so that the next server finds one that could not be recorded
+    bool mark_is_own = false;            ///< not that of a process that it shares
+    std::string version;                 ///< of the program that it runs (machine::version_of)
     std::optional<start_request> former; ///< before the last change
-    std::uint64_t undo = 0;           ///< of that change
-    std::deque<time_point> compared;  ///< when its environment variables were compared
-    std::unique_ptr<process> running; ///< null: none does
-    std::unique_ptr<timer> due;       ///< wakes `watch`
-    std::uint64_t life = 0;           ///< counts processes
-    std::uint64_t launched_life = 0;  ///< the last of which a process came
+    std::uint64_t undo = 0;              ///< of that change
+    std::deque<time_point> compared;     ///< when its environment variables were compared
+    std::unique_ptr<process> running;    ///< null: none does
+    std::unique_ptr<timer> due;          ///< wakes `watch`
+    std::uint64_t life = 0;              ///< counts processes
+    std::uint64_t launched_life = 0;     ///< the last of which a process came
     wall_time since{};
     bool adopted = false;
-    std::string obstacle;             ///< why it is not ready yet
-    std::uint64_t probed_life = 0;    ///< whose probe is being asked
-    std::string probe_trouble;        ///< why its probe fails; empty: it does not
-    std::vector<waiter<>*> awaiting;  ///< a change of it
+    std::string obstacle;            ///< why it is not ready yet
+    std::uint64_t probed_life = 0;   ///< whose probe is being asked
+    std::string probe_trouble;       ///< why its probe fails; empty: it does not
+    std::vector<waiter<>*> awaiting; ///< a change of it
 
-    instance_text text() const;
+    instance_info text() const;
     /// Whether its environment variables would be others.
     bool other_environment(const start_request& wanted) const;
     saved_instance saved() const;

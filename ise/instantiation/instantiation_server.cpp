@@ -23,10 +23,15 @@ result<void> may_listen(const endpoint& at, const security& credentials) {
     demanding.demanded = true;
     auto may = demanding.may_listen(at);
     if (may) return {};
-    return failure(may.error().code(), fmt::format("an instantiation server could be told by anybody to start programs: {}", may.error().message()));
+    return failure(
+        may.error().code(),
+        fmt::format("an instantiation server could be told by anybody to start programs: {}", may.error().message()));
 }
 
-instantiation_server::instantiation_server(machine& host, server_options options) : host_(host), options_(std::move(options)) { announce_when_ready(); }
+instantiation_server::instantiation_server(machine& host, server_options options)
+    : host_(host), options_(std::move(options)) {
+    announce_when_ready();
+}
 instantiation_server::~instantiation_server() = default;
 
 task<> instantiation_server::run() {
@@ -89,7 +94,9 @@ void instantiation_server::offer_services() {
 void instantiation_server::offer_watching() {
     publication_callbacks<std::remove_const_t<decltype(services::output)>> callbacks;
     callbacks.on_subscribe = [this](const follow_request& request, const subscriber_info& who) -> result<nothing> {
-        if (!instances_.contains(request.path)) return failure(errc::refused, fmt::format("no instance '{}' was started here", request.path.substr(0, 200)));
+        if (!instances_.contains(request.path))
+            return failure(errc::refused,
+                           fmt::format("no instance '{}' was started here", request.path.substr(0, 200)));
         followers_[who.number] = request.path;
         return nothing();
     };
@@ -101,7 +108,7 @@ void instantiation_server::offer_watching() {
     events_ = publish(services::events);
 }
 
-instance_text instantiation_server::text_of(const instance& one) const {
+instance_info instantiation_server::text_of(const instance& one) const {
     auto made = one.text();
     if (!one.running || one.version.empty() || one.plan.program.empty()) return made;
     auto now = host_.version_of(options_.programs_folder + "/" + one.plan.program);
@@ -115,10 +122,11 @@ instantiation_server::instance_ptr instantiation_server::find(const std::string&
     std::vector<std::string> known;
     for (const auto& [name, one] : instances_) known.push_back(name);
     throw error(errc::refused, fmt::format("no instance '{}' was started here; there {}", path.substr(0, 200),
-                                                known.empty() ? "are none" : fmt::format("are {}", fmt::join(known, ", "))));
+                                           known.empty() ? "are none" : fmt::format("are {}", fmt::join(known, ", "))));
 }
 
-std::shared_ptr<output_file> instantiation_server::output_of(const std::string& path, const std::string& process) const {
+std::shared_ptr<output_file> instantiation_server::output_of(const std::string& path,
+                                                             const std::string& process) const {
     std::string name = process.empty() ? "" : "+process+" + process; // no path has a plus
     if (process.empty())
         for (char letter : path) name += letter == '/' ? '+' : letter;
@@ -128,8 +136,9 @@ std::shared_ptr<output_file> instantiation_server::output_of(const std::string& 
 }
 
 bool instantiation_server::prints_alone(const instance& one) const {
-    return one.asked.process.empty() ||
-           (!process_of(one) && std::ranges::none_of(instances_, [&](const auto& other) { return other.second.get() != &one && other.second->output == one.output; }));
+    return one.asked.process.empty() || (!process_of(one) && std::ranges::none_of(instances_, [&](const auto& other) {
+               return other.second.get() != &one && other.second->output == one.output;
+           }));
 }
 
 instantiation_server::instance_ptr instantiation_server::remember(start_request request, launch_plan plan) {
@@ -177,13 +186,20 @@ void instantiation_server::changed(const instance_ptr& one) {
     event.at = wall();
     event.instance = one->text();
     events_(event);
-    auto level = one->watch.state() == instance_state::failed || one->watch.state() == instance_state::waiting ? log_level::warning : log_level::info;
-    static constexpr std::string_view names[] = {"starting", "ready", "stopping", "waiting to be started again", "stopped", "failed"};
+    auto level = one->watch.state() == instance_state::failed || one->watch.state() == instance_state::waiting
+                     ? log_level::warning
+                     : log_level::info;
+    static constexpr std::string_view names[] = {"starting", "ready", "stopping", "waiting to be started again",
+                                                 "stopped",  "failed"};
     const auto& reason = one->watch.reason();
-    log().write(level, fmt::format("{} is {}{}{}", one->plan.path, names[static_cast<std::size_t>(one->watch.state())], reason.empty() ? "" : ": ", reason), {});
+    log().write(level,
+                fmt::format("{} is {}{}{}", one->plan.path, names[static_cast<std::size_t>(one->watch.state())],
+                            reason.empty() ? "" : ": ", reason),
+                {});
 }
 
-machine::end_handler instantiation_server::end_handler_of(const instance_ptr& one, const std::string& mark, std::uint64_t life) {
+machine::end_handler instantiation_server::end_handler_of(const instance_ptr& one, const std::string& mark,
+                                                          std::uint64_t life) {
     return [this, weak = std::weak_ptr<instance>(one), mark, life](process_end how) {
         free_names_of(mark);
         if (auto held = weak.lock()) on_end(held, life, how);
@@ -202,7 +218,9 @@ task<> instantiation_server::tell_end(std::string mark) {
     request.launch_mark = mark;
     auto told = co_await names_.try_call(naming::ended, std::move(request), std::chrono::seconds(2));
     freeing_.erase(freeing_.find(mark));
-    if (!told) log().debug(fmt::format("names of a process that ended are free when its lease is over: {}", told.error().message()));
+    if (!told)
+        log().debug(
+            fmt::format("names of a process that ended are free when its lease is over: {}", told.error().message()));
 }
 
 void instantiation_server::on_end(const instance_ptr& one, std::uint64_t life, process_end how) {
@@ -218,7 +236,8 @@ task<ended_response> instantiation_server::end_one(stop_request how, bool at_onc
     carry_out(one, at_once ? one->watch.kill(now()) : one->watch.stop(now(), patience));
     while (one->watch.state() == instance_state::stopping) co_await next_change(on(), one);
     ended_response made;
-    for (auto where = process_of(*one); where && where->ending; where = process_of(*one)) co_await sleep(std::chrono::milliseconds(10));
+    for (auto where = process_of(*one); where && where->ending; where = process_of(*one))
+        co_await sleep(std::chrono::milliseconds(10));
     made.ended = one->text();
     auto here = instances_.find(how.path);
     if (how.forget && one->watch.over() && here != instances_.end() && here->second == one) forget(how.path);

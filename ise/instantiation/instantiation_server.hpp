@@ -14,15 +14,15 @@
 namespace ise::instantiation {
 
 struct server_options {
-    std::string programs_folder;                   ///< what can be started lies here
-    std::string state_folder;                      ///< of this server alone; it exists
-    endpoint name_server = default_name_server();  ///< told to what it starts
+    std::string programs_folder;                                ///< what can be started lies here
+    std::string state_folder;                                   ///< of this server alone; it exists
+    endpoint name_server = default_name_server();               ///< told to what it starts
     std::vector<std::pair<std::string, std::string>> variables; ///< of what it starts: PATH, HOME and the like
     launch_rules rules;
-    std::size_t max_instances = 64;                ///< those that have ended count until their place is needed
-    std::size_t max_starts = 30;                   ///< within `starts_window`, of all kinds
+    std::size_t max_instances = 64; ///< those that have ended count until their place is needed
+    std::size_t max_starts = 30;    ///< within `starts_window`, of all kinds
     duration starts_window = std::chrono::seconds(10);
-    std::uint64_t max_output_bytes = 256 << 10;    ///< of each of the two output files of an instance
+    std::uint64_t max_output_bytes = 256 << 10; ///< of each of the two output files of an instance
     duration describe_within = std::chrono::seconds(5);
     duration look_every = std::chrono::milliseconds(200); ///< at the output
 };
@@ -30,8 +30,8 @@ struct server_options {
 /// The path of a host's instantiation server: "ise/host/shore"; what cannot be in a path becomes a dash.
 std::string path_of_host(std::string_view host_name);
 
-/// Whether an instantiation server with these credentials may listen there, since whoever reaches it can start programs:
-/// errc::unauthorized beyond this host, but with a shared key or on tls.
+/// Whether an instantiation server with these credentials may listen there, since whoever reaches it can start
+/// programs: errc::unauthorized beyond this host, but with a shared key or on tls.
 result<void> may_listen(const endpoint& at, const security& credentials);
 
 /// The instantiation server of a host (ise/instantiation/services.hpp): starts components of the types that the
@@ -114,7 +114,7 @@ private:
     launch_order order_for(const std::string& program, const output_file& printed) const;
 
     /// With what only this host knows.
-    instance_text text_of(const instance& one) const;
+    instance_info text_of(const instance& one) const;
     instance_ptr find(const std::string& path) const;
     instance_ptr remember(start_request request, launch_plan plan);
     std::shared_ptr<output_file> output_of(const std::string& path, const std::string& process) const;
@@ -139,13 +139,13 @@ private:
     time_point catalogue_read_ = time_point::min();
     std::vector<program_file> programs_; // that the catalogue was read from
     bool reading_catalogue_ = false;
-    bool stopping_ = false; // what is started goes on
+    bool stopping_ = false;                         // what is started goes on
     std::map<std::string, instance_ptr> instances_; // by path
-    std::multiset<std::string> freeing_; // marks of ended processes, until the name server knows
-    std::map<std::string, std::shared_ptr<shared_process>> processes_; // that several of them share, by name
+    std::multiset<std::string> freeing_;            // marks of ended processes, until the name server knows
+    std::map<std::string, std::shared_ptr<shared_process>> processes_;   // that several of them share, by name
     std::map<std::string, std::pair<instance_state, std::string>> told_; // what of each was told last
     std::deque<time_point> starts_;
-    std::set<std::string> changing_; // paths
+    std::set<std::string> changing_;                 // paths
     std::map<std::uint64_t, std::string> followers_; // of output, by number: their path
     publication<std::remove_const_t<decltype(services::output)>> output_;
     publication<std::remove_const_t<decltype(services::events)>> events_;

@@ -5,7 +5,7 @@
 namespace ise::instantiation {
 namespace {
 
-constexpr std::size_t most_description_bytes = 1 << 20;
+constexpr std::size_t max_description_bytes = 1 << 20;
 constexpr duration try_problems_again_after = std::chrono::seconds(10); // a busy machine may have been one
 
 } // namespace
@@ -16,7 +16,8 @@ task<> instantiation_server::read_catalogue() {
     auto found = host_.programs(options_.programs_folder);
     std::vector<program_file> programs;
     if (found) programs = std::move(*found);
-    bool as_before = catalogue_ && programs == programs_ && (catalogue_->problems().empty() || now() - catalogue_read_ < try_problems_again_after);
+    bool as_before = catalogue_ && programs == programs_ &&
+                     (catalogue_->problems().empty() || now() - catalogue_read_ < try_problems_again_after);
     if (as_before) co_return;
     struct reading { // whichever way this coroutine ends
         bool& flag;
@@ -29,14 +30,16 @@ task<> instantiation_server::read_catalogue() {
     for (const auto& one : programs) {
         const auto& name = one.name;
         if (++count > catalogue::max_programs) {
-            fresh->add_problem(fmt::format("{} has more than {} programs: the others are left out", options_.programs_folder, catalogue::max_programs));
+            fresh->add_problem(fmt::format("{} has more than {} programs: the others are left out",
+                                           options_.programs_folder, catalogue::max_programs));
             break;
         }
         if (!one.objection.empty()) {
             fresh->add_problem(fmt::format("{}: {}", name, one.objection));
             continue;
         }
-        auto told = co_await host_.ask(on(), options_.programs_folder + "/" + name, most_description_bytes, options_.describe_within);
+        auto told = co_await host_.ask(on(), options_.programs_folder + "/" + name, max_description_bytes,
+                                       options_.describe_within);
         if (told) fresh->add(name, *told);
         else fresh->add_problem(told.error().message());
     }
@@ -51,7 +54,8 @@ task<types_response> instantiation_server::tell_types() {
 }
 
 task<launch_plan> instantiation_server::plan(start_request request) {
-    auto made = catalogue_ ? catalogue_->plan(request, options_.rules, env().random()) : result<launch_plan>(failure(errc::invalid_argument, "starting"));
+    auto made = catalogue_ ? catalogue_->plan(request, options_.rules, env().random())
+                           : result<launch_plan>(failure(errc::invalid_argument, "starting"));
     if (!made) { // perhaps it was installed meanwhile
         co_await read_catalogue();
         made = catalogue_->plan(request, options_.rules, env().random());

@@ -28,9 +28,13 @@ std::string said(const std::string& message, std::string_view service) {
         std::vector<std::string> others;
         for (const auto& each : type.parameters)
             if (each.changeable) others.push_back(each.name);
-        throw error(errc::invalid_argument, fmt::format("parameter '{}' of '{}' cannot be changed while it runs, {}: to start it again with another value, "
-                                                        "write that into its deployment file and ise up, or ise stop and ise start it",
-                                                        one.what, which.plan.path, others.empty() ? "and neither can its others" : fmt::format("only {}", fmt::join(others, ", "))));
+        throw error(
+            errc::invalid_argument,
+            fmt::format(
+                "parameter '{}' of '{}' cannot be changed while it runs, {}: to start it again with another value, "
+                "write that into its deployment file and ise up, or ise stop and ise start it",
+                one.what, which.plan.path,
+                others.empty() ? "and neither can its others" : fmt::format("only {}", fmt::join(others, ", "))));
     }
     throw error(errc::refused, fmt::format("'{}' does not run: {}", which.plan.path, which.watch.reason()));
 }
@@ -42,7 +46,9 @@ task<change_response> instantiation_server::change_one(change_request what) {
     auto to = std::move(what.to);
     if (what.undo != 0) {
         auto one = find(to.path);
-        if (!one->former || one->undo != what.undo) throw error(errc::refused, fmt::format("the change of '{}' cannot be undone: it was changed again since", to.path));
+        if (!one->former || one->undo != what.undo)
+            throw error(errc::refused,
+                        fmt::format("the change of '{}' cannot be undone: it was changed again since", to.path));
         to = *one->former;
     }
     try {
@@ -61,7 +67,8 @@ task<change_response> instantiation_server::change_to(start_request to, bool onl
     auto planned = co_await plan(std::move(wanted));
     auto one = find(planned.path);
     check_process(to.process, planned.program);
-    if (!changing_.insert(planned.path).second) throw error(errc::refused, fmt::format("'{}' is being changed already: try again", planned.path));
+    if (!changing_.insert(planned.path).second)
+        throw error(errc::refused, fmt::format("'{}' is being changed already: try again", planned.path));
     struct changing { // whichever way this coroutine ends
         std::set<std::string>& all;
         std::string path;
@@ -106,7 +113,9 @@ task<change_response> instantiation_server::change_to(start_request to, bool onl
     if (was_up) { // what ran well goes on as it was
         carry_out(one, one->watch.restart(now()));
         auto back = co_await until_ready(one);
-        made.outcome.why += back.outcome == start_outcome::ready ? "; it runs again as before" : fmt::format("; nor does it start again as before: {}", back.why);
+        made.outcome.why += back.outcome == start_outcome::ready
+                                ? "; it runs again as before"
+                                : fmt::format("; nor does it start again as before: {}", back.why);
     }
     made.outcome.started = one->text();
     co_return made;
@@ -133,9 +142,11 @@ task<result<void>> instantiation_server::set_parameters(instance_ptr one, std::v
     auto who = at(one->plan.path);
     auto told = co_await who.try_call(change_parameters_service, std::move(request), parameter_wait);
     if (told) co_return result<void>();
-    bool its_own = told.error().code() == errc::handler_failed || told.error().code() == errc::refused; // it threw: that is a refusal, too
+    bool its_own = told.error().code() == errc::handler_failed ||
+                   told.error().code() == errc::refused; // it threw: that is a refusal, too
     if (!its_own) co_return told.error();
-    co_return failure(errc::refused, fmt::format("{} refuses it: {}", one->plan.path, said(told.error().message(), change_parameters_service.name())));
+    co_return failure(errc::refused, fmt::format("{} refuses it: {}", one->plan.path,
+                                                 said(told.error().message(), change_parameters_service.name())));
 }
 
 void instantiation_server::become(const instance_ptr& one, start_request asked, launch_plan plan) {

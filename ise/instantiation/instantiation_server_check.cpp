@@ -10,14 +10,16 @@
 namespace ise::instantiation {
 namespace {
 
-constexpr std::size_t most_checks = 256;
-constexpr std::size_t most_compared = 20; // of one instance within the window: comparing guesses secrets
+constexpr std::size_t max_checks = 256;
+constexpr std::size_t max_compared = 20; // of one instance within the window: comparing guesses secrets
 constexpr duration compared_window = std::chrono::seconds(10);
 
 } // namespace
 
 task<checks_response> instantiation_server::check_all(checks_request request) {
-    if (request.wanted.size() > most_checks) throw error(errc::overloaded, fmt::format("{} components are to be checked, {} are allowed", request.wanted.size(), most_checks));
+    if (request.wanted.size() > max_checks)
+        throw error(errc::overloaded,
+                    fmt::format("{} components are to be checked, {} are allowed", request.wanted.size(), max_checks));
     co_await read_catalogue();
     checks_response made;
     std::vector<endpoint> wanted;
@@ -48,7 +50,9 @@ task<checked_start> instantiation_server::check_one(start_request request, std::
     check_process(request.process, planned.program);
     for (const auto& at : planned.listen) {
         bool any_port = at.port == 0 && at.kind != protocol::local;
-        if (!any_port && std::ranges::find(wanted, at) != wanted.end()) throw error(errc::address_in_use, fmt::format("another component of the file listens on {} too", at.text()));
+        if (!any_port && std::ranges::find(wanted, at) != wanted.end())
+            throw error(errc::address_in_use,
+                        fmt::format("another component of the file listens on {} too", at.text()));
         wanted.push_back(at);
     }
     auto here = instances_.find(planned.path);
@@ -58,8 +62,10 @@ task<checked_start> instantiation_server::check_one(start_request request, std::
     // What instances of the same deployment listen on is free when they have been changed or stopped.
     auto is_theirs = [&](const endpoint& at) {
         return std::ranges::any_of(instances_, [&](const auto& one) {
-            bool counts = one.first == planned.path || (!request.deployment.empty() && one.second->asked.deployment == request.deployment);
-            return counts && !one.second->watch.over() && std::ranges::find(one.second->plan.listen, at) != one.second->plan.listen.end();
+            bool counts = one.first == planned.path ||
+                          (!request.deployment.empty() && one.second->asked.deployment == request.deployment);
+            return counts && !one.second->watch.over() &&
+                   std::ranges::find(one.second->plan.listen, at) != one.second->plan.listen.end();
         });
     };
     std::erase_if(planned.listen, is_theirs);
@@ -70,9 +76,11 @@ task<checked_start> instantiation_server::check_one(start_request request, std::
 bool instantiation_server::compare_environment(const instance_ptr& one, const start_request& wanted) {
     auto& when = one->compared;
     while (!when.empty() && now() - when.front() > compared_window) when.pop_front();
-    if (when.size() >= most_compared)
-        throw error(errc::overloaded, fmt::format("the environment variables of '{}' were compared {} times within {:g} s, which is the limit: try again soon", one->plan.path, when.size(),
-                                                  std::chrono::duration<double>(compared_window).count()));
+    if (when.size() >= max_compared)
+        throw error(errc::overloaded,
+                    fmt::format("the environment variables of '{}' were compared {} times within {:g} s, which is the "
+                                "limit: try again soon",
+                                one->plan.path, when.size(), std::chrono::duration<double>(compared_window).count()));
     when.push_back(now());
     return one->other_environment(wanted);
 }

@@ -12,7 +12,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr duration longest_answer = 5s;
+constexpr duration max_answer = 5s;
 constexpr duration probe_look_pause = 20ms;
 
 struct probe_attempt {
@@ -29,32 +29,39 @@ task<> attempt(component& self, probe_target target, duration limit, std::shared
 
 /// To be called when it has become ready, or its terms have changed.
 void instantiation_server::begin_probing(const instance_ptr& one) {
-    bool due = one->watch.state() == instance_state::ready && !one->asked.terms.probe.empty() && one->probed_life != one->life;
+    bool due =
+        one->watch.state() == instance_state::ready && !one->asked.terms.probe.empty() && one->probed_life != one->life;
     if (!due) return;
     one->probed_life = one->life;
     spawn("probe of " + one->plan.path, follow_probe(one, one->life));
 }
 
 task<> instantiation_server::follow_probe(instance_ptr one, std::uint64_t life) {
-    auto lives = [&] { return life == one->life && one->watch.state() == instance_state::ready && !one->asked.terms.probe.empty(); };
+    auto lives = [&] {
+        return life == one->life && one->watch.state() == instance_state::ready && !one->asked.terms.probe.empty();
+    };
     std::uint32_t failures = 0;
     while (lives()) {
         auto began = now();
         auto terms = one->asked.terms;
         auto target = parse_probe(terms.probe, options_.rules.listen_addresses);
-        auto limit = std::min(terms.probe_every, longest_answer);
+        auto limit = std::min(terms.probe_every, max_answer);
         auto state = std::make_shared<probe_attempt>();
         if (target) spawn("probe", attempt(*this, *target, limit, state));
         else state->outcome = target.error();
         state->over = !target.has_value();
         // A connection may take the system minutes: then it has failed, and no other is tried meanwhile.
-        while (!state->over && now() < saturating_add(began, limit + probe_look_pause)) co_await sleep(probe_look_pause);
+        while (!state->over && now() < saturating_add(began, limit + probe_look_pause))
+            co_await sleep(probe_look_pause);
         if (!lives()) break;
         std::string why;
         if (!state->over) why = fmt::format("no answer within {:g} s", std::chrono::duration<double>(limit).count());
         else if (!state->outcome) why = state->outcome.error().message();
         failures = why.empty() ? 0 : failures + 1;
-        one->probe_trouble = why.empty() ? std::string() : fmt::format("its probe {} failed{}: {}", terms.probe, failures == 1 ? "" : fmt::format(" {} times on end", failures), why);
+        one->probe_trouble = why.empty()
+                                 ? std::string()
+                                 : fmt::format("its probe {} failed{}: {}", terms.probe,
+                                               failures == 1 ? "" : fmt::format(" {} times on end", failures), why);
         if (failures == 1) log().warning(fmt::format("{}: {}", one->plan.path, one->probe_trouble));
         if (failures >= terms.probe_failures) carry_out(one, one->watch.unhealthy(now(), one->probe_trouble));
         while (!state->over && lives()) co_await sleep(probe_look_pause);

@@ -16,7 +16,7 @@ constexpr duration one_answer = 5s;
 constexpr duration look_pause = 100ms;
 constexpr duration thread_grace = 2s;  // of a component that is to end at once
 constexpr duration process_grace = 8s; // its node's own limits come first
-constexpr std::size_t longest_socket_path = 107;
+constexpr std::size_t max_socket_path = 107;
 
 } // namespace
 
@@ -24,8 +24,10 @@ endpoint instantiation_server::control_of(const std::string& process) const {
     endpoint made;
     made.kind = protocol::local;
     made.path = fmt::format("{}/process-{}.sock", options_.state_folder, process);
-    if (made.path.size() > longest_socket_path)
-        throw error(errc::invalid_argument, fmt::format("'{}' is too long for the path of a socket, of which {} bytes are allowed: choose a shorter name, or another --state", made.path, longest_socket_path));
+    if (made.path.size() > max_socket_path)
+        throw error(errc::invalid_argument, fmt::format("'{}' is too long for the path of a socket, of which {} bytes "
+                                                        "are allowed: choose a shorter name, or another --state",
+                                                        made.path, max_socket_path));
     return made;
 }
 
@@ -34,7 +36,9 @@ void instantiation_server::check_process(const std::string& process, const std::
     control_of(process);
     for (const auto& [path, one] : instances_)
         if (one->asked.process == process && !one->watch.over() && one->plan.program != program)
-            throw error(errc::invalid_argument, fmt::format("the process '{}' runs {}, of which '{}' is one: what {} has needs another", process, one->plan.program, path, program));
+            throw error(errc::invalid_argument,
+                        fmt::format("the process '{}' runs {}, of which '{}' is one: what {} has needs another",
+                                    process, one->plan.program, path, program));
 }
 
 std::shared_ptr<shared_process> instantiation_server::process_of(const instance& one) const {
@@ -58,7 +62,8 @@ std::shared_ptr<shared_process> instantiation_server::open_process(const instanc
     made->version = host_.version_of(order.program);
     processes_[name] = made;
     auto kept = try_save(); // whoever comes after a crash finds the process by its mark
-    auto got = kept ? host_.launch(on(), order, process_end_handler(made)) : result<std::unique_ptr<process>>(kept.error());
+    auto got =
+        kept ? host_.launch(on(), order, process_end_handler(made)) : result<std::unique_ptr<process>>(kept.error());
     if (!got) {
         processes_.erase(name);
         throw error(got.error());
@@ -82,7 +87,8 @@ machine::end_handler instantiation_server::process_end_handler(const std::shared
         how = how_it_ended(std::move(how), held->mark, *held->output);
         held->running.reset();
         host_.remove(held->control.path);
-        if (auto found = processes_.find(held->name); found != processes_.end() && found->second == held) processes_.erase(found);
+        if (auto found = processes_.find(held->name); found != processes_.end() && found->second == held)
+            processes_.erase(found);
         how.told = fmt::format("its process '{}' ended: {}", held->name, how.text());
         for (auto& [path, member] : std::exchange(held->members, {}))
             if (auto one = member.who.lock()) on_end(one, member.life, how);
@@ -92,7 +98,9 @@ machine::end_handler instantiation_server::process_end_handler(const std::shared
 
 task<> instantiation_server::launch_in_process(instance_ptr one, std::uint64_t life) {
     auto still = [&] { return life == one->life && one->watch.state() == instance_state::starting; };
-    for (auto there = process_of(*one); there && (there->ending || there->outdated) && still(); there = process_of(*one)) co_await sleep(look_pause / 5);
+    for (auto there = process_of(*one); there && (there->ending || there->outdated) && still();
+         there = process_of(*one))
+        co_await sleep(look_pause / 5);
     if (life != one->life) co_return;
     std::shared_ptr<shared_process> where;
     std::string why;
@@ -142,7 +150,8 @@ task<> instantiation_server::launch_in_process(instance_ptr one, std::uint64_t l
     if (!stopping) co_await follow_readiness(one, life);
 }
 
-std::unique_ptr<process> instantiation_server::hold_component(const std::shared_ptr<shared_process>& where, const std::string& path) {
+std::unique_ptr<process> instantiation_server::hold_component(const std::shared_ptr<shared_process>& where,
+                                                              const std::string& path) {
     auto stop = [this, where, path] { stop_in_process(where, path); };
     auto kill = [this, where, path] {
         stop_in_process(where, path);
@@ -162,11 +171,13 @@ void instantiation_server::stop_in_process(const std::shared_ptr<shared_process>
 }
 
 /// A thread cannot be killed: what does not come back takes its process along.
-task<> instantiation_server::kill_if_stuck(std::shared_ptr<shared_process> where, std::string path, std::uint64_t life) {
+task<> instantiation_server::kill_if_stuck(std::shared_ptr<shared_process> where, std::string path,
+                                           std::uint64_t life) {
     co_await sleep(thread_grace);
     auto found = where->members.find(path);
     if (where->over || found == where->members.end() || found->second.life != life) co_return;
-    log().warning(fmt::format("{} does not end: its process '{}' is killed, with {} components", path, where->name, where->members.size()));
+    log().warning(fmt::format("{} does not end: its process '{}' is killed, with {} components", path, where->name,
+                              where->members.size()));
     where->running->kill();
 }
 
@@ -195,7 +206,9 @@ void instantiation_server::take_in(shared_process& of, const process_host::compo
         process_end how;
         how.known = true;
         how.number = known && found->failure.empty() ? 0 : 1;
-        how.told = !known ? "its process does not know it any more" : found->failure.empty() ? fmt::format("ended without a failure, in process '{}'", of.name) : found->failure;
+        how.told = !known                   ? "its process does not know it any more"
+                   : found->failure.empty() ? fmt::format("ended without a failure, in process '{}'", of.name)
+                                            : found->failure;
         ended.emplace_back(member, std::move(how));
     }
     for (auto& [member, how] : ended) {
@@ -210,8 +223,9 @@ void instantiation_server::take_in(shared_process& of, const process_host::compo
 /// Ends processes that nobody needs any more.
 void instantiation_server::tend_processes() {
     for (const auto& [name, what] : processes_) {
-        bool needed = what->outdated ? !what->members.empty()
-                                     : std::ranges::any_of(instances_, [&](const auto& one) { return one.second->asked.process == name && !one.second->watch.over(); });
+        bool needed = what->outdated ? !what->members.empty() : std::ranges::any_of(instances_, [&](const auto& one) {
+            return one.second->asked.process == name && !one.second->watch.over();
+        });
         if (needed || what->ending || !what->running) continue;
         what->ending = true;
         what->running->terminate();

@@ -10,7 +10,7 @@ using namespace std::chrono_literals;
 
 constexpr duration one_question = 1s;
 constexpr duration first_question = 6s; // a name server that has just been started again is tried again after a pause
-constexpr duration longest_wait_for_name = 6s; // a lease, and the time to find out
+constexpr duration max_wait_for_name = 6s; // a lease, and the time to find out
 constexpr std::size_t shown_lines = 12;
 
 } // namespace
@@ -70,17 +70,22 @@ task<start_response> instantiation_server::begin_again(instance_ptr one) {
 task<start_response> instantiation_server::until_ready(instance_ptr one) {
     auto life = one->life;
     try {
-        while (one->watch.state() == instance_state::starting || one->watch.state() == instance_state::stopping) co_await next_change(on(), one);
+        while (one->watch.state() == instance_state::starting || one->watch.state() == instance_state::stopping)
+            co_await next_change(on(), one);
     } catch (...) { // whoever waited has given up: it does not go on by itself
         if (one->watch.state() == instance_state::starting && !stopping_)
-            carry_out(one, one->asked.process.empty() ? one->watch.kill(now()) : one->watch.stop(now(), one->asked.terms.grace)); // others share its process
+            carry_out(one, one->asked.process.empty()
+                               ? one->watch.kill(now())
+                               : one->watch.stop(now(), one->asked.terms.grace)); // others share its process
         throw;
     }
     start_response made;
     made.started = one->text();
     if (one->watch.state() == instance_state::ready) co_return made;
     bool launched = one->launched_life >= life;
-    made.outcome = !launched ? start_outcome::not_launched : one->watch.late() ? start_outcome::deadline : start_outcome::exited;
+    made.outcome = !launched           ? start_outcome::not_launched
+                   : one->watch.late() ? start_outcome::deadline
+                                       : start_outcome::exited;
     made.why = fmt::format("'{}' did not start: {}", one->plan.path, one->watch.reason());
     if (one->watch.late() && !one->obstacle.empty()) made.why += fmt::format(" ({})", one->obstacle);
     if (launched) made.output = one->output->last_lines(shown_lines);
@@ -90,21 +95,27 @@ task<start_response> instantiation_server::until_ready(instance_ptr one) {
 void instantiation_server::check_room(const std::string& path) {
     auto here = instances_.find(path);
     if (here != instances_.end() && !here->second->watch.over())
-        throw error(errc::name_taken, fmt::format("'{}' runs here already, as process {}: restart it, stop it first, or start another under another path", path,
-                                                  here->second->running ? here->second->running->stamp().pid : 0));
+        throw error(
+            errc::name_taken,
+            fmt::format(
+                "'{}' runs here already, as process {}: restart it, stop it first, or start another under another path",
+                path, here->second->running ? here->second->running->stamp().pid : 0));
     if (here != instances_.end() || instances_.size() < options_.max_instances) return;
     auto oldest = instances_.end();
     for (auto at = instances_.begin(); at != instances_.end(); ++at)
-        if (at->second->watch.over() && (oldest == instances_.end() || at->second->since < oldest->second->since)) oldest = at;
-    if (oldest == instances_.end()) throw error(errc::overloaded, fmt::format("{} instances run here, which is the limit", instances_.size()));
+        if (at->second->watch.over() && (oldest == instances_.end() || at->second->since < oldest->second->since))
+            oldest = at;
+    if (oldest == instances_.end())
+        throw error(errc::overloaded, fmt::format("{} instances run here, which is the limit", instances_.size()));
     forget(oldest->first);
 }
 
 void instantiation_server::check_rate() {
     while (!starts_.empty() && now() - starts_.front() > options_.starts_window) starts_.pop_front();
     if (starts_.size() >= options_.max_starts)
-        throw error(errc::overloaded, fmt::format("{} components were started within {:g} s, which is the limit: try again soon", starts_.size(),
-                                                  std::chrono::duration<double>(options_.starts_window).count()));
+        throw error(errc::overloaded,
+                    fmt::format("{} components were started within {:g} s, which is the limit: try again soon",
+                                starts_.size(), std::chrono::duration<double>(options_.starts_window).count()));
     starts_.push_back(now());
 }
 
@@ -113,12 +124,15 @@ task<> instantiation_server::check_name(std::string path) {
     auto told = co_await names_.try_call(naming::describe, std::move(question), first_question);
     if (!told) {
         if (told.error().code() == errc::no_such_name) co_return;
-        throw error(errc::name_server_lost, fmt::format("whether '{}' is free, and when it is ready, only the name server can tell: {}", path, told.error().message()));
+        throw error(errc::name_server_lost,
+                    fmt::format("whether '{}' is free, and when it is ready, only the name server can tell: {}", path,
+                                told.error().message()));
     }
     const auto& name = told->name;
     bool here = name.host_name == env().identity().host_name;
     if (here && !host_.alive(static_cast<std::int32_t>(name.process_id))) co_return; // its lease ends soon
-    throw error(errc::name_taken, fmt::format("'{}' is held by process {} on {}, which was not started here", path, name.process_id, name.host_name));
+    throw error(errc::name_taken, fmt::format("'{}' is held by process {} on {}, which was not started here", path,
+                                              name.process_id, name.host_name));
 }
 
 void instantiation_server::check_endpoints(const std::vector<endpoint>& wanted) {
@@ -149,7 +163,7 @@ launch_order instantiation_server::order_for(const std::string& program, const o
 /// Waits until nobody holds the name: that of a process that was killed lives as long as its lease.
 task<> instantiation_server::free_name(instance_ptr one, std::uint64_t life) {
     while (freeing_.contains(one->mark)) co_await sleep(10ms); // its next life has the same mark
-    auto until = saturating_add(now(), longest_wait_for_name);
+    auto until = saturating_add(now(), max_wait_for_name);
     while (now() < until && life == one->life && one->watch.state() == instance_state::starting) {
         naming::describe_request question{one->plan.path};
         auto told = co_await names_.try_call(naming::describe, std::move(question), one_question);
@@ -166,14 +180,17 @@ task<> instantiation_server::launch(instance_ptr one, std::uint64_t life) {
         co_return;
     }
     if (one->plan.program.empty()) {
-        carry_out(one, one->watch.not_launched(now(), fmt::format("no program here has the type '{}' any more, or not with these arguments", one->asked.type)));
+        carry_out(one, one->watch.not_launched(
+                           now(), fmt::format("no program here has the type '{}' any more, or not with these arguments",
+                                              one->asked.type)));
         co_return;
     }
     if (!one->asked.process.empty()) {
         co_await launch_in_process(one, life);
         co_return;
     }
-    if (!std::exchange(one->mark_is_own, true) || one->mark.empty()) one->mark = fmt::format("{:016x}{:016x}", env().random(), env().random());
+    if (!std::exchange(one->mark_is_own, true) || one->mark.empty())
+        one->mark = fmt::format("{:016x}{:016x}", env().random(), env().random());
     auto order = order_for(one->plan.program, *one->output);
     order.words = one->plan.words;
     order.variables.insert(order.variables.end(), one->plan.variables.begin(), one->plan.variables.end());
@@ -184,7 +201,11 @@ task<> instantiation_server::launch(instance_ptr one, std::uint64_t life) {
     auto kept = try_save(); // whoever comes after a crash finds the process by its mark
     bool first = one->launched_life == 0 && one->watch.restarts() == 0; // what ran before goes on all the same
     if (!kept && first) {
-        carry_out(one, one->watch.not_launched(now(), fmt::format("it could not be written down, and so would be lost with this instantiation server: {}", kept.error().message())));
+        carry_out(
+            one, one->watch.not_launched(
+                     now(), fmt::format(
+                                "it could not be written down, and so would be lost with this instantiation server: {}",
+                                kept.error().message())));
         co_return;
     }
     auto got = host_.launch(on(), order, end_handler_of(one, one->mark, life));
@@ -223,9 +244,12 @@ task<std::string> instantiation_server::obstacle_of(instance_ptr one) {
     auto mark = one->mark;
     naming::describe_request question{one->plan.path};
     auto told = co_await names_.try_call(naming::describe, std::move(question), one_question);
-    if (!told) co_return told.error().code() == errc::no_such_name ? fmt::format("the name server does not know it yet") : told.error().message();
+    if (!told)
+        co_return told.error().code() == errc::no_such_name ? fmt::format("the name server does not know it yet")
+                                                            : told.error().message();
     const auto& name = told->name;
-    if (name.host_name != env().identity().host_name || !host_.carries(static_cast<std::int32_t>(name.process_id), mark))
+    if (name.host_name != env().identity().host_name ||
+        !host_.carries(static_cast<std::int32_t>(name.process_id), mark))
         co_return fmt::format("its name is held by process {} on {}", name.process_id, name.host_name);
     if (name.state != "ready") co_return fmt::format("it is registered as {}", name.state);
     auto who = at(one->plan.path);

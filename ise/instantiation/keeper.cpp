@@ -37,7 +37,7 @@ using keeper_clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
 const std::string cgroup_word = "cgroup:";
-constexpr int fixed_keeper_words = 6; // behind keeper_word, before the program
+constexpr int fixed_keeper_words = 6;    // behind keeper_word, before the program
 constexpr rlim_t spare_processes = 4096; // of the same user, whatever he runs beside
 
 std::uint64_t milliseconds_since_boot() {
@@ -60,7 +60,8 @@ std::uint64_t memory_of(const std::vector<process_entry>& all, std::uint64_t lim
     for (const auto& one : all) {
         auto text = content_of_file(fmt::format("/proc/{}/smaps_rollup", one.stamp.pid), 8192);
         auto at = text.find("\nPss:");
-        exact += at == std::string::npos ? one.resident_bytes : std::strtoull(text.c_str() + at + 5, nullptr, 10) * 1024;
+        exact +=
+            at == std::string::npos ? one.resident_bytes : std::strtoull(text.c_str() + at + 5, nullptr, 10) * 1024;
     }
     return exact;
 }
@@ -68,14 +69,16 @@ std::uint64_t memory_of(const std::vector<process_entry>& all, std::uint64_t lim
 class keeper {
 public:
     explicit keeper(launch_order what, const std::string& cgroup_prefix)
-        : order_(std::move(what)), cgroup_(cgroup_prefix + order_.mark), use_cgroup_(!cgroup_prefix.empty()), log_(order_.output_file, order_.max_output_bytes) {}
+        : order_(std::move(what)), cgroup_(cgroup_prefix + order_.mark), use_cgroup_(!cgroup_prefix.empty()),
+          log_(order_.output_file, order_.max_output_bytes) {}
 
     /// Starts the program: why it cannot; empty: it runs.
     std::string start() {
         become_a_keeper();
         if (use_cgroup_ && cgroup_.open(order_.limits)) cgroup_.kill(); // of a life before, whose keeper was killed
         if (order_.limits.cpus != 0 && !cgroup_.keeps_cpus())
-            return "the limit of processors cannot be kept here: that takes a control group (version 2) with the controller cpu that is delegated to the instantiation server";
+            return "the limit of processors cannot be kept here: that takes a control group (version 2) with the "
+                   "controller cpu that is delegated to the instantiation server";
         auto again = log_.begin_life(order_.mark);
         auto why = run_program();
         if (!why.empty()) {
@@ -94,7 +97,9 @@ public:
         auto due = keeper_clock::now();
         while (!ended_) {
             int timeout = -1;
-            if (watches) timeout = static_cast<int>(std::max<long long>(0, std::chrono::ceil<std::chrono::milliseconds>(due - keeper_clock::now()).count()));
+            if (watches)
+                timeout = static_cast<int>(std::max<long long>(
+                    0, std::chrono::ceil<std::chrono::milliseconds>(due - keeper_clock::now()).count()));
             wait_for_news(timeout);
             reap_all();
             if (ended_ || !watches || keeper_clock::now() < due) continue;
@@ -103,7 +108,9 @@ public:
         }
         end_tree();
         while (read_output()) {}
-        if (how_.told.empty() && cgroup_.ran_out_of_memory()) how_.told = fmt::format("killed by the kernel: it used more than its limit of memory ({})", as_text(order_.limits));
+        if (how_.told.empty() && cgroup_.ran_out_of_memory())
+            how_.told =
+                fmt::format("killed by the kernel: it used more than its limit of memory ({})", as_text(order_.limits));
         cgroup_.close();
         log_.mark_line(ended_text(how_));
         log_.end_life(how_, milliseconds_since_boot());
@@ -115,7 +122,8 @@ private:
     void become_a_keeper() {
         ::prctl(PR_SET_NAME, "ise_keeper", 0, 0, 0);
         ::prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0);
-        for (int one : {SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGPIPE, SIGTSTP}) ::signal(one, SIG_IGN); // what is meant for the program ends that, and then this
+        for (int one : {SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGPIPE, SIGTSTP})
+            ::signal(one, SIG_IGN); // what is meant for the program ends that, and then this
         sigset_t children;
         ::sigemptyset(&children);
         ::sigaddset(&children, SIGCHLD);
@@ -125,7 +133,8 @@ private:
 
     std::string run_program() {
         int output[2] = {-1, -1}, refusal[2] = {-1, -1};
-        if (::pipe2(output, O_CLOEXEC) != 0 || ::pipe2(refusal, O_CLOEXEC) != 0) return fmt::format("cannot make a pipe: {}", std::strerror(errno));
+        if (::pipe2(output, O_CLOEXEC) != 0 || ::pipe2(refusal, O_CLOEXEC) != 0)
+            return fmt::format("cannot make a pipe: {}", std::strerror(errno));
         output_ = file_handle(output[0]);
         ::fcntl(output_.get(), F_SETFL, O_NONBLOCK);
         file_handle writing(output[1]), why(refusal[0]), refuse(refusal[1]);
@@ -239,31 +248,34 @@ private:
             return !counts || tasks <= limits.pids;
         });
         if (counts && tasks > limits.pids)
-            how_.told = fmt::format("killed: it had more processes and threads than its limit of {} (pids)", limits.pids);
+            how_.told =
+                fmt::format("killed: it had more processes and threads than its limit of {} (pids)", limits.pids);
         else if (limits.memory != 0 && !cgroup_.keeps_memory() && memory_of(all, limits.memory) > limits.memory)
             how_.told = fmt::format("killed: it used more than its limit of memory ({})", as_text(limits));
         if (!how_.told.empty()) end_tree();
         return all.size() > 1;
     }
 
-    /// Kills everything below this process. What starts others faster than one looks is stopped first, until there is nothing new.
+    /// Kills everything below this process. What starts others faster than one looks is stopped first, until there is
+    /// nothing new.
     void end_tree() {
         sched_param first{};
         first.sched_priority = 1;
         ::sched_setscheduler(0, SCHED_RR, &first); // before hundreds that all want to run; only root may
-        constexpr int most_rounds = 100;
+        constexpr int max_rounds = 100;
         while (reap_all()) {
             cgroup_.kill();
             std::set<std::int32_t> found, groups;
             bool more = true;
-            for (int round = 0; more && round < most_rounds; ++round) {
+            for (int round = 0; more && round < max_rounds; ++round) {
                 std::set<std::int32_t> stopped;
                 more = false;
                 visit_descendants(::getpid(), [&](const process_entry& one) {
                     if (one.ended || !found.insert(one.stamp.pid).second) return true;
                     more = true;
                     groups.insert(one.group);
-                    if (stopped.insert(one.group).second) signal_group(one.group, SIGSTOP); // at once: thousands may run
+                    if (stopped.insert(one.group).second)
+                        signal_group(one.group, SIGSTOP); // at once: thousands may run
                     return true;
                 });
             }

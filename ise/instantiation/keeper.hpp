@@ -7,10 +7,11 @@
 
 namespace ise::instantiation {
 
-/// A keeper is a small process between an instantiation server and a program that it started, and outlives the server. It writes
-/// what the program prints to a bounded file, keeps all that the program starts below itself (a subreaper, and a control group
-/// where there is one) within limits, ends what is left of it when the program ends, and records how that ended
-/// (kept_status.hpp). It ends last. It is the instantiation server's own program, started with other words.
+/// A keeper is a small process between an instantiation server and a program that it started, and outlives the server.
+/// It writes what the program prints to a bounded file, keeps all that the program starts below itself (a subreaper,
+/// and a control group where there is one) within limits, ends what is left of it when the program ends, and records
+/// how that ended (kept_status.hpp). It ends last. It is the instantiation server's own program, started with other
+/// words.
 inline constexpr const char* keeper_word = "keep-instance";
 
 /// The words that make the instantiation server's program a keeper.

@@ -18,8 +18,10 @@ std::string one_line(std::string text) {
 } // namespace
 
 std::string kept_status_text(const kept_status& of, std::uint64_t sequence, bool moving) {
-    auto text = fmt::format("{} {} {} {} {} {} {} {} {} {} {} {} {}\n", sequence, moving ? 1 : 0, of.base, of.dropped, of.life, of.mark.empty() ? "-" : of.mark,
-                            of.process.pid, of.process.start_ticks, of.ended ? 1 : 0, of.how.known ? 1 : 0, of.how.by_signal ? 1 : 0, of.how.number, of.ended_at_ms);
+    auto text =
+        fmt::format("{} {} {} {} {} {} {} {} {} {} {} {} {}\n", sequence, moving ? 1 : 0, of.base, of.dropped, of.life,
+                    of.mark.empty() ? "-" : of.mark, of.process.pid, of.process.start_ticks, of.ended ? 1 : 0,
+                    of.how.known ? 1 : 0, of.how.by_signal ? 1 : 0, of.how.number, of.ended_at_ms);
     text += one_line(of.trouble) + "\n" + one_line(of.how.told) + "\n";
     auto end = fmt::format("{}\n", sequence);
     text.resize(kept_status_bytes - end.size(), ' ');
@@ -32,8 +34,8 @@ std::optional<kept_status> read_kept_status(std::string_view text) {
     kept_status made;
     std::uint64_t sequence = 0, sequence_at_end = 0;
     int moving = 0, ended = 0, known = 0, by_signal = 0;
-    lines >> sequence >> moving >> made.base >> made.dropped >> made.life >> made.mark >> made.process.pid >> made.process.start_ticks >> ended >> known >> by_signal >>
-        made.how.number >> made.ended_at_ms;
+    lines >> sequence >> moving >> made.base >> made.dropped >> made.life >> made.mark >> made.process.pid >>
+        made.process.start_ticks >> ended >> known >> by_signal >> made.how.number >> made.ended_at_ms;
     std::string rest;
     std::getline(lines, rest);
     std::getline(lines, made.trouble);

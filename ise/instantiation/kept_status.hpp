@@ -8,8 +8,8 @@
 
 namespace ise::instantiation {
 
-/// What the keeper of a process (keeper.hpp) records beside its output: one record that is overwritten in place, so that a full
-/// disk does not stop it.
+/// What the keeper of a process (keeper.hpp) records beside its output: one record that is overwritten in place, so
+/// that a full disk does not stop it.
 struct kept_status {
     std::uint64_t base = 0;    ///< bytes printed before those in the output file
     std::uint64_t dropped = 0; ///< bytes that could not be written
@@ -18,7 +18,7 @@ struct kept_status {
     std::string mark;          ///< of the present one
     process_stamp process;     ///< 0: it is being started
     bool ended = false;
-    process_end how;           ///< if it has ended
+    process_end how;               ///< if it has ended
     std::uint64_t ended_at_ms = 0; ///< since the boot of the machine
 };
 

@@ -17,33 +17,44 @@ failure not_allowed(std::string why) { return {errc::invalid_argument, std::move
 bool lies_in(std::string_view path, std::string_view folder) {
     while (folder.size() > 1 && folder.ends_with('/')) folder.remove_suffix(1);
     if (path.find("/../") != std::string_view::npos || path.ends_with("/..") || !path.starts_with('/')) return false;
-    return path == folder || folder == "/" || (path.starts_with(folder) && path.size() > folder.size() && path[folder.size()] == '/');
+    return path == folder || folder == "/" ||
+           (path.starts_with(folder) && path.size() > folder.size() && path[folder.size()] == '/');
 }
 
 result<void> may_name_path(const launch_rules& rules, const std::string& path) {
     for (const auto& folder : rules.path_folders)
         if (lies_in(path, folder)) return {};
-    return not_allowed(fmt::format("it is a path below {} (--allow-path)", rules.path_folders.empty() ? "a folder that this instantiation server allows, and it allows none"
-                                                                                                    : fmt::format("{}", fmt::join(rules.path_folders, " or "))));
+    return not_allowed(fmt::format("it is a path below {} (--allow-path)",
+                                   rules.path_folders.empty()
+                                       ? "a folder that this instantiation server allows, and it allows none"
+                                       : fmt::format("{}", fmt::join(rules.path_folders, " or "))));
 }
 
 result<void> may_listen_at(const launch_rules& rules, const std::string& address) {
     if (std::ranges::find(rules.listen_addresses, address) != rules.listen_addresses.end()) return {};
-    return not_allowed(fmt::format("the addresses that this instantiation server allows are {} (--allow-address)", fmt::join(rules.listen_addresses, ", ")));
+    return not_allowed(fmt::format("the addresses that this instantiation server allows are {} (--allow-address)",
+                                   fmt::join(rules.listen_addresses, ", ")));
 }
 
-std::string host_text(const url_parts& of) { return of.host.find(':') == std::string::npos ? of.host : fmt::format("[{}]", of.host); }
+std::string host_text(const url_parts& of) {
+    return of.host.find(':') == std::string::npos ? of.host : fmt::format("[{}]", of.host);
+}
 
 result<void> may_reach(const launch_rules& rules, const url_parts& who) {
     for (const auto& allowed : rules.target_hosts) {
         auto entry = parse_url("host://" + allowed);
         if (!entry) entry = parse_url("host://[" + allowed + "]"); // an IPv6 address without brackets
-        if (entry && !who.host.empty() && entry->host == who.host && (entry->port == 0 || entry->port == who.port)) return {};
+        if (entry && !who.host.empty() && entry->host == who.host && (entry->port == 0 || entry->port == who.port))
+            return {};
     }
-    if (who.host.empty()) return not_allowed(fmt::format("{}:// reaches files or sockets of this host, which clients may not choose", who.scheme));
-    auto there = rules.target_hosts.empty() ? std::string("none") : fmt::format("{}", fmt::join(rules.target_hosts, ", "));
-    return not_allowed(fmt::format("this instantiation server allows parameters to name these hosts: {} (--allow-host {}{})", there, host_text(who),
-                                   who.port == 0 ? "" : fmt::format(":{}", who.port)));
+    if (who.host.empty())
+        return not_allowed(
+            fmt::format("{}:// reaches files or sockets of this host, which clients may not choose", who.scheme));
+    auto there =
+        rules.target_hosts.empty() ? std::string("none") : fmt::format("{}", fmt::join(rules.target_hosts, ", "));
+    return not_allowed(
+        fmt::format("this instantiation server allows parameters to name these hosts: {} (--allow-host {}{})", there,
+                    host_text(who), who.port == 0 ? "" : fmt::format(":{}", who.port)));
 }
 
 result<void> may_reach_all(const launch_rules& rules, const std::string& text) {
@@ -61,14 +72,19 @@ result<void> may_reach_all(const launch_rules& rules, const std::string& text) {
 result<endpoint> launch_rules::may_listen(const std::string& text) const {
     auto at = endpoint::parse(text);
     if (!at) return at;
-    if (at->kind == protocol::inproc) return not_allowed(fmt::format("'{}' is reached only within its own process", shown(text)));
+    if (at->kind == protocol::inproc)
+        return not_allowed(fmt::format("'{}' is reached only within its own process", shown(text)));
     if (at->kind == protocol::local) {
         // A file anywhere on this host is not for others to make.
         bool plain = at->path.starts_with('@') && is_word(std::string_view(at->path).substr(1));
-        return plain ? at : not_allowed(fmt::format("'{}' cannot be listened on: local endpoints are local://@name here, with letters, digits, - and _", shown(text)));
+        return plain ? at
+                     : not_allowed(fmt::format("'{}' cannot be listened on: local endpoints are local://@name here, "
+                                               "with letters, digits, - and _",
+                                               shown(text)));
     }
     if (at->kind == protocol::tls && !has_certificates)
-        return not_allowed("tls takes certificates, and this instantiation server has none to pass on: it is started with --tls FOLDER, or ISE_TLS");
+        return not_allowed("tls takes certificates, and this instantiation server has none to pass on: it is started "
+                           "with --tls FOLDER, or ISE_TLS");
     auto may = may_listen_at(*this, at->host);
     if (!may) return not_allowed(fmt::format("'{}' cannot be listened on: {}", shown(text), may.error().message()));
     return at;

@@ -7,18 +7,20 @@
 
 namespace ise::instantiation {
 
-/// What those who start components may choose, beside what a type declares. Errors: errc::invalid_argument says what is allowed.
+/// What those who start components may choose, beside what a type declares. Errors: errc::invalid_argument says what is
+/// allowed.
 struct launch_rules {
     std::vector<std::string> listen_addresses{"127.0.0.1", "::1"}; ///< where components may listen: tcp, udp and tls
-    std::vector<std::string> target_hosts; ///< whom parameters may let them connect to: "gateway.example", "10.0.0.7:7411"
+    std::vector<std::string>
+        target_hosts; ///< whom parameters may let them connect to: "gateway.example", "10.0.0.7:7411"
     std::vector<std::string> path_folders; ///< parameters of the kind `path` lie below one of these
     std::size_t max_arguments = 256;
     bool has_certificates = false; ///< what is started gets them: tls endpoints are possible
 
     /// Whether a component may listen there.
     result<endpoint> may_listen(const std::string& text) const;
-    /// Whether a parameter may have a value that `ise::check` let pass: by its kind, for all that names something outside the
-    /// component. A URL in a text counts as one.
+    /// Whether a parameter may have a value that `ise::check` let pass: by its kind, for all that names something
+    /// outside the component. A URL in a text counts as one.
     result<void> may_be(const parameter& of, const std::string& value) const;
 };
 

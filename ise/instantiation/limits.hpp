@@ -7,7 +7,8 @@
 
 namespace ise::instantiation {
 
-/// What an instance may use of its host, together with all processes that it starts. A packet: fields are only ever appended.
+/// What an instance may use of its host, together with all processes that it starts. A packet: fields are only ever
+/// appended.
 struct resource_limits {
     static constexpr std::uint32_t default_pids = 256;
 
@@ -18,7 +19,8 @@ struct resource_limits {
     bool operator==(const resource_limits&) const = default;
 };
 
-/// Sets one limit from text: "pids" and "64", "memory" and "256 MiB", "cpus" and "0.5". errc::invalid_argument says what is allowed.
+/// Sets one limit from text: "pids" and "64", "memory" and "256 MiB", "cpus" and "0.5". errc::invalid_argument says
+/// what is allowed.
 result<void> set_limit(resource_limits& of, std::string_view name, std::string_view text);
 /// errc::invalid_argument if one of them is out of its range.
 result<void> check(const resource_limits& limits);

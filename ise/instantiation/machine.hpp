@@ -22,10 +22,10 @@ struct process_stamp {
 
 /// How a process ended.
 struct process_end {
-    bool known = false;     ///< false: there is no record of it
+    bool known = false; ///< false: there is no record of it
     bool by_signal = false;
-    int number = 0;         ///< exit code or signal
-    std::string told;       ///< what became of it, where that says more than exit code or signal
+    int number = 0;   ///< exit code or signal
+    std::string told; ///< what became of it, where that says more than exit code or signal
 
     bool well() const noexcept { return known && !by_signal && number == 0; }
     /// "exit code 3", "signal 9 (Killed)"
@@ -63,20 +63,21 @@ public:
 
     /// Starts a program. errc::io_failed says why it cannot.
     virtual result<std::unique_ptr<process>> launch(loop& on, const launch_order& what, end_handler ended) = 0;
-    /// Watches a process that an instantiation server before this one had started: the one that was started under the mark. `who`
-    /// is what was known of it. errc::no_such_name if it is gone; what it left behind has been ended then.
-    virtual result<std::unique_ptr<process>> adopt(loop& on, process_stamp who, const std::string& mark, end_handler ended) = 0;
+    /// Watches a process that an instantiation server before this one had started: the one that was started under the
+    /// mark. `who` is what was known of it. errc::no_such_name if it is gone; what it left behind has been ended then.
+    virtual result<std::unique_ptr<process>> adopt(loop& on, process_stamp who, const std::string& mark,
+                                                   end_handler ended) = 0;
     /// Whether the process `pid` is one that was started under the mark.
     virtual bool carries(std::int32_t pid, const std::string& mark) const = 0;
     virtual bool alive(std::int32_t pid) const = 0;
     /// Another after each start of the machine.
     virtual std::string boot() const = 0;
 
-    /// The programs in a folder: plain executable files, by name. errc::unauthorized: others than this user could put programs
-    /// into it; errc::io_failed.
+    /// The programs in a folder: plain executable files, by name. errc::unauthorized: others than this user could put
+    /// programs into it; errc::io_failed.
     virtual result<std::vector<program_file>> programs(const std::string& folder) const = 0;
-    /// Which program lies there: another text after it was built again. By its build id where it has one, else by size and time.
-    /// Empty: there is none.
+    /// Which program lies there: another text after it was built again. By its build id where it has one, else by size
+    /// and time. Empty: there is none.
     virtual std::string version_of(const std::string& program) const = 0;
     /// What a program answers to `--describe`, at most `max_bytes`. errc::io_failed, errc::timed_out, errc::too_large.
     /// Cancellation: terminal; the program is ended.
@@ -86,7 +87,8 @@ public:
     virtual result<std::string> read_file(const std::string& path, std::size_t max_bytes) const = 0;
     /// All of the content or, after a crash at any moment, all of the former one.
     virtual result<void> replace_file(const std::string& path, const std::string& content) = 0;
-    /// The same, and room for as much is kept for the next time, so that a full disk does not stop it. The file may end in spaces.
+    /// The same, and room for as much is kept for the next time, so that a full disk does not stop it. The file may end
+    /// in spaces.
     virtual result<void> replace_reserved(const std::string& path, const std::string& content) = 0;
     /// Bytes of a file; 0 if there is none.
     virtual std::uint64_t size_of(const std::string& path) const = 0;

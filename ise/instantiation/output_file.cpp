@@ -10,7 +10,8 @@ constexpr int trials = 5;
 
 } // namespace
 
-output_file::output_file(machine& host, std::string file, std::uint64_t max_bytes) : host_(host), file_(std::move(file)), max_bytes_(max_bytes) {
+output_file::output_file(machine& host, std::string file, std::uint64_t max_bytes)
+    : host_(host), file_(std::move(file)), max_bytes_(max_bytes) {
     seen_ = end();
 }
 
@@ -35,9 +36,12 @@ output_file::range output_file::read(std::uint64_t from, std::size_t most) const
         auto size = host_.size_of(file_);
         made.from = std::clamp(from, base - std::min(base, older_size), base + size);
         made.text.clear();
-        if (made.from < base) made.text = host_.read_part(older, older_size - (base - made.from), std::min<std::uint64_t>(most, base - made.from));
+        if (made.from < base)
+            made.text = host_.read_part(older, older_size - (base - made.from),
+                                        std::min<std::uint64_t>(most, base - made.from));
         auto at = made.from + made.text.size();
-        if (at >= base && made.text.size() < most) made.text += host_.read_part(file_, at - base, most - made.text.size());
+        if (at >= base && made.text.size() < most)
+            made.text += host_.read_part(file_, at - base, most - made.text.size());
         auto after = status();
         if (before.has_value() == after.has_value() && (!after || after->base == base)) return made;
     }
@@ -83,7 +87,8 @@ std::string output_file::last_lines(std::size_t lines) const {
     auto text = last(4096).text;
     while (text.ends_with('\n')) text.pop_back();
     auto from = text.size();
-    for (std::size_t line = 0; line < lines && from != std::string::npos; ++line) from = from == 0 ? std::string::npos : text.rfind('\n', from - 1);
+    for (std::size_t line = 0; line < lines && from != std::string::npos; ++line)
+        from = from == 0 ? std::string::npos : text.rfind('\n', from - 1);
     return from == std::string::npos ? text : text.substr(from + 1);
 }
 

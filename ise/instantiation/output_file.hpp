@@ -8,16 +8,16 @@
 
 namespace ise::instantiation {
 
-/// What an instance has printed, as its keeper wrote it (keeper.hpp): a file and an older one, both bounded. They outlive
-/// everybody.
+/// What an instance has printed, as its keeper wrote it (keeper.hpp): a file and an older one, both bounded. They
+/// outlive everybody.
 class output_file {
 public:
     output_file(machine& host, std::string file, std::uint64_t max_bytes);
 
     const std::string& file() const noexcept { return file_; }
     std::uint64_t max_bytes() const noexcept { return max_bytes_; }
-    /// Gives what has come since the last time (as much as is given at once) if somebody wants it. `offset` jumps over what
-    /// could not be kept.
+    /// Gives what has come since the last time (as much as is given at once) if somebody wants it. `offset` jumps over
+    /// what could not be kept.
     output_piece look(bool wanted);
     /// The end of it, from the start of a line on, at most so many bytes.
     output_piece last(std::size_t max_bytes) const;

@@ -15,11 +15,14 @@
 namespace ise::instantiation {
 namespace {
 
-constexpr std::size_t longest_probe_path = 1000;
-constexpr std::size_t longest_status_line = 4096;
+constexpr std::size_t max_probe_path = 1000;
+constexpr std::size_t max_status_line = 4096;
 
 failure no_probe(std::string_view text, std::string_view why) {
-    return failure(errc::invalid_argument, fmt::format("'{}' is not a probe: {}; write it like tcp://127.0.0.1:8080 or http://127.0.0.1:8080/path", text.substr(0, 200), why));
+    return failure(
+        errc::invalid_argument,
+        fmt::format("'{}' is not a probe: {}; write it like tcp://127.0.0.1:8080 or http://127.0.0.1:8080/path",
+                    text.substr(0, 200), why));
 }
 
 task<std::error_code> write_all_of(stream& to, std::string_view content) {
@@ -43,8 +46,10 @@ result<void> judge(const std::string& answer) {
     auto status = is_status ? line.substr(space + 1, 3) : std::string();
     if (is_status && (status.front() == '2' || status.front() == '3')) return {};
     std::string shown;
-    for (char one : line.substr(0, 80)) shown += static_cast<unsigned char>(one) < 0x20 || static_cast<unsigned char>(one) >= 0x7F ? '?' : one;
-    return failure(errc::refused, is_status ? fmt::format("it answers {}", shown) : fmt::format("its answer is not HTTP: '{}'", shown));
+    for (char one : line.substr(0, 80))
+        shown += static_cast<unsigned char>(one) < 0x20 || static_cast<unsigned char>(one) >= 0x7F ? '?' : one;
+    return failure(errc::refused, is_status ? fmt::format("it answers {}", shown)
+                                            : fmt::format("its answer is not HTTP: '{}'", shown));
 }
 
 } // namespace
@@ -59,15 +64,19 @@ result<probe_target> parse_probe(std::string_view text, const std::vector<std::s
     made.path = slash < rest.size() ? std::string(rest.substr(slash)) : "/";
     if (!made.http && slash < rest.size()) return no_probe(text, "a TCP endpoint has no path");
     bool plain = std::ranges::all_of(made.path, [](unsigned char letter) { return letter > 0x20 && letter < 0x7F; });
-    if (!plain || made.path.size() > longest_probe_path) return no_probe(text, "its path has letters that belong in no URL, or too many");
+    if (!plain || made.path.size() > max_probe_path)
+        return no_probe(text, "its path has letters that belong in no URL, or too many");
     auto where = std::string(rest.substr(0, slash));
-    if (made.http && where.find(':', where.rfind(']') == std::string::npos ? 0 : where.rfind(']')) == std::string::npos) where += ":80";
+    if (made.http && where.find(':', where.rfind(']') == std::string::npos ? 0 : where.rfind(']')) == std::string::npos)
+        where += ":80";
     auto at = endpoint::parse(fmt::format("{}{}", tcp, where));
     if (!at) return no_probe(text, at.error().message());
     made.at = std::move(*at);
     if (made.at.port == 0) return no_probe(text, "it has no port");
     if (std::ranges::find(allowed, made.at.host) == allowed.end())
-        return no_probe(text, fmt::format("components here listen on {} only (--allow-address of the instantiation server)", fmt::join(allowed, ", ")));
+        return no_probe(text,
+                        fmt::format("components here listen on {} only (--allow-address of the instantiation server)",
+                                    fmt::join(allowed, ", ")));
     return made;
 }
 
@@ -82,17 +91,22 @@ task<result<void>> probe(loop& on, probe_target target, duration limit) {
     });
     alarm.arm(saturating_add(on.now(), limit));
     auto host = target.at.text().substr(std::string_view("tcp://").size());
-    auto request = fmt::format("GET {} HTTP/1.1\r\nHost: {}\r\nUser-Agent: ise-probe\r\nConnection: close\r\n\r\n", target.path, host);
+    auto request = fmt::format("GET {} HTTP/1.1\r\nHost: {}\r\nUser-Agent: ise-probe\r\nConnection: close\r\n\r\n",
+                               target.path, host);
     auto problem = co_await write_all_of(**line, request);
     std::string answer;
     std::array<char, 512> piece;
-    while (!problem && answer.find('\n') == std::string::npos && answer.size() < longest_status_line) {
+    while (!problem && answer.find('\n') == std::string::npos && answer.size() < max_status_line) {
         auto got = co_await (*line)->read_some(asio::buffer(piece));
         answer.append(piece.data(), got.bytes);
         problem = got.problem;
     }
-    if (late) co_return failure(errc::timed_out, fmt::format("no answer within {:g} s", std::chrono::duration<double>(limit).count()));
-    if (problem && answer.empty()) co_return failure(errc::unreachable, fmt::format("it closed the connection without an answer: {}", problem.message()));
+    if (late)
+        co_return failure(errc::timed_out,
+                          fmt::format("no answer within {:g} s", std::chrono::duration<double>(limit).count()));
+    if (problem && answer.empty())
+        co_return failure(errc::unreachable,
+                          fmt::format("it closed the connection without an answer: {}", problem.message()));
     co_return judge(answer);
 }
 

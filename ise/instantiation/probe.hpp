@@ -8,19 +8,20 @@
 
 namespace ise::instantiation {
 
-/// What a health probe asks: a TCP endpoint that accepts a connection, or an HTTP resource with a status from 200 to 399.
+/// What a health probe asks: a TCP endpoint that accepts a connection, or an HTTP resource with a status from 200 to
+/// 399.
 struct probe_target {
     endpoint at;
     bool http = false;
     std::string path; ///< of http
 };
 
-/// Reads "tcp://127.0.0.1:8080" or "http://127.0.0.1:8080/path". The address must be one of `allowed`, those that components may
-/// listen on. errc::invalid_argument says what is allowed.
+/// Reads "tcp://127.0.0.1:8080" or "http://127.0.0.1:8080/path". The address must be one of `allowed`, those that
+/// components may listen on. errc::invalid_argument says what is allowed.
 result<probe_target> parse_probe(std::string_view text, const std::vector<std::string>& allowed);
 
-/// Asks once, within `limit` once the connection is made; the time to connect is bounded by the system. The error says why there
-/// was no good answer. Cancellation: terminal.
+/// Asks once, within `limit` once the connection is made; the time to connect is bounded by the system. The error says
+/// why there was no good answer. Cancellation: terminal.
 task<result<void>> probe(loop& on, probe_target target, duration limit);
 
 } // namespace ise::instantiation

@@ -44,7 +44,9 @@ bool add_children(std::int32_t pid, std::vector<std::int32_t>& to) {
     for (auto thread : numbers_in_folder(fmt::format("/proc/{}/task", pid))) {
         auto file = fmt::format("/proc/{}/task/{}/children", pid, thread);
         auto text = content_of_file(file, std::size_t{1} << 20);
-        if (text.empty() && ::access(file.c_str(), F_OK) != 0 && ::access(fmt::format("/proc/{}/task/{}", pid, thread).c_str(), F_OK) == 0) return false;
+        if (text.empty() && ::access(file.c_str(), F_OK) != 0 &&
+            ::access(fmt::format("/proc/{}/task/{}", pid, thread).c_str(), F_OK) == 0)
+            return false;
         std::istringstream words(text);
         std::int32_t child = 0;
         while (words >> child) to.push_back(child);
@@ -88,7 +90,8 @@ file_handle::~file_handle() {
 
 std::string process_end::text() const {
     if (!told.empty()) return told;
-    if (!known) return "killed or crashed, it seems: its keeper process was killed and left no record of it (see `ise logs`)";
+    if (!known)
+        return "killed or crashed, it seems: its keeper process was killed and left no record of it (see `ise logs`)";
     if (by_signal) return fmt::format("signal {} ({})", number, ::strsignal(number));
     return fmt::format("exit code {}", number);
 }
@@ -104,16 +107,19 @@ std::optional<process_entry> look_up(std::int32_t pid) {
     int parent = 0;
     unsigned long long start = 0;
     int group = 0;
-    // state ppid pgrp session tty tpgid flags minflt cminflt majflt cmajflt utime stime cutime cstime priority nice threads itreal start vsize rss
+    // state ppid pgrp session tty tpgid flags minflt cminflt majflt cmajflt utime stime cutime cstime priority nice
+    // threads itreal start vsize rss
     unsigned threads = 0;
     long long pages = 0;
-    int got = std::sscanf(text.c_str() + name_end + 1, " %c %d %d %*d %*d %*d %*u %*u %*u %*u %*u %*u %*u %*d %*d %*d %*d %u %*d %llu %*u %lld", &state, &parent, &group,
-                          &threads, &start, &pages);
+    int got = std::sscanf(text.c_str() + name_end + 1,
+                          " %c %d %d %*d %*d %*d %*u %*u %*u %*u %*u %*u %*u %*d %*d %*d %*d %u %*d %llu %*u %lld",
+                          &state, &parent, &group, &threads, &start, &pages);
     if (got != 6) return {};
     made.parent = parent;
     made.group = group;
     made.threads = threads;
-    made.resident_bytes = static_cast<std::uint64_t>(std::max(pages, 0LL)) * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
+    made.resident_bytes =
+        static_cast<std::uint64_t>(std::max(pages, 0LL)) * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
     made.stamp.start_ticks = start;
     made.ended = state == 'Z' || state == 'X';
     return made;
@@ -134,7 +140,8 @@ bool carries_mark(std::int32_t pid, const std::string& mark, const char* variabl
 std::vector<process_entry> members_of(const process_stamp& leader, const std::string& mark) {
     std::vector<process_entry> found;
     auto head = look_up(leader.pid);
-    bool group_is_its = leader.pid > 1 && (!head || head->stamp == leader); // a number is not given away while its group has members
+    bool group_is_its =
+        leader.pid > 1 && (!head || head->stamp == leader); // a number is not given away while its group has members
     for (auto pid : numbers_in_folder("/proc")) {
         if (pid <= 1 || pid == ::getpid()) continue;
         auto told = look_up(pid);
@@ -142,7 +149,8 @@ std::vector<process_entry> members_of(const process_stamp& leader, const std::st
         bool in_group = group_is_its && told->group == leader.pid && told->stamp.start_ticks >= leader.start_ticks;
         if (in_group || carries_mark(pid, mark)) found.push_back(*told);
     }
-    std::ranges::sort(found, {}, [](const process_entry& one) { return std::pair(one.stamp.start_ticks, one.stamp.pid); });
+    std::ranges::sort(found, {},
+                      [](const process_entry& one) { return std::pair(one.stamp.start_ticks, one.stamp.pid); });
     return found;
 }
 

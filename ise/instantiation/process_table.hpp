@@ -35,7 +35,7 @@ struct process_entry {
     process_stamp stamp;
     std::int32_t parent = 0;
     std::int32_t group = 0;
-    bool ended = false;              ///< waits for its parent
+    bool ended = false; ///< waits for its parent
     std::uint32_t threads = 0;
     std::uint64_t resident_bytes = 0; ///< with what it shares with others
 };
@@ -61,8 +61,8 @@ file_handle open_process(const process_stamp& who);
 void send_signal(const process_stamp& who, int number);
 /// To a group whose leader is that process: nothing once the leader's number may be another's.
 void send_signal_to_group(const process_stamp& leader, int number);
-/// How a child ended, and lets the system forget it; `known` is false where it is none of ours, or has not ended yet and
-/// is not to be waited for.
+/// How a child ended, and lets the system forget it; `known` is false where it is none of ours, or has not ended yet
+/// and is not to be waited for.
 process_end reap(std::int32_t pid, bool wait = false);
 /// How it ended, as `waitpid` tells.
 process_end end_of_status(int status);

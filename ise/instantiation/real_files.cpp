@@ -35,9 +35,11 @@ std::string read_some(int from, std::uint64_t offset, std::size_t most) {
 }
 
 bool is_program_name(std::string_view name) {
-    return !name.empty() && name.front() != '.' && name.front() != '-' && std::ranges::all_of(name, [](unsigned char letter) {
-        return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') || (letter >= '0' && letter <= '9') || letter == '_' || letter == '-' || letter == '.';
-    });
+    return !name.empty() && name.front() != '.' && name.front() != '-' &&
+           std::ranges::all_of(name, [](unsigned char letter) {
+               return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') ||
+                      (letter >= '0' && letter <= '9') || letter == '_' || letter == '-' || letter == '.';
+           });
 }
 
 } // namespace
@@ -61,7 +63,9 @@ result<std::vector<program_file>> real_machine::programs(const std::string& fold
     while (const auto* entry = ::readdir(open)) {
         auto path = folder + "/" + entry->d_name;
         struct stat about {};
-        if (!is_program_name(entry->d_name) || ::stat(path.c_str(), &about) != 0 || !S_ISREG(about.st_mode) || ::access(path.c_str(), X_OK) != 0) continue;
+        if (!is_program_name(entry->d_name) || ::stat(path.c_str(), &about) != 0 || !S_ISREG(about.st_mode) ||
+            ::access(path.c_str(), X_OK) != 0)
+            continue;
         auto safe = check_own_path(path);
         found.push_back({entry->d_name, version_of(path), safe ? "" : safe.error().message()});
     }
@@ -78,12 +82,15 @@ result<std::string> real_machine::read_file(const std::string& path, std::size_t
     for (;;) {
         auto piece = read_some(file.get(), text.size(), 65536);
         text += piece;
-        if (text.size() > max_bytes) return failure(errc::too_large, fmt::format("{} has more than {} bytes", path, max_bytes));
+        if (text.size() > max_bytes)
+            return failure(errc::too_large, fmt::format("{} has more than {} bytes", path, max_bytes));
         if (piece.empty()) return text;
     }
 }
 
-result<void> real_machine::replace_file(const std::string& path, const std::string& content) { return replace_own_file(path, content); }
+result<void> real_machine::replace_file(const std::string& path, const std::string& content) {
+    return replace_own_file(path, content);
+}
 
 std::uint64_t real_machine::size_of(const std::string& path) const {
     struct stat about {};

@@ -69,8 +69,10 @@ using kept_entry = real_machine::running::kept_entry;
 
 class real_process final : public process, public std::enable_shared_from_this<real_process> {
 public:
-    real_process(loop& on, kept_entry who, file_handle watch, std::shared_ptr<real_machine::running> among, machine::end_handler ended)
-        : loop_(on), who_(std::move(who)), watch_(on.get_executor(), watch.release()), among_(std::move(among)), ended_(std::move(ended)) {
+    real_process(loop& on, kept_entry who, file_handle watch, std::shared_ptr<real_machine::running> among,
+                 machine::end_handler ended)
+        : loop_(on), who_(std::move(who)), watch_(on.get_executor(), watch.release()), among_(std::move(among)),
+          ended_(std::move(ended)) {
         among_->add(who_);
     }
 
@@ -78,7 +80,8 @@ public:
         watch_.async_wait(descriptor::wait_read, [me = weak_from_this()](std::error_code problem) {
             auto self = me.lock();
             if (!self || problem) return;
-            // The reactor may report what concerned a descriptor of the same number before: it has ended only if it says so.
+            // The reactor may report what concerned a descriptor of the same number before: it has ended only if it
+            // says so.
             pollfd now{self->watch_.native_handle(), POLLIN, 0};
             if (::poll(&now, 1, 0) == 1) self->finish();
             else self->watch();
@@ -130,7 +133,8 @@ private:
     std::shared_ptr<real_process> of_;
 };
 
-std::unique_ptr<process> watched(loop& on, kept_entry who, file_handle watch, const std::shared_ptr<real_machine::running>& among, machine::end_handler ended) {
+std::unique_ptr<process> watched(loop& on, kept_entry who, file_handle watch,
+                                 const std::shared_ptr<real_machine::running>& among, machine::end_handler ended) {
     auto made = std::make_shared<real_process>(on, std::move(who), std::move(watch), among, std::move(ended));
     made->watch();
     return std::make_unique<handle>(std::move(made));
@@ -138,12 +142,13 @@ std::unique_ptr<process> watched(loop& on, kept_entry who, file_handle watch, co
 
 // The line in which a keeper says what became of its start; empty: it said nothing.
 std::string line_of_keeper(int from) {
-    constexpr int longest_start_ms = 5000;
+    constexpr int max_start_ms = 5000;
     std::string text;
     std::array<char, 512> piece;
-    auto until = std::chrono::steady_clock::now() + std::chrono::milliseconds(longest_start_ms);
+    auto until = std::chrono::steady_clock::now() + std::chrono::milliseconds(max_start_ms);
     while (text.find('\n') == std::string::npos) {
-        auto left = std::chrono::duration_cast<std::chrono::milliseconds>(until - std::chrono::steady_clock::now()).count();
+        auto left =
+            std::chrono::duration_cast<std::chrono::milliseconds>(until - std::chrono::steady_clock::now()).count();
         pollfd more{from, POLLIN, 0};
         if (left <= 0 || (::poll(&more, 1, static_cast<int>(left)) <= 0 && errno != EINTR)) break;
         auto got = ::read(from, piece.data(), piece.size());
@@ -163,7 +168,10 @@ real_machine::~real_machine() {
 }
 
 result<void> real_machine::take_folder(const std::string& folder) {
-    auto refuse = [&] { return io_failure(fmt::format("cannot use the folder {}", folder), std::error_code(errno, std::system_category())); };
+    auto refuse = [&] {
+        return io_failure(fmt::format("cannot use the folder {}", folder),
+                          std::error_code(errno, std::system_category()));
+    };
     for (auto at = folder.find('/', 1);; at = folder.find('/', at + 1)) {
         auto part = folder.substr(0, at);
         if (::mkdir(part.c_str(), 0700) != 0 && errno != EEXIST) return refuse();
@@ -177,7 +185,10 @@ result<void> real_machine::take_folder(const std::string& folder) {
     whole.l_type = F_WRLCK;
     if (::fcntl(lock.get(), F_OFD_SETLK, &whole) != 0) {
         if (errno != EAGAIN && errno != EACCES) return refuse();
-        return failure(errc::address_in_use, fmt::format("another instantiation server uses the folder {}: stop it, or choose another with --state", folder));
+        return failure(
+            errc::address_in_use,
+            fmt::format("another instantiation server uses the folder {}: stop it, or choose another with --state",
+                        folder));
     }
     lock_ = lock.release();
     return {};
@@ -210,7 +221,8 @@ void real_machine::end_all(duration grace) {
 
 result<std::unique_ptr<process>> real_machine::launch(loop& on, const launch_order& what, end_handler ended) {
     int ends[2] = {-1, -1};
-    if (::pipe2(ends, O_CLOEXEC) != 0) return io_failure("cannot make a pipe", std::error_code(errno, std::system_category()));
+    if (::pipe2(ends, O_CLOEXEC) != 0)
+        return io_failure("cannot make a pipe", std::error_code(errno, std::system_category()));
     file_handle reading(ends[0]), writing(ends[1]);
     launch_order order;
     order.program = "/proc/self/exe"; // this very program, also after its file was replaced
@@ -232,11 +244,16 @@ result<std::unique_ptr<process>> real_machine::launch(loop& on, const launch_ord
     if (watch) return watched(on, std::move(who), std::move(watch), running_, std::move(ended));
     send_signal(who.keeper, SIGKILL);
     reap(*pid, true);
-    if (started) return failure(errc::io_failed, fmt::format("cannot watch process {} of {}: the kernel gives no handle of it", *pid, what.program));
-    return failure(errc::io_failed, told.empty() ? fmt::format("cannot start {}: its keeper did not start it within 5 s", what.program) : told);
+    if (started)
+        return failure(errc::io_failed, fmt::format("cannot watch process {} of {}: the kernel gives no handle of it",
+                                                    *pid, what.program));
+    return failure(errc::io_failed,
+                   told.empty() ? fmt::format("cannot start {}: its keeper did not start it within 5 s", what.program)
+                                : told);
 }
 
-result<std::unique_ptr<process>> real_machine::adopt(loop& on, process_stamp who, const std::string& mark, end_handler ended) {
+result<std::unique_ptr<process>> real_machine::adopt(loop& on, process_stamp who, const std::string& mark,
+                                                     end_handler ended) {
     auto keeper = find_keeper(mark);
     auto watch = keeper ? open_process(keeper->stamp) : file_handle();
     if (!watch) {
@@ -249,7 +266,8 @@ result<std::unique_ptr<process>> real_machine::adopt(loop& on, process_stamp who
     found.mark = mark;
     // Its present life may be a later one than was written down.
     for (const auto& one : descendants_of(keeper->stamp.pid))
-        if (one.parent == keeper->stamp.pid && one.group == one.stamp.pid && carries_mark(one.stamp.pid, mark)) found.leader = one.stamp;
+        if (one.parent == keeper->stamp.pid && one.group == one.stamp.pid && carries_mark(one.stamp.pid, mark))
+            found.leader = one.stamp;
     return watched(on, std::move(found), std::move(watch), running_, std::move(ended));
 }
 
@@ -261,9 +279,12 @@ bool real_machine::alive(std::int32_t pid) const {
 }
 
 task<result<std::string>> real_machine::ask(loop& on, std::string program, std::size_t max_bytes, duration limit) {
-    auto complain = [&](errc code, std::string why) { return failure(code, fmt::format("{} --describe: {}", program, why)); };
+    auto complain = [&](errc code, std::string why) {
+        return failure(code, fmt::format("{} --describe: {}", program, why));
+    };
     int ends[2] = {-1, -1};
-    if (::pipe2(ends, O_CLOEXEC) != 0) co_return io_failure("cannot make a pipe", std::error_code(errno, std::system_category()));
+    if (::pipe2(ends, O_CLOEXEC) != 0)
+        co_return io_failure("cannot make a pipe", std::error_code(errno, std::system_category()));
     file_handle writing(ends[1]);
     descriptor reading(on.get_executor(), ends[0]);
     launch_order order;
@@ -317,7 +338,8 @@ task<result<std::string>> real_machine::ask(loop& on, std::string program, std::
         text.append(piece.data(), count);
         if (problem || text.size() > max_bytes) break;
     }
-    if (text.size() > max_bytes) co_return complain(errc::too_large, fmt::format("it says more than {} bytes", max_bytes));
+    if (text.size() > max_bytes)
+        co_return complain(errc::too_large, fmt::format("it says more than {} bytes", max_bytes));
     while (!over) co_await ended.wait();
     if (late) co_return complain(errc::timed_out, "it did not end in time");
     if (!end.well()) co_return complain(errc::io_failed, "it ended with " + end.text());

@@ -9,8 +9,9 @@ namespace ise::instantiation {
 /// Where `replace_reserved` keeps the room.
 inline std::string spare_of(const std::string& path) { return path + ".spare"; }
 
-/// The host that this process runs on. Each program has a keeper (keeper.hpp), which is this process's program too: its `main`
-/// calls `keep_if_asked` first. Keepers are started by Boost.Process, watched through pidfds; there is no handler of SIGCHLD.
+/// The host that this process runs on. Each program has a keeper (keeper.hpp), which is this process's program too: its
+/// `main` calls `keep_if_asked` first. Keepers are started by Boost.Process, watched through pidfds; there is no
+/// handler of SIGCHLD.
 class real_machine final : public machine {
 public:
     real_machine();
@@ -20,12 +21,13 @@ public:
     /// errc::address_in_use if one is in it; errc::unauthorized if others than this user could change what is in it;
     /// errc::io_failed.
     result<void> take_folder(const std::string& folder);
-    /// Ends what was started and still runs: SIGTERM, and SIGKILL after `grace`. Blocks so long; for the end of a program,
-    /// when no loop runs any more.
+    /// Ends what was started and still runs: SIGTERM, and SIGKILL after `grace`. Blocks so long; for the end of a
+    /// program, when no loop runs any more.
     void end_all(duration grace);
 
     result<std::unique_ptr<process>> launch(loop& on, const launch_order& what, end_handler ended) override;
-    result<std::unique_ptr<process>> adopt(loop& on, process_stamp who, const std::string& mark, end_handler ended) override;
+    result<std::unique_ptr<process>> adopt(loop& on, process_stamp who, const std::string& mark,
+                                           end_handler ended) override;
     bool carries(std::int32_t pid, const std::string& mark) const override;
     bool alive(std::int32_t pid) const override;
     std::string boot() const override;

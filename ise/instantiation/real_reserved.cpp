@@ -43,7 +43,9 @@ bool overwrite_reserved(int to, std::string_view text) {
 
 result<void> real_machine::replace_reserved(const std::string& path, const std::string& content) {
     auto spare = spare_of(path);
-    auto refused = [&] { return io_failure(fmt::format("cannot write {}", spare), std::error_code(errno, std::system_category())); };
+    auto refused = [&] {
+        return io_failure(fmt::format("cannot write {}", spare), std::error_code(errno, std::system_category()));
+    };
     auto text = content;
     text.resize((content.size() + reserved_step - 1) / reserved_step * reserved_step, ' ');
     constexpr int own_file = O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW;
@@ -53,7 +55,8 @@ result<void> real_machine::replace_reserved(const std::string& path, const std::
     if (!exchanged) { // the first time, or a file system that cannot do it
         if (::rename(spare.c_str(), path.c_str()) != 0) return refused();
         file_handle room(::open(spare.c_str(), own_file, 0600));
-        if (room) [[maybe_unused]] auto kept = ::posix_fallocate(room.get(), 0, static_cast<off_t>(text.size()));
+        if (room) [[maybe_unused]]
+            auto kept = ::posix_fallocate(room.get(), 0, static_cast<off_t>(text.size()));
     }
     auto folder = path.substr(0, path.rfind('/') + 1);
     file_handle at(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));

@@ -13,13 +13,15 @@ void check_wishes(const start_request& request, const launch_rules& rules) {
     auto refuse = [](std::string_view what) { throw error(errc::invalid_argument, fmt::format("{}", what)); };
     auto within = [](duration value, duration least, duration most) { return value >= least && value <= most; };
     if (terms.policy > restart_policy::always) refuse("the restart policy is never, on_failure or always");
-    if (!within(terms.first_pause, 10ms, 1h) || !within(terms.longest_pause, terms.first_pause, 1h)) refuse("pauses before a restart are from 10 ms to 1 h, the longest not below the first");
+    if (!within(terms.first_pause, 10ms, 1h) || !within(terms.max_pause, terms.first_pause, 1h))
+        refuse("pauses before a restart are from 10 ms to 1 h, the longest not below the first");
     if (terms.limit > 1000) refuse("at most 1000 restarts within a window are allowed");
     if (!within(terms.window, 1s, 24h)) refuse("the window of restarts is from 1 s to 24 h");
     if (!within(terms.grace, 0s, 1h)) refuse("the grace of a stop is at most 1 h");
     if (!within(terms.ready_within, 100ms, 1h)) refuse("the time to become ready is from 100 ms to 1 h");
     if (!within(terms.probe_every, 100ms, 1h)) refuse("a probe is sent every 100 ms to every hour");
-    if (terms.probe_failures < 1 || terms.probe_failures > 1000) refuse("a probe may fail 1 to 1000 times on end before the component is started again");
+    if (terms.probe_failures < 1 || terms.probe_failures > 1000)
+        refuse("a probe may fail 1 to 1000 times on end before the component is started again");
     if (!terms.probe.empty()) parse_probe(terms.probe, rules.listen_addresses).value();
     check(request.limits).value();
     if (!request.process.empty() && !(request.limits == resource_limits()))

@@ -7,12 +7,12 @@
 namespace ise::instantiation {
 namespace {
 
-constexpr std::size_t most_bytes = std::size_t{16} << 20;
+constexpr std::size_t max_bytes = std::size_t{16} << 20;
 
 } // namespace
 
 saved_state load_state(machine& host, const std::string& file, std::string& problem) {
-    auto text = host.read_file(file, most_bytes);
+    auto text = host.read_file(file, max_bytes);
     if (!text) {
         if (text.error().code() != errc::no_such_name) problem = text.error().message();
         return {};
@@ -23,7 +23,8 @@ saved_state load_state(machine& host, const std::string& file, std::string& prob
         // It is written whole or not at all: this one is somebody else's work, and may be needed.
         auto aside = file + ".unreadable";
         [[maybe_unused]] auto kept = host.replace_file(aside, *text);
-        problem = fmt::format("{} is not a state of an instantiation server and was copied to {}: {}", file, aside, unfit.what());
+        problem = fmt::format("{} is not a state of an instantiation server and was copied to {}: {}", file, aside,
+                              unfit.what());
         return {};
     }
 }

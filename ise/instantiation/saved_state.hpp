@@ -14,8 +14,8 @@ namespace ise::instantiation {
 struct saved_instance {
     start_request asked;
     std::string path;
-    std::string mark;       ///< of its present process
-    process_stamp process;  ///< 0 with a mark: it was being started
+    std::string mark;      ///< of its present process
+    process_stamp process; ///< 0 with a mark: it was being started
     instance_state state = instance_state::stopped;
     std::string reason;
     wall_time since{};

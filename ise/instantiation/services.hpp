@@ -45,14 +45,15 @@ enum class restart_policy : std::uint8_t {
 struct restart_terms {
     restart_policy policy = restart_policy::never;
     duration first_pause = std::chrono::milliseconds(500);
-    duration longest_pause = std::chrono::seconds(30);
-    std::uint32_t limit = 5;                       ///< restarts within the window; one more, and it has failed
+    duration max_pause = std::chrono::seconds(30);
+    std::uint32_t limit = 5; ///< restarts within the window; one more, and it has failed
     duration window = std::chrono::minutes(1);
-    duration grace = std::chrono::seconds(5);      ///< between SIGTERM and SIGKILL
+    duration grace = std::chrono::seconds(5); ///< between SIGTERM and SIGKILL
     duration ready_within = std::chrono::seconds(10);
-    std::string probe;                             ///< "tcp://127.0.0.1:8080" or "http://127.0.0.1:8080/": has to answer while it is ready; empty: none
+    std::string
+        probe; ///< "tcp://127.0.0.1:8080" or "http://127.0.0.1:8080/": has to answer while it is ready; empty: none
     duration probe_every = std::chrono::seconds(10);
-    std::uint32_t probe_failures = 3;              ///< so many on end, and it is started again by its policy
+    std::uint32_t probe_failures = 3; ///< so many on end, and it is started again by its policy
 
     bool operator==(const restart_terms&) const = default;
 };
@@ -64,18 +65,19 @@ struct argument {
 
 struct start_request {
     std::string type;
-    std::string path;                   ///< empty: the one that the type has
-    std::string name_space;             ///< put before the path: "atirma" and "boat" are "atirma/boat"
-    std::vector<argument> arguments;    ///< parameters of the type
-    std::vector<std::string> listen;    ///< endpoints; none: what its node chooses
-    std::string protocol;               ///< "tcp", "udp", "tls" or "local": any endpoint of that kind; else as `listen` says
-    std::vector<argument> variables;    ///< environment variables that the type declares
+    std::string path;                ///< empty: the one that the type has
+    std::string name_space;          ///< put before the path: "atirma" and "boat" are "atirma/boat"
+    std::vector<argument> arguments; ///< parameters of the type
+    std::vector<std::string> listen; ///< endpoints; none: what its node chooses
+    std::string protocol; ///< "tcp", "udp", "tls" or "local": any endpoint of that kind; else as `listen` says
+    std::vector<argument> variables; ///< environment variables that the type declares
     restart_terms terms;
     std::map<std::string, std::int32_t> roles; ///< that it serves beside its name, with its priority there
-    std::string deployment;             ///< of whose file it is a part; empty: of none
-    /// Name of a process that it shares with others of its program, each on a thread of its own; empty: it has one to itself.
+    std::string deployment;                    ///< of whose file it is a part; empty: of none
+    /// Name of a process that it shares with others of its program, each on a thread of its own; empty: it has one to
+    /// itself.
     std::string process;
-    resource_limits limits;             ///< of its process, with all that it starts; the defaults where it shares one
+    resource_limits limits; ///< of its process, with all that it starts; the defaults where it shares one
 };
 
 enum class instance_state : std::uint8_t {
@@ -88,35 +90,35 @@ enum class instance_state : std::uint8_t {
 };
 
 /// An instance, as it is now.
-struct instance_text {
+struct instance_info {
     std::string path;
     std::string type;
     std::string program;
     instance_state state = instance_state::starting;
-    std::string reason;                 ///< of its last state change
-    std::int32_t process_id = 0;        ///< 0: none runs
-    wall_time since{};                  ///< of the state
+    std::string reason;          ///< of its last state change
+    std::int32_t process_id = 0; ///< 0: none runs
+    wall_time since{};           ///< of the state
     std::uint32_t restarts = 0;
-    bool adopted = false;               ///< an instantiation server that ran before had started it
+    bool adopted = false; ///< an instantiation server that ran before had started it
     restart_terms terms;
     std::vector<argument> arguments;
-    std::vector<std::string> listen;    ///< as it was asked for
+    std::vector<std::string> listen; ///< as it was asked for
     std::string protocol;
-    std::vector<argument> variables;    ///< by name: their values may be secrets, and stay with the instantiation server
+    std::vector<argument> variables; ///< by name: their values may be secrets, and stay with the instantiation server
     std::map<std::string, std::int32_t> roles;
     std::string deployment;
-    std::string process;                ///< that it shares with others; empty: it has one to itself
+    std::string process; ///< that it shares with others; empty: it has one to itself
     resource_limits limits;
-    std::uint64_t output_dropped = 0;   ///< bytes that it printed and that could not be written
-    std::string output_trouble;         ///< why they still cannot; empty: they can
-    std::string probe_trouble;          ///< why its health probe fails; empty: it does not, or there is none
-    bool rebuilt = false;               ///< its program's file is another since it was started; told by `instances` only
+    std::uint64_t output_dropped = 0; ///< bytes that it printed and that could not be written
+    std::string output_trouble;       ///< why they still cannot; empty: they can
+    std::string probe_trouble;        ///< why its health probe fails; empty: it does not, or there is none
+    bool rebuilt = false;             ///< its program's file is another since it was started; told by `instances` only
 };
 
 enum class start_outcome : std::uint8_t {
-    ready,            ///< it runs, has registered and answers
+    ready, ///< it runs, has registered and answers
     no_such_type,
-    bad_argument,     ///< a parameter, path, endpoint, variable or term: `why` says which, and what is allowed
+    bad_argument, ///< a parameter, path, endpoint, variable or term: `why` says which, and what is allowed
     name_taken,
     address_in_use,
     too_many,         ///< instances, or starts within a short time
@@ -130,7 +132,7 @@ struct start_response {
     start_outcome outcome = start_outcome::ready;
     std::string why;       ///< unless it is ready
     std::string output;    ///< the last lines that it printed, where it was launched and did not become ready
-    instance_text started; ///< as it is now; without a path where nothing came of it
+    instance_info started; ///< as it is now; without a path where nothing came of it
 };
 
 struct instances_request {
@@ -138,7 +140,7 @@ struct instances_request {
 };
 
 struct instances_response {
-    std::vector<instance_text> instances; ///< by path
+    std::vector<instance_info> instances; ///< by path
 };
 
 struct stop_request {
@@ -156,7 +158,7 @@ struct restart_request {
 };
 
 struct ended_response {
-    instance_text ended;
+    instance_info ended;
 };
 
 /// What an instance is to be from now on: as in a request to start it. Its path is found by the same rules.
@@ -177,12 +179,13 @@ struct set_request {
 };
 
 struct set_response {
-    instance_text instance;
+    instance_info instance;
 };
 
 struct change_response {
     change_way way = change_way::nothing;
-    start_response outcome; ///< where that is not `ready`, nothing has changed: it runs as before, unless `started` says otherwise
+    start_response
+        outcome; ///< where that is not `ready`, nothing has changed: it runs as before, unless `started` says otherwise
     start_request former;   ///< what it was before, without the values of its environment variables
     std::uint64_t undo = 0; ///< undoes this change as long as no other follows; 0: nothing was changed
 };
@@ -226,7 +229,7 @@ struct follow_request {
 
 struct host_event {
     wall_time at{};
-    instance_text instance;
+    instance_info instance;
 };
 
 // --- the services -------------------------------------------------------------------------------------------------
@@ -241,17 +244,18 @@ inline constexpr request_response<instances_request, instances_response> instanc
 /// SIGTERM to the whole process group, SIGKILL after the grace; completes when nothing of it runs.
 /// errc::refused names the instances that there are; also of the services below.
 inline constexpr request_response<stop_request, ended_response> stop{"ise.host.stop"};
-/// The same at once by SIGKILL. It is not started again. A component that shares a process is stopped; where it does not end
-/// at once, nor within the grace of a stop, its process is killed with all that runs in it.
+/// The same at once by SIGKILL. It is not started again. A component that shares a process is stopped; where it does
+/// not end at once, nor within the grace of a stop, its process is killed with all that runs in it.
 inline constexpr request_response<kill_request, ended_response> kill{"ise.host.kill"};
 /// Stops it if it runs and starts it with the same arguments; completes and fails as `start` does.
 inline constexpr request_response<restart_request, start_response> restart{"ise.host.restart"};
-/// Changes what runs: parameters that may change while it runs in place, for others it is started again. What it becomes
-/// holds from then on, also after a restart by its terms. errc::refused as above, and where it is being changed already.
+/// Changes what runs: parameters that may change while it runs in place, for others it is started again. What it
+/// becomes holds from then on, also after a restart by its terms. errc::refused as above, and where it is being changed
+/// already.
 inline constexpr request_response<change_request, change_response> change{"ise.host.change"};
-/// Whether components could be started or changed so: types, parameters, addresses, hosts and folders that are allowed, names
-/// that others hold, ports in use (but those of instances of the same deployment, and what runs under the same path). Starts
-/// nothing. errc::overloaded: more than 256 are wanted, or environment variables are compared too often.
+/// Whether components could be started or changed so: types, parameters, addresses, hosts and folders that are allowed,
+/// names that others hold, ports in use (but those of instances of the same deployment, and what runs under the same
+/// path). Starts nothing. errc::overloaded: more than 256 are wanted, or environment variables are compared too often.
 inline constexpr request_response<checks_request, checks_response> check{"ise.host.check"};
 /// Sets parameters that may be changed while it runs, and nothing else; they hold after a restart too.
 /// errc::refused also: no such parameter or value, one that takes a restart, or the component has something against

@@ -60,15 +60,16 @@ struct closing {
 
 result<int> spawn(const launch_order& what, int output) {
     int opened = ::fcntl(output, F_DUPFD_CLOEXEC, 3);
-    if (opened < 0) return io_failure(fmt::format("cannot start {}", what.program), std::error_code(errno, std::system_category()));
+    if (opened < 0)
+        return io_failure(fmt::format("cannot start {}", what.program), std::error_code(errno, std::system_category()));
     std::unique_ptr<std::FILE, closing> sink(::fdopen(opened, "a"));
     bp::environment variables;
     for (const auto& [name, value] : what.variables) variables[name] = value;
     std::error_code problem;
     try {
         bp::group alone;
-        bp::child made(bp::exe = what.program, bp::args = what.words, variables, alone, clean_start{}, no_zombie{}, bp::std_in < bp::null,
-                       (bp::std_out & bp::std_err) > sink.get(), problem);
+        bp::child made(bp::exe = what.program, bp::args = what.words, variables, alone, clean_start{}, no_zombie{},
+                       bp::std_in<bp::null, (bp::std_out & bp::std_err)> sink.get(), problem);
         alone.detach();
         made.detach();
         auto pid = static_cast<int>(made.id());

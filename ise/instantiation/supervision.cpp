@@ -9,14 +9,11 @@ double seconds(duration length) { return std::chrono::duration<double>(length).c
 
 } // namespace
 
-supervision::supervision(environment& env, const restart_terms& terms)
-    : env_(env) {
-    use(terms);
-}
+supervision::supervision(environment& env, const restart_terms& terms) : env_(env) { use(terms); }
 
 void supervision::use(const restart_terms& terms) {
     terms_ = terms;
-    pause_.emplace(env_, terms.first_pause, terms.longest_pause);
+    pause_.emplace(env_, terms.first_pause, terms.max_pause);
 }
 
 void supervision::become(instance_state state, std::string reason, time_point next) {
@@ -96,10 +93,12 @@ supervision::act supervision::ended(time_point now, bool well, const std::string
             return act::nothing;
         }
         case instance_state::starting:
-            return again_or_fail(now, late_ ? fmt::format("it was not ready within {:g} s", seconds(terms_.ready_within))
-                                            : fmt::format("it ended before it was ready: {}", text));
+            return again_or_fail(now, late_
+                                          ? fmt::format("it was not ready within {:g} s", seconds(terms_.ready_within))
+                                          : fmt::format("it ended before it was ready: {}", text));
         case instance_state::ready: {
-            bool again = terms_.policy == restart_policy::always || (terms_.policy == restart_policy::on_failure && !well);
+            bool again =
+                terms_.policy == restart_policy::always || (terms_.policy == restart_policy::on_failure && !well);
             if (again) return again_or_fail(now, text);
             become(well ? instance_state::stopped : instance_state::failed, text);
             return act::nothing;
@@ -119,7 +118,9 @@ supervision::act supervision::again_or_fail(time_point now, const std::string& w
     while (!recent_.empty() && now - recent_.front() > terms_.window) recent_.pop_front();
     if (recent_.empty()) pause_->reset(); // it has run well for a while
     if (recent_.size() >= terms_.limit) {
-        become(instance_state::failed, fmt::format("{}; it was started again {} times within {:g} s, which is the limit", why, recent_.size(), seconds(terms_.window)));
+        become(instance_state::failed,
+               fmt::format("{}; it was started again {} times within {:g} s, which is the limit", why, recent_.size(),
+                           seconds(terms_.window)));
         return act::nothing;
     }
     recent_.push_back(now);
@@ -135,7 +136,8 @@ supervision::act supervision::unhealthy(time_point now, const std::string& why) 
 }
 
 supervision::act supervision::stop(time_point now, duration grace) {
-    if (state_ == instance_state::failed) become(instance_state::stopped, fmt::format("stopped after it had failed: {}", reason_));
+    if (state_ == instance_state::failed)
+        become(instance_state::stopped, fmt::format("stopped after it had failed: {}", reason_));
     if (over()) return act::nothing;
     again_ = false;
     unhealthy_.clear();
@@ -172,14 +174,13 @@ supervision::act supervision::tick(time_point now) {
     if (now < next_) return act::nothing;
     next_ = time_point::max();
     switch (state_) {
-        case instance_state::waiting:
-            ++restarts_;
-            return begin(now);
+        case instance_state::waiting: ++restarts_; return begin(now);
         case instance_state::stopping: return running_ ? act::kill : act::nothing;
         case instance_state::starting:
             late_ = true;
             if (running_) return act::kill;
-            return not_launched(now, fmt::format("it could not be started within {:g} s", seconds(2 * terms_.ready_within)));
+            return not_launched(now,
+                                fmt::format("it could not be started within {:g} s", seconds(2 * terms_.ready_within)));
         case instance_state::ready:
         case instance_state::stopped:
         case instance_state::failed: break;

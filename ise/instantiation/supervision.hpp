@@ -69,12 +69,12 @@ private:
     std::string reason_;
     time_point next_ = time_point::max();
     std::uint32_t restarts_ = 0;
-    bool was_ready_ = false;  // ever: before that a failure is whoever started it's
-    bool running_ = false;    // a process
+    bool was_ready_ = false; // ever: before that a failure is whoever started it's
+    bool running_ = false;   // a process
     bool launching_ = false;
-    bool again_ = false;      // after the stop
+    bool again_ = false; // after the stop
     bool late_ = false;
-    std::string unhealthy_;   // why it is being stopped, to be started again by its policy
+    std::string unhealthy_; // why it is being stopped, to be started again by its policy
 };
 
 } // namespace ise::instantiation

@@ -29,7 +29,9 @@ void name_server::keep_ahead() {
     if (!options_.memory || registry_->last_epoch() + epochs_ahead / 2 < memory_.epochs_below) return;
     memory_.epochs_below = registry_->last_epoch() + epochs_ahead;
     auto kept = options_.memory->keep(memory_);
-    if (!kept) log().error(fmt::format("the next name server will not know the grants of this one: {}", kept.error().message()));
+    if (!kept)
+        log().error(
+            fmt::format("the next name server will not know the grants of this one: {}", kept.error().message()));
 }
 
 task<> name_server::run() {
@@ -62,23 +64,31 @@ task<> name_server::run() {
         changed();
         return response;
     });
-    provide(naming::resolve, [this](naming::resolve_request request) { return registry_->resolve(request.path, now()); });
+    provide(naming::resolve,
+            [this](naming::resolve_request request) { return registry_->resolve(request.path, now()); });
     provide(naming::list, [this](naming::list_request request) { return registry_->list(request, now()); });
     provide(naming::lost, [this](naming::lost_request request) { return registry_->lost(request.prefix, now()); });
-    provide(naming::describe, [this](naming::describe_request request) { return registry_->describe(request.path, now()); });
+    provide(naming::describe,
+            [this](naming::describe_request request) { return registry_->describe(request.path, now()); });
 
     serve_options many;
     many.concurrent = 20'000; // who waits for a name costs a small coroutine
     many.waiting = 1024;
-    provide(naming::wait_for, [this](naming::await_request request, const call_context& call) {
-        auto longest = std::clamp(request.wait, duration{}, naming::longest_wait);
-        return wait_for(std::move(request.path), request.other_than, std::min(call.deadline, saturating_add(now(), longest)));
-    }, many);
+    provide(
+        naming::wait_for,
+        [this](naming::await_request request, const call_context& call) {
+            auto longest = std::clamp(request.wait, duration{}, naming::max_wait);
+            return wait_for(std::move(request.path), request.other_than,
+                            std::min(call.deadline, saturating_add(now(), longest)));
+        },
+        many);
 
     publication_callbacks<subscription<naming::name_events, naming::watch_request>> callbacks;
-    callbacks.on_subscribe = [this](const naming::watch_request& request, const subscriber_info& who) -> result<nothing> {
+    callbacks.on_subscribe = [this](const naming::watch_request& request,
+                                    const subscriber_info& who) -> result<nothing> {
         if (request.prefix.size() > options_.limits.max_path_bytes)
-            return failure(errc::too_large, fmt::format("a prefix of {} bytes, max_path_bytes is {}", request.prefix.size(), options_.limits.max_path_bytes));
+            return failure(errc::too_large, fmt::format("a prefix of {} bytes, max_path_bytes is {}",
+                                                        request.prefix.size(), options_.limits.max_path_bytes));
         watcher made;
         made.prefix = request.prefix;
         while (made.prefix.ends_with('/')) made.prefix.pop_back();
@@ -105,8 +115,7 @@ void name_server::tick() {
         recovering_ = false;
         std::set<std::string> roles;
         for (const auto& [number, role] : role_watchers_) roles.insert(role);
-        for (const auto& role : roles)
-            tell_watchers(role);
+        for (const auto& role : roles) tell_watchers(role);
     }
     tick_->arm(saturating_add(now(), registry_->tick()));
 }
@@ -144,13 +153,16 @@ void name_server::wake_waiting(const std::string& path) {
 
 void name_server::provide_role_changes() {
     publication_callbacks<subscription<naming::role_members, naming::role_request>> callbacks;
-    callbacks.on_subscribe = [this](const naming::role_request& request, const subscriber_info& who) -> result<nothing> {
+    callbacks.on_subscribe = [this](const naming::role_request& request,
+                                    const subscriber_info& who) -> result<nothing> {
         if (request.role.size() > options_.limits.max_path_bytes)
-            return failure(errc::too_large, fmt::format("a role of {} bytes, max_path_bytes is {}", request.role.size(), options_.limits.max_path_bytes));
+            return failure(errc::too_large, fmt::format("a role of {} bytes, max_path_bytes is {}", request.role.size(),
+                                                        options_.limits.max_path_bytes));
         role_watchers_[who.number] = request.role;
         on().later([this, number = who.number] { // behind the answer
             auto found = role_watchers_.find(number);
-            if (found != role_watchers_.end()) tell_members(found->second, [number](const subscriber_info& one) { return one.number == number; });
+            if (found != role_watchers_.end())
+                tell_members(found->second, [number](const subscriber_info& one) { return one.number == number; });
         });
         return nothing();
     };

@@ -19,8 +19,9 @@ struct name_server_options {
     /// There was no name server before: names are granted at once.
     bool fresh = false;
     registry_limits limits; ///< of its memory
-    /// State that outlives it. Without it the next name server cannot distinguish a returning holder from a component that
-    /// claims its name (docs/security.md), and epochs increase only as far as the clock and returning holders show.
+    /// State that outlives it. Without it the next name server cannot distinguish a returning holder from a component
+    /// that claims its name (docs/security.md), and epochs increase only as far as the clock and returning holders
+    /// show.
     std::shared_ptr<server_memory> memory;
 };
 
@@ -63,11 +64,11 @@ private:
     registry_memory memory_;
     std::unique_ptr<registry> registry_;
     publication<subscription<naming::name_events, naming::watch_request>> events_;
-    std::map<std::uint64_t, watcher> watchers_;          // by the subscriber's number
+    std::map<std::uint64_t, watcher> watchers_; // by the subscriber's number
     publication<subscription<naming::role_members, naming::role_request>> role_changes_;
     std::map<std::uint64_t, std::string> role_watchers_; // by the subscriber's number: the role
     bool recovering_ = true;
-    std::multimap<std::string, waiter<>*> waiting_;      // for names
+    std::multimap<std::string, waiter<>*> waiting_; // for names
     std::unique_ptr<timer> tick_;
 };
 

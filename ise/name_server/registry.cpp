@@ -12,7 +12,7 @@ namespace {
 
 using naming::verdict;
 
-constexpr duration shortest_lease = std::chrono::milliseconds(50);
+constexpr duration min_lease = std::chrono::milliseconds(50);
 
 std::uint64_t microseconds_of(wall_time wall) {
     auto count = std::chrono::duration_cast<std::chrono::microseconds>(wall.time_since_epoch()).count();
@@ -38,10 +38,12 @@ naming::grant not_yet(const std::string& path, duration retry_after, std::string
 
 } // namespace
 
-registry::registry(registry_options options, std::uint64_t incarnation, time_point now, wall_time wall, registry_memory memory)
-    : options_(options), incarnation_(incarnation), memory_(memory), last_epoch_(std::min(std::max(microseconds_of(wall), memory.epochs_below), highest_epoch)),
+registry::registry(registry_options options, std::uint64_t incarnation, time_point now, wall_time wall,
+                   registry_memory memory)
+    : options_(options), incarnation_(incarnation), memory_(memory),
+      last_epoch_(std::min(std::max(microseconds_of(wall), memory.epochs_below), highest_epoch)),
       recovered_(saturating_add(now, options.recovery)), last_seen_(now), schemas_(options.limits.schemas) {
-    options_.lease = std::max(options_.lease, shortest_lease);
+    options_.lease = std::max(options_.lease, min_lease);
 }
 
 // --- time ---------------------------------------------------------------------------------------------------------
@@ -58,7 +60,8 @@ void registry::advance(time_point now) { expire(running_time(now)); }
 bool registry::recovering(time_point now) { return running_time(now) < recovered_; }
 
 void registry::expire(time_point at) {
-    while (!expiries_.empty() && expiries_.begin()->first <= at) end(nodes_.find(expiries_.begin()->second), end_of_lease::ran_out, at);
+    while (!expiries_.empty() && expiries_.begin()->first <= at)
+        end(nodes_.find(expiries_.begin()->second), end_of_lease::ran_out, at);
 }
 
 void registry::end(std::unordered_map<std::uint64_t, node>::iterator gone, end_of_lease why, time_point at) {
@@ -103,13 +106,14 @@ naming::register_response registry::enroll(const naming::register_request& reque
     auto known = nodes_.find(request.node.lease_key);
     if (known == nodes_.end()) {
         if (nodes_.size() >= options_.limits.max_nodes)
-            return deny_all(not_yet({}, patience(), fmt::format("{} nodes are registered, which is max_nodes", nodes_.size())));
+            return deny_all(
+                not_yet({}, patience(), fmt::format("{} nodes are registered, which is max_nodes", nodes_.size())));
         known = nodes_.try_emplace(request.node.lease_key).first;
         known->second.number = ++last_lease_;
     }
     auto& from = known->second;
     from.who = request.node;
-    from.lease = std::clamp(request.lease, shortest_lease, options_.lease);
+    from.lease = std::clamp(request.lease, min_lease, options_.lease);
     renew_lease(from, at);
     response.lease = from.lease;
     response.lease_number = from.number;
@@ -142,8 +146,8 @@ naming::grant registry::decide(node& from, naming::component_claim claim, time_p
     bool recovering = at < recovered_;
     bool proven = shown != 0 && claim.proof == proof_of(path, shown, from);
     bool may_be_former = proven || (shown != 0 && !memory_.of_former); // who held it before this server ran
-    // Every later grant goes above it: one higher than all so far is believed, without a proof, of those only who held names
-    // before, if a clock can have given it.
+    // Every later grant goes above it: one higher than all so far is believed, without a proof, of those only who held
+    // names before, if a clock can have given it.
     bool believed = proven || (may_be_former && recovering && shown < highest_epoch);
     auto fresh = [&] {
         auto epoch = (believed ? std::max(last_epoch_, shown) : last_epoch_) + 1;
@@ -154,12 +158,14 @@ naming::grant registry::decide(node& from, naming::component_claim claim, time_p
     if (auto held = components_.find(path); held != components_.end()) {
         auto& holder = held->second;
         auto epoch = holder.claim.epoch;
-        if (holder.owner == &from) return accept(from, std::move(claim), claim.incarnation == holder.claim.incarnation ? epoch : fresh());
+        if (holder.owner == &from)
+            return accept(from, std::move(claim), claim.incarnation == holder.claim.incarnation ? epoch : fresh());
         // Of two grants of a server that ran before, the higher one is the later one, whenever its holder comes back.
         if (may_be_former && shown > epoch && !granted_here(epoch)) {
             auto* loser = holder.owner;
             auto granted = accept(from, std::move(claim), believed || shown <= last_epoch_ ? shown : fresh());
-            if (granted.what == verdict::granted) loser->lost[path] = denied(path, verdict::superseded, components_.at(path), at);
+            if (granted.what == verdict::granted)
+                loser->lost[path] = denied(path, verdict::superseded, components_.at(path), at);
             return granted;
         }
         return denied(path, shown != 0 ? verdict::superseded : verdict::taken, holder, at);
@@ -179,13 +185,19 @@ naming::grant registry::accept(node& from, naming::component_claim claim, std::u
     auto claims_bytes = claims_bytes_ + memory_of(claim) - (is_new ? 0 : memory_of(held->second.claim));
     auto names = from.paths.size() + from.lost.size();
     if (is_new && components_.size() >= limits.max_components)
-        return not_yet(claim.path, patience(), fmt::format("{} names are registered, which is max_components", components_.size()));
+        return not_yet(claim.path, patience(),
+                       fmt::format("{} names are registered, which is max_components", components_.size()));
     if (names >= limits.max_components_per_node && !from.paths.contains(claim.path) && !from.lost.contains(claim.path))
-        return not_yet(claim.path, patience(), fmt::format("{} names of this node are registered or were lost, which is max_components_per_node", names));
+        return not_yet(
+            claim.path, patience(),
+            fmt::format("{} names of this node are registered or were lost, which is max_components_per_node", names));
     if (services > limits.max_services)
-        return not_yet(claim.path, patience(), fmt::format("{} services are registered, max_services is {}", services_, limits.max_services));
+        return not_yet(claim.path, patience(),
+                       fmt::format("{} services are registered, max_services is {}", services_, limits.max_services));
     if (claims_bytes > limits.max_claims_bytes)
-        return not_yet(claim.path, patience(), fmt::format("all claims would take {} bytes, max_claims_bytes is {}", claims_bytes, limits.max_claims_bytes));
+        return not_yet(claim.path, patience(),
+                       fmt::format("all claims would take {} bytes, max_claims_bytes is {}", claims_bytes,
+                                   limits.max_claims_bytes));
     if (auto why = objection_to_roles(claim)) return not_yet(claim.path, patience(), std::move(*why));
 
     last_epoch_ = std::max(last_epoch_, epoch);
@@ -214,8 +226,9 @@ naming::grant registry::accept(node& from, naming::component_claim claim, std::u
     last_held_.erase(path);
     serve_roles(entry);
     auto after = listed(entry);
-    bool same = before.epoch == after.epoch && before.incarnation == after.incarnation && before.state == after.state && before.type == after.type &&
-                before.endpoints == after.endpoints && before.services_provided == after.services_provided && before.roles == after.roles &&
+    bool same = before.epoch == after.epoch && before.incarnation == after.incarnation && before.state == after.state &&
+                before.type == after.type && before.endpoints == after.endpoints &&
+                before.services_provided == after.services_provided && before.roles == after.roles &&
                 before.waits_for == after.waits_for;
     if (is_new || !same) note(is_new ? naming::name_change::added : naming::name_change::changed, entry);
     return granted;
@@ -245,7 +258,9 @@ void registry::withdraw(const naming::withdraw_request& request, time_point now)
     for (const auto& gone : request.departures) {
         from.lost.erase(gone.path);
         auto held = components_.find(gone.path);
-        if (held != components_.end() && held->second.owner == &from && held->second.claim.incarnation == gone.incarnation) remove(gone.path);
+        if (held != components_.end() && held->second.owner == &from &&
+            held->second.claim.incarnation == gone.incarnation)
+            remove(gone.path);
     }
     if (from.paths.empty() && from.lost.empty()) {
         expiries_.erase({from.expires, from.who.lease_key});
@@ -256,9 +271,11 @@ void registry::withdraw(const naming::withdraw_request& request, time_point now)
 result<naming::ended_response> registry::end(const naming::ended_request& request, time_point now) {
     auto at = running_time(now);
     expire(at);
-    if (request.launch_mark.size() < naming::least_mark_bytes)
-        return failure(errc::refused, fmt::format("a mark of {} bytes is not a secret of whoever started a process: it has at least {}", request.launch_mark.size(),
-                                                  naming::least_mark_bytes));
+    if (request.launch_mark.size() < naming::min_mark_bytes)
+        return failure(
+            errc::refused,
+            fmt::format("a mark of {} bytes is not a secret of whoever started a process: it has at least {}",
+                        request.launch_mark.size(), naming::min_mark_bytes));
     naming::ended_response response;
     for (auto next = nodes_.begin(); next != nodes_.end();) {
         auto one = next++;
@@ -283,8 +300,10 @@ void registry::remove(const std::string& path) {
 std::optional<std::string> registry::objection_to_roles(const naming::component_claim& claim) const {
     for (const auto& [role, priority] : claim.roles) {
         auto known = roles_.find(role);
-        if (known != roles_.end() && known->second.size() >= options_.limits.max_members_per_role && !known->second.contains(claim.path))
-            return fmt::format("{} components serve the role '{}', which is max_members_per_role", known->second.size(), role);
+        if (known != roles_.end() && known->second.size() >= options_.limits.max_members_per_role &&
+            !known->second.contains(claim.path))
+            return fmt::format("{} components serve the role '{}', which is max_members_per_role", known->second.size(),
+                               role);
     }
     return std::nullopt;
 }
@@ -329,9 +348,10 @@ naming::grant registry::denied(const std::string& path, verdict what, const comp
     made.what = what;
     made.held_by.push_back(holder_of(held, at));
     const auto& who = made.held_by.back();
-    made.reason = fmt::format("'{}' is held by process {} on {}{} under epoch {}, whose lease was renewed {} ms ago: end it, or choose another path", path, who.process_id,
-                              who.host_name, who.endpoint.empty() ? "" : " at " + who.endpoint, who.epoch,
-                              std::chrono::duration_cast<std::chrono::milliseconds>(who.lease_age).count());
+    made.reason = fmt::format("'{}' is held by process {} on {}{} under epoch {}, whose lease was renewed {} ms ago: "
+                              "end it, or choose another path",
+                              path, who.process_id, who.host_name, who.endpoint.empty() ? "" : " at " + who.endpoint,
+                              who.epoch, std::chrono::duration_cast<std::chrono::milliseconds>(who.lease_age).count());
     return made;
 }
 

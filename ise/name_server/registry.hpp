@@ -1,9 +1,9 @@
 #pragma once
 #include <ise/core/result.hpp>
 #include <ise/core/time.hpp>
-#include <ise/naming/services.hpp>
 #include <ise/name_server/registry_limits.hpp>
 #include <ise/name_server/schema_store.hpp>
+#include <ise/naming/services.hpp>
 
 #include <array>
 #include <cstdint>
@@ -25,7 +25,7 @@ struct registry_memory {
 };
 
 struct registry_options {
-    duration lease = std::chrono::seconds(2);   ///< the longest that is granted
+    duration lease = std::chrono::seconds(2); ///< the longest that is granted
     /// After a start only those who held names before get them, for as long as this: nobody else takes a name that its
     /// holder has not yet been able to renew. The longest lease, where a server may have run before.
     duration recovery = std::chrono::seconds(2);
@@ -35,21 +35,22 @@ struct registry_options {
 /// Who holds which name, and until when: the decisions of the name server, without its services. Times are passed in
 /// and never go back.
 ///
-/// Epochs: each grant has a higher one than every grant before it, also of a server that ran before. Counting starts at the
-/// wall clock's microseconds, which a server that grants less than a million names a second cannot overtake, or above
-/// what is remembered of the server before, and goes above every epoch that a holder shows who returns during the recovery.
-/// (After a clock that went back, these two keep the order.) Who shows one that neither this server nor a clock can have
-/// given gets the next one: it moves nobody else's.
+/// Epochs: each grant has a higher one than every grant before it, also of a server that ran before. Counting starts at
+/// the wall clock's microseconds, which a server that grants less than a million names a second cannot overtake, or
+/// above what is remembered of the server before, and goes above every epoch that a holder shows who returns during the
+/// recovery. (After a clock that went back, these two keep the order.) Who shows one that neither this server nor a
+/// clock can have given gets the next one: it moves nobody else's.
 ///
-/// A claim that shows an epoch is a holder's only with the proof that came with the grant: epochs are listed, so that anybody
-/// can show one. Where nothing is remembered of the server before, its grants cannot be proved, and during the recovery
-/// whoever shows an epoch is believed.
+/// A claim that shows an epoch is a holder's only with the proof that came with the grant: epochs are listed, so that
+/// anybody can show one. Where nothing is remembered of the server before, its grants cannot be proved, and during the
+/// recovery whoever shows an epoch is believed.
 ///
 /// Time in which the server itself did not run (`advance` was not called) expires no lease: the renewals of that time
 /// still wait to be read.
 class registry {
 public:
-    registry(registry_options options, std::uint64_t incarnation, time_point now, wall_time wall, registry_memory memory = registry_memory());
+    registry(registry_options options, std::uint64_t incarnation, time_point now, wall_time wall,
+             registry_memory memory = registry_memory());
 
     naming::register_response enroll(const naming::register_request& request, time_point now);
     naming::renew_response renew(const naming::renew_request& request, time_point now);
@@ -88,10 +89,10 @@ private:
     struct node {
         naming::node_identity who;
         duration lease{};
-        time_point renewed{};                    // in the server's own running time, as all below
+        time_point renewed{}; // in the server's own running time, as all below
         time_point expires{};
         std::uint64_t renewals = 0;
-        std::uint64_t number = 0;                // of the lease
+        std::uint64_t number = 0; // of the lease
         std::set<std::string> paths;
         std::map<std::string, naming::grant> lost; // names that went to others, until the node says that it knows
     };
@@ -115,7 +116,8 @@ private:
     void end(std::unordered_map<std::uint64_t, node>::iterator gone, end_of_lease why, time_point at);
     std::uint64_t proof_of(std::string_view path, std::uint64_t epoch, const node& of) const;
     bool granted_here(std::uint64_t epoch) const noexcept { return first_epoch_ != 0 && epoch >= first_epoch_; }
-    /// After which who found no room may ask again: it may have been superseded meanwhile, and hears of that within a lease.
+    /// After which who found no room may ask again: it may have been superseded meanwhile, and hears of that within a
+    /// lease.
     duration patience() const noexcept { return options_.lease / 2; }
     naming::grant decide(node& from, naming::component_claim claim, time_point at);
     naming::grant accept(node& from, naming::component_claim claim, std::uint64_t epoch);
@@ -135,14 +137,14 @@ private:
     registry_memory memory_;
     std::uint64_t last_epoch_;
     std::uint64_t first_epoch_ = 0; // that was granted anew; those below it are of a server that ran before
-    time_point recovered_;      // in running time
+    time_point recovered_;          // in running time
     time_point last_seen_;
-    duration stalled_{};        // did not run for so long
+    duration stalled_{}; // did not run for so long
     schema_store schemas_;
     std::map<std::string, component, std::less<>> components_;
-    std::unordered_map<std::uint64_t, node> nodes_;                // by lease key
-    std::set<std::pair<time_point, std::uint64_t>> expiries_;      // of nodes
-    std::map<std::string, last_holder, std::less<>> last_held_;    // of names that expired
+    std::unordered_map<std::uint64_t, node> nodes_;                   // by lease key
+    std::set<std::pair<time_point, std::uint64_t>> expiries_;         // of nodes
+    std::map<std::string, last_holder, std::less<>> last_held_;       // of names that expired
     std::map<std::string, std::set<std::string>, std::less<>> roles_; // who serves them, by path
     std::set<std::string> changed_roles_;
     std::size_t services_ = 0;

@@ -11,20 +11,21 @@ namespace ise {
 /// What the name server holds at most. A claim that goes beyond of itself is refused by the limit's name; one for which
 /// there is no room now waits.
 struct registry_limits {
-    std::size_t max_components = 100'000;          ///< registered at once
-    std::size_t max_components_per_node = 50'000;  ///< under one lease, so that no other is kept out by mistake; also lost ones, until it knows
-    std::size_t max_services = 1'000'000;          ///< of all components together
-    std::size_t max_services_per_component = 1024; ///< provided and required
+    std::size_t max_components = 100'000; ///< registered at once
+    std::size_t max_components_per_node =
+        50'000; ///< under one lease, so that no other is kept out by mistake; also lost ones, until it knows
+    std::size_t max_services = 1'000'000;                  ///< of all components together
+    std::size_t max_services_per_component = 1024;         ///< provided and required
     std::size_t max_claims_bytes = std::size_t{512} << 20; ///< memory of all claims together, without the schemas
-    std::size_t max_endpoints_per_component = 64; ///< of one claim
-    std::size_t max_roles_per_component = 64; ///< that it serves
-    std::size_t max_members_per_role = 256; ///< that serve it
-    std::size_t max_nodes = 50'000;                ///< with a lease
-    std::size_t max_path_bytes = 200;              ///< of one path
-    std::size_t max_text_bytes = 512;              ///< of every other name, state and endpoint
-    std::size_t max_listed = 10'000;               ///< in one answer
-    std::size_t max_remembered = 100'000;          ///< paths whose last epoch is known though nobody holds them
-    schema_store_limits schemas;                   ///< of texts
+    std::size_t max_endpoints_per_component = 64;          ///< of one claim
+    std::size_t max_roles_per_component = 64;              ///< that it serves
+    std::size_t max_members_per_role = 256;                ///< that serve it
+    std::size_t max_nodes = 50'000;                        ///< with a lease
+    std::size_t max_path_bytes = 200;                      ///< of one path
+    std::size_t max_text_bytes = 512;                      ///< of every other name, state and endpoint
+    std::size_t max_listed = 10'000;                       ///< in one answer
+    std::size_t max_remembered = 100'000;                  ///< paths whose last epoch is known though nobody holds them
+    schema_store_limits schemas;                           ///< of texts
 };
 
 /// No clock gives such an epoch, or a higher one: in microseconds the year 2255.

@@ -28,7 +28,8 @@ result<naming::resolve_response> registry::resolve(std::string_view path, time_p
     }
     if (held == components_.end()) {
         if (at < recovered_)
-            return failure(errc::name_server_lost, fmt::format("the name server has just started and may not yet know '{}'", path));
+            return failure(errc::name_server_lost,
+                           fmt::format("the name server has just started and may not yet know '{}'", path));
         return failure(errc::no_such_name, fmt::format("no component is registered as '{}'", path));
     }
     const auto& entry = held->second;
@@ -55,7 +56,8 @@ naming::role_members registry::members_of(std::string_view role, time_point now)
         const auto& who = components_.find(path)->second;
         found.members.push_back(member(who, who.claim.roles.at(found.role)));
     }
-    std::ranges::sort(found.members, {}, [](const auto& one) { return naming::role_rank(one.state, one.priority, one.epoch); });
+    std::ranges::sort(found.members, {},
+                      [](const auto& one) { return naming::role_rank(one.state, one.priority, one.epoch); });
     return found;
 }
 
@@ -76,10 +78,12 @@ naming::role_member registry::member(const component& who, std::int32_t priority
 naming::list_response registry::list(const naming::list_request& request, time_point now) {
     expire(running_time(now));
     naming::list_response response;
-    auto most = request.limit == 0 ? options_.limits.max_listed : std::min<std::size_t>(request.limit, options_.limits.max_listed);
+    auto most = request.limit == 0 ? options_.limits.max_listed
+                                   : std::min<std::size_t>(request.limit, options_.limits.max_listed);
     std::string_view prefix = request.prefix;
     while (prefix.ends_with('/')) prefix.remove_suffix(1);
-    auto at = request.after.empty() || request.after < prefix ? components_.lower_bound(prefix) : components_.upper_bound(request.after);
+    auto at = request.after.empty() || request.after < prefix ? components_.lower_bound(prefix)
+                                                              : components_.upper_bound(request.after);
     for (; at != components_.end() && std::string_view(at->first).starts_with(prefix); ++at) {
         if (!naming::lies_below(at->first, prefix)) continue; // "atirma2" beside "atirma"
         if (response.names.size() == most) {
@@ -114,7 +118,8 @@ result<naming::describe_response> registry::describe(std::string_view path, time
     auto at = running_time(now);
     expire(at);
     auto held = components_.find(path);
-    if (held == components_.end()) return failure(errc::no_such_name, fmt::format("no component is registered as '{}'", path));
+    if (held == components_.end())
+        return failure(errc::no_such_name, fmt::format("no component is registered as '{}'", path));
     const auto& entry = held->second;
     naming::describe_response response;
     response.name = listed(entry);
@@ -138,7 +143,9 @@ naming::listed_name registry::listed(const component& held) const {
     made.endpoints = held.claim.endpoints;
     made.roles = held.claim.roles;
     made.waits_for = held.claim.waits_for;
-    auto own = [](const naming::service_entry& one) { return one.provided && !one.name.starts_with("ise."); }; // ISE's are everybody's
+    auto own = [](const naming::service_entry& one) {
+        return one.provided && !one.name.starts_with("ise.");
+    }; // ISE's are everybody's
     made.services_provided = static_cast<std::uint32_t>(std::ranges::count_if(held.claim.services, own));
     return made;
 }
@@ -146,7 +153,8 @@ naming::listed_name registry::listed(const component& held) const {
 std::vector<naming::name_event> registry::snapshot(std::string_view prefix) const {
     std::vector<naming::name_event> all;
     while (prefix.ends_with('/')) prefix.remove_suffix(1);
-    for (auto at = components_.lower_bound(prefix); at != components_.end() && std::string_view(at->first).starts_with(prefix); ++at) {
+    for (auto at = components_.lower_bound(prefix);
+         at != components_.end() && std::string_view(at->first).starts_with(prefix); ++at) {
         if (!naming::lies_below(at->first, prefix)) continue;
         naming::name_event event;
         event.name = listed(at->second);

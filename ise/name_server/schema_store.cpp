@@ -13,16 +13,19 @@ result<void> schema_store::offer(const naming::schema_text& given) {
     auto known = texts_.find(given.fingerprint);
     if (known != texts_.end() && !known->second.text.empty()) return {};
     if (given.text.size() > limits_.max_schema_bytes)
-        return failure(errc::too_large, fmt::format("a schema of {} bytes, max_schema_bytes is {}", given.text.size(), limits_.max_schema_bytes));
+        return failure(errc::too_large, fmt::format("a schema of {} bytes, max_schema_bytes is {}", given.text.size(),
+                                                    limits_.max_schema_bytes));
     if (told_ >= limits_.max_schemas)
         return failure(errc::too_large, fmt::format("there are {} schemas already, which is max_schemas", told_));
     if (total_bytes_ + given.text.size() > limits_.max_schema_total_bytes)
-        return failure(errc::too_large, fmt::format("all schemas have {} bytes already, max_schema_total_bytes is {}", total_bytes_, limits_.max_schema_total_bytes));
+        return failure(errc::too_large, fmt::format("all schemas have {} bytes already, max_schema_total_bytes is {}",
+                                                    total_bytes_, limits_.max_schema_total_bytes));
     auto parsed = schema::parse(given.text);
     if (!parsed) return parsed.error();
     if (parsed->fingerprint() != given.fingerprint)
-        return failure(errc::malformed, fmt::format("the schema of '{}' has the fingerprint {:016x}, it was sent as {:016x}", parsed->name(),
-                                                    parsed->fingerprint(), given.fingerprint));
+        return failure(errc::malformed,
+                       fmt::format("the schema of '{}' has the fingerprint {:016x}, it was sent as {:016x}",
+                                   parsed->name(), parsed->fingerprint(), given.fingerprint));
     total_bytes_ += given.text.size();
     ++told_;
     texts_[given.fingerprint].text = given.text;
@@ -54,7 +57,8 @@ void schema_store::sweep() {
     }
 }
 
-void schema_store::collect(const std::vector<naming::service_entry>& services, std::vector<naming::schema_text>& into) const {
+void schema_store::collect(const std::vector<naming::service_entry>& services,
+                           std::vector<naming::schema_text>& into) const {
     std::unordered_set<std::uint64_t> told;
     for (const auto& service : services)
         for (auto fingerprint : service.fingerprints) {

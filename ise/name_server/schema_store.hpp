@@ -11,7 +11,7 @@ namespace ise {
 
 struct schema_store_limits {
     std::size_t max_schemas = 200'000;
-    std::size_t max_schema_bytes = 64 * 1024;               ///< one text
+    std::size_t max_schema_bytes = 64 * 1024; ///< one text
     std::size_t max_schema_total_bytes = std::size_t{256} << 20;
 };
 
@@ -35,7 +35,7 @@ public:
 
 private:
     struct entry {
-        std::string text;     // empty: it was not told
+        std::string text; // empty: it was not told
         std::size_t uses = 0;
     };
     void erase(std::unordered_map<std::uint64_t, entry>::iterator which);

@@ -17,7 +17,7 @@
 namespace ise {
 namespace {
 
-constexpr std::size_t most_state_bytes = 4096;
+constexpr std::size_t max_state_bytes = 4096;
 
 // What is in the file, as JSON: fields are only ever appended.
 struct saved_memory {
@@ -42,7 +42,7 @@ result<std::optional<registry_memory>> state_file::load() {
     std::optional<registry_memory> found;
     if (::access(path_.c_str(), F_OK) != 0 && errno == ENOENT) return found;
     if (auto folder = check_own_path(folder_of(path_)); !folder) return folder.error();
-    auto text = env_.read_secret(path_, most_state_bytes);
+    auto text = env_.read_secret(path_, max_state_bytes);
     if (!text) return text.error();
     try {
         auto saved = from_json<saved_memory>(*text);
@@ -51,7 +51,9 @@ result<std::optional<registry_memory>> state_file::load() {
         found->epochs_below = saved.epochs_below;
         found->of_former = true;
     } catch (const error& unfit) {
-        return failure(errc::malformed, fmt::format("{} is not a state of a name server: {}; remove it, or choose another file", path_, unfit.what()));
+        return failure(errc::malformed,
+                       fmt::format("{} is not a state of a name server: {}; remove it, or choose another file", path_,
+                                   unfit.what()));
     }
     return found;
 }
@@ -62,7 +64,8 @@ result<void> state_file::probe() {
     auto folder = folder_of(path_);
     if (auto made = make_folders(folder); !made) return made;
     if (auto fit = check_own_path(folder); !fit) return fit;
-    if (::access(folder.c_str(), W_OK) != 0) return failure(errc::io_failed, fmt::format("cannot write {}: {}", path_, last_problem()));
+    if (::access(folder.c_str(), W_OK) != 0)
+        return failure(errc::io_failed, fmt::format("cannot write {}: {}", path_, last_problem()));
     return {};
 }
 

@@ -49,10 +49,13 @@ result<void> held_name::take(const naming::grant& answer, time_point now, durati
             obstacle = answer.reason;
             return {};
         }
-        case verdict::superseded: return failure(errc::superseded, fmt::format("another took this name over: {}", answer.reason));
-        case verdict::refused: return failure(errc::refused, fmt::format("the name server refuses '{}': {}", who.path, answer.reason));
+        case verdict::superseded:
+            return failure(errc::superseded, fmt::format("another took this name over: {}", answer.reason));
+        case verdict::refused:
+            return failure(errc::refused, fmt::format("the name server refuses '{}': {}", who.path, answer.reason));
     }
-    return failure(errc::protocol_error, fmt::format("the name server gives '{}' an answer of a later version", who.path));
+    return failure(errc::protocol_error,
+                   fmt::format("the name server gives '{}' an answer of a later version", who.path));
 }
 
 } // namespace ise

@@ -26,16 +26,16 @@ struct held_name {
     result<void> take(const naming::grant& answer, time_point now, duration lease);
 
     registration who;
-    std::uint64_t epoch = 0;                     ///< 0: never granted
-    std::uint64_t proof = 0;                     ///< of the epoch, as the server gave it
-    std::uint64_t shown = 0;                     ///< the epoch that the node was told of last
-    std::uint64_t version = 1;                   ///< of what is to be told…
-    std::uint64_t told = 0;                      ///< …and of what the server knows
+    std::uint64_t epoch = 0;   ///< 0: never granted
+    std::uint64_t proof = 0;   ///< of the epoch, as the server gave it
+    std::uint64_t shown = 0;   ///< the epoch that the node was told of last
+    std::uint64_t version = 1; ///< of what is to be told…
+    std::uint64_t told = 0;    ///< …and of what the server knows
     time_point not_before = time_point::min();
-    std::optional<naming::holder> other;         ///< who was found to hold it first
-    std::string obstacle;                        ///< why it was not granted yet
-    bool enrolling = false;                      ///< somebody waits for the answer
-    std::optional<failure> refused;              ///< the answer, until they have it
+    std::optional<naming::holder> other; ///< who was found to hold it first
+    std::string obstacle;                ///< why it was not granted yet
+    bool enrolling = false;              ///< somebody waits for the answer
+    std::optional<failure> refused;      ///< the answer, until they have it
     waiter<> answered;
 };
 

@@ -14,8 +14,8 @@ namespace {
 using naming::verdict;
 
 constexpr std::size_t batch_size = 256; // names told in one request
-constexpr duration least_patience = std::chrono::milliseconds(200);
-constexpr duration longest_pause = std::chrono::milliseconds(500);
+constexpr duration min_patience = std::chrono::milliseconds(200);
+constexpr duration max_pause = std::chrono::milliseconds(500);
 
 } // namespace
 
@@ -23,7 +23,7 @@ lease_registrar::lease_registrar(service_host& host, endpoint name_server, durat
     : host_(host), server_(std::move(name_server)), lease_(std::max(lease, duration(std::chrono::milliseconds(50)))),
       lease_key_(host.env().random() | 1), news_(host.on(), [this] { news_.resume(); }) {
     auto way = host_.link_to(server_, std::string(naming::server_path));
-    way->hurry(std::min(lease_ / 4, longest_pause), std::max(lease_ / 2, least_patience));
+    way->hurry(std::min(lease_ / 4, max_pause), std::max(lease_ / 2, min_patience));
     names_ = remote(std::move(way));
     host_.scope().spawn("names", keep(*this));
 }
@@ -69,7 +69,8 @@ task<result<std::uint64_t>> lease_registrar::enroll(registration who, duration d
         co_return why;
     }
     const auto& why = mine->obstacle.empty() ? obstacle_ : mine->obstacle;
-    co_return failure(errc::name_server_lost, fmt::format("'{}' is not registered yet, it goes on trying: {}", path, why.empty() ? "no answer yet" : why));
+    co_return failure(errc::name_server_lost, fmt::format("'{}' is not registered yet, it goes on trying: {}", path,
+                                                          why.empty() ? "no answer yet" : why));
 }
 
 void lease_registrar::update(registration who) {
@@ -115,7 +116,7 @@ bool lease_registrar::leaves(const std::string& path, std::uint64_t incarnation)
 // --- the coroutine that keeps the lease ---------------------------------------------------------------------------
 
 task<> lease_registrar::keep(lease_registrar& self) {
-    back_off pause(self.host_.env(), std::chrono::milliseconds(50), std::min(self.lease_ / 4, longest_pause));
+    back_off pause(self.host_.env(), std::chrono::milliseconds(50), std::min(self.lease_ / 4, max_pause));
     while (!self.host_.scope().stopping()) {
         auto now = self.host_.on().now();
         bool reached = true;
@@ -204,7 +205,8 @@ task<bool> lease_registrar::tell() {
     std::map<std::string, told_state> told;
     for (const auto* name : batch) told.emplace(name->who.path, told_state{name->who.incarnation, name->version});
     auto sent_at = host_.on().now();
-    auto answer = co_await names_.try_call(naming::enroll, std::move(request), std::max(lease_, duration(std::chrono::seconds(1))));
+    auto answer = co_await names_.try_call(naming::enroll, std::move(request),
+                                           std::max(lease_, duration(std::chrono::seconds(1))));
     if (!answer) {
         unreachable(answer.error());
         co_return false;
@@ -215,7 +217,8 @@ task<bool> lease_registrar::tell() {
         auto found = holdings_.find(grant.path);
         auto of = told.find(grant.path);
         // It may have been withdrawn meanwhile, or be another life's.
-        if (found == holdings_.end() || of == told.end() || found->second->who.incarnation != of->second.incarnation) continue;
+        if (found == holdings_.end() || of == told.end() || found->second->who.incarnation != of->second.incarnation)
+            continue;
         if (grant.what == verdict::granted) found->second->told = of->second.version;
         take(std::move(grant));
     }
@@ -233,7 +236,8 @@ void lease_registrar::take(naming::grant answer) {
     if (answer.what == verdict::granted && !answer.reason.empty())
         host_.log().warning("the name server has an objection", {{"component", answer.path}, {"cause", answer.reason}});
     if (answer.what == verdict::wait && !waited && !name.enrolling)
-        host_.log().warning("the name server does not register this component yet, trying on", {{"component", answer.path}, {"cause", answer.reason}});
+        host_.log().warning("the name server does not register this component yet, trying on",
+                            {{"component", answer.path}, {"cause", answer.reason}});
     // What the server knows nothing of under this lease may go to another meanwhile.
     auto valid = name.told == 0 ? 0 : name.epoch;
     if (std::exchange(name.shown, valid) == valid) return;
@@ -264,7 +268,7 @@ task<bool> lease_registrar::renew() {
     naming::renew_request request;
     request.lease_key = lease_key_;
     auto sent_at = host_.on().now();
-    auto answer = co_await names_.try_call(naming::renew, request, std::max(lease_ / 3, least_patience));
+    auto answer = co_await names_.try_call(naming::renew, request, std::max(lease_ / 3, min_patience));
     if (!answer) {
         unreachable(answer.error());
         co_return false;
@@ -309,7 +313,8 @@ task<bool> lease_registrar::tell_departures() {
         naming::withdraw_request request;
         request.lease_key = lease_key_;
         request.departures = told;
-        auto answer = co_await names_.try_call(naming::withdraw, std::move(request), std::max(lease_ / 3, least_patience));
+        auto answer =
+            co_await names_.try_call(naming::withdraw, std::move(request), std::max(lease_ / 3, min_patience));
         if (!answer) why = answer.error();
     } catch (...) { // what it would have told comes with the next try
         end();
@@ -332,7 +337,8 @@ void lease_registrar::lease_granted(time_point sent_at, duration length) {
     valid_until_ = granted ? saturating_add(sent_at, lease_) : time_point::min();
     renew_at_ = granted ? saturating_add(sent_at, lease_ / 3) : time_point::max();
     obstacle_.clear();
-    if (std::exchange(complained_, false)) host_.log().info("the name server is back", {{"name_server", server_.text()}});
+    if (std::exchange(complained_, false))
+        host_.log().info("the name server is back", {{"name_server", server_.text()}});
 }
 
 // Where the last lease was over when something was told, that made another one: the server has forgotten all else. Its
@@ -345,7 +351,8 @@ void lease_registrar::look_at_lease(std::uint64_t server, std::uint64_t number) 
 
 // It was restarted, or we were away for too long: everything is told again, with the epochs that were granted.
 void lease_registrar::lease_lost() {
-    host_.log().info("the name server does not know this node any more: registering again", {{"name_server", server_.text()}});
+    host_.log().info("the name server does not know this node any more: registering again",
+                     {{"name_server", server_.text()}});
     valid_until_ = time_point::min();
     renew_at_ = time_point::max();
     for (auto& [path, name] : holdings_) name->told = 0;
@@ -357,7 +364,8 @@ void lease_registrar::unreachable(const failure& why) {
     if (confirmed() || host_.scope().stopping() || std::exchange(complained_, true)) return;
     bool holds = std::ranges::any_of(holdings_, [](const auto& entry) { return entry.second->epoch != 0; });
     host_.log().warning(holds ? "names are unconfirmed: they could not be renewed in time, sessions go on"
-                              : "the name server does not answer, trying on: is ise_name_server running there, and does ISE_NAME_SERVER say where?",
+                              : "the name server does not answer, trying on: is ise_name_server running there, and "
+                                "does ISE_NAME_SERVER say where?",
                         {{"name_server", server_.text()}, {"cause", why.message()}});
 }
 

@@ -63,19 +63,19 @@ private:
 
     service_host& host_;
     endpoint server_;
-    duration lease_;        // wanted, then as granted
+    duration lease_; // wanted, then as granted
     remote names_;
     std::uint64_t lease_key_;
     std::map<std::string, std::unique_ptr<held_name>> holdings_;
     std::map<std::string, std::uint64_t> departures_; // incarnations that the server has not been told to forget
-    std::uint64_t departures_tried_ = 0;  // so often it was told of some
-    std::uint64_t departures_failed_ = 0; // the last of these that was not answered
+    std::uint64_t departures_tried_ = 0;              // so often it was told of some
+    std::uint64_t departures_failed_ = 0;             // the last of these that was not answered
     bool telling_departures_ = false;
     std::vector<waiter<>*> await_departures_; // its end
     time_point renew_at_ = time_point::max();
     std::atomic<time_point> valid_until_{time_point::min()};
     std::pair<std::uint64_t, std::uint64_t> lease_known_{}; // the server's incarnation, and its number there
-    std::string obstacle_;   // why the server was not reached last
+    std::string obstacle_;                                  // why the server was not reached last
     bool complained_ = false;
     waiter<> news_;
     bool has_news_ = false;

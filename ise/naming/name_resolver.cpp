@@ -21,9 +21,9 @@ constexpr duration patience_with_memory = std::chrono::milliseconds(700);
 // The server was found missing so lately that it is not waited for again.
 constexpr duration surely_lost = std::chrono::seconds(1);
 constexpr duration brief = std::chrono::milliseconds(50);
-constexpr duration longest_lookup_pause = std::chrono::milliseconds(500);
+constexpr duration max_lookup_pause = std::chrono::milliseconds(500);
 constexpr duration question_length = std::chrono::seconds(5);
-constexpr duration shortest_question = std::chrono::milliseconds(50);
+constexpr duration min_question = std::chrono::milliseconds(50);
 constexpr duration way_back = std::chrono::milliseconds(300);
 
 // Smaller is nearer; nothing: it does not lead there.
@@ -53,7 +53,9 @@ failure in_own_words(const failure& why) {
 result<naming::resolve_response> known_answer(const std::string& path, result<naming::await_response> answer) {
     if (!answer) return answer.error();
     if (answer->found) return std::move(*answer->found);
-    if (!answer->certain) return failure(errc::name_server_lost, fmt::format("the name server has just started and may not yet know '{}'", path));
+    if (!answer->certain)
+        return failure(errc::name_server_lost,
+                       fmt::format("the name server has just started and may not yet know '{}'", path));
     return failure(errc::no_such_name, fmt::format("no component is registered as '{}'", path));
 }
 
@@ -81,7 +83,7 @@ name_resolver::~name_resolver() = default;
 remote name_resolver::server() {
     if (!held_) {
         auto way = host_.link_to(server_, std::string(naming::server_path));
-        way->hurry(longest_lookup_pause, std::chrono::seconds(2));
+        way->hurry(max_lookup_pause, std::chrono::seconds(2));
         held_ = remote(std::move(way));
     }
     idle_.arm(saturating_add(host_.on().now(), session_kept));
@@ -97,7 +99,8 @@ std::string name_resolver::trouble() const {
 void name_resolver::note_server(const failure* why, duration waited) {
     if (!why) {
         lost_at_ = time_point::min();
-    } else if (server_missing(*why) && waited >= patience_with_memory) { // the way alone may take longer than a brief question
+    } else if (server_missing(*why) &&
+               waited >= patience_with_memory) { // the way alone may take longer than a brief question
         lost_at_ = host_.on().now();
     }
 }
@@ -108,7 +111,8 @@ result<resolution> name_resolver::take(const std::string& path, result<naming::r
         if (answer.error().code() == errc::no_such_name) return in_own_words(answer.error());
         if (!server_missing(answer.error())) return answer.error();
         if (const auto* last = recall(path)) return *last;
-        return failure(errc::name_server_lost, fmt::format("'{}' cannot be resolved: {}", path, answer.error().message()));
+        return failure(errc::name_server_lost,
+                       fmt::format("'{}' cannot be resolved: {}", path, answer.error().message()));
     }
     if (!answer->members.empty()) return take_members(path, answer->members, answer->certain);
     resolution found;
@@ -118,15 +122,18 @@ result<resolution> name_resolver::take(const std::string& path, result<naming::r
     holder.incarnation = answer->incarnation;
     holder.endpoints = reachable_endpoints(*answer, host_.env().identity());
     if (holder.endpoints.empty())
-        return failure(errc::unreachable,
-                       fmt::format("'{}' on {} cannot be reached from {}: it listens on {} only; let it listen on tcp://0.0.0.0:0 too", path,
-                                   answer->host_name, host_.env().identity().host_name,
-                                   answer->endpoints.empty() ? "nothing" : fmt::format("{}", fmt::join(answer->endpoints, ", "))));
+        return failure(
+            errc::unreachable,
+            fmt::format(
+                "'{}' on {} cannot be reached from {}: it listens on {} only; let it listen on tcp://0.0.0.0:0 too",
+                path, answer->host_name, host_.env().identity().host_name,
+                answer->endpoints.empty() ? "nothing" : fmt::format("{}", fmt::join(answer->endpoints, ", "))));
     remember(path, found);
     return found;
 }
 
-result<resolution> name_resolver::take_members(const std::string& role, const std::vector<naming::role_member>& members, bool certain) {
+result<resolution> name_resolver::take_members(const std::string& role, const std::vector<naming::role_member>& members,
+                                               bool certain) {
     resolution found;
     found.role = true;
     for (const auto& told : members) {
@@ -146,12 +153,17 @@ result<resolution> name_resolver::take_members(const std::string& role, const st
     // A server that has just restarted does not know all yet: those that are known from before stay, by their rank.
     if (const auto* last = recall(role); last && last->role && !certain) {
         for (const auto& before : last->members)
-            if (std::ranges::find(found.members, before.path, &location::path) == found.members.end()) found.members.push_back(before);
-        std::ranges::stable_sort(found.members, [](const auto& a, const auto& b) { return a.ready != b.ready ? a.ready : a.priority > b.priority; });
+            if (std::ranges::find(found.members, before.path, &location::path) == found.members.end())
+                found.members.push_back(before);
+        std::ranges::stable_sort(found.members, [](const auto& a, const auto& b) {
+            return a.ready != b.ready ? a.ready : a.priority > b.priority;
+        });
     }
     if (found.members.empty())
-        return failure(errc::unreachable, fmt::format("none of the {} that serve '{}' can be reached from {}; let them listen on tcp://0.0.0.0:0 too",
-                                                      members.size(), role, host_.env().identity().host_name));
+        return failure(
+            errc::unreachable,
+            fmt::format("none of the {} that serve '{}' can be reached from {}; let them listen on tcp://0.0.0.0:0 too",
+                        members.size(), role, host_.env().identity().host_name));
     remember(role, found);
     return found;
 }
@@ -173,13 +185,15 @@ void name_resolver::remember(const std::string& path, const resolution& who) {
 
 // --- roles --------------------------------------------------------------------------------------------------------
 
-void name_resolver::follow(const std::string& role, link& who) {
+void name_resolver::follow(const std::string& role, peer_channel& who) {
     auto& entry = followed_[role];
     entry.by.push_back(&who);
-    if (!entry.watch) entry.watch = std::make_unique<role_watch>(host_, server(), role, [this](const naming::role_members& told) { on_news(told); });
+    if (!entry.watch)
+        entry.watch = std::make_unique<role_watch>(host_, server(), role,
+                                                   [this](const naming::role_members& told) { on_news(told); });
 }
 
-void name_resolver::unfollow(const std::string& role, link& who) noexcept {
+void name_resolver::unfollow(const std::string& role, peer_channel& who) noexcept {
     auto found = followed_.find(role);
     if (found == followed_.end()) return;
     std::erase(found->second.by, &who);
@@ -227,12 +241,13 @@ task<result<resolution>> name_resolver::resolve_when_present(std::string path, t
         question.path = path;
         // The server ends the wait itself, in time for its answer to be here by the deadline.
         if (!last) question.wait = std::min(left - way_back, question_length);
-        auto limit = std::max(question.wait + way_back, shortest_question);
+        auto limit = std::max(question.wait + way_back, min_question);
         auto names = server();
         auto answer = co_await names.try_call(naming::wait_for, std::move(question), limit);
         note_server(answer ? nullptr : &answer.error(), limit);
         auto found = take(path, known_answer(path, std::move(answer)));
-        if (found || found.error().code() == errc::unreachable || found.error().code() == errc::cancelled) co_return found;
+        if (found || found.error().code() == errc::unreachable || found.error().code() == errc::cancelled)
+            co_return found;
         if (found.error().code() == errc::no_such_name) said = found.error();
         if (last) co_return said ? *said : found.error();
         co_await sleep_until(on, std::min(deadline, saturating_add(on.now(), std::chrono::milliseconds(20))));

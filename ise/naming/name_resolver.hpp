@@ -1,7 +1,7 @@
 #pragma once
 #include <ise/naming/role_watch.hpp>
 #include <ise/naming/services.hpp>
-#include <ise/service/link.hpp>
+#include <ise/service/peer_channel.hpp>
 #include <ise/service/remote.hpp>
 
 #include <cstdint>
@@ -15,16 +15,16 @@ namespace ise {
 /// Finds components through the name server, for one component and on its loop.
 ///
 /// What was found once is remembered and used while the name server is away or has just restarted: sessions are made
-/// again to where the component was last known to be. Of a role that is followed every change is known as it happens, so
-/// that a handle goes on with another member without asking anybody. Lifetime: the host outlives it.
+/// again to where the component was last known to be. Of a role that is followed every change is known as it happens,
+/// so that a handle goes on with another member without asking anybody. Lifetime: the host outlives it.
 class name_resolver final : public resolver {
 public:
     name_resolver(service_host& host, endpoint name_server);
     ~name_resolver();
 
-    /// errc::no_such_name: nobody holds it, or serves the role; errc::unreachable: there is no endpoint that reaches this
-    /// process; errc::name_server_lost: the server cannot say, and nobody was ever found there.
-    /// Cancellation: terminal.
+    /// errc::no_such_name: nobody holds it, or serves the role; errc::unreachable: there is no endpoint that reaches
+    /// this process; errc::name_server_lost: the server cannot say, and nobody was ever found there. Cancellation:
+    /// terminal.
     task<result<resolution>> resolve(std::string path) override;
     /// The same, with errc::no_such_name or errc::name_server_lost only at `deadline`.
     task<result<resolution>> resolve_when_present(std::string path, time_point deadline) override;
@@ -32,8 +32,8 @@ public:
     task<std::uint64_t> next_life(std::string path, std::uint64_t than, time_point deadline) override;
     std::string trouble() const override;
 
-    void follow(const std::string& role, link& who) override;
-    void unfollow(const std::string& role, link& who) noexcept override;
+    void follow(const std::string& role, peer_channel& who) override;
+    void unfollow(const std::string& role, peer_channel& who) noexcept override;
 
     const endpoint& name_server() const noexcept { return server_; }
 
@@ -44,14 +44,15 @@ private:
     };
     struct followed {
         std::unique_ptr<role_watch> watch;
-        std::vector<link*> by;
+        std::vector<peer_channel*> by;
     };
 
     remote server();
     /// What a question that was given this long tells of the server.
     void note_server(const failure* why, duration waited);
     result<resolution> take(const std::string& path, result<naming::resolve_response> answer);
-    result<resolution> take_members(const std::string& role, const std::vector<naming::role_member>& members, bool certain);
+    result<resolution> take_members(const std::string& role, const std::vector<naming::role_member>& members,
+                                    bool certain);
     void on_news(const naming::role_members& told);
     const resolution* recall(const std::string& path);
     void remember(const std::string& path, const resolution& who);

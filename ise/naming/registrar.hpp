@@ -17,12 +17,12 @@ namespace ise {
 struct registration {
     std::string path;
     std::uint64_t incarnation = 0;
-    std::string type;                           ///< of the component, for people
-    std::string state;                          ///< "ready", "stalled"…
+    std::string type;  ///< of the component, for people
+    std::string state; ///< "ready", "stalled"…
     std::vector<endpoint> endpoints;
-    std::vector<service_description> services;  ///< provided and required
-    std::map<std::string, std::int32_t> roles;  ///< that it serves, with its priority
-    std::string waits_for;                      ///< for people; empty: nothing, or not for long
+    std::vector<service_description> services; ///< provided and required
+    std::map<std::string, std::int32_t> roles; ///< that it serves, with its priority
+    std::string waits_for;                     ///< for people; empty: nothing, or not for long
 };
 
 /// Keeps the names of a node's components: registers them, renews the node's lease, withdraws them. Lives on the node's
@@ -44,8 +44,8 @@ public:
     /// Whether the lease of the granted names holds now, as far as this side knows; from any thread.
     virtual bool confirmed() const noexcept = 0;
 
-    /// Tells when a name was granted later than `enroll` waited, or again (epoch), has to wait until it is granted again
-    /// (0), or was lost to another holder (failure).
+    /// Tells when a name was granted later than `enroll` waited, or again (epoch), has to wait until it is granted
+    /// again (0), or was lost to another holder (failure).
     std::function<void(const std::string& path, result<std::uint64_t> epoch)> on_change;
 };
 

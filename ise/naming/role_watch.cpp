@@ -20,13 +20,14 @@ struct role_watch::state {
     remote server;
     std::string role;
     std::function<void(const naming::role_members&)> on_news;
-    stream_of<subscription<naming::role_members, naming::role_request>> packets;
+    subscriber<subscription<naming::role_members, naming::role_request>> packets;
     bool subscribed = false;
     bool heard = false; // something, over the subscription that there is
     bool over = false;
 };
 
-role_watch::role_watch(service_host& host, remote server, std::string role, std::function<void(const naming::role_members&)> on_news)
+role_watch::role_watch(service_host& host, remote server, std::string role,
+                       std::function<void(const naming::role_members&)> on_news)
     : state_(std::make_shared<state>(host, std::move(server), std::move(role), std::move(on_news))) {
     host.scope().spawn("members of " + state_->role, run(state_));
 }

@@ -34,17 +34,18 @@ struct node_identity {
     std::string name;            ///< for people
     /// For people.
     std::string host_name;
-    std::string host_key;        ///< equal where local sockets and loopback reach
-    std::string process_key;     ///< equal within one process and life
+    std::string host_key;    ///< equal where local sockets and loopback reach
+    std::string process_key; ///< equal within one process and life
     /// On its host.
     std::uint64_t process_id = 0;
-    std::string launch_mark;     ///< of a process that an instantiation server started, as `ended_request` has it; told to nobody else
+    std::string
+        launch_mark; ///< of a process that an instantiation server started, as `ended_request` has it; told to nobody else
 };
 
 /// The canonical text of a packet's schema.
 struct schema_text {
     std::uint64_t fingerprint = 0; ///< of the schema
-    std::string text; ///< one line
+    std::string text;              ///< one line
 };
 
 /// A service that a component provides or needs.
@@ -68,16 +69,16 @@ struct component_claim {
     /// Provided and required.
     std::vector<service_entry> services;
     std::map<std::string, std::int32_t> roles; ///< that it serves beside its own name: path and priority
-    std::uint64_t proof = 0; ///< as it was granted with `epoch`
-    std::string waits_for; ///< for people; empty: nothing, or not for long
+    std::uint64_t proof = 0;                   ///< as it was granted with `epoch`
+    std::string waits_for;                     ///< for people; empty: nothing, or not for long
 };
 
 /// Claims names, or reports changes of claims; renews the node's lease too.
 struct register_request {
-    node_identity node;                ///< who claims
-    duration lease{};                  ///< wanted
+    node_identity node;                      ///< who claims
+    duration lease{};                        ///< wanted
     std::vector<component_claim> components; ///< new ones, and those of which something has changed
-    std::vector<schema_text> schemas;  ///< of the packets that the services name
+    std::vector<schema_text> schemas;        ///< of the packets that the services name
 };
 
 /// What becomes of a claim.
@@ -85,8 +86,8 @@ enum class verdict : std::uint8_t {
     granted,    ///< the path is the claimant's, under the epoch that is told
     taken,      ///< another holds it
     superseded, ///< another was granted it later than the claimant
-    wait,       ///< not now: the server has restarted and waits for those who held names before, or has no room; ask again
-    refused,    ///< no such claim can be granted, whatever is registered: the reason says why
+    wait,    ///< not now: the server has restarted and waits for those who held names before, or has no room; ask again
+    refused, ///< no such claim can be granted, whatever is registered: the reason says why
 };
 
 /// Who has a path.
@@ -99,8 +100,8 @@ struct holder {
     std::string host_name;
     /// On that host.
     std::uint64_t process_id = 0;
-    std::string endpoint;  ///< the first
-    duration lease_age{};  ///< since it was last renewed
+    std::string endpoint;       ///< the first
+    duration lease_age{};       ///< since it was last renewed
     std::uint64_t renewals = 0; ///< of its lease so far
 };
 
@@ -109,20 +110,21 @@ struct grant {
     /// Claimed.
     std::string path;
     verdict what = verdict::granted; ///< which of the fields below count
-    std::uint64_t epoch = 0;      ///< granted
-    std::string reason;           ///< where it was not granted
-    std::vector<holder> held_by;  ///< taken, superseded: one
-    duration retry_after{};       ///< wait
-    std::uint64_t proof = 0;      ///< granted: shows to the server, also after its restart, that it was; told to nobody else
+    std::uint64_t epoch = 0;         ///< granted
+    std::string reason;              ///< where it was not granted
+    std::vector<holder> held_by;     ///< taken, superseded: one
+    duration retry_after{};          ///< wait
+    std::uint64_t proof = 0; ///< granted: shows to the server, also after its restart, that it was; told to nobody else
 };
 
 /// The answer to `register_request`.
 struct register_response {
     /// Another one than before: the server was restarted.
     std::uint64_t server_incarnation = 0;
-    duration lease{};           ///< granted; at most what was wanted. 0: none, as every claim was denied
-    std::vector<grant> grants;  ///< in the order of the claims
-    std::uint64_t lease_number = 0; ///< of the lease in this life of the server: another one knows nothing of what was told under the last
+    duration lease{};          ///< granted; at most what was wanted. 0: none, as every claim was denied
+    std::vector<grant> grants; ///< in the order of the claims
+    std::uint64_t lease_number =
+        0; ///< of the lease in this life of the server: another one knows nothing of what was told under the last
 };
 
 /// Renews a lease, and nothing else.
@@ -133,12 +135,12 @@ struct renew_request {
 
 /// The answer to `renew_request`.
 struct renew_response {
-    bool known = false;        ///< false: the server does not know the lease (any more): register again
+    bool known = false; ///< false: the server does not know the lease (any more): register again
     /// Another one than before: the server was restarted.
     std::uint64_t server_incarnation = 0;
     /// Granted, from now on.
     duration lease{};
-    std::vector<grant> lost;   ///< names that went to others; told until they are withdrawn
+    std::vector<grant> lost;        ///< names that went to others; told until they are withdrawn
     std::uint64_t lease_number = 0; ///< as in register_response
 };
 
@@ -159,9 +161,10 @@ struct withdraw_request {
 /// Withdrawing always succeeds.
 struct withdraw_response {};
 
-/// A process has died. Only the program that started it can report this: it alone knows the mark that it gave the process.
+/// A process has died. Only the program that started it can report this: it alone knows the mark that it gave the
+/// process.
 struct ended_request {
-    /// Random, of `least_mark_bytes` at least; in the environment of the process, as `launch_mark_variable`.
+    /// Random, of `min_mark_bytes` at least; in the environment of the process, as `launch_mark_variable`.
     std::string launch_mark;
 };
 
@@ -180,27 +183,27 @@ struct resolve_request {
 
 /// A component that serves a role.
 struct role_member {
-    std::string path; ///< held
-    std::int32_t priority = 0; ///< the highest is preferred
-    std::string state; ///< "ready", "stalled"…
-    std::uint64_t epoch = 0; ///< granted
-    std::uint64_t incarnation = 0; ///< of this life
-    std::string host_name; ///< for people
-    std::string host_key; ///< equal where local sockets and loopback reach
-    std::string process_key; ///< equal within one process and life
+    std::string path;                   ///< held
+    std::int32_t priority = 0;          ///< the highest is preferred
+    std::string state;                  ///< "ready", "stalled"…
+    std::uint64_t epoch = 0;            ///< granted
+    std::uint64_t incarnation = 0;      ///< of this life
+    std::string host_name;              ///< for people
+    std::string host_key;               ///< equal where local sockets and loopback reach
+    std::string process_key;            ///< equal within one process and life
     std::vector<std::string> endpoints; ///< as ise::endpoint::text() writes them
 };
 /// The answer to `resolve_request`.
 struct resolve_response {
-    std::string path; ///< held
-    std::uint64_t epoch = 0;       ///< this and what follows of the holder, or of the best member
-    std::uint64_t incarnation = 0; ///< of this life
-    std::string host_name; ///< for people
-    std::string host_key; ///< equal where local sockets and loopback reach
-    std::string process_key; ///< equal within one process and life
+    std::string path;                   ///< held
+    std::uint64_t epoch = 0;            ///< this and what follows of the holder, or of the best member
+    std::uint64_t incarnation = 0;      ///< of this life
+    std::string host_name;              ///< for people
+    std::string host_key;               ///< equal where local sockets and loopback reach
+    std::string process_key;            ///< equal within one process and life
     std::vector<std::string> endpoints; ///< as ise::endpoint::text() writes them
-    std::vector<role_member> members; ///< of a role: all, best first; of a name none
-    bool certain = true;              ///< false: the server has just restarted, and may not know every member yet
+    std::vector<role_member> members;   ///< of a role: all, best first; of a name none
+    bool certain = true;                ///< false: the server has just restarted, and may not know every member yet
 };
 /// Asks for the members of a role.
 struct role_request {
@@ -211,13 +214,13 @@ struct role_request {
 struct role_members {
     std::string role;                 ///< its path
     std::vector<role_member> members; ///< best first
-    bool certain = true; ///< false: the server has just restarted, and there may be more
+    bool certain = true;              ///< false: the server has just restarted, and there may be more
 };
 /// Requests the holder of a name, and waits until there is one.
 struct await_request {
     /// Exactly.
     std::string path;
-    duration wait{}; ///< for somebody to hold it, at most `longest_wait`
+    duration wait{};              ///< for somebody to hold it, at most `max_wait`
     std::uint64_t other_than = 0; ///< an incarnation that does not count: who asks knows that it is gone
 };
 
@@ -229,26 +232,26 @@ struct await_response {
 
 /// A name as lists and watchers see it.
 struct listed_name {
-    std::string path; ///< held
-    std::uint64_t epoch = 0; ///< granted
-    std::uint64_t incarnation = 0; ///< of this life
-    std::string type; ///< for people
-    std::string state; ///< "ready", "stalled"…
-    std::string node; ///< its name, for people
-    std::string host_name; ///< for people
-    std::uint64_t process_id = 0; ///< on that host
-    std::vector<std::string> endpoints; ///< as ise::endpoint::text() writes them
-    std::uint32_t services_provided = 0; ///< how many
-    duration lease_age{};  ///< in lists: since it was last renewed
+    std::string path;                          ///< held
+    std::uint64_t epoch = 0;                   ///< granted
+    std::uint64_t incarnation = 0;             ///< of this life
+    std::string type;                          ///< for people
+    std::string state;                         ///< "ready", "stalled"…
+    std::string node;                          ///< its name, for people
+    std::string host_name;                     ///< for people
+    std::uint64_t process_id = 0;              ///< on that host
+    std::vector<std::string> endpoints;        ///< as ise::endpoint::text() writes them
+    std::uint32_t services_provided = 0;       ///< how many
+    duration lease_age{};                      ///< in lists: since it was last renewed
     std::map<std::string, std::int32_t> roles; ///< that it serves, with its priority
-    std::string waits_for; ///< for people; empty: nothing, or not for long
+    std::string waits_for;                     ///< for people; empty: nothing, or not for long
 };
 
 /// Asks for names in order.
 struct list_request {
-    std::string prefix;       ///< "atirma/shore" is that path and all below it; empty: every name
-    std::string after;        ///< goes on behind this path
-    std::uint32_t limit = 0;  ///< at most so many; 0: as many as the server gives at once
+    std::string prefix;      ///< "atirma/shore" is that path and all below it; empty: every name
+    std::string after;       ///< goes on behind this path
+    std::uint32_t limit = 0; ///< at most so many; 0: as many as the server gives at once
 };
 
 /// The answer to `list_request`.
@@ -272,7 +275,7 @@ struct describe_response {
     std::vector<schema_text> schemas; ///< those that `services` name, as far as they were told
     /// Of its node.
     duration lease{};
-    duration lease_age{};             ///< since it was last renewed
+    duration lease_age{}; ///< since it was last renewed
 };
 
 /// Asks for names that were lost.
@@ -311,7 +314,7 @@ struct name_event {
 /// What has changed under a watched prefix. The first packet is a snapshot, and so is the first after the server was
 /// restarted: whatever was known before is replaced by it. Who loses a packet (`lost_before()`) subscribes anew.
 struct name_events {
-    bool snapshot = false; ///< the events are all names that there are
+    bool snapshot = false;          ///< the events are all names that there are
     std::vector<name_event> events; ///< in order
 };
 
@@ -323,7 +326,8 @@ inline constexpr request_response<register_request, register_response> enroll{"i
 inline constexpr request_response<renew_request, renew_response> renew{"ise.names.renew"};
 /// Gives names back at once.
 inline constexpr request_response<withdraw_request, withdraw_response> withdraw{"ise.names.withdraw"};
-/// Ends the leases of a process that has died, before they run out. errc::refused: no mark that a process is started with.
+/// Ends the leases of a process that has died, before they run out. errc::refused: no mark that a process is started
+/// with.
 inline constexpr request_response<ended_request, ended_response> ended{"ise.names.ended"};
 /// The holder of a name, or if there is none the members of a role. errc::no_such_name: neither exists;
 /// errc::name_server_lost: the server has just restarted and cannot say.
@@ -345,26 +349,28 @@ inline constexpr subscription<role_members, role_request> role_changes{"ise.name
 /// The variable that carries the mark of a process, through all that it starts.
 inline constexpr const char* launch_mark_variable = "ISE_INSTANCE";
 /// A shorter one is no secret.
-inline constexpr std::size_t least_mark_bytes = 32;
+inline constexpr std::size_t min_mark_bytes = 32;
 
-inline constexpr duration longest_wait = std::chrono::seconds(10); ///< of `wait_for`
+inline constexpr duration max_wait = std::chrono::seconds(10); ///< of `wait_for`
 
-/// The order in which the members of a role are preferred, smaller first: those that are ready, by priority, then who was
-/// granted its name earlier.
-inline std::tuple<bool, std::int64_t, std::uint64_t> role_rank(std::string_view state, std::int32_t priority, std::uint64_t epoch) noexcept {
+/// The order in which the members of a role are preferred, smaller first: those that are ready, by priority, then who
+/// was granted its name earlier.
+inline std::tuple<bool, std::int64_t, std::uint64_t> role_rank(std::string_view state, std::int32_t priority,
+                                                               std::uint64_t epoch) noexcept {
     return {state != "ready", -std::int64_t{priority}, epoch};
 }
 
 /// Of a component, in bytes.
-inline constexpr std::size_t longest_path = 200;
+inline constexpr std::size_t max_path = 200;
 
 /// Whether it is written like the path of a component or a role, `atirma/shore/xbee`; of any length.
 inline bool is_path(std::string_view path) noexcept {
     auto fits = [](unsigned char letter) {
-        return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') || (letter >= '0' && letter <= '9') || letter == '_' ||
-               letter == '-' || letter == '.' || letter == '/';
+        return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') ||
+               (letter >= '0' && letter <= '9') || letter == '_' || letter == '-' || letter == '.' || letter == '/';
     };
-    return !path.empty() && std::ranges::all_of(path, fits) && !path.starts_with('/') && !path.ends_with('/') && path.find("//") == path.npos;
+    return !path.empty() && std::ranges::all_of(path, fits) && !path.starts_with('/') && !path.ends_with('/') &&
+           path.find("//") == path.npos;
 }
 
 /// Whether `path` is `prefix` or lies below it; every path lies below an empty one.

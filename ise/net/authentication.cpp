@@ -23,11 +23,17 @@ wire::credentials authentication::offer() {
 
 std::optional<failure> authentication::objection(const wire::credentials& offered) const {
     if (!key_ && offered.scheme.empty()) return {};
-    if (!key_) return failure(errc::unauthorized, "a proof is asked for that cannot be given: no shared key is known here (start it with --key FILE or ISE_KEY)");
+    if (!key_)
+        return failure(errc::unauthorized, "a proof is asked for that cannot be given: no shared key is known here "
+                                           "(start it with --key FILE or ISE_KEY)");
     if (offered.scheme.empty())
-        return failure(errc::unauthorized, "a shared key is demanded here, and none was offered: give the key's file with --key FILE or ISE_KEY");
+        return failure(
+            errc::unauthorized,
+            "a shared key is demanded here, and none was offered: give the key's file with --key FILE or ISE_KEY");
     if (offered.scheme != scheme || offered.proof.size() != nonce_bytes)
-        return failure(errc::unauthorized, fmt::format("a shared key is demanded here, by the scheme {}, and something else was offered", scheme));
+        return failure(
+            errc::unauthorized,
+            fmt::format("a shared key is demanded here, by the scheme {}, and something else was offered", scheme));
     return {};
 }
 

@@ -1,6 +1,6 @@
 #pragma once
-#include <ise/net/shared_key.hpp>
 #include <ise/core/buffer.hpp>
+#include <ise/net/shared_key.hpp>
 #include <ise/wire/frame.hpp>
 #include <ise/wire/messages.hpp>
 
@@ -8,8 +8,8 @@
 
 namespace ise::net {
 
-/// One side's part in proving that both know the shared key (FORMAT.md, section 5). Pure: the handshake carries what it says,
-/// and tells it every frame of the handshake, in the order of the conversation.
+/// One side's part in proving that both know the shared key (FORMAT.md, section 5). Pure: the handshake carries what it
+/// says, and tells it every frame of the handshake, in the order of the conversation.
 class authentication {
 public:
     static constexpr std::string_view scheme = "hmac-sha256";

@@ -67,8 +67,9 @@ void batch::visit_unwritten(const std::function<void(const wire::frame&)>& visit
             auto header = wire::read_header(rest.data());
             std::size_t size = wire::frame_header::size + header.length;
             passed_object object;
-            if ((header.flags & wire::flag::beside) && !beside_.empty()) object = beside_.pop_front();
-            if (frame_at >= written_ && size <= rest.size()) visit({header, rest.subspan(wire::frame_header::size, header.length), object ? &object : nullptr});
+            if ((header.flags & wire::flag::attached) && !attachments_.empty()) object = attachments_.pop_front();
+            if (frame_at >= written_ && size <= rest.size())
+                visit({header, rest.subspan(wire::frame_header::size, header.length), object ? &object : nullptr});
             frame_at += size;
         }
         segment_at += content.size();
@@ -86,8 +87,8 @@ void batch::clear() {
         owners_.clear();
         staged_ = shared_bytes_ = 0;
     }
-    if (!beside_.empty()) beside_.clear();
-    beside_weight_ = written_ = 0;
+    if (!attachments_.empty()) attachments_.clear();
+    attached_weight_ = written_ = 0;
 }
 
 } // namespace ise::net

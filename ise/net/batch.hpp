@@ -1,8 +1,8 @@
 #pragma once
+#include <ise/core/buffer.hpp>
 #include <ise/core/bytes.hpp>
 #include <ise/core/passed_object.hpp>
 #include <ise/core/ring.hpp>
-#include <ise/core/buffer.hpp>
 #include <ise/packet/shared_bytes.hpp>
 #include <ise/wire/frame.hpp>
 
@@ -36,15 +36,15 @@ public:
 
     /// The object of the frame that was put last, which travels beside the bytes.
     void pass(passed_object object) {
-        beside_weight_ += object.weight();
-        beside_.push_back(std::move(object));
+        attached_weight_ += object.weight();
+        attachments_.push_back(std::move(object));
     }
     /// Those of all frames, in their order.
-    ring<passed_object>& beside() noexcept { return beside_; }
+    ring<passed_object>& attachments() noexcept { return attachments_; }
 
     std::size_t bytes() const noexcept { return shared_bytes_ + staging_.size(); }
     /// The same with what travels beside.
-    std::size_t weight() const noexcept { return bytes() + beside_weight_; }
+    std::size_t weight() const noexcept { return bytes() + attached_weight_; }
     bool empty() const noexcept { return bytes() == 0; }
     bool done() const noexcept { return written_ == bytes(); }
     std::size_t left() const noexcept { return bytes() - written_; }
@@ -83,15 +83,15 @@ private:
     std::vector<shared_bytes> owners_;
     std::vector<asio::const_buffer> views_;
     asio::const_buffer whole_;
-    ring<passed_object> beside_;
-    std::size_t beside_weight_ = 0;
+    ring<passed_object> attachments_;
+    std::size_t attached_weight_ = 0;
     std::size_t staged_ = 0; // bytes of the staging buffer that lie in segments
     std::size_t shared_bytes_ = 0;
     std::size_t written_ = 0;
 };
 
-/// The batches of all connections of a loop (`loop::common`): a connection has one only while something is being written,
-/// and what it grew to serves the next one.
+/// The batches of all connections of a loop (`loop::common`): a connection has one only while something is being
+/// written, and what it grew to serves the next one.
 class batch_pool {
 public:
     std::unique_ptr<batch> lend() {

@@ -27,8 +27,10 @@ task<admitted> bounded_acceptor::next() {
         if (problem) {
             bool scarce = out_of_descriptors(problem);
             if (places_ && (scarce || out_of_memory(problem))) places_->make_way();
-            auto what = fmt::format("cannot accept: {}{}", problem.message(),
-                                    scarce ? "; sessions go on, new ones wait until some have ended or the limit is raised (ulimit -n)" : "");
+            auto what = fmt::format(
+                "cannot accept: {}{}", problem.message(),
+                scarce ? "; sessions go on, new ones wait until some have ended or the limit is raised (ulimit -n)"
+                       : "");
             report_(what, from_->where().text());
             co_await sleep_for(on_, accept_pause);
             continue;

@@ -16,7 +16,9 @@ namespace ise::net {
 namespace {
 
 failure no_identity(const endpoint& at) {
-    return {errc::invalid_argument, fmt::format("{} takes a certificate of this side: give the folder with ca.pem, certificate.pem and key.pem with --tls FOLDER or ISE_TLS", at.text())};
+    return {errc::invalid_argument, fmt::format("{} takes a certificate of this side: give the folder with ca.pem, "
+                                                "certificate.pem and key.pem with --tls FOLDER or ISE_TLS",
+                                                at.text())};
 }
 
 } // namespace
@@ -28,7 +30,8 @@ result<std::unique_ptr<listener>> listen(loop& on, const endpoint& at, std::shar
     return tls::listen(on, at, std::move(with));
 }
 
-task<result<std::unique_ptr<stream>>> connect_until(loop& on, endpoint to, time_point deadline, std::shared_ptr<tls::identity> with) {
+task<result<std::unique_ptr<stream>>> connect_until(loop& on, endpoint to, time_point deadline,
+                                                    std::shared_ptr<tls::identity> with) {
     if (to.kind == protocol::tls && !with) co_return no_identity(to);
     using outcome = result<std::unique_ptr<stream>>;
     // The attempt is a coroutine of its own, so that the deadline cancels it and not whoever asked.
@@ -42,7 +45,8 @@ task<result<std::unique_ptr<stream>>> connect_until(loop& on, endpoint to, time_
     auto where = to.text();
     waiter<> done(on, [&done] { done.resume(); });
     auto* wake = &done;
-    auto body = [](std::shared_ptr<attempt> of, loop& at, endpoint target, std::shared_ptr<tls::identity> shown) -> task<> {
+    auto body = [](std::shared_ptr<attempt> of, loop& at, endpoint target,
+                   std::shared_ptr<tls::identity> shown) -> task<> {
         if (target.kind == protocol::udp) {
             auto got = co_await udp::connect(at, std::move(target));
             of->got.emplace(std::move(got));
@@ -69,13 +73,15 @@ task<result<std::unique_ptr<stream>>> connect_until(loop& on, endpoint to, time_
         std::shared_ptr<attempt> of;
         ~leaving() { of->abandoned = true; }
     } guard{state};
-    asio::co_spawn(on.get_executor(), body(state, on, std::move(to), std::move(with)), asio::bind_cancellation_slot(state->cancel.slot(), std::move(finished)));
+    asio::co_spawn(on.get_executor(), body(state, on, std::move(to), std::move(with)),
+                   asio::bind_cancellation_slot(state->cancel.slot(), std::move(finished)));
     if (!state->got && !state->thrown) co_await done.wait();
     if (state->got && *state->got) co_return std::move(*state->got);
     if (late) co_return failure(errc::timed_out, fmt::format("cannot connect to {}: no answer in time", where));
     if (state->got) co_return std::move(*state->got);
     state->cancel.emit(asio::cancellation_type::terminal);
-    if (state->thrown) co_return failure(errc::unreachable, fmt::format("cannot connect to {}: {}", where, describe(state->thrown)));
+    if (state->thrown)
+        co_return failure(errc::unreachable, fmt::format("cannot connect to {}: {}", where, describe(state->thrown)));
     co_return failure(errc::cancelled, fmt::format("connecting to {} was cancelled", where));
 }
 

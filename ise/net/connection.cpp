@@ -33,8 +33,9 @@ struct no_used_frames {
 
 connection::connection(loop& on, std::unique_ptr<stream> transport, session_terms terms, wire::parser parser)
     : on_(on), transport_(std::move(transport)), terms_(std::move(terms)),
-      peer_name_(terms_.peer.path.empty() ? transport_->peer() : fmt::format("{} ({})", terms_.peer.path, transport_->peer())), parser_(std::move(parser)),
-      heartbeat_(on, [this] { pulse(); }) {
+      peer_name_(terms_.peer.path.empty() ? transport_->peer()
+                                          : fmt::format("{} ({})", terms_.peer.path, transport_->peer())),
+      parser_(std::move(parser)), heartbeat_(on, [this] { pulse(); }) {
     parser_.set_max_frame_bytes(terms_.we_accept.max_frame_bytes);
     datagrams_ = dynamic_cast<datagram_stream*>(transport_.get());
     if (datagrams_) outbox_.use(*datagrams_);
@@ -44,7 +45,8 @@ connection::connection(loop& on, std::unique_ptr<stream> transport, session_term
     outbox_.limit_messages(terms_.peer_accepts.max_message_bytes);
     parser_.release(); // a greeting is larger than what follows on an idle connection
     last_heard_ = last_sent_ = on_.now();
-    signs_ = std::make_shared<vital_signs>(*transport_, duration(static_cast<std::int64_t>(terms_.peer_accepts.heartbeat_ns)), last_sent_);
+    signs_ = std::make_shared<heartbeat_sender>(
+        *transport_, duration(static_cast<std::int64_t>(terms_.peer_accepts.heartbeat_ns)), last_sent_);
 }
 
 connection::~connection() { signs_->end(); }
@@ -105,8 +107,10 @@ bool connection::taken(const result<void>& state) {
 
 void connection::end_for_read(const std::error_code& problem) {
     std::string_view how = problem == asio::error::eof ? (finishing_ ? "has closed" : "closed the connection")
-                           : problem == asio::error::operation_aborted ? "was left: this side stopped" : "";
-    close(failure(errc::peer_lost, how.empty() ? fmt::format("{}: {}", peer_name(), problem.message()) : fmt::format("{} {}", peer_name(), how)));
+                           : problem == asio::error::operation_aborted ? "was left: this side stopped"
+                                                                       : "";
+    close(failure(errc::peer_lost, how.empty() ? fmt::format("{}: {}", peer_name(), problem.message())
+                                               : fmt::format("{} {}", peer_name(), how)));
 }
 
 // The peer is told what it did wrong, if that goes at once.
@@ -139,7 +143,7 @@ void connection::on_message(bytes_view message) {
     received.body = message.subspan(wire::frame_header::size);
     result<void> state;
     if (received.header.type != frame_type::packet || received.header.length != received.body.size()) {
-        state = failure(errc::protocol_error, "a message came beside the stream that is not a packet");
+        state = failure(errc::protocol_error, "a message came attachments the stream that is not a packet");
     } else {
         state = take(received, receiver());
     }
@@ -147,13 +151,13 @@ void connection::on_message(bytes_view message) {
 }
 
 // From within the process: it is taken where it lies.
-void connection::on_passed(bytes_view content, ring<passed_object>& beside) {
+void connection::on_passed(bytes_view content, ring<passed_object>& attachments) {
     if (!open_) return;
     counts_.bytes_in += content.size();
     last_heard_ = on_.now();
-    beside_ = &beside;
+    attachments_ = &attachments;
     auto state = take_lying(content);
-    beside_ = nullptr;
+    attachments_ = nullptr;
     taken(state);
 }
 
@@ -187,9 +191,10 @@ result<void> connection::take_lying(bytes_view content) {
 result<void> connection::take_whole(wire::frame& received, user* receiver) {
     ++counts_.frames_in;
     received.object = nullptr;
-    if (!beside_ || !(received.header.flags & wire::flag::beside)) return take(received, receiver);
-    if (beside_->empty()) return failure(errc::protocol_error, "a packet was to come beside its frame, and did not");
-    auto object = beside_->pop_front();
+    if (!attachments_ || !(received.header.flags & wire::flag::attached)) return take(received, receiver);
+    if (attachments_->empty())
+        return failure(errc::protocol_error, "a packet was to come attachments its frame, and did not");
+    auto object = attachments_->pop_front();
     received.object = &object;
     return take(received, receiver);
 }
@@ -227,12 +232,15 @@ result<void> connection::take(const wire::frame& received, user* receiver) {
 }
 
 result<void> connection::answers_bounded() const {
-    if (outbox_.control().size() <= limit::control_bytes) [[likely]] return {};
+    if (outbox_.control().size() <= limit::control_bytes) [[likely]]
+        return {};
     return too_many_answers();
 }
 
 failure connection::too_many_answers() {
-    return failure(errc::overloaded, fmt::format("does not read the answers to its requests: more than {} bytes wait (control_bytes)", limit::control_bytes));
+    return failure(errc::overloaded,
+                   fmt::format("does not read the answers to its requests: more than {} bytes wait (control_bytes)",
+                               limit::control_bytes));
 }
 
 // What is said between connections, and not to the user.
@@ -251,7 +259,8 @@ result<void> connection::take_own(const wire::frame& received, user* receiver) {
             if (sent > now || sent <= time_point{}) return {};
             round_trip_ = now - sent;
             if (tells_clock() && received.body.size() >= 8)
-                terms_.clock.note(sent, time_point(duration(detail::load_little<std::int64_t>(received.body.data()))), now);
+                terms_.clock.note(sent, time_point(duration(detail::load_little<std::int64_t>(received.body.data()))),
+                                  now);
             return {};
         }
         case frame_type::goodbye: {
@@ -268,7 +277,8 @@ result<void> connection::take_own(const wire::frame& received, user* receiver) {
             if (!*whole) return {};
             wire::frame message;
             message.header = (*whole)->header;
-            if (message.header.type == frame_type::piece) return failure(errc::protocol_error, "a message in pieces holds a piece");
+            if (message.header.type == frame_type::piece)
+                return failure(errc::protocol_error, "a message in pieces holds a piece");
             message.body = (*whole)->body.view();
             return take(message, receiver);
         }
@@ -281,7 +291,8 @@ void connection::flush() {
     if (datagrams_ && !finishing_) outbox_.feed_lane(); // packets beside the stream do not wait for it
     if (blocked_) return;
     signs_->claim();
-    if (signs_->broken()) return close(failure(errc::peer_lost, fmt::format("{} did not take a sign of life whole", peer_name())));
+    if (signs_->broken())
+        return close(failure(errc::peer_lost, fmt::format("{} did not take a sign of life whole", peer_name())));
     if (!pass_calls()) {
         auto& batches = on_.common<batch_pool>();
         if (!batch_) batch_ = batches.lend();
@@ -316,14 +327,15 @@ void connection::write_out() {
             if (finishing_) transport_->shutdown_write();
             return;
         }
-        auto wrote = objects_ ? objects_->pass(batch_->whole(), batch_->beside())
+        auto wrote = objects_ ? objects_->pass(batch_->whole(), batch_->attachments())
                               : transport_->try_write(batch_->remaining());
         if (wrote.problem && wrote.problem == asio::error::would_block) {
             blocked_ = true;
             // Not from within this: where there is room again already it would go on writing.
             if (!std::exchange(writing_, true))
                 on_.later([self = shared_from_this()] {
-                    if (self->open_ && self->scope_) self->scope_->spawn("writer to " + self->peer_name(), self->write(self));
+                    if (self->open_ && self->scope_)
+                        self->scope_->spawn("writer to " + self->peer_name(), self->write(self));
                 });
             return;
         }
@@ -395,7 +407,9 @@ void connection::finish(failure why, duration grace) {
     if (!open_ || finishing_) return;
     finishing_ = true;
     farewell_ = std::make_unique<failure>(std::move(why));
-    grace_ = std::make_unique<timer>(on_, [this] { close(failure(errc::peer_lost, fmt::format("{} did not accept the remaining data", peer_name()))); });
+    grace_ = std::make_unique<timer>(on_, [this] {
+        close(failure(errc::peer_lost, fmt::format("{} did not accept the remaining data", peer_name())));
+    });
     grace_->arm(saturating_add(on_.now(), grace));
     written();
 }

@@ -5,9 +5,9 @@
 #include <ise/core/stream.hpp>
 #include <ise/core/task_scope.hpp>
 #include <ise/net/datagram_stream.hpp>
+#include <ise/net/heartbeat_sender.hpp>
 #include <ise/net/outbox.hpp>
 #include <ise/net/peer_clock.hpp>
-#include <ise/net/vital_signs.hpp>
 #include <ise/wire/messages.hpp>
 #include <ise/wire/parser.hpp>
 #include <ise/wire/pieces.hpp>
@@ -33,7 +33,8 @@ struct session_peer {
     std::uint64_t reply_key = 0;   ///< of an initiator: see wire::hello
 
     session_peer() = default;
-    explicit session_peer(wire::identity greeted) : path(std::move(greeted.path)), incarnation(greeted.incarnation), epoch(greeted.epoch) {}
+    explicit session_peer(wire::identity greeted)
+        : path(std::move(greeted.path)), incarnation(greeted.incarnation), epoch(greeted.epoch) {}
 };
 
 /// How the two sides agreed to talk, and with whom.
@@ -55,7 +56,10 @@ struct session_terms {
 /// Over datagrams, packets of subscriptions are messages of their own beside the stream (`lossy()`). Within a process
 /// packets need no bytes: objects travel beside their frames (`passes_objects()`). Both hand over what comes where it
 /// lies; the reader only waits for the end.
-class connection final : public std::enable_shared_from_this<connection>, public flushable, public datagram_stream::user, public object_stream::user {
+class connection final : public std::enable_shared_from_this<connection>,
+                         public flushable,
+                         public datagram_stream::user,
+                         public object_stream::user {
 public:
     /// Who understands the frames. Called inside a turn of the loop, and not destroyed from within a call; a frame's
     /// body is valid during the call only.
@@ -74,7 +78,8 @@ public:
     ~connection();
 
     /// Begins to read, on coroutines owned by `scope`; frames that came together with the handshake may be handed over
-    /// at once, and the connection may have ended when this returns. `receiver` is held weakly: a session that is gone ends the connection.
+    /// at once, and the connection may have ended when this returns. `receiver` is held weakly: a session that is gone
+    /// ends the connection.
     void start(task_scope& scope, std::weak_ptr<user> receiver);
 
     /// Where frames are put; `written()` afterwards sees to it that they leave.
@@ -83,13 +88,14 @@ public:
         if (!flush_due()) on_.flush_later(*this);
     }
     void flush() override;
-    /// Much waits that may not be dropped: it is written now, while it is still in the processor's cache, unless the socket
-    /// is full, or it is being written already.
+    /// Much waits that may not be dropped: it is written now, while it is still in the processor's cache, unless the
+    /// socket is full, or it is being written already.
     void written_much() {
         if (!blocked_ && !batch_) flush();
     }
 
-    /// The system holds at most about this many bytes that were not sent yet, and one write begins with at most twice as many.
+    /// The system holds at most about this many bytes that were not sent yet, and one write begins with at most twice
+    /// as many.
     void limit_unsent(std::size_t most) {
         transport_->limit_unsent(most);
         outbox_.limit_batch(2 * most);
@@ -127,7 +133,7 @@ public:
     /// The last thing heard was its node, which says that the peer is busy.
     bool peer_stalled() const noexcept { return stalled_sign_ != 0 && stalled_sign_ == counts_.frames_in; }
     /// For who answers in this side's place while its loop does not turn.
-    const std::shared_ptr<vital_signs>& signs() const noexcept { return signs_; }
+    const std::shared_ptr<heartbeat_sender>& signs() const noexcept { return signs_; }
 
 private:
     task<> read(std::shared_ptr<connection> held);
@@ -148,7 +154,7 @@ private:
     void on_heard() override { last_heard_ = on_.now(); }
     void on_content(bytes_view content) override;
     void on_message(bytes_view message) override;
-    void on_passed(bytes_view content, ring<passed_object>& beside) override;
+    void on_passed(bytes_view content, ring<passed_object>& attachments) override;
     void on_room() override { written(); }
     void on_sign() override;
     void end_for(const failure& wrong);
@@ -160,11 +166,11 @@ private:
 
     loop& on_;
     std::unique_ptr<stream> transport_;
-    datagram_stream* datagrams_ = nullptr; // the same, where it is one
-    object_stream* objects_ = nullptr;     // the same, where it is one and objects were agreed on
-    ring<passed_object>* beside_ = nullptr; // of the frames that are being taken
+    datagram_stream* datagrams_ = nullptr;       // the same, where it is one
+    object_stream* objects_ = nullptr;           // the same, where it is one and objects were agreed on
+    ring<passed_object>* attachments_ = nullptr; // of the frames that are being taken
     session_terms terms_;
-    std::shared_ptr<vital_signs> signs_;
+    std::shared_ptr<heartbeat_sender> signs_;
     std::string peer_name_;
     wire::parser parser_;
     std::unique_ptr<wire::reassembly> reassembly_; // once a piece has come
@@ -184,10 +190,10 @@ private:
     time_point heartbeat_due_{};
     std::uint64_t stalled_sign_ = 0; // which frame it was
     bool open_ = true;
-    bool blocked_ = false;   // the socket is full; the writer coroutine waits for it
-    bool writing_ = false;   // there is a writer coroutine
+    bool blocked_ = false;              // the socket is full; the writer coroutine waits for it
+    bool writing_ = false;              // there is a writer coroutine
     std::unique_ptr<failure> farewell_; // goodbye is to be said once everything else was sent
-    bool finishing_ = false; // nothing new begins
+    bool finishing_ = false;            // nothing new begins
     bool reported_ = false;
 };
 

@@ -17,7 +17,8 @@ std::string host_of(std::string_view peer) {
     std::error_code none;
     auto address = asio::ip::make_address(std::string(at), none);
     if (none) return peer.starts_with("local:") || peer.starts_with("inproc:") ? std::string(peer) : std::string(at);
-    if (address.is_v6() && address.to_v6().is_v4_mapped()) address = asio::ip::make_address_v4(asio::ip::v4_mapped, address.to_v6());
+    if (address.is_v6() && address.to_v6().is_v4_mapped())
+        address = asio::ip::make_address_v4(asio::ip::v4_mapped, address.to_v6());
     if (address.is_loopback()) return "127.0.0.1";
     if (address.is_v4()) return address.to_string();
     auto bytes = address.to_v6().to_bytes();

@@ -10,14 +10,14 @@
 
 namespace ise::net {
 
-/// The host of a peer ("tcp://10.0.0.2:40112" → "10.0.0.2"), as limits count hosts. An IPv6 address counts by its /64, which
-/// every customer of a network gets; an IPv4 address within IPv6 counts as that IPv4 address. Every loopback address
-/// (127.0.0.0/8, ::1) is this one host. A peer without an address (local, inproc) is a host of its own name.
+/// The host of a peer ("tcp://10.0.0.2:40112" → "10.0.0.2"), as limits count hosts. An IPv6 address counts by its /64,
+/// which every customer of a network gets; an IPv4 address within IPv6 counts as that IPv4 address. Every loopback
+/// address (127.0.0.0/8, ::1) is this one host. A peer without an address (local, inproc) is a host of its own name.
 std::string host_of(std::string_view peer);
 
 /// The places of a listener, shared fairly among hosts. When all are taken, the host with the most places, a newcomer's
-/// own included, loses its oldest place that waits. If none of its places waits, it loses its oldest one only to a host that
-/// holds at least two fewer. Otherwise the newcomer is refused.
+/// own included, loses its oldest place that waits. If none of its places waits, it loses its oldest one only to a host
+/// that holds at least two fewer. Otherwise the newcomer is refused.
 ///
 /// Pure: no I/O and no clock. Not thread safe. Outlives its places.
 class fair_places {

@@ -16,13 +16,13 @@ namespace {
 
 using wire::frame_type;
 
-constexpr std::uint64_t shortest_heartbeat_ns = 20'000'000;
-constexpr std::uint64_t longest_heartbeat_ns = 3'600'000'000'000;
+constexpr std::uint64_t min_heartbeat_ns = 20'000'000;
+constexpr std::uint64_t max_heartbeat_ns = 3'600'000'000'000;
 constexpr std::uint64_t largest_message_bytes = 0xffff'0000; // a frame's header counts in 32 bits
 
 wire::limits bounded(wire::limits offered) {
-    offered.heartbeat_ns = std::clamp(offered.heartbeat_ns, shortest_heartbeat_ns, longest_heartbeat_ns);
-    offered.max_frame_bytes = std::max(offered.max_frame_bytes, wire::smallest_frame_limit);
+    offered.heartbeat_ns = std::clamp(offered.heartbeat_ns, min_heartbeat_ns, max_heartbeat_ns);
+    offered.max_frame_bytes = std::max(offered.max_frame_bytes, wire::min_frame_limit);
     offered.max_message_bytes = std::min(offered.max_message_bytes, largest_message_bytes);
     return offered;
 }
@@ -30,8 +30,10 @@ wire::limits bounded(wire::limits offered) {
 // A stream during the handshake: closed at the deadline, so that whoever waits on it goes on.
 class greeting {
 public:
-    greeting(loop& on, std::unique_ptr<stream> transport, time_point deadline, const shared_key* key, std::string_view deadline_name = {})
-        : on_(on), transport_(std::move(transport)), parser_(limit::greeting_bytes, "greeting_bytes"), keys_(key, on.env()), deadline_name_(deadline_name), alarm_(on, [this] {
+    greeting(loop& on, std::unique_ptr<stream> transport, time_point deadline, const shared_key* key,
+             std::string_view deadline_name = {})
+        : on_(on), transport_(std::move(transport)), parser_(limit::greeting_bytes, "greeting_bytes"),
+          keys_(key, on.env()), deadline_name_(deadline_name), alarm_(on, [this] {
               late_ = true;
               transport_->close();
           }) {
@@ -89,7 +91,8 @@ public:
     time_point sent_at() const noexcept { return sent_at_; }
     std::string peer() const { return transport_->peer(); }
     failure strange(const wire::frame& came) const {
-        return {errc::protocol_error, fmt::format("{} sent '{}' instead of a greeting", peer(), wire::name_of(came.header.type))};
+        return {errc::protocol_error,
+                fmt::format("{} sent '{}' instead of a greeting", peer(), wire::name_of(came.header.type))};
     }
     std::shared_ptr<connection> done(loop& on, session_terms terms) {
         alarm_.disarm();
@@ -102,7 +105,8 @@ private:
         if (auto* secured = dynamic_cast<tls::secure_stream*>(transport_.get()); secured && secured->verdict())
             return {secured->verdict()->code(), fmt::format("{}: {}", peer(), secured->verdict()->message())};
         if (problem == asio::error::operation_aborted) return {errc::cancelled, "the handshake was cancelled"};
-        std::string why = problem == asio::error::eof ? "closed the connection during the handshake" : problem.message();
+        std::string why =
+            problem == asio::error::eof ? "closed the connection during the handshake" : problem.message();
         return {errc::peer_lost, fmt::format("{}: {}", peer(), why)};
     }
 
@@ -123,16 +127,19 @@ failure farewell_of(const std::string& peer, const wire::frame& came) {
 }
 
 failure did_not_prove(const std::string& peer, std::string_view how) {
-    return {errc::unauthorized, fmt::format("{} did not prove that it knows the shared key of this side: {}", peer, how)};
+    return {errc::unauthorized,
+            fmt::format("{} did not prove that it knows the shared key of this side: {}", peer, how)};
 }
 
 // Of the initiator: answers a challenge. The frame that came is the welcome or the reject then.
 task<result<wire::frame>> answer_challenge(greeting& with, wire::frame came) {
-    if (came.header.type == frame_type::welcome) co_return did_not_prove(with.peer(), "it has no key, or is of a version that knows of none");
+    if (came.header.type == frame_type::welcome)
+        co_return did_not_prove(with.peer(), "it has no key, or is of a version that knows of none");
     if (came.header.type != frame_type::challenge) co_return came;
     auto challenge = wire::read_body<wire::credentials>(came.body);
     if (!challenge) co_return challenge.error();
-    if (auto strange = with.keys().strange_challenge(*challenge)) co_return failure(strange->code(), fmt::format("{}: {}", with.peer(), strange->message()));
+    if (auto strange = with.keys().strange_challenge(*challenge))
+        co_return failure(strange->code(), fmt::format("{}: {}", with.peer(), strange->message()));
     auto proof = with.keys().proof(true);
     auto sent = co_await with.send(frame_type::proof, proof);
     if (!sent) co_return sent.error();
@@ -170,20 +177,24 @@ task<result<void>> demand_proof(greeting& with, const wire::credentials& offered
 std::optional<failure> unspeakable(const wire::hello& theirs) {
     if (theirs.magic != wire::magic) return failure(errc::protocol_error, "the hello does not begin with ISE's mark");
     if (theirs.oldest <= wire::newest_version && theirs.newest >= wire::oldest_version) return {};
-    return failure(errc::version_mismatch, fmt::format("wire versions {} to {} are spoken here, {} to {} were offered", wire::oldest_version,
-                                                       wire::newest_version, theirs.oldest, theirs.newest));
+    return failure(errc::version_mismatch,
+                   fmt::format("wire versions {} to {} are spoken here, {} to {} were offered", wire::oldest_version,
+                               wire::newest_version, theirs.oldest, theirs.newest));
 }
 
 // Of the initiator: who answers in place of the component that the hello asked for.
 std::optional<std::string> somebody_else(const wire::hello& mine, const wire::identity& theirs) {
-    if (!mine.wanted_path.empty() && theirs.path != mine.wanted_path) return fmt::format("'{}', not '{}'", theirs.path, mine.wanted_path);
-    if (mine.wanted_incarnation != 0 && theirs.incarnation != mine.wanted_incarnation) return fmt::format("another life of '{}'", theirs.path);
+    if (!mine.wanted_path.empty() && theirs.path != mine.wanted_path)
+        return fmt::format("'{}', not '{}'", theirs.path, mine.wanted_path);
+    if (mine.wanted_incarnation != 0 && theirs.incarnation != mine.wanted_incarnation)
+        return fmt::format("another life of '{}'", theirs.path);
     return {};
 }
 
 } // namespace
 
-task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<stream> transport, wire::hello mine, time_point deadline, const shared_key* key) {
+task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<stream> transport, wire::hello mine,
+                                                   time_point deadline, const shared_key* key) {
     greeting with(on, std::move(transport), deadline, key);
     mine.accepts = with.fitting(mine.accepts);
     mine.features = with.fitting(mine.features);
@@ -208,20 +219,23 @@ task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<str
         if (!*proved) co_return did_not_prove(with.peer(), "it has another key, or it is an impostor");
     }
     if (theirs->version < mine.oldest || theirs->version > mine.newest)
-        co_return failure(errc::version_mismatch, fmt::format("{} chose wire version {}, offered were {} to {}", with.peer(),
-                                                              theirs->version, mine.oldest, mine.newest));
-    if (auto other = somebody_else(mine, theirs->self)) co_return failure(errc::wrong_peer, fmt::format("{} answered as {}", with.peer(), *other));
+        co_return failure(errc::version_mismatch, fmt::format("{} chose wire version {}, offered were {} to {}",
+                                                              with.peer(), theirs->version, mine.oldest, mine.newest));
+    if (auto other = somebody_else(mine, theirs->self))
+        co_return failure(errc::wrong_peer, fmt::format("{} answered as {}", with.peer(), *other));
     session_terms terms;
     terms.version = theirs->version;
     terms.features = theirs->features & mine.features;
-    if (terms.features & wire::feature::clock) terms.clock.note(with.sent_at(), time_point(duration(theirs->clock_ns)), came_at);
+    if (terms.features & wire::feature::clock)
+        terms.clock.note(with.sent_at(), time_point(duration(theirs->clock_ns)), came_at);
     terms.peer = session_peer(std::move(theirs->self));
     terms.we_accept = bounded(mine.accepts);
     terms.peer_accepts = with.fitting(bounded(theirs->accepts));
     co_return with.done(on, std::move(terms));
 }
 
-task<result<std::shared_ptr<connection>>> respond(loop& on, std::unique_ptr<stream> transport, gatekeeper& gate, time_point deadline, const shared_key* key) {
+task<result<std::shared_ptr<connection>>> respond(loop& on, std::unique_ptr<stream> transport, gatekeeper& gate,
+                                                  time_point deadline, const shared_key* key) {
     greeting with(on, std::move(transport), deadline, key, " (handshake_time)");
     auto came = co_await with.receive();
     if (!came) co_return came.error();
@@ -242,7 +256,8 @@ task<result<std::shared_ptr<connection>>> respond(loop& on, std::unique_ptr<stre
         no.reason = answer.error().message();
         auto told = co_await with.send(frame_type::reject, no);
         if (!told) co_return told.error();
-        co_return failure(answer.error().code(), fmt::format("{} was rejected: {}", with.peer(), answer.error().message()));
+        co_return failure(answer.error().code(),
+                          fmt::format("{} was rejected: {}", with.peer(), answer.error().message()));
     }
     answer->version = std::min(wire::newest_version, theirs->newest);
     answer->features = with.fitting(answer->features) & theirs->features;

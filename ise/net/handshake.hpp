@@ -20,12 +20,12 @@ protected:
 /// that they know it. Errors: errc::timed_out at `deadline`, what the peer rejects with (errc::wrong_peer,
 /// version_mismatch, unauthorized, overloaded…), errc::unauthorized where it did not prove the key, errc::peer_lost,
 /// protocol_error. Cancellation: terminal; the stream is closed.
-task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<stream> transport, wire::hello mine, time_point deadline,
-                                                   const shared_key* key = nullptr);
+task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<stream> transport, wire::hello mine,
+                                                   time_point deadline, const shared_key* key = nullptr);
 
 /// Answers one who connected; the gatekeeper is asked once he has proved the `key`. Errors as above; one that is not
 /// admitted was told so.
-task<result<std::shared_ptr<connection>>> respond(loop& on, std::unique_ptr<stream> transport, gatekeeper& gate, time_point deadline,
-                                                  const shared_key* key = nullptr);
+task<result<std::shared_ptr<connection>>> respond(loop& on, std::unique_ptr<stream> transport, gatekeeper& gate,
+                                                  time_point deadline, const shared_key* key = nullptr);
 
 } // namespace ise::net

@@ -22,7 +22,7 @@ constexpr std::size_t quantum = 16 * 1024;
 time_point deadline_of(const std::byte* body) { return time_point(duration(wire::request_head::time_of(body))); }
 
 bool is_request(const frame_header& header) {
-    return header.type == frame_type::request && header.length >= wire::request_head::least_size;
+    return header.type == frame_type::request && header.length >= wire::request_head::min_size;
 }
 
 } // namespace
@@ -76,13 +76,13 @@ void outbox::end_call() {
 }
 
 void outbox::end_call(passed_object packet) {
-    beside_weight_ += packet.weight();
-    beside_.push_back(std::move(packet));
+    attached_weight_ += packet.weight();
+    attachments_.push_back(std::move(packet));
 }
 
 passed_object outbox::take_beside() {
-    auto first = beside_.pop_front();
-    beside_weight_ -= first.weight();
+    auto first = attachments_.pop_front();
+    attached_weight_ -= first.weight();
     return first;
 }
 
@@ -94,7 +94,8 @@ void outbox::add(publication_source& source) {
 }
 
 void outbox::remove(publication_source& source) noexcept {
-    if (std::exchange(source.pending_, false)) sources_.erase_if([&](publication_source* other) { return other == &source; });
+    if (std::exchange(source.pending_, false))
+        sources_.erase_if([&](publication_source* other) { return other == &source; });
     big_packets_.all.erase_if([&](const big_message& message) {
         if (message.source != &source) return false;
         if (message.begun) put_abandoned(message);
@@ -104,8 +105,7 @@ void outbox::remove(publication_source& source) noexcept {
     source.in_pieces_ = 0;
 }
 
-void outbox::put_packet(publication_source& from, frame_header header, bytes_view head,
-                        const shared_bytes& payload) {
+void outbox::put_packet(publication_source& from, frame_header header, bytes_view head, const shared_bytes& payload) {
     std::size_t size = head.size() + payload.size();
     header.length = static_cast<std::uint32_t>(size);
     if (lane_) {
@@ -140,7 +140,7 @@ void outbox::put_packet(publication_source& from, frame_header header, bytes_vie
 
 void outbox::put_object(frame_header header, bytes_view head, passed_object packet) {
     assert(filling_);
-    header.flags |= wire::flag::beside;
+    header.flags |= wire::flag::attached;
     header.length = static_cast<std::uint32_t>(head.size());
     wire::put_header(filling_->staging(), header);
     filling_->staging().append(head);
@@ -154,12 +154,14 @@ void outbox::put_frames(shared_bytes frames, std::uint64_t id, bool addressed) {
     std::byte* at = filling_->staging().grow(content.size());
     std::memcpy(at, content.data(), content.size());
     if (addressed) return;
-    for (const std::byte* end = at + content.size(); at < end; at += frame_header::size + detail::load_little<std::uint32_t>(at))
+    for (const std::byte* end = at + content.size(); at < end;
+         at += frame_header::size + detail::load_little<std::uint32_t>(at))
         detail::store_little(at + 8, id);
 }
 
 bool outbox::empty() const noexcept {
-    return control_.empty() && calls_.size() == calls_taken_ && big_calls_.all.empty() && big_packets_.all.empty() && sources_.empty();
+    return control_.empty() && calls_.size() == calls_taken_ && big_calls_.all.empty() && big_packets_.all.empty() &&
+           sources_.empty();
 }
 
 // The receiver forgets the pieces that it has.
@@ -172,8 +174,8 @@ void outbox::put_abandoned(const big_message& message) {
 }
 
 bool outbox::fill(batch& out, time_point now) {
-    // One piece of each long message a round, and small things between them. Requests that have expired leave nothing to
-    // write, and others may wait behind them.
+    // One piece of each long message a round, and small things between them. Requests that have expired leave nothing
+    // to write, and others may wait behind them.
     while (out.weight() < batch_limit_ && !(lane_ ? calls_drained() : empty())) {
         if (!control_.empty()) {
             out.staging().append(control_.view());
@@ -188,7 +190,7 @@ bool outbox::fill(batch& out, time_point now) {
 }
 
 bool outbox::calls_alone(time_point now) {
-    if (calls_.empty() || calls_taken_ != 0 || calls_.size() + beside_weight_ > batch_limit_) return false;
+    if (calls_.empty() || calls_taken_ != 0 || calls_.size() + attached_weight_ > batch_limit_) return false;
     if (!control_.empty() || !big_calls_.all.empty() || !big_packets_.all.empty() || !sources_.empty()) return false;
     auto each_request = [this](auto what) {
         for (std::size_t at = 0; at < calls_.size();) {
@@ -204,18 +206,18 @@ bool outbox::calls_alone(time_point now) {
 
 void outbox::move_calls(batch& out) {
     out.adopt(calls_);
-    while (!beside_.empty()) out.pass(take_beside());
+    while (!attachments_.empty()) out.pass(take_beside());
 }
 
 void outbox::fill_calls(batch& out, time_point now) {
     std::size_t at = calls_taken_;
     std::size_t expired = 0;
-    const std::size_t weight_before = beside_weight_;
-    while (at < calls_.size() && at - calls_taken_ + (weight_before - beside_weight_) < batch_limit_) {
+    const std::size_t weight_before = attached_weight_;
+    while (at < calls_.size() && at - calls_taken_ + (weight_before - attached_weight_) < batch_limit_) {
         auto header = wire::read_header(calls_.data() + at);
         std::size_t size = frame_header::size + header.length;
         const bool late = is_request(header) && !stamp_frame(calls_.data() + at, now);
-        if (header.flags & wire::flag::beside) {
+        if (header.flags & wire::flag::attached) {
             auto object = take_beside();
             if (!late) out.pass(std::move(object));
         }
@@ -234,7 +236,8 @@ void outbox::fill_calls(batch& out, time_point now) {
     for (std::size_t from = calls_taken_; from < at;) {
         auto header = wire::read_header(calls_.data() + from);
         std::size_t size = frame_header::size + header.length;
-        if (header.type != frame_type::cancel || header.length == 0) out.staging().append(bytes_view(calls_.data() + from, size));
+        if (header.type != frame_type::cancel || header.length == 0)
+            out.staging().append(bytes_view(calls_.data() + from, size));
         from += size;
     }
     calls_taken_ = at;
@@ -279,7 +282,8 @@ void outbox::put_piece(big_message& message, batch& out) {
 }
 
 bool outbox::may_begin(const big_messages& among, const big_message& one) const noexcept {
-    return among.begun == 0 || (among.begun < limit::unfinished_messages / 2 && among.begun_bytes + one.size() <= most_message_bytes_);
+    return among.begun == 0 ||
+           (among.begun < limit::unfinished_messages / 2 && among.begun_bytes + one.size() <= max_message_bytes_);
 }
 
 void outbox::fill_pieces(big_messages& from, batch& out, time_point now) {
@@ -341,7 +345,7 @@ void outbox::take_unwritten(const std::function<void(const wire::frame&)>& visit
         auto header = wire::read_header(calls_.data() + at);
         bytes_view body(calls_.data() + at + frame_header::size, header.length);
         passed_object object;
-        if (header.flags & wire::flag::beside) object = take_beside();
+        if (header.flags & wire::flag::attached) object = take_beside();
         if (header.type == frame_type::request) visit({header, body, object ? &object : nullptr});
         at += frame_header::size + header.length;
     }

@@ -1,8 +1,8 @@
 #pragma once
 #include <ise/core/ring.hpp>
 #include <ise/core/time.hpp>
-#include <ise/net/peer_clock.hpp>
 #include <ise/net/batch.hpp>
+#include <ise/net/peer_clock.hpp>
 #include <ise/packet/shared_bytes.hpp>
 #include <ise/wire/frame.hpp>
 
@@ -38,7 +38,8 @@ public:
     /// Whether one more packet should be put now. Where not, whoever asked is told when it is time again.
     virtual bool wanted() noexcept = 0;
     /// A whole packet frame: header, the part before the shared payload, payload. `key` is its subscription.
-    virtual void put(std::uint64_t key, const wire::frame_header& header, bytes_view head, const shared_bytes& payload) = 0;
+    virtual void put(std::uint64_t key, const wire::frame_header& header, bytes_view head,
+                     const shared_bytes& payload) = 0;
 
 protected:
     ~packet_lane() = default;
@@ -56,7 +57,7 @@ public:
     /// Or about this much, if it is less: what was moved to a write is out of the reach of priorities.
     void limit_batch(std::size_t most) noexcept { batch_limit_ = std::clamp<std::size_t>(most, 1, batch_bytes); }
     /// The longest message that the peer accepts; unfinished ones it holds up to twice that.
-    void limit_messages(std::uint64_t most_bytes) noexcept { most_message_bytes_ = most_bytes; }
+    void limit_messages(std::uint64_t max_bytes) noexcept { max_message_bytes_ = max_bytes; }
 
     /// The peer takes deadlines by its own clock, as soon as that is known; `clock` lives as long as this.
     void use(const peer_clock& clock) noexcept { clock_ = &clock; }
@@ -66,23 +67,22 @@ public:
     const buffer& control() const noexcept { return control_; }
 
     /// Where the frame of a call or a reply is appended, between `begin_call()` and `end_call()`. A request's body
-    /// begins with its service number and its deadline as nanoseconds of the loop's clock. When it is written, the peer's
-    /// time for it is put there, or what remains, and an expired request is not written at all. What a later frame relies on (a
-    /// service's introduction) therefore goes into `control()`.
+    /// begins with its service number and its deadline as nanoseconds of the loop's clock. When it is written, the
+    /// peer's time for it is put there, or what remains, and an expired request is not written at all. What a later
+    /// frame relies on (a service's introduction) therefore goes into `control()`.
     buffer& begin_call();
     void end_call();
-    /// The frame has its packet beside it (`wire::flag::beside`).
+    /// The frame has its packet beside it (`wire::flag::attached`).
     void end_call(passed_object packet);
 
     void add(publication_source& source);
     void remove(publication_source& source) noexcept;
     /// For sources: a packet frame. `head` is the part of the body before the shared payload.
-    void put_packet(publication_source& from, wire::frame_header header, bytes_view head,
-                    const shared_bytes& payload);
+    void put_packet(publication_source& from, wire::frame_header header, bytes_view head, const shared_bytes& payload);
     /// For sources: a packet frame, `head` is its body, with the packet beside it.
     void put_object(wire::frame_header header, bytes_view head, passed_object packet);
-    /// For sources, where there is no lane: whole frames, one behind the other, each a packet that need not go in pieces.
-    /// Where they do not bear it already (`addressed`), `id` is written into each.
+    /// For sources, where there is no lane: whole frames, one behind the other, each a packet that need not go in
+    /// pieces. Where they do not bear it already (`addressed`), `id` is written into each.
     void put_frames(shared_bytes frames, std::uint64_t id, bool addressed);
 
     /// From now on packets go into `lane`, which lives as long as this, by `feed_lane` instead of `fill`.
@@ -97,16 +97,22 @@ public:
     /// and says so, or moves them to a batch.
     bool calls_alone(time_point now);
     buffer& calls() noexcept { return calls_; }
-    ring<passed_object>& beside_calls() noexcept { return beside_; }
-    void calls_went() noexcept { beside_weight_ = 0; }
+    ring<passed_object>& beside_calls() noexcept { return attachments_; }
+    void calls_went() noexcept { attached_weight_ = 0; }
     void move_calls(batch& out);
 
     bool empty() const noexcept;
     /// Whether neither control frames nor calls and replies wait.
-    bool calls_drained() const noexcept { return control_.empty() && calls_.size() == calls_taken_ && big_calls_.all.empty(); }
+    bool calls_drained() const noexcept {
+        return control_.empty() && calls_.size() == calls_taken_ && big_calls_.all.empty();
+    }
     /// Bytes that wait, as far as they are here: packets that their sources still hold are not.
-    std::size_t pending_bytes() const noexcept { return control_.size() + pending_call_bytes() + big_packets_.unsent_bytes; }
-    std::size_t pending_call_bytes() const noexcept { return (calls_.size() - calls_taken_) + big_calls_.unsent_bytes + beside_weight_; }
+    std::size_t pending_bytes() const noexcept {
+        return control_.size() + pending_call_bytes() + big_packets_.unsent_bytes;
+    }
+    std::size_t pending_call_bytes() const noexcept {
+        return (calls_.size() - calls_taken_) + big_calls_.unsent_bytes + attached_weight_;
+    }
 
     /// Takes the requests that were never begun to be written; the body holds head and packet.
     void take_unwritten(const std::function<void(const wire::frame&)>& visit);
@@ -117,11 +123,11 @@ public:
 private:
     struct big_message {
         wire::frame_header header;
-        bytes head;                              // before the payload
+        bytes head; // before the payload
         shared_bytes owner;
         bytes_view payload;
-        publication_source* source = nullptr;    // publications
-        std::uint64_t id = 0;                    // of its pieces
+        publication_source* source = nullptr; // publications
+        std::uint64_t id = 0;                 // of its pieces
         std::size_t sent = 0;
         time_point deadline = time_point::max(); // requests
         bool begun = false;
@@ -167,8 +173,8 @@ private:
     buffer calls_;
     std::size_t calls_taken_ = 0;
     std::size_t call_start_ = 0;
-    ring<passed_object> beside_; // of the frames in calls_ that have one
-    std::size_t beside_weight_ = 0;
+    ring<passed_object> attachments_; // of the frames in calls_ that have one
+    std::size_t attached_weight_ = 0;
     big_messages big_calls_;
     big_messages big_packets_;
     ring<publication_source*> sources_;
@@ -176,7 +182,7 @@ private:
     batch* filling_ = nullptr; // during fill_publications
     packet_lane* lane_ = nullptr;
     const peer_clock* clock_ = nullptr;
-    std::uint64_t most_message_bytes_ = std::numeric_limits<std::uint64_t>::max();
+    std::uint64_t max_message_bytes_ = std::numeric_limits<std::uint64_t>::max();
     std::uint64_t next_piece_id_ = 1;
 };
 

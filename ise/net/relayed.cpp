@@ -38,7 +38,8 @@ bool leads_to(const endpoint& dialled, bool same_host, const endpoint& reached, 
 
 } // namespace
 
-std::optional<failure> objection_to_way(const wire::hello& caller, const endpoint& reached, const std::vector<endpoint>& advertised, const environment& env) {
+std::optional<failure> objection_to_way(const wire::hello& caller, const endpoint& reached,
+                                        const std::vector<endpoint>& advertised, const environment& env) {
     if (caller.dialled.empty() || reached.kind == protocol::tls || reached.kind == protocol::inproc) return {};
     constexpr std::size_t most = 2; // as connected, and as asked for
     auto count = std::min(caller.dialled.size(), most);
@@ -48,9 +49,11 @@ std::optional<failure> objection_to_way(const wire::hello& caller, const endpoin
         if (i == 0 && leads_to(*told, caller.host_key == env.identity().host_key, reached, env)) return {};
         if (std::ranges::find(advertised, *told) != advertised.end()) return {};
     }
-    return failure(errc::unauthorized, fmt::format("it was dialled as {}, but this endpoint is {}: a third party relays the session, and could impersonate either side. If that is your tunnel or address "
-                                                   "translation, start the component behind it with --advertise {}",
-                                                   caller.dialled.front(), reached.text(), caller.dialled.back()));
+    return failure(errc::unauthorized,
+                   fmt::format("it was dialled as {}, but this endpoint is {}: a third party relays the session, and "
+                               "could impersonate either side. If that is your tunnel or address "
+                               "translation, start the component behind it with --advertise {}",
+                               caller.dialled.front(), reached.text(), caller.dialled.back()));
 }
 
 } // namespace ise::net

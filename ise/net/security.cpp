@@ -17,12 +17,15 @@ result<security> security::load(environment& env, security_options given) {
     security made;
     made.demanded = given.demanded;
     if (auto told = env.variable("ISE_DEMAND_CREDENTIALS"); told && !told->empty()) {
-        if (*told != "0" && *told != "1") return failure(errc::invalid_argument, fmt::format("ISE_DEMAND_CREDENTIALS is 0 or 1, not '{}'", *told));
+        if (*told != "0" && *told != "1")
+            return failure(errc::invalid_argument, fmt::format("ISE_DEMAND_CREDENTIALS is 0 or 1, not '{}'", *told));
         made.demanded = made.demanded || *told == "1";
     }
     if (!given.key_file.empty()) {
         auto key = shared_key::load(env, given.key_file);
-        if (!key) return failure(key.error().code(), fmt::format("no shared key (--key, ISE_KEY): {}", key.error().message()));
+        if (!key)
+            return failure(key.error().code(),
+                           fmt::format("no shared key (--key, ISE_KEY): {}", key.error().message()));
         made.key = std::move(*key);
     }
     if (!given.tls_folder.empty()) {
@@ -37,8 +40,12 @@ bool security::protects(const endpoint& at) const noexcept { return key || at.ki
 
 result<void> security::may_listen(const endpoint& at) const {
     if (!demanded || within_host(at) || protects(at)) return {};
-    return failure(errc::unauthorized, fmt::format("nobody may listen on {} without credentials: every host that reaches it could use it. Give it a shared key (--key FILE or ISE_KEY), or let it "
-                                                   "listen on tls:// with certificates (--tls FOLDER or ISE_TLS), or on 127.0.0.1 or a local socket", at.text()));
+    return failure(
+        errc::unauthorized,
+        fmt::format("nobody may listen on {} without credentials: every host that reaches it could use it. Give it a "
+                    "shared key (--key FILE or ISE_KEY), or let it "
+                    "listen on tls:// with certificates (--tls FOLDER or ISE_TLS), or on 127.0.0.1 or a local socket",
+                    at.text()));
 }
 
 } // namespace ise

@@ -14,8 +14,8 @@ class identity;
 
 /// The files with the credentials of a node.
 struct security_options {
-    /// A file with the key that every node of the system has (`openssl rand -hex 32`). With it every session, over every
-    /// transport, begins with a proof by both sides. Empty: ISE_KEY, else no key.
+    /// A file with the key that every node of the system has (`openssl rand -hex 32`). With it every session, over
+    /// every transport, begins with a proof by both sides. Empty: ISE_KEY, else no key.
     std::string key_file;
     /// A folder with ca.pem (authorities, and their revocation lists), certificate.pem and key.pem, for `tls://`.
     /// Empty: ISE_TLS, else no certificates.
@@ -26,12 +26,12 @@ struct security_options {
 
 /// The loaded credentials of a node, and whether it demands credentials of peers.
 struct security {
-    std::shared_ptr<const shared_key> key;              ///< null: no shared key
-    std::shared_ptr<net::tls::identity> tls;            ///< null: no tls:// endpoints
-    bool demanded = false;                              ///< see security_options
+    std::shared_ptr<const shared_key> key;   ///< null: no shared key
+    std::shared_ptr<net::tls::identity> tls; ///< null: no tls:// endpoints
+    bool demanded = false;                   ///< see security_options
 
-    /// Loads the files named in `given` and in the variables of `env`. Errors: errc::unauthorized (other users can read a
-    /// secret), errc::io_failed, errc::invalid_argument, each with the file.
+    /// Loads the files named in `given` and in the variables of `env`. Errors: errc::unauthorized (other users can read
+    /// a secret), errc::io_failed, errc::invalid_argument, each with the file.
     static result<security> load(environment& env, security_options given = security_options());
 
     /// Whether sessions at `at` are authenticated.

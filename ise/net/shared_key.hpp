@@ -16,11 +16,12 @@ namespace ise {
 class shared_key {
 public:
     using digest = std::array<std::uint8_t, 32>;
-    static constexpr std::size_t least_bytes = 32; ///< what can be guessed offline is no key
-    static constexpr std::size_t most_bytes = 1024;
+    static constexpr std::size_t min_bytes = 32; ///< what can be guessed offline is no key
+    static constexpr std::size_t max_bytes = 1024;
 
     /// The content of a file that only its owner reads, without the blanks and line ends around it: 32 to 1,024 bytes
-    /// (`openssl rand -hex 32`). Errors: errc::unauthorized (too many may read it), errc::io_failed, errc::invalid_argument.
+    /// (`openssl rand -hex 32`). Errors: errc::unauthorized (too many may read it), errc::io_failed,
+    /// errc::invalid_argument.
     static result<std::shared_ptr<const shared_key>> load(environment& env, const std::string& file);
     /// The same of a text; `from` says in errors where it came from.
     static result<std::shared_ptr<const shared_key>> make(std::string_view text, std::string_view from);

@@ -53,7 +53,8 @@ public:
 private:
     bool room(std::uint64_t size) {
         if (out_.size() <= max_size_ && size <= max_size_ - out_.size()) return true;
-        return in_.fail(fmt::format("the adapted packet grows beyond {} bytes (max_total_bytes)", max_size_), errc::too_large);
+        return in_.fail(fmt::format("the adapted packet grows beyond {} bytes (max_total_bytes)", max_size_),
+                        errc::too_large);
     }
 
     bool copy(const type_description& from) {
@@ -99,7 +100,8 @@ private:
             if (!turn(from.members[i].type, to.members[i].type)) return in_.in_field(from.members[i].name);
         for (std::size_t i = common; i < from.members.size(); ++i)
             if (!detail::skip(from.members[i].type, in_)) return in_.in_field(from.members[i].name);
-        for (std::size_t i = common; i < to.members.size(); ++i) detail::append_preset(to.members[i], out_, detail::size_limit(max_size_, "max_total_bytes"));
+        for (std::size_t i = common; i < to.members.size(); ++i)
+            detail::append_preset(to.members[i], out_, detail::size_limit(max_size_, "max_total_bytes"));
         return true;
     }
 
@@ -109,7 +111,8 @@ private:
 };
 } // namespace
 
-adapter::adapter(schema writer, schema reader) : writer_(std::move(writer)), reader_(std::move(reader)), identity_(false) {
+adapter::adapter(schema writer, schema reader)
+    : writer_(std::move(writer)), reader_(std::move(reader)), identity_(false) {
     if (auto why = incompatibility(reader_, writer_)) throw error(errc::type_mismatch, *why);
     identity_ = same_layout(writer_.type(), reader_.type());
 }

@@ -28,13 +28,15 @@ extern template std::string out_of_range(std::int64_t, std::int64_t, std::int64_
 extern template std::string out_of_range(std::uint64_t, std::uint64_t, std::uint64_t, std::string_view);
 } // namespace detail
 
-/// A number that is always within its range, ends included: for a field of a packet (`bounded<double, 0, 360, "degrees">
-/// heading = 90;`) or of a component's options, where its range and unit become the parameter's. It converts to its number, and
-/// is a plain number on the wire: the range is not part of schema and fingerprint, and may differ between two ends. Decoding a
-/// packet or JSON with a value outside fails with errc::malformed and the range. The default value is 0, or the end nearest to it.
+/// A number that is always within its range, ends included: for a field of a packet (`bounded<double, 0, 360,
+/// "degrees"> heading = 90;`) or of a component's options, where its range and unit become the parameter's. It converts
+/// to its number, and is a plain number on the wire: the range is not part of schema and fingerprint, and may differ
+/// between two ends. Decoding a packet or JSON with a value outside fails with errc::malformed and the range. The
+/// default value is 0, or the end nearest to it.
 template <class T, auto Minimum, auto Maximum, unit_text Unit = "">
 class bounded {
-    static_assert(detail::number<T> && !std::is_same_v<T, bool> && !std::is_same_v<T, char>, "ise: bounded is for numbers");
+    static_assert(detail::number<T> && !std::is_same_v<T, bool> && !std::is_same_v<T, char>,
+                  "ise: bounded is for numbers");
 
 public:
     using value_type = T;
@@ -42,7 +44,8 @@ public:
     static constexpr T maximum = static_cast<T>(Maximum);
     static constexpr std::string_view unit = Unit.view();
     static_assert(minimum <= maximum, "ise: the range of a bounded is empty");
-    static_assert(std::is_floating_point_v<T> || (minimum == Minimum && maximum == Maximum), "ise: the range of a bounded does not fit its type");
+    static_assert(std::is_floating_point_v<T> || (minimum == Minimum && maximum == Maximum),
+                  "ise: the range of a bounded does not fit its type");
 
     constexpr bounded() noexcept = default;
     /// Throws errc::invalid_argument with the range.
@@ -56,7 +59,8 @@ public:
     static constexpr bool allows(T value) noexcept { return value >= minimum && value <= maximum; }
     /// "361 is outside of 0 to 360 (degrees)"
     static std::string complaint(T value) {
-        using wide = std::conditional_t<std::is_floating_point_v<T>, double, std::conditional_t<std::is_signed_v<T>, std::int64_t, std::uint64_t>>;
+        using wide = std::conditional_t<std::is_floating_point_v<T>, double,
+                                        std::conditional_t<std::is_signed_v<T>, std::int64_t, std::uint64_t>>;
         return detail::out_of_range<wide>(value, minimum, maximum, unit);
     }
 
@@ -79,7 +83,8 @@ struct codec<bounded<T, Minimum, Maximum, Unit>> {
     static void put(std::byte* to, limited value) noexcept { store_little(to, value.value()); }
     static bool get(const std::byte* from, limited& value, reader& in) {
         auto number = load_little<T>(from);
-        if (!limited::allows(number)) [[unlikely]] return in.fail(limited::complaint(number));
+        if (!limited::allows(number)) [[unlikely]]
+            return in.fail(limited::complaint(number));
         value = limited(number);
         return true;
     }

@@ -9,11 +9,13 @@ namespace ise::detail {
 
 void throw_too_many(std::size_t count) {
     throw error(errc::too_large, fmt::format("a string or container of {} elements does not fit a packet, at most "
-                                             "4294967295 do: send it in parts", count));
+                                             "4294967295 do: send it in parts",
+                                             count));
 }
 
 void throw_valueless() {
-    throw error(errc::invalid_argument, "a variant that lost its value to an exception cannot be encoded: assign to it first");
+    throw error(errc::invalid_argument,
+                "a variant that lost its value to an exception cannot be encoded: assign to it first");
 }
 
 void element_sorter::begin_element() {

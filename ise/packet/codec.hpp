@@ -1,14 +1,14 @@
 #pragma once
+#include <ise/core/buffer.hpp>
 #include <ise/core/bytes.hpp>
 #include <ise/core/result.hpp>
-#include <ise/core/buffer.hpp>
 #include <ise/packet/concept.hpp>
 #include <ise/packet/detail/codec_cereal.hpp>
 #include <ise/packet/limits.hpp>
 
 // Whoever uses cereal may have types with functions of their own.
 #ifdef CEREAL_CEREAL_HPP_
-#include <ise/packet/archive.hpp>
+    #include <ise/packet/archive.hpp>
 #endif
 
 namespace ise {
@@ -53,7 +53,8 @@ void decode_into(T& value, bytes_view input, const decode_limits& limits = {}) {
     if constexpr (check_packet<T>()) {
         if (detail::copy_whole(input, value)) return;
         detail::reader in(input, limits);
-        if (!detail::read_whole(in, value)) [[unlikely]] throw error(in.take_failure(type_name<T>));
+        if (!detail::read_whole(in, value)) [[unlikely]]
+            throw error(in.take_failure(type_name<T>));
     }
 }
 
@@ -72,7 +73,8 @@ result<T> try_decode(bytes_view input, const decode_limits& limits = {}) {
     if constexpr (check_packet<T>()) {
         if (detail::copy_whole(input, value)) return value;
         detail::reader in(input, limits);
-        if (!detail::read_whole(in, value)) [[unlikely]] return in.take_failure(type_name<T>);
+        if (!detail::read_whole(in, value)) [[unlikely]]
+            return in.take_failure(type_name<T>);
     }
     return value;
 }

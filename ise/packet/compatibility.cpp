@@ -14,8 +14,7 @@ class comparison {
 public:
     void compare(const type_description& reader, const type_description& writer, const std::string& path) {
         if (differences_.size() >= most_) return;
-        if (reader.kind != writer.kind)
-            return differ(path, short_text(reader), short_text(writer));
+        if (reader.kind != writer.kind) return differ(path, short_text(reader), short_text(writer));
         switch (reader.kind) {
             case type_kind::structure: return compare_fields(reader, writer, path);
             case type_kind::variant: return compare_alternatives(reader, writer, path);
@@ -55,7 +54,8 @@ private:
     void note(const std::string& path, std::string_view text) {
         std::string_view shown = path;
         if (shown.starts_with('.')) shown.remove_prefix(1);
-        if (differences_.size() < most_) differences_.push_back(fmt::format("{}: {}", shown.empty() ? "packet" : shown, text));
+        if (differences_.size() < most_)
+            differences_.push_back(fmt::format("{}: {}", shown.empty() ? "packet" : shown, text));
     }
     void differ(const std::string& path, const std::string& reader, const std::string& writer) {
         note(path, fmt::format("reader {}, writer {}", reader, writer));

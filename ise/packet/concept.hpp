@@ -9,8 +9,26 @@ namespace ise {
 namespace detail {
 
 enum class refusal {
-    none, long_double, wide_character, wide_integer, pointer, reference, steady_time, view, loose_enum, bool_enum, union_type,
-    recursive, uncountable, too_many_fields, base_and_fields, bit_field, constant, no_default, hidden, unknown
+    none,
+    long_double,
+    wide_character,
+    wide_integer,
+    pointer,
+    reference,
+    steady_time,
+    view,
+    loose_enum,
+    bool_enum,
+    union_type,
+    recursive,
+    uncountable,
+    too_many_fields,
+    base_and_fields,
+    bit_field,
+    constant,
+    no_default,
+    hidden,
+    unknown
 };
 
 /// The type that is refused, and why.
@@ -22,7 +40,9 @@ struct refused {
 using accepted = refused<void, refusal::none>;
 
 template <class First>
-constexpr First first_refusal(First) { return {}; }
+constexpr First first_refusal(First) {
+    return {};
+}
 template <class First, class Second, class... Rest>
 constexpr auto first_refusal(First, Second, Rest...) {
     if constexpr (First::why != refusal::none) {
@@ -79,10 +99,17 @@ constexpr auto find_refusal_in_fields() {
 /// A text or range that lies elsewhere: std::string_view, std::span.
 template <class T>
 concept view = std::is_class_v<T> && !std::is_aggregate_v<T> && std::is_trivially_copyable_v<T> && !own_serialize<T> &&
-               requires(const T& of) { of.data(); of.size(); };
+               requires(const T& of) {
+    of.data();
+    of.size();
+};
 
 template <class T>
-concept smart_pointer = std::is_class_v<T> && requires(const T& of) { typename T::element_type; of.get(); *of; };
+concept smart_pointer = std::is_class_v<T> && requires(const T& of) {
+    typename T::element_type;
+    of.get();
+    *of;
+};
 
 template <class T, class... Outer>
 constexpr auto find_refusal() {
@@ -151,20 +178,22 @@ template <class Packet, class Refused, refusal why>
 struct explain_refusal {
     static_assert(why != refusal::long_double,
                   "ise: a packet cannot hold a long double, whose size differs between machines: use double");
-    static_assert(why != refusal::wide_character,
-                  "ise: a packet cannot hold wchar_t, char8_t, char16_t or char32_t: use char and std::string (UTF-8), or "
-                  "an integer of fixed width");
+    static_assert(
+        why != refusal::wide_character,
+        "ise: a packet cannot hold wchar_t, char8_t, char16_t or char32_t: use char and std::string (UTF-8), or "
+        "an integer of fixed width");
     static_assert(why != refusal::wide_integer, "ise: a packet holds integers of at most 64 bits: split it in two");
     static_assert(why != refusal::pointer,
                   "ise: a packet cannot hold a pointer, which means nothing to another process: use the value itself, "
                   "std::optional, or std::vector");
     static_assert(why != refusal::reference, "ise: a packet cannot hold a reference: use the value itself");
-    static_assert(why != refusal::steady_time,
-                  "ise: a packet cannot hold a time point of a steady clock, which means nothing on another machine: use "
-                  "a std::chrono::system_clock time point or a duration");
-    static_assert(why != refusal::view,
-                  "ise: a packet cannot hold a view, which owns nothing: use std::string instead of std::string_view, std::vector "
-                  "instead of std::span");
+    static_assert(
+        why != refusal::steady_time,
+        "ise: a packet cannot hold a time point of a steady clock, which means nothing on another machine: use "
+        "a std::chrono::system_clock time point or a duration");
+    static_assert(why != refusal::view, "ise: a packet cannot hold a view, which owns nothing: use std::string instead "
+                                        "of std::string_view, std::vector "
+                                        "instead of std::span");
     static_assert(why != refusal::loose_enum,
                   "ise: the size of this enum is the compiler's choice: give it a type, enum mode : std::uint8_t {…}");
     static_assert(why != refusal::bool_enum, "ise: an enum over bool cannot grow: use std::uint8_t beneath it");
@@ -178,9 +207,10 @@ struct explain_refusal {
     static_assert(why != refusal::too_many_fields, "ise: a struct has at most 64 fields: group some in nested structs");
     static_assert(why != refusal::base_and_fields,
                   "ise: a packet cannot have a base and fields of its own: make the base its first field");
-    static_assert(why != refusal::bit_field,
-                  "ise: a packet cannot have bit-fields or packed fields: use integers of fixed width and std::vector or "
-                  "an enum for flags");
+    static_assert(
+        why != refusal::bit_field,
+        "ise: a packet cannot have bit-fields or packed fields: use integers of fixed width and std::vector or "
+        "an enum for flags");
     static_assert(why != refusal::constant, "ise: a packet is decoded into, its fields cannot be const or references");
     static_assert(why != refusal::no_default,
                   "ise: a packet needs a default value, T{} must compile: give this type or the field a default");
@@ -195,7 +225,8 @@ struct explain_refusal<Packet, Refused, refusal::none> {};
 
 } // namespace detail
 
-/// A type that can be a packet: plain structs of plain values, standard containers of these, and types with a cereal serialize.
+/// A type that can be a packet: plain structs of plain values, standard containers of these, and types with a cereal
+/// serialize.
 template <class T>
 concept packet = detail::refusal_of<T>::why == detail::refusal::none;
 

@@ -12,7 +12,8 @@ namespace ise {
 
 namespace {
 type_kind number_of(const type_description& type) noexcept {
-    bool inside = type.kind == type_kind::enumeration || type.kind == type_kind::time_span || type.kind == type_kind::instant;
+    bool inside =
+        type.kind == type_kind::enumeration || type.kind == type_kind::time_span || type.kind == type_kind::instant;
     return inside ? type.number : type.kind;
 }
 
@@ -28,7 +29,8 @@ std::uint64_t load_integer(type_kind kind, bytes_view raw) noexcept {
     std::uint64_t value = 0;
     for (std::size_t i = 0; i < raw.size() && i < 8; ++i) value |= std::to_integer<std::uint64_t>(raw[i]) << (8 * i);
     std::size_t bits = raw.size() * 8;
-    if (!is_unsigned(kind) && bits < 64 && bits > 0 && (value >> (bits - 1) & 1) != 0) value |= ~std::uint64_t{0} << bits;
+    if (!is_unsigned(kind) && bits < 64 && bits > 0 && (value >> (bits - 1) & 1) != 0)
+        value |= ~std::uint64_t{0} << bits;
     return value;
 }
 } // namespace
@@ -136,7 +138,8 @@ public:
             if (rest[0] == '[') {
                 std::size_t index = 0;
                 auto [end, failed] = std::from_chars(rest.data() + 1, rest.data() + rest.size(), index);
-                if (failed != std::errc() || end == rest.data() + rest.size() || *end != ']') no("expected [number]", rest);
+                if (failed != std::errc() || end == rest.data() + rest.size() || *end != ']')
+                    no("expected [number]", rest);
                 into_element(index, rest);
                 rest.remove_prefix(static_cast<std::size_t>(end - rest.data()) + 1);
             } else {
@@ -176,7 +179,9 @@ private:
             } else {
                 bool there = false;
                 detail::take_flag(in_, there);
-                if (!there) throw error(errc::invalid_argument, fmt::format("no field '{}': an optional on the way has no value", path_));
+                if (!there)
+                    throw error(errc::invalid_argument,
+                                fmt::format("no field '{}': an optional on the way has no value", path_));
                 type = &type->members[0].type;
             }
         }
@@ -199,7 +204,8 @@ private:
     }
 
     void into_field(std::string_view name, std::string_view rest) {
-        if (type->kind == type_kind::map && type->members[0].type.kind == type_kind::string) return into_key(name, rest);
+        if (type->kind == type_kind::map && type->members[0].type.kind == type_kind::string)
+            return into_key(name, rest);
         if (type->kind != type_kind::structure && type->kind != type_kind::tuple)
             no(fmt::format("{} has no fields", short_text(*type)), rest);
         for (std::size_t i = 0; i < type->members.size(); ++i) {

@@ -36,7 +36,8 @@ public:
         else if constexpr (std::same_as<T, std::string>) return as_string();
         else {
             static_assert(std::integral<T>, "ise: a field is read as bool, integer, floating point or std::string");
-            if constexpr (std::is_signed_v<T>) return static_cast<T>(ranged(as_int(), std::numeric_limits<T>::min(), std::numeric_limits<T>::max()));
+            if constexpr (std::is_signed_v<T>)
+                return static_cast<T>(ranged(as_int(), std::numeric_limits<T>::min(), std::numeric_limits<T>::max()));
             else return static_cast<T>(ranged(as_uint(), std::numeric_limits<T>::max()));
         }
     }
@@ -70,8 +71,9 @@ public:
     bytes_view encoded() const noexcept { return encoded_; }
 
     /// Reads by a path: `waypoints[3].latitude_deg`; tuple elements are fields `0`, `1`, …; a map is indexed by its
-    /// position, or by a string key as a field; the path passes through optionals and variants. Throws `invalid_argument` if there is
-    /// no such value, with the part of the path that exists. The view lives as long as the packet.
+    /// position, or by a string key as a field; the path passes through optionals and variants. Throws
+    /// `invalid_argument` if there is no such value, with the part of the path that exists. The view lives as long as
+    /// the packet.
     field_view field(std::string_view path) const;
 
     /// The packet as JSON, as `ise::to_json`.
@@ -92,9 +94,6 @@ private:
 
 /// A typed packet as a dynamic one.
 template <class T>
-    requires packet<T>
-dynamic_packet to_dynamic(const T& value) {
-    return dynamic_packet(schema_of<T>(), encode(value));
-}
+requires packet<T> dynamic_packet to_dynamic(const T& value) { return dynamic_packet(schema_of<T>(), encode(value)); }
 
 } // namespace ise

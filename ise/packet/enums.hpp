@@ -48,8 +48,9 @@ struct enum_candidates {
     static constexpr std::int64_t low =
         std::max<std::int64_t>(enum_range<E>::min, is_signed ? std::int64_t{std::numeric_limits<number>::min()} : 0);
     static constexpr std::int64_t high =
-        sizeof(number) == 8 ? std::int64_t{enum_range<E>::max}
-                            : std::min<std::int64_t>(enum_range<E>::max, static_cast<std::int64_t>(std::numeric_limits<number>::max()));
+        sizeof(number) == 8
+            ? std::int64_t{enum_range<E>::max}
+            : std::min<std::int64_t>(enum_range<E>::max, static_cast<std::int64_t>(std::numeric_limits<number>::max()));
     static constexpr std::size_t bits = sizeof(number) * 8 - (is_signed ? 1 : 0);
 
     static constexpr std::size_t count_flags() noexcept {

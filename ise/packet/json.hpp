@@ -23,7 +23,8 @@ struct json_limits {
 /// A packet's bytes as JSON. LAYOUT.md defines the JSON of each type: enumerators by name, time points in ISO 8601
 /// (UTC), durations in seconds, chars as text, bytes and opaque types as base64, a variant as {"index": …, "value": …}.
 /// Throws `malformed` with the field if the bytes do not match, `too_large` if the text exceeds `max_json_bytes`.
-std::string to_json(const schema& of, bytes_view packet, json_style style = json_style::compact, std::size_t max_json_bytes = std::size_t{512} << 20);
+std::string to_json(const schema& of, bytes_view packet, json_style style = json_style::compact,
+                    std::size_t max_json_bytes = std::size_t{512} << 20);
 
 /// JSON as a packet's bytes. Missing fields take the schema's defaults.
 /// Throws `malformed` with the path (`waypoints[3].latitude_deg: expected a number`); for an unknown field it
@@ -32,8 +33,7 @@ bytes from_json(const schema& of, std::string_view json, const json_limits& limi
 
 /// A typed packet as JSON.
 template <class T>
-    requires packet<T>
-std::string to_json(const T& value, json_style style = json_style::compact) {
+requires packet<T> std::string to_json(const T& value, json_style style = json_style::compact) {
     return to_json(schema_of<T>(), encode(value), style);
 }
 

@@ -58,7 +58,8 @@ public:
 
     void value(const type_description& type, const json& from, const place& at) {
         if (out.size() > limits_.max_packet_bytes)
-            throw error(errc::too_large, fmt::format("{}: the packet grows beyond {} bytes (max_packet_bytes)", where(at), limits_.max_packet_bytes));
+            throw error(errc::too_large, fmt::format("{}: the packet grows beyond {} bytes (max_packet_bytes)",
+                                                     where(at), limits_.max_packet_bytes));
         switch (type.kind) {
             case type_kind::boolean:
                 if (!from.is_boolean()) wrong(at, "true or false", from);
@@ -112,8 +113,12 @@ private:
 
     template <class T>
     void put_integer(const json& from, const place& at, type_kind kind) {
-        auto misfit = [&] { wrong(at, fmt::format("a number from {} to {} ({})", +std::numeric_limits<T>::min(),
-                                                  +std::numeric_limits<T>::max(), name_of(kind)), from); };
+        auto misfit = [&] {
+            wrong(at,
+                  fmt::format("a number from {} to {} ({})", +std::numeric_limits<T>::min(),
+                              +std::numeric_limits<T>::max(), name_of(kind)),
+                  from);
+        };
         if (from.is_number_unsigned()) {
             auto number = from.get<std::uint64_t>();
             if (!std::in_range<T>(number)) misfit();
@@ -176,9 +181,13 @@ private:
         }
         const auto& name = from.get_ref<const std::string&>();
         for (const auto& e : type.enumerators)
-            if (e.name == name) return integer(type.number, type.number == type_kind::u64 ? json(static_cast<std::uint64_t>(e.value)) : json(e.value), at);
+            if (e.name == name)
+                return integer(
+                    type.number,
+                    type.number == type_kind::u64 ? json(static_cast<std::uint64_t>(e.value)) : json(e.value), at);
         std::string known;
-        for (std::size_t i = 0; i < type.enumerators.size() && i < 16; ++i) known += (i ? ", " : "") + type.enumerators[i].name;
+        for (std::size_t i = 0; i < type.enumerators.size() && i < 16; ++i)
+            known += (i ? ", " : "") + type.enumerators[i].name;
         wrong(at, fmt::format("one of {}", known.empty() ? "its numbers" : known), from);
     }
 
@@ -191,8 +200,10 @@ private:
         if (from.is_number()) ticks = detail::ticks_from_seconds(type, from.get<double>());
         if (from.is_string()) ticks = detail::ticks_from_text(type, from.get_ref<const std::string&>());
         if (!ticks)
-            wrong(at, type.kind == type_kind::time_span ? "a number of seconds (or \"7 ticks\")"
-                                                       : "a time such as \"2026-11-21T08:00:00Z\", or seconds since 1970", from);
+            wrong(at,
+                  type.kind == type_kind::time_span ? "a number of seconds (or \"7 ticks\")"
+                                                    : "a time such as \"2026-11-21T08:00:00Z\", or seconds since 1970",
+                  from);
         out.append(*ticks);
     }
 
@@ -208,7 +219,8 @@ private:
         out.append(static_cast<std::uint8_t>(!from.is_null()));
         if (from.is_null()) return;
         if (inner.kind != type_kind::optional) return value(inner, from, at);
-        if (!from.is_array() || from.size() != 1) wrong(at, "null or a list of one (an optional within an optional)", from);
+        if (!from.is_array() || from.size() != 1)
+            wrong(at, "null or a list of one (an optional within an optional)", from);
         value(inner, from[0], at);
     }
 
@@ -261,14 +273,16 @@ private:
             return;
         }
         if (!from.is_array()) wrong(at, element.kind == type_kind::byte ? "base64 or a list" : "a list", from);
-        if (is_array && from.size() != type.length) wrong(at, fmt::format("a list of {} (not of {})", type.length, from.size()), from);
+        if (is_array && from.size() != type.length)
+            wrong(at, fmt::format("a list of {} (not of {})", type.length, from.size()), from);
         if (!is_array) count(from.size(), at);
         for (std::size_t i = 0; i < from.size(); ++i) value(element, from[i], {&at, {}, i});
     }
 
     void room(std::uint64_t more, const place& at) const {
         if (more > limits_.max_packet_bytes || out.size() > limits_.max_packet_bytes - more)
-            throw error(errc::too_large, fmt::format("{}: the packet grows beyond {} bytes (max_packet_bytes)", where(at), limits_.max_packet_bytes));
+            throw error(errc::too_large, fmt::format("{}: the packet grows beyond {} bytes (max_packet_bytes)",
+                                                     where(at), limits_.max_packet_bytes));
     }
 
     void structure(const type_description& type, const json& from, const place& at) {
@@ -327,10 +341,12 @@ std::size_t depth_of(std::string_view text) {
 
 json parse(std::string_view text, const json_limits& limits, std::string_view packet_name) {
     if (text.size() > limits.max_text_bytes)
-        throw error(errc::too_large, fmt::format("{}: a JSON text of {} bytes, at most {} are accepted (max_text_bytes)", packet_name, text.size(),
-                                                 limits.max_text_bytes));
+        throw error(errc::too_large,
+                    fmt::format("{}: a JSON text of {} bytes, at most {} are accepted (max_text_bytes)", packet_name,
+                                text.size(), limits.max_text_bytes));
     if (depth_of(text) > limits.max_depth)
-        throw error(errc::too_large, fmt::format("{}: JSON nested deeper than {} levels (max_depth)", packet_name, limits.max_depth));
+        throw error(errc::too_large,
+                    fmt::format("{}: JSON nested deeper than {} levels (max_depth)", packet_name, limits.max_depth));
     try {
         return json::parse(text);
     } catch (const json::exception& why) {

@@ -12,10 +12,13 @@ namespace ise {
 namespace {
 class writer {
 public:
-    writer(detail::reader& in, json_style style, std::size_t max_json_bytes) : in_(in), pretty_(style == json_style::pretty), max_json_bytes_(max_json_bytes) {}
+    writer(detail::reader& in, json_style style, std::size_t max_json_bytes)
+        : in_(in), pretty_(style == json_style::pretty), max_json_bytes_(max_json_bytes) {}
 
     bool value(const type_description& type) {
-        if (text.size() > max_json_bytes_) return in_.fail(fmt::format("its JSON is longer than {} bytes (max_json_bytes)", max_json_bytes_), errc::too_large);
+        if (text.size() > max_json_bytes_)
+            return in_.fail(fmt::format("its JSON is longer than {} bytes (max_json_bytes)", max_json_bytes_),
+                            errc::too_large);
         switch (type.kind) {
             case type_kind::string:
             case type_kind::opaque: {
@@ -89,7 +92,8 @@ private:
         if (!detail::take_flag(in_, there)) return false;
         if (!there) return text += "null", true;
         if (inner.kind != type_kind::optional) return value(inner);
-        return list('[', ']', 1, [&](std::size_t) { return value(inner); }, true); // there, whatever is inside
+        return list(
+            '[', ']', 1, [&](std::size_t) { return value(inner); }, true); // there, whatever is inside
     }
 
     bool elements(const type_description& type, std::size_t count) {
@@ -105,7 +109,9 @@ private:
                     return value(mapped) || in_.in_element(i);
                 });
             return list('[', ']', count, [&](std::size_t i) {
-                return list('[', ']', 2, [&](std::size_t k) { return value(k == 0 ? element : mapped); }, true) || in_.in_element(i);
+                return list(
+                           '[', ']', 2, [&](std::size_t k) { return value(k == 0 ? element : mapped); }, true) ||
+                       in_.in_element(i);
             });
         }
         if (type.kind != type_kind::set && (element.kind == type_kind::byte || element.kind == type_kind::character)) {
@@ -123,9 +129,9 @@ private:
             detail::append_json_string(text, raw);
             return true;
         }
-        return list('[', ']', raw.size(), [&](std::size_t i) {
-            return text += fmt::format("{}", static_cast<unsigned char>(raw[i])), true;
-        }, true);
+        return list(
+            '[', ']', raw.size(),
+            [&](std::size_t i) { return text += fmt::format("{}", static_cast<unsigned char>(raw[i])), true; }, true);
     }
 
     template <class T>
@@ -136,7 +142,8 @@ private:
     bool number(type_kind kind, const std::byte* from) {
         switch (kind) {
             case type_kind::boolean:
-                if (std::to_integer<unsigned>(*from) > 1) return in_.fail_flag("a bool", std::to_integer<unsigned>(*from));
+                if (std::to_integer<unsigned>(*from) > 1)
+                    return in_.fail_flag("a bool", std::to_integer<unsigned>(*from));
                 return text += *from == std::byte{1} ? "true" : "false", true;
             case type_kind::character: {
                 auto c = load<unsigned char>(from);
@@ -162,7 +169,9 @@ private:
         if (!from) return in_.fail_short(static_cast<std::size_t>(type.min_size));
         if (type.kind == type_kind::time_span || type.kind == type_kind::instant) {
             if (type.number == type_kind::i64) detail::append_json_time(text, type, load<std::int64_t>(from));
-            else detail::append_json_number(text, load<double>(from) * static_cast<double>(type.period_num) / static_cast<double>(type.period_den));
+            else
+                detail::append_json_number(text, load<double>(from) * static_cast<double>(type.period_num) /
+                                                     static_cast<double>(type.period_den));
             return true;
         }
         if (type.kind != type_kind::enumeration) return number(type.kind, from);

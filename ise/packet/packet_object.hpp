@@ -13,8 +13,8 @@ struct packet_object_type : object_type {
     void (*write)(const void* at, buffer& out);
 };
 
-/// Whether packets of this type are handed over as objects. Where memory and wire are the same few bytes there is no codec to
-/// be spared, and copying them costs less than sharing an object.
+/// Whether packets of this type are handed over as objects. Where memory and wire are the same few bytes there is no
+/// codec to be spared, and copying them costs less than sharing an object.
 template <class T>
 inline constexpr bool travels_as_object = !detail::codec<T>::raw || sizeof(T) > 256;
 
@@ -25,15 +25,19 @@ using passed_packet = std::conditional_t<passed_object::fits<T>, T, std::unique_
 
 /// Of a packet with one owner.
 template <class T>
-inline constexpr packet_object_type owned_packet_type{object_type::of<passed_packet<T>>(), [](const void* at, buffer& out) {
-    if constexpr (passed_object::fits<T>) encode(*static_cast<const T*>(at), out);
-    else encode(**static_cast<const std::unique_ptr<T>*>(at), out);
-}};
+inline constexpr packet_object_type owned_packet_type{object_type::of<passed_packet<T>>(),
+                                                      [](const void* at, buffer& out) {
+                                                          if constexpr (passed_object::fits<T>)
+                                                              encode(*static_cast<const T*>(at), out);
+                                                          else
+                                                              encode(**static_cast<const std::unique_ptr<T>*>(at), out);
+                                                      }};
 
 /// Of one that many share.
 template <class T>
 inline constexpr packet_object_type shared_packet_type{
-    object_type::of<counted_holder>(), [](const void* at, buffer& out) { encode(*counted<T>(*static_cast<const counted_holder*>(at)), out); }};
+    object_type::of<counted_holder>(),
+    [](const void* at, buffer& out) { encode(*counted<T>(*static_cast<const counted_holder*>(at)), out); }};
 
 } // namespace detail
 

@@ -51,9 +51,9 @@ struct nowhere {
     nowhere() = delete;
 };
 #if defined(__clang__)
-#pragma clang diagnostic push
-#pragma clang diagnostic ignored "-Wundefined-var-template"
-#pragma clang diagnostic ignored "-Wundefined-internal"
+    #pragma clang diagnostic push
+    #pragma clang diagnostic ignored "-Wundefined-var-template"
+    #pragma clang diagnostic ignored "-Wundefined-internal"
 #endif
 template <class T>
 extern const nowhere<T> somewhere;
@@ -73,9 +73,8 @@ struct pointer_behind<std::index_sequence<Before...>> {
 
 template <class T, std::size_t I>
 constexpr auto* field_pointer() noexcept {
-    return apply_fields(somewhere<T>.value, [](auto&... fields) {
-        return pointer_behind<std::make_index_sequence<I>>::among(&fields...);
-    });
+    return apply_fields(somewhere<T>.value,
+                        [](auto&... fields) { return pointer_behind<std::make_index_sequence<I>>::among(&fields...); });
 }
 
 template <class T, std::size_t... I>
@@ -83,7 +82,7 @@ constexpr std::array<std::string_view, sizeof...(I)> names_of_fields(std::index_
     return {pointed_name<field_pointer<T, I>()>()...};
 }
 #if defined(__clang__)
-#pragma clang diagnostic pop
+    #pragma clang diagnostic pop
 #endif
 
 } // namespace detail

@@ -11,7 +11,9 @@
 namespace ise {
 
 namespace {
-bool is_name(std::string_view name) { return !name.empty() && std::all_of(name.begin(), name.end(), detail::is_name_char); }
+bool is_name(std::string_view name) {
+    return !name.empty() && std::all_of(name.begin(), name.end(), detail::is_name_char);
+}
 
 bool is_opaque_name(std::string_view name) {
     return !name.empty() && std::all_of(name.begin(), name.end(), [](char c) {
@@ -22,8 +24,10 @@ bool is_opaque_name(std::string_view name) {
 // Names that a user's serialize gave (cereal::make_nvp) may hold anything.
 void make_names_plain(type_description& type) {
     if (type.kind == type_kind::opaque && !is_opaque_name(type.name))
-        throw error(errc::invalid_argument, fmt::format("the name \"{}\" of an opaque type may hold letters, digits and _.:/- "
-                                                        "only: change its ise::opaque_type", type.name));
+        throw error(errc::invalid_argument,
+                    fmt::format("the name \"{}\" of an opaque type may hold letters, digits and _.:/- "
+                                "only: change its ise::opaque_type",
+                                type.name));
     for (auto& member : type.members) {
         if (type.kind == type_kind::structure) {
             bool letters = detail::is_utf8(member.name);
@@ -36,11 +40,12 @@ void make_names_plain(type_description& type) {
 }
 } // namespace
 
-schema::schema() : schema([] {
-    type_description nothing;
-    nothing.complete();
-    return nothing;
-}()) {}
+schema::schema()
+    : schema([] {
+          type_description nothing;
+          nothing.complete();
+          return nothing;
+      }()) {}
 
 schema::schema(type_description type) {
     make_names_plain(type);

@@ -12,17 +12,18 @@ namespace ise {
 
 /// Limits on the text of a schema, which may come from untrusted sources.
 struct schema_limits {
-    std::size_t max_text_bytes = std::size_t{256} << 10;   ///< of the text
-    std::size_t max_depth = 64;                            ///< of types within types
-    std::size_t max_types = 4096;                          ///< types of all fields together, at all depths
-    std::size_t max_members = 1024;                        ///< fields of one struct, alternatives of one variant
-    std::size_t max_enumerators = 4096;                    ///< of one enum
-    std::size_t max_name_bytes = 256;                      ///< of one name
-    std::uint64_t max_min_size = std::uint64_t{256} << 20; ///< minimum encoded size of a value
+    std::size_t max_text_bytes = std::size_t{256} << 10;       ///< of the text
+    std::size_t max_depth = 64;                                ///< of types within types
+    std::size_t max_types = 4096;                              ///< types of all fields together, at all depths
+    std::size_t max_members = 1024;                            ///< fields of one struct, alternatives of one variant
+    std::size_t max_enumerators = 4096;                        ///< of one enum
+    std::size_t max_name_bytes = 256;                          ///< of one name
+    std::uint64_t max_min_size = std::uint64_t{256} << 20;     ///< minimum encoded size of a value
     std::uint64_t max_array_length = std::uint64_t{256} << 20; ///< of one array, in elements
 };
 
-/// The description of a packet type, at any depth. Immutable and shared: copies are cheap, and may be used from any thread.
+/// The description of a packet type, at any depth. Immutable and shared: copies are cheap, and may be used from any
+/// thread.
 class schema {
 public:
     /// The schema of an empty packet.
@@ -30,8 +31,8 @@ public:
     /// Throws `invalid_argument` if a name (of an opaque type) is not valid in a text.
     explicit schema(type_description type);
 
-    /// Parses a canonical text, also from untrusted sources. Fails with `malformed` (where, what was expected) or `too_large`.
-    /// The fingerprint is always computed from the text.
+    /// Parses a canonical text, also from untrusted sources. Fails with `malformed` (where, what was expected) or
+    /// `too_large`. The fingerprint is always computed from the text.
     static result<schema> parse(std::string_view canonical_text, const schema_limits& limits = {});
 
     /// 64 bits over fields' names, order and types, enumerators, alternatives: equal with every compiler. Names of

@@ -6,7 +6,7 @@
 namespace ise {
 namespace {
 
-constexpr std::size_t largest_chunk = 16 * 1024;
+constexpr std::size_t max_chunk = 16 * 1024;
 // So many chunks are looked after: what is sent in one go, or kept for a lossless subscriber, lies in fewer.
 constexpr std::size_t kept_chunks = 64;
 // One that could be spared that often in a row is given back.
@@ -31,7 +31,7 @@ void shared_bytes_maker::next_chunk(std::size_t least) {
     } else if (used_.size() == kept_chunks) {
         auto lives_without_us = used_.pop_front();
     }
-    chunk_bytes_ = std::clamp(chunk_bytes_ * 2, least, std::max(least, largest_chunk));
+    chunk_bytes_ = std::clamp(chunk_bytes_ * 2, least, std::max(least, max_chunk));
     chunk_ = shared_bytes(buffer(chunk_bytes_));
 }
 

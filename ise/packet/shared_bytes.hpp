@@ -1,7 +1,7 @@
 #pragma once
+#include <ise/core/buffer.hpp>
 #include <ise/core/bytes.hpp>
 #include <ise/core/ring.hpp>
-#include <ise/core/buffer.hpp>
 
 #include <cstddef>
 #include <utility>
@@ -14,11 +14,13 @@ class shared_bytes {
 public:
     shared_bytes() = default;
     /// Takes over a whole buffer.
-    explicit shared_bytes(buffer content) : data_(content.data()), size_(content.size()), block_(new block{std::move(content)}) {}
+    explicit shared_bytes(buffer content)
+        : data_(content.data()), size_(content.size()), block_(new block{std::move(content)}) {}
     shared_bytes(const shared_bytes& other) noexcept : data_(other.data_), size_(other.size_), block_(other.block_) {
         if (block_) ++block_->holders;
     }
-    shared_bytes(shared_bytes&& other) noexcept : data_(other.data_), size_(other.size_), block_(std::exchange(other.block_, nullptr)) {}
+    shared_bytes(shared_bytes&& other) noexcept
+        : data_(other.data_), size_(other.size_), block_(std::exchange(other.block_, nullptr)) {}
     shared_bytes& operator=(const shared_bytes& other) noexcept { return *this = shared_bytes(other); }
     shared_bytes& operator=(shared_bytes&& other) noexcept {
         if (this == &other) return *this;

@@ -6,10 +6,10 @@
 namespace ise {
 
 std::string_view name_of(type_kind kind) noexcept {
-    static constexpr std::string_view names[] = {
-        "bool", "char", "byte", "i8", "u8", "i16", "u16", "i32", "u32", "i64", "u64", "f32", "f64",
-        "string", "vector", "set", "map", "array", "optional", "variant", "tuple",
-        "duration", "time", "enum", "struct", "opaque"};
+    static constexpr std::string_view names[] = {"bool",     "char", "byte", "i8",     "u8",       "i16",     "u16",
+                                                 "i32",      "u32",  "i64",  "u64",    "f32",      "f64",     "string",
+                                                 "vector",   "set",  "map",  "array",  "optional", "variant", "tuple",
+                                                 "duration", "time", "enum", "struct", "opaque"};
     return names[static_cast<std::size_t>(kind)];
 }
 
@@ -68,9 +68,7 @@ void type_description::complete() noexcept {
                 fixed_size = fixed_size && member.type.fixed_size;
             }
             break;
-        default:
-            min_size = size_of(kind);
-            fixed_size = true;
+        default: min_size = size_of(kind); fixed_size = true;
     }
 }
 

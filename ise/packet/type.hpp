@@ -12,9 +12,32 @@ namespace ise {
 
 /// What a type is on the wire (LAYOUT.md).
 enum class type_kind : std::uint8_t {
-    boolean, character, byte, i8, u8, i16, u16, i32, u32, i64, u64, f32, f64, // scalars
-    string, vector, set, map, array, optional, variant, tuple,                // made of other types
-    time_span, instant, enumeration, structure, opaque // (duration, time point)
+    boolean,
+    character,
+    byte,
+    i8,
+    u8,
+    i16,
+    u16,
+    i32,
+    u32,
+    i64,
+    u64,
+    f32,
+    f64, // scalars
+    string,
+    vector,
+    set,
+    map,
+    array,
+    optional,
+    variant,
+    tuple, // made of other types
+    time_span,
+    instant,
+    enumeration,
+    structure,
+    opaque // (duration, time point)
 };
 
 /// "u8", "vector", … as in a schema's text.
@@ -39,26 +62,26 @@ struct type_description {
     std::uint32_t version = 0;             ///< of an opaque type
 
     // Computed by complete():
-    std::uint64_t min_size = 0;            ///< the fewest bytes that a value takes
-    bool fixed_size = false;               ///< every value takes min_size bytes
+    std::uint64_t min_size = 0; ///< the fewest bytes that a value takes
+    bool fixed_size = false;    ///< every value takes min_size bytes
 
     /// Computes the sizes from the members', which are complete already.
     void complete() noexcept;
 
     // Compiled once: what a vector of a tree is made of costs every file of a user.
     type_description();
-    type_description(const type_description&); ///< a copy of its own
-    type_description(type_description&&) noexcept; ///< takes it over
-    type_description& operator=(const type_description&); ///< a copy of its own
+    type_description(const type_description&);                ///< a copy of its own
+    type_description(type_description&&) noexcept;            ///< takes it over
+    type_description& operator=(const type_description&);     ///< a copy of its own
     type_description& operator=(type_description&&) noexcept; ///< takes it over
     ~type_description();
 };
 
 /// A field, an element or an alternative.
 struct type_member {
-    std::string name;                      ///< of a field
-    type_description type;                 ///< its type
-    std::optional<bytes> preset;           ///< a field's encoded default where it is not the type's natural one
+    std::string name;            ///< of a field
+    type_description type;       ///< its type
+    std::optional<bytes> preset; ///< a field's encoded default where it is not the type's natural one
 };
 
 } // namespace ise

@@ -9,7 +9,8 @@ namespace ise {
 /// provider do not come back all at once.
 class back_off {
 public:
-    back_off(environment& env, duration first, duration longest) : env_(env), first_(first), longest_(longest), next_(first) {}
+    back_off(environment& env, duration first, duration longest)
+        : env_(env), first_(first), longest_(longest), next_(first) {}
 
     duration next() {
         auto base = std::exchange(next_, std::min(next_ * 2, longest_));
@@ -17,8 +18,9 @@ public:
         auto spread = static_cast<std::uint64_t>(base.count() / 2) + 1;
         return duration(base.count() / 2 + static_cast<std::int64_t>(env_.random() % spread));
     }
-    /// After a session that was lost: any time up to `spread`, or up to the pause that is due if that is longer, for others
-    /// have lost theirs at the same moment. Later pauses are no shorter than that, or the crowd would gather again.
+    /// After a session that was lost: any time up to `spread`, or up to the pause that is due if that is longer, for
+    /// others have lost theirs at the same moment. Later pauses are no shorter than that, or the crowd would gather
+    /// again.
     duration after_loss(duration spread) {
         auto most = std::max(std::exchange(next_, std::min(std::max(next_, spread) * 2, longest_)), spread);
         return duration(static_cast<std::int64_t>(env_.random() % (static_cast<std::uint64_t>(most.count()) + 1)));

@@ -9,11 +9,16 @@
 namespace ise {
 
 result<void> dispatcher::check_name(const std::string& name) const {
-    bool good = !name.empty() && name.size() <= limit::service_name_bytes && std::ranges::all_of(name, [](unsigned char letter) {
-        return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') || (letter >= '0' && letter <= '9') ||
-               letter == '_' || letter == '.' || letter == '-' || letter == '/';
-    });
-    if (!good) return failure(errc::invalid_argument, fmt::format("'{}' is not a name of a service: up to {} letters, digits, '_', '.', '-' and '/'", name, limit::service_name_bytes));
+    bool good = !name.empty() && name.size() <= limit::service_name_bytes &&
+                std::ranges::all_of(name, [](unsigned char letter) {
+                    return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') ||
+                           (letter >= '0' && letter <= '9') || letter == '_' || letter == '.' || letter == '-' ||
+                           letter == '/';
+                });
+    if (!good)
+        return failure(errc::invalid_argument,
+                       fmt::format("'{}' is not a name of a service: up to {} letters, digits, '_', '.', '-' and '/'",
+                                   name, limit::service_name_bytes));
     if (calls_.contains(name) || publications_.contains(name))
         return failure(errc::invalid_argument, fmt::format("the service '{}' is provided already", name));
     return {};
@@ -48,7 +53,9 @@ void dispatcher::remove(const std::string& name) {
     }
 }
 
-void dispatcher::declare_required(const std::string& name, const packet_types& types) { required_.emplace(name, &types); }
+void dispatcher::declare_required(const std::string& name, const packet_types& types) {
+    required_.emplace(name, &types);
+}
 
 std::shared_ptr<call_service> dispatcher::find_calls(std::string_view name) const {
     auto found = calls_.find(name);
@@ -61,19 +68,23 @@ std::shared_ptr<publication_core> dispatcher::find_publication(std::string_view 
 }
 
 failure dispatcher::no_calls(std::string_view name) const {
-    return {errc::no_such_service, find_publication(name) ? fmt::format("'{}' is a subscription, not a request-response service", name)
-                                                          : fmt::format("there is no service '{}'", name)};
+    return {errc::no_such_service, find_publication(name)
+                                       ? fmt::format("'{}' is a subscription, not a request-response service", name)
+                                       : fmt::format("there is no service '{}'", name)};
 }
 
 failure dispatcher::no_publication(std::string_view name) const {
-    return {errc::no_such_service, find_calls(name) ? fmt::format("'{}' is a request-response service, not a subscription", name)
-                                                    : fmt::format("there is no service '{}'", name)};
+    return {errc::no_such_service, find_calls(name)
+                                       ? fmt::format("'{}' is a request-response service, not a subscription", name)
+                                       : fmt::format("there is no service '{}'", name)};
 }
 
 std::vector<service_description> dispatcher::describe() const {
     std::vector<service_description> all;
-    for (const auto& [name, service] : calls_) all.push_back({name, service_kind::request_response, true, &service->types()});
-    for (const auto& [name, publication] : publications_) all.push_back({name, service_kind::subscription, true, &publication->types()});
+    for (const auto& [name, service] : calls_)
+        all.push_back({name, service_kind::request_response, true, &service->types()});
+    for (const auto& [name, publication] : publications_)
+        all.push_back({name, service_kind::subscription, true, &publication->types()});
     for (const auto& [name, types] : required_) all.push_back({name, types->kind, false, types});
     return all;
 }

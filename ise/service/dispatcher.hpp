@@ -2,7 +2,7 @@
 #include <ise/call/call_service.hpp>
 #include <ise/core/result.hpp>
 #include <ise/session/contract.hpp>
-#include <ise/session/schema_book.hpp>
+#include <ise/session/schema_cache.hpp>
 #include <ise/subscription/publication_core.hpp>
 
 #include <map>
@@ -24,7 +24,7 @@ struct service_description {
 class dispatcher final : public call_directory, public publication_directory {
 public:
     /// `book` learns the schemas of what is provided, to answer for them.
-    explicit dispatcher(schema_book& book) : book_(book) {}
+    explicit dispatcher(schema_cache& book) : book_(book) {}
 
     /// errc::invalid_argument if the name is taken or no name: letters, digits, `_`, `.`, `-`, `/`.
     result<void> add(std::shared_ptr<call_service> service);
@@ -45,7 +45,7 @@ public:
 private:
     result<void> check_name(const std::string& name) const;
 
-    schema_book& book_;
+    schema_cache& book_;
     std::map<std::string, std::shared_ptr<call_service>, std::less<>> calls_;
     std::map<std::string, std::shared_ptr<publication_core>, std::less<>> publications_;
     std::map<std::string, const packet_types*, std::less<>> required_;

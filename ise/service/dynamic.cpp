@@ -1,6 +1,6 @@
 #include <ise/service/dynamic.hpp>
 
-#include <ise/service/link.hpp>
+#include <ise/service/peer_channel.hpp>
 
 #include <fmt/format.h>
 
@@ -16,8 +16,10 @@ bytes fitted(const dynamic_packet& request, const schema& wanted) {
 
 std::optional<failure> check_kind(const remote& provider, const dynamic_contract& service, service_kind wanted) {
     if (service.kind() == wanted) return std::nullopt;
-    return failure(errc::invalid_argument, fmt::format("'{}' at {} is a {} service: {}", service.name(), provider.name(), name_of(service.kind()),
-                                                       wanted == service_kind::subscription ? "call it" : "subscribe to it"));
+    return failure(errc::invalid_argument,
+                   fmt::format("'{}' at {} is a {} service: {}", service.name(), provider.name(),
+                               name_of(service.kind()),
+                               wanted == service_kind::subscription ? "call it" : "subscribe to it"));
 }
 
 result<dynamic_packet> response_of(const call_outcome& outcome, const schema& type) {
@@ -31,17 +33,22 @@ result<dynamic_packet> response_of(const call_outcome& outcome, const schema& ty
     }
 }
 
-task<result<dynamic_packet>> submit(std::shared_ptr<link> to, std::string service, std::shared_ptr<const packet_types> types, bytes request,
-                                    duration deadline) {
+task<result<dynamic_packet>> submit(std::shared_ptr<peer_channel> to, std::string service,
+                                    std::shared_ptr<const packet_types> types, bytes request, duration deadline) {
     return asio::async_initiate<const asio::use_awaitable_t<>, void(result<dynamic_packet>)>(
-        [](auto handler, std::shared_ptr<link> over, std::string name, std::shared_ptr<const packet_types> packets, bytes body, duration limit) {
+        [](auto handler, std::shared_ptr<peer_channel> over, std::string name,
+           std::shared_ptr<const packet_types> packets, bytes body, duration limit) {
             auto executor = asio::get_associated_executor(handler, asio::any_io_executor());
             auto slot = asio::get_associated_cancellation_slot(handler);
             const bytes_view raw(body);
-            call_completion done = [handler = std::move(handler), type = packets->schemas[role::response]](const call_outcome& outcome) mutable {
-                return [handler = std::move(handler), got = response_of(outcome, type)]() mutable { handler(std::move(got)); };
+            call_completion done = [handler = std::move(handler),
+                                    type = packets->schemas[role::response]](const call_outcome& outcome) mutable {
+                return [handler = std::move(handler), got = response_of(outcome, type)]() mutable {
+                    handler(std::move(got));
+                };
             };
-            detail::start_call(std::move(over), service_key{name, packets.get()}, limit, executor, slot, std::move(done), outgoing_packet::of_bytes(raw));
+            detail::start_call(std::move(over), service_key{name, packets.get()}, limit, executor, slot,
+                               std::move(done), outgoing_packet::of_bytes(raw));
         },
         asio::use_awaitable, std::move(to), std::move(service), std::move(types), std::move(request), deadline);
 }
@@ -51,15 +58,17 @@ task<result<dynamic_packet>> submit(std::shared_ptr<link> to, std::string servic
 result<dynamic_contract> dynamic_contract::make(std::string name, service_kind kind, std::vector<schema> packets) {
     std::size_t wanted = kind == service_kind::request_response ? 2 : 5;
     if (packets.size() != wanted)
-        return failure(errc::invalid_argument, fmt::format("the {} service '{}' was described with {} packets, it has {}", name_of(kind), name,
-                                                           packets.size(), wanted));
+        return failure(errc::invalid_argument,
+                       fmt::format("the {} service '{}' was described with {} packets, it has {}", name_of(kind), name,
+                                   packets.size(), wanted));
     return dynamic_contract(std::move(name), std::make_shared<const packet_types>(kind, std::move(packets)));
 }
 
 // A packet without fields in the layout of one with fields: each takes its default.
 dynamic_packet default_packet(const schema& of) { return dynamic_packet(of, adapt(schema(), of, {})); }
 
-task<result<dynamic_packet>> call_dynamic(remote provider, dynamic_contract service, dynamic_packet request, duration deadline) {
+task<result<dynamic_packet>> call_dynamic(remote provider, dynamic_contract service, dynamic_packet request,
+                                          duration deadline) {
     auto& way = provider.way();
     if (auto misplaced = detail::check_place(way, {service.name(), nullptr})) co_return std::move(*misplaced);
     if (auto wrong = check_kind(provider, service, service_kind::request_response)) co_return std::move(*wrong);
@@ -77,7 +86,8 @@ task<result<dynamic_packet>> call_dynamic(remote provider, dynamic_contract serv
 
 class dynamic_stream::core final : public subscriber_core {
 public:
-    core(std::shared_ptr<link> to, std::string service, std::shared_ptr<const packet_types> types, subscribe_options options, bytes request)
+    core(std::shared_ptr<peer_channel> to, std::string service, std::shared_ptr<const packet_types> types,
+         subscribe_options options, bytes request)
         : subscriber_core(std::move(to), std::move(service), *types, options, std::move(request)),
           response(default_packet(types->schemas[role::subscribe_response])), types_(std::move(types)) {}
 
@@ -89,7 +99,8 @@ public:
         }
     }
 
-    static task<result<dynamic_packet>> leave_with(std::shared_ptr<core> self, dynamic_packet request, duration deadline) {
+    static task<result<dynamic_packet>> leave_with(std::shared_ptr<core> self, dynamic_packet request,
+                                                   duration deadline) {
         bytes raw;
         try {
             raw = fitted(request, self->types_->schemas[role::unsubscribe_request]);
@@ -154,9 +165,12 @@ bool dynamic_stream::connected() const noexcept { return core_->connected(); }
 bool dynamic_stream::ended() const noexcept { return core_->ended(); }
 const failure& dynamic_stream::cause() const noexcept { return core_->cause(); }
 void dynamic_stream::leave() { core_->leave(); }
-task<result<dynamic_packet>> dynamic_stream::leave(dynamic_packet request, duration deadline) { return core::leave_with(core_, std::move(request), deadline); }
+task<result<dynamic_packet>> dynamic_stream::leave(dynamic_packet request, duration deadline) {
+    return core::leave_with(core_, std::move(request), deadline);
+}
 
-task<result<dynamic_stream>> subscribe_dynamic(remote provider, dynamic_contract service, dynamic_packet request, subscribe_options options) {
+task<result<dynamic_stream>> subscribe_dynamic(remote provider, dynamic_contract service, dynamic_packet request,
+                                               subscribe_options options) {
     auto& way = provider.way();
     if (auto misplaced = detail::check_place(way, {service.name(), nullptr})) co_return std::move(*misplaced);
     if (auto wrong = check_kind(provider, service, service_kind::subscription)) co_return std::move(*wrong);
@@ -165,7 +179,8 @@ task<result<dynamic_stream>> subscribe_dynamic(remote provider, dynamic_contract
     std::shared_ptr<dynamic_stream::core> core;
     try {
         auto body = fitted(request, service.packet(role::subscribe_request));
-        core = std::make_shared<dynamic_stream::core>(way.shared_from_this(), service.name(), std::move(*kept), options, std::move(body));
+        core = std::make_shared<dynamic_stream::core>(way.shared_from_this(), service.name(), std::move(*kept), options,
+                                                      std::move(body));
     } catch (const error& unfit) {
         co_return unfit.why();
     }

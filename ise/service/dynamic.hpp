@@ -25,7 +25,8 @@ public:
     const std::shared_ptr<const packet_types>& types() const noexcept { return types_; }
 
 private:
-    dynamic_contract(std::string name, std::shared_ptr<const packet_types> types) : name_(std::move(name)), types_(std::move(types)) {}
+    dynamic_contract(std::string name, std::shared_ptr<const packet_types> types)
+        : name_(std::move(name)), types_(std::move(types)) {}
 
     std::string name_;
     std::shared_ptr<const packet_types> types_;
@@ -38,9 +39,10 @@ dynamic_packet default_packet(const schema& of);
 /// `remote::try_call`, errc::invalid_argument for a subscription, and errc::type_mismatch if `request` does
 /// not match the service. A request of another schema is adapted.
 /// On the loop of the component that made `provider`. Cancellation: terminal; the provider's handler is cancelled too.
-task<result<dynamic_packet>> call_dynamic(remote provider, dynamic_contract service, dynamic_packet request, duration deadline = duration());
+task<result<dynamic_packet>> call_dynamic(remote provider, dynamic_contract service, dynamic_packet request,
+                                          duration deadline = duration());
 
-/// A live subscription of packets known at run time; see `stream_of`.
+/// A live subscription of packets known at run time; see `subscriber`.
 class dynamic_stream {
 public:
     dynamic_stream() = default;
@@ -50,8 +52,8 @@ public:
     dynamic_stream& operator=(dynamic_stream&& other) noexcept;
     ~dynamic_stream();
 
-    /// Waits for the next packet; empty when the subscription has ended (`cause()` says why). Cancellation: terminal, no packet
-    /// is lost.
+    /// Waits for the next packet; empty when the subscription has ended (`cause()` says why). Cancellation: terminal,
+    /// no packet is lost.
     task<received<dynamic_packet>> next();
     /// A packet that has already arrived, or an empty one. Never suspends.
     received<dynamic_packet> try_next();
@@ -68,7 +70,8 @@ public:
     const failure& cause() const noexcept;
     /// Ends it now; a waiting `next()` returns an empty packet. The provider gets a default unsubscribe packet.
     void leave();
-    /// The same with an unsubscribe packet, which is adapted to the service: returns the provider's response. See `stream_of::leave`.
+    /// The same with an unsubscribe packet, which is adapted to the service: returns the provider's response. See
+    /// `subscriber::leave`.
     task<result<dynamic_packet>> leave(dynamic_packet request, duration deadline = duration());
 
     class core;

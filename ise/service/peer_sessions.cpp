@@ -7,7 +7,8 @@
 
 namespace ise {
 
-peer_sessions::peer_sessions(const session_context& shared, security credentials) : shared_(shared), credentials_(std::move(credentials)) {}
+peer_sessions::peer_sessions(const session_context& shared, security credentials)
+    : shared_(shared), credentials_(std::move(credentials)) {}
 
 wire::hello peer_sessions::greeting() const {
     const auto& options = shared_.runtime.options();
@@ -44,20 +45,24 @@ wire::hello peer_sessions::greeting_to(const location& whom, const endpoint& at,
     return made;
 }
 
-task<result<std::shared_ptr<session>>> peer_sessions::connect(location whom, endpoint at, time_point deadline, std::weak_ptr<session_owner> owner) {
+task<result<std::shared_ptr<session>>> peer_sessions::connect(location whom, endpoint at, time_point deadline,
+                                                              std::weak_ptr<session_owner> owner) {
     auto& on = shared_.runtime.on();
     auto transport = co_await net::connect_until(on, at, deadline, credentials_.tls);
     if (!transport) co_return transport.error();
     auto hello = greeting_to(whom, at, (*transport)->peer());
-    auto greeted = co_await net::initiate(on, std::move(*transport), std::move(hello), deadline, credentials_.key.get());
+    auto greeted =
+        co_await net::initiate(on, std::move(*transport), std::move(hello), deadline, credentials_.key.get());
     if (!greeted) co_return greeted.error();
     co_return run(std::move(*greeted), std::move(owner));
 }
 
-std::shared_ptr<session> peer_sessions::run(std::shared_ptr<net::connection> connection, std::weak_ptr<session_owner> owner) {
+std::shared_ptr<session> peer_sessions::run(std::shared_ptr<net::connection> connection,
+                                            std::weak_ptr<session_owner> owner) {
     connection->limit_unsent(shared_.runtime.options().unsent_bytes);
     shared_.runtime.signs()->add(connection->signs());
-    auto made = std::make_shared<session>(shared_, std::move(connection), std::move(owner), [this](session& ended) { forget(ended); });
+    auto made = std::make_shared<session>(shared_, std::move(connection), std::move(owner),
+                                          [this](session& ended) { forget(ended); });
     all_.emplace(made.get(), made);
     made->start();
     return made;
@@ -79,7 +84,8 @@ void peer_sessions::finish_all(const failure& why, duration grace) {
     // Not by their addresses in memory: a run on the virtual world is the same every time.
     std::vector<std::shared_ptr<session>> in_order;
     for (const auto& [raw, held] : all_) in_order.push_back(held);
-    std::stable_sort(in_order.begin(), in_order.end(), [](const auto& a, const auto& b) { return a->peer_name() < b->peer_name(); });
+    std::stable_sort(in_order.begin(), in_order.end(),
+                     [](const auto& a, const auto& b) { return a->peer_name() < b->peer_name(); });
     for (auto& held : in_order) held->finish(why, grace);
 }
 

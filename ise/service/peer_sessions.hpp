@@ -25,9 +25,10 @@ public:
     /// A hello of ours to who is meant to listen at `at`; `connected` is that as a numeric address, where it has one.
     wire::hello greeting_to(const location& whom, const endpoint& at, const std::string& connected);
 
-    /// Connects to one endpoint and greets, at most until `deadline`. The failures are those of net::connect_until and net::initiate.
-    /// Cancellation: terminal, nothing is left.
-    task<result<std::shared_ptr<session>>> connect(location whom, endpoint at, time_point deadline, std::weak_ptr<session_owner> owner);
+    /// Connects to one endpoint and greets, at most until `deadline`. The failures are those of net::connect_until and
+    /// net::initiate. Cancellation: terminal, nothing is left.
+    task<result<std::shared_ptr<session>>> connect(location whom, endpoint at, time_point deadline,
+                                                   std::weak_ptr<session_owner> owner);
     /// Runs a fresh connection as a session.
     std::shared_ptr<session> run(std::shared_ptr<net::connection> connection, std::weak_ptr<session_owner> owner);
 

@@ -1,6 +1,6 @@
 #include <ise/service/remote.hpp>
 
-#include <ise/service/link.hpp>
+#include <ise/service/peer_channel.hpp>
 
 #include <asio/post.hpp>
 #include <asio/system_executor.hpp>
@@ -17,19 +17,21 @@ task<result<void>> remote::connect(duration deadline) const {
 
 namespace detail {
 
-std::shared_ptr<subscription_owner> subscriptions_of(std::shared_ptr<link> to) { return to; }
+std::shared_ptr<subscription_owner> subscriptions_of(std::shared_ptr<peer_channel> to) { return to; }
 
-std::optional<failure> check_place(link& to, service_key service) {
+std::optional<failure> check_place(peer_channel& to, service_key service) {
     if (to.runtime().on().running_here()) return std::nullopt;
     return failure(errc::invalid_argument,
-                   fmt::format("'{}' at {} was used off its component's thread: spawn the call on that component (component::spawn), or wait for it from another thread (component::wait)", service.name, to.name()));
+                   fmt::format("'{}' at {} was used off its component's thread: spawn the call on that component "
+                               "(component::spawn), or wait for it from another thread (component::wait)",
+                               service.name, to.name()));
 }
 
 namespace {
 
 template <class Link>
-void start(Link&& to, service_key service, duration deadline, const asio::any_io_executor& waiting, asio::cancellation_slot slot, call_completion done,
-           outgoing_packet request) {
+void start(Link&& to, service_key service, duration deadline, const asio::any_io_executor& waiting,
+           asio::cancellation_slot slot, call_completion done, outgoing_packet request) {
     if (auto misplaced = check_place(*to, service)) {
         auto completion = done(call_outcome{&*misplaced, nullptr});
         if (waiting) asio::post(waiting, std::move(completion));
@@ -42,7 +44,8 @@ void start(Link&& to, service_key service, duration deadline, const asio::any_io
     call.owner = call_owner::hold(std::forward<Link>(to));
     call.service.assign(service.name);
     call.types = service.types;
-    call.deadline = saturating_add(on.now(), deadline > duration{} ? deadline : way.runtime().options().default_deadline);
+    call.deadline =
+        saturating_add(on.now(), deadline > duration{} ? deadline : way.runtime().options().default_deadline);
     call.trace = {};
     call.made_in = context_of(waiting ? waiting : on.get_executor());
     if (call.made_in) {
@@ -56,13 +59,15 @@ void start(Link&& to, service_key service, duration deadline, const asio::any_io
 
 } // namespace
 
-void start_call(const std::shared_ptr<link>& to, service_key service, duration deadline, const asio::any_io_executor& waiting, asio::cancellation_slot slot,
-                call_completion done, outgoing_packet request) {
+void start_call(const std::shared_ptr<peer_channel>& to, service_key service, duration deadline,
+                const asio::any_io_executor& waiting, asio::cancellation_slot slot, call_completion done,
+                outgoing_packet request) {
     start(to, service, deadline, waiting, slot, std::move(done), request);
 }
 
-void start_call(std::shared_ptr<link>&& to, service_key service, duration deadline, const asio::any_io_executor& waiting, asio::cancellation_slot slot,
-                call_completion done, outgoing_packet request) {
+void start_call(std::shared_ptr<peer_channel>&& to, service_key service, duration deadline,
+                const asio::any_io_executor& waiting, asio::cancellation_slot slot, call_completion done,
+                outgoing_packet request) {
     start(std::move(to), service, deadline, waiting, slot, std::move(done), request);
 }
 

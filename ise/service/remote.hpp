@@ -2,7 +2,7 @@
 #include <ise/call/call_completion.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/session/contract.hpp>
-#include <ise/subscription/stream_of.hpp>
+#include <ise/subscription/subscriber.hpp>
 
 #include <asio/associated_cancellation_slot.hpp>
 #include <asio/associated_executor.hpp>
@@ -18,21 +18,23 @@
 
 namespace ise {
 
-class link;
+class peer_channel;
 
 namespace detail {
 
-/// Everything of a call that needs no types: opens the record, which keeps `to`, fits deadline and trace to the context that
-/// the executor of whoever waits carries, and sends. Off the component's thread nothing is touched and nothing sent: the
-/// call fails, on that executor or, where there is none, on the system's.
-void start_call(const std::shared_ptr<link>& to, service_key service, duration deadline, const asio::any_io_executor& waiting, asio::cancellation_slot slot,
-                call_completion done, outgoing_packet request);
-void start_call(std::shared_ptr<link>&& to, service_key service, duration deadline, const asio::any_io_executor& waiting, asio::cancellation_slot slot,
-                call_completion done, outgoing_packet request);
+/// Everything of a call that needs no types: opens the record, which keeps `to`, fits deadline and trace to the context
+/// that the executor of whoever waits carries, and sends. Off the component's thread nothing is touched and nothing
+/// sent: the call fails, on that executor or, where there is none, on the system's.
+void start_call(const std::shared_ptr<peer_channel>& to, service_key service, duration deadline,
+                const asio::any_io_executor& waiting, asio::cancellation_slot slot, call_completion done,
+                outgoing_packet request);
+void start_call(std::shared_ptr<peer_channel>&& to, service_key service, duration deadline,
+                const asio::any_io_executor& waiting, asio::cancellation_slot slot, call_completion done,
+                outgoing_packet request);
 /// The same as what a subscriber needs of it.
-std::shared_ptr<subscription_owner> subscriptions_of(std::shared_ptr<link> to);
+std::shared_ptr<subscription_owner> subscriptions_of(std::shared_ptr<peer_channel> to);
 /// A failure where `to` is used on another thread than its component's.
-std::optional<failure> check_place(link& to, service_key service);
+std::optional<failure> check_place(peer_channel& to, service_key service);
 
 template <class Response>
 result<Response> response_of(const call_outcome& outcome) {
@@ -66,9 +68,11 @@ struct call_arguments {
     static constexpr std::size_t fields = count - (has_deadline ? 1 : 0);
 
     static_assert(are_fields(std::make_index_sequence<fields>()),
-                  "ise: behind the service, a call takes its request packet or the fields of it in their order, and last the deadline");
+                  "ise: behind the service, a call takes its request packet or the fields of it in their order, and "
+                  "last the deadline");
     static_assert(!has_deadline || !are_fields(std::make_index_sequence<count>()),
-                  "ise: the last argument of this call could be a field of the request as well as the deadline: give the request as a "
+                  "ise: the last argument of this call could be a field of the request as well as the deadline: give "
+                  "the request as a "
                   "named variable");
 
     template <std::size_t... Place>
@@ -101,7 +105,7 @@ class remote {
 public:
     remote() = default;
     /// Made by `component::find`, `at` and `caller`.
-    explicit remote(std::shared_ptr<link> to) : link_(std::move(to)) {}
+    explicit remote(std::shared_ptr<peer_channel> to) : link_(std::move(to)) {}
 
     /// Whether it names a component; a default-constructed handle must not be used.
     explicit operator bool() const noexcept { return link_ != nullptr; }
@@ -109,16 +113,17 @@ public:
     const std::string& name() const noexcept;
     /// The path of the component to which it is connected now; for a role, that of the member. Empty without a session.
     std::string holder() const;
-    link& way() const noexcept { return *link_; } ///< for the layers below
+    peer_channel& way() const noexcept { return *link_; } ///< for the layers below
 
-    /// Calls and waits for the response: `co_await boat.call(helm, "hold", 2s)`. The arguments after the service are the
-    /// fields of the request in their order; if the last one is a duration, it is the deadline (default: that of the context,
-    /// else the component's). Throws ise::error: refused, no_such_service, type_mismatch, timed_out, peer_lost, cancelled,
-    /// overloaded, handler_failed…; `executed()` says whether the request may have run. Cancellation: terminal; the provider's
-    /// handler is cancelled too.
+    /// Calls and waits for the response: `co_await boat.call(helm, "hold", 2s)`. The arguments after the service are
+    /// the fields of the request in their order; if the last one is a duration, it is the deadline (default: that of
+    /// the context, else the component's). Throws ise::error: refused, no_such_service, type_mismatch, timed_out,
+    /// peer_lost, cancelled, overloaded, handler_failed…; `executed()` says whether the request may have run.
+    /// Cancellation: terminal; the provider's handler is cancelled too.
     template <class Contract, class... Arguments>
-        requires(!detail::is_request_itself<typename Contract::request_type, Arguments...>)
-    task<typename Contract::response_type> call(const Contract& service, Arguments&&... arguments) const {
+    requires(!detail::is_request_itself<typename Contract::request_type, Arguments...>)
+        task<typename Contract::response_type> call(const Contract& service, Arguments&&... arguments)
+    const {
         using given = detail::call_arguments<typename Contract::request_type, Arguments...>;
         typename given::all all(std::forward<Arguments>(arguments)...);
         return call(service, given::request(all), given::deadline(all));
@@ -127,38 +132,44 @@ public:
     /// The same with a request object. With g++ 12 use a named variable: that compiler destroys a braced temporary
     /// inside a `co_await` expression twice (docs/coroutines.md).
     template <class Contract>
-    task<typename Contract::response_type> call(const Contract& service, typename Contract::request_type request, duration deadline = duration()) const {
+    task<typename Contract::response_type> call(const Contract& service, typename Contract::request_type request,
+                                                duration deadline = duration()) const {
         using response = typename Contract::response_type;
         return asio::async_initiate<const asio::use_awaitable_t<>, void(std::exception_ptr, response)>(
             [](auto handler, auto&& to, service_key key, typename Contract::request_type packet, duration limit) {
-                start<response>(std::move(handler), std::forward<decltype(to)>(to), key, packet, limit, [](auto& waiting, result<response>& got) {
-                    if (got) {
-                        waiting(std::exception_ptr(), std::move(*got));
-                    } else {
-                        waiting(std::make_exception_ptr(error(got.error())), response{});
-                    }
-                });
+                start<response>(std::move(handler), std::forward<decltype(to)>(to), key, packet, limit,
+                                [](auto& waiting, result<response>& got) {
+                                    if (got) {
+                                        waiting(std::exception_ptr(), std::move(*got));
+                                    } else {
+                                        waiting(std::make_exception_ptr(error(got.error())), response{});
+                                    }
+                                });
             },
             asio::use_awaitable, link_, service.key(), std::move(request), deadline);
     }
 
     /// The same as `call`, with the outcome as a value: `co_await boat.try_call(helm, "hold", 2s)`.
     template <class Contract, class... Arguments>
-        requires(!detail::is_request_itself<typename Contract::request_type, Arguments...>)
-    task<result<typename Contract::response_type>> try_call(const Contract& service, Arguments&&... arguments) const {
+    requires(!detail::is_request_itself<typename Contract::request_type, Arguments...>)
+        task<result<typename Contract::response_type>> try_call(const Contract& service, Arguments&&... arguments)
+    const {
         using given = detail::call_arguments<typename Contract::request_type, Arguments...>;
         typename given::all all(std::forward<Arguments>(arguments)...);
         return try_call(service, given::request(all), given::deadline(all));
     }
     template <class Contract>
-    task<result<typename Contract::response_type>> try_call(const Contract& service, typename Contract::request_type request, duration deadline = duration()) const {
+    task<result<typename Contract::response_type>> try_call(const Contract& service,
+                                                            typename Contract::request_type request,
+                                                            duration deadline = duration()) const {
         return try_call(service, std::move(request), deadline, asio::use_awaitable);
     }
 
     /// The same with a completion token of signature `void(ise::result<Response>)`, such as a callback, which
     /// runs on the component's loop.
     template <class Contract, class Token>
-    auto try_call(const Contract& service, typename Contract::request_type request, duration deadline, Token&& token) const {
+    auto try_call(const Contract& service, typename Contract::request_type request, duration deadline,
+                  Token&& token) const {
         using response = typename Contract::response_type;
         return asio::async_initiate<Token, void(result<response>)>(
             [](auto handler, auto&& to, service_key key, typename Contract::request_type packet, duration limit) {
@@ -172,19 +183,22 @@ public:
     /// or is counted. Throws ise::error: refused, no_such_service, type_mismatch, timed_out, cancelled. Cancellation:
     /// terminal, unsubscribes.
     template <class Contract>
-    task<stream_of<Contract>> subscribe(const Contract& service, subscribe_options options = subscribe_options()) const {
+    task<subscriber<Contract>> subscribe(const Contract& service,
+                                         subscribe_options options = subscribe_options()) const {
         return begin<Contract>(link_, std::string(service.name()), options, bytes());
     }
     /// With the user's own subscribe packet.
     template <class Contract>
-    task<stream_of<Contract>> subscribe(const Contract& service, const typename Contract::subscribe_request& request, subscribe_options options) const {
+    task<subscriber<Contract>> subscribe(const Contract& service, const typename Contract::subscribe_request& request,
+                                         subscribe_options options) const {
         return begin<Contract>(link_, std::string(service.name()), options, encode(request));
     }
 
     // Compile errors for services of the other kind.
     template <class... Packets, class... Arguments>
     void call(const subscription<Packets...>&, Arguments&&...) const {
-        static_assert(detail::never<Packets...>, "ise: this service is a subscription, which is not called: co_await remote.subscribe(service)");
+        static_assert(detail::never<Packets...>,
+                      "ise: this service is a subscription, which is not called: co_await remote.subscribe(service)");
     }
     template <class... Packets, class... Arguments>
     void try_call(const subscription<Packets...>& service, Arguments&&...) const {
@@ -192,7 +206,9 @@ public:
     }
     template <class... Packets, class... Arguments>
     void subscribe(const request_response<Packets...>&, Arguments&&...) const {
-        static_assert(detail::never<Packets...>, "ise: this service is a request-response, which is not subscribed to: co_await remote.call(service, …)");
+        static_assert(
+            detail::never<Packets...>,
+            "ise: this service is a request-response, which is not subscribed to: co_await remote.call(service, …)");
     }
 
     /// Waits until there is a session; for programs that want to know before they call.
@@ -204,23 +220,28 @@ private:
         asio::any_io_executor waiting = asio::get_associated_executor(handler, asio::any_io_executor());
         auto slot = asio::get_associated_cancellation_slot(handler);
         call_completion done = [handler = std::move(handler), deliver](const call_outcome& outcome) mutable {
-            return [handler = std::move(handler), deliver, got = detail::response_of<Response>(outcome)]() mutable { deliver(handler, got); };
+            return [handler = std::move(handler), deliver, got = detail::response_of<Response>(outcome)]() mutable {
+                deliver(handler, got);
+            };
         };
         detail::start_call(std::forward<Link>(to), key, limit, waiting, slot, std::move(done), outgoing_packet(packet));
     }
 
     template <class Contract>
-    static task<stream_of<Contract>> begin(std::shared_ptr<link> to, std::string service, subscribe_options options, bytes request) {
+    static task<subscriber<Contract>> begin(std::shared_ptr<peer_channel> to, std::string service,
+                                            subscribe_options options, bytes request) {
         if (auto misplaced = detail::check_place(*to, {service, nullptr})) throw error(std::move(*misplaced));
         if (request.empty()) request = encode(typename Contract::subscribe_request{});
-        auto core = std::make_shared<typename stream_of<Contract>::core>(detail::subscriptions_of(std::move(to)), std::move(service), Contract::types(), options, std::move(request));
-        stream_of<Contract> made(core); // leaves again if the wait is cancelled
+        auto core = std::make_shared<typename subscriber<Contract>::core>(detail::subscriptions_of(std::move(to)),
+                                                                          std::move(service), Contract::types(),
+                                                                          options, std::move(request));
+        subscriber<Contract> made(core); // leaves again if the wait is cancelled
         auto begun = co_await core->begin();
         begun.value();
         co_return made;
     }
 
-    std::shared_ptr<link> link_;
+    std::shared_ptr<peer_channel> link_;
 };
 
 } // namespace ise

@@ -5,7 +5,7 @@
 namespace ise {
 namespace {
 
-constexpr duration shortest_pause = std::chrono::seconds(1);
+constexpr duration min_pause = std::chrono::seconds(1);
 
 } // namespace
 
@@ -30,7 +30,8 @@ void role_choice::know(std::vector<location> members, time_point now) {
     std::map<std::string, presence> present;
     for (const auto& one : members_) {
         auto before = present_.find(one.path);
-        bool same = before != present_.end() && before->second.incarnation == one.incarnation && before->second.ready == one.ready;
+        bool same = before != present_.end() && before->second.incarnation == one.incarnation &&
+                    before->second.ready == one.ready;
         auto& here = present[one.path];
         if (same) here = before->second;
         else here.since = now;
@@ -63,7 +64,8 @@ void role_choice::took(const location& which) {
 }
 
 std::optional<location> role_choice::unlisted() const {
-    if (!taken_ || left_ || std::ranges::find(members_, taken_->path, &location::path) != members_.end()) return std::nullopt;
+    if (!taken_ || left_ || std::ranges::find(members_, taken_->path, &location::path) != members_.end())
+        return std::nullopt;
     return taken_;
 }
 
@@ -100,7 +102,7 @@ void role_choice::put_off(const std::string& path, time_point now) {
     auto found = present_.find(path);
     if (found == present_.end()) return;
     found->second.since = now;
-    found->second.not_before = saturating_add(now, std::max(how_.steady, shortest_pause));
+    found->second.not_before = saturating_add(now, std::max(how_.steady, min_pause));
 }
 
 } // namespace ise

@@ -53,7 +53,7 @@ private:
     std::vector<location> members_;
     std::map<std::string, presence> present_; // by path
     std::optional<location> taken_;
-    std::string lost_;                        // the path of the last one, until another is taken
+    std::string lost_; // the path of the last one, until another is taken
     bool in_doubt_ = false;
     bool left_ = false;
 };

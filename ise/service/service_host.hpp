@@ -1,7 +1,7 @@
 #pragma once
-#include <ise/call/reply_window.hpp>
+#include <ise/call/reply_cache.hpp>
 #include <ise/service/dispatcher.hpp>
-#include <ise/service/link.hpp>
+#include <ise/service/peer_channel.hpp>
 #include <ise/service/peer_sessions.hpp>
 #include <ise/service/session_acceptor.hpp>
 #include <ise/service/use_book.hpp>
@@ -19,12 +19,12 @@ namespace ise {
 /// Lifetime: `stop()` and join the scope before destroying it.
 class service_host final : public service_runtime {
 public:
-    service_host(environment& env, loop& on, task_scope& scope, wire::identity self, service_options options, logger log,
-                 security credentials = security());
+    service_host(environment& env, loop& on, task_scope& scope, wire::identity self, service_options options,
+                 logger log, security credentials = security());
     ~service_host();
 
     dispatcher& services() noexcept { return dispatcher_; }
-    call_desk& calls() noexcept { return calls_; }
+    pending_calls& calls() noexcept { return calls_; }
     /// What it uses of others, and waits for.
     use_book& uses() noexcept { return uses_; }
     const use_book& uses() const noexcept { return uses_; }
@@ -38,27 +38,28 @@ public:
     std::vector<endpoint> listening() const { return acceptor_.listening(); }
 
     /// The link to a path or an endpoint; one for all who talk to it, and to a role in the same way.
-    std::shared_ptr<link> link_to(const std::string& path, role_options how = role_options());
+    std::shared_ptr<peer_channel> link_to(const std::string& path, role_options how = role_options());
     /// `path`: of the component that is to answer there; empty: whoever listens.
-    std::shared_ptr<link> link_to(const endpoint& at, const std::string& path = std::string());
+    std::shared_ptr<peer_channel> link_to(const endpoint& at, const std::string& path = std::string());
     /// Back to the peer of a session that it made.
-    std::shared_ptr<link> link_back(const std::shared_ptr<session>& over);
+    std::shared_ptr<peer_channel> link_back(const std::shared_ptr<session>& over);
     ise::resolver* resolver() const noexcept { return links_share_.names.get(); }
     void use_resolver(std::shared_ptr<ise::resolver> names) { links_share_.names = std::move(names); }
 
     /// Says goodbye on every session, stops listening and serving. What was read is answered for at most `grace`.
     void stop(duration grace);
-    /// Ends every session and makes none until `go_on()`: what is provided changes hands. Peers come back by themselves.
+    /// Ends every session and makes none until `go_on()`: what is provided changes hands. Peers come back by
+    /// themselves.
     void pause(const failure& why, duration grace);
     void go_on() noexcept { acceptor_.go_on(); }
 
 private:
     use_book uses_;
-    link_context links_share_; // before the calls, which keep links
-    call_desk calls_;
+    channel_context links_share_; // before the calls, which keep links
+    pending_calls calls_;
     dispatcher dispatcher_;
     ise::reply_windows reply_windows_;
-    std::map<std::string, std::weak_ptr<link>> links_;
+    std::map<std::string, std::weak_ptr<peer_channel>> links_;
     session_acceptor acceptor_; // before the sessions, which hold places of it
     peer_sessions peers_;
 };

@@ -8,14 +8,17 @@ namespace ise {
 
 using wire::frame_type;
 
-session::session(const session_context& of, std::shared_ptr<net::connection> connection, std::weak_ptr<session_owner> owner, std::function<void(session&)> on_over)
-    : conversation(of.runtime, std::move(connection)), publications_(of.publications), owner_(std::move(owner)), on_over_(std::move(on_over)),
-      outgoing_calls_(*this, of.calls), incoming_calls_(*this, of.call_services, of.answered), outgoing_subscriptions_(*this) {}
+session::session(const session_context& of, std::shared_ptr<net::connection> connection,
+                 std::weak_ptr<session_owner> owner, std::function<void(session&)> on_over)
+    : conversation(of.runtime, std::move(connection)), publications_(of.publications), owner_(std::move(owner)),
+      on_over_(std::move(on_over)), outgoing_calls_(*this, of.calls),
+      incoming_calls_(*this, of.call_services, of.answered), outgoing_subscriptions_(*this) {}
 
 void session::start() { wire().start(runtime().scope(), weak_from_this()); }
 
 incoming_subscriptions& session::subscribers() {
-    if (!incoming_subscriptions_) incoming_subscriptions_ = std::make_unique<incoming_subscriptions>(*this, publications_);
+    if (!incoming_subscriptions_)
+        incoming_subscriptions_ = std::make_unique<incoming_subscriptions>(*this, publications_);
     return *incoming_subscriptions_;
 }
 
@@ -41,7 +44,8 @@ result<void> session::on_frame(const wire::frame& received) {
         case frame_type::reject:
         case frame_type::challenge:
         case frame_type::proof:
-            return failure(errc::protocol_error, fmt::format("'{}' came in the middle of a session", wire::name_of(received.header.type)));
+            return failure(errc::protocol_error,
+                           fmt::format("'{}' came in the middle of a session", wire::name_of(received.header.type)));
         default: return {}; // of a later version: passed over, as FORMAT.md says
     }
 }
@@ -49,7 +53,8 @@ result<void> session::on_frame(const wire::frame& received) {
 void session::on_closed(const failure& cause) {
     auto self = shared_from_this();
     auto owner = owner_.lock();
-    if (broke_rules(cause.code())) runtime().tell(peer_trouble::broken, fmt::format("a session was ended: {}", cause.message()), peer_name());
+    if (broke_rules(cause.code()))
+        runtime().tell(peer_trouble::broken, fmt::format("a session was ended: {}", cause.message()), peer_name());
     outgoing_calls_.on_session_end(cause, owner.get());
     outgoing_subscriptions_.on_session_end(cause);
     incoming_calls_.on_session_end();

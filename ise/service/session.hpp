@@ -27,7 +27,7 @@ protected:
 /// What the sessions of one component share.
 struct session_context {
     service_runtime& runtime;
-    call_desk& calls;
+    pending_calls& calls;
     const call_directory& call_services;
     const publication_directory& publications;
     reply_windows& answered;
@@ -38,7 +38,8 @@ struct session_context {
 class session final : public conversation {
 public:
     /// `owner`: nobody where the peer made it. `on_over` is called once, last.
-    session(const session_context& of, std::shared_ptr<net::connection> connection, std::weak_ptr<session_owner> owner, std::function<void(session&)> on_over);
+    session(const session_context& of, std::shared_ptr<net::connection> connection, std::weak_ptr<session_owner> owner,
+            std::function<void(session&)> on_over);
 
     /// Begins to read.
     void start();
@@ -49,7 +50,9 @@ public:
     /// The services of the peer that this side has called over it, or is subscribed to; each once, by name.
     std::vector<std::string> used_services() const;
     /// Packets that are held for the peer's subscriptions, in bytes.
-    std::size_t held_bytes() const noexcept { return incoming_subscriptions_ ? incoming_subscriptions_->held_bytes() : 0; }
+    std::size_t held_bytes() const noexcept {
+        return incoming_subscriptions_ ? incoming_subscriptions_->held_bytes() : 0;
+    }
 
 private:
     result<void> on_frame(const wire::frame& received) override;

@@ -18,15 +18,18 @@ constexpr duration displaced_grace = std::chrono::seconds(1); // to take the goo
 } // namespace
 
 session_acceptor::session_acceptor(service_runtime& runtime, peer_sessions& sessions)
-    : runtime_(runtime), sessions_(sessions), places_(runtime.options().max_sessions), handshakes_(runtime.options().max_handshakes) {}
+    : runtime_(runtime), sessions_(sessions), places_(runtime.options().max_sessions),
+      handshakes_(runtime.options().max_handshakes) {}
 
 class session_acceptor::door final : public net::gatekeeper {
 public:
-    door(session_acceptor& of, endpoint reached, std::string peer) : of_(of), reached_(std::move(reached)), peer_(std::move(peer)) {}
+    door(session_acceptor& of, endpoint reached, std::string peer)
+        : of_(of), reached_(std::move(reached)), peer_(std::move(peer)) {}
 
     result<wire::welcome> admit(const wire::hello& caller) override {
         if (of_.sessions_.credentials().key)
-            if (auto relayed = net::objection_to_way(caller, reached_, of_.advertised_, of_.runtime_.env())) return std::move(*relayed);
+            if (auto relayed = net::objection_to_way(caller, reached_, of_.advertised_, of_.runtime_.env()))
+                return std::move(*relayed);
         return of_.admit(caller, peer_, reached_.kind, places_);
     }
     session_places take_places() { return std::move(places_); }
@@ -38,7 +41,8 @@ private:
     session_places places_;
 };
 
-result<wire::welcome> session_acceptor::admit(const wire::hello& caller, const std::string& peer, protocol over, session_places& into) {
+result<wire::welcome> session_acceptor::admit(const wire::hello& caller, const std::string& peer, protocol over,
+                                              session_places& into) {
     const auto& self = runtime_.self();
     auto me = runtime_.name_for_people();
     if (!caller.wanted_path.empty() && caller.wanted_path != self.path)
@@ -46,7 +50,8 @@ result<wire::welcome> session_acceptor::admit(const wire::hello& caller, const s
     if (caller.wanted_incarnation != 0 && caller.wanted_incarnation != self.incarnation)
         return failure(errc::wrong_peer, fmt::format("here is another life of {}: it was restarted", me));
     if (caller.wanted_epoch != 0 && self.epoch != 0 && caller.wanted_epoch != self.epoch)
-        return failure(errc::wrong_peer, fmt::format("{} has epoch {} here, {} was wanted", me, self.epoch, caller.wanted_epoch));
+        return failure(errc::wrong_peer,
+                       fmt::format("{} has epoch {} here, {} was wanted", me, self.epoch, caller.wanted_epoch));
     if (runtime_.stopping()) return failure(errc::cancelled, fmt::format("{} stops", me));
     if (paused_) return *paused_;
     const bool has_socket = over != protocol::udp && over != protocol::inproc;
@@ -74,7 +79,9 @@ result<endpoint> session_acceptor::listen(const endpoint& at) {
     auto opened = net::listen(runtime_.on(), at, sessions_.credentials().tls);
     if (!opened) return opened.error();
     bool with_sockets = at.kind != protocol::udp && at.kind != protocol::inproc;
-    if (with_sockets && !sockets_) sockets_.emplace(runtime_.env().is_virtual() ? runtime_.options().max_sessions : room_for_sockets(runtime_.options().max_sessions));
+    if (with_sockets && !sockets_)
+        sockets_.emplace(runtime_.env().is_virtual() ? runtime_.options().max_sessions
+                                                     : room_for_sockets(runtime_.options().max_sessions));
     std::shared_ptr<listener> from = std::move(*opened);
     listeners_.push_back(from);
     if (!held_) accept_from(from);
@@ -97,29 +104,35 @@ std::vector<endpoint> session_acceptor::listening() const {
 }
 
 task<> session_acceptor::accept(std::shared_ptr<listener> from) {
-    net::bounded_acceptor entrance(runtime_.on(), from, &handshakes_,
-                                   [this](const std::string& what, const std::string& at) { runtime_.tell(peer_trouble::accepting, what, at); });
+    net::bounded_acceptor entrance(
+        runtime_.on(), from, &handshakes_,
+        [this](const std::string& what, const std::string& at) { runtime_.tell(peer_trouble::accepting, what, at); });
     while (!runtime_.stopping()) {
         auto who = co_await entrance.next();
         if (runtime_.stopping() || !who.line) co_return;
-        if (who.refused || greeting_ >= 2 * runtime_.options().max_handshakes) { // those beyond are on their way out yet
+        if (who.refused ||
+            greeting_ >= 2 * runtime_.options().max_handshakes) { // those beyond are on their way out yet
             ++runtime_.counts().sessions_rejected;
             continue; // closes it
         }
         auto peer = who.line->peer();
         auto reached = who.line->local().value_or(from->where());
         handshake_place held = std::move(who.place); // it may be over at once
-        auto* cancel = runtime_.scope().spawn("handshake with " + peer, greet(std::move(who.line), std::move(reached), held));
+        auto* cancel =
+            runtime_.scope().spawn("handshake with " + peer, greet(std::move(who.line), std::move(reached), held));
         if (runtime_.scope().stopping()) co_return;
         if (!cancel) continue;
         held->on_displaced([this, cancel, host = net::host_of(peer)] {
-            bool full = handshakes_.taken() + 1 >= handshakes_.most(); // else there are no descriptors, which the listener has told
-            runtime_.tell(peer_trouble::crowded,
-                 fmt::format("{}, most from {}: the oldest of these make way",
-                             full ? fmt::format("{} handshakes at once (max_handshakes)", handshakes_.most())
-                                  : fmt::format("{} handshakes hold file descriptors of which none are left (ulimit -n)", handshakes_.taken() + 1),
-                             host),
-                 host);
+            bool full = handshakes_.taken() + 1 >=
+                        handshakes_.most(); // else there are no descriptors, which the listener has told
+            runtime_.tell(
+                peer_trouble::crowded,
+                fmt::format("{}, most from {}: the oldest of these make way",
+                            full ? fmt::format("{} handshakes at once (max_handshakes)", handshakes_.most())
+                                 : fmt::format("{} handshakes hold file descriptors of which none are left (ulimit -n)",
+                                               handshakes_.taken() + 1),
+                            host),
+                host);
             cancel->emit(asio::cancellation_type::terminal);
         });
     }
@@ -139,7 +152,8 @@ task<> session_acceptor::greet(std::unique_ptr<stream> stranger, endpoint reache
     auto deadline = saturating_add(runtime_.on().now(), runtime_.options().handshake_time);
     result<std::shared_ptr<net::connection>> made = failure(errc::cancelled, "the handshake was cancelled");
     try {
-        made = co_await net::respond(runtime_.on(), std::move(stranger), gate, deadline, sessions_.credentials().key.get());
+        made = co_await net::respond(runtime_.on(), std::move(stranger), gate, deadline,
+                                     sessions_.credentials().key.get());
     } catch (const std::exception& thrown) {
         if (!is_cancellation(std::current_exception())) made = failure(errc::io_failed, thrown.what());
     }
@@ -147,9 +161,12 @@ task<> session_acceptor::greet(std::unique_ptr<stream> stranger, endpoint reache
         ++runtime_.counts().sessions_rejected;
         if (runtime_.scope().stopping()) co_return;
         auto code = made.error().code();
-        bool strange = place->displaced() || broke_rules(code) || code == errc::timed_out || code == errc::unauthorized || code == errc::invalid_argument || code == errc::io_failed;
-        auto cause = place->displaced() ? fmt::format("{} had not greeted when its place was needed", peer) : made.error().message();
-        runtime_.tell(strange ? peer_trouble::handshake : peer_trouble::rejected, fmt::format("a session was not made: {}", cause), peer);
+        bool strange = place->displaced() || broke_rules(code) || code == errc::timed_out ||
+                       code == errc::unauthorized || code == errc::invalid_argument || code == errc::io_failed;
+        auto cause = place->displaced() ? fmt::format("{} had not greeted when its place was needed", peer)
+                                        : made.error().message();
+        runtime_.tell(strange ? peer_trouble::handshake : peer_trouble::rejected,
+                      fmt::format("a session was not made: {}", cause), peer);
         co_return;
     }
     ++runtime_.counts().sessions_accepted;
@@ -159,14 +176,17 @@ task<> session_acceptor::greet(std::unique_ptr<stream> stranger, endpoint reache
 
 std::string session_acceptor::session_limit(const net::fair_places& all) const {
     return fmt::format("{} sessions{} are allowed ({})", all.most(), &all == &places_ ? "" : " over connections",
-                       all.most() == runtime_.options().max_sessions ? "max_sessions" : "the limit of open files, ulimit -n");
+                       all.most() == runtime_.options().max_sessions ? "max_sessions"
+                                                                     : "the limit of open files, ulimit -n");
 }
 
-result<std::unique_ptr<net::fair_places::place>> session_acceptor::place_for(const std::string& peer, net::fair_places& all) const {
+result<std::unique_ptr<net::fair_places::place>> session_acceptor::place_for(const std::string& peer,
+                                                                             net::fair_places& all) const {
     auto taken = all.take(peer);
     if (!taken)
-        return failure(errc::overloaded, fmt::format("{} at {}, and no host has more of them than {}", session_limit(all),
-                                                     runtime_.name_for_people(), net::host_of(peer)));
+        return failure(errc::overloaded,
+                       fmt::format("{} at {}, and no host has more of them than {}", session_limit(all),
+                                   runtime_.name_for_people(), net::host_of(peer)));
     taken->serve();
     return taken;
 }
@@ -178,8 +198,12 @@ void session_acceptor::keep_places(const std::shared_ptr<session>& of, const std
         if (!told) return;
         sessions_.release(*told);
         auto limit = session_limit(all);
-        runtime_.tell(peer_trouble::excess, fmt::format("{}, {} has most: the oldest of these make way for other hosts", limit, host), host);
-        told->finish(failure(errc::overloaded, fmt::format("{}, of which {} has most: its place was needed for another host", limit, host)), displaced_grace);
+        runtime_.tell(peer_trouble::excess,
+                      fmt::format("{}, {} has most: the oldest of these make way for other hosts", limit, host), host);
+        told->finish(
+            failure(errc::overloaded,
+                    fmt::format("{}, of which {} has most: its place was needed for another host", limit, host)),
+            displaced_grace);
     };
     bool lost_socket = held.socket && held.socket->displaced(); // during the handshake
     bool lost_session = held.session && held.session->displaced();

@@ -16,13 +16,13 @@ public:
     /// Lifetime: both outlive it.
     session_acceptor(service_runtime& runtime, peer_sessions& sessions);
 
-    /// Listens and accepts sessions. errc::address_in_use and others as environment::listen, errc::unauthorized where credentials
-    /// are demanded and there are none for `at`.
+    /// Listens and accepts sessions. errc::address_in_use and others as environment::listen, errc::unauthorized where
+    /// credentials are demanded and there are none for `at`.
     result<endpoint> listen(const endpoint& at);
     /// Where it listens, with real ports.
     std::vector<endpoint> listening() const;
-    /// Further endpoints that peers may have dialled: those of tunnels and address translations that lead here. With a shared
-    /// key, sessions that were dialled elsewhere are refused as relayed.
+    /// Further endpoints that peers may have dialled: those of tunnels and address translations that lead here. With a
+    /// shared key, sessions that were dialled elsewhere are refused as relayed.
     void advertise(std::vector<endpoint> through) { advertised_ = std::move(through); }
 
     /// Whoever connects waits at the listeners, until `begin()`.
@@ -35,7 +35,7 @@ public:
     void go_on() noexcept { paused_.reset(); }
 
 private:
-    class door; // for one stranger
+    class door;             // for one stranger
     struct session_places { // null: it needs none
         std::unique_ptr<net::fair_places::place> socket, session;
     };
@@ -45,7 +45,8 @@ private:
     task<> accept(std::shared_ptr<listener> from);
     task<> greet(std::unique_ptr<stream> stranger, endpoint reached, handshake_place place);
     /// `into`: the places of the session that is to be made.
-    result<wire::welcome> admit(const wire::hello& caller, const std::string& peer, protocol over, session_places& into);
+    result<wire::welcome> admit(const wire::hello& caller, const std::string& peer, protocol over,
+                                session_places& into);
     /// A place among `all` for one more session of that peer.
     result<std::unique_ptr<net::fair_places::place>> place_for(const std::string& peer, net::fair_places& all) const;
     std::string session_limit(const net::fair_places& all) const;

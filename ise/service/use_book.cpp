@@ -12,9 +12,11 @@ namespace ise {
 namespace {
 
 constexpr duration use_watch_period = std::chrono::seconds(1);
-constexpr std::size_t longest_summary = 300;
+constexpr std::size_t max_summary = 300;
 
-std::string subject_of(const awaited_use& of) { return of.service.empty() ? of.target : fmt::format("'{}' of {}", of.service, of.target); }
+std::string subject_of(const awaited_use& of) {
+    return of.service.empty() ? of.target : fmt::format("'{}' of {}", of.service, of.target);
+}
 
 std::string_view text_of(wait_stage stage) {
     switch (stage) {
@@ -26,7 +28,9 @@ std::string_view text_of(wait_stage stage) {
 }
 
 std::string civil_text(wall_time at) {
-    return fmt::format("{:%Y-%m-%dT%H:%M:%S}Z", fmt::gmtime(std::chrono::system_clock::to_time_t(std::chrono::time_point_cast<std::chrono::system_clock::duration>(at))));
+    return fmt::format("{:%Y-%m-%dT%H:%M:%S}Z",
+                       fmt::gmtime(std::chrono::system_clock::to_time_t(
+                           std::chrono::time_point_cast<std::chrono::system_clock::duration>(at))));
 }
 
 } // namespace
@@ -47,7 +51,8 @@ use_book::entry* use_book::touch(const use_target& way, std::string_view service
     key which(way.name(), service);
     auto found = all_.find(which);
     if (found == all_.end()) {
-        if (all_.size() >= limit::used_services) all_.erase(std::ranges::min_element(all_, {}, [](const auto& one) { return one.second.touched; }));
+        if (all_.size() >= limit::used_services)
+            all_.erase(std::ranges::min_element(all_, {}, [](const auto& one) { return one.second.touched; }));
         found = all_.emplace(std::move(which), entry()).first;
     }
     auto& made = found->second;
@@ -73,7 +78,10 @@ void use_book::reached(const use_target& way, std::string_view service, const pa
     awaited_use what;
     what.target = way.name();
     what.service = service;
-    runtime_.log().info("waits no longer", {{"for", subject_of(what)}, {"waited_s", fmt::format("{:.1f}", std::chrono::duration<double>(runtime_.on().now() - one->since).count())}});
+    runtime_.log().info(
+        "waits no longer",
+        {{"for", subject_of(what)},
+         {"waited_s", fmt::format("{:.1f}", std::chrono::duration<double>(runtime_.on().now() - one->since).count())}});
     if (on_change) on_change();
 }
 
@@ -114,8 +122,11 @@ bool use_book::look_at(const key& of, const entry& what, const ways_by_name& way
     found.since = what.since;
     found.cause = what.cause;
     found.stage = !waiting ? wait_stage::unreached : waiting->located() ? wait_stage::provider : wait_stage::name;
-    if (auto obstacle = waiting ? waiting->obstacle() : std::string(); !obstacle.empty()) found.cause = std::move(obstacle);
-    if (found.cause.empty()) found.cause = found.stage == wait_stage::name ? fmt::format("no component is registered as '{}'", found.target) : std::string("no session was made");
+    if (auto obstacle = waiting ? waiting->obstacle() : std::string(); !obstacle.empty())
+        found.cause = std::move(obstacle);
+    if (found.cause.empty())
+        found.cause = found.stage == wait_stage::name ? fmt::format("no component is registered as '{}'", found.target)
+                                                      : std::string("no session was made");
     return true;
 }
 
@@ -139,7 +150,7 @@ std::string use_book::summary() const {
         if (first.empty()) first = subject_of(what);
         else ++more;
     }
-    if (first.size() > longest_summary) first.resize(longest_summary);
+    if (first.size() > max_summary) first.resize(max_summary);
     return more == 0 ? first : fmt::format("{} and {} more", first, more);
 }
 
@@ -158,7 +169,8 @@ void use_book::look() {
         if (now - one.since < patience || std::exchange(one.told, true)) continue;
         changed = true;
         auto since = runtime_.env().wall() - std::chrono::duration_cast<wall_time::duration>(now - one.since);
-        runtime_.log().warning(text_of(found.stage), {{"for", subject_of(found)}, {"since", civil_text(since)}, {"cause", found.cause}});
+        runtime_.log().warning(text_of(found.stage),
+                               {{"for", subject_of(found)}, {"since", civil_text(since)}, {"cause", found.cause}});
     }
     if (std::ranges::any_of(all_, [](const auto& one) { return one.second.missing; })) watch();
     if (changed && on_change) on_change();

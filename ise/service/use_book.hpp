@@ -17,9 +17,9 @@ class service_runtime;
 
 /// What a use waits for.
 enum class wait_stage : std::uint8_t {
-    name,       ///< nobody is known under it
-    provider,   ///< somebody is, and no session is made with it
-    unreached,  ///< nothing waits now: the last call ended without having reached anybody
+    name,      ///< nobody is known under it
+    provider,  ///< somebody is, and no session is made with it
+    unreached, ///< nothing waits now: the last call ended without having reached anybody
 };
 
 /// "name", "provider", "unreached".
@@ -27,11 +27,11 @@ std::string_view name_of(wait_stage stage) noexcept;
 
 /// Something that a component waits for.
 struct awaited_use {
-    std::string target;                 ///< the path, role or address
-    std::string service;                ///< empty: only the target
+    std::string target;                  ///< the path, role or address
+    std::string service;                 ///< empty: only the target
     wait_stage stage = wait_stage::name; ///< how far it has come
-    time_point since{};                 ///< nobody was reached from then on
-    std::string cause;                  ///< the last obstacle
+    time_point since{};                  ///< nobody was reached from then on
+    std::string cause;                   ///< the last obstacle
 };
 
 /// A way to a provider, as far as it concerns what is waited for.
@@ -50,8 +50,9 @@ protected:
     ~use_target() = default;
 };
 
-/// The services of others that a component uses, and what it waits for. Written where a session is missing or new, never
-/// with every call. ISE's own services are left out. Bounded (`limit::used_services`): the entry that was touched longest ago goes.
+/// The services of others that a component uses, and what it waits for. Written where a session is missing or new,
+/// never with every call. ISE's own services are left out. Bounded (`limit::used_services`): the entry that was touched
+/// longest ago goes.
 class use_book {
 public:
     /// Lifetime: `runtime` outlives it.
@@ -92,9 +93,9 @@ private:
     struct entry {
         const packet_types* types = nullptr;
         std::uint64_t touched = 0;
-        bool missing = false;  // no session since `since`
-        bool failed = false;   // the last that wanted one ended without
-        bool told = false;     // that it waits
+        bool missing = false; // no session since `since`
+        bool failed = false;  // the last that wanted one ended without
+        bool told = false;    // that it waits
         time_point since{};
         time_point failed_at{};
         std::string cause;

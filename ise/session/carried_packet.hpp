@@ -4,8 +4,8 @@
 
 #include <utility>
 
-/// Packets on their way through the layers that do not know their types: as bytes, or, within a process, as the objects that
-/// they are. Which it is shows here and nowhere else.
+/// Packets on their way through the layers that do not know their types: as bytes, or, within a process, as the objects
+/// that they are. Which it is shows here and nowhere else.
 namespace ise {
 
 /// A packet that came, or was kept: owns its bytes, or the object.
@@ -26,12 +26,16 @@ class outgoing_packet {
 public:
     /// Moved from if it is handed over as an object.
     template <class T>
-        requires(!std::is_same_v<T, outgoing_packet> && !std::is_same_v<T, kept_packet>)
-    explicit outgoing_packet(T& packet) noexcept : at_(&packet), as_(&ways_of<T>) {}
+    requires(!std::is_same_v<T, outgoing_packet> &&
+             !std::is_same_v<T, kept_packet>) explicit outgoing_packet(T& packet) noexcept
+        : at_(&packet), as_(&ways_of<T>) {}
     /// One that was kept.
-    explicit outgoing_packet(kept_packet& packet) noexcept : at_(&packet), as_(packet.object ? &kept_object : &kept_bytes) {}
+    explicit outgoing_packet(kept_packet& packet) noexcept
+        : at_(&packet), as_(packet.object ? &kept_object : &kept_bytes) {}
     /// Bytes that were made before.
-    static outgoing_packet of_bytes(const bytes_view& raw) noexcept { return {const_cast<bytes_view*>(&raw), &plain_bytes}; }
+    static outgoing_packet of_bytes(const bytes_view& raw) noexcept {
+        return {const_cast<bytes_view*>(&raw), &plain_bytes};
+    }
 
     /// Appends its bytes; throws what encoding throws.
     void write(buffer& out) const { as_->write(at_, out); }
@@ -53,7 +57,8 @@ private:
         else return nullptr;
     }
     template <class T>
-    static constexpr ways ways_of{[](const void* packet, buffer& out) { encode(*static_cast<const T*>(packet), out); }, pass_of<T>()};
+    static constexpr ways ways_of{[](const void* packet, buffer& out) { encode(*static_cast<const T*>(packet), out); },
+                                  pass_of<T>()};
     outgoing_packet(void* at, const ways* as) noexcept : at_(at), as_(as) {}
     static const ways kept_object, kept_bytes, plain_bytes;
 
@@ -67,12 +72,14 @@ public:
     /// `object`: the packet itself, if it came as such; may be moved from.
     incoming_packet(bytes_view raw, passed_object* object) noexcept : raw_(raw), object_(object) {}
     /// One that was kept; it may be moved from.
-    explicit incoming_packet(kept_packet& packet) noexcept : raw_(packet.raw.view()), object_(packet.object ? &packet.object : nullptr) {}
+    explicit incoming_packet(kept_packet& packet) noexcept
+        : raw_(packet.raw.view()), object_(packet.object ? &packet.object : nullptr) {}
 
     /// Where the sender's packet differs from ours.
     const adapter* adapt = nullptr;
 
-    /// The packet by value: moved where it came as an object of this very type, else decoded. Throws what decoding throws.
+    /// The packet by value: moved where it came as an object of this very type, else decoded. Throws what decoding
+    /// throws.
     template <class T>
     void take_into(T& packet) {
         if (object_ && !adapt) {
@@ -88,7 +95,8 @@ public:
     counted<T> shared() const noexcept {
         return object_ && !adapt ? shared_packet_in<T>(*object_) : counted<T>();
     }
-    /// Its bytes in the receiver's layout; valid as long as this. Throws errc::malformed and the like where there are none.
+    /// Its bytes in the receiver's layout; valid as long as this. Throws errc::malformed and the like where there are
+    /// none.
     bytes_view bytes();
     /// What it counts for where bytes are bounded.
     std::size_t size() const noexcept { return object_ ? object_->weight() : raw_.size(); }

@@ -6,7 +6,8 @@ std::string_view name_of(service_kind kind) noexcept {
     return kind == service_kind::request_response ? "request-response" : "subscription";
 }
 
-packet_types::packet_types(service_kind of_kind, std::vector<schema> of_packets) : kind(of_kind), schemas(std::move(of_packets)) {
+packet_types::packet_types(service_kind of_kind, std::vector<schema> of_packets)
+    : kind(of_kind), schemas(std::move(of_packets)) {
     for (const auto& packet : schemas) fingerprints.push_back(packet.fingerprint());
 }
 

@@ -21,19 +21,19 @@ struct packet_types {
     /// Computes the fingerprints.
     packet_types(service_kind of_kind, std::vector<schema> of_packets);
 
-    service_kind kind; ///< of the service
-    std::vector<schema> schemas; ///< of its packets
+    service_kind kind;                       ///< of the service
+    std::vector<schema> schemas;             ///< of its packets
     std::vector<std::uint64_t> fingerprints; ///< of these, in their order
 };
 
 /// Which packet of a service, by its place in `packet_types::schemas`.
 namespace role {
-inline constexpr std::size_t request = 0; ///< of a request-response service
-inline constexpr std::size_t response = 1; ///< of a request-response service
-inline constexpr std::size_t subscribe_request = 0; ///< of a subscription
-inline constexpr std::size_t subscribe_response = 1; ///< of a subscription
-inline constexpr std::size_t published = 2; ///< of a subscription
-inline constexpr std::size_t unsubscribe_request = 3; ///< of a subscription
+inline constexpr std::size_t request = 0;              ///< of a request-response service
+inline constexpr std::size_t response = 1;             ///< of a request-response service
+inline constexpr std::size_t subscribe_request = 0;    ///< of a subscription
+inline constexpr std::size_t subscribe_response = 1;   ///< of a subscription
+inline constexpr std::size_t published = 2;            ///< of a subscription
+inline constexpr std::size_t unsubscribe_request = 3;  ///< of a subscription
 inline constexpr std::size_t unsubscribe_response = 4; ///< of a subscription
 
 /// "request", "published packet"…, for messages.
@@ -104,8 +104,9 @@ public:
     /// The schemas of its packets, made once.
     static const packet_types& types() {
         static const packet_types made(service_kind::subscription,
-                                       {schema_of<SubscribeRequest>(), schema_of<SubscribeResponse>(), schema_of<Packet>(),
-                                        schema_of<UnsubscribeRequest>(), schema_of<UnsubscribeResponse>()});
+                                       {schema_of<SubscribeRequest>(), schema_of<SubscribeResponse>(),
+                                        schema_of<Packet>(), schema_of<UnsubscribeRequest>(),
+                                        schema_of<UnsubscribeResponse>()});
         return made;
     }
 

@@ -10,8 +10,8 @@
 
 namespace ise {
 
-/// What everything that two components say to each other over one connection shares: the connection, who the peer is, and the
-/// schemas that both sides agree on. Calls and subscriptions are parts above it, which `session` puts together.
+/// What everything that two components say to each other over one connection shares: the connection, who the peer is,
+/// and the schemas that both sides agree on. Calls and subscriptions are parts above it, which `session` puts together.
 class conversation : public net::connection::user, public std::enable_shared_from_this<conversation> {
 public:
     conversation(const conversation&) = delete;

@@ -21,9 +21,11 @@ void schema_exchange::need(const std::vector<std::uint64_t>& fingerprints, ready
     }
     if (unknown.fingerprints.empty()) return hand_over(asked);
     if (open_.size() >= limit::schema_questions)
-        return asked.otherwise(failure(errc::overloaded, fmt::format("{} questions for schemas are open (schema_questions)", open_.size())));
+        return asked.otherwise(failure(
+            errc::overloaded, fmt::format("{} questions for schemas are open (schema_questions)", open_.size())));
     open_.push_back(std::move(asked));
-    wire::put_frame(connection_.out().control(), frame_type::schema_request, 0, 0, [&](buffer& body) { encode(unknown, body); });
+    wire::put_frame(connection_.out().control(), frame_type::schema_request, 0, 0,
+                    [&](buffer& body) { encode(unknown, body); });
     connection_.written();
 }
 
@@ -33,19 +35,24 @@ void schema_exchange::hand_over(question& asked) {
     std::size_t more = 0;
     std::unordered_set<std::uint64_t> fresh;
     for (auto& one : asked.told) {
-        if (!handed_over_.contains(one->fingerprint()) && fresh.insert(one->fingerprint()).second) more += book_.cost_of(*one);
+        if (!handed_over_.contains(one->fingerprint()) && fresh.insert(one->fingerprint()).second)
+            more += book_.cost_of(*one);
         theirs.push_back(std::move(*one));
     }
     if (handed_over_bytes_ + more > limit::learnt_schema_bytes)
-        return asked.otherwise(failure(errc::overloaded, fmt::format("the schemas of this session would take {} bytes, {} are allowed (learnt_schema_bytes)",
-                                                                     handed_over_bytes_ + more, limit::learnt_schema_bytes)));
+        return asked.otherwise(
+            failure(errc::overloaded,
+                    fmt::format("the schemas of this session would take {} bytes, {} are allowed (learnt_schema_bytes)",
+                                handed_over_bytes_ + more, limit::learnt_schema_bytes)));
     handed_over_bytes_ += more;
     handed_over_.merge(fresh);
     asked.then(theirs);
 }
 
 bool schema_exchange::asked_for(std::uint64_t fingerprint) const {
-    auto waits = [&](const question& asked) { return std::ranges::find(asked.fingerprints, fingerprint) != asked.fingerprints.end(); };
+    auto waits = [&](const question& asked) {
+        return std::ranges::find(asked.fingerprints, fingerprint) != asked.fingerprints.end();
+    };
     return std::ranges::any_of(open_, waits);
 }
 
@@ -53,7 +60,8 @@ result<void> schema_exchange::on_request(bytes_view body) {
     auto asked = wire::read_body<wire::schema_request>(body);
     if (!asked) return asked.error();
     if (asked->fingerprints.size() > limit::asked_schemas)
-        return failure(errc::too_large, fmt::format("more than {} schemas were asked for at once (asked_schemas)", limit::asked_schemas));
+        return failure(errc::too_large, fmt::format("more than {} schemas were asked for at once (asked_schemas)",
+                                                    limit::asked_schemas));
     // Each once; and a text is much longer than the question for it.
     std::ranges::sort(asked->fingerprints);
     auto repeated = std::ranges::unique(asked->fingerprints);
@@ -64,7 +72,8 @@ result<void> schema_exchange::on_request(bytes_view body) {
         wire::schema_answer answer;
         answer.fingerprint = fingerprint;
         if (known) answer.text = known->text();
-        wire::put_frame(connection_.out().control(), frame_type::schema, 0, 0, [&](buffer& out) { encode(answer, out); });
+        wire::put_frame(connection_.out().control(), frame_type::schema, 0, 0,
+                        [&](buffer& out) { encode(answer, out); });
     }
     connection_.written();
     return {};
@@ -72,11 +81,13 @@ result<void> schema_exchange::on_request(bytes_view body) {
 
 namespace {
 result<schema> read_schema(const wire::schema_answer& told) {
-    if (told.text.empty()) return failure(errc::type_mismatch, fmt::format("the peer does not know its own schema {:016x}", told.fingerprint));
+    if (told.text.empty())
+        return failure(errc::type_mismatch,
+                       fmt::format("the peer does not know its own schema {:016x}", told.fingerprint));
     auto parsed = schema::parse(told.text);
     if (parsed && parsed->fingerprint() != told.fingerprint)
-        return failure(errc::malformed, fmt::format("the peer's schema has fingerprint {:016x}, {:016x} was announced", parsed->fingerprint(),
-                                                    told.fingerprint));
+        return failure(errc::malformed, fmt::format("the peer's schema has fingerprint {:016x}, {:016x} was announced",
+                                                    parsed->fingerprint(), told.fingerprint));
     return parsed;
 }
 } // namespace
@@ -104,7 +115,9 @@ result<void> schema_exchange::on_answer(bytes_view body) {
             concerned = true;
             asked.told[at] = known;
         }
-        if (!concerned || (!problem && !std::ranges::all_of(asked.told, [](const auto& one) { return one.has_value(); }))) return false;
+        if (!concerned ||
+            (!problem && !std::ranges::all_of(asked.told, [](const auto& one) { return one.has_value(); })))
+            return false;
         decided.push_back(std::move(asked));
         return true;
     });

@@ -1,6 +1,6 @@
 #pragma once
 #include <ise/net/connection.hpp>
-#include <ise/session/schema_book.hpp>
+#include <ise/session/schema_cache.hpp>
 
 #include <unordered_set>
 
@@ -12,11 +12,11 @@ public:
     using ready = std::function<void(const std::vector<schema>&)>;
     using failed = std::function<void(const failure&)>;
 
-    schema_exchange(schema_book& book, net::connection& connection) : book_(book), connection_(connection) {}
+    schema_exchange(schema_cache& book, net::connection& connection) : book_(book), connection_(connection) {}
 
     /// Calls `then` with the schemas in order, at once if all are known, else when the peer has told them.
-    /// errc::type_mismatch if it does not know its own, errc::malformed if its text is no schema, errc::overloaded where it
-    /// has told of too much, or left too much open. Nothing is called any more once the session is gone.
+    /// errc::type_mismatch if it does not know its own, errc::malformed if its text is no schema, errc::overloaded
+    /// where it has told of too much, or left too much open. Nothing is called any more once the session is gone.
     void need(const std::vector<std::uint64_t>& fingerprints, ready then, failed otherwise);
 
     result<void> on_request(bytes_view body);
@@ -32,7 +32,7 @@ private:
     bool asked_for(std::uint64_t fingerprint) const;
     void hand_over(question& asked);
 
-    schema_book& book_;
+    schema_cache& book_;
     net::connection& connection_;
     std::vector<question> open_;
     std::unordered_set<std::uint64_t> handed_over_; // what services and subscriptions of this session may keep

@@ -6,10 +6,13 @@
 
 namespace ise {
 
-service_runtime::service_runtime(environment& env, loop& on, task_scope& scope, wire::identity self, service_options options, logger log)
+service_runtime::service_runtime(environment& env, loop& on, task_scope& scope, wire::identity self,
+                                 service_options options, logger log)
     : env_(env), on_(on), scope_(scope), self_(std::move(self)), options_(options), log_(std::move(log)) {}
 
-std::string service_runtime::name_for_people() const { return self_.path.empty() ? "an unnamed component" : fmt::format("'{}'", self_.path); }
+std::string service_runtime::name_for_people() const {
+    return self_.path.empty() ? "an unnamed component" : fmt::format("'{}'", self_.path);
+}
 
 void service_runtime::tell(peer_trouble kind, std::string_view what, std::string_view peer) {
     auto left_out = troubles_[static_cast<std::size_t>(kind)].admit(on_.now());
@@ -18,7 +21,8 @@ void service_runtime::tell(peer_trouble kind, std::string_view what, std::string
     log_.write(level, what, {{"peer", std::string(peer)}, {"left_out", std::to_string(*left_out)}});
 }
 
-void service_runtime::on_subscription_ended(const std::string& service, const std::string& provider, const failure& why) {
+void service_runtime::on_subscription_ended(const std::string& service, const std::string& provider,
+                                            const failure& why) {
     constexpr std::size_t most = 16;
     tell(peer_trouble::over, fmt::format("the subscription to '{}' has ended: {}", service, why.message()), provider);
     on_subscribed(service, provider);
@@ -31,7 +35,8 @@ void service_runtime::on_subscription_ended(const std::string& service, const st
 }
 
 void service_runtime::on_subscribed(const std::string& service, const std::string& provider) {
-    std::erase_if(ended_subscriptions_, [&](const auto& one) { return one.service == service && one.provider == provider; });
+    std::erase_if(ended_subscriptions_,
+                  [&](const auto& one) { return one.service == service && one.provider == provider; });
 }
 
 } // namespace ise

@@ -3,8 +3,8 @@
 #include <ise/core/log.hpp>
 #include <ise/core/log_limiter.hpp>
 #include <ise/core/task_scope.hpp>
-#include <ise/net/vital_signs.hpp>
-#include <ise/session/schema_book.hpp>
+#include <ise/net/heartbeat_sender.hpp>
+#include <ise/session/schema_cache.hpp>
 #include <ise/session/service_options.hpp>
 #include <ise/wire/messages.hpp>
 
@@ -20,11 +20,11 @@ namespace ise {
 /// What happened on all sessions of a component since it began.
 struct service_counts {
     std::uint64_t calls_served = 0;
-    std::uint64_t calls_refused = 0;      ///< expired, unknown, mismatched or beyond a limit
-    std::uint64_t calls_expired = 0;      ///< of these: their deadline came before a handler was free
-    std::uint64_t calls_overloaded = 0;   ///< of these: beyond a limit
+    std::uint64_t calls_refused = 0;    ///< expired, unknown, mismatched or beyond a limit
+    std::uint64_t calls_expired = 0;    ///< of these: their deadline came before a handler was free
+    std::uint64_t calls_overloaded = 0; ///< of these: beyond a limit
     std::uint64_t packets_published = 0;
-    std::uint64_t packets_dropped = 0;    ///< by the policies of slow subscribers
+    std::uint64_t packets_dropped = 0; ///< by the policies of slow subscribers
     std::uint64_t sessions_accepted = 0;
     std::uint64_t sessions_rejected = 0;
 
@@ -51,15 +51,17 @@ enum class peer_trouble : std::uint8_t {
 };
 /// What a peer in good order does not cause.
 constexpr bool broke_rules(errc cause) noexcept {
-    return cause == errc::protocol_error || cause == errc::malformed || cause == errc::too_large || cause == errc::overloaded;
+    return cause == errc::protocol_error || cause == errc::malformed || cause == errc::too_large ||
+           cause == errc::overloaded;
 }
 inline constexpr std::size_t peer_troubles = 10; ///< how many kinds there are
 
-/// What everything that serves one component shares: where it runs, who it is, its limits, its log and its counts. It knows
-/// nothing of sessions, calls or subscriptions. Everything on the component's loop.
+/// What everything that serves one component shares: where it runs, who it is, its limits, its log and its counts. It
+/// knows nothing of sessions, calls or subscriptions. Everything on the component's loop.
 class service_runtime {
 public:
-    service_runtime(environment& env, loop& on, task_scope& scope, wire::identity self, service_options options, logger log);
+    service_runtime(environment& env, loop& on, task_scope& scope, wire::identity self, service_options options,
+                    logger log);
     service_runtime(const service_runtime&) = delete;
     service_runtime& operator=(const service_runtime&) = delete;
 
@@ -70,7 +72,7 @@ public:
     const logger& log() const noexcept { return log_; }
     service_counts& counts() noexcept { return counts_; }
     /// What is known of packets: of this component's own, and what peers have told.
-    schema_book& schemas() noexcept { return schemas_; }
+    schema_cache& schemas() noexcept { return schemas_; }
 
     const wire::identity& self() const noexcept { return self_; }
     void set_epoch(std::uint64_t epoch) noexcept { self_.epoch = epoch; }
@@ -81,7 +83,7 @@ public:
     void tell(peer_trouble kind, std::string_view what, std::string_view peer);
 
     /// Of all of its connections; for another thread, for as long as that likes.
-    const std::shared_ptr<net::vital_signs_list>& signs() const noexcept { return signs_; }
+    const std::shared_ptr<net::heartbeat_senders>& signs() const noexcept { return signs_; }
 
     /// A subscription that ended other than by its subscriber's wish, and was not made again since.
     struct ended_subscription {
@@ -107,9 +109,9 @@ private:
     wire::identity self_;
     service_options options_;
     logger log_;
-    schema_book schemas_;
+    schema_cache schemas_;
     service_counts counts_;
-    std::shared_ptr<net::vital_signs_list> signs_ = std::make_shared<net::vital_signs_list>();
+    std::shared_ptr<net::heartbeat_senders> signs_ = std::make_shared<net::heartbeat_senders>();
     std::array<log_limiter, peer_troubles> troubles_;
     std::deque<ended_subscription> ended_subscriptions_;
     bool stopping_ = false;

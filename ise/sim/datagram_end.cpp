@@ -57,10 +57,10 @@ std::error_code datagram_end::send(const endpoint& to, bytes_view content) {
         datagram made{from, bytes(content.begin(), content.end())};
         world.engine().at(flight.arrives, nullptr,
                           [&world, &net, &here, target, to, name, made = std::move(made)]() mutable {
-            auto* there = net.passes(here, *target) ? datagram_for(*target, to) : nullptr;
-            world.note(there ? "datagram" : "drop", name, made.content.size());
-            if (there) there->arrive(std::move(made));
-        });
+                              auto* there = net.passes(here, *target) ? datagram_for(*target, to) : nullptr;
+                              world.note(there ? "datagram" : "drop", name, made.content.size());
+                              if (there) there->arrive(std::move(made));
+                          });
     }
     return {};
 }

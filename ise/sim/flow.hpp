@@ -16,10 +16,10 @@ class scheduler;
 struct flow {
     scheduler* owner = nullptr; ///< null once the world is gone
     asio::execution_context* context = nullptr;
-    std::string name;           ///< "shore/proxy/main"
-    bool alive = true;          ///< what is handed to a dead flow is destroyed instead of run
-    bool paused = false;        ///< it is kept until the flow goes on
-    std::uint64_t events = 0;   ///< how many events it ran in the present run
+    std::string name;         ///< "shore/proxy/main"
+    bool alive = true;        ///< what is handed to a dead flow is destroyed instead of run
+    bool paused = false;      ///< it is kept until the flow goes on
+    std::uint64_t events = 0; ///< how many events it ran in the present run
 };
 
 using work = unique_function<void(), 80>;

@@ -155,7 +155,8 @@ std::unique_ptr<loop_host> process::adopt(asio::any_io_executor executor, bool) 
     const auto* its = executor ? &asio::query(executor, asio::execution::context) : nullptr;
     if (its != &static_cast<asio::execution_context&>(world().context()))
         throw std::logic_error(fmt::format("process '{}' of the virtual world can adopt only executors of that world: "
-                                           "world.context(), or a loop's", name_));
+                                           "world.context(), or a loop's",
+                                           name_));
     return new_loop("adopted");
 }
 
@@ -177,7 +178,8 @@ task<result<std::unique_ptr<stream>>> process::connect(loop& on, endpoint to) {
         co_return failure(errc::unreachable, fmt::format("cannot connect to {}: {}", to.text(), fault.message()));
     if (to.kind == protocol::udp)
         co_return failure(errc::invalid_argument, fmt::format("{} carries datagrams: open_datagram", to.text()));
-    if (to.kind == protocol::tls) co_return failure(errc::invalid_argument, fmt::format("{} is not an endpoint of a plain stream", to.text()));
+    if (to.kind == protocol::tls)
+        co_return failure(errc::invalid_argument, fmt::format("{} is not an endpoint of a plain stream", to.text()));
     if (to.kind == protocol::inproc) co_return inproc_.connect(on, to.path);
     auto made = co_await connect_tcp(*this, on, to);
     co_return made;
@@ -190,7 +192,9 @@ result<std::unique_ptr<listener>> process::listen(loop& on, const endpoint& at) 
     if (at.kind == protocol::inproc) return inproc_.listen(on, at.path);
     if (at.kind == protocol::udp)
         return failure(errc::invalid_argument, fmt::format("{} carries datagrams: open_datagram", at.text()));
-    if (at.kind == protocol::tls) return failure(errc::invalid_argument, fmt::format("{} is not an endpoint that accepts plain streams", at.text()));
+    if (at.kind == protocol::tls)
+        return failure(errc::invalid_argument,
+                       fmt::format("{} is not an endpoint that accepts plain streams", at.text()));
     return listen_tcp(*this, on, at);
 }
 
@@ -207,10 +211,12 @@ result<std::unique_ptr<stream>> process::open_serial(loop& on, const serial_opti
     auto can = usable("open_serial");
     if (!can) return can.error();
     if (auto fault = begin_operation()) return io_failure(fmt::format("cannot open {}", options.device), fault);
-    if (options.baud == 0) return failure(errc::invalid_argument, fmt::format("cannot open {} at 0 baud", options.device));
+    if (options.baud == 0)
+        return failure(errc::invalid_argument, fmt::format("cannot open {} at 0 baud", options.device));
     auto found = host_.serial_lines.find(options.device);
     if (found == host_.serial_lines.end())
-        return failure(errc::io_failed, fmt::format("cannot open {}: host '{}' has no such device", options.device, host_.name()));
+        return failure(errc::io_failed,
+                       fmt::format("cannot open {}: host '{}' has no such device", options.device, host_.name()));
     return found->second->open_device(*this, on, options.device, options.baud);
 }
 
@@ -233,7 +239,8 @@ result<std::string> process::read_file(const std::string& path, std::size_t max_
     if (found == host_.files().end())
         return failure(errc::io_failed, fmt::format("cannot read {}: no such file on host '{}'", path, host_.name()));
     if (found->second.size() > max_bytes)
-        return failure(errc::too_large, fmt::format("{} has {} bytes, more than {}", path, found->second.size(), max_bytes));
+        return failure(errc::too_large,
+                       fmt::format("{} has {} bytes, more than {}", path, found->second.size(), max_bytes));
     return found->second;
 }
 
@@ -245,8 +252,8 @@ process& host::start_process(std::string name, program run, std::map<std::string
     if (!up_) throw std::logic_error(fmt::format("host '{}' is down: boot() it first", this->name()));
     const auto life = ++lives_[name];
     world_.note("start", this->name() + "/" + name, life);
-    processes_.push_back(std::make_unique<process>(*this, net_, std::move(name), life, next_process_id_++, std::move(run),
-                                                   std::move(variables)));
+    processes_.push_back(std::make_unique<process>(*this, net_, std::move(name), life, next_process_id_++,
+                                                   std::move(run), std::move(variables)));
     auto& made = *processes_.back();
     made.start();
     return made;

@@ -43,7 +43,8 @@ public:
     void keep(std::shared_ptr<void> object) { kept_.push_back(std::move(object)); }
     /// An environment variable, such as ISE_NAME_SERVER.
     void set_variable(const std::string& name, std::string value) { variables_[name] = std::move(value); }
-    /// How much the monotonic clock of this process is ahead of the world's, as on a machine of its own. Before it runs anything.
+    /// How much the monotonic clock of this process is ahead of the world's, as on a machine of its own. Before it runs
+    /// anything.
     void set_clock_offset(duration ahead) noexcept { clock_offset_ = ahead; }
     /// How much the wall clock of this process is ahead of the world's.
     void set_wall_offset(duration ahead) noexcept { wall_offset_ = ahead; }
@@ -70,7 +71,9 @@ public:
     /// A serial line into this host under the last part of `link` ("ttyA" of "/run/demo/ttyA").
     result<pseudo_terminal> open_pseudo_terminal(loop& on, const std::string& link) override;
     result<std::string> read_file(const std::string& path, std::size_t max_bytes) override;
-    result<std::string> read_secret(const std::string& path, std::size_t max_bytes) override { return read_file(path, max_bytes); }
+    result<std::string> read_secret(const std::string& path, std::size_t max_bytes) override {
+        return read_file(path, max_bytes);
+    }
     std::vector<std::string> interface_addresses() const override { return {here().address()}; }
 
     /// @cond

@@ -27,7 +27,8 @@ result<void> machine::claim(endpoint& at, const endpoint& wanted, const std::vec
     if (at.kind == protocol::local) {
         for (const auto& other : taken)
             if (other.kind == protocol::local && other.path == at.path)
-                return failure(errc::address_in_use, fmt::format("cannot listen on {}: address in use on host '{}'", at.text(), name_));
+                return failure(errc::address_in_use,
+                               fmt::format("cannot listen on {}: address in use on host '{}'", at.text(), name_));
         return {};
     }
     if (at.host == "localhost") at.host = "127.0.0.1";
@@ -45,14 +46,16 @@ result<void> machine::claim(endpoint& at, const endpoint& wanted, const std::vec
     };
     if (at.port != 0) {
         if (conflicts(at.port))
-            return failure(errc::address_in_use, fmt::format("cannot listen on {}: address in use on host '{}'", at.text(), name_));
+            return failure(errc::address_in_use,
+                           fmt::format("cannot listen on {}: address in use on host '{}'", at.text(), name_));
         return {};
     }
     for (int tries = 0; tries < 16384; ++tries) {
         at.port = ephemeral_port();
         if (!conflicts(at.port)) return {};
     }
-    return failure(errc::address_in_use, fmt::format("cannot listen on {}: no free port on host '{}'", wanted.text(), name_));
+    return failure(errc::address_in_use,
+                   fmt::format("cannot listen on {}: no free port on host '{}'", wanted.text(), name_));
 }
 
 bool machine::hears(const endpoint& at, const endpoint& to) const {

@@ -37,9 +37,10 @@ public:
     // For the world's parts.
     bool is_me(const std::string& name_or_address) const;
     result<void> claim(endpoint& at, const endpoint& wanted, const std::vector<endpoint>& taken);
-    bool hears(const endpoint& at, const endpoint& to) const; ///< whether something bound at `at` hears what is sent to `to`
+    bool hears(const endpoint& at,
+               const endpoint& to) const; ///< whether something bound at `at` hears what is sent to `to`
     const std::map<std::string, std::string>& files() const noexcept { return files_; }
-    std::vector<tcp_acceptor*> acceptors;   ///< as they came
+    std::vector<tcp_acceptor*> acceptors; ///< as they came
     std::vector<datagram_end*> datagrams;
     std::map<std::string, std::shared_ptr<serial_line>> serial_lines; ///< each by its name and by "/dev/" + name
     std::uint16_t ephemeral_port();

@@ -76,7 +76,8 @@ network::flight network::send(link& over, bool upward, std::size_t size) {
     }
     made.arrives = made.departs + over.latency;
     if (over.jitter.count() > 0)
-        made.arrives += duration(static_cast<duration::rep>(over.random_.below(static_cast<std::uint64_t>(over.jitter.count()))));
+        made.arrives +=
+            duration(static_cast<duration::rep>(over.random_.below(static_cast<std::uint64_t>(over.jitter.count()))));
     return made;
 }
 

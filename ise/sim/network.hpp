@@ -43,9 +43,9 @@ public:
     /// Bytes that have gone each way, of all streams so far: how far a sweep has to go.
     std::uint64_t delivered(direction which) const noexcept { return delivered_[which == direction::to_client]; }
 
-    duration connect_timeout = std::chrono::seconds(10);     ///< of an unanswered connect
-    duration connect_retry = std::chrono::seconds(1);        ///< of a lost connect
-    duration retransmission = std::chrono::milliseconds(200);///< of a stream's lost packet, doubling
+    duration connect_timeout = std::chrono::seconds(10);      ///< of an unanswered connect
+    duration connect_retry = std::chrono::seconds(1);         ///< of a lost connect
+    duration retransmission = std::chrono::milliseconds(200); ///< of a stream's lost packet, doubling
 
     /// @cond
     // For the world's parts.
@@ -64,7 +64,7 @@ public:
     };
     flight send(link& over, bool upward, std::size_t size);
     duration queue(const link& over, bool upward) const; ///< how long what is sent now waits for bandwidth
-    void look_again(); ///< what stalled tries once more
+    void look_again();                                   ///< what stalled tries once more
     void hold_until_heal(std::weak_ptr<void> life, std::function<void()> go_on);
     std::optional<cut_rule> take_cut(const machine& client, const machine& server);
     void count_cut() noexcept { ++cuts_; }

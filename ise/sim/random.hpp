@@ -12,7 +12,8 @@ public:
     generator(std::uint64_t seed, std::string_view name) noexcept : state_(seed ^ 0x9E3779B97F4A7C15u) {
         for (char letter : name) {
             state_ ^= static_cast<unsigned char>(letter);
-            state_ = next(); // mixed: the state alone only counts, and "boat0/boat0" would draw what "boat1/boat1" draws
+            state_ =
+                next(); // mixed: the state alone only counts, and "boat0/boat0" would draw what "boat1/boat1" draws
         }
     }
 

@@ -175,12 +175,12 @@ void scheduler::give_up(const char* why) const {
     std::vector<const flow*> busy;
     for (const auto& each : flows_)
         if (each->events > 0) busy.push_back(each.get());
-    std::sort(busy.begin(), busy.end(), [](auto* a, auto* b) {
-        return a->events != b->events ? a->events > b->events : a->name < b->name;
-    });
+    std::sort(busy.begin(), busy.end(),
+              [](auto* a, auto* b) { return a->events != b->events ? a->events > b->events : a->name < b->name; });
     auto text = fmt::format("{} ({} events at {} s, {} in this run); busy:", why, events_at_now_,
                             std::chrono::duration<double>(now_.time_since_epoch()).count(), events_in_run_);
-    for (std::size_t i = 0; i < busy.size() && i < 5; ++i) text += fmt::format(" {} ({})", busy[i]->name, busy[i]->events);
+    for (std::size_t i = 0; i < busy.size() && i < 5; ++i)
+        text += fmt::format(" {} ({})", busy[i]->name, busy[i]->events);
     if (ownerless_ > 0) text += fmt::format(" network and script ({})", ownerless_);
     throw stuck(text);
 }

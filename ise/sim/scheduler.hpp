@@ -84,8 +84,8 @@ private:
     std::vector<std::shared_ptr<flow>> flows_;
     std::deque<entry> ready_;
     std::map<time_key, entry> timed_;
-    std::deque<entry> held_;  // of paused flows
-    std::deque<work> dead_;   // to be destroyed
+    std::deque<entry> held_; // of paused flows
+    std::deque<work> dead_;  // to be destroyed
     std::deque<work> outside_;
     time_point now_;
     std::uint64_t order_ = 0;

@@ -48,8 +48,10 @@ result<std::unique_ptr<stream>> serial_line::open_far_end(socket_owner& owner, l
     return make_stream(std::move(end));
 }
 
-result<std::unique_ptr<stream>> serial_line::open_device(socket_owner& owner, loop& on, const std::string& path, unsigned baud) {
-    if (!present_) return failure(errc::io_failed, fmt::format("cannot open {}: no such device; is it plugged in?", path));
+result<std::unique_ptr<stream>> serial_line::open_device(socket_owner& owner, loop& on, const std::string& path,
+                                                         unsigned baud) {
+    if (!present_)
+        return failure(errc::io_failed, fmt::format("cannot open {}: no such device; is it plugged in?", path));
     auto open = ends_[device].lock();
     if (open && !open->gone()) return failure(errc::io_failed, fmt::format("cannot open {}: it is in use", path));
     baud_ = baud;

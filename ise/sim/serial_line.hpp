@@ -1,6 +1,6 @@
 #pragma once
-#include <ise/core/result.hpp>
 #include <ise/core/loop.hpp>
+#include <ise/core/result.hpp>
 #include <ise/core/stream.hpp>
 #include <ise/sim/random.hpp>
 #include <ise/sim/socket_owner.hpp>
@@ -18,7 +18,7 @@ class serial_end;
 /// other end is not open is lost, as on a wire; there is no end of stream. Made by `world::serial_line`.
 class serial_line {
 public:
-    static constexpr std::size_t send_buffer_bytes = 4096; ///< beyond it a write would block
+    static constexpr std::size_t send_buffer_bytes = 4096;         ///< beyond it a write would block
     static constexpr std::size_t receive_buffer_bytes = 16 * 1024; ///< beyond it bytes are lost (overrun, traced)
 
     /// The line of that name into that host, made when it is first asked for.
@@ -43,7 +43,8 @@ public:
 
     /// @cond
     // For the world's parts.
-    result<std::unique_ptr<stream>> open_device(socket_owner& owner, loop& on, const std::string& device, unsigned baud);
+    result<std::unique_ptr<stream>> open_device(socket_owner& owner, loop& on, const std::string& device,
+                                                unsigned baud);
     /// @endcond
 
 private:

@@ -15,7 +15,8 @@ namespace ise::sim {
 /// hold on to it, so that the stream may be destroyed under them.
 class stream_end : public resource, public std::enable_shared_from_this<stream_end> {
 public:
-    stream_end(socket_owner& owner, loop& on, std::size_t receive_limit_bytes, std::string peer, std::optional<endpoint> local = std::nullopt);
+    stream_end(socket_owner& owner, loop& on, std::size_t receive_limit_bytes, std::string peer,
+               std::optional<endpoint> local = std::nullopt);
 
     // For the stream, on its loop.
     transfer read(std::span<std::byte> into); ///< would_block: nothing yet

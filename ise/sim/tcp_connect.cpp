@@ -58,8 +58,9 @@ private:
             return after(one_way(), [](dial& self) { self.refused(); });
         }
         if (acceptor->full()) return after(net_.connect_retry, [](dial& self) { self.ask(); });
-        connection_ = std::make_shared<tcp_connection>(net_, owner_.here(), target_, name_,
-                                                       fmt::format("{}:{}", target_.name(), to_.kind == protocol::tcp ? std::to_string(to_.port) : to_.path));
+        connection_ = std::make_shared<tcp_connection>(
+            net_, owner_.here(), target_, name_,
+            fmt::format("{}:{}", target_.name(), to_.kind == protocol::tcp ? std::to_string(to_.port) : to_.path));
         auto peer = to_;
         if (to_.kind == protocol::tcp) {
             const bool own = &target_ == &owner_.here();
@@ -89,9 +90,8 @@ private:
 
     // From the network's side: the result is handed over on the loop.
     void finish_there(outcome result) {
-        submit(where_, [self = shared_from_this(), result = std::move(result)]() mutable {
-            self->finish(std::move(result));
-        });
+        submit(where_,
+               [self = shared_from_this(), result = std::move(result)]() mutable { self->finish(std::move(result)); });
     }
 
     void finish(outcome result) {
@@ -128,8 +128,8 @@ task<result<std::unique_ptr<stream>>> connect_tcp(socket_owner& owner, loop& on,
     auto& here = owner.here();
     auto* target = to.kind == protocol::local || here.is_me(to.host) ? &here : owner.net().find(to.host);
     if (!target)
-        co_return failure(errc::unreachable, fmt::format("cannot connect to {}: the virtual world has no host '{}'",
-                                                         to.text(), to.host));
+        co_return failure(errc::unreachable,
+                          fmt::format("cannot connect to {}: the virtual world has no host '{}'", to.text(), to.host));
     auto attempt = std::make_shared<dial>(owner, on, to, *target);
     attempt->start();
     auto came = co_await attempt->done.wait();

@@ -9,9 +9,10 @@ namespace {
 
 class tcp_end final : public stream_end {
 public:
-    tcp_end(std::shared_ptr<tcp_connection> connection, std::size_t side, socket_owner& owner, loop& on, std::size_t limit,
-            std::string peer, std::optional<endpoint> local)
-        : stream_end(owner, on, limit, std::move(peer), std::move(local)), connection_(std::move(connection)), side_(side) {}
+    tcp_end(std::shared_ptr<tcp_connection> connection, std::size_t side, socket_owner& owner, loop& on,
+            std::size_t limit, std::string peer, std::optional<endpoint> local)
+        : stream_end(owner, on, limit, std::move(peer), std::move(local)), connection_(std::move(connection)),
+          side_(side) {}
 
     void limit_unsent(std::size_t most) override { connection_->limit_unsent(side_, most); }
 
@@ -38,13 +39,13 @@ private:
 };
 
 // Big writes go in pieces, so that a slow link brings them bit by bit.
-constexpr std::size_t largest_piece = 16 * 1024;
-constexpr std::size_t smallest_piece = 256;
+constexpr std::size_t max_piece = 16 * 1024;
+constexpr std::size_t min_piece = 256;
 
 std::size_t piece_on(const link& over) {
-    if (over.bandwidth_bytes_per_second == 0) return largest_piece;
-    return std::clamp<std::size_t>(static_cast<std::size_t>(over.bandwidth_bytes_per_second / 50), smallest_piece,
-                                   largest_piece);
+    if (over.bandwidth_bytes_per_second == 0) return max_piece;
+    return std::clamp<std::size_t>(static_cast<std::size_t>(over.bandwidth_bytes_per_second / 50), min_piece,
+                                   max_piece);
 }
 
 } // namespace
@@ -58,11 +59,14 @@ tcp_connection::tcp_connection(network& net, machine& client, machine& server, s
     halves_[1].name = server_name + "->" + client_name;
     halves_[0].upward = client.name() <= server.name();
     halves_[1].upward = !halves_[0].upward;
-    if (auto rule = net.take_cut(client, server)) halves_[rule->which == direction::to_server ? 0 : 1].cut_at = rule->after_bytes;
+    if (auto rule = net.take_cut(client, server))
+        halves_[rule->which == direction::to_server ? 0 : 1].cut_at = rule->after_bytes;
 }
 
-std::unique_ptr<stream> tcp_connection::open_side(std::size_t side, socket_owner& owner, loop& on, std::string peer, std::optional<endpoint> local) {
-    auto end = std::make_shared<tcp_end>(shared_from_this(), side, owner, on, over_.receive_buffer_bytes, std::move(peer), std::move(local));
+std::unique_ptr<stream> tcp_connection::open_side(std::size_t side, socket_owner& owner, loop& on, std::string peer,
+                                                  std::optional<endpoint> local) {
+    auto end = std::make_shared<tcp_end>(shared_from_this(), side, owner, on, over_.receive_buffer_bytes,
+                                         std::move(peer), std::move(local));
     ends_[side] = end;
     owner.attach(end);
     return make_stream(std::move(end));
@@ -228,7 +232,8 @@ bool tcp_connection::deliver_data(std::size_t side, segment& first) {
         return false;
     }
     from.under_way.pop_front();
-    if (source && from.unarrived <= over_.send_buffer_bytes / 2 && unsent(side) < from.unsent_limit) source->wake_writer();
+    if (source && from.unarrived <= over_.send_buffer_bytes / 2 && unsent(side) < from.unsent_limit)
+        source->wake_writer();
     return true;
 }
 

@@ -16,7 +16,8 @@ public:
     tcp_connection(network& net, machine& client, machine& server, std::string client_name, std::string server_name);
 
     /// A stream on `on` at one of the sides; `local` of the one that was connected to.
-    std::unique_ptr<stream> open_side(std::size_t side, socket_owner& owner, loop& on, std::string peer, std::optional<endpoint> local = std::nullopt);
+    std::unique_ptr<stream> open_side(std::size_t side, socket_owner& owner, loop& on, std::string peer,
+                                      std::optional<endpoint> local = std::nullopt);
 
     std::size_t room(std::size_t side) const;
     /// No room at that side while so many bytes wait there for the link's bandwidth.

@@ -15,7 +15,7 @@ class trace {
 public:
     /// One thing that happened.
     struct entry {
-        time_point at; ///< virtual
+        time_point at;         ///< virtual
         std::string_view kind; ///< "connect", "deliver", "drop", ... (a literal)
         std::string subject;   ///< whom it happened to: "boat:49152->shore:7400"
         std::uint64_t amount;  ///< bytes, or 0

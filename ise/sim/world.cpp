@@ -15,7 +15,8 @@ sim::host& world::host(const std::string& name) {
     auto& found = hosts_[name];
     if (!found) {
         const auto number = hosts_.size(); // 10.0.0.1, ... 10.0.0.250, 10.0.1.1, ...
-        found = std::make_unique<sim::host>(*this, network_, name, fmt::format("10.0.{}.{}", (number - 1) / 250, (number - 1) % 250 + 1));
+        found = std::make_unique<sim::host>(*this, network_, name,
+                                            fmt::format("10.0.{}.{}", (number - 1) / 250, (number - 1) % 250 + 1));
         network_.join(*found);
     }
     return *found;

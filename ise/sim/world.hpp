@@ -11,8 +11,8 @@
 
 namespace ise::sim {
 
-/// A virtual world in one thread on a virtual clock: hosts, their processes, and the network between them. The same seed
-/// gives the same run with every compiler. A test of unmodified components:
+/// A virtual world in one thread on a virtual clock: hosts, their processes, and the network between them. The same
+/// seed gives the same run with every compiler. A test of unmodified components:
 ///
 ///     ise::sim::world world{7};
 ///     auto& boat = world.host("boat").start_process("boat");       // an ise::environment each

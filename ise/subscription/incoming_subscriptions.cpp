@@ -24,13 +24,18 @@ result<void> incoming_subscriptions::on_subscribe(const wire::frame& received) {
     if (auto wrong = objection_to(terms->service)) return *wrong;
     auto& runtime = over().runtime();
     if (by_id_.size() >= runtime.options().max_subscriptions_per_session) {
-        failure why(errc::overloaded, fmt::format("more than {} subscriptions of one session (max_subscriptions_per_session)", runtime.options().max_subscriptions_per_session));
+        failure why(errc::overloaded,
+                    fmt::format("more than {} subscriptions of one session (max_subscriptions_per_session)",
+                                runtime.options().max_subscriptions_per_session));
         runtime.tell(peer_trouble::excess, why.message(), over().caller_name());
         end(id, why, 0);
         return {};
     }
     if (over().wire().lossy() && terms->policy == wire::overflow::lossless) {
-        end(id, failure(errc::invalid_argument, fmt::format("'{}' cannot be subscribed to without loss over udp", terms->service.service)), 0);
+        end(id,
+            failure(errc::invalid_argument,
+                    fmt::format("'{}' cannot be subscribed to without loss over udp", terms->service.service)),
+            0);
         return {};
     }
     auto publication = services_.find_publication(terms->service.service);
@@ -40,15 +45,19 @@ result<void> incoming_subscriptions::on_subscribe(const wire::frame& received) {
     }
     const auto& ours = publication->types();
     if (terms->service.fingerprints.size() != ours.fingerprints.size()) {
-        end(id, failure(errc::type_mismatch, fmt::format("'{}' has {} packets here, {} at the subscriber", publication->name(),
-                                                            ours.fingerprints.size(), terms->service.fingerprints.size())), 0);
+        end(id,
+            failure(errc::type_mismatch,
+                    fmt::format("'{}' has {} packets here, {} at the subscriber", publication->name(),
+                                ours.fingerprints.size(), terms->service.fingerprints.size())),
+            0);
         return {};
     }
     entry made;
     made.publication = publication;
     by_id_.emplace(id, std::move(made));
     if (terms->service.fingerprints == ours.fingerprints) {
-        admit(id, std::move(*terms), nullptr, over().wire().passes_objects() && (received.header.flags & wire::flag::objects));
+        admit(id, std::move(*terms), nullptr,
+              over().wire().passes_objects() && (received.header.flags & wire::flag::objects));
         return {};
     }
     auto fingerprints = terms->service.fingerprints;
@@ -64,7 +73,8 @@ result<void> incoming_subscriptions::on_subscribe(const wire::frame& received) {
     return {};
 }
 
-void incoming_subscriptions::admit(std::uint64_t id, wire::subscribe terms, const std::vector<schema>* theirs, bool takes_objects) {
+void incoming_subscriptions::admit(std::uint64_t id, wire::subscribe terms, const std::vector<schema>* theirs,
+                                   bool takes_objects) {
     auto& made = by_id_.at(id);
     auto& publication = *made.publication;
     const auto& ours = publication.types();
@@ -76,16 +86,19 @@ void incoming_subscriptions::admit(std::uint64_t id, wire::subscribe terms, cons
             const auto& reader = we_read ? ours.schemas[place] : (*theirs)[place];
             const auto& writer = we_read ? (*theirs)[place] : ours.schemas[place];
             if (auto wrong = incompatibility(reader, writer))
-                diff += fmt::format("{}{}: {}", diff.empty() ? "" : "\n", role::name(service_kind::subscription, place), *wrong);
+                diff += fmt::format("{}{}: {}", diff.empty() ? "" : "\n", role::name(service_kind::subscription, place),
+                                    *wrong);
         }
         if (!diff.empty()) {
-            failure why(errc::type_mismatch, fmt::format("the packets of '{}' differ incompatibly:\n{}", publication.name(), diff));
+            failure why(errc::type_mismatch,
+                        fmt::format("the packets of '{}' differ incompatibly:\n{}", publication.name(), diff));
             over().runtime().tell(peer_trouble::mismatch, why.message(), over().caller_name());
             end(id, why, 0);
             return;
         }
         request = std::make_unique<adapter>((*theirs)[role::subscribe_request], ours.schemas[role::subscribe_request]);
-        made.unsubscribe = std::make_unique<adapter>((*theirs)[role::unsubscribe_request], ours.schemas[role::unsubscribe_request]);
+        made.unsubscribe =
+            std::make_unique<adapter>((*theirs)[role::unsubscribe_request], ours.schemas[role::unsubscribe_request]);
     }
     wire::subscribed answer;
     answer.fingerprints = ours.fingerprints;
@@ -127,17 +140,21 @@ result<void> incoming_subscriptions::on_unsubscribe(const wire::frame& received)
         try {
             if (left.who) response = left.publication->unsubscribe(*left.who, received.body, left.unsubscribe.get());
         } catch (const std::exception& thrown) { // the user's callback, or its packet: it has left all the same
-            over().runtime().tell(peer_trouble::callback, fmt::format("'{}': {}", left.publication->name(), thrown.what()), over().caller_name());
+            over().runtime().tell(peer_trouble::callback,
+                                  fmt::format("'{}': {}", left.publication->name(), thrown.what()),
+                                  over().caller_name());
         }
     } // else it ended meanwhile: the answer is the same
-    over().send(frame_type::unsubscribed, 0, received.header.id, [&](buffer& body) { body.append(bytes_view(response)); });
+    over().send(frame_type::unsubscribed, 0, received.header.id,
+                [&](buffer& body) { body.append(bytes_view(response)); });
     return {};
 }
 
 result<void> incoming_subscriptions::on_credit(const wire::frame& received) {
     if (received.body.size() != 8) return failure(errc::protocol_error, "a credit frame has 8 bytes");
     auto found = by_id_.find(received.header.id);
-    if (found != by_id_.end() && found->second.who) found->second.who->grant(detail::load_little<std::uint64_t>(received.body.data()));
+    if (found != by_id_.end() && found->second.who)
+        found->second.who->grant(detail::load_little<std::uint64_t>(received.body.data()));
     return {};
 }
 

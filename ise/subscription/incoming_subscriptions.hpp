@@ -13,7 +13,8 @@ namespace ise {
 /// The subscriptions of one session's peer.
 class incoming_subscriptions final : public subscriber_line {
 public:
-    incoming_subscriptions(conversation& over, const publication_directory& services) : subscriber_line(over), services_(services) {}
+    incoming_subscriptions(conversation& over, const publication_directory& services)
+        : subscriber_line(over), services_(services) {}
     ~incoming_subscriptions();
     incoming_subscriptions(const incoming_subscriptions&) = delete;
     incoming_subscriptions& operator=(const incoming_subscriptions&) = delete;

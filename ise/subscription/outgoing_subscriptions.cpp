@@ -16,22 +16,29 @@ void outgoing_subscriptions::subscribe(subscriber_core& subscriber) {
     auto& connection = over_.wire();
     auto& runtime = over_.runtime();
     if (connection.lossy() && terms.policy == wire::overflow::lossless) {
-        subscriber.on_refused(failure(errc::invalid_argument, fmt::format("'{}' cannot be subscribed to without loss: {} is reached over udp, which loses packets; ask for the last ones, or reach it over tcp or a local socket", subscriber.service(), over_.peer_name())));
+        subscriber.on_refused(
+            failure(errc::invalid_argument,
+                    fmt::format("'{}' cannot be subscribed to without loss: {} is reached over udp, which loses "
+                                "packets; ask for the last ones, or reach it over tcp or a local socket",
+                                subscriber.service(), over_.peer_name())));
         return;
     }
     auto id = next_id_++;
     runtime.schemas().add_own(subscriber.types());
     subscribers_.emplace(id, &subscriber);
     subscriber.on_sent(*this, id);
-    if (terms.policy == wire::overflow::lossless) { // a publisher may wait for this side, and no longer than it hears of it
+    if (terms.policy ==
+        wire::overflow::lossless) { // a publisher may wait for this side, and no longer than it hears of it
         connection.sign_often();
         runtime.signs()->hasten(connection.signs()->heartbeat());
     }
-    const std::uint8_t flags = connection.passes_objects() && subscriber.takes_objects() ? wire::flag::objects : std::uint8_t{0};
+    const std::uint8_t flags =
+        connection.passes_objects() && subscriber.takes_objects() ? wire::flag::objects : std::uint8_t{0};
     over_.send(frame_type::subscribe, flags, id, [&](buffer& body) { encode(terms, body); });
 }
 
-void outgoing_subscriptions::unsubscribe(subscriber_core& subscriber, bytes_view farewell, std::weak_ptr<departure> waiting) {
+void outgoing_subscriptions::unsubscribe(subscriber_core& subscriber, bytes_view farewell,
+                                         std::weak_ptr<departure> waiting) {
     auto id = subscriber.id();
     if (subscribers_.erase(id) == 0 || !over_.open()) return;
     if (!waiting.expired()) departures_.emplace(id, std::move(waiting));
@@ -85,7 +92,9 @@ result<void> outgoing_subscriptions::on_ended(const wire::frame& received) {
     if (found == subscribers_.end()) return {};
     auto* subscriber = found->second;
     subscribers_.erase(found);
-    subscriber->on_ended(failure(static_cast<errc>(why->code), fmt::format("'{}' at {}: {}", subscriber->service(), over_.peer_name(), why->reason)), why->lost);
+    subscriber->on_ended(failure(static_cast<errc>(why->code),
+                                 fmt::format("'{}' at {}: {}", subscriber->service(), over_.peer_name(), why->reason)),
+                         why->lost);
     return {};
 }
 
@@ -94,7 +103,9 @@ void outgoing_subscriptions::on_session_end(const failure& cause) {
     for (auto& [id, left] : std::exchange(departures_, {})) {
         auto waiting = left.lock();
         if (!waiting) continue;
-        waiting->outcome.emplace(failure(errc::peer_lost, fmt::format("the session ended before the answer to the farewell: {}", cause.message()), execution::unknown));
+        waiting->outcome.emplace(failure(
+            errc::peer_lost, fmt::format("the session ended before the answer to the farewell: {}", cause.message()),
+            execution::unknown));
         waiting->answered.resume();
     }
 }

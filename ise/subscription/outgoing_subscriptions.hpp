@@ -32,8 +32,8 @@ public:
 
 private:
     conversation& over_;
-    std::map<std::uint64_t, subscriber_core*> subscribers_;         // by subscription id
-    std::map<std::uint64_t, std::weak_ptr<departure>> departures_;  // by subscription id; those that somebody waits for
+    std::map<std::uint64_t, subscriber_core*> subscribers_;        // by subscription id
+    std::map<std::uint64_t, std::weak_ptr<departure>> departures_; // by subscription id; those that somebody waits for
     std::uint64_t next_id_ = 1;
 };
 

@@ -19,8 +19,12 @@ inline void stamp(std::byte* frame, std::size_t size, std::uint64_t id, std::uin
     detail::store_little(frame + wire::frame_header::size, sequence);
 }
 
-inline std::size_t size_of(const std::byte* frame) noexcept { return wire::frame_header::size + detail::load_little<std::uint32_t>(frame); }
+inline std::size_t size_of(const std::byte* frame) noexcept {
+    return wire::frame_header::size + detail::load_little<std::uint32_t>(frame);
+}
 inline std::uint64_t id_of(const std::byte* frame) noexcept { return detail::load_little<std::uint64_t>(frame + 8); }
-inline std::uint64_t sequence_of(const std::byte* frame) noexcept { return detail::load_little<std::uint64_t>(frame + wire::frame_header::size); }
+inline std::uint64_t sequence_of(const std::byte* frame) noexcept {
+    return detail::load_little<std::uint64_t>(frame + wire::frame_header::size);
+}
 
 } // namespace ise::packet_frame

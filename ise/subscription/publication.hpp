@@ -8,9 +8,9 @@
 
 namespace ise {
 
-/// A subscription service that this component provides. Calling it publishes a packet to all subscribers by their policies,
-/// and never blocks. A value, cheap to copy; used on its component's loop. Functions of an empty one, such as a member
-/// that is not assigned yet, throw errc::invalid_argument.
+/// A subscription service that this component provides. Calling it publishes a packet to all subscribers by their
+/// policies, and never blocks. A value, cheap to copy; used on its component's loop. Functions of an empty one, such as
+/// a member that is not assigned yet, throw errc::invalid_argument.
 template <class Contract>
 class publication {
     using packet_type = typename Contract::packet_type;
@@ -28,30 +28,24 @@ public:
 
     // Compile errors for packets of another type.
     template <class Other>
-        requires(!std::is_convertible_v<Other, packet_type>)
-    void operator()(const Other&) const {
-        static_assert(sizeof(Other) == 0, "ise: this publication publishes packets of another type: the one that its service names");
+    requires(!std::is_convertible_v<Other, packet_type>) void operator()(const Other&) const {
+        static_assert(sizeof(Other) == 0,
+                      "ise: this publication publishes packets of another type: the one that its service names");
     }
     template <class Other>
-        requires(!std::is_convertible_v<Other, packet_type>)
-    void send(const Other& packet) const {
-        (*this)(packet);
-    }
+    requires(!std::is_convertible_v<Other, packet_type>) void send(const Other& packet) const { (*this)(packet); }
     template <class Other>
-        requires(!std::is_convertible_v<Other, packet_type>)
-    void try_send(const Other& packet) const {
-        (*this)(packet);
-    }
+    requires(!std::is_convertible_v<Other, packet_type>) void try_send(const Other& packet) const { (*this)(packet); }
 
-    /// Publishes only to subscribers for which `wants(const subscriber_info&)` returns true, such as those with a matching
-    /// filter, or a new one that needs a snapshot. The others count the packet as skipped, not as lost.
+    /// Publishes only to subscribers for which `wants(const subscriber_info&)` returns true, such as those with a
+    /// matching filter, or a new one that needs a snapshot. The others count the packet as skipped, not as lost.
     template <class Wants>
     void to_some(const packet_type& packet, Wants wants) const {
         core().publish_to(made(packet), wants);
     }
 
-    /// Waits until every connected lossless subscriber has room, then publishes. The subscription of one that is silent for
-    /// `longest_silence`, or takes nothing for `longest_stall`, ends. Cancellation: terminal, the packet is not published.
+    /// Waits until every connected lossless subscriber has room, then publishes. The subscription of one that is silent
+    /// for `max_silence`, or takes nothing for `max_stall`, ends. Cancellation: terminal, the packet is not published.
     /// The packet is encoded, or copied, before this returns.
     task<> send(const packet_type& packet) const { return send_when_room(held(), made(packet)); }
     /// The same by move: `co_await out.send(std::move(packet))`.
@@ -72,7 +66,8 @@ public:
 
 private:
     const std::shared_ptr<publication_core>& held() const {
-        if (!core_) throw error(errc::invalid_argument, "an empty publication: assign what `publish(service)` gave first");
+        if (!core_)
+            throw error(errc::invalid_argument, "an empty publication: assign what `publish(service)` gave first");
         return core_;
     }
     publication_core& core() const { return *held(); }
@@ -110,14 +105,19 @@ public:
 template <class Contract>
 struct publication_callbacks {
     /// Accepts a subscriber by returning a response, or refuses it with a failure such as errc::refused.
-    std::function<result<typename Contract::subscribe_response>(const typename Contract::subscribe_request&, const subscriber_info&)> on_subscribe;
+    std::function<result<typename Contract::subscribe_response>(const typename Contract::subscribe_request&,
+                                                                const subscriber_info&)>
+        on_subscribe;
     /// A subscriber has left (its request) or vanished (a default request).
-    std::function<typename Contract::unsubscribe_response(const typename Contract::unsubscribe_request&, const subscriber_info&)> on_unsubscribe;
+    std::function<typename Contract::unsubscribe_response(const typename Contract::unsubscribe_request&,
+                                                          const subscriber_info&)>
+        on_unsubscribe;
 };
 
 /// Implementation of `component::publish`.
 template <class Contract>
-std::shared_ptr<publication_core> make_publication(service_runtime& runtime, const Contract& contract, publication_callbacks<Contract> callbacks = {}) {
+std::shared_ptr<publication_core> make_publication(service_runtime& runtime, const Contract& contract,
+                                                   publication_callbacks<Contract> callbacks = {}) {
     auto made = std::make_shared<publication_core>(runtime, std::string(contract.name()), Contract::types());
     auto read = [](bytes_view raw, const adapter* adapt, auto packet) {
         if (!raw.empty() && adapt) {
@@ -127,14 +127,16 @@ std::shared_ptr<publication_core> make_publication(service_runtime& runtime, con
         }
         return packet;
     };
-    made->accept = [decide = std::move(callbacks.on_subscribe), read](bytes_view raw, const adapter* adapt, const subscriber_info& who) -> result<bytes> {
+    made->accept = [decide = std::move(callbacks.on_subscribe), read](bytes_view raw, const adapter* adapt,
+                                                                      const subscriber_info& who) -> result<bytes> {
         auto request = read(raw, adapt, typename Contract::subscribe_request{});
         if (!decide) return encode(typename Contract::subscribe_response{});
         auto response = decide(request, who);
         if (!response) return response.error();
         return encode(*response);
     };
-    made->removed = [tell = std::move(callbacks.on_unsubscribe), read](bytes_view raw, const adapter* adapt, const subscriber_info& who) {
+    made->removed = [tell = std::move(callbacks.on_unsubscribe), read](bytes_view raw, const adapter* adapt,
+                                                                       const subscriber_info& who) {
         auto request = read(raw, adapt, typename Contract::unsubscribe_request{});
         return encode(tell ? tell(request, who) : typename Contract::unsubscribe_response{});
     };

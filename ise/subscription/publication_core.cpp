@@ -27,7 +27,9 @@ shared_bytes publication_core::share(function_ref<void(buffer&)> write_packet) {
     auto& room = maker_.room();
     room.grow(packet_frame::head_bytes); // is stamped in begin_packet
     write_packet(room);
-    if (room.size() > std::numeric_limits<std::uint32_t>::max()) throw error(errc::too_large, fmt::format("a packet of '{}' has {} bytes, which no frame holds", name(), room.size()));
+    if (room.size() > std::numeric_limits<std::uint32_t>::max())
+        throw error(errc::too_large,
+                    fmt::format("a packet of '{}' has {} bytes, which no frame holds", name(), room.size()));
     return maker_.share();
 }
 
@@ -98,10 +100,13 @@ std::optional<published_packet> publication_core::last_packet(bool as_object) {
 // Once the packet has been offered to all: the user is called back, and may publish.
 void publication_core::end_too_slow(const std::vector<std::uint64_t>& numbers) {
     for (auto number : numbers) {
-        auto found = std::find_if(all_.begin(), all_.end(), [&](const auto& who) { return who.info().number == number; });
+        auto found =
+            std::find_if(all_.begin(), all_.end(), [&](const auto& who) { return who.info().number == number; });
         if (found == all_.end()) continue;
         ++losses.ended;
-        end(*found, failure(errc::overloaded, fmt::format("the subscriber of '{}' did not take its packets in time: {} are lost", name(), found->unsent())));
+        end(*found, failure(errc::overloaded,
+                            fmt::format("the subscriber of '{}' did not take its packets in time: {} are lost", name(),
+                                        found->unsent())));
     }
 }
 
@@ -130,8 +135,9 @@ task<> publication_core::wait_for_room() {
     auto began = runtime().on().now();
     timer patience(runtime().on(), [this, &room, &patience, &began] {
         const auto now = runtime().on().now();
-        // Where it is this side that did not come round for a while, what the subscribers sent meanwhile is still unread.
-        if (now - patience.at() > runtime().options().longest_silence / 2) began = now;
+        // Where it is this side that did not come round for a while, what the subscribers sent meanwhile is still
+        // unread.
+        if (now - patience.at() > runtime().options().max_silence / 2) began = now;
         else end_holding_up(began);
         room.resume();
     });
@@ -147,14 +153,22 @@ task<> publication_core::wait_for_room() {
 void publication_core::end_holding_up(time_point since) {
     const auto now = runtime().on().now();
     for (;;) {
-        auto found = std::ranges::find_if(all_, [&](auto& who) { return who.holds_up() && who.held_up_until(since) <= now; });
+        auto found =
+            std::ranges::find_if(all_, [&](auto& who) { return who.holds_up() && who.held_up_until(since) <= now; });
         if (found == all_.end()) return;
         ++losses.ended;
         const bool silent = now < found->stalled_at(since);
-        const auto* limit = silent ? "longest_silence" : "longest_stall";
-        runtime().tell(peer_trouble::broken, fmt::format("a lossless subscriber of '{}' held up its publisher ({}) and was ended", name(), limit), found->info().peer);
-        end(*found, failure(errc::overloaded, fmt::format("the subscriber of '{}' {} for as long as it may hold up the publisher ({}): {} packets are lost", name(),
-                                                          silent ? "was not heard" : "took nothing", limit, found->unsent())));
+        const auto* limit = silent ? "max_silence" : "max_stall";
+        runtime().tell(
+            peer_trouble::broken,
+            fmt::format("a lossless subscriber of '{}' held up its publisher ({}) and was ended", name(), limit),
+            found->info().peer);
+        end(*found,
+            failure(
+                errc::overloaded,
+                fmt::format(
+                    "the subscriber of '{}' {} for as long as it may hold up the publisher ({}): {} packets are lost",
+                    name(), silent ? "was not heard" : "took nothing", limit, found->unsent())));
     }
 }
 
@@ -171,13 +185,17 @@ void publication_core::room_made() {
     for (auto* room : waiting_) room->resume();
 }
 
-result<remote_subscriber*> publication_core::resume(remote_subscriber& who, const wire::subscribe& terms, bool takes_objects, wire::subscribed& answer,
-                                                        std::uint64_t& lost) {
+result<remote_subscriber*> publication_core::resume(remote_subscriber& who, const wire::subscribe& terms,
+                                                    bool takes_objects, wire::subscribed& answer, std::uint64_t& lost) {
     const auto& wanted = terms.resume.front();
     who.resume(terms, takes_objects);
     if (who.overrun()) {
         lost = who.unsent();
-        failure why(errc::overloaded, fmt::format("the subscriber of '{}' was out of reach for longer than its packets could be kept: {} are lost", name(), lost));
+        failure why(
+            errc::overloaded,
+            fmt::format(
+                "the subscriber of '{}' was out of reach for longer than its packets could be kept: {} are lost",
+                name(), lost));
         ++losses.ended;
         drop(who);
         return why;
@@ -199,13 +217,16 @@ failure publication_core::cannot_resume(const wire::subscribe& terms, std::uint6
     const bool same_life = wanted.incarnation == runtime().self().incarnation;
     const bool known = same_life && !selective_ && terms.min_interval_ns == 0 && wanted.next_sequence <= sequence_ + 1;
     lost = known ? sequence_ + 1 - wanted.next_sequence : wire::unknown_loss;
-    return {errc::peer_lost, fmt::format("the subscription to '{}' without loss cannot go on: {}, and {} packets are lost", name(),
-                                         same_life ? "it was ended while its subscriber was out of reach" : "the provider was restarted, or is another one",
-                                         known ? std::to_string(lost) : "an unknown number of")};
+    return {errc::peer_lost,
+            fmt::format("the subscription to '{}' without loss cannot go on: {}, and {} packets are lost", name(),
+                        same_life ? "it was ended while its subscriber was out of reach"
+                                  : "the provider was restarted, or is another one",
+                        known ? std::to_string(lost) : "an unknown number of")};
 }
 
-result<remote_subscriber*> publication_core::subscribe(subscriber_line& from, const wire::subscribe& terms, const adapter* adapt, bool takes_objects,
-                                                           wire::subscribed& answer, std::uint64_t& lost) {
+result<remote_subscriber*> publication_core::subscribe(subscriber_line& from, const wire::subscribe& terms,
+                                                       const adapter* adapt, bool takes_objects,
+                                                       wire::subscribed& answer, std::uint64_t& lost) {
     if (stopped_) return *stopped_;
     answer.incarnation = runtime().self().incarnation;
     if (!terms.resume.empty()) {

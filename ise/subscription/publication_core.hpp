@@ -27,8 +27,8 @@ struct subscribed;
 } // namespace wire
 
 /// One provided subscription service, without its types: numbers packets, keeps the last one, and gives each
-/// subscriber what its policy says. A packet is encoded once, however many subscribe, and never where all of them are in
-/// this process and know its type: they share it as it is.
+/// subscriber what its policy says. A packet is encoded once, however many subscribe, and never where all of them are
+/// in this process and know its type: they share it as it is.
 class publication_core final : public subscriber_group {
 public:
     publication_core(service_runtime& runtime, std::string name, const packet_types& types);
@@ -36,8 +36,8 @@ public:
 
     const packet_types& types() const noexcept { return types_; }
 
-    /// Whether a packet that can be shared as an object should be: somebody takes it so, or nobody takes anything. Who needs
-    /// a frame gets it from the object.
+    /// Whether a packet that can be shared as an object should be: somebody takes it so, or nobody takes anything. Who
+    /// needs a frame gets it from the object.
     bool wants_object() const noexcept;
     /// Encodes a packet once for all subscribers, as a frame that is completed when it is published.
     shared_bytes share(function_ref<void(buffer&)> write_packet);
@@ -69,8 +69,8 @@ public:
 
     // For sessions.
     /// Where it fails, `lost` is how many packets the subscriber has missed for good.
-    result<remote_subscriber*> subscribe(subscriber_line& from, const wire::subscribe& terms, const adapter* adapt, bool takes_objects,
-                                         wire::subscribed& answer, std::uint64_t& lost);
+    result<remote_subscriber*> subscribe(subscriber_line& from, const wire::subscribe& terms, const adapter* adapt,
+                                         bool takes_objects, wire::subscribed& answer, std::uint64_t& lost);
     bytes unsubscribe(remote_subscriber& who, bytes_view request, const adapter* adapt);
 
     // For its subscribers.
@@ -81,7 +81,8 @@ public:
     void vanish(remote_subscriber& who) override;
 
 private:
-    result<remote_subscriber*> resume(remote_subscriber& who, const wire::subscribe& terms, bool takes_objects, wire::subscribed& answer, std::uint64_t& lost);
+    result<remote_subscriber*> resume(remote_subscriber& who, const wire::subscribe& terms, bool takes_objects,
+                                      wire::subscribed& answer, std::uint64_t& lost);
     failure cannot_resume(const wire::subscribe& terms, std::uint64_t& lost) const;
     void end(remote_subscriber& who, const failure& why);
     void drop(remote_subscriber& who);
@@ -99,7 +100,7 @@ private:
     std::uint64_t sequence_ = 0; // of the last packet published; the first has 1
     std::uint64_t next_number_ = 1;
     std::vector<waiter<>*> waiting_; // for room
-    bool selective_ = false;        // packets were published for some only
+    bool selective_ = false;         // packets were published for some only
     std::optional<failure> stopped_;
 };
 

@@ -15,15 +15,16 @@ inline constexpr std::uint64_t unknown_gap = ~std::uint64_t{0};
 
 } // namespace detail
 
-/// A published packet as a subscriber receives it: points to a const packet that is shared and never copied; it may be kept
-/// for any time and on any thread. If the publisher is in the same process, it is the packet that was published there.
-/// Empty once the subscription has ended.
+/// A published packet as a subscriber receives it: points to a const packet that is shared and never copied; it may be
+/// kept for any time and on any thread. If the publisher is in the same process, it is the packet that was published
+/// there. Empty once the subscription has ended.
 template <class Packet>
 class received {
 public:
     received() = default;
     /// Made by the subscription.
-    received(counted<Packet> packet, std::uint64_t lost_before) noexcept : packet_(std::move(packet)), lost_before_(lost_before) {}
+    received(counted<Packet> packet, std::uint64_t lost_before) noexcept
+        : packet_(std::move(packet)), lost_before_(lost_before) {}
 
     /// Whether there is a packet.
     explicit operator bool() const noexcept { return static_cast<bool>(packet_); }
@@ -37,14 +38,16 @@ public:
         return {std::make_shared<counted<Packet>>(packet_), packet_.get()};
     }
 
-    /// Returns the packet by value and leaves this object empty: moved if there is no other holder, else copied. Requires a packet.
+    /// Returns the packet by value and leaves this object empty: moved if there is no other holder, else copied.
+    /// Requires a packet.
     Packet take() {
         auto held = std::exchange(packet_, {});
         if (held.alone()) return std::move(*held);
         return *held;
     }
 
-    /// The number of packets lost between the previous packet and this one. Empty if it is unknown, after a restart of the provider.
+    /// The number of packets lost between the previous packet and this one. Empty if it is unknown, after a restart of
+    /// the provider.
     std::optional<std::uint64_t> lost_before() const noexcept {
         if (lost_before_ == detail::unknown_gap) return std::nullopt;
         return lost_before_;

@@ -37,13 +37,16 @@ struct packet_head {
 
 } // namespace
 
-remote_subscriber::remote_subscriber(subscriber_group& of, const wire::subscribe& terms, subscriber_info info, bool takes_objects)
-    : group_(of), policy_(terms.policy), depth_(std::clamp<std::uint32_t>(terms.depth, 1, limit::subscription_depth)), credit_(terms.credit),
+remote_subscriber::remote_subscriber(subscriber_group& of, const wire::subscribe& terms, subscriber_info info,
+                                     bool takes_objects)
+    : group_(of), policy_(terms.policy), depth_(std::clamp<std::uint32_t>(terms.depth, 1, limit::subscription_depth)),
+      credit_(terms.credit),
       min_interval_(static_cast<std::int64_t>(std::min<std::uint64_t>(terms.min_interval_ns, std::int64_t{1} << 62))),
       info_(std::move(info)) {
     if (policy_ == overflow::keep_latest) depth_ = 1;
     auto& env = of.runtime().env();
-    for (std::size_t half = 0; half < ticket_.size(); half += 8) detail::store_little(reinterpret_cast<std::byte*>(&ticket_[half]), env.random());
+    for (std::size_t half = 0; half < ticket_.size(); half += 8)
+        detail::store_little(reinterpret_cast<std::byte*>(&ticket_[half]), env.random());
     if (policy_ == overflow::lossless) ++group_.lossless;
     take_objects(takes_objects);
 }
@@ -67,7 +70,7 @@ void remote_subscriber::take_objects(bool wanted) noexcept {
 // It came back over another way, which takes bytes only.
 void remote_subscriber::write_objects() {
     std::uint32_t carried = 0; // by packets that cannot be written
-    waiting_packets written;
+    send_queue written;
     while (!queue_.empty()) {
         auto next = queue_.pop(std::numeric_limits<std::size_t>::max());
         next.skipped += std::exchange(carried, 0);
@@ -119,19 +122,19 @@ void remote_subscriber::stop_lingering() {
     linger_.reset();
 }
 
-waiting_packets::stretch remote_subscriber::pop(std::size_t most) {
+send_queue::stretch remote_subscriber::pop(std::size_t most) {
     auto taken = queue_.pop(most);
     popped(taken);
     return taken;
 }
 
-void remote_subscriber::popped(const waiting_packets::stretch& taken) noexcept {
+void remote_subscriber::popped(const send_queue::stretch& taken) noexcept {
     if (line_) line_->held_bytes() -= taken.cost();
     resent_ -= std::min(resent_, taken.packets);
     full_since_ = time_point::max();
 }
 
-void remote_subscriber::keep(const waiting_packets::stretch& sent) {
+void remote_subscriber::keep(const send_queue::stretch& sent) {
     sent_packets_.push(sent);
     if (line_) line_->held_bytes() += sent.cost();
 }
@@ -151,7 +154,7 @@ void remote_subscriber::end(const failure& why) {
 }
 
 time_point remote_subscriber::stalled_at(time_point since) const {
-    return saturating_add(std::max(full_since_, since), group_.runtime().options().longest_stall);
+    return saturating_add(std::max(full_since_, since), group_.runtime().options().max_stall);
 }
 
 time_point remote_subscriber::held_up_until(time_point since) {
@@ -161,13 +164,14 @@ time_point remote_subscriber::held_up_until(time_point since) {
     const auto& wire = line_->wire();
     // It sends a sign four times in this period.
     const auto heartbeat = duration(static_cast<std::int64_t>(wire.terms().we_accept.heartbeat_ns));
-    return std::min(stalled_at(since), saturating_add(std::max(began, wire.last_heard()), std::max(options.longest_silence, heartbeat)));
+    return std::min(stalled_at(since),
+                    saturating_add(std::max(began, wire.last_heard()), std::max(options.max_silence, heartbeat)));
 }
 
 void remote_subscriber::vanish_now() { linger_->arm(group_.runtime().on().now()); }
 
-// A subscriber grants `depth` packets ahead of those that its user has taken. Whole stretches go: what is kept beyond that is
-// recognised by its number.
+// A subscriber grants `depth` packets ahead of those that its user has taken. Whole stretches go: what is kept beyond
+// that is recognised by its number.
 void remote_subscriber::forget_arrived() {
     const auto arrived = credit_ > depth_ ? credit_ - depth_ : 0;
     const auto needed = sent_ > arrived ? sent_ - arrived : 0;
@@ -178,7 +182,7 @@ void remote_subscriber::forget_arrived() {
 }
 
 void remote_subscriber::resume_at(std::uint64_t next) {
-    waiting_packets again;
+    send_queue again;
     while (!sent_packets_.empty()) {
         auto one = sent_packets_.pop(1);
         const auto sequence = one.object ? one.sequence : packet_frame::sequence_of(one.frames.view().data());
@@ -225,20 +229,23 @@ bool remote_subscriber::offer(const published_packet& packet) {
         }
         next_allowed_ = saturating_add(now, min_interval_);
     }
-    // A publisher that waits asks for room before it knows how large the next packet is: that one may go beyond the bytes.
+    // A publisher that waits asks for room before it knows how large the next packet is: that one may go beyond the
+    // bytes.
     while (beyond_ > 0 || full(policy_ == overflow::lossless ? 0 : size)) {
         if (loses_nothing()) {
             ++beyond_;
             return !line_; // out of reach it is told when it comes back
         }
         auto& losses = group_.losses;
-        drop_oldest(queue_.size() < depth_ ? losses.too_many_bytes : policy_ == overflow::keep_latest ? losses.replaced : losses.overrun);
+        drop_oldest(queue_.size() < depth_             ? losses.too_many_bytes
+                    : policy_ == overflow::keep_latest ? losses.replaced
+                                                       : losses.overrun);
     }
     const auto skipped = std::exchange(skipped_, 0);
     if (object) queue_.push(packet.object, packet.sequence, skipped);
     else queue_.push(packet.frame, skipped, packet_frame::id_of(packet.frame.view().data()) == id_);
     if (!line_) return true;
-    line_->held_bytes() += size + waiting_packets::item_bytes;
+    line_->held_bytes() += size + send_queue::item_bytes;
     if (queue_.size() == 1) wake(); // else it is awake, or waits for credit
     if (policy_ == overflow::lossless && queue_.cost() >= written_at_once && may_send()) line_->wire().written_much();
     return true;
@@ -247,7 +254,7 @@ bool remote_subscriber::offer(const published_packet& packet) {
 // What was skipped before it is told with the next one.
 void remote_subscriber::drop_oldest(std::uint64_t& reason) {
     ++reason;
-    waiting_packets::stretch dropped;
+    send_queue::stretch dropped;
     skipped_ += queue_.drop(dropped);
     popped(dropped);
     ++dropped_;
@@ -262,7 +269,8 @@ bool remote_subscriber::take(net::outbox& out, std::size_t quantum) {
     std::size_t taken = 0;
     while (!queue_.empty() && may_send() && taken < quantum) {
         const auto& next = queue_.front();
-        const auto size = next.object ? next.object.weight + packet_frame::head_bytes : packet_frame::size_of(next.frames.view().data());
+        const auto size = next.object ? next.object.weight + packet_frame::head_bytes
+                                      : packet_frame::size_of(next.frames.view().data());
         if (together && !next.object && size <= shared_bytes_maker::small_bytes && next.skipped == 0) {
             auto packets = pop(policy_ == overflow::lossless ? credit_ - sent_ : next.packets);
             if (policy_ == overflow::lossless) keep(packets);
@@ -272,8 +280,12 @@ bool remote_subscriber::take(net::outbox& out, std::size_t quantum) {
             continue;
         }
         if (size - packet_frame::head_bytes + 12 > largest) {
-            group_.runtime().tell(peer_trouble::excess, fmt::format("a packet of '{}' with {} bytes is larger than its subscriber accepts: {} (max_message_bytes)",
-                                                                       group_.name(), size - packet_frame::head_bytes, largest), info_.peer);
+            group_.runtime().tell(
+                peer_trouble::excess,
+                fmt::format(
+                    "a packet of '{}' with {} bytes is larger than its subscriber accepts: {} (max_message_bytes)",
+                    group_.name(), size - packet_frame::head_bytes, largest),
+                info_.peer);
             drop_oldest(group_.losses.too_large);
             continue;
         }

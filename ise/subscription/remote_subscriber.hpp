@@ -1,8 +1,8 @@
 #pragma once
 #include <ise/net/outbox.hpp>
 #include <ise/session/conversation.hpp>
+#include <ise/subscription/send_queue.hpp>
 #include <ise/subscription/subscriber_group.hpp>
-#include <ise/subscription/waiting_packets.hpp>
 #include <ise/wire/messages.hpp>
 
 #include <cstdint>
@@ -54,7 +54,8 @@ public:
     /// A lossless one that is connected and full: a publisher that waits waits for it.
     bool holds_up() const noexcept;
     bool take(net::outbox& out, std::size_t quantum) override;
-    /// It comes back. Goes on at the first packet that did not arrive: of a lossless one, what was sent in vain goes again.
+    /// It comes back. Goes on at the first packet that did not arrive: of a lossless one, what was sent in vain goes
+    /// again.
     void resume(const wire::subscribe& terms, bool takes_objects);
     /// Ends it at the subscriber, if that is reached.
     void end(const failure& why);
@@ -75,16 +76,18 @@ public:
     const subscriber_info& info() const noexcept { return info_; }
     std::uint64_t dropped() const noexcept { return dropped_; }
     std::size_t queued() const noexcept { return queue_.size(); }
-    bool loses_nothing() const noexcept { return policy_ == wire::overflow::lossless || policy_ == wire::overflow::disconnect; }
+    bool loses_nothing() const noexcept {
+        return policy_ == wire::overflow::lossless || policy_ == wire::overflow::disconnect;
+    }
 
 private:
     void wake();
     void resume_at(std::uint64_t next);
-    waiting_packets::stretch pop(std::size_t most);
-    void keep(const waiting_packets::stretch& sent);
+    send_queue::stretch pop(std::size_t most);
+    void keep(const send_queue::stretch& sent);
     void forget_arrived();
     std::size_t held() const noexcept { return queue_.cost() + sent_packets_.cost(); }
-    void popped(const waiting_packets::stretch& taken) noexcept;
+    void popped(const send_queue::stretch& taken) noexcept;
     void put_alone(net::outbox& out);
     void drop_oldest(std::uint64_t& reason);
     bool full(std::size_t more) const noexcept;
@@ -100,12 +103,12 @@ private:
     bool takes_objects_ = false;
     wire::overflow policy_;
     std::size_t depth_;
-    std::uint64_t credit_;     // lossless: total granted
+    std::uint64_t credit_; // lossless: total granted
     duration min_interval_;
-    waiting_packets queue_;
-    waiting_packets sent_packets_; // lossless: not known to have arrived
-    std::size_t resent_ = 0;       // of queue_, at its front: they do not count towards the depth
-    std::uint64_t beyond_ = 0;     // packets that did not fit; of one that loses nothing
+    send_queue queue_;
+    send_queue sent_packets_;  // lossless: not known to have arrived
+    std::size_t resent_ = 0;   // of queue_, at its front: they do not count towards the depth
+    std::uint64_t beyond_ = 0; // packets that did not fit; of one that loses nothing
     std::uint64_t sent_ = 0;
     std::uint64_t dropped_ = 0;
     std::uint32_t skipped_ = 0; // since the last packet that was queued

@@ -29,15 +29,19 @@ subscribe_options subscribe_options::lossless(std::uint32_t depth) {
     return made;
 }
 
-subscriber_core::subscriber_core(std::shared_ptr<subscription_owner> to, std::string service, const packet_types& types, subscribe_options options, bytes request)
-    : on_(to->runtime().on()), owner_(std::move(to)), options_(options), service_(std::move(service)), types_(types), request_(std::move(request)),
-      farewell_(adapt(schema(), types.schemas[role::unsubscribe_request], {})), packet_(on_, [this] { packet_.resume(); }), answer_(on_, [this] { answer_.resume(); }) {
+subscriber_core::subscriber_core(std::shared_ptr<subscription_owner> to, std::string service, const packet_types& types,
+                                 subscribe_options options, bytes request)
+    : on_(to->runtime().on()), owner_(std::move(to)), options_(options), service_(std::move(service)), types_(types),
+      request_(std::move(request)), farewell_(adapt(schema(), types.schemas[role::unsubscribe_request], {})),
+      packet_(on_, [this] { packet_.resume(); }), answer_(on_, [this] { answer_.resume(); }) {
     if (options_.depth == 0) options_.depth = 1;
 }
 
 subscriber_core::~subscriber_core() = default;
 
-std::size_t subscriber_core::capacity() const noexcept { return options_.policy == overflow::keep_latest ? 1 : options_.depth; }
+std::size_t subscriber_core::capacity() const noexcept {
+    return options_.policy == overflow::keep_latest ? 1 : options_.depth;
+}
 
 task<result<void>> subscriber_core::begin() {
     auto limit = options_.deadline > duration{} ? options_.deadline : owner_->runtime().options().default_deadline;
@@ -52,8 +56,9 @@ task<result<void>> subscriber_core::begin() {
     // Committed is committed, also where the session has ended again before this runs: the link goes on by the ticket.
     if (established_ || (resume_ && !refused_)) co_return result<void>();
     auto why = refused_ ? *refused_
-               : late   ? failure(errc::timed_out, fmt::format("'{}' at {} was not subscribed to in time{}{}", service_, owner_->name(),
-                                                             owner_->obstacle().empty() ? "" : ": ", owner_->obstacle()))
+               : late   ? failure(errc::timed_out,
+                                  fmt::format("'{}' at {} was not subscribed to in time{}{}", service_, owner_->name(),
+                                            owner_->obstacle().empty() ? "" : ": ", owner_->obstacle()))
                         : failure(errc::cancelled, fmt::format("subscribing to '{}' was cancelled", service_));
     if (late && !session_) owner_->on_missed(*this);
     leave();
@@ -72,20 +77,29 @@ task<result<bytes>> subscriber_core::leave_with(bytes request, duration deadline
     if (ended_) co_return *ended_;
     if (!session_ || !established_) {
         leave();
-        co_return failure(errc::peer_lost, fmt::format("'{}' at {} was left while it was out of reach: it was not asked", service_, owner_->name()));
+        co_return failure(
+            errc::peer_lost,
+            fmt::format("'{}' at {} was left while it was out of reach: it was not asked", service_, owner_->name()));
     }
     auto going = std::make_shared<departure>(on_);
     timer alarm(on_, [going] { going->answered.resume(); });
-    alarm.arm(saturating_add(on_.now(), deadline > duration{} ? deadline : owner_->runtime().options().default_deadline));
+    alarm.arm(
+        saturating_add(on_.now(), deadline > duration{} ? deadline : owner_->runtime().options().default_deadline));
     session_->unsubscribe(*this, request, going);
     session_ = nullptr;
     leave();
     if (!going->outcome) co_await going->answered.wait();
-    if (!going->outcome) co_return failure(errc::timed_out, fmt::format("'{}' at {} was left, and did not answer in time", service_, owner_->name()), execution::unknown);
+    if (!going->outcome)
+        co_return failure(errc::timed_out,
+                          fmt::format("'{}' at {} was left, and did not answer in time", service_, owner_->name()),
+                          execution::unknown);
     if (!*going->outcome) co_return going->outcome->error();
     auto& raw = **going->outcome;
     if (raw.empty() && !adapt(schema(), types_.schemas[role::unsubscribe_response], {}).empty())
-        co_return failure(errc::handler_failed, fmt::format("'{}' at {} was left, and gave no answer: it had ended, or failed over it", service_, owner_->name()), execution::unknown);
+        co_return failure(errc::handler_failed,
+                          fmt::format("'{}' at {} was left, and gave no answer: it had ended, or failed over it",
+                                      service_, owner_->name()),
+                          execution::unknown);
     if (raw.empty() || !farewell_adapter_) co_return std::move(raw);
     try {
         co_return (*farewell_adapter_)(raw);
@@ -113,7 +127,8 @@ wire::subscribe subscriber_core::terms() const {
         made.resume.push_back(*resume_);
         made.resume.back().next_sequence = next_sequence_;
     }
-    made.request.assign(reinterpret_cast<const std::uint8_t*>(request_.data()), reinterpret_cast<const std::uint8_t*>(request_.data()) + request_.size());
+    made.request.assign(reinterpret_cast<const std::uint8_t*>(request_.data()),
+                        reinterpret_cast<const std::uint8_t*>(request_.data()) + request_.size());
     return made;
 }
 
@@ -128,7 +143,8 @@ void subscriber_core::on_sent(subscription_session& over, std::uint64_t id) {
 
 result<void> subscriber_core::on_subscribed(wire::subscribed answer) {
     if (established_ || comparing_) return failure(errc::protocol_error, "a subscription was answered twice");
-    if (answer.fingerprints.size() != types_.fingerprints.size()) return failure(errc::protocol_error, "a subscription was answered with the packets of another kind");
+    if (answer.fingerprints.size() != types_.fingerprints.size())
+        return failure(errc::protocol_error, "a subscription was answered with the packets of another kind");
     if (answer.fingerprints == types_.fingerprints) {
         adapter_.reset();
         farewell_adapter_.reset();
@@ -143,7 +159,8 @@ result<void> subscriber_core::on_subscribed(wire::subscribed answer) {
         if (auto* who = over->find(id)) who->refuse_packets(why);
     };
     session_->over().schemas().need(
-        {shared->fingerprints[role::subscribe_response], shared->fingerprints[role::published], shared->fingerprints[role::unsubscribe_response]},
+        {shared->fingerprints[role::subscribe_response], shared->fingerprints[role::published],
+         shared->fingerprints[role::unsubscribe_response]},
         [over = session_, id, shared, refuse](const std::vector<schema>& theirs) {
             auto* who = over->find(id);
             if (!who) return;
@@ -185,7 +202,8 @@ void subscriber_core::establish(const wire::subscribed& answer) {
             lost_before_ = detail::unknown_gap;
         }
         if (again && options_.policy == overflow::lossless) { // by a provider that does not know better
-            end_here(failure(errc::peer_lost, fmt::format("an unknown number of packets of '{}' from {} were lost", service_, owner_->name())));
+            end_here(failure(errc::peer_lost, fmt::format("an unknown number of packets of '{}' from {} were lost",
+                                                          service_, owner_->name())));
             return;
         }
         next_sequence_ = answer.first_sequence;
@@ -216,7 +234,8 @@ void subscriber_core::on_refused(const failure& why) {
     established_ = false;
     refused_ = why;
     owner_->detach(*this);
-    if (auto& host = owner_->runtime(); committed && !host.stopping()) host.on_subscription_ended(service_, owner_->name(), why);
+    if (auto& host = owner_->runtime(); committed && !host.stopping())
+        host.on_subscription_ended(service_, owner_->name(), why);
     finish(why);
 }
 
@@ -244,7 +263,8 @@ void subscriber_core::on_session_end(const failure& cause) {
 
 result<void> subscriber_core::on_packet(std::uint64_t sequence, std::uint32_t skipped, incoming_packet& packet) {
     // The rule: it is the next one, and there is room for it.
-    if (sequence == next_sequence_ && established_ && skipped == 0 && !adapter_ && queue_.size() < capacity()) [[likely]] {
+    if (sequence == next_sequence_ && established_ && skipped == 0 && !adapter_ && queue_.size() < capacity())
+        [[likely]] {
         ++next_sequence_;
         keep(packet);
         return {};
@@ -270,7 +290,9 @@ result<void> subscriber_core::on_other_packet(std::uint64_t sequence, std::uint3
         ++counts_.late;
         return {};
     }
-    if (sequence < next_sequence_) return failure(errc::protocol_error, fmt::format("packet {} of '{}' came after packet {}", sequence, service_, next_sequence_ - 1));
+    if (sequence < next_sequence_)
+        return failure(errc::protocol_error,
+                       fmt::format("packet {} of '{}' came after packet {}", sequence, service_, next_sequence_ - 1));
     std::uint64_t missing = sequence - next_sequence_;
     std::uint64_t lost = missing > skipped ? missing - skipped : 0;
     counts_.skipped += std::min<std::uint64_t>(missing, skipped);
@@ -278,14 +300,16 @@ result<void> subscriber_core::on_other_packet(std::uint64_t sequence, std::uint3
     lost_before_ = gap_of(lost_before_, lost);
     next_sequence_ = sequence + 1;
     if (lost > 0 && options_.policy == overflow::lossless) { // such as one that is too large for this side
-        end_here(failure(errc::overloaded, fmt::format("{} packets of '{}' from {} were lost", lost, service_, owner_->name())));
+        end_here(failure(errc::overloaded,
+                         fmt::format("{} packets of '{}' from {} were lost", lost, service_, owner_->name())));
         return {};
     }
 
     if (queue_.size() >= capacity()) {
         if (options_.policy == overflow::disconnect || options_.policy == overflow::lossless) {
             // Lossless: the provider sent more than the credit it was given.
-            end_here(failure(errc::overloaded, fmt::format("{} packets of '{}' were not taken in time", queue_.size(), service_)));
+            end_here(failure(errc::overloaded,
+                             fmt::format("{} packets of '{}' were not taken in time", queue_.size(), service_)));
             return {};
         }
         drop_oldest();
@@ -335,7 +359,8 @@ void subscriber_core::drop_undecodable(const error& why) {
 
 void subscriber_core::count_undecodable(const error& why) {
     ++counts_.undecodable;
-    if (counts_.undecodable == 1) owner_->runtime().log().warning(why.what(), {{"service", service_}, {"peer", owner_->name()}});
+    if (counts_.undecodable == 1)
+        owner_->runtime().log().warning(why.what(), {{"service", service_}, {"peer", owner_->name()}});
 }
 
 void subscriber_core::taken() {

@@ -4,7 +4,7 @@
 #include <ise/packet/adapt.hpp>
 #include <ise/session/contract.hpp>
 #include <ise/session/service_runtime.hpp>
-#include <ise/subscription/packet_queue.hpp>
+#include <ise/subscription/receive_queue.hpp>
 #include <ise/subscription/received.hpp>
 #include <ise/wire/messages.hpp>
 
@@ -60,7 +60,8 @@ protected:
     ~subscription_owner() = default;
 };
 
-/// What becomes of packets that a subscriber does not take in time: `keep_latest`, `keep_last`, `lossless`, `disconnect`.
+/// What becomes of packets that a subscriber does not take in time: `keep_latest`, `keep_last`, `lossless`,
+/// `disconnect`.
 using overflow = wire::overflow;
 
 /// What a subscriber asks for.
@@ -94,7 +95,7 @@ constexpr std::uint64_t gap_of(std::uint64_t first, std::uint64_t then) noexcept
 
 /// What became of the packets of a subscription; every drop has its reason.
 struct subscription_counts {
-    std::uint64_t received = 0; ///< packets that came
+    std::uint64_t received = 0;         ///< packets that came
     std::uint64_t lost_at_provider = 0; ///< dropped there by the policy, on the way, or while the link was down
     std::uint64_t late = 0;             ///< of these, arrived behind later ones after all, and were dropped (udp)
     std::uint64_t lost_here = 0;        ///< dropped from the queue on this side by the policy
@@ -109,15 +110,16 @@ struct subscription_counts {
 class subscriber_core {
 public:
     /// Throws errc::too_large where the unsubscribe packet is beyond what may be decoded.
-    subscriber_core(std::shared_ptr<subscription_owner> to, std::string service, const packet_types& types, subscribe_options options, bytes request);
+    subscriber_core(std::shared_ptr<subscription_owner> to, std::string service, const packet_types& types,
+                    subscribe_options options, bytes request);
     virtual ~subscriber_core();
 
     /// Completes when the provider has committed, or refused.
     task<result<void>> begin();
     /// Ends it from this side: unsubscribes. Waiting coroutines get the end.
     void leave();
-    /// The same with the user's unsubscribe packet; gives the provider's answer. errc::peer_lost where the provider is out
-    /// of reach: it is left all the same.
+    /// The same with the user's unsubscribe packet; gives the provider's answer. errc::peer_lost where the provider is
+    /// out of reach: it is left all the same.
     task<result<bytes>> leave_with(bytes request, duration deadline);
 
     const std::string& service() const noexcept { return service_; }
@@ -146,8 +148,8 @@ protected:
     /// Whether it can take packets as objects of its type, where the provider is in this process.
     virtual bool knows_type() const noexcept { return false; }
 
-    /// The oldest packet that nobody has taken, as it is published here, or the object; null where there is none. Valid until it is
-    /// taken, or anything else arrives.
+    /// The oldest packet that nobody has taken, as it is published here, or the object; null where there is none. Valid
+    /// until it is taken, or anything else arrives.
     incoming_packet* waiting_packet() noexcept;
     /// It was decoded: takes it, and says how many packets were lost before it.
     std::uint64_t take_packet();
@@ -187,7 +189,7 @@ private:
     std::uint64_t id_ = 0;
     std::optional<wire::resumption> resume_;
     std::uint64_t next_sequence_ = 0;
-    packet_queue queue_;
+    receive_queue queue_;
     std::optional<incoming_packet> front_;
     std::uint64_t lost_before_ = 0; // the next packet that arrives
     std::uint64_t gap_ = 0;         // before the next packet that is taken, besides what it says itself
@@ -195,7 +197,7 @@ private:
     std::uint64_t granted_ = 0;
     std::uint64_t granted_at_first_ = 0;
     bool established_ = false;
-    bool comparing_ = false;   // the schema of the published packet was asked for
+    bool comparing_ = false; // the schema of the published packet was asked for
     std::vector<std::tuple<std::uint64_t, std::uint32_t, kept_packet>> held_;
 };
 

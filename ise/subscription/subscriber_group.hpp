@@ -14,8 +14,8 @@ class service_runtime;
 
 /// Who subscribed, as the provider's callbacks see it.
 struct subscriber_info {
-    std::string peer;          ///< its path, or its address
-    std::uint64_t number = 0;  ///< of this subscriber within the publication
+    std::string peer;         ///< its path, or its address
+    std::uint64_t number = 0; ///< of this subscriber within the publication
 };
 
 /// A packet that is being published: as a frame (`packet_frame`), as an object, or both, as its subscribers need it.
@@ -28,11 +28,11 @@ struct published_packet {
 
 /// Packets that were not sent to a subscriber, by their reason, and subscribers that were ended.
 struct publication_losses {
-    std::uint64_t replaced = 0;  ///< keep the latest: a newer one came before it was taken
-    std::uint64_t overrun = 0;   ///< keep the last N: more than N waited
+    std::uint64_t replaced = 0;       ///< keep the latest: a newer one came before it was taken
+    std::uint64_t overrun = 0;        ///< keep the last N: more than N waited
     std::uint64_t too_many_bytes = 0; ///< max_subscriber_bytes of its session
-    std::uint64_t too_large = 0; ///< for what the subscriber accepts
-    std::uint64_t ended = 0;     ///< subscribers that were too slow for a policy that drops nothing
+    std::uint64_t too_large = 0;      ///< for what the subscriber accepts
+    std::uint64_t ended = 0;          ///< subscribers that were too slow for a policy that drops nothing
 };
 
 /// What the subscribers of one publication share, and what they ask of it.

@@ -13,7 +13,8 @@ std::optional<datagram_view> read_datagram(bytes_view raw) noexcept {
     auto header = read_header(raw.data());
     auto type = static_cast<std::uint8_t>(header.type);
     if (header.length != raw.size() - frame_header::size || header.reserved != 0) return {};
-    if (type < static_cast<std::uint8_t>(datagram_type::open) || type > static_cast<std::uint8_t>(datagram_type::sign)) return {};
+    if (type < static_cast<std::uint8_t>(datagram_type::open) || type > static_cast<std::uint8_t>(datagram_type::sign))
+        return {};
     datagram_view read;
     read.type = static_cast<datagram_type>(type);
     read.id = header.id;

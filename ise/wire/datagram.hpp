@@ -1,6 +1,6 @@
 #pragma once
-#include <ise/core/bytes.hpp>
 #include <ise/core/buffer.hpp>
+#include <ise/core/bytes.hpp>
 
 #include <array>
 #include <cstdint>

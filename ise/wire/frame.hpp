@@ -1,7 +1,7 @@
 #pragma once
+#include <ise/core/buffer.hpp>
 #include <ise/core/bytes.hpp>
 #include <ise/core/passed_object.hpp>
-#include <ise/core/buffer.hpp>
 
 #include <cstddef>
 #include <cstdint>
@@ -45,16 +45,17 @@ std::string_view name_of(frame_type type) noexcept;
 
 /// Bits of `frame_header::flags`; what a bit means depends on the type.
 namespace flag {
-inline constexpr std::uint8_t traced = 1;     ///< request: the body carries a trace
-inline constexpr std::uint8_t numbered = 2;   ///< request: the body carries a number that outlives the session
-inline constexpr std::uint8_t again = 4;      ///< request: it may have been sent before, by that number
-inline constexpr std::uint8_t until = 8;      ///< request: its time is one of the provider's clock (`feature::clock`)
-inline constexpr std::uint8_t skipped = 1;    ///< packet: the body carries a count of packets skipped by rate limit
-inline constexpr std::uint8_t last = 1;       ///< piece: the message is complete
-inline constexpr std::uint8_t abandoned = 2;  ///< piece: the sender gave the message up
-inline constexpr std::uint8_t stalled = 1;    ///< pong: the component is busy; its node answers for it
-inline constexpr std::uint8_t objects = 1;    ///< subscribe: packets may come beside (`feature::objects`)
-inline constexpr std::uint8_t beside = 128;   ///< request, reply, packet: the packet comes beside the stream (`feature::objects`)
+inline constexpr std::uint8_t traced = 1;    ///< request: the body carries a trace
+inline constexpr std::uint8_t numbered = 2;  ///< request: the body carries a number that outlives the session
+inline constexpr std::uint8_t again = 4;     ///< request: it may have been sent before, by that number
+inline constexpr std::uint8_t until = 8;     ///< request: its time is one of the provider's clock (`feature::clock`)
+inline constexpr std::uint8_t skipped = 1;   ///< packet: the body carries a count of packets skipped by rate limit
+inline constexpr std::uint8_t last = 1;      ///< piece: the message is complete
+inline constexpr std::uint8_t abandoned = 2; ///< piece: the sender gave the message up
+inline constexpr std::uint8_t stalled = 1;   ///< pong: the component is busy; its node answers for it
+inline constexpr std::uint8_t objects = 1;   ///< subscribe: packets may come beside (`feature::objects`)
+inline constexpr std::uint8_t attached =
+    128; ///< request, reply, packet: the packet comes beside the stream (`feature::objects`)
 } // namespace flag
 
 /// Stands before every body: 16 bytes, little-endian.

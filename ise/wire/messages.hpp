@@ -19,9 +19,10 @@ inline constexpr std::uint64_t pieces = 1;  ///< big messages travel in pieces
 inline constexpr std::uint64_t schemas = 2; ///< schema texts are answered
 inline constexpr std::uint64_t resume = 4;  ///< subscriptions can be resumed by ticket
 inline constexpr std::uint64_t objects = 8; ///< within one process: packets as the objects that they are
-inline constexpr std::uint64_t clock = 16; ///< what a side's clock says is told, and deadlines are times of the provider's
+inline constexpr std::uint64_t clock =
+    16; ///< what a side's clock says is told, and deadlines are times of the provider's
 inline constexpr std::uint64_t first = pieces | schemas | resume; ///< those of every peer
-inline constexpr std::uint64_t all = first | clock; ///< over every transport
+inline constexpr std::uint64_t all = first | clock;               ///< over every transport
 } // namespace feature
 
 /// Who speaks.
@@ -34,15 +35,15 @@ struct identity {
 };
 
 /// Every receiver accepts frames of this size, so that a sender can cut its messages without asking.
-inline constexpr std::uint32_t smallest_frame_limit = 256u << 10;
+inline constexpr std::uint32_t min_frame_limit = 256u << 10;
 
 /// What the sender of it accepts from the other side.
 struct limits {
-    std::uint32_t max_frame_bytes = 1u << 20;     ///< at least smallest_frame_limit
+    std::uint32_t max_frame_bytes = 1u << 20; ///< at least min_frame_limit
     std::uint64_t max_message_bytes = 256ull << 20;
-    std::uint32_t max_calls = 1u << 20;           ///< pending at once
+    std::uint32_t max_calls = 1u << 20; ///< pending at once
     std::uint32_t max_subscriptions = 1u << 16;
-    std::uint64_t heartbeat_ns = 1'000'000'000;   ///< it expects to hear something at least this often
+    std::uint64_t heartbeat_ns = 1'000'000'000; ///< it expects to hear something at least this often
 };
 
 struct credentials {
@@ -124,21 +125,21 @@ struct resumption {
 struct subscribe {
     introduction service;
     overflow policy = overflow::keep_last;
-    std::uint32_t depth = 64;             ///< packets that the provider may hold back
-    std::uint64_t credit = 0;             ///< lossless: packets that may be sent before more credit comes
-    std::uint64_t min_interval_ns = 0;    ///< rate limit; 0: every packet
-    bool last_value = true;               ///< the last packet published before comes first
-    std::vector<resumption> resume;       ///< none or one
-    std::vector<std::uint8_t> request;    ///< the user's own subscribe packet
+    std::uint32_t depth = 64;          ///< packets that the provider may hold back
+    std::uint64_t credit = 0;          ///< lossless: packets that may be sent before more credit comes
+    std::uint64_t min_interval_ns = 0; ///< rate limit; 0: every packet
+    bool last_value = true;            ///< the last packet published before comes first
+    std::vector<resumption> resume;    ///< none or one
+    std::vector<std::uint8_t> request; ///< the user's own subscribe packet
 };
 
 struct subscribed {
     wire::ticket ticket{};
     std::uint64_t incarnation = 0;
-    std::uint64_t first_sequence = 0;    ///< of the first packet that is to be counted
+    std::uint64_t first_sequence = 0; ///< of the first packet that is to be counted
     bool resumed = false;
     std::vector<std::uint64_t> fingerprints;
-    std::vector<std::uint8_t> response;  ///< the user's own subscribe response
+    std::vector<std::uint8_t> response; ///< the user's own subscribe response
 };
 
 struct schema_request {

@@ -10,7 +10,7 @@ namespace {
 
 // An idle connection reads heartbeats only.
 constexpr std::size_t first_room = 32;
-constexpr std::size_t largest_room = 256 * 1024;
+constexpr std::size_t max_room = 256 * 1024;
 
 } // namespace
 
@@ -59,8 +59,9 @@ std::span<std::byte> parser::prepare() {
     }
     std::size_t wanted = storage_.empty() ? first_room : storage_.size();
     if (end_ >= frame_header::size) // a length beyond the limit is next()'s to refuse
-        wanted = std::max<std::size_t>(wanted, frame_header::size + std::min(read_header(storage_.data()).length, max_frame_bytes_));
-    if (filled_ && storage_.size() < largest_room) wanted = std::max(wanted, storage_.size() * 4);
+        wanted = std::max<std::size_t>(wanted, frame_header::size +
+                                                   std::min(read_header(storage_.data()).length, max_frame_bytes_));
+    if (filled_ && storage_.size() < max_room) wanted = std::max(wanted, storage_.size() * 4);
     if (wanted > storage_.size()) storage_.resize(wanted);
     filled_ = false;
     return std::span(storage_).subspan(end_);
@@ -69,10 +70,14 @@ std::span<std::byte> parser::prepare() {
 failure parser::refuse(const frame_header& header) const {
     auto first_bytes = header.length & 0xffff; // of TLS: an alert or a greeting, and its version
     if (header.length > max_frame_bytes_ && (first_bytes == 0x0315 || first_bytes == 0x0316))
-        return failure(errc::protocol_error, "received TLS on an endpoint without TLS: one side has tls://, the other tcp://");
+        return failure(errc::protocol_error,
+                       "received TLS on an endpoint without TLS: one side has tls://, the other tcp://");
     if (header.length > max_frame_bytes_)
-        return failure(errc::too_large, fmt::format("a frame '{}' of {} bytes came, {} are allowed ({})", name_of(header.type), header.length, max_frame_bytes_, limit_));
-    return failure(errc::protocol_error, fmt::format("received data that is not a frame of ISE (type {}, reserved {:#x})", static_cast<int>(header.type), header.reserved));
+        return failure(errc::too_large, fmt::format("a frame '{}' of {} bytes came, {} are allowed ({})",
+                                                    name_of(header.type), header.length, max_frame_bytes_, limit_));
+    return failure(errc::protocol_error,
+                   fmt::format("received data that is not a frame of ISE (type {}, reserved {:#x})",
+                               static_cast<int>(header.type), header.reserved));
 }
 
 } // namespace ise::wire

@@ -13,7 +13,8 @@ namespace ise::wire {
 class parser {
 public:
     /// `limit`: the name of that limit, a literal, for the error beyond it.
-    explicit parser(std::uint32_t max_frame_bytes, const char* limit = "max_frame_bytes") : limit_(limit), max_frame_bytes_(max_frame_bytes) {}
+    explicit parser(std::uint32_t max_frame_bytes, const char* limit = "max_frame_bytes")
+        : limit_(limit), max_frame_bytes_(max_frame_bytes) {}
 
     /// Room for the next read: as much as a started frame still needs, or a read of ordinary size.
     std::span<std::byte> prepare();
@@ -27,7 +28,8 @@ public:
     result<std::optional<frame>> next() {
         frame found;
         if (take(found)) return std::optional<frame>{found};
-        if (end_ - begin_ < frame_header::size || sound(read_header(storage_.data() + begin_))) return std::optional<frame>{};
+        if (end_ - begin_ < frame_header::size || sound(read_header(storage_.data() + begin_)))
+            return std::optional<frame>{};
         return refuse(read_header(storage_.data() + begin_));
     }
 
@@ -43,7 +45,8 @@ public:
         if (from.size() < frame_header::size) return false;
         found.header = read_header(from.data());
         const std::size_t whole = frame_header::size + found.header.length;
-        if (!sound(found.header) || from.size() < whole) [[unlikely]] return false;
+        if (!sound(found.header) || from.size() < whole) [[unlikely]]
+            return false;
         found.body = from.subspan(frame_header::size, found.header.length);
         from = from.subspan(whole);
         return true;
@@ -77,14 +80,15 @@ private:
     bool sound(const frame_header& header) const noexcept {
         // Types up to this are known or negotiated; what is above, or 0, cannot be a frame of ISE.
         constexpr unsigned last_type = 127;
-        return header.length <= max_frame_bytes_ && header.reserved == 0 && static_cast<unsigned>(header.type) - 1 < last_type;
+        return header.length <= max_frame_bytes_ && header.reserved == 0 &&
+               static_cast<unsigned>(header.type) - 1 < last_type;
     }
     failure refuse(const frame_header& header) const;
 
     std::vector<std::byte> storage_;
     std::size_t begin_ = 0;
     std::size_t end_ = 0;
-    bool filled_ = false; // the last read filled its room: the next one gets more
+    bool filled_ = false;      // the last read filled its room: the next one gets more
     unsigned small_reads_ = 0; // in a row
     const char* limit_;
     std::uint32_t max_frame_bytes_;

@@ -6,19 +6,20 @@
 
 namespace ise::wire {
 
-/// What stands before the packet in the body of a request (FORMAT.md, "Calls"). The header's flags say what of it is there.
+/// What stands before the packet in the body of a request (FORMAT.md, "Calls"). The header's flags say what of it is
+/// there.
 struct request_head {
-    std::uint32_t service = 0;   ///< the number that the caller introduced it with
-    std::int64_t time_ns = 0;    ///< what remains; with `flag::until` when it is over, by the receiver's clock
-    std::uint64_t trace = 0;     ///< 0: none
-    std::uint64_t parent = 0;    ///< in this trace
-    std::uint64_t number = 0;    ///< outlives the session; 0: none
+    std::uint32_t service = 0; ///< the number that the caller introduced it with
+    std::int64_t time_ns = 0;  ///< what remains; with `flag::until` when it is over, by the receiver's clock
+    std::uint64_t trace = 0;   ///< 0: none
+    std::uint64_t parent = 0;  ///< in this trace
+    std::uint64_t number = 0;  ///< outlives the session; 0: none
 
     /// The shortest one.
-    static constexpr std::size_t least_size = 12;
+    static constexpr std::size_t min_size = 12;
     /// With these flags.
     static constexpr std::size_t size(std::uint8_t flags) noexcept {
-        return least_size + (flags & flag::traced ? 16 : 0) + (flags & flag::numbered ? 8 : 0);
+        return min_size + (flags & flag::traced ? 16 : 0) + (flags & flag::numbered ? 8 : 0);
     }
 
     /// Of those flags that say what is there.
@@ -41,7 +42,7 @@ struct request_head {
         const auto* at = body.data();
         head.service = detail::load_little<std::uint32_t>(at);
         head.time_ns = time_of(at);
-        at += least_size;
+        at += min_size;
         if (flags & flag::traced) {
             head.trace = detail::load_little<std::uint64_t>(at);
             head.parent = detail::load_little<std::uint64_t>(at + 8);
@@ -52,8 +53,12 @@ struct request_head {
     }
 
     /// The time alone, which is put in when the frame leaves.
-    static std::int64_t time_of(const std::byte* body) noexcept { return detail::load_little<std::int64_t>(body + time_at); }
-    static void set_time(std::byte* body, std::int64_t time_ns) noexcept { detail::store_little(body + time_at, time_ns); }
+    static std::int64_t time_of(const std::byte* body) noexcept {
+        return detail::load_little<std::int64_t>(body + time_at);
+    }
+    static void set_time(std::byte* body, std::int64_t time_ns) noexcept {
+        detail::store_little(body + time_at, time_ns);
+    }
 
 private:
     static constexpr std::size_t time_at = 4;

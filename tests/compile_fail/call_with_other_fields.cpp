@@ -1,4 +1,5 @@
-// expect: ise: behind the service, a call takes its request packet or the fields of it in their order, and last the deadline
+// expect: ise: behind the service, a call takes its request packet or the fields of it in their order, and last the
+// deadline
 #include <ise/service/remote.hpp>
 
 #include <string>

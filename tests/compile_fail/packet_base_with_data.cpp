@@ -8,9 +8,19 @@
 #include <vector>
 
 #ifdef WITHOUT_MISTAKE
-struct base { int a; }; struct bad  { int b; };
+struct base {
+    int a;
+};
+struct bad {
+    int b;
+};
 #else
-struct base { int a; }; struct bad : base { int b; };
+struct base {
+    int a;
+};
+struct bad : base {
+    int b;
+};
 #endif
 
 const ise::schema& use = ise::schema_of<bad>();

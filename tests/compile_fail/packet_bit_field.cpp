@@ -8,9 +8,15 @@
 #include <vector>
 
 #ifdef WITHOUT_MISTAKE
-struct bad { unsigned a; unsigned b; };
+struct bad {
+    unsigned a;
+    unsigned b;
+};
 #else
-struct bad { unsigned a : 3; unsigned b : 5; };
+struct bad {
+    unsigned a : 3;
+    unsigned b : 5;
+};
 #endif
 
 const ise::schema& use = ise::schema_of<bad>();

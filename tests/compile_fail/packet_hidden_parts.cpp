@@ -8,9 +8,20 @@
 #include <vector>
 
 #ifdef WITHOUT_MISTAKE
-class shut { public: int a = 0; }; struct bad { shut s; };
+class shut {
+public:
+    int a = 0;
+};
+struct bad {
+    shut s;
+};
 #else
-class shut {  int a = 0; }; struct bad { shut s; };
+class shut {
+    int a = 0;
+};
+struct bad {
+    shut s;
+};
 #endif
 
 const ise::schema& use = ise::schema_of<bad>();

@@ -8,9 +8,15 @@
 #include <vector>
 
 #ifdef WITHOUT_MISTAKE
-struct bad { int first; double second; };
+struct bad {
+    int first;
+    double second;
+};
 #else
-struct bad { int first; long double second; };
+struct bad {
+    int first;
+    long double second;
+};
 #endif
 
 const ise::schema& use = ise::schema_of<bad>();

@@ -8,9 +8,15 @@
 #include <vector>
 
 #ifdef WITHOUT_MISTAKE
-enum loose : std::uint8_t { one, two }; struct bad { loose l; };
+enum loose : std::uint8_t { one, two };
+struct bad {
+    loose l;
+};
 #else
-enum loose { one, two }; struct bad { loose l; };
+enum loose { one, two };
+struct bad {
+    loose l;
+};
 #endif
 
 const ise::schema& use = ise::schema_of<bad>();

@@ -9,9 +9,29 @@
 #include <vector>
 
 #ifdef WITHOUT_MISTAKE
-struct strict { strict(); int a; template <class A> void serialize(A& x) { x(a); } }; struct bad { strict s; };
+struct strict {
+    strict();
+    int a;
+    template <class A>
+    void serialize(A& x) {
+        x(a);
+    }
+};
+struct bad {
+    strict s;
+};
 #else
-struct strict { strict(int); int a; template <class A> void serialize(A& x) { x(a); } }; struct bad { strict s; };
+struct strict {
+    strict(int);
+    int a;
+    template <class A>
+    void serialize(A& x) {
+        x(a);
+    }
+};
+struct bad {
+    strict s;
+};
 #endif
 
 const ise::schema& use = ise::schema_of<bad>();

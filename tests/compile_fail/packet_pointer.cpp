@@ -8,9 +8,15 @@
 #include <vector>
 
 #ifdef WITHOUT_MISTAKE
-struct bad { int n; std::string who; };
+struct bad {
+    int n;
+    std::string who;
+};
 #else
-struct bad { int n; const char* who; };
+struct bad {
+    int n;
+    const char* who;
+};
 #endif
 
 const ise::schema& use = ise::schema_of<bad>();

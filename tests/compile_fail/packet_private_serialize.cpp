@@ -1,6 +1,6 @@
 // expect: include <ise/packet/archive.hpp>
 #ifdef WITHOUT_MISTAKE
-#include <ise/packet/archive.hpp>
+    #include <ise/packet/archive.hpp>
 #endif
 #include <ise/packet/schema.hpp>
 

@@ -8,9 +8,15 @@
 #include <vector>
 
 #ifdef WITHOUT_MISTAKE
-struct bad { int n; std::vector<int> children; };
+struct bad {
+    int n;
+    std::vector<int> children;
+};
 #else
-struct bad { int n; std::vector<bad> children; };
+struct bad {
+    int n;
+    std::vector<bad> children;
+};
 #endif
 
 const ise::schema& use = ise::schema_of<bad>();

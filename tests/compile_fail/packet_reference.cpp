@@ -8,9 +8,15 @@
 #include <vector>
 
 #ifdef WITHOUT_MISTAKE
-struct bad { int n; int who; };
+struct bad {
+    int n;
+    int who;
+};
 #else
-struct bad { int n; int& who; };
+struct bad {
+    int n;
+    int& who;
+};
 #endif
 
 const ise::schema& use = ise::schema_of<bad>();

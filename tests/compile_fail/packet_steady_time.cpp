@@ -8,9 +8,13 @@
 #include <vector>
 
 #ifdef WITHOUT_MISTAKE
-struct bad { std::chrono::system_clock::time_point at; };
+struct bad {
+    std::chrono::system_clock::time_point at;
+};
 #else
-struct bad { std::chrono::steady_clock::time_point at; };
+struct bad {
+    std::chrono::steady_clock::time_point at;
+};
 #endif
 
 const ise::schema& use = ise::schema_of<bad>();

@@ -5,9 +5,13 @@
 #include <string_view>
 
 #ifdef WITHOUT_MISTAKE
-struct bad { std::string text; };
+struct bad {
+    std::string text;
+};
 #else
-struct bad { std::string_view text; };
+struct bad {
+    std::string_view text;
+};
 #endif
 
 const ise::schema& use = ise::schema_of<bad>();

@@ -8,9 +8,19 @@
 #include <vector>
 
 #ifdef WITHOUT_MISTAKE
-struct one { int a; }; struct bad { one o; };
+struct one {
+    int a;
+};
+struct bad {
+    one o;
+};
 #else
-union one { int a; }; struct bad { one o; };
+union one {
+    int a;
+};
+struct bad {
+    one o;
+};
 #endif
 
 const ise::schema& use = ise::schema_of<bad>();

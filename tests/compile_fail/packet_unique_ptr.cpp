@@ -5,9 +5,13 @@
 #include <optional>
 
 #ifdef WITHOUT_MISTAKE
-struct bad { std::optional<int> next; };
+struct bad {
+    std::optional<int> next;
+};
 #else
-struct bad { std::unique_ptr<int> next; };
+struct bad {
+    std::unique_ptr<int> next;
+};
 #endif
 
 const ise::schema& use = ise::schema_of<bad>();

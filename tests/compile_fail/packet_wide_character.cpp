@@ -8,9 +8,13 @@
 #include <vector>
 
 #ifdef WITHOUT_MISTAKE
-struct bad { char letter; };
+struct bad {
+    char letter;
+};
 #else
-struct bad { wchar_t letter; };
+struct bad {
+    wchar_t letter;
+};
 #endif
 
 const ise::schema& use = ise::schema_of<bad>();

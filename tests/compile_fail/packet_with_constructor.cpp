@@ -4,7 +4,9 @@
 #include <string>
 
 #ifdef WITHOUT_MISTAKE
-struct bad { std::string text; };
+struct bad {
+    std::string text;
+};
 #else
 struct bad {
     bad() = default;

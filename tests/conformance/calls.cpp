@@ -40,7 +40,10 @@ void overtaking(pair& at) {
 
 void at_most_once(pair& at) {
     auto runs = std::make_shared<std::map<std::string, int>>();
-    at.boat.provide(helm, [runs](set_mode asked) { ++(*runs)[asked.mode]; return mode_set{true, asked.mode}; });
+    at.boat.provide(helm, [runs](set_mode asked) {
+        ++(*runs)[asked.mode];
+        return mode_set{true, asked.mode};
+    });
     at.open();
     REQUIRE(at.run(try_helm(at.there, "first", 10s)));
     for (int round = 0; round < 10; ++round) {
@@ -95,7 +98,9 @@ void going_on(pair& at) {
         CHECK(lasting->get().error().code() == errc::peer_lost);
         CHECK(lasting->get().error().executed() == execution::unknown);
     } else { // it is asked for again over another session, where the answer comes
-        at.run_until([&] { return at.boat.services->counts().sessions_accepted == 2 && at.boat.services->sessions().size() == 1; });
+        at.run_until([&] {
+            return at.boat.services->counts().sessions_accepted == 2 && at.boat.services->sessions().size() == 1;
+        });
         CHECK_FALSE(lasting->done);
         handler->may_end = true;
         at.run_until([&] { return lasting->done; });
@@ -153,8 +158,10 @@ void loses_its_caller(pair& at, ise::duration deadline) {
     auto ended = at.boat.on.now();
     if (at.has.calls_are_repeated) CHECK(handler->cancelled == 0); // he may come back
     at.run_until([&] { return handler->cancelled == 1; });
-    auto expected = at.has.calls_are_repeated ? std::min(ended + at.boat.services->options().linger, begun + deadline) : ended;
-    INFO(fmt::format("{} ms", std::chrono::duration_cast<std::chrono::milliseconds>(at.boat.on.now() - expected).count()));
+    auto expected =
+        at.has.calls_are_repeated ? std::min(ended + at.boat.services->options().linger, begun + deadline) : ended;
+    INFO(fmt::format("{} ms",
+                     std::chrono::duration_cast<std::chrono::milliseconds>(at.boat.on.now() - expected).count()));
     // A deadline is told as the earliest time that it can be at the provider.
     if (at.over.is_virtual()) CHECK((at.boat.on.now() >= expected - 100ms && at.boat.on.now() <= expected + 200ms));
     CHECK(handler->begun == 1);
@@ -171,8 +178,7 @@ void compute(party& who, ise::duration length) {
         return;
     }
     const auto until = who.env.now() + length;
-    while (who.env.now() < until) {
-    }
+    while (who.env.now() < until) {}
 }
 
 // Those that wait behind the first ones, in the kernel, on the way or here, find their deadline past.
@@ -198,7 +204,10 @@ void expired(pair& at) {
             if (coroutines) echoes.push_back(start(at.shore.on, try_echo(at.there, 10, 700ms)));
             else calls.push_back(begin_helm(at, "hard", 700ms));
         }
-        at.run_until([&] { return std::ranges::all_of(calls, [](const auto& one) { return one->done; }) && std::ranges::all_of(echoes, [](const auto& one) { return one->done; }); });
+        at.run_until([&] {
+            return std::ranges::all_of(calls, [](const auto& one) { return one->done; }) &&
+                   std::ranges::all_of(echoes, [](const auto& one) { return one->done; });
+        });
         at.run(try_helm(at.there, "easy", 10s)).value(); // behind all of them
         CHECK(begun >= 2);
         CHECK(begun <= 4); // the third is begun in time, and the last one counted is the easy one
@@ -223,23 +232,36 @@ void too_large(pair& at) {
 
 } // namespace
 
-TEMPLATE_TEST_CASE("a call is answered, small or big, and concurrent calls overtake each other", "", OVER_EVERY_TRANSPORT) { over<TestType>(overtaking); }
+TEMPLATE_TEST_CASE("a call is answered, small or big, and concurrent calls overtake each other", "",
+                   OVER_EVERY_TRANSPORT) {
+    over<TestType>(overtaking);
+}
 
-TEMPLATE_TEST_CASE("a request runs at most once, whatever becomes of the session", "", OVER_EVERY_TRANSPORT) { over<TestType>(at_most_once); }
+TEMPLATE_TEST_CASE("a request runs at most once, whatever becomes of the session", "", OVER_EVERY_TRANSPORT) {
+    over<TestType>(at_most_once);
+}
 
-TEMPLATE_TEST_CASE("a call whose session is lost while it runs goes on over the next one, or its outcome is unknown", "", OVER_EVERY_TRANSPORT) {
+TEMPLATE_TEST_CASE("a call whose session is lost while it runs goes on over the next one, or its outcome is unknown",
+                   "", OVER_EVERY_TRANSPORT) {
     over<TestType>(going_on);
 }
 
-TEMPLATE_TEST_CASE("a call does not go on in another life of the provider", "", OVER_EVERY_TRANSPORT) { over<TestType>(not_in_another_life); }
-
-TEMPLATE_TEST_CASE("deadline and cancellation reach the handler", "", OVER_EVERY_TRANSPORT) { over<TestType>(told_to_the_handler); }
-
-TEMPLATE_TEST_CASE("a handler is cancelled when the session of its caller ends, over udp with the linger", "", OVER_EVERY_TRANSPORT) {
-    over<TestType>([](pair& at) { loses_its_caller(at, 1h); }, [](ise::service_options& options) { options.linger = 2s; });
+TEMPLATE_TEST_CASE("a call does not go on in another life of the provider", "", OVER_EVERY_TRANSPORT) {
+    over<TestType>(not_in_another_life);
 }
 
-TEMPLATE_TEST_CASE("over udp a handler is cancelled at its deadline where that comes before the linger is over", "", OVER_DATAGRAMS) {
+TEMPLATE_TEST_CASE("deadline and cancellation reach the handler", "", OVER_EVERY_TRANSPORT) {
+    over<TestType>(told_to_the_handler);
+}
+
+TEMPLATE_TEST_CASE("a handler is cancelled when the session of its caller ends, over udp with the linger", "",
+                   OVER_EVERY_TRANSPORT) {
+    over<TestType>([](pair& at) { loses_its_caller(at, 1h); },
+                   [](ise::service_options& options) { options.linger = 2s; });
+}
+
+TEMPLATE_TEST_CASE("over udp a handler is cancelled at its deadline where that comes before the linger is over", "",
+                   OVER_DATAGRAMS) {
     auto tune = [](ise::service_options& options) {
         options.linger = 1h;
         options.accepts.heartbeat_ns = 100'000'000;
@@ -247,6 +269,10 @@ TEMPLATE_TEST_CASE("over udp a handler is cancelled at its deadline where that c
     over<TestType>([](pair& at) { loses_its_caller(at, 3s); }, tune);
 }
 
-TEMPLATE_TEST_CASE("an expired request is not started, wherever it waited", "", OVER_EVERY_TRANSPORT) { over<TestType>(expired); }
+TEMPLATE_TEST_CASE("an expired request is not started, wherever it waited", "", OVER_EVERY_TRANSPORT) {
+    over<TestType>(expired);
+}
 
-TEMPLATE_TEST_CASE("a message beyond the limit is refused with its size and the limit", "", OVER_EVERY_TRANSPORT) { over<TestType>(too_large); }
+TEMPLATE_TEST_CASE("a message beyond the limit is refused with its size and the limit", "", OVER_EVERY_TRANSPORT) {
+    over<TestType>(too_large);
+}

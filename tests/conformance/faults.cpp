@@ -31,21 +31,27 @@ void in_all_weathers() {
 
 } // namespace
 
-TEMPLATE_TEST_CASE("under each fault calls run at most once, and a subscription resumes with the exact gap", "", OVER_EVERY_TRANSPORT) {
+TEMPLATE_TEST_CASE("under each fault calls run at most once, and a subscription resumes with the exact gap", "",
+                   OVER_EVERY_TRANSPORT) {
     for (fault what : faults_over(TestType().has)) {
         INFO(name_of(what));
         over<TestType>([&](pair& at) { sail(at, {what}); }, hasty);
     }
 }
 
-TEMPLATE_TEST_CASE("under one fault after the other calls run at most once, and a subscription resumes with the exact gap", "", OVER_EVERY_TRANSPORT) {
-    over<TestType>([](pair& at) {
-        auto script = faults_over(at.has);
-        script.insert(script.end(), script.begin(), script.end());
-        sail(at, script);
-    }, hasty);
+TEMPLATE_TEST_CASE(
+    "under one fault after the other calls run at most once, and a subscription resumes with the exact gap", "",
+    OVER_EVERY_TRANSPORT) {
+    over<TestType>(
+        [](pair& at) {
+            auto script = faults_over(at.has);
+            script.insert(script.end(), script.begin(), script.end());
+            sail(at, script);
+        },
+        hasty);
 }
 
-TEMPLATE_TEST_CASE("in every weather calls run at most once, and a subscription resumes with the exact gap", "", virtual_tcp, virtual_tls, virtual_udp) {
+TEMPLATE_TEST_CASE("in every weather calls run at most once, and a subscription resumes with the exact gap", "",
+                   virtual_tcp, virtual_tls, virtual_udp) {
     in_all_weathers<TestType>();
 }

@@ -1,4 +1,5 @@
-// The table "What is guaranteed over which transport" of ise/wire/FORMAT.md, row by row: who is slow, and what that costs.
+// The table "What is guaranteed over which transport" of ise/wire/FORMAT.md, row by row: who is slow, and what that
+// costs.
 #include "traffic.hpp"
 
 #include <algorithm>
@@ -31,7 +32,9 @@ void lossless(pair& at) {
     auto got = sit(at, ise::subscribe_options::lossless(5));
     auto sender = start(at.boat.on, send_all(out, 300));
     for (int pause = 0; pause < 20; ++pause) { // it stops reading, and the publisher waits for it
-        at.run_until([&] { return got->counts().received >= got->packets.size() + 4 && out.published() == got->counts().received + 5; });
+        at.run_until([&] {
+            return got->counts().received >= got->packets.size() + 4 && out.published() == got->counts().received + 5;
+        });
         auto calls = at.run(try_helm(at.there, "meanwhile", 10s)); // others do not wait
         CHECK(calls.error().code() == errc::no_such_service);
         CHECK_FALSE(sender->done);
@@ -105,7 +108,10 @@ void newest_only(pair& at) {
     auto got = sit(at, ise::subscribe_options::latest());
     for (int i = 1; i <= 200; ++i) {
         out(numbered(i));
-        if (i % 10 == 0) at.run_until([&] { return got->counts().received + got->counts().lost_at_provider == static_cast<std::uint64_t>(i); });
+        if (i % 10 == 0)
+            at.run_until([&] {
+                return got->counts().received + got->counts().lost_at_provider == static_cast<std::uint64_t>(i);
+            });
         if (i % 50 != 0) continue;
         drain(*got); // one, and it is the newest that was published, not the oldest that waited
         CHECK(got->packets.size() == static_cast<std::size_t>(i / 50));
@@ -131,14 +137,24 @@ void too_slow(pair& at) {
 
 } // namespace
 
-TEMPLATE_TEST_CASE("lossless with credits loses nothing, however slow the reader, or is refused", "", OVER_EVERY_TRANSPORT) { over<TestType>(lossless); }
+TEMPLATE_TEST_CASE("lossless with credits loses nothing, however slow the reader, or is refused", "",
+                   OVER_EVERY_TRANSPORT) {
+    over<TestType>(lossless);
+}
 
-TEMPLATE_TEST_CASE("a reader that stalls holds up nobody, and keeps what it asked for", "", OVER_EVERY_TRANSPORT) { over<TestType>(stalled_reader); }
+TEMPLATE_TEST_CASE("a reader that stalls holds up nobody, and keeps what it asked for", "", OVER_EVERY_TRANSPORT) {
+    over<TestType>(stalled_reader);
+}
 
-TEMPLATE_TEST_CASE("what waits for a subscriber is bounded in bytes, and what is dropped is counted", "", OVER_EVERY_TRANSPORT) {
+TEMPLATE_TEST_CASE("what waits for a subscriber is bounded in bytes, and what is dropped is counted", "",
+                   OVER_EVERY_TRANSPORT) {
     over<TestType>(bounded_bytes, [](ise::service_options& options) { options.max_subscriber_bytes = 64 * 1024; });
 }
 
-TEMPLATE_TEST_CASE("of a state the next packet taken is the newest", "", OVER_EVERY_TRANSPORT) { over<TestType>(newest_only); }
+TEMPLATE_TEST_CASE("of a state the next packet taken is the newest", "", OVER_EVERY_TRANSPORT) {
+    over<TestType>(newest_only);
+}
 
-TEMPLATE_TEST_CASE("who wants no gap and is too slow is told that it is over", "", OVER_EVERY_TRANSPORT) { over<TestType>(too_slow); }
+TEMPLATE_TEST_CASE("who wants no gap and is too slow is told that it is over", "", OVER_EVERY_TRANSPORT) {
+    over<TestType>(too_slow);
+}

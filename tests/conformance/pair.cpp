@@ -28,7 +28,7 @@ ise::service_options quick(const column& transport, const tuning& tune) {
     made.accepts.heartbeat_ns = transport.heartbeat_ns;
     made.accepts.max_message_bytes = 16 << 20;
     made.first_back_off = std::chrono::milliseconds(5);
-    made.longest_back_off = made.reconnect_spread = std::chrono::milliseconds(50);
+    made.max_back_off = made.reconnect_spread = std::chrono::milliseconds(50);
     if (tune) tune(made);
     return made;
 }
@@ -47,7 +47,8 @@ void close_all(party& of, const char* why) {
 } // namespace
 
 pair::pair(world& with, const tuning& tune)
-    : over(with), options_(quick(with.has, tune)), boat(make(with.boat(), "boat")), shore(make(with.shore(), "shore")) {}
+    : over(with), options_(quick(with.has, tune)), boat(make(with.boat(), "boat")), shore(make(with.shore(), "shore")) {
+}
 
 party pair::make(ise::environment& env, const char* path) const {
     return party(env, over.loop(env), path, options_, ise::security::load(env, over.credentials).value());
@@ -115,7 +116,8 @@ party& pair::next_life() {
     boat.services->stop(std::chrono::milliseconds(100));
     boat.scope.stop();
     run_until([&] { return boat.scope.size() == 0; });
-    reborn = std::make_unique<party>(boat.env, over.loop(boat.env), "boat", options_, ise::security::load(boat.env, over.credentials).value());
+    reborn = std::make_unique<party>(boat.env, over.loop(boat.env), "boat", options_,
+                                     ise::security::load(boat.env, over.credentials).value());
     return *reborn;
 }
 

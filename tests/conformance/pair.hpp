@@ -13,12 +13,12 @@ using ise_test::started;
 
 /// What may happen to a session, by a script.
 enum class fault {
-    cut,        ///< the requester drops it
-    reset,      ///< the provider does
-    forgotten,  ///< a router on the way knows nothing of it any more: streams break, datagrams come from elsewhere
-    outage,     ///< nothing passes for less than it takes to miss the peer
-    partition,  ///< nothing passes until both sides have missed each other
-    half_open,  ///< of this session nothing passes ever again, and nobody is told; new ones are made
+    cut,       ///< the requester drops it
+    reset,     ///< the provider does
+    forgotten, ///< a router on the way knows nothing of it any more: streams break, datagrams come from elsewhere
+    outage,    ///< nothing passes for less than it takes to miss the peer
+    partition, ///< nothing passes until both sides have missed each other
+    half_open, ///< of this session nothing passes ever again, and nobody is told; new ones are made
 };
 const char* name_of(fault what) noexcept;
 /// Those that can be made over a transport. Within a process nothing lies between the two.
@@ -52,7 +52,8 @@ public:
 
     /// The session as the requester has it, cut without a word.
     void cut();
-    /// Makes a fault, and returns when it is over: the session has ended on both sides, unless it is one that may go on.
+    /// Makes a fault, and returns when it is over: the session has ended on both sides, unless it is one that may go
+    /// on.
     void strike(fault what);
     /// The requester is out of reach from now on, or not any more.
     void part(bool apart) { over.part(*between, apart); }

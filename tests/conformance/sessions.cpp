@@ -19,7 +19,9 @@ struct stale final : ise::resolver {
         holder.endpoints = {where};
         co_return found;
     }
-    ise::task<ise::result<ise::resolution>> resolve_when_present(std::string path, ise::time_point) override { return resolve(std::move(path)); }
+    ise::task<ise::result<ise::resolution>> resolve_when_present(std::string path, ise::time_point) override {
+        return resolve(std::move(path));
+    }
     ise::task<std::uint64_t> next_life(std::string, std::uint64_t, ise::time_point) override { co_return 0; }
 };
 
@@ -42,7 +44,8 @@ void wrong_peer(pair& at) {
 // Greets, and is silent from then on.
 ise::task<> greet(pair& at, std::unique_ptr<ise::stream>& held, std::shared_ptr<bool> welcome) {
     auto& on = at.shore.on;
-    auto made = co_await ise::net::connect_until(on, at.where, on.now() + 1h, at.shore.services->peers().credentials().tls);
+    auto made =
+        co_await ise::net::connect_until(on, at.where, on.now() + 1h, at.shore.services->peers().credentials().tls);
     held = std::move(made.value());
     ise::buffer out;
     ise::wire::hello mine;
@@ -64,7 +67,8 @@ void silent_peer(pair& at) {
     CHECK(*welcome);
     auto silent_since = at.boat.on.now();
     at.run_until([&] { return at.boat.services->sessions().empty(); }); // it does not wait for ever
-    auto beats = static_cast<double>((at.boat.on.now() - silent_since).count()) / static_cast<double>(at.has.heartbeat_ns);
+    auto beats =
+        static_cast<double>((at.boat.on.now() - silent_since).count()) / static_cast<double>(at.has.heartbeat_ns);
     INFO(beats << " heartbeats");
     if (at.over.is_virtual()) CHECK((beats > 2.5 && beats < 3.5));
     held.reset();
@@ -81,13 +85,14 @@ void nothing_passes(pair& at) {
     at.run_until([&] {
         for (auto* one : {&at.boat, &at.shore})
             if (one->services->sessions().empty() && !found.contains(one))
-                found[one] = static_cast<double>((one->on.now() - silent_since).count()) / static_cast<double>(at.has.heartbeat_ns);
+                found[one] = static_cast<double>((one->on.now() - silent_since).count()) /
+                             static_cast<double>(at.has.heartbeat_ns);
         return found.size() == 2;
     });
     INFO(found[&at.boat] << " and " << found[&at.shore] << " heartbeats");
     for (auto& [who, beats] : found)
         if (at.over.is_virtual()) CHECK((beats > 1.5 && beats < 3.5)); // the last sign came up to one before
-    CHECK(at.run(try_helm(at.there, "x", 10min))); // and it goes on over a new session
+    CHECK(at.run(try_helm(at.there, "x", 10min)));                     // and it goes on over a new session
 }
 
 void moving_peer(pair& at) {
@@ -117,13 +122,18 @@ void moving_peer(pair& at) {
 
 TEMPLATE_TEST_CASE("the wrong peer is refused", "", OVER_EVERY_TRANSPORT) { over<TestType>(wrong_peer); }
 
-TEMPLATE_TEST_CASE("a peer that is half open is found within three heartbeats", "", OVER_EVERY_TRANSPORT) { over<TestType>(silent_peer); }
+TEMPLATE_TEST_CASE("a peer that is half open is found within three heartbeats", "", OVER_EVERY_TRANSPORT) {
+    over<TestType>(silent_peer);
+}
 
 // Within a process nothing lies between the two that could go silent.
-TEMPLATE_TEST_CASE("where nothing passes any more both sides find it within three heartbeats", "", tcp, tcp6, tls, udp, udp6, local, virtual_tcp,
-                   virtual_tls, virtual_udp) {
+TEMPLATE_TEST_CASE("where nothing passes any more both sides find it within three heartbeats", "", tcp, tcp6, tls, udp,
+                   udp6, local, virtual_tcp, virtual_tls, virtual_udp) {
     over<TestType>(nothing_passes);
 }
 
-// Of streams the table promises nothing here: theirs break (faults.cpp has that), and local and in-process ones have no address.
-TEMPLATE_TEST_CASE("the session goes on when the peer's address changes", "", OVER_DATAGRAMS) { over<TestType>(moving_peer); }
+// Of streams the table promises nothing here: theirs break (faults.cpp has that), and local and in-process ones have no
+// address.
+TEMPLATE_TEST_CASE("the session goes on when the peer's address changes", "", OVER_DATAGRAMS) {
+    over<TestType>(moving_peer);
+}

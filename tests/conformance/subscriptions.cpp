@@ -32,7 +32,7 @@ ise::task<> publish_on(ise::loop& on, ise::publication<watch> to, std::shared_pt
     co_await ise::sleep_for(on, 0s);
     for (int i = 0; i < 5; ++i) to(numbered(++*published));
 }
-ise::task<ise::stream_of<watch>> subscribe_watch(ise::remote from) {
+ise::task<ise::subscriber<watch>> subscribe_watch(ise::remote from) {
     ise::subscribe_options later;
     later.last_value = false;
     later.deadline = 1min;
@@ -40,7 +40,7 @@ ise::task<ise::stream_of<watch>> subscribe_watch(ise::remote from) {
     auto made = co_await from.subscribe(watched, asked, later);
     co_return made;
 }
-ise::task<double> first_of(std::shared_ptr<ise::stream_of<watch>> from) {
+ise::task<double> first_of(std::shared_ptr<ise::subscriber<watch>> from) {
     auto packet = co_await from->next();
     co_return packet->latitude_deg - static_cast<double>(packet.lost_before().value());
 }
@@ -50,7 +50,8 @@ void answer_first(pair& at) {
     auto published = std::make_shared<int>(0);
     auto out = std::make_shared<ise::publication<watch>>();
     ise::publication_callbacks<watch> callbacks;
-    callbacks.on_subscribe = [&at, published, own = std::weak_ptr(out)](const set_mode&, const ise::subscriber_info&) -> mode_set {
+    callbacks.on_subscribe = [&at, published, own = std::weak_ptr(out)](const set_mode&,
+                                                                        const ise::subscriber_info&) -> mode_set {
         auto to = own.lock(); // it holds this callback
         if (!to) return mode_set{false, "the test is over"};
         (*to)(numbered(++*published));
@@ -60,9 +61,10 @@ void answer_first(pair& at) {
     *out = at.boat.publish(watched, std::move(callbacks));
     at.open();
     for (int round = 1; round <= 10; ++round) {
-        auto got = std::make_shared<ise::stream_of<watch>>(at.run(subscribe_watch(at.there)));
+        auto got = std::make_shared<ise::subscriber<watch>>(at.run(subscribe_watch(at.there)));
         CHECK(got->response().accepted);
-        CHECK(at.run(first_of(got)) == std::stod(got->response().reason) + 1); // the first one behind the answer came, or was counted
+        CHECK(at.run(first_of(got)) ==
+              std::stod(got->response().reason) + 1); // the first one behind the answer came, or was counted
     }
 }
 
@@ -78,7 +80,8 @@ void once(pair& at) {
         out(numbered(i));
         if (i % 10 == 0) at.run_until([&] { return got->last() == i; });
     }
-    CHECK(std::ranges::adjacent_find(got->packets, std::greater_equal<>()) == got->packets.end()); // each once, never backwards
+    CHECK(std::ranges::adjacent_find(got->packets, std::greater_equal<>()) ==
+          got->packets.end()); // each once, never backwards
     got->check_exact();
     CHECK(got->counts().received == got->packets.size());
     if (at.has.datagrams) CHECK(got->lost() > 0); // it was rough
@@ -197,23 +200,34 @@ void unknown_after_linger(pair& at) {
 
 } // namespace
 
-TEMPLATE_TEST_CASE("order holds within a subscription, and nothing is lost that is not counted", "", OVER_EVERY_TRANSPORT) {
+TEMPLATE_TEST_CASE("order holds within a subscription, and nothing is lost that is not counted", "",
+                   OVER_EVERY_TRANSPORT) {
     over<TestType>(in_order_and_counted);
 }
 
-TEMPLATE_TEST_CASE("the answer precedes the first packet of a subscription", "", OVER_EVERY_TRANSPORT) { over<TestType>(answer_first); }
+TEMPLATE_TEST_CASE("the answer precedes the first packet of a subscription", "", OVER_EVERY_TRANSPORT) {
+    over<TestType>(answer_first);
+}
 
-TEMPLATE_TEST_CASE("a packet is given to its subscriber at most once", "", OVER_EVERY_TRANSPORT) { over<TestType>(once); }
+TEMPLATE_TEST_CASE("a packet is given to its subscriber at most once", "", OVER_EVERY_TRANSPORT) {
+    over<TestType>(once);
+}
 
-TEMPLATE_TEST_CASE("a subscription resumes after the session was lost, with the exact gap", "", OVER_EVERY_TRANSPORT) { over<TestType>(exact_gap); }
+TEMPLATE_TEST_CASE("a subscription resumes after the session was lost, with the exact gap", "", OVER_EVERY_TRANSPORT) {
+    over<TestType>(exact_gap);
+}
 
-TEMPLATE_TEST_CASE("who leaves a subscription gets the provider's answer to what it says", "", OVER_EVERY_TRANSPORT) { over<TestType>(leaves_with_a_word); }
+TEMPLATE_TEST_CASE("who leaves a subscription gets the provider's answer to what it says", "", OVER_EVERY_TRANSPORT) {
+    over<TestType>(leaves_with_a_word);
+}
 
-TEMPLATE_TEST_CASE("a lossless subscription gets every packet over lost sessions, or ends with the number that is lost", "", OVER_EVERY_TRANSPORT) {
+TEMPLATE_TEST_CASE("a lossless subscription gets every packet over lost sessions, or ends with the number that is lost",
+                   "", OVER_EVERY_TRANSPORT) {
     over<TestType>(lossless_over_a_cut);
 }
 
-TEMPLATE_TEST_CASE("after a restart of the provider a subscription goes on with a gap of unknown length", "", OVER_EVERY_TRANSPORT) {
+TEMPLATE_TEST_CASE("after a restart of the provider a subscription goes on with a gap of unknown length", "",
+                   OVER_EVERY_TRANSPORT) {
     over<TestType>(unknown_after_restart);
 }
 

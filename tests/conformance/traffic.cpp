@@ -20,7 +20,9 @@ ise::task<ise::result<blob>> try_echo(ise::remote boat, std::size_t size, ise::d
     co_return got;
 }
 
-call begin_helm(pair& at, std::string mode, ise::duration limit) { return start(at.shore.on, try_helm(at.there, std::move(mode), limit)); }
+call begin_helm(pair& at, std::string mode, ise::duration limit) {
+    return start(at.shore.on, try_helm(at.there, std::move(mode), limit));
+}
 
 std::uint64_t reading::lost() const {
     std::uint64_t sum = 0;
@@ -139,7 +141,8 @@ void sail(pair& at, const std::vector<fault>& script) {
         std::size_t turns = 0;
         at.run_until([&] { return ++turns > 7 * (round + 1); });
         at.strike(script[round]);
-        at.run_until([&, after = static_cast<double>(out.published())] { return got->last() > after && calls->done(); });
+        at.run_until(
+            [&, after = static_cast<double>(out.published())] { return got->last() > after && calls->done(); });
     }
     clock.stop();
     at.run_until([&] { return got->last() == static_cast<double>(out.published()); }); // the last one comes

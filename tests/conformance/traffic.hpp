@@ -17,7 +17,8 @@ using fixes = ise::publication<ise::subscription<fix>>;
 using call = std::shared_ptr<started<ise::result<mode_set>>>;
 
 ise::task<ise::result<mode_set>> try_helm(ise::remote boat, std::string mode, ise::duration limit);
-ise::task<ise::result<blob>> try_echo(ise::remote boat, std::size_t size, ise::duration limit = std::chrono::seconds(60));
+ise::task<ise::result<blob>> try_echo(ise::remote boat, std::size_t size,
+                                      ise::duration limit = std::chrono::seconds(60));
 /// Begins a call of the requester.
 call begin_helm(pair& at, std::string mode, ise::duration limit);
 
@@ -28,7 +29,7 @@ inline fix numbered(double number) { return fix{number, 0, 0}; }
 struct reading {
     std::vector<double> packets;
     std::vector<std::optional<std::uint64_t>> gaps; ///< lost before each
-    std::optional<ise::stream_of<ise::subscription<fix>>> stream;
+    std::optional<ise::subscriber<ise::subscription<fix>>> stream;
     bool subscribed = false;
 
     bool any() const { return !packets.empty(); }
@@ -55,8 +56,8 @@ private:
     std::shared_ptr<bool> stopped_ = std::make_shared<bool>(false);
 };
 
-/// Calls and a subscription over a relay (where there is one), struck by one fault after the other: each call runs at most
-/// once, packets come in order, once, and what is lost is counted to the packet; the subscription resumes.
+/// Calls and a subscription over a relay (where there is one), struck by one fault after the other: each call runs at
+/// most once, packets come in order, once, and what is lost is counted to the packet; the subscription resumes.
 void sail(pair& at, const std::vector<fault>& script);
 
 } // namespace conformance

@@ -50,9 +50,13 @@ bool real_world::run_until(const std::function<bool()>& done) {
 
 tcp::tcp() : real_world(of_streams("tcp://127.0.0.1:0", "tcp://127.0.0.1:0")) {}
 tcp6::tcp6() : real_world(of_streams("tcp://[::1]:0", "tcp://[::1]:0")) {}
-tls::tls() : real_world(of_streams("tls://127.0.0.1:0", "tcp://127.0.0.1:0")) { credentials.tls_folder = certificates().string(); }
+tls::tls() : real_world(of_streams("tls://127.0.0.1:0", "tcp://127.0.0.1:0")) {
+    credentials.tls_folder = certificates().string();
+}
 local::local() : real_world(of_streams(local_name("boat"), local_name("relay"))) {}
-in_process::in_process() : real_world(of_streams("inproc://conformance", "")) { has.calls_beside_big = 1; } // it is handed over at once, as it is
+in_process::in_process() : real_world(of_streams("inproc://conformance", "")) {
+    has.calls_beside_big = 1;
+} // it is handed over at once, as it is
 udp::udp() : real_world(of_datagrams("udp://127.0.0.1:0", "udp://127.0.0.1:0")) {}
 udp6::udp6() : real_world(of_datagrams("udp://[::1]:0", "udp://[::1]:0")) {}
 
@@ -65,13 +69,17 @@ virtual_world::virtual_world(column what, const weather& now) : world(std::move(
     between.bandwidth_bytes_per_second = now.bytes_per_second;
     between.datagram_queue = 5s; // what a slow one stores
 }
-virtual_tcp::virtual_tcp(const weather& now) : virtual_world(of_streams("tcp://10.0.0.1:7400", "tcp://10.0.0.1:7500"), now) {}
-virtual_tls::virtual_tls(const weather& now) : virtual_world(of_streams("tls://10.0.0.1:7400", "tcp://10.0.0.1:7500"), now) {
+virtual_tcp::virtual_tcp(const weather& now)
+    : virtual_world(of_streams("tcp://10.0.0.1:7400", "tcp://10.0.0.1:7500"), now) {}
+virtual_tls::virtual_tls(const weather& now)
+    : virtual_world(of_streams("tls://10.0.0.1:7400", "tcp://10.0.0.1:7500"), now) {
     for (const char* host : {"boat", "shore"})
-        for (const char* file : {"ca.pem", "certificate.pem", "key.pem"}) sea_.host(host).write_file(std::string("tls/") + file, ise_test::read_all(certificates() / file));
+        for (const char* file : {"ca.pem", "certificate.pem", "key.pem"})
+            sea_.host(host).write_file(std::string("tls/") + file, ise_test::read_all(certificates() / file));
     credentials.tls_folder = "tls";
 }
-virtual_udp::virtual_udp(const weather& now) : virtual_world(of_datagrams("udp://10.0.0.1:7400", "udp://10.0.0.1:7500"), now) {}
+virtual_udp::virtual_udp(const weather& now)
+    : virtual_world(of_datagrams("udp://10.0.0.1:7400", "udp://10.0.0.1:7500"), now) {}
 
 std::vector<weather> all_weathers() {
     std::vector<weather> made;

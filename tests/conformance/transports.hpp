@@ -19,14 +19,14 @@ using ise_test::relay;
 
 /// What differs between transports, as the table of FORMAT.md has it.
 struct column {
-    std::string at;                  ///< where the provider listens
-    std::string relay_at;            ///< and the relay before it; none within a process
+    std::string at;       ///< where the provider listens
+    std::string relay_at; ///< and the relay before it; none within a process
     bool datagrams = false;
     bool lossless = true;            ///< may be asked for
     bool calls_are_repeated = false; ///< on the next session
     int calls_beside_big = 2;        ///< that are answered, at least, while a big message is on its way
     std::size_t big_message = 8 << 20;
-    std::uint64_t message_limit = 16 << 20; ///< as these components say
+    std::uint64_t message_limit = 16 << 20;   ///< as these components say
     std::uint64_t heartbeat_ns = 300'000'000; ///< a test waits for three
 };
 column of_streams(std::string at, std::string relay_at);
@@ -60,7 +60,9 @@ public:
     ise::environment& boat() override { return env_; }
     ise::environment& shore() override { return env_; }
     ise::environment& router() override { return env_; }
-    std::unique_ptr<ise::loop_host> loop(ise::environment&) override { return env_.adopt(context_.get_executor(), true); }
+    std::unique_ptr<ise::loop_host> loop(ise::environment&) override {
+        return env_.adopt(context_.get_executor(), true);
+    }
     /// Gives up after two minutes, which no test takes: one that fails should not hang.
     bool run_until(const std::function<bool()>& done) override;
     bool is_virtual() const override { return false; }
@@ -98,7 +100,7 @@ struct weather {
     std::string name = "usual";
     std::uint64_t seed = 11;
     double loss = 0.05;
-    double disorder = 0.05; ///< of datagrams: that come twice, or late
+    double disorder = 0.05;             ///< of datagrams: that come twice, or late
     std::uint64_t bytes_per_second = 0; ///< 0: unlimited
 };
 std::vector<weather> all_weathers();
@@ -112,7 +114,9 @@ public:
     std::unique_ptr<ise::loop_host> loop(ise::environment& of) override { return of.make_loop("main"); }
     bool run_until(const std::function<bool()>& done) override { return sea_.run_until(done); }
     bool is_virtual() const override { return true; }
-    void part(relay&, bool apart) override { apart ? sea_.net().partition("boat", "shore") : sea_.net().heal("boat", "shore"); }
+    void part(relay&, bool apart) override {
+        apart ? sea_.net().partition("boat", "shore") : sea_.net().heal("boat", "shore");
+    }
 
 protected:
     ise::sim::world sea_;

@@ -18,12 +18,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t siz
     shore land;
     ise::time_point now{std::chrono::hours(1)};
     way boat, stranger, address;
-    boat.door = 1;
-    stranger.door = 2;
-    address.door = 3;
+    boat.channel = 1;
+    stranger.channel = 2;
+    address.channel = 3;
     address.datagrams = true;
     land.connected(now, boat);
-    land.on_bytes(now, boat.door, ise::as_bytes(encode(login{"atirma", 1, 1, 0})));
+    land.on_bytes(now, boat.channel, ise::as_bytes(encode(login{"atirma", 1, 1, 0})));
     land.connected(now, stranger);
     for (auto rest = all; !rest.empty();) {
         auto part = rest.first(std::min(piece, rest.size()));
@@ -39,8 +39,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t siz
             if (!again || !(*again == **one)) std::abort();
         }
         if (reader.held() > max_line + 1) std::abort();
-        land.on_bytes(now, boat.door, part);
-        land.on_bytes(now, stranger.door, part);
+        land.on_bytes(now, boat.channel, part);
+        land.on_bytes(now, stranger.channel, part);
         land.on_datagram(now, address, part);
         while (auto event = land.take_event())
             if (const auto* came = std::get_if<record_came>(&*event)) land.safe(came->life, {came->number});

@@ -1,5 +1,6 @@
 // Any bytes as what a stranger says in place of a greeting, in pieces of any size, to the side that was called and to
-// the side that calls, with a shared key and without: each ends with a connection or a reason, by its deadline, and holds nothing afterwards.
+// the side that calls, with a shared key and without: each ends with a connection or a reason, by its deadline, and
+// holds nothing afterwards.
 #include <ise/core/inproc_stream.hpp>
 #include <ise/net/handshake.hpp>
 #include <ise/net/shared_key.hpp>
@@ -13,7 +14,7 @@ using namespace std::chrono_literals;
 
 namespace {
 
-struct door final : ise::net::gatekeeper {
+struct channel final : ise::net::gatekeeper {
     ise::result<ise::wire::welcome> admit(const ise::wire::hello& caller) override {
         if (caller.wanted_path == "buoy") return ise::failure(ise::errc::wrong_peer, "here is the boat");
         ise::wire::welcome yes;
@@ -40,7 +41,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     auto host = env.make_loop("main");
     auto& on = host->loop();
     auto [near, far] = ise::make_inproc_pair(on, on, "pair");
-    door gate;
+    channel gate;
     ise::wire::hello mine;
     mine.self.path = "shore";
     auto outcome = calls ? ise_test::start(on, ise::net::initiate(on, std::move(far), mine, on.now() + 5s, key))
@@ -60,8 +61,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (got) {
         if (key) std::abort(); // nobody says 32 right bytes by chance
         const auto& terms = (*got)->terms();
-        if (terms.version != 1 || terms.peer_accepts.max_frame_bytes < ise::wire::smallest_frame_limit) std::abort();
-        if (terms.peer_accepts.heartbeat_ns < 20'000'000 || (terms.features & ~(mine.features | ise::wire::feature::objects)) != 0) std::abort();
+        if (terms.version != 1 || terms.peer_accepts.max_frame_bytes < ise::wire::min_frame_limit) std::abort();
+        if (terms.peer_accepts.heartbeat_ns < 20'000'000 ||
+            (terms.features & ~(mine.features | ise::wire::feature::objects)) != 0)
+            std::abort();
         (*got)->close(ise::failure(ise::errc::cancelled, "enough"));
     } else if (got.error().message().empty()) {
         std::abort();

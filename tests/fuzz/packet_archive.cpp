@@ -1,6 +1,6 @@
 // Any bytes as a packet: the typed decoder and the walk at run time agree, and what is accepted is encoded again.
-#include <ise/packet/dynamic.hpp>
 #include "../unit/packet/examples.hpp"
+#include <ise/packet/dynamic.hpp>
 
 #include <cstdlib>
 

@@ -1,6 +1,6 @@
 // Any text as JSON: what is accepted is a packet, and its own JSON gives the same packet.
-#include <ise/packet/json.hpp>
 #include "../unit/packet/examples.hpp"
+#include <ise/packet/json.hpp>
 
 #include <cstdlib>
 

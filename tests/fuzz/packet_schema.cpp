@@ -1,8 +1,8 @@
 // Any text as a schema, first alone, then as the writer of the bytes that follow a newline.
+#include "../unit/packet/examples.hpp"
 #include <ise/packet/adapt.hpp>
 #include <ise/packet/compatibility.hpp>
 #include <ise/packet/dynamic.hpp>
-#include "../unit/packet/examples.hpp"
 
 #include <cstdlib>
 
@@ -21,7 +21,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     try {
         ise::dynamic_packet got(*writer, ise::bytes(packet.begin(), packet.end()), limits);
         (void)ise::adapt(*writer, ise::schema_of<example::everything>(), packet, limits);
-    } catch (const ise::error&) {
-    }
+    } catch (const ise::error&) {}
     return 0;
 }

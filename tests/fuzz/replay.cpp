@@ -28,10 +28,16 @@ input mutated(input bytes, std::mt19937& random) {
         const auto at = bytes.empty() ? 0 : random() % bytes.size();
         const auto position = bytes.begin() + static_cast<std::ptrdiff_t>(at);
         switch (random() % 5) {
-            case 0: if (!bytes.empty()) *position ^= static_cast<std::uint8_t>(1U << random() % 8); break;
-            case 1: if (!bytes.empty()) *position = random() % 2 != 0 ? 0xff : 0x00; break;
+            case 0:
+                if (!bytes.empty()) *position ^= static_cast<std::uint8_t>(1U << random() % 8);
+                break;
+            case 1:
+                if (!bytes.empty()) *position = random() % 2 != 0 ? 0xff : 0x00;
+                break;
             case 2: bytes.insert(position, static_cast<std::uint8_t>(random())); break;
-            case 3: if (!bytes.empty()) bytes.erase(position); break;
+            case 3:
+                if (!bytes.empty()) bytes.erase(position);
+                break;
             default: {
                 const input tail(position, bytes.end());
                 bytes.insert(bytes.end(), tail.begin(), tail.end());

@@ -84,7 +84,8 @@ void hold(ise::bytes_view input) {
     terms.peer_accepts.max_calls = 16;
     std::weak_ptr<ise::session> alive;
     {
-        auto made = std::make_shared<ise::net::connection>(boat.on, std::move(pair.second), terms, ise::wire::parser(1 << 16));
+        auto made =
+            std::make_shared<ise::net::connection>(boat.on, std::move(pair.second), terms, ise::wire::parser(1 << 16));
         auto session = boat.services->peers().run(std::move(made), {});
         alive = session;
         ise::remote back(boat.services->link_back(session));
@@ -110,7 +111,8 @@ void hold(ise::bytes_view input) {
             auto id = said.number(1);
             if (id == 255) id = said.number(8);
             auto body = said.take(said.number(2));
-            ise::wire::put_frame(out, static_cast<ise::wire::frame_type>(type), flags, id, [&](ise::buffer& to) { to.append(body); });
+            ise::wire::put_frame(out, static_cast<ise::wire::frame_type>(type), flags, id,
+                                 [&](ise::buffer& to) { to.append(body); });
         }
         asio::const_buffer raw(out.data(), out.size());
         peer->try_write(std::span(&raw, 1));

@@ -1,5 +1,6 @@
-// A client and a provider over datagrams, each of whose datagrams is changed as the input says once they know each other:
-// the one is a hostile peer for the other. No call stays without an end, and both serve and reach others as before.
+// A client and a provider over datagrams, each of whose datagrams is changed as the input says once they know each
+// other: the one is a hostile peer for the other. No call stays without an end, and both serve and reach others as
+// before.
 #include <ise/wire/datagram.hpp>
 #include <support/boat_services.hpp>
 #include <support/datagram_router.hpp>
@@ -72,7 +73,7 @@ void change(script& by, ise::buffer& datagram) {
             break;
         }
         case 6: ise::detail::store_little(datagram.data() + head, by.number(8)); break; // its number
-        case 7: { // other chunks only
+        case 7: {                                                                       // other chunks only
             datagram.truncate(head + 8);
             datagram.append(by.raw(by.number(2) % 1100));
             break;
@@ -92,7 +93,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     ise::service_options options;
     options.accepts.heartbeat_ns = 500'000'000;
     options.first_back_off = 20ms;
-    options.longest_back_off = 200ms;
+    options.max_back_off = 200ms;
     auto& boat = sea.add("boat", options);
     auto& shore = sea.add("shore", options);
     boat.provide(helm, [](set_mode asked) { return mode_set{true, asked.mode}; });

@@ -70,7 +70,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
             switch (frame.header.type) {
                 case hello: read<ise::wire::hello>(frame.body); break;
                 case welcome: read<ise::wire::welcome>(frame.body); break;
-                case reject: case goodbye: case ended: read<ise::wire::farewell>(frame.body); break;
+                case reject:
+                case goodbye:
+                case ended: read<ise::wire::farewell>(frame.body); break;
                 case error: read<ise::wire::call_failure>(frame.body); break;
                 case introduce: read<ise::wire::introduction>(frame.body); break;
                 case answers: read<ise::wire::provider_packets>(frame.body); break;

@@ -47,7 +47,8 @@ private:
     template <class Contract>
     ise::task<ise::result<done>> ask(Contract service, ise::remote to, call_terms terms, job what, ise::duration limit);
     template <class Contract>
-    void fire(const Contract& service, const ise::remote& to, call_terms terms, job what, ise::duration limit, ise::duration patience);
+    void fire(const Contract& service, const ise::remote& to, call_terms terms, job what, ise::duration limit,
+              ise::duration patience);
     call_terms terms_of(std::string_view service, const goal& to, const job& what, ise::duration limit) const;
     goal to_component(std::size_t number, bool by_name);
     goal to_role(const std::string& role);

@@ -89,11 +89,15 @@ task<ise::result<done>> actor::ask(Contract service, ise::remote to, call_terms 
 }
 
 template <class Contract>
-void actor::fire(const Contract& service, const ise::remote& to, call_terms terms, job what, ise::duration limit, ise::duration patience) {
+void actor::fire(const Contract& service, const ise::remote& to, call_terms terms, job what, ise::duration limit,
+                 ise::duration patience) {
     auto mine = std::make_shared<open_call>(stage_.calls, std::move(terms));
     what.id = mine->id();
-    auto heard = [mine](ise::result<typename Contract::response_type> got) { [[maybe_unused]] auto told = mine->outcome(got); };
-    to.try_call(service, converted<typename Contract::request_type>(what), limit, asio::bind_cancellation_slot(mine->cancel.slot(), std::move(heard)));
+    auto heard = [mine](ise::result<typename Contract::response_type> got) {
+        [[maybe_unused]] auto told = mine->outcome(got);
+    };
+    to.try_call(service, converted<typename Contract::request_type>(what), limit,
+                asio::bind_cancellation_slot(mine->cancel.slot(), std::move(heard)));
     if (patience <= ise::duration{}) return;
     auto waits = [](ise::component& self, census& in, std::shared_ptr<open_call> call, ise::duration time) -> task<> {
         census::citizen here(in);
@@ -132,7 +136,9 @@ actor::goal actor::to_component(std::size_t number, bool by_name) {
         made.name = other.path;
         made.way = at(other.path);
     } else {
-        auto where = ise::endpoint::parse(fmt::format("{}://{}:{}", other.over_datagrams ? "udp" : "tcp", made.host, other.port)).value();
+        auto where =
+            ise::endpoint::parse(fmt::format("{}://{}:{}", other.over_datagrams ? "udp" : "tcp", made.host, other.port))
+                .value();
         made.name = where.text();
         made.way = at(where);
     }
@@ -154,7 +160,8 @@ void actor::make_call(ise::sim::generator& draw, job& what, goal& to, ise::durat
     to = to_component(target, draw.chance(0.75));
     if (const auto& role = all[target].role; !role.empty() && draw.chance(0.5)) to = to_role(role);
     limit = ise::duration(500ms) + ise::duration(static_cast<ise::duration::rep>(draw.below(8'000'000'000u)));
-    if (plan_.short_deadlines && draw.chance(0.5)) limit = ise::duration(1ms) + ise::duration(static_cast<ise::duration::rep>(draw.below(300'000'000u)));
+    if (plan_.short_deadlines && draw.chance(0.5))
+        limit = ise::duration(1ms) + ise::duration(static_cast<ise::duration::rep>(draw.below(300'000'000u)));
     if (stage_.now != phase::stormy) limit = 20s;
     what.content = random_content(draw, plan_.request_bytes);
     what.fail = draw.chance(0.03);
@@ -170,7 +177,8 @@ task<> actor::calls(std::uint32_t number) {
     ise::sim::generator draw(stage_.plan.seed, fmt::format("calls of {} {} {} {}", path(), life_, flows_, number));
     ise::remote kept; // a handle is held for a while, so that its session lives between calls
     for (;;) {
-        co_await sleep(ise::duration(static_cast<ise::duration::rep>(draw.below(static_cast<std::uint64_t>(plan_.pause.count())) + 1)));
+        co_await sleep(ise::duration(
+            static_cast<ise::duration::rep>(draw.below(static_cast<std::uint64_t>(plan_.pause.count())) + 1)));
         if (stage_.now == phase::quiet) co_return;
         job what;
         goal to;
@@ -181,7 +189,9 @@ task<> actor::calls(std::uint32_t number) {
         auto kind = draw.below(10);
         bool waits = draw.chance(0.6);
         ise::duration patience{};
-        if (stage_.now == phase::stormy && draw.chance(0.2)) patience = ise::duration(static_cast<ise::duration::rep>(draw.below(static_cast<std::uint64_t>(limit.count())) + 1));
+        if (stage_.now == phase::stormy && draw.chance(0.2))
+            patience = ise::duration(
+                static_cast<ise::duration::rep>(draw.below(static_cast<std::uint64_t>(limit.count())) + 1));
         for (auto same = draw.chance(0.1) ? draw.below(20) : 0;; --same) { // now and then many at once
             if (kind < 4) {
                 what.call_back = false;
@@ -218,8 +228,12 @@ void actor::provide_calls(const Services& services) {
     using request = typename std::decay_t<decltype(services.instant)>::request_type;
     using response = typename std::decay_t<decltype(services.instant)>::response_type;
     provide(services.instant, [this](request asked) { return answer_now<request, response>(asked); });
-    provide(services.working, [this](request asked, const ise::call_context& context) { return handle<request, response>(std::move(asked), context); });
-    provide_exclusive(services.alone, [this](request asked, const ise::call_context& context) { return handle<request, response>(std::move(asked), context); });
+    provide(services.working, [this](request asked, const ise::call_context& context) {
+        return handle<request, response>(std::move(asked), context);
+    });
+    provide_exclusive(services.alone, [this](request asked, const ise::call_context& context) {
+        return handle<request, response>(std::move(asked), context);
+    });
 }
 
 template <class Request, class Response>

@@ -36,7 +36,8 @@ task<> actor::publishes(Contract service) {
         open_publication mine(stage_.papers, path());
         subscribers_ = [out] { return out.subscribers(); };
         stage_.events.note("{} publishes life {}", path(), mine.life);
-        for (auto left = how.withdraws ? draw.below(40) : ~std::uint64_t{0}; left > 0 || stage_.now != phase::stormy; --left) {
+        for (auto left = how.withdraws ? draw.below(40) : ~std::uint64_t{0}; left > 0 || stage_.now != phase::stormy;
+             --left) {
             co_await sleep(how.period);
             for (std::uint32_t n = 0; n < how.burst && stage_.now != phase::quiet; ++n) {
                 packet one;
@@ -52,7 +53,9 @@ task<> actor::publishes(Contract service) {
                 }
                 stage_.papers.end(mine.life, now());
                 stage_.events.tally("packets published");
-                if (out.published() != one.number) stage_.events.broken("{} has published {} packets, it says {}", path(), one.number, out.published());
+                if (out.published() != one.number)
+                    stage_.events.broken("{} has published {} packets, it says {}", path(), one.number,
+                                         out.published());
             }
             if (stage_.now != phase::stormy && left < 2) left = 2;
         }
@@ -86,13 +89,16 @@ struct goal_text {
 };
 
 /// A subscription was not made: is there a reason?
-void subscription_refused(stage& of, const ise::failure& why, const std::string& who, const goal_text& to, ise::time_point began, ise::duration limit) {
+void subscription_refused(stage& of, const ise::failure& why, const std::string& who, const goal_text& to,
+                          ise::time_point began, ise::duration limit) {
     using ise::errc;
     of.events.note("{} could not subscribe to {}: {} {}", who, to.name, ise::name_of(why.code()), why.message());
     of.events.tally(fmt::format("subscribing that ended as {}", ise::name_of(why.code())));
-    auto told = fmt::format("{} could not subscribe to {}: {}: {}", who, to.name, ise::name_of(why.code()), why.message());
+    auto told =
+        fmt::format("{} could not subscribe to {}: {}: {}", who, to.name, ise::name_of(why.code()), why.message());
     if (!to.by_name && of.calls.rivalled.contains(to.path)) return; // who holds the name may listen elsewhere
-    bool calm = of.sky.calm(to.from, to.host, began) && of.sky.calm(to.from, "ns", began) && of.sky.calm(to.host, "ns", began);
+    bool calm =
+        of.sky.calm(to.from, to.host, began) && of.sky.calm(to.from, "ns", began) && of.sky.calm(to.host, "ns", began);
     switch (why.code()) {
         case errc::timed_out:
             if (of.world.now() - began < limit) return of.events.broken("{}, before its deadline", told);
@@ -111,7 +117,8 @@ void subscription_refused(stage& of, const ise::failure& why, const std::string&
 template <class Contract>
 task<> actor::subscribes(Contract service, subscriber_plan terms, std::size_t number) {
     census::citizen here(coroutines_);
-    ise::sim::generator draw(stage_.plan.seed, fmt::format("subscription of {} {} {} {}", path(), life_, flows_, number));
+    ise::sim::generator draw(stage_.plan.seed,
+                             fmt::format("subscription of {} {} {} {}", path(), life_, flows_, number));
     auto to = to_component(terms.provider, terms.by_name);
     auto provider = stage_.plan.components[terms.provider].path;
     auto who = fmt::format("{}.{}#{}", path(), number, life_);
@@ -122,9 +129,9 @@ task<> actor::subscribes(Contract service, subscriber_plan terms, std::size_t nu
     mine.by_name = terms.by_name;
     mine.connected = [] { return false; };
     for (;;) {
-        reading model(stage_.events, stage_.world, stage_.papers, stage_.planted, who, provider, terms.terms, stage_.plan.linger,
-                      stage_.calls.rivalled);
-        ise::stream_of<Contract> stream;
+        reading model(stage_.events, stage_.world, stage_.papers, stage_.planted, who, provider, terms.terms,
+                      stage_.plan.linger, stage_.calls.rivalled);
+        ise::subscriber<Contract> stream;
         std::optional<ise::failure> refused;
         auto began = now();
         try {

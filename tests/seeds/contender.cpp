@@ -32,7 +32,7 @@ contender::~contender() {
 ise::task<> contender::contend() {
     census::citizen here(stage_.coroutines[life_]);
     ise::sim::generator draw(stage_.plan.seed, fmt::format("contender {} {}", path_, life_));
-    auto some = [&draw](std::uint64_t most_ms) { return std::chrono::milliseconds(draw.below(most_ms) + 1); };
+    auto some = [&draw](std::uint64_t max_ms) { return std::chrono::milliseconds(draw.below(max_ms) + 1); };
     for (;;) {
         co_await ise::sleep_for(host_->loop(), some(3000));
         ise::registration who;
@@ -41,7 +41,8 @@ ise::task<> contender::contend() {
         who.state = "ready";
         who.endpoints = {ise::endpoint{ise::protocol::tcp, env_.interface_addresses().front(), 9000, {}}};
         auto got = co_await names_->enroll(who, some(8000));
-        stage_.events.note("contender {} for '{}': {}", life_, path_, got ? fmt::format("epoch {}", *got) : std::string(ise::name_of(got.error().code())));
+        stage_.events.note("contender {} for '{}': {}", life_, path_,
+                           got ? fmt::format("epoch {}", *got) : std::string(ise::name_of(got.error().code())));
         stage_.events.tally(got ? "names won" : fmt::format("names not won: {}", ise::name_of(got.error().code())));
         co_await ise::sleep_for(host_->loop(), some(draw.chance(0.3) ? 20'000 : 2000));
         co_await names_->withdraw(path_);

@@ -65,7 +65,8 @@ ise::component_options fleet::options_of(const ship& which, const component_plan
         made.listen = {ise::endpoint{ise::protocol::udp, "0.0.0.0", one.port, {}}};
         return made;
     }
-    made.listen = {ise::endpoint{ise::protocol::inproc, {}, 0, unique}, ise::endpoint{ise::protocol::local, {}, 0, "@" + unique},
+    made.listen = {ise::endpoint{ise::protocol::inproc, {}, 0, unique},
+                   ise::endpoint{ise::protocol::local, {}, 0, "@" + unique},
                    ise::endpoint{ise::protocol::tcp, "0.0.0.0", one.port, {}}};
     return made;
 }
@@ -84,7 +85,8 @@ std::shared_ptr<fleet::hull> fleet::build(ship& which, ise::sim::process& env) {
         made->node->start<actor>(one.path, std::move(options), stage_, one, which.what.host, made->life);
         if (first.empty()) first = one.path;
     }
-    for (const auto& path : which.contends) made->contenders.push_back(std::make_unique<contender>(stage_, env, path, made->life));
+    for (const auto& path : which.contends)
+        made->contenders.push_back(std::make_unique<contender>(stage_, env, path, made->life));
     return made;
 }
 
@@ -181,7 +183,8 @@ void fleet::check_stopped(ship& which, ise::time_point limit, std::function<void
     }
     if (!over) stage_.events.broken("{} has not stopped in time", who);
     for (const auto& report : held.node->reports())
-        for (const auto& name : report.still_running) stage_.events.broken("{}: '{}' of {} still runs after the stop", who, name, report.path);
+        for (const auto& name : report.still_running)
+            stage_.events.broken("{}: '{}' of {} still runs after the stop", who, name, report.path);
     stage_.calls.life_ended(held.life, who);
     check_nothing_left(held.life, who + " has stopped");
     stage_.events.note("{} has stopped", who);
@@ -230,7 +233,8 @@ void fleet::start_component(ship& which, const component_plan& one) {
         if (status.path == one.path && status.state < ise::component_state::stopped) return;
     try {
         ++which.starts;
-        which.held->node->start<actor>(one.path, options_of(which, one, which.held->life), stage_, one, which.what.host, which.held->life);
+        which.held->node->start<actor>(one.path, options_of(which, one, which.held->life), stage_, one, which.what.host,
+                                       which.held->life);
         stage_.events.note("component {} is started again", one.path);
     } catch (const ise::error& thrown) {
         stage_.events.note("component {} is not started: {}", one.path, thrown.what());

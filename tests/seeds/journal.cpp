@@ -6,7 +6,8 @@
 namespace seeds {
 
 void journal::add(std::string text) {
-    auto line = fmt::format("{}.{:06} {}", world_.elapsed() / std::chrono::seconds(1), world_.elapsed() % std::chrono::seconds(1) / std::chrono::microseconds(1), text);
+    auto line = fmt::format("{}.{:06} {}", world_.elapsed() / std::chrono::seconds(1),
+                            world_.elapsed() % std::chrono::seconds(1) / std::chrono::microseconds(1), text);
     std::size_t at = 0;
     for (; at + 8 <= line.size(); at += 8) {
         std::uint64_t word = 0;

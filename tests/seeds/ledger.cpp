@@ -14,18 +14,26 @@ using ise::execution;
 constexpr ise::duration grain = 1ms;
 // Of a call on an undisturbed link, beyond what its handler takes.
 constexpr ise::duration on_the_way = 2s;
-// A provider knows its caller's clock to half of the shortest round trip; by twice that it may give up early. A storm makes
-// round trips as long as it likes.
+// A provider knows its caller's clock to half of the shortest round trip; by twice that it may give up early. A storm
+// makes round trips as long as it likes.
 constexpr ise::duration uncertainty = 250ms, uncertainty_in_storms = on_the_way;
 
 // What the library says when its own peer breaks the wire format.
-constexpr std::array protocol_words{"came after packet", "answered twice", "out of turn", "a request came", "was introduced with",
-                                    "number that is in use", "in the middle of a session", "without its sequence", "came twice"};
+constexpr std::array protocol_words{"came after packet",
+                                    "answered twice",
+                                    "out of turn",
+                                    "a request came",
+                                    "was introduced with",
+                                    "number that is in use",
+                                    "in the middle of a session",
+                                    "without its sequence",
+                                    "came twice"};
 
 } // namespace
 
 std::string ledger::name(std::uint64_t id, const record& of) const {
-    return fmt::format("call {} of '{}' by {} ({}) at {} ({})", id, of.terms.service, of.terms.caller, of.terms.from, of.terms.target, of.terms.to);
+    return fmt::format("call {} of '{}' by {} ({}) at {} ({})", id, of.terms.service, of.terms.caller, of.terms.from,
+                       of.terms.target, of.terms.to);
 }
 
 std::uint64_t ledger::open(call_terms terms) {
@@ -68,13 +76,15 @@ bool ledger::undisturbed(const record& of) const {
 
 bool ledger::calm(const std::string& one, const record& of) const {
     return weather_.calm(one, of.terms.to, of.began) &&
-           std::ranges::all_of(of.terms.any_of, [&](const std::string& host) { return weather_.calm(one, host, of.began); });
+           std::ranges::all_of(of.terms.any_of,
+                               [&](const std::string& host) { return weather_.calm(one, host, of.began); });
 }
 
 bool ledger::handler_cancelled(const record& of) const {
     if (of.terms.parent == 0) return false;
     const auto& parent = records_.at(of.terms.parent);
-    return parent.over || parent.given_up || world_.now() >= parent.terms.deadline - uncertainty || !undisturbed(parent) || handler_cancelled(parent);
+    return parent.over || parent.given_up || world_.now() >= parent.terms.deadline - uncertainty ||
+           !undisturbed(parent) || handler_cancelled(parent);
 }
 
 void ledger::outcome(std::uint64_t id, const ise::result<done>& got) {
@@ -88,10 +98,12 @@ void ledger::outcome(std::uint64_t id, const ise::result<done>& got) {
     auto thawed = thawed_.find(of.terms.life);
     if (thawed != thawed_.end()) limit = std::max(limit, thawed->second);
     if (now + (planted_.strikes(bug::late_outcome) ? 1h : 0h) > limit + grain)
-        journal_.broken("{} ends {:.6f} s after its {}", name(id, of), std::chrono::duration<double>(now - limit).count(), of.given_up ? "cancellation" : "deadline");
+        journal_.broken("{} ends {:.6f} s after its {}", name(id, of),
+                        std::chrono::duration<double>(now - limit).count(), of.given_up ? "cancellation" : "deadline");
     if (!got) {
         of.denied = got.error().executed() == execution::not_executed;
-        journal_.note("call {} failed: {} {} {}", id, ise::name_of(got.error().code()), ise::name_of(got.error().executed()), got.error().message());
+        journal_.note("call {} failed: {} {} {}", id, ise::name_of(got.error().code()),
+                      ise::name_of(got.error().executed()), got.error().message());
         journal_.tally(fmt::format("calls that ended as {}", ise::name_of(got.error().code())));
         if (of.runs > 0 && planted_.strikes_once(bug::denied_but_run)) of.denied = true;
         check_failure(id, of, got.error());
@@ -102,25 +114,35 @@ void ledger::outcome(std::uint64_t id, const ise::result<done>& got) {
     auto answered = got->id;
     if (planted_.strikes(bug::reply_mixed_up)) --answered;
     if (answered != id) journal_.broken("{} got the answer of call {}", name(id, of), answered);
-    if (got->check != of.terms.check || sum_of(got->content) != got->check) journal_.broken("{} got an answer with other content", name(id, of));
-    if (of.runs != 1 || of.runs_ended != 1) journal_.broken("{} was answered, and {} handlers began and {} ended", name(id, of), of.runs, of.runs_ended);
+    if (got->check != of.terms.check || sum_of(got->content) != got->check)
+        journal_.broken("{} got an answer with other content", name(id, of));
+    if (of.runs != 1 || of.runs_ended != 1)
+        journal_.broken("{} was answered, and {} handlers began and {} ended", name(id, of), of.runs, of.runs_ended);
     if (of.terms.fails) journal_.broken("{} was answered, and its handler throws", name(id, of));
     if (planted_.strikes(bug::reply_twice)) outcome(id, got);
 }
 
 void ledger::check_failure(std::uint64_t id, record& of, const ise::failure& why) {
-    auto told = [&] { return fmt::format("{} ended as {} ({}): {}", name(id, of), ise::name_of(why.code()), ise::name_of(why.executed()), why.message()); };
+    auto told = [&] {
+        return fmt::format("{} ended as {} ({}): {}", name(id, of), ise::name_of(why.code()),
+                           ise::name_of(why.executed()), why.message());
+    };
     if (of.denied && of.runs > 0) journal_.broken("{}; it ran", told());
     for (const auto* word : protocol_words)
-        if (why.message().find(word) != std::string::npos) journal_.broken("{}; that is a breach of the protocol between two of us", told());
+        if (why.message().find(word) != std::string::npos)
+            journal_.broken("{}; that is a breach of the protocol between two of us", told());
     bool calm = undisturbed(of);
     // Who could not ask for the name, or could not register it.
     bool no_names = of.terms.by_name && (!weather_.calm(of.terms.from, "ns", of.began) || !this->calm("ns", of));
     bool names_away = no_names && of.denied;
     switch (why.code()) {
         case errc::timed_out: {
-            if (world_.now() < of.terms.deadline - (calm && !of.terms.over_session ? uncertainty : uncertainty_in_storms)) return journal_.broken("{}, {:.6f} s before its deadline", told(), std::chrono::duration<double>(of.terms.deadline - world_.now()).count());
-            auto ready = no_names ? (of.runs > 0 ? of.ran : of.terms.deadline) : of.began; // it may have waited for its name for long
+            if (world_.now() <
+                of.terms.deadline - (calm && !of.terms.over_session ? uncertainty : uncertainty_in_storms))
+                return journal_.broken("{}, {:.6f} s before its deadline", told(),
+                                       std::chrono::duration<double>(of.terms.deadline - world_.now()).count());
+            auto ready = no_names ? (of.runs > 0 ? of.ran : of.terms.deadline)
+                                  : of.began; // it may have waited for its name for long
             bool enough = of.terms.deadline - ready > of.terms.work + on_the_way && of.terms.service != "alone";
             if (calm && enough && !of.terms.over_session) journal_.broken("{}, and nothing was disturbed", told());
             return;
@@ -129,7 +151,8 @@ void ledger::check_failure(std::uint64_t id, record& of, const ise::failure& why
             if (calm && !of.terms.over_session) journal_.broken("{}, and nothing was disturbed", told());
             return;
         case errc::cancelled:
-            if (calm && !of.given_up && !of.terms.over_session && !handler_cancelled(of)) journal_.broken("{}, and nobody gave it up", told());
+            if (calm && !of.given_up && !of.terms.over_session && !handler_cancelled(of))
+                journal_.broken("{}, and nobody gave it up", told());
             return;
         case errc::handler_failed:
             if (!of.terms.fails) journal_.broken("{}, and its handler does not throw", told());
@@ -156,7 +179,8 @@ void ledger::dropped(std::uint64_t id) {
 }
 
 void ledger::life_ended(std::uint64_t life, const std::string& who) {
-    for (auto id : open_[life]) journal_.broken("{} never ended, and {} has stopped in order", name(id, records_.at(id)), who);
+    for (auto id : open_[life])
+        journal_.broken("{} never ended, and {} has stopped in order", name(id, records_.at(id)), who);
     life_lost(life);
 }
 

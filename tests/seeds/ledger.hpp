@@ -15,19 +15,19 @@ namespace seeds {
 /// What a caller knows of its call when it makes it.
 struct call_terms {
     std::string service;
-    std::string caller;             ///< component, for people
-    std::string target;             ///< path or endpoint
-    std::uint64_t life = 0;         ///< of the caller's process
-    std::string from, to;           ///< hosts
+    std::string caller;              ///< component, for people
+    std::string target;              ///< path or endpoint
+    std::uint64_t life = 0;          ///< of the caller's process
+    std::string from, to;            ///< hosts
     std::vector<std::string> any_of; ///< of a role: the hosts of all who serve it, `to` among them
-    std::string component;          ///< the target's path, however it is reached; empty: not one of the plan
+    std::string component;           ///< the target's path, however it is reached; empty: not one of the plan
     bool by_name = false;
-    bool over_session = false;      ///< back over the session of a request: ends with that
-    ise::time_point deadline;       ///< as it holds: nested calls have the smaller one
-    ise::duration work{};           ///< of the handler and its nested calls, at most
-    bool fails = false;             ///< the handler was asked to throw
-    std::uint64_t check = 0;        ///< what the answer shall say
-    std::uint64_t parent = 0;       ///< the call whose handler makes this one
+    bool over_session = false; ///< back over the session of a request: ends with that
+    ise::time_point deadline;  ///< as it holds: nested calls have the smaller one
+    ise::duration work{};      ///< of the handler and its nested calls, at most
+    bool fails = false;        ///< the handler was asked to throw
+    std::uint64_t check = 0;   ///< what the answer shall say
+    std::uint64_t parent = 0;  ///< the call whose handler makes this one
 };
 
 /// All calls of a run and what must hold for them: each ends exactly once, in time, and with what really happened; a
@@ -35,7 +35,8 @@ struct call_terms {
 /// an answer.
 class ledger {
 public:
-    ledger(journal& events, ise::sim::world& world, const weather& sky, sabotage& planted) : journal_(events), world_(world), weather_(sky), planted_(planted) {}
+    ledger(journal& events, ise::sim::world& world, const weather& sky, sabotage& planted)
+        : journal_(events), world_(world), weather_(sky), planted_(planted) {}
 
     std::uint64_t open(call_terms terms);
     void given_up(std::uint64_t id);

@@ -57,7 +57,8 @@ int main(int count, char** words) {
             options.run.verbose = true;
             continue;
         }
-        bool known = word == "--seeds" || word == "--from" || word == "--seed" || word == "--jobs" || word == "--time" || word == "--plant";
+        bool known = word == "--seeds" || word == "--from" || word == "--seed" || word == "--jobs" ||
+                     word == "--time" || word == "--plant";
         if (!known) return refuse(fmt::format("unknown argument: {}", word));
         if (at + 1 == count) return refuse(fmt::format("{} needs a value", word));
         std::string_view text = words[++at];
@@ -68,7 +69,8 @@ int main(int count, char** words) {
             continue;
         }
         auto value = number(text);
-        if (!value || (*value == 0 && word != "--from" && word != "--seed")) return refuse(fmt::format("{} takes a number, not: {}", word, text));
+        if (!value || (*value == 0 && word != "--from" && word != "--seed"))
+            return refuse(fmt::format("{} takes a number, not: {}", word, text));
         if (word == "--seeds") options.seeds = *value;
         if (word == "--from") options.from = *value;
         if (word == "--seed") options.from = *value, options.seeds = 1, only = true;

@@ -7,14 +7,14 @@
 #include <new>
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define SEEDS_COUNT_MEMORY 0
+    #define SEEDS_COUNT_MEMORY 0
 #elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-#define SEEDS_COUNT_MEMORY 0
-#endif
+    #if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+        #define SEEDS_COUNT_MEMORY 0
+    #endif
 #endif
 #ifndef SEEDS_COUNT_MEMORY
-#define SEEDS_COUNT_MEMORY 1
+    #define SEEDS_COUNT_MEMORY 1
 #endif
 
 namespace {

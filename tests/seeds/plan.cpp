@@ -17,12 +17,17 @@ class dice {
 public:
     dice(std::uint64_t seed, std::string_view name) : draw_(seed, name) {}
     bool chance(double of) noexcept { return draw_.chance(of); }
-    std::uint64_t between(std::uint64_t least, std::uint64_t most) noexcept { return least + draw_.below(most - least + 1); }
+    std::uint64_t between(std::uint64_t least, std::uint64_t most) noexcept {
+        return least + draw_.below(most - least + 1);
+    }
     duration time(duration least, duration most) noexcept {
-        return least + duration(static_cast<duration::rep>(draw_.below(static_cast<std::uint64_t>((most - least).count()) + 1)));
+        return least + duration(static_cast<duration::rep>(
+                           draw_.below(static_cast<std::uint64_t>((most - least).count()) + 1)));
     }
     template <class T>
-    const T& one_of(const std::vector<T>& all) noexcept { return all[draw_.below(all.size())]; }
+    const T& one_of(const std::vector<T>& all) noexcept {
+        return all[draw_.below(all.size())];
+    }
 
 private:
     ise::sim::generator draw_;
@@ -80,11 +85,12 @@ fault_plan draw_fault(dice& draw, const plan& of) {
     fault_plan made;
     // Some kinds more often than others.
     const std::vector<fault_kind> kinds{
-        fault_kind::partition,     fault_kind::partition,     fault_kind::isolation,    fault_kind::weak_link,     fault_kind::weak_link,
-        fault_kind::narrow_link,   fault_kind::cut,           fault_kind::cut,          fault_kind::cut,           fault_kind::crash,
-        fault_kind::quick_restart, fault_kind::quick_restart, fault_kind::stop,         fault_kind::stop,          fault_kind::freeze,
-        fault_kind::host_crash,    fault_kind::server_crash,  fault_kind::server_crash, fault_kind::server_freeze, fault_kind::broken_io,
-        fault_kind::broken_io,     fault_kind::rival,         fault_kind::component_stop};
+        fault_kind::partition,    fault_kind::partition,    fault_kind::isolation,     fault_kind::weak_link,
+        fault_kind::weak_link,    fault_kind::narrow_link,  fault_kind::cut,           fault_kind::cut,
+        fault_kind::cut,          fault_kind::crash,        fault_kind::quick_restart, fault_kind::quick_restart,
+        fault_kind::stop,         fault_kind::stop,         fault_kind::freeze,        fault_kind::host_crash,
+        fault_kind::server_crash, fault_kind::server_crash, fault_kind::server_freeze, fault_kind::broken_io,
+        fault_kind::broken_io,    fault_kind::rival,        fault_kind::component_stop};
     made.kind = draw.one_of(kinds);
     made.at = draw.time(100ms, of.length);
     made.length = draw.chance(0.5) ? draw.time(1ms, 3s) : draw.time(1s, 12s);
@@ -93,7 +99,9 @@ fault_plan draw_fault(dice& draw, const plan& of) {
     others.push_back("ns");
     std::erase(others, made.host);
     made.other = draw.one_of(others);
-    made.process = draw.between(0, made.kind == fault_kind::rival || made.kind == fault_kind::component_stop ? of.components.size() - 1 : of.processes.size() - 1);
+    made.process = draw.between(0, made.kind == fault_kind::rival || made.kind == fault_kind::component_stop
+                                       ? of.components.size() - 1
+                                       : of.processes.size() - 1);
     made.amount = draw.between(0, draw.chance(0.5) ? 600 : 60'000);
     return made;
 }
@@ -104,7 +112,8 @@ void draw_datagrams(plan& of) {
     for (auto& one : of.components) one.over_datagrams = draw.chance(0.25);
     for (auto& one : of.components)
         for (auto& to : one.subscribes) // lossless is refused over datagrams
-            if (of.components[to.provider].over_datagrams && to.terms.policy == ise::overflow::lossless) to.terms.policy = ise::overflow::keep_last;
+            if (of.components[to.provider].over_datagrams && to.terms.policy == ise::overflow::lossless)
+                to.terms.policy = ise::overflow::keep_last;
 }
 
 void draw_roles(plan& of) {
@@ -130,9 +139,10 @@ void draw_harmless_faults(plan& of) {
 } // namespace
 
 std::string_view name_of(fault_kind kind) noexcept {
-    constexpr std::array<std::string_view, 17> names{"partition", "isolation", "weak link", "narrow link", "cut", "crash", "quick restart", "stop", "freeze",
-                                                     "host crash", "server crash", "server freeze", "broken i/o", "rival", "component stop",
-                                                     "unruly link", "clock step"};
+    constexpr std::array<std::string_view, 17> names{
+        "partition",     "isolation", "weak link",      "narrow link", "cut",          "crash",
+        "quick restart", "stop",      "freeze",         "host crash",  "server crash", "server freeze",
+        "broken i/o",    "rival",     "component stop", "unruly link", "clock step"};
     return names[static_cast<std::size_t>(kind)];
 }
 
@@ -140,9 +150,11 @@ plan::plan(std::uint64_t from) : seed(from) {
     dice draw(seed, "plan");
     for (auto count = draw.between(2, 4), n = std::uint64_t{0}; n < count; ++n) hosts.push_back(fmt::format("h{}", n));
     for (const auto& host : hosts)
-        for (auto count = draw.between(1, 2), n = std::uint64_t{0}; n < count; ++n) processes.push_back({host, fmt::format("p{}", n)});
+        for (auto count = draw.between(1, 2), n = std::uint64_t{0}; n < count; ++n)
+            processes.push_back({host, fmt::format("p{}", n)});
     auto count = draw.between(2, 7);
-    for (std::size_t n = 0; n < count; ++n) components.push_back(draw_component(draw, n, count, draw.between(0, processes.size() - 1)));
+    for (std::size_t n = 0; n < count; ++n)
+        components.push_back(draw_component(draw, n, count, draw.between(0, processes.size() - 1)));
     for (auto contended = draw.between(0, 2), name = std::uint64_t{0}; name < contended; ++name)
         for (auto who = draw.between(2, 3); who > 0; --who) {
             contenders.push_back({processes.size(), fmt::format("port/n{}", name)});
@@ -170,22 +182,33 @@ std::vector<std::string> plan::hosts_of_role(const std::string& role) const {
 
 std::string plan::text() const {
     auto seconds = [](duration time) { return std::chrono::duration<double>(time).count(); };
-    auto text = fmt::format("seed {}: {:.1f} s, latency {:.4f} s, linger {:.1f} s, lease {:.1f} s, heartbeat {:.1f} s, at most {} bytes unsent\n", seed, seconds(length),
-                            seconds(latency), seconds(linger), seconds(lease), static_cast<double>(heartbeat_ns) * 1e-9, max_unsent_bytes);
+    auto text = fmt::format("seed {}: {:.1f} s, latency {:.4f} s, linger {:.1f} s, lease {:.1f} s, heartbeat {:.1f} s, "
+                            "at most {} bytes unsent\n",
+                            seed, seconds(length), seconds(latency), seconds(linger), seconds(lease),
+                            static_cast<double>(heartbeat_ns) * 1e-9, max_unsent_bytes);
     for (const auto& one : components) {
-        text += fmt::format("  {} in {}/{}:{}{}{}{}{}{} {} callers, {} bytes, every {:.3f} s{}; publishes {} x {} bytes every {:.3f} s{}{}\n", one.path, processes[one.process].host,
-                            processes[one.process].name, one.port, one.with_the_first ? " shared loop" : "", one.fails ? " fails" : "", one.later_version ? " later" : "",
-                            one.over_datagrams ? " udp" : "", one.role.empty() ? "" : fmt::format(" {} of priority {},", one.role, one.priority), one.callers, one.request_bytes, seconds(one.pause), one.short_deadlines ? " short" : "", one.publishes.burst, one.publishes.bytes,
-                            seconds(one.publishes.period), one.publishes.blocking ? " blocking" : "", one.publishes.withdraws ? " withdraws" : "");
+        text += fmt::format("  {} in {}/{}:{}{}{}{}{}{} {} callers, {} bytes, every {:.3f} s{}; publishes {} x {} "
+                            "bytes every {:.3f} s{}{}\n",
+                            one.path, processes[one.process].host, processes[one.process].name, one.port,
+                            one.with_the_first ? " shared loop" : "", one.fails ? " fails" : "",
+                            one.later_version ? " later" : "", one.over_datagrams ? " udp" : "",
+                            one.role.empty() ? "" : fmt::format(" {} of priority {},", one.role, one.priority),
+                            one.callers, one.request_bytes, seconds(one.pause), one.short_deadlines ? " short" : "",
+                            one.publishes.burst, one.publishes.bytes, seconds(one.publishes.period),
+                            one.publishes.blocking ? " blocking" : "", one.publishes.withdraws ? " withdraws" : "");
         for (const auto& to : one.subscribes)
-            text += fmt::format("    subscribes to c{} by {}, policy {} depth {}, rate {:.3f} s, slow {:.3f} s{}{}{}\n", to.provider, to.by_name ? "name" : "endpoint",
-                                static_cast<int>(to.terms.policy), to.terms.depth, seconds(to.terms.min_interval), seconds(to.slowness), to.leaves ? " leaves" : "",
-                                to.later_version ? " later" : "", to.terms.last_value ? " last value" : "");
+            text += fmt::format("    subscribes to c{} by {}, policy {} depth {}, rate {:.3f} s, slow {:.3f} s{}{}{}\n",
+                                to.provider, to.by_name ? "name" : "endpoint", static_cast<int>(to.terms.policy),
+                                to.terms.depth, seconds(to.terms.min_interval), seconds(to.slowness),
+                                to.leaves ? " leaves" : "", to.later_version ? " later" : "",
+                                to.terms.last_value ? " last value" : "");
     }
-    for (const auto& one : contenders) text += fmt::format("  {}/{} contends for {}\n", processes[one.process].host, processes[one.process].name, one.path);
+    for (const auto& one : contenders)
+        text += fmt::format("  {}/{} contends for {}\n", processes[one.process].host, processes[one.process].name,
+                            one.path);
     for (const auto& one : faults)
-        text += fmt::format("  at {:.3f} s for {:.3f} s: {} of {} with {}, number {}, amount {}\n", seconds(one.at), seconds(one.length), name_of(one.kind), one.host, one.other,
-                            one.process, one.amount);
+        text += fmt::format("  at {:.3f} s for {:.3f} s: {} of {} with {}, number {}, amount {}\n", seconds(one.at),
+                            seconds(one.length), name_of(one.kind), one.host, one.other, one.process, one.amount);
     return text;
 }
 

@@ -11,34 +11,34 @@ namespace seeds {
 /// coroutine's own.
 
 struct subscriber_plan {
-    std::size_t provider = 0;     ///< component
+    std::size_t provider = 0; ///< component
     bool by_name = true;
     bool later_version = false;
     ise::subscribe_options terms;
-    ise::duration slowness{};     ///< after each packet; zero: takes it at once
-    bool leaves = false;          ///< now and then, and subscribes anew
+    ise::duration slowness{}; ///< after each packet; zero: takes it at once
+    bool leaves = false;      ///< now and then, and subscribes anew
 };
 
 struct publisher_plan {
     ise::duration period{};
-    std::uint32_t burst = 1;      ///< packets at once
-    std::uint32_t bytes = 0;      ///< of content, at most
-    bool blocking = false;        ///< waits for room
-    bool withdraws = false;       ///< the service comes and goes
+    std::uint32_t burst = 1; ///< packets at once
+    std::uint32_t bytes = 0; ///< of content, at most
+    bool blocking = false;   ///< waits for room
+    bool withdraws = false;  ///< the service comes and goes
 };
 
 struct component_plan {
     std::string path;
     std::size_t process = 0;
     std::uint16_t port = 0;
-    bool with_the_first = false;  ///< on the loop of its process' first component
-    bool fails = false;           ///< its flow throws now and then, and is restarted
-    bool later_version = false;   ///< provides the later packets
-    bool over_datagrams = false;  ///< listens on udp only
-    std::string role;             ///< that it serves; empty: none
-    std::int32_t priority = 0;    ///< there
+    bool with_the_first = false; ///< on the loop of its process' first component
+    bool fails = false;          ///< its flow throws now and then, and is restarted
+    bool later_version = false;  ///< provides the later packets
+    bool over_datagrams = false; ///< listens on udp only
+    std::string role;            ///< that it serves; empty: none
+    std::int32_t priority = 0;   ///< there
     std::uint32_t callers = 0;
-    ise::duration pause{};        ///< of a caller, between two calls, at most
+    ise::duration pause{}; ///< of a caller, between two calls, at most
     bool short_deadlines = false;
     std::uint32_t request_bytes = 0; ///< at most
     publisher_plan publishes;
@@ -61,13 +61,13 @@ enum class fault_kind : std::uint8_t {
     stop,          ///< of a process, in order; it comes back
     freeze,        ///< of a process, as by SIGSTOP
     host_crash,
-    server_crash,  ///< the name server; it comes back
+    server_crash, ///< the name server; it comes back
     server_freeze,
-    broken_io,     ///< some operation of anybody fails
-    rival,         ///< somebody else takes the name of a component that is cut off
-    component_stop,///< one component of a process stops and is started again
-    unruly_link,   ///< datagrams are doubled and overtake each other; excuses nothing
-    clock_step,    ///< of the wall clock of a process; excuses nothing
+    broken_io,      ///< some operation of anybody fails
+    rival,          ///< somebody else takes the name of a component that is cut off
+    component_stop, ///< one component of a process stops and is started again
+    unruly_link,    ///< datagrams are doubled and overtake each other; excuses nothing
+    clock_step,     ///< of the wall clock of a process; excuses nothing
 };
 std::string_view name_of(fault_kind kind) noexcept;
 
@@ -75,7 +75,7 @@ struct fault_plan {
     fault_kind kind{};
     ise::duration at{};
     ise::duration length{};
-    std::size_t process = 0;      ///< or component
+    std::size_t process = 0; ///< or component
     std::string host, other;
     std::uint64_t amount = 0;
 };
@@ -88,12 +88,12 @@ struct contender_plan {
 
 struct plan {
     std::uint64_t seed = 0;
-    std::vector<std::string> hosts;     ///< without the name server's
+    std::vector<std::string> hosts; ///< without the name server's
     std::vector<process_plan> processes;
     std::vector<component_plan> components;
     std::vector<contender_plan> contenders;
     std::vector<fault_plan> faults;
-    ise::duration length{};             ///< of traffic with faults
+    ise::duration length{}; ///< of traffic with faults
     ise::duration linger{};
     ise::duration lease{};
     std::uint64_t heartbeat_ns = 0;

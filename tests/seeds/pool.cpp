@@ -24,8 +24,8 @@ namespace {
 using clock = std::chrono::steady_clock;
 
 // A seed takes a second or so; one that takes this long does not come to its end.
-constexpr auto longest_seed = std::chrono::minutes(5);
-constexpr int most_failures = 20; // then no further seed begins
+constexpr auto max_seed = std::chrono::minutes(5);
+constexpr int max_failures = 20; // then no further seed begins
 
 // What a worker tells its parent, in memory that they share.
 struct slot {
@@ -34,7 +34,7 @@ struct slot {
 };
 struct shared_state {
     std::atomic<std::uint64_t> next{0};
-    std::atomic<std::uint64_t> passed{0}, failed{0}, steps{0}, virtual_ms{0}, most_memory{0};
+    std::atomic<std::uint64_t> passed{0}, failed{0}, steps{0}, virtual_ms{0}, max_memory{0};
     std::array<slot, 256> slots;
 };
 static_assert(std::atomic<std::uint64_t>::is_always_lock_free);
@@ -73,7 +73,7 @@ void work(const pool_options& options, shared_state& all, slot& mine, clock::tim
     std::ptrdiff_t left = 0;
     int seeds = 0;
     for (;;) {
-        if (all.failed >= most_failures || (options.seconds > 0 && clock::now() > until)) break;
+        if (all.failed >= max_failures || (options.seconds > 0 && clock::now() > until)) break;
         auto at = all.next++;
         if (at >= options.seeds) break;
         auto seed = options.from + at;
@@ -87,7 +87,8 @@ void work(const pool_options& options, shared_state& all, slot& mine, clock::tim
         for (const auto& [what, times] : told.tallies) tallies[what] += times;
         all.steps += told.steps;
         all.virtual_ms += static_cast<std::uint64_t>(told.virtual_seconds * 1000);
-        for (auto most = all.most_memory.load(); told.most_memory > most && !all.most_memory.compare_exchange_weak(most, told.most_memory);) {}
+        for (auto most = all.max_memory.load();
+             told.max_memory > most && !all.max_memory.compare_exchange_weak(most, told.max_memory);) {}
         ++(told.passed ? all.passed : all.failed);
         if (!told.passed) tell(seed, told.violation, told.newest);
         ++mine.played;
@@ -152,13 +153,17 @@ bool play_all(const pool_options& options) {
                 bool orderly = WIFEXITED(status) && WEXITSTATUS(status) == 0;
                 if (orderly) continue;
                 ++all->failed;
-                if (mine.playing) tell(mine.playing - 1, WIFSIGNALED(status) ? fmt::format("the process died of signal {}", WTERMSIG(status)) : "the process ended", "");
+                if (mine.playing)
+                    tell(mine.playing - 1,
+                         WIFSIGNALED(status) ? fmt::format("the process died of signal {}", WTERMSIG(status))
+                                             : "the process ended",
+                         "");
                 start(at); // goes on behind it
                 ++running;
             } else if (mine.played != one.played) {
                 one.played = mine.played;
                 one.heard = clock::now();
-            } else if (clock::now() - one.heard > longest_seed) {
+            } else if (clock::now() - one.heard > max_seed) {
                 tell(mine.playing - 1, "does not come to its end", "");
                 ::kill(one.process, SIGKILL);
                 one.heard = clock::now();
@@ -171,8 +176,10 @@ bool play_all(const pool_options& options) {
 
     auto seconds = std::chrono::duration<double>(clock::now() - began).count();
     for (const auto& [what, times] : tallies) fmt::print("{:>12} {}\n", times, what);
-    fmt::print("{} seeds passed, {} failed in {:.1f} s: {} steps, {:.1f} virtual hours, at most {} KiB in use at once\n", all->passed.load(), all->failed.load(), seconds,
-               all->steps.load(), static_cast<double>(all->virtual_ms.load()) / 3.6e6, all->most_memory.load() / 1024);
+    fmt::print(
+        "{} seeds passed, {} failed in {:.1f} s: {} steps, {:.1f} virtual hours, at most {} KiB in use at once\n",
+        all->passed.load(), all->failed.load(), seconds, all->steps.load(),
+        static_cast<double>(all->virtual_ms.load()) / 3.6e6, all->max_memory.load() / 1024);
     bool enough = all->passed > 0 && (all->passed >= options.seeds || options.seconds > 0);
     return all->failed == 0 && enough;
 }

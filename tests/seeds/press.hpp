@@ -17,8 +17,8 @@ namespace seeds {
 class press {
 public:
     struct publication {
-        std::string by;               ///< component
-        std::uint64_t began = 0;      ///< packets whose publishing has begun
+        std::string by;          ///< component
+        std::uint64_t began = 0; ///< packets whose publishing has begun
         std::uint64_t published = 0;
         std::vector<ise::time_point> at; ///< when, by number
         bool open = true;
@@ -49,8 +49,9 @@ private:
 /// is not counted, from the moment when `subscribe` completed.
 class reading {
 public:
-    reading(journal& events, ise::sim::world& world, const press& published, sabotage& planted, std::string who, std::string provider,
-            const ise::subscribe_options& terms, ise::duration linger, const std::set<std::string>& rivalled);
+    reading(journal& events, ise::sim::world& world, const press& published, sabotage& planted, std::string who,
+            std::string provider, const ise::subscribe_options& terms, ise::duration linger,
+            const std::set<std::string>& rivalled);
 
     /// `subscribe` has completed.
     void committed();
@@ -62,7 +63,8 @@ public:
     std::uint64_t life() const noexcept { return life_; }
 
 private:
-    void check_first(std::uint64_t life, std::uint64_t number, std::optional<std::uint64_t> lost_before, const ise::subscription_counts& counts);
+    void check_first(std::uint64_t life, std::uint64_t number, std::optional<std::uint64_t> lost_before,
+                     const ise::subscription_counts& counts);
     void check_next(std::uint64_t number, std::uint64_t lost_before, const ise::subscription_counts& counts);
     void note_life(std::uint64_t life, std::optional<std::uint64_t> lost_before);
     bool limited() const noexcept { return terms_.min_interval > ise::duration{}; }
@@ -78,11 +80,11 @@ private:
     std::uint64_t life_at_begin_, published_at_begin_;
     std::uint64_t life_at_commit_ = 0, published_at_commit_ = 0;
     std::uint64_t life_ = 0, number_ = 0;
-    std::uint64_t first_ = 0;              // what it counts from, in its first life
+    std::uint64_t first_ = 0;               // what it counts from, in its first life
     std::uint64_t received_ = 0, lost_ = 0; // since then
     std::uint64_t all_received_ = 0, all_lost_ = 0, unknown_gaps_ = 0, resumed_ = 0;
     std::map<std::uint64_t, std::uint64_t> newest_; // by life
-    std::uint64_t held_number_ = 0; // for the sabotage
+    std::uint64_t held_number_ = 0;                 // for the sabotage
 };
 
 } // namespace seeds

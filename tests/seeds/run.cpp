@@ -17,10 +17,10 @@ using namespace std::chrono_literals;
 using ise::duration;
 
 // Beyond these something grows that should not.
-constexpr std::size_t most_memory = 256u << 20;
-constexpr std::size_t most_sessions = 200;
+constexpr std::size_t max_memory = 256u << 20;
+constexpr std::size_t max_sessions = 200;
 // What is made once and kept (schemas, caches of freed frames) by the first runs of a process.
-constexpr std::ptrdiff_t most_left = 1 << 20;
+constexpr std::ptrdiff_t max_left = 1 << 20;
 
 class game {
 public:
@@ -71,7 +71,8 @@ private:
         look_at_contenders();
         if (steps_ % 16 == 0) look_at_actors();
         if (steps_ % 256 == 0) look_at_registry();
-        if (memory_is_counted() && memory().now > most_memory + at_start_) stage_.events.broken("{} bytes of memory are in use", memory().now - at_start_);
+        if (memory_is_counted() && memory().now > max_memory + at_start_)
+            stage_.events.broken("{} bytes of memory are in use", memory().now - at_start_);
         return stage_.events.failed();
     }
 
@@ -80,8 +81,10 @@ private:
         for (auto* one : stage_.contenders) {
             auto epoch = one->epoch();
             if (epoch == 0) continue;
-            stage_.names.holds(one->path(), epoch + (stage_.planted.is(bug::epoch_twice) ? 1 - epoch : 0), one->incarnation(), "its holder");
-            if (one->confirmed() && ++confirmed[{one->path(), epoch}] > 1) stage_.events.broken("'{}' has two confirmed holders under epoch {}", one->path(), epoch);
+            stage_.names.holds(one->path(), epoch + (stage_.planted.is(bug::epoch_twice) ? 1 - epoch : 0),
+                               one->incarnation(), "its holder");
+            if (one->confirmed() && ++confirmed[{one->path(), epoch}] > 1)
+                stage_.events.broken("'{}' has two confirmed holders under epoch {}", one->path(), epoch);
         }
     }
 
@@ -89,14 +92,19 @@ private:
         for (auto* one : stage_.actors) {
             if (one->state() >= ise::component_state::stopped) continue;
             auto& services = one->services();
-            if (auto epoch = services.self().epoch) stage_.names.holds(one->path(), epoch, services.self().incarnation, "itself");
-            if (services.sessions().size() > most_sessions) stage_.events.broken("{} has {} sessions", one->path(), services.sessions().size());
+            if (auto epoch = services.self().epoch)
+                stage_.names.holds(one->path(), epoch, services.self().incarnation, "itself");
+            if (services.sessions().size() > max_sessions)
+                stage_.events.broken("{} has {} sessions", one->path(), services.sessions().size());
             auto open = services.calls().open_calls();
-            if (open > stage_.calls.open_calls(one->life()) + stage_.plan.components.size() + 2) // each link may be asking for its name
-                stage_.events.broken("{} has {} calls open, and made {} that are", one->path(), open, stage_.calls.open_calls(one->life()));
+            if (open > stage_.calls.open_calls(one->life()) + stage_.plan.components.size() +
+                           2) // each link may be asking for its name
+                stage_.events.broken("{} has {} calls open, and made {} that are", one->path(), open,
+                                     stage_.calls.open_calls(one->life()));
             for (const auto& [raw, held] : services.sessions()) {
                 auto unsent = held->wire().out().pending_bytes();
-                if (unsent > 2 * stage_.plan.max_unsent_bytes + (8u << 20)) stage_.events.broken("{} holds {} bytes for {}", one->path(), unsent, held->peer_name());
+                if (unsent > 2 * stage_.plan.max_unsent_bytes + (8u << 20))
+                    stage_.events.broken("{} holds {} bytes for {}", one->path(), unsent, held->peer_name());
             }
         }
     }
@@ -104,7 +112,8 @@ private:
     void look_at_registry() {
         const auto* names = fleet_.names();
         if (!names) return;
-        for (const auto& event : names->snapshot({})) stage_.names.holds(event.name.path, event.name.epoch, event.name.incarnation, "the name server");
+        for (const auto& event : names->snapshot({}))
+            stage_.names.holds(event.name.path, event.name.epoch, event.name.incarnation, "the name server");
     }
 
     // A component that lost its name for good is started again, if nobody else has it.
@@ -115,7 +124,8 @@ private:
         run(8s);
         for (std::size_t n = 0; n < stage_.plan.components.size(); ++n) {
             const auto& one = stage_.plan.components[n];
-            if (holders_of(one.path) == 0 && !stage_.events.failed()) fleet_.start_component(fleet_.at(fleet_.ship_of(n)), one);
+            if (holders_of(one.path) == 0 && !stage_.events.failed())
+                fleet_.start_component(fleet_.at(fleet_.ship_of(n)), one);
         }
     }
 
@@ -130,10 +140,12 @@ private:
     void check_alive() {
         if (stage_.events.failed()) return;
         for (const auto& one : stage_.plan.components)
-            if (int found = holders_of(one.path); found != 1) stage_.events.broken("'{}' has {} living holders after everything was healed", one.path, found);
+            if (int found = holders_of(one.path); found != 1)
+                stage_.events.broken("'{}' has {} living holders after everything was healed", one.path, found);
         const auto* names = fleet_.names();
         for (const auto& one : stage_.plan.components)
-            if (names->snapshot(one.path).empty()) stage_.events.broken("'{}' is not registered, and everything was healed", one.path);
+            if (names->snapshot(one.path).empty())
+                stage_.events.broken("'{}' is not registered, and everything was healed", one.path);
     }
 
     // Who holds the name may listen at another endpoint now.
@@ -146,7 +158,10 @@ private:
     void check_readers() {
         for (const auto* one : stage_.readers)
             if (!has_read(*one))
-                stage_.events.broken("{} {} {}, long after everything was healed", one->who, one->model && one->connected() ? "has not read all that came from" : "is not subscribed to", one->provider);
+                stage_.events.broken("{} {} {}, long after everything was healed", one->who,
+                                     one->model && one->connected() ? "has not read all that came from"
+                                                                    : "is not subscribed to",
+                                     one->provider);
     }
 
     void check_subscribers() {
@@ -154,7 +169,8 @@ private:
         for (auto* one : stage_.readers) wanted[one->provider] += one->model != nullptr && one->connected();
         for (auto* one : stage_.actors)
             if (one->serves() && one->subscribers() != wanted[one->path()])
-                stage_.events.broken("{} has {} subscribers, and there are {}", one->path(), one->subscribers(), wanted[one->path()]);
+                stage_.events.broken("{} has {} subscribers, and there are {}", one->path(), one->subscribers(),
+                                     wanted[one->path()]);
     }
 
     // One holder of a name, and the name server knows the same one.
@@ -163,7 +179,8 @@ private:
         std::map<std::string, std::string> held;
         for (auto* one : stage_.contenders) {
             if (one->epoch() == 0) continue;
-            if (!held.emplace(one->path(), "").second) stage_.events.broken("'{}' has two holders long after everything was healed", one->path());
+            if (!held.emplace(one->path(), "").second)
+                stage_.events.broken("'{}' has two holders long after everything was healed", one->path());
         }
         for (auto* one : stage_.actors) {
             if (!one->serves()) continue;
@@ -218,12 +235,14 @@ outcome play(std::uint64_t seed, const run_options& options) {
         told.virtual_seconds = std::chrono::duration<double>(all.world.elapsed()).count();
         told.tallies = all.events.tallies();
     }
-    told.most_memory = memory().most - before;
-    if (options.planted == bug::memory_left) [[maybe_unused]] static auto* kept = new std::string(2 << 20, 'x');
+    told.max_memory = memory().most - before;
+    if (options.planted == bug::memory_left) [[maybe_unused]]
+        static auto* kept = new std::string(2 << 20, 'x');
     auto after = memory().now;
     auto as_large = told.tallies; // what is told is no leak
-    told.memory_left = static_cast<std::ptrdiff_t>(after - (memory().now - after)) - static_cast<std::ptrdiff_t>(before);
-    if (told.passed && told.memory_left > most_left) {
+    told.memory_left =
+        static_cast<std::ptrdiff_t>(after - (memory().now - after)) - static_cast<std::ptrdiff_t>(before);
+    if (told.passed && told.memory_left > max_left) {
         told.passed = false;
         told.violation = fmt::format("{} bytes of memory were not given back", told.memory_left);
     }

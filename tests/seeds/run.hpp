@@ -10,12 +10,12 @@ namespace seeds {
 /// What came of one seed.
 struct outcome {
     bool passed = true;
-    std::string violation;  ///< the invariant that did not hold, with the time
-    std::string newest;     ///< the last events before it
-    std::uint64_t steps = 0;///< events of the virtual world
-    std::uint64_t hash = 0; ///< of everything that happened
+    std::string violation;   ///< the invariant that did not hold, with the time
+    std::string newest;      ///< the last events before it
+    std::uint64_t steps = 0; ///< events of the virtual world
+    std::uint64_t hash = 0;  ///< of everything that happened
     double virtual_seconds = 0;
-    std::size_t most_memory = 0; ///< bytes in use at once, beyond those before the run
+    std::size_t max_memory = 0;     ///< bytes in use at once, beyond those before the run
     std::ptrdiff_t memory_left = 0; ///< bytes that were not given back
     std::map<std::string, std::uint64_t> tallies;
 };

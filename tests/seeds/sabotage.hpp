@@ -10,20 +10,20 @@ namespace seeds {
 /// as it would look if it had that bug.
 enum class bug : std::uint8_t {
     none,
-    reply_lost,         ///< an answer never comes
-    reply_twice,        ///< it comes twice
-    reply_mixed_up,     ///< it is another call's
-    late_outcome,       ///< it comes after the deadline
-    run_twice,          ///< a request is executed twice
-    denied_but_run,     ///< the caller is told `not_executed` of a request that ran
-    packet_lost,        ///< a packet is missing and no gap tells of it
-    packet_twice,       ///< a packet comes twice
-    packets_swapped,    ///< two packets come in the wrong order
-    gap_forgotten,      ///< packets were lost, and the gap says 0
-    tail_lost,          ///< the last packet never comes
-    epoch_twice,        ///< two holders of a name are granted the same epoch
-    coroutine_left,     ///< a coroutine lives on after its component has stopped
-    memory_left,        ///< memory is not given back
+    reply_lost,      ///< an answer never comes
+    reply_twice,     ///< it comes twice
+    reply_mixed_up,  ///< it is another call's
+    late_outcome,    ///< it comes after the deadline
+    run_twice,       ///< a request is executed twice
+    denied_but_run,  ///< the caller is told `not_executed` of a request that ran
+    packet_lost,     ///< a packet is missing and no gap tells of it
+    packet_twice,    ///< a packet comes twice
+    packets_swapped, ///< two packets come in the wrong order
+    gap_forgotten,   ///< packets were lost, and the gap says 0
+    tail_lost,       ///< the last packet never comes
+    epoch_twice,     ///< two holders of a name are granted the same epoch
+    coroutine_left,  ///< a coroutine lives on after its component has stopped
+    memory_left,     ///< memory is not given back
 };
 
 struct named_bug {

@@ -24,7 +24,9 @@ public:
     void holds(const std::string& path, std::uint64_t epoch, std::uint64_t incarnation, const std::string& told_by) {
         auto& known = granted_[{path, epoch}];
         if (known == incarnation) return;
-        if (known != 0) return journal_.broken("'{}' is held under epoch {} by two: lives {:x} and {:x} ({})", path, epoch, known, incarnation, told_by);
+        if (known != 0)
+            return journal_.broken("'{}' is held under epoch {} by two: lives {:x} and {:x} ({})", path, epoch, known,
+                                   incarnation, told_by);
         known = incarnation;
         journal_.note("'{}' is held under epoch {} by life {:x} ({})", path, epoch, incarnation, told_by);
         journal_.tally("grants of names");
@@ -54,7 +56,8 @@ struct reader {
 /// What all parts of a run share. The world comes last: what it destroys at its end tells the others.
 struct stage {
     stage(std::uint64_t seed, sabotage with, bool verbose)
-        : plan(seed), planted(with), events(world, verbose), calls(events, world, sky, planted), names(events), world(seed) {}
+        : plan(seed), planted(with), events(world, verbose), calls(events, world, sky, planted), names(events),
+          world(seed) {}
 
     seeds::plan plan;
     sabotage planted;

@@ -13,7 +13,9 @@ void storms::schedule() {
 
 ise::duration storms::left() const { return std::max(until_ - stage_.world.elapsed(), ise::duration{}); }
 
-void storms::later(ise::duration length, std::function<void()> back) { stage_.world.after(std::min(length, left()), std::move(back)); }
+void storms::later(ise::duration length, std::function<void()> back) {
+    stage_.world.after(std::min(length, left()), std::move(back));
+}
 
 void storms::part(const std::string& a, const std::string& b) {
     if (parted_[{a, b}]++ == 0) stage_.world.net().partition(a, b);
@@ -39,7 +41,9 @@ void storms::begin(const fault_plan& what) {
     stage_.events.note("fault: {}", name_of(what.kind));
     stage_.events.tally(fmt::format("faults: {}", name_of(what.kind)));
     auto ordered = what.host <= what.other ? std::pair(what.host, what.other) : std::pair(what.other, what.host);
-    auto& ship = fleet_.at(what.kind == fault_kind::rival || what.kind == fault_kind::component_stop ? fleet_.ship_of(what.process) : what.process);
+    auto& ship = fleet_.at(what.kind == fault_kind::rival || what.kind == fault_kind::component_stop
+                               ? fleet_.ship_of(what.process)
+                               : what.process);
     const auto& host = ship.what.host;
     switch (what.kind) {
         case fault_kind::partition:
@@ -50,7 +54,9 @@ void storms::begin(const fault_plan& what) {
             std::vector<std::string> others;
             for (const auto& [name, held] : world.hosts())
                 if (name != what.host) others.push_back(name);
-            auto both = [at = what.host](const std::string& other) { return at <= other ? std::pair(at, other) : std::pair(other, at); };
+            auto both = [at = what.host](const std::string& other) {
+                return at <= other ? std::pair(at, other) : std::pair(other, at);
+            };
             for (const auto& other : others) part(both(other).first, both(other).second);
             later(what.length, [this, others, both] {
                 for (const auto& other : others) heal(both(other).first, both(other).second);
@@ -88,11 +94,14 @@ void storms::begin(const fault_plan& what) {
             return;
         }
         case fault_kind::clock_step:
-            if (ship.process && ship.now != fleet::state::down) ship.process->set_wall_offset(std::chrono::hours(what.amount % 48) - 24h);
+            if (ship.process && ship.now != fleet::state::down)
+                ship.process->set_wall_offset(std::chrono::hours(what.amount % 48) - 24h);
             return;
         case fault_kind::cut:
             for (std::uint64_t n = 0; n <= what.amount % 3; ++n) {
-                world.net().cut(what.host, what.other, what.amount % 2 ? ise::sim::direction::to_server : ise::sim::direction::to_client, what.amount / (n + 1));
+                world.net().cut(what.host, what.other,
+                                what.amount % 2 ? ise::sim::direction::to_server : ise::sim::direction::to_client,
+                                what.amount / (n + 1));
                 stage_.sky.begin(what.host, what.other);
                 cuts_.emplace_back(what.host, what.other);
             }

@@ -24,7 +24,8 @@ public:
 
     /// Whether nothing has disturbed these two since `from`, or shortly before.
     bool calm(const std::string& a, const std::string& b, ise::time_point from) const {
-        return everywhere_.calm(from) && calm_in(hosts_, a, from) && calm_in(hosts_, b, from) && calm_in(pairs_, key(a, b), from);
+        return everywhere_.calm(from) && calm_in(hosts_, a, from) && calm_in(hosts_, b, from) &&
+               calm_in(pairs_, key(a, b), from);
     }
 
 private:
@@ -35,7 +36,9 @@ private:
             --going_on;
             ended = at;
         }
-        bool calm(ise::time_point from) const { return going_on == 0 && (ended == ise::time_point{} || ended + settling <= from); }
+        bool calm(ise::time_point from) const {
+            return going_on == 0 && (ended == ise::time_point{} || ended + settling <= from);
+        }
     };
     using pair = std::pair<std::string, std::string>;
     static pair key(const std::string& a, const std::string& b) { return a <= b ? pair(a, b) : pair(b, a); }

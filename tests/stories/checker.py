@@ -28,8 +28,8 @@ class Rules:
     silence_s: dict[str, float] = field(default_factory=dict)  # the longest that a subscriber may hear nothing
     caught_up: tuple[str, ...] = ()    # subscribers that must have the last packet at the end
     must_end: tuple[str, ...] = ()     # subscribers whose subscription must have ended once at least
-    least_calls: int = 0
-    least_packets: int = 0             # that each subscriber got
+    min_calls: int = 0
+    min_packets: int = 0             # that each subscriber got
 
 
 @dataclass
@@ -109,8 +109,8 @@ def check_calls(logs: list[Log], rules: Rules) -> list[str]:
             if late > rules.answer_slack_s and log.name not in rules.deaf:
                 wrong.append(f"{log.name}: call {call} had its outcome {late:.3f} s after its deadline")
     wrong += [f"call {call} ran and nobody made it" for call in starts.keys() - known]
-    if calls < rules.least_calls:
-        wrong.append(f"only {calls} calls were made: the story proves nothing with fewer than {rules.least_calls}")
+    if calls < rules.min_calls:
+        wrong.append(f"only {calls} calls were made: the story proves nothing with fewer than {rules.min_calls}")
     return wrong
 
 
@@ -192,8 +192,8 @@ def check_subscriber(log: Log, rules: Rules, published: dict[str, list[int]], la
         wrong.append(f"{log.name}: ends with {before}, the last packet was {last_life} {len(published.get(last_life or '', []))}")
     if log.name in rules.must_end and ends == 0:
         wrong.append(f"{log.name}: its subscription did not end")
-    if got < rules.least_packets:
-        wrong.append(f"{log.name}: got only {got} packets: the story proves nothing with fewer than {rules.least_packets}")
+    if got < rules.min_packets:
+        wrong.append(f"{log.name}: got only {got} packets: the story proves nothing with fewer than {rules.min_packets}")
     return wrong
 
 

@@ -1,6 +1,6 @@
-// One process of a story: a provider, a requester or a subscriber that appends to a log what it does and sees, a line by
-// one write(), so that kill -9 loses nothing of it. The lines are those that checker.py reads.
-// usage: story_party provider|requester|subscriber LOG ENDPOINT|PATH [NAME=VALUE]...
+// One process of a story: a provider, a requester or a subscriber that appends to a log what it does and sees, a line
+// by one write(), so that kill -9 loses nothing of it. The lines are those that checker.py reads. usage: story_party
+// provider|requester|subscriber LOG ENDPOINT|PATH [NAME=VALUE]...
 #include <ise/ise.hpp>
 #include <ise/service/service_host.hpp>
 
@@ -24,7 +24,7 @@ using namespace std::chrono_literals;
 
 struct work_request {
     std::string id;
-    std::uint32_t takes_ms = 0; // on a timer
+    std::uint32_t takes_ms = 0;  // on a timer
     std::uint32_t blocks_ms = 0; // the provider's thread
     std::vector<std::uint8_t> load;
 };
@@ -45,13 +45,15 @@ std::int64_t clock_ns() { return std::chrono::steady_clock::now().time_since_epo
 
 class journal {
 public:
-    explicit journal(const std::string& file) : file_(::open(file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600)) {
+    explicit journal(const std::string& file)
+        : file_(::open(file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600)) {
         if (file_ < 0) throw std::runtime_error("cannot open the log " + file);
     }
     template <class... A>
     void operator()(fmt::format_string<A...> form, A&&... arguments) const {
         auto line = fmt::format("{} {}\n", clock_ns(), fmt::format(form, std::forward<A>(arguments)...));
-        if (::write(file_, line.data(), line.size()) != static_cast<ssize_t>(line.size())) std::abort(); // a story without a log proves nothing
+        if (::write(file_, line.data(), line.size()) != static_cast<ssize_t>(line.size()))
+            std::abort(); // a story without a log proves nothing
     }
 
 private:
@@ -189,7 +191,7 @@ private:
         const auto slow_ms = set_.number("takes_ms", 0);
         for (;;) {
             std::optional<ise::failure> refused;
-            ise::stream_of<decltype(numbers)> packets;
+            ise::subscriber<decltype(numbers)> packets;
             try {
                 packets = co_await there.subscribe(numbers, wanted);
             } catch (const ise::error& why) {
@@ -210,7 +212,8 @@ private:
             const auto& counts = packets.counts();
             std::optional<std::uint64_t> lost;
             if (counts.restarts == 0) lost = counts.lost_at_provider + counts.lost_here;
-            log_("ended {} {} {}", ise::name_of(packets.cause().code()), gap(lost), one_word(packets.cause().message()));
+            log_("ended {} {} {}", ise::name_of(packets.cause().code()), gap(lost),
+                 one_word(packets.cause().message()));
         }
     }
     static std::string gap(std::optional<std::uint64_t> lost) { return lost ? std::to_string(*lost) : "unknown"; }
@@ -251,7 +254,9 @@ int run(const std::string& role, const std::string& log_file, const std::string&
 
 int main(int count, char** words) {
     try {
-        if (count < 4) throw std::runtime_error("usage: story_party provider|requester|subscriber LOG ENDPOINT|PATH [NAME=VALUE]...");
+        if (count < 4)
+            throw std::runtime_error(
+                "usage: story_party provider|requester|subscriber LOG ENDPOINT|PATH [NAME=VALUE]...");
         story::settings set(count - 4, words + 4);
         return story::run(words[1], words[2], words[3], set);
     } catch (const std::exception& why) {

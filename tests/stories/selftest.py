@@ -9,7 +9,7 @@ from checker import Rules, check, read
 from router import Direction
 
 SECOND = 1_000_000_000
-RULES = Rules(silence_s={"last": 2, "lossless": 9}, caught_up=("last",), least_calls=3, least_packets=3)
+RULES = Rules(silence_s={"last": 2, "lossless": 9}, caught_up=("last",), min_calls=3, min_packets=3)
 # A publisher of six packets, of which the sixth came after a restart; three calls; a subscription that lost two packets and said so, and
 # a lossless one that ended with the exact number and began again.
 GOOD = {

@@ -1,4 +1,5 @@
-// Loaded before a program (LD_PRELOAD): its wall clock is STORY_CLOCK_SHIFT_S seconds off, its monotonic clock is right.
+// Loaded before a program (LD_PRELOAD): its wall clock is STORY_CLOCK_SHIFT_S seconds off, its monotonic clock is
+// right.
 #include <cstdlib>
 #include <ctime>
 #include <sys/syscall.h>
@@ -36,5 +37,4 @@ time_t time(time_t* out) noexcept {
     if (out) *out = now.tv_sec;
     return now.tv_sec;
 }
-
 }

@@ -59,9 +59,13 @@ authority::authority(const std::string& name) {
     write(folder_ / "settings", settings);
     write(folder_ / "index.txt", "");
     write(folder_ / "serial", "01\n");
-    run(fmt::format("req -new -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -config settings -subj '/CN={}' -keyout ca-key.pem -out ca.csr", name));
+    run(fmt::format("req -new -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -config settings -subj '/CN={}' "
+                    "-keyout ca-key.pem -out ca.csr",
+                    name));
     validity valid;
-    run(fmt::format("ca -selfsign -batch -notext -config settings -extensions authority -startdate {} -enddate {} -in ca.csr -out ca.pem", valid.from, valid.until));
+    run(fmt::format("ca -selfsign -batch -notext -config settings -extensions authority -startdate {} -enddate {} -in "
+                    "ca.csr -out ca.pem",
+                    valid.from, valid.until));
 }
 
 authority::~authority() {
@@ -71,15 +75,21 @@ authority::~authority() {
 
 void authority::run(const std::string& words) const {
     auto line = fmt::format("cd '{}' && openssl {} > log 2>&1 < /dev/null", folder_.string(), words);
-    if (std::system(line.c_str()) != 0) throw std::runtime_error(fmt::format("openssl {}: {}", words, read_all(folder_ / "log")));
+    if (std::system(line.c_str()) != 0)
+        throw std::runtime_error(fmt::format("openssl {}: {}", words, read_all(folder_ / "log")));
 }
 
-std::filesystem::path authority::issue(const std::string& name, const std::string& names, const validity& valid, const std::string& usage) {
+std::filesystem::path authority::issue(const std::string& name, const std::string& names, const validity& valid,
+                                       const std::string& usage) {
     auto own = folder_ / name;
     std::filesystem::create_directory(own);
-    run(fmt::format("req -new -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -config settings -subj '/CN={0}' -addext 'subjectAltName={1}' "
-                    "-addext 'extendedKeyUsage={2}' -keyout {0}/key.pem -out {0}/request.csr", name, names, usage));
-    run(fmt::format("ca -batch -notext -config settings -startdate {1} -enddate {2} -in {0}/request.csr -out {0}/certificate.pem", name, valid.from, valid.until));
+    run(fmt::format("req -new -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -config settings -subj '/CN={0}' "
+                    "-addext 'subjectAltName={1}' "
+                    "-addext 'extendedKeyUsage={2}' -keyout {0}/key.pem -out {0}/request.csr",
+                    name, names, usage));
+    run(fmt::format(
+        "ca -batch -notext -config settings -startdate {1} -enddate {2} -in {0}/request.csr -out {0}/certificate.pem",
+        name, valid.from, valid.until));
     believe(name, certificate());
     return own;
 }
@@ -89,12 +99,15 @@ std::filesystem::path authority::issue_below(const std::string& name, int author
     validity valid;
     std::string issuer = "ca", shown;
     auto sign = [&](const std::string& request, const std::string& made, const std::string& as) {
-        run(fmt::format("ca -batch -notext -config settings {} -cert {}.pem -keyfile {}-key.pem -startdate {} -enddate {} -in {} -out {}", as, issuer, issuer,
-                        valid.from, valid.until, request, made));
+        run(fmt::format("ca -batch -notext -config settings {} -cert {}.pem -keyfile {}-key.pem -startdate {} -enddate "
+                        "{} -in {} -out {}",
+                        as, issuer, issuer, valid.from, valid.until, request, made));
     };
     for (int i = 1; i <= authorities; ++i) {
         auto next = fmt::format("below{}", i);
-        run(fmt::format("req -new -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -config settings -subj /CN={0} -keyout {0}-key.pem -out {0}.csr", next));
+        run(fmt::format("req -new -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -config settings -subj "
+                        "/CN={0} -keyout {0}-key.pem -out {0}.csr",
+                        next));
         sign(next + ".csr", next + ".pem", "-extensions authority");
         shown = read_all(folder_ / (next + ".pem")) + shown;
         issuer = next;
@@ -104,14 +117,19 @@ std::filesystem::path authority::issue_below(const std::string& name, int author
     return own;
 }
 
-void authority::revoke(const std::string& name) { run(fmt::format("ca -config settings -revoke {}/certificate.pem", name)); }
+void authority::revoke(const std::string& name) {
+    run(fmt::format("ca -config settings -revoke {}/certificate.pem", name));
+}
 
 std::string authority::list(const validity& valid) {
-    run(fmt::format("ca -config settings -gencrl -crl_lastupdate {} -crl_nextupdate {} -out list.pem", valid.from, valid.until));
+    run(fmt::format("ca -config settings -gencrl -crl_lastupdate {} -crl_nextupdate {} -out list.pem", valid.from,
+                    valid.until));
     return read_all(folder_ / "list.pem");
 }
 
 std::string authority::certificate() const { return read_all(folder_ / "ca.pem"); }
-void authority::believe(const std::string& name, const std::string& authorities) const { write(folder_ / name / "ca.pem", authorities); }
+void authority::believe(const std::string& name, const std::string& authorities) const {
+    write(folder_ / name / "ca.pem", authorities);
+}
 
 } // namespace ise_test

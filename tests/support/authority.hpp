@@ -21,8 +21,8 @@ public:
     authority& operator=(const authority&) = delete;
 
     /// A folder with ca.pem, certificate.pem and key.pem; `names` is the subjectAltName.
-    std::filesystem::path issue(const std::string& name, const std::string& names = everywhere, const validity& valid = validity(),
-                                const std::string& usage = "serverAuth,clientAuth");
+    std::filesystem::path issue(const std::string& name, const std::string& names = everywhere,
+                                const validity& valid = validity(), const std::string& usage = "serverAuth,clientAuth");
     /// The same, with so many authorities between this one and the certificate, which are shown with it.
     std::filesystem::path issue_below(const std::string& name, int authorities);
     /// From the next `list()` on the certificate is in it.
@@ -35,7 +35,8 @@ public:
     void believe(const std::string& name, const std::string& authorities) const;
 
     /// Localhost, and the hosts boat and shore.
-    static constexpr const char* everywhere = "DNS:boat,DNS:shore,DNS:localhost,IP:127.0.0.1,IP:::1,IP:10.0.0.1,IP:10.0.0.2";
+    static constexpr const char* everywhere =
+        "DNS:boat,DNS:shore,DNS:localhost,IP:127.0.0.1,IP:::1,IP:10.0.0.1,IP:10.0.0.2";
 
 private:
     void run(const std::string& words) const;

@@ -62,7 +62,8 @@ public:
         at.channel.take(received->body, now, happened);
         for (auto& message : happened.messages) at.messages.push_back(std::move(message));
         ise::bytes room(4096);
-        while (auto count = at.channel.in().read(room)) at.stream.insert(at.stream.end(), room.begin(), room.begin() + static_cast<std::ptrdiff_t>(count));
+        while (auto count = at.channel.in().read(room))
+            at.stream.insert(at.stream.end(), room.begin(), room.begin() + static_cast<std::ptrdiff_t>(count));
     }
 
 private:

@@ -17,7 +17,8 @@ public:
     using meddler = std::function<void(ise::buffer&)>;
 
     datagram_router(ise::sim::process& process, ise::endpoint to)
-        : host_(process.make_loop("main")), on_(host_->loop()), target_(std::move(to)), scope_(on_, [](const std::string&, std::exception_ptr) {}),
+        : host_(process.make_loop("main")), on_(host_->loop()), target_(std::move(to)),
+          scope_(on_, [](const std::string&, std::exception_ptr) {}),
           inside_(on_.env().open_datagram(on_, ise::endpoint::parse("udp://0.0.0.0:9000").value()).value()) {
         scope_.spawn("inside", from_inside(*this));
         forget();
@@ -35,7 +36,8 @@ public:
     meddler on_question, on_answer;
 
 private:
-    static void pass(ise::datagram_socket& by, const ise::endpoint& to, const ise::datagram& came, const meddler& change) {
+    static void pass(ise::datagram_socket& by, const ise::endpoint& to, const ise::datagram& came,
+                     const meddler& change) {
         ise::buffer content;
         content.append(came.content);
         if (change) change(content);

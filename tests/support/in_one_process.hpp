@@ -7,7 +7,8 @@ namespace ise_test {
 /// Parties of one virtual process, on one loop or on a loop each: what lies between them is in-process.
 class in_one_process {
 public:
-    explicit in_one_process(bool one_loop, std::uint64_t seed = 1) : world(seed), process_(world.host("boat").start_process("boat")), one_loop_(one_loop) {}
+    explicit in_one_process(bool one_loop, std::uint64_t seed = 1)
+        : world(seed), process_(world.host("boat").start_process("boat")), one_loop_(one_loop) {}
     ~in_one_process() { stop(); }
 
     /// Stops all parties in order and waits until nothing of them runs.
@@ -16,7 +17,9 @@ public:
             if (!one->scope.stopping()) one->services->stop(std::chrono::milliseconds(100));
             one->scope.stop();
         }
-        return world.run_until([&] { return std::all_of(parties_.begin(), parties_.end(), [](auto& one) { return one->scope.size() == 0; }); });
+        return world.run_until([&] {
+            return std::all_of(parties_.begin(), parties_.end(), [](auto& one) { return one->scope.size() == 0; });
+        });
     }
 
     party& add(const std::string& path, ise::service_options options = {}) {

@@ -22,9 +22,12 @@ namespace ise_test {
 /// The services of one component on a loop, as the layers above would hold them: what tests of calls and
 /// subscriptions talk through.
 struct party {
-    party(ise::environment& environment, std::unique_ptr<ise::loop_host> loop_of, std::string path, ise::service_options options = {}, ise::security credentials = {})
+    party(ise::environment& environment, std::unique_ptr<ise::loop_host> loop_of, std::string path,
+          ise::service_options options = {}, ise::security credentials = {})
         : env(environment), host(std::move(loop_of)), on(host->loop()),
-          scope(on, [this](const std::string& name, std::exception_ptr thrown) { escaped.push_back(name + ": " + ise::describe(thrown)); }) {
+          scope(on, [this](const std::string& name, std::exception_ptr thrown) {
+              escaped.push_back(name + ": " + ise::describe(thrown));
+          }) {
         ise::wire::identity self;
         self.path = path;
         self.host_name = env.identity().host_name;
@@ -103,7 +106,8 @@ std::shared_ptr<started<T>> start(ise::loop& on, ise::task<T> body) {
             state->thrown = thrown;
             state->done = true;
         };
-        asio::co_spawn(on.get_executor(), std::move(body), asio::bind_cancellation_slot(state->cancel.slot(), std::move(finished)));
+        asio::co_spawn(on.get_executor(), std::move(body),
+                       asio::bind_cancellation_slot(state->cancel.slot(), std::move(finished)));
     } else {
         auto wrapped = [](std::shared_ptr<started<T>> into, ise::task<T> inner) -> ise::task<> {
             auto value = co_await std::move(inner);
@@ -113,7 +117,8 @@ std::shared_ptr<started<T>> start(ise::loop& on, ise::task<T> body) {
             state->thrown = thrown;
             state->done = true;
         };
-        asio::co_spawn(on.get_executor(), wrapped(state, std::move(body)), asio::bind_cancellation_slot(state->cancel.slot(), std::move(finished)));
+        asio::co_spawn(on.get_executor(), wrapped(state, std::move(body)),
+                       asio::bind_cancellation_slot(state->cancel.slot(), std::move(finished)));
     }
     return state;
 }

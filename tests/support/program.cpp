@@ -53,7 +53,8 @@ int input_file(const std::string& text) {
 } // namespace
 
 program::program(std::vector<std::string> arguments, start_options options) {
-    if (arguments.at(0).find('/') == std::string::npos) arguments[0] = std::string(ISE_BINARY_DIR "/bin/") + arguments[0];
+    if (arguments.at(0).find('/') == std::string::npos)
+        arguments[0] = std::string(ISE_BINARY_DIR "/bin/") + arguments[0];
     auto out = make_pipe(), err = make_pipe();
     int in = input_file(options.input);
     posix_spawn_file_actions_t actions;
@@ -69,7 +70,8 @@ program::program(std::vector<std::string> arguments, start_options options) {
     ::posix_spawn_file_actions_adddup2(&actions, err.write, STDERR_FILENO);
 
     auto given = options.variables;
-    given.emplace_back("XDG_STATE_HOME", ISE_BINARY_DIR "/tests/state"); // nothing is left in the home of whoever runs the tests
+    given.emplace_back("XDG_STATE_HOME",
+                       ISE_BINARY_DIR "/tests/state"); // nothing is left in the home of whoever runs the tests
     std::vector<std::string> variables;
     for (const auto& [name, value] : given) variables.push_back(name + "=" + value);
     for (char** one = environ; *one; ++one) {
@@ -151,6 +153,8 @@ ran program::wait() {
     return std::move(so_far_);
 }
 
-ran run_program(std::vector<std::string> arguments, start_options options) { return program(std::move(arguments), std::move(options)).wait(); }
+ran run_program(std::vector<std::string> arguments, start_options options) {
+    return program(std::move(arguments), std::move(options)).wait();
+}
 
 } // namespace ise_test

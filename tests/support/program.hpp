@@ -15,10 +15,10 @@ struct ran {
 
 /// How a program is started beside its arguments.
 struct start_options {
-    std::string input;                 ///< on its standard input, which is then closed
+    std::string input;                                          ///< on its standard input, which is then closed
     std::vector<std::pair<std::string, std::string>> variables; ///< set beside those of the test
-    bool closed_output = false;        ///< without a standard output at all
-    std::string output_file;           ///< where its standard output goes, instead of to the test
+    bool closed_output = false;                                 ///< without a standard output at all
+    std::string output_file; ///< where its standard output goes, instead of to the test
 
     start_options() = default;
 };

@@ -10,7 +10,8 @@
 
 namespace ise_test {
 
-/// A socket of the virtual world that says what it likes to one listener, a datagram at a time, and keeps what comes back.
+/// A socket of the virtual world that says what it likes to one listener, a datagram at a time, and keeps what comes
+/// back.
 class raw_datagrams {
 public:
     struct came {
@@ -22,7 +23,8 @@ public:
 
     raw_datagrams(sim_parties& all, ise::sim::process& from, const std::string& to)
         : all_(all), host_(from.make_loop("raw datagrams")), target_(ise::endpoint::parse(to).value()),
-          socket_(std::move(from.open_datagram(host_->loop(), ise::endpoint::parse("udp://0.0.0.0:0").value()).value())),
+          socket_(
+              std::move(from.open_datagram(host_->loop(), ise::endpoint::parse("udp://0.0.0.0:0").value()).value())),
           reading_(start(host_->loop(), read(*this))) {}
     ~raw_datagrams() {
         socket_->close();
@@ -103,7 +105,8 @@ private:
             if (datagram.first) co_return;
             const auto& content = datagram.second->content;
             if (auto seen = ise::wire::read_datagram(content))
-                self.got.push_back({seen->type, seen->id, ise::bytes(seen->body.begin(), seen->body.end()), content.size()});
+                self.got.push_back(
+                    {seen->type, seen->id, ise::bytes(seen->body.begin(), seen->body.end()), content.size()});
         }
     }
 
@@ -162,7 +165,8 @@ public:
             if (at->type != ise::wire::datagram_type::data) continue;
             ise::wire::chunk_reader chunks(ise::bytes_view(at->body).subspan(8));
             while (auto one = chunks.next())
-                if (one->type == ise::wire::chunk_type::ack) return ise::detail::load_little<std::uint64_t>(one->content.data());
+                if (one->type == ise::wire::chunk_type::ack)
+                    return ise::detail::load_little<std::uint64_t>(one->content.data());
         }
         return 0;
     }

@@ -11,8 +11,8 @@
 
 namespace ise_test {
 
-/// A peer of the virtual world that says what it likes: bytes and frames as a script tells it. Over udp they lie in a channel
-/// in good order; packets that come beside its stream are among what it got.
+/// A peer of the virtual world that says what it likes: bytes and frames as a script tells it. Over udp they lie in a
+/// channel in good order; packets that come beside its stream are among what it got.
 class raw_peer {
 public:
     struct came {
@@ -20,12 +20,13 @@ public:
         ise::bytes body;
     };
 
-    /// Connects; the world runs until it has. With `reads` false it never takes a byte of what it is sent; over udp it says
-    /// what has arrived all the same, as its system would over tcp.
+    /// Connects; the world runs until it has. With `reads` false it never takes a byte of what it is sent; over udp it
+    /// says what has arrived all the same, as its system would over tcp.
     raw_peer(sim_parties& all, ise::sim::process& from, const std::string& to, bool reads = true)
         : all_(all), host_(from.make_loop("raw")) {
         auto& on = host_->loop();
-        auto connecting = start(on, ise::net::connect_until(on, ise::endpoint::parse(to).value(), on.now() + std::chrono::seconds(10)));
+        auto connecting = start(
+            on, ise::net::connect_until(on, ise::endpoint::parse(to).value(), on.now() + std::chrono::seconds(10)));
         if (!all_.run_until([&] { return connecting->done; })) throw std::logic_error("no connection");
         line_ = std::move(connecting->get().value());
         auto* datagrams = dynamic_cast<ise::net::datagram_stream*>(line_.get());
@@ -84,14 +85,16 @@ public:
 
     /// One with a number that outlives the session.
     template <class Packet>
-    void numbered_request(std::uint64_t id, std::uint32_t service, std::uint64_t number, const Packet& packet, std::uint8_t flags = 0) {
+    void numbered_request(std::uint64_t id, std::uint32_t service, std::uint64_t number, const Packet& packet,
+                          std::uint8_t flags = 0) {
         ise::buffer body;
         body.append(service);
         body.append(std::int64_t{3'600'000'000'000});
         body.append(number);
         auto content = ise::encode(packet);
         body.append(ise::bytes_view(content));
-        say(ise::wire::frame_type::request, id, body.view(), static_cast<std::uint8_t>(flags | ise::wire::flag::numbered));
+        say(ise::wire::frame_type::request, id, body.view(),
+            static_cast<std::uint8_t>(flags | ise::wire::flag::numbered));
     }
 
     /// Lets the world run until all was taken, or the provider has closed.
@@ -104,7 +107,8 @@ public:
     bool closed() const { return broken_ || ended; }
     void close() { line_->close(); }
     std::size_t count(ise::wire::frame_type type) const {
-        return static_cast<std::size_t>(std::ranges::count_if(got, [&](const came& frame) { return frame.header.type == type; }));
+        return static_cast<std::size_t>(
+            std::ranges::count_if(got, [&](const came& frame) { return frame.header.type == type; }));
     }
     const came* last(ise::wire::frame_type type) const {
         for (auto at = got.rbegin(); at != got.rend(); ++at)
@@ -185,7 +189,7 @@ private:
     sim_parties& all_;
     std::unique_ptr<ise::loop_host> host_;
     std::unique_ptr<ise::stream> line_;
-    ise::wire::parser parser_{ise::wire::smallest_frame_limit};
+    ise::wire::parser parser_{ise::wire::min_frame_limit};
     std::shared_ptr<inbox> inbox_ = std::make_shared<inbox>(*this);
     std::shared_ptr<started<void>> reading_;
     ise::bytes unsent_;

@@ -16,12 +16,15 @@ public:
             one->services->stop(std::chrono::milliseconds(100));
             one->scope.stop();
         }
-        run_until([&] { return std::all_of(parties_.begin(), parties_.end(), [](auto& one) { return one->scope.size() == 0; }); });
+        run_until([&] {
+            return std::all_of(parties_.begin(), parties_.end(), [](auto& one) { return one->scope.size() == 0; });
+        });
         context_.poll();
     }
 
     party& add(std::string path, ise::service_options options = {}, ise::security credentials = {}) {
-        parties_.push_back(std::make_unique<party>(env_, make_loop(), std::move(path), options, std::move(credentials)));
+        parties_.push_back(
+            std::make_unique<party>(env_, make_loop(), std::move(path), options, std::move(credentials)));
         return *parties_.back();
     }
     /// On the thread of the test, too.

@@ -10,7 +10,8 @@ namespace ise_test {
 class relay {
 public:
     /// Who calls `at` is passed on to `to`; of both only host and port, or path, count.
-    static std::unique_ptr<relay> make(ise::environment& env, std::unique_ptr<ise::loop_host> host, const ise::endpoint& at, const ise::endpoint& to);
+    static std::unique_ptr<relay> make(ise::environment& env, std::unique_ptr<ise::loop_host> host,
+                                       const ise::endpoint& at, const ise::endpoint& to);
     virtual ~relay() = default;
 
     /// What the requester is to call.

@@ -23,9 +23,10 @@ struct passage {
 
 class byte_relay final : public relay {
 public:
-    byte_relay(ise::environment& env, std::unique_ptr<ise::loop_host> host, const ise::endpoint& at, ise::endpoint to, std::size_t piece)
-        : piece_(piece), env_(env), host_(std::move(host)), on_(host_->loop()), target_(std::move(to)), listener_(env.listen(on_, at).value()),
-          scope_(on_, [](const std::string&, std::exception_ptr) {}) {
+    byte_relay(ise::environment& env, std::unique_ptr<ise::loop_host> host, const ise::endpoint& at, ise::endpoint to,
+               std::size_t piece)
+        : piece_(piece), env_(env), host_(std::move(host)), on_(host_->loop()), target_(std::move(to)),
+          listener_(env.listen(on_, at).value()), scope_(on_, [](const std::string&, std::exception_ptr) {}) {
         scope_.spawn("accept", accept(*this));
     }
     ise::endpoint where() const override { return listener_->where(); }
@@ -115,8 +116,8 @@ private:
 
 } // namespace
 
-std::unique_ptr<relay> make_byte_relay(ise::environment& env, std::unique_ptr<ise::loop_host> host, const ise::endpoint& at, const ise::endpoint& to,
-                                       std::size_t piece) {
+std::unique_ptr<relay> make_byte_relay(ise::environment& env, std::unique_ptr<ise::loop_host> host,
+                                       const ise::endpoint& at, const ise::endpoint& to, std::size_t piece) {
     return std::make_unique<byte_relay>(env, std::move(host), at, to, piece);
 }
 

@@ -42,9 +42,10 @@ struct conversation {
 
 class datagram_relay final : public relay {
 public:
-    datagram_relay(ise::environment& env, std::unique_ptr<ise::loop_host> host, const ise::endpoint& at, ise::endpoint to)
-        : env_(env), host_(std::move(host)), on_(host_->loop()), target_(std::move(to)), inside_(env.open_datagram(on_, at).value()),
-          scope_(on_, [](const std::string&, std::exception_ptr) {}) {
+    datagram_relay(ise::environment& env, std::unique_ptr<ise::loop_host> host, const ise::endpoint& at,
+                   ise::endpoint to)
+        : env_(env), host_(std::move(host)), on_(host_->loop()), target_(std::move(to)),
+          inside_(env.open_datagram(on_, at).value()), scope_(on_, [](const std::string&, std::exception_ptr) {}) {
         scope_.spawn("inside", from_inside(*this));
     }
     ise::endpoint where() const override { return inside_->where(); }
@@ -79,15 +80,18 @@ private:
                 of.renumber(known);
             }
             if (of.held_ || known->swallowed) continue;
-            known->onwards.pass(of.rough_, came.second->content, [&](ise::bytes_view content) { known->outside.back()->try_send(of.target_, content); });
+            known->onwards.pass(of.rough_, came.second->content,
+                                [&](ise::bytes_view content) { known->outside.back()->try_send(of.target_, content); });
         }
     }
-    static ise::task<> from_outside(datagram_relay& of, std::shared_ptr<conversation> with, std::shared_ptr<ise::datagram_socket> which) {
+    static ise::task<> from_outside(datagram_relay& of, std::shared_ptr<conversation> with,
+                                    std::shared_ptr<ise::datagram_socket> which) {
         for (;;) {
             auto came = co_await which->receive();
             if (came.first) co_return;
             if (which != with->outside.back() || of.held_ || with->swallowed) continue;
-            with->back.pass(of.rough_, came.second->content, [&](ise::bytes_view content) { of.inside_->try_send(with->client, content); });
+            with->back.pass(of.rough_, came.second->content,
+                            [&](ise::bytes_view content) { of.inside_->try_send(with->client, content); });
         }
     }
 
@@ -103,10 +107,12 @@ private:
 
 } // namespace
 
-std::unique_ptr<relay> make_datagram_relay(ise::environment& env, std::unique_ptr<ise::loop_host> host, const ise::endpoint& at, const ise::endpoint& to) {
+std::unique_ptr<relay> make_datagram_relay(ise::environment& env, std::unique_ptr<ise::loop_host> host,
+                                           const ise::endpoint& at, const ise::endpoint& to) {
     return std::make_unique<datagram_relay>(env, std::move(host), at, to);
 }
-std::unique_ptr<relay> relay::make(ise::environment& env, std::unique_ptr<ise::loop_host> host, const ise::endpoint& at, const ise::endpoint& to) {
+std::unique_ptr<relay> relay::make(ise::environment& env, std::unique_ptr<ise::loop_host> host, const ise::endpoint& at,
+                                   const ise::endpoint& to) {
     if (to.kind == ise::protocol::udp) return make_datagram_relay(env, std::move(host), at, to);
     return make_byte_relay(env, std::move(host), at, to);
 }

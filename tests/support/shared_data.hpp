@@ -10,7 +10,9 @@ namespace ise_test {
 inline std::optional<std::filesystem::path> shared_data(const std::string& name) {
     std::filesystem::path folder;
     if (const char* given = std::getenv("ISE_SHARED_DATA")) folder = given;
-    else folder = std::filesystem::path(__FILE__).parent_path().parent_path().parent_path().parent_path() / "shared" / "data";
+    else
+        folder =
+            std::filesystem::path(__FILE__).parent_path().parent_path().parent_path().parent_path() / "shared" / "data";
     auto file = folder / name;
     std::error_code ignored;
     if (!std::filesystem::exists(file, ignored)) return std::nullopt;

@@ -16,12 +16,16 @@ public:
             if (!one->scope.stopping()) one->services->stop(std::chrono::milliseconds(100));
             one->scope.stop();
         }
-        return world.run_until([&] { return std::all_of(parties_.begin(), parties_.end(), [](auto& one) { return one->scope.size() == 0; }); });
+        return world.run_until([&] {
+            return std::all_of(parties_.begin(), parties_.end(), [](auto& one) { return one->scope.size() == 0; });
+        });
     }
 
-    party& add(const std::string& host, ise::service_options options = {}, const ise::security_options& credentials = {}) {
+    party& add(const std::string& host, ise::service_options options = {},
+               const ise::security_options& credentials = {}) {
         auto& process = world.host(host).start_process(host);
-        parties_.push_back(std::make_unique<party>(process, process.make_loop("main"), host, options, ise::security::load(process, credentials).value()));
+        parties_.push_back(std::make_unique<party>(process, process.make_loop("main"), host, options,
+                                                   ise::security::load(process, credentials).value()));
         return *parties_.back();
     }
     bool run_until(const std::function<bool()>& done) { return world.run_until(done); }

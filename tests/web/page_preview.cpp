@@ -47,8 +47,10 @@ public:
         double wind_from = 28 + 9 * std::sin(seconds / 210) + 4 * std::sin(seconds / 37);
         double wind_mps = 6.4 + 1.6 * std::sin(seconds / 160) + 0.9 * std::sin(seconds / 23);
         const auto& target = course_[active_];
-        if (atirma::distance_m(latitude_, longitude_, target.latitude_deg, target.longitude_deg) < 40) active_ = (active_ + 1) % course_.size();
-        double wanted = atirma::bearing_deg(latitude_, longitude_, course_[active_].latitude_deg, course_[active_].longitude_deg);
+        if (atirma::distance_m(latitude_, longitude_, target.latitude_deg, target.longitude_deg) < 40)
+            active_ = (active_ + 1) % course_.size();
+        double wanted =
+            atirma::bearing_deg(latitude_, longitude_, course_[active_].latitude_deg, course_[active_].longitude_deg);
         double off = std::remainder(wanted - wind_from, 360);
         if (std::abs(off) < 48) {
             if (std::abs(off) > 30) tack_ = off > 0 ? 1 : -1;
@@ -57,18 +59,36 @@ public:
         }
         heading_ += std::clamp(std::remainder(wanted - heading_, 360), -9.0, 9.0);
         double angle = std::abs(std::remainder(heading_ - wind_from, 360));
-        double speed = std::max(0.25, wind_mps * 0.27 * std::sin(std::min(angle, 135.0) * 0.75 * std::numbers::pi / 180));
+        double speed =
+            std::max(0.25, wind_mps * 0.27 * std::sin(std::min(angle, 135.0) * 0.75 * std::numbers::pi / 180));
         double cog = heading_ + 3 * std::sin(seconds / 11);
         double moved = speed * static_cast<double>(dt.count()) / 1000;
         latitude_ += moved * std::cos(cog * std::numbers::pi / 180) / 111195;
-        longitude_ += moved * std::sin(cog * std::numbers::pi / 180) / 111195 / std::cos(latitude_ * std::numbers::pi / 180);
+        longitude_ +=
+            moved * std::sin(cog * std::numbers::pi / 180) / 111195 / std::cos(latitude_ * std::numbers::pi / 180);
 
         atirma::report_origin from{time_, time_, std::move(source), false};
         auto relative = std::remainder(wind_from - heading_, 360) * std::numbers::pi / 180;
         double ahead = wind_mps * std::cos(relative) + speed, across = wind_mps * std::sin(relative);
-        if (!no_wind) publish(state_.apply(atirma::wind_update{from, std::atan2(across, ahead) * 180 / std::numbers::pi, std::hypot(ahead, across), wind_from, wind_mps}, time_));
-        publish(state_.apply(atirma::navigation_update{.from = from, .heading_deg = heading_, .heel_deg = -std::copysign(4 + 2.1 * wind_mps * std::abs(std::sin(relative)), std::sin(relative)), .active_waypoint = active_}, time_));
-        publish(state_.apply(atirma::position_update{.from = from, .latitude_deg = latitude_, .longitude_deg = longitude_, .speed_over_ground_mps = speed, .course_over_ground_deg = cog, .circular_error_m = rough ? std::optional(420.0) : std::nullopt, .satellites = 9}, time_));
+        if (!no_wind)
+            publish(state_.apply(atirma::wind_update{from, std::atan2(across, ahead) * 180 / std::numbers::pi,
+                                                     std::hypot(ahead, across), wind_from, wind_mps},
+                                 time_));
+        publish(state_.apply(
+            atirma::navigation_update{
+                .from = from,
+                .heading_deg = heading_,
+                .heel_deg = -std::copysign(4 + 2.1 * wind_mps * std::abs(std::sin(relative)), std::sin(relative)),
+                .active_waypoint = active_},
+            time_));
+        publish(state_.apply(atirma::position_update{.from = from,
+                                                     .latitude_deg = latitude_,
+                                                     .longitude_deg = longitude_,
+                                                     .speed_over_ground_mps = speed,
+                                                     .course_over_ground_deg = cog,
+                                                     .circular_error_m = rough ? std::optional(420.0) : std::nullopt,
+                                                     .satellites = 9},
+                             time_));
     }
 
     template <class Publish>
@@ -117,17 +137,24 @@ int main(int argc, char** argv) {
     auto fleet = [&] {
         auto one = [](const atirma::track_state& of) {
             auto& at = of.position();
-            return fmt::format(R"({{"id":"{}","name":"{}","stale_after_s":{},"position":{}}})", of.options().id, of.options().boat, of.options().stale_after.count(),
-                               at ? fmt::format(R"({{"latitude_deg":{},"longitude_deg":{},"measured_at":{}}})", at->latitude_deg, at->longitude_deg,
-                                                at->from.measured_at.time_since_epoch().count()) : "null");
+            return fmt::format(R"({{"id":"{}","name":"{}","stale_after_s":{},"position":{}}})", of.options().id,
+                               of.options().boat, of.options().stale_after.count(),
+                               at ? fmt::format(R"({{"latitude_deg":{},"longitude_deg":{},"measured_at":{}}})",
+                                                at->latitude_deg, at->longitude_deg,
+                                                at->from.measured_at.time_since_epoch().count())
+                                  : "null");
         };
-        return fmt::format(R"({{"now":{},"boats":[{}{}{}]}})", wall_clock().time_since_epoch().count(), one(state), empty ? "" : ",", empty ? "" : one(vela));
+        return fmt::format(R"({{"now":{},"boats":[{}{}{}]}})", wall_clock().time_since_epoch().count(), one(state),
+                           empty ? "" : ",", empty ? "" : one(vela));
     };
     auto open = [&] {
-        server = std::make_unique<atirma::http_server>(host->loop(), options, [&](std::string name, ise::task<> body) { scope.spawn(std::move(name), std::move(body)); });
+        server = std::make_unique<atirma::http_server>(host->loop(), options, [&](std::string name, ise::task<> body) {
+            scope.spawn(std::move(name), std::move(body));
+        });
         server->serve(atirma::page_assets());
         server->serve_as("/embed", "/index.html", true);
-        for (auto& [prefix, one] : {std::pair<std::string, atirma::track_state&>{"", state}, {"/a-tirma", state}, {"/vela", vela}})
+        for (auto& [prefix, one] :
+             {std::pair<std::string, atirma::track_state&>{"", state}, {"/a-tirma", state}, {"/vela", vela}})
             atirma::offer_downloads(*server, prefix, one, nullptr, wall_clock);
         for (auto name : {"/a-tirma", "/vela"}) server->serve_as(name, "/index.html");
         server->get("/boats.json", [&](const auto&) { return atirma::http_reply{fleet()}; });
@@ -139,14 +166,18 @@ int main(int argc, char** argv) {
         server->listen();
         options.port = server->port();
     };
-    auto close = [&] { events = named = nullptr; server.reset(); };
+    auto close = [&] {
+        events = named = nullptr;
+        server.reset();
+    };
     open();
     auto publish = [&](std::optional<atirma::page_event> event) {
         for (auto* stream : {events, named})
             if (event && stream) stream->publish(*event);
     };
     auto tell_feed = [&](const char* source, bool connected, const char* detail, bool link = true) {
-        publish(state.apply(atirma::feed_update{source, connected, wall_clock(), detail, link, std::nullopt}, wall_clock()));
+        publish(state.apply(atirma::feed_update{source, connected, wall_clock(), detail, link, std::nullopt},
+                            wall_clock()));
     };
     // Where the Iridium gateway believes the boat to be.
     auto estimate = [&](atirma::utc_ms at, double latitude, double longitude, double error_m) {
@@ -161,12 +192,18 @@ int main(int argc, char** argv) {
     // An hour and a half of the past, then as time goes; or a boat that was never heard, until "resume".
     auto moor = [&] {
         auto at = wall_clock() - 2s;
-        vela.apply(atirma::position_update{.from = {at, at, "gprs", false}, .latitude_deg = 28.1505, .longitude_deg = -15.4408, .speed_over_ground_mps = 0.1}, at);
+        vela.apply(atirma::position_update{.from = {at, at, "gprs", false},
+                                           .latitude_deg = 28.1505,
+                                           .longitude_deg = -15.4408,
+                                           .speed_over_ground_mps = 0.1},
+                   at);
     };
     scripted_boat boat(state, wall_clock() - (empty ? 1s : 90min));
     for (int step = 0; !empty && boat.time() < wall_clock() - 4s; ++step) {
         boat.step(4s, step % 400 < 250 ? "xbee" : "gprs", publish);
-        if (step % 430 == 300) estimate(boat.time() + 2s, 28.1522 + 0.0037 * (step / 430 % 3), -15.4575 + 0.0052 * (step / 430 % 2), 480 + 130 * (step / 430 % 3));
+        if (step % 430 == 300)
+            estimate(boat.time() + 2s, 28.1522 + 0.0037 * (step / 430 % 3), -15.4575 + 0.0052 * (step / 430 % 2),
+                     480 + 130 * (step / 430 % 3));
     }
     if (!empty) {
         boat.tell_course(publish);

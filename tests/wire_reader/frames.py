@@ -163,7 +163,7 @@ def encode(of: schema.Type, value: Any) -> bytes:
         case "bool":
             return struct.pack("<B", value)
         case _:
-            return int(value).to_bytes(of.least_bytes(), "little", signed=of.kind.startswith("i"))
+            return int(value).to_bytes(of.min_bytes(), "little", signed=of.kind.startswith("i"))
 
 
 def control(name: str, id: int = 0, **fields: Any) -> bytes:

@@ -68,15 +68,15 @@ class Decoder:
             case "duration" | "time":
                 return self.number(of.integer)
             case "vector":
-                return self.elements(of.inner[0], self.count(of.inner[0].least_bytes()))
+                return self.elements(of.inner[0], self.count(of.inner[0].min_bytes()))
             case "array":
                 return self.elements(of.inner[0], of.count)
             case "set":
                 keys = set()
-                return [self.key(of.inner[0], keys) for _ in range(self.count(of.inner[0].least_bytes()))]
+                return [self.key(of.inner[0], keys) for _ in range(self.count(of.inner[0].min_bytes()))]
             case "map":
                 keys = set()
-                least = of.inner[0].least_bytes() + of.inner[1].least_bytes()
+                least = of.inner[0].min_bytes() + of.inner[1].min_bytes()
                 return [(self.key(of.inner[0], keys), self.value(of.inner[1])) for _ in range(self.count(least))]
             case "optional":
                 return [self.value(of.inner[0])] if self.flag("the first byte of an optional") else None

@@ -2,7 +2,8 @@
 //   wire_party provide ENDPOINT[,ENDPOINT] [PATH]   listens, prints where; with PATH it registers with ISE_NAME_SERVER;
 //                                                   WIRE_PARTY_ADVERTISE: where a relay of the test's own leads to it
 //   wire_party ask ENDPOINT STORY        plays one story against a provider, and prints what it saw
-// A line that begins with "!" asks whoever started it to do something to the link; it goes on at the next line of input.
+// A line that begins with "!" asks whoever started it to do something to the link; it goes on at the next line of
+// input.
 #include "services.hpp"
 
 #include <ise/service/service_host.hpp>
@@ -51,7 +52,9 @@ class provider : public ise::component {
             co_return answer;
         });
         provide(echo, [](blob given) { return given; });
-        provide(older::plan, [](older::route given) { return older::route_set{static_cast<std::uint32_t>(given.waypoints.size())}; });
+        provide(older::plan, [](older::route given) {
+            return older::route_set{static_cast<std::uint32_t>(given.waypoints.size())};
+        });
         provide(older::moved, [](text given) { return given; });
         provide_bursts();
         ise::publication_callbacks<std::remove_const_t<decltype(older::weather)>> callbacks;
@@ -70,7 +73,9 @@ class provider : public ise::component {
             if (asked.first == 13) return ise::failure(ise::errc::refused, "no unlucky numbers");
             return text{fmt::format("from {}", asked.first)};
         };
-        callbacks.on_unsubscribe = [](const reason& given, const ise::subscriber_info&) { return text{"bye, " + given.why}; };
+        callbacks.on_unsubscribe = [](const reason& given, const ise::subscriber_info&) {
+            return text{"bye, " + given.why};
+        };
         auto numbers = publish(fixes, callbacks);
         auto images = publish(pictures);
         provide(publish_fixes, [this, numbers](burst wanted) {
@@ -82,7 +87,8 @@ class provider : public ise::component {
             return ise::nothing{};
         });
         provide(publish_pictures, [images](burst wanted) {
-            for (std::uint32_t i = 0; i < wanted.count; ++i) images(blob{std::vector<std::uint8_t>(wanted.bytes, static_cast<std::uint8_t>(i))});
+            for (std::uint32_t i = 0; i < wanted.count; ++i)
+                images(blob{std::vector<std::uint8_t>(wanted.bytes, static_cast<std::uint8_t>(i))});
             return ise::nothing{};
         });
         provide(withdraw_pictures, [this](ise::nothing) {
@@ -151,7 +157,9 @@ private:
         asio::cancellation_signal enough;
         text request{"for ever"};
         std::string outcome = "waits";
-        auto note = [&outcome](ise::result<text> got) { outcome = got ? "answered" : ise::name_of(got.error().code()); };
+        auto note = [&outcome](ise::result<text> got) {
+            outcome = got ? "answered" : ise::name_of(got.error().code());
+        };
         there_.try_call(never, request, 1h, asio::bind_cancellation_slot(enough.slot(), note));
         text other{"hold"};
         co_await there_.call(helm, other, 1min);
@@ -231,7 +239,8 @@ private:
     ise::task<> again() {
         text request{"the word is"};
         std::string outcome = "waits";
-        there_.try_call(word, request, 1min, [&outcome](ise::result<text> got) { outcome = got ? got->said : got.error().message(); });
+        there_.try_call(word, request, 1min,
+                        [&outcome](ise::result<text> got) { outcome = got ? got->said : got.error().message(); });
         text other{"hold"};
         co_await there_.call(helm, other, 1min);
         co_await ask_for("cut");
@@ -275,13 +284,14 @@ private:
             auto packet = co_await stream.next();
             if (!packet || packet->number + 1 == count) break;
         }
-        while (options.min_interval > 0s && stream.counts().skipped == 0) { // until one comes behind those that were left out
+        while (options.min_interval > 0s &&
+               stream.counts().skipped == 0) { // until one comes behind those that were left out
             co_await there_.call(publish_fixes, wanted, 1min);
             while (stream.try_next()) {}
         }
         auto& counts = stream.counts();
-        say(fmt::format("{} received {} lost {} skipped {} {}", title, counts.received, counts.lost_at_provider, counts.skipped,
-                        stream.ended() ? ise::name_of(stream.cause().code()) : "alive"));
+        say(fmt::format("{} received {} lost {} skipped {} {}", title, counts.received, counts.lost_at_provider,
+                        counts.skipped, stream.ended() ? ise::name_of(stream.cause().code()) : "alive"));
     }
 
     ise::task<> resume() {
@@ -343,7 +353,8 @@ int play(const std::vector<std::string>& words) {
         return ise::run_until_signal(node);
     }
     how.listen = where;
-    if (auto through = env.variable("WIRE_PARTY_ADVERTISE")) how.advertise.push_back(ise::endpoint::parse(*through).value());
+    if (auto through = env.variable("WIRE_PARTY_ADVERTISE"))
+        how.advertise.push_back(ise::endpoint::parse(*through).value());
     auto& made = node.start<provider>(words.size() > 2 ? words[2] : "test/provider", how);
     return ise::run_until_signal(node, [&] {
         std::string listening = "at";

@@ -50,19 +50,19 @@ class Type:
             case _:
                 return f"{self.kind}<{inner}>" if self.inner or self.kind == "tuple" else self.kind
 
-    def least_bytes(self) -> int:
+    def min_bytes(self) -> int:
         """The fewest bytes that a value takes."""
         match self.kind:
             case "struct" | "tuple":
-                return sum(each.least_bytes() for each in self.inner)
+                return sum(each.min_bytes() for each in self.inner)
             case "array":
-                return self.count * self.inner[0].least_bytes()
+                return self.count * self.inner[0].min_bytes()
             case "enum":
                 return INTEGERS[self.integer]
             case "optional":
                 return 1
             case "variant":
-                return self.index_bytes() + min(each.least_bytes() for each in self.inner)
+                return self.index_bytes() + min(each.min_bytes() for each in self.inner)
             case "duration" | "time":
                 return 8
             case _:
@@ -84,7 +84,7 @@ class Type:
             case "variant":
                 return bytes(self.index_bytes()) + self.inner[0].natural()
             case _:
-                return bytes(self.least_bytes())
+                return bytes(self.min_bytes())
 
 
 class _Reader:

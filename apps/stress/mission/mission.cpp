@@ -14,7 +14,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr const char* script_path = "atirma/script";
-constexpr ise::duration shortest_long = 20min; // what is shorter has a plan of its own
+constexpr ise::duration min_long = 20min; // what is shorter has a plan of its own
 
 } // namespace
 
@@ -24,8 +24,8 @@ mission::mission(ise::environment& world, ise::node_options terms, mission_optio
     told_.virtual_clock = false;
     told_.wind = options_.wind;
     told_.began = world.wall();
-    told_.plan = options_.length < shortest_long ? make_short_plan(options_.seed, options_.length)
-                                                 : make_plan(options_.seed, options_.length);
+    told_.plan = options_.length < min_long ? make_short_plan(options_.seed, options_.length)
+                                            : make_plan(options_.seed, options_.length);
     // Two processes of one machine cannot be parted.
     std::erase_if(told_.plan.faults, [](const auto& one) { return one.what == trouble::nodes_parted; });
     // Their disks are not within reach.
@@ -103,8 +103,8 @@ void mission::start_operator(std::size_t which) {
         consoles_[which] = options.port;
     }
     node_->start<console::gui_client>("atirma/console/" + name, beside_script(), options);
-    node_->start<operator_seat>("atirma/desk/" + name, beside_script(), told_.people[which], book_,
-                                [this] { return elapsed(); }, options.port);
+    node_->start<operator_seat>(
+        "atirma/desk/" + name, beside_script(), told_.people[which], book_, [this] { return elapsed(); }, options.port);
 }
 
 void mission::stop_operator(std::size_t which) {

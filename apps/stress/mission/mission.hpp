@@ -31,8 +31,8 @@ struct mission_options {
     std::string boat_memory;              ///< the file of the boat's computer
     std::string page;                     ///< "127.0.0.1:8080": asked at the end what it has shown
     ise::endpoint names;
-    std::string wind;                     ///< in words, for the report
-    ise::duration longest_start = std::chrono::minutes(3), longest_calm = std::chrono::minutes(5);
+    std::string wind; ///< in words, for the report
+    ise::duration max_start = std::chrono::minutes(3), max_calm = std::chrono::minutes(5);
     /// Tells who owns the processes: "ready tcp://… udp://…", "kill atirma/boat", "start atirma/boat".
     std::function<void(const std::string&)> say;
 };
@@ -104,7 +104,7 @@ private:
     director* director_ = nullptr;
     std::mutex mutex_;
     std::condition_variable asked_;
-    std::queue<task> tasks_; ///< for the thread in `sail()`: a component cannot start another one
+    std::queue<task> tasks_;          ///< for the thread in `sail()`: a component cannot start another one
     std::unique_ptr<ise::node> node_; ///< its components use everything above
 };
 

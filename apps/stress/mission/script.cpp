@@ -44,7 +44,7 @@ ise::task<> mission::script::run() {
     }
     co_await sleep_till(of_.began_ + plan.length);
     auto ended = of_.elapsed();
-    for (bool calm = nothing_owed(); !calm && of_.elapsed() - ended < of_.options_.longest_calm; calm = nothing_owed())
+    for (bool calm = nothing_owed(); !calm && of_.elapsed() - ended < of_.options_.max_calm; calm = nothing_owed())
         co_await sleep(1s);
     of_.told_.calm = of_.elapsed() - ended;
     co_await learn();
@@ -53,7 +53,7 @@ ise::task<> mission::script::run() {
 
 ise::task<bool> mission::script::see_the_boat() {
     auto nodes = at(std::string(communication_role));
-    auto until = now() + of_.options_.longest_start;
+    auto until = now() + of_.options_.max_start;
     while (now() < until) {
         track_request any;
         any.max_packets = 1;

@@ -24,10 +24,11 @@ dds_entity_t check(dds_entity_t made, const char* what) {
 
 // Peers find each other by the loopback alone; write batching is its fast path for publications.
 void configure(const options& asked) {
-    std::string xml = "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name=\"lo\" multicast=\"false\"/></Interfaces>"
-                      "<AllowMulticast>false</AllowMulticast><MaxMessageSize>65500B</MaxMessageSize></General>"
-                      "<Discovery><ParticipantIndex>auto</ParticipantIndex><Peers><Peer address=\"127.0.0.1\"/></Peers></Discovery>"
-                      "<Internal><Watermarks><WhcHigh>1MB</WhcHigh></Watermarks></Internal></Domain></CycloneDDS>";
+    std::string xml =
+        "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name=\"lo\" multicast=\"false\"/></Interfaces>"
+        "<AllowMulticast>false</AllowMulticast><MaxMessageSize>65500B</MaxMessageSize></General>"
+        "<Discovery><ParticipantIndex>auto</ParticipantIndex><Peers><Peer address=\"127.0.0.1\"/></Peers></Discovery>"
+        "<Internal><Watermarks><WhcHigh>1MB</WhcHigh></Watermarks></Internal></Domain></CycloneDDS>";
     ::setenv("CYCLONEDDS_URI", xml.c_str(), 0);
     if (asked.work == "publish") dds_write_set_batch(true);
 }
@@ -39,8 +40,12 @@ struct place {
 place join(const std::string& unique) {
     place made{};
     made.participant = check(dds_create_participant(DDS_DOMAIN_DEFAULT, nullptr, nullptr), "participant");
-    made.requests = check(dds_create_topic(made.participant, &work_packet_desc, ("requests_" + unique).c_str(), nullptr, nullptr), "topic");
-    made.replies = check(dds_create_topic(made.participant, &work_packet_desc, ("replies_" + unique).c_str(), nullptr, nullptr), "topic");
+    made.requests =
+        check(dds_create_topic(made.participant, &work_packet_desc, ("requests_" + unique).c_str(), nullptr, nullptr),
+              "topic");
+    made.replies =
+        check(dds_create_topic(made.participant, &work_packet_desc, ("replies_" + unique).c_str(), nullptr, nullptr),
+              "topic");
     return made;
 }
 
@@ -50,8 +55,12 @@ dds_qos_t* lossless() {
     dds_qset_history(made, DDS_HISTORY_KEEP_ALL, 0);
     return made;
 }
-dds_entity_t writer(const place& at, dds_entity_t topic) { return check(dds_create_writer(at.participant, topic, lossless(), nullptr), "writer"); }
-dds_entity_t reader(const place& at, dds_entity_t topic) { return check(dds_create_reader(at.participant, topic, lossless(), nullptr), "reader"); }
+dds_entity_t writer(const place& at, dds_entity_t topic) {
+    return check(dds_create_writer(at.participant, topic, lossless(), nullptr), "writer");
+}
+dds_entity_t reader(const place& at, dds_entity_t topic) {
+    return check(dds_create_reader(at.participant, topic, lossless(), nullptr), "reader");
+}
 
 struct sample {
     explicit sample(std::size_t bytes) : content(bytes, 'x') {
@@ -118,7 +127,9 @@ void serve(const options& asked) {
         auto in = reader(at, at.requests);
         auto waiting = watch(at, {in});
         announce(unique);
-        for (;;) take_some(waiting, in, DDS_INFINITY, [&](work_packet& request) { check(dds_write(out, &request), "write"); });
+        for (;;)
+            take_some(waiting, in, DDS_INFINITY,
+                      [&](work_packet& request) { check(dds_write(out, &request), "write"); });
     }
     announce(unique);
     for (;;) {
@@ -170,12 +181,15 @@ outcome measure(const options& asked) {
     wait_for(readers.front(), false, 1);
     if (asked.work == "paced") {
         pace times(asked);
-        while (!times.over()) take_some(waiting, readers.front(), DDS_MSECS(100), [&](work_packet& one) { times.take(one.content._buffer); });
+        while (!times.over())
+            take_some(waiting, readers.front(), DDS_MSECS(100),
+                      [&](work_packet& one) { times.take(one.content._buffer); });
         return times.result();
     }
     return rate_by(asked, [&] {
         std::uint64_t got = 0;
-        for (auto one : readers) got += take_some(waiting, one, readers.size() == 1 ? DDS_MSECS(100) : 0, [](work_packet&) {});
+        for (auto one : readers)
+            got += take_some(waiting, one, readers.size() == 1 ? DDS_MSECS(100) : 0, [](work_packet&) {});
         return got;
     });
 }

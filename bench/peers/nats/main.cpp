@@ -32,7 +32,8 @@ int free_port() {
     at.sin_family = AF_INET;
     at.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     socklen_t length = sizeof at;
-    if (::bind(made, reinterpret_cast<sockaddr*>(&at), sizeof at) != 0 || ::getsockname(made, reinterpret_cast<sockaddr*>(&at), &length) != 0)
+    if (::bind(made, reinterpret_cast<sockaddr*>(&at), sizeof at) != 0 ||
+        ::getsockname(made, reinterpret_cast<sockaddr*>(&at), &length) != 0)
         throw std::runtime_error("no free port");
     ::close(made);
     return ntohs(at.sin_port);
@@ -48,7 +49,8 @@ natsConnection* connect(const std::string& url, const options& asked) {
     natsOptions_SetMaxPendingMsgs(how, 1'000'000);
     natsConnection* made = nullptr;
     natsStatus outcome = NATS_OK;
-    while ((outcome = natsConnection_Connect(&made, how)) != NATS_OK && --tries > 0) std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    while ((outcome = natsConnection_Connect(&made, how)) != NATS_OK && --tries > 0)
+        std::this_thread::sleep_for(std::chrono::milliseconds(20));
     check(outcome, ("no nats-server at " + url).c_str());
     return made;
 }
@@ -62,7 +64,8 @@ std::string start_server() {
         ::prctl(PR_SET_PDEATHSIG, SIGKILL); // it ends with the serving side
         if (::getppid() != parent) ::_exit(1);
         ::execlp("nats-server", "nats-server", "-a", "127.0.0.1", "-p", text.c_str(), "-l", "/dev/null", nullptr);
-        ::execl("/usr/sbin/nats-server", "nats-server", "-a", "127.0.0.1", "-p", text.c_str(), "-l", "/dev/null", nullptr);
+        ::execl("/usr/sbin/nats-server", "nats-server", "-a", "127.0.0.1", "-p", text.c_str(), "-l", "/dev/null",
+                nullptr);
         ::_exit(127);
     }
     if (child < 0) throw std::runtime_error("nats-server cannot be started");
@@ -91,7 +94,8 @@ void echo(natsConnection* over, natsSubscription*, natsMsg* got, void*) {
 void on_taken(natsConnection*, natsSubscription*, natsMsg* got, void* closure) {
     auto& all = *static_cast<progress*>(closure);
     unsigned long number = 0, count = 0;
-    if (std::sscanf(std::string(natsMsg_GetData(got), static_cast<std::size_t>(natsMsg_GetDataLength(got))).c_str(), "%lu %lu", &number, &count) == 2) {
+    if (std::sscanf(std::string(natsMsg_GetData(got), static_cast<std::size_t>(natsMsg_GetDataLength(got))).c_str(),
+                    "%lu %lu", &number, &count) == 2) {
         std::lock_guard guard(all.mutex);
         if (number < all.taken.size()) all.taken[number] = count;
         all.moved.notify_one();
@@ -134,7 +138,8 @@ void publish(natsConnection* over, const options& asked, progress& all) {
                 if (all.generation != seen) break;
                 until = least() + window;
             }
-            for (; sent < until; ++sent) check(natsConnection_Publish(over, feed, packet.data(), static_cast<int>(packet.size())), "publish");
+            for (; sent < until; ++sent)
+                check(natsConnection_Publish(over, feed, packet.data(), static_cast<int>(packet.size())), "publish");
         }
     }
 }
@@ -169,7 +174,8 @@ void on_packet(natsConnection* over, natsSubscription*, natsMsg* got, void* clos
     auto& self = *static_cast<taker*>(closure);
     const auto count = self.count.fetch_add(1, std::memory_order_relaxed) + 1;
     if (self.times) self.times->take(natsMsg_GetData(got));
-    if (!self.times && count % (self.window / 4) == 0) natsConnection_PublishString(over, taken, (std::to_string(self.number) + " " + std::to_string(count)).c_str());
+    if (!self.times && count % (self.window / 4) == 0)
+        natsConnection_PublishString(over, taken, (std::to_string(self.number) + " " + std::to_string(count)).c_str());
     natsMsg_Destroy(got);
 }
 
@@ -182,7 +188,8 @@ void on_reply(natsConnection* over, natsSubscription*, natsMsg* got, void* closu
     auto& self = *static_cast<caller*>(closure);
     self.answered.fetch_add(1, std::memory_order_relaxed);
     natsMsg_Destroy(got);
-    natsConnection_PublishRequest(over, calls, self.inbox.c_str(), self.packet.data(), static_cast<int>(self.packet.size()));
+    natsConnection_PublishRequest(over, calls, self.inbox.c_str(), self.packet.data(),
+                                  static_cast<int>(self.packet.size()));
 }
 
 outcome measure_calls(const options& asked) {
@@ -192,7 +199,9 @@ outcome measure_calls(const options& asked) {
     if (asked.outstanding == 1) {
         return one_by_one(asked, [&] {
             natsMsg* reply = nullptr;
-            check(natsConnection_Request(&reply, over, calls, self.packet.data(), static_cast<int>(self.packet.size()), 10'000), "request");
+            check(natsConnection_Request(&reply, over, calls, self.packet.data(), static_cast<int>(self.packet.size()),
+                                         10'000),
+                  "request");
             natsMsg_Destroy(reply);
         });
     }
@@ -202,7 +211,9 @@ outcome measure_calls(const options& asked) {
     natsSubscription* listening = nullptr;
     check(natsConnection_Subscribe(&listening, over, inbox, on_reply, &self), "subscribe");
     for (std::size_t i = 0; i != asked.outstanding; ++i)
-        check(natsConnection_PublishRequest(over, calls, inbox, self.packet.data(), static_cast<int>(self.packet.size())), "request");
+        check(
+            natsConnection_PublishRequest(over, calls, inbox, self.packet.data(), static_cast<int>(self.packet.size())),
+            "request");
     return rate_of(asked, [] { return self.answered.load(); });
 }
 

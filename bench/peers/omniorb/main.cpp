@@ -1,5 +1,5 @@
-// omniORB: two-way calls; `oneway` to the subscribers' own objects for publications. With many calls outstanding there is
-// a thread for each, since it has no asynchronous calls.
+// omniORB: two-way calls; `oneway` to the subscribers' own objects for publications. With many calls outstanding there
+// is a thread for each, since it has no asynchronous calls.
 #include "peers/peer.hpp"
 
 #include "work.hh"
@@ -56,9 +56,15 @@ private:
 
 struct orb {
     explicit orb(bool listens) {
-        const char* listening[][2] = {{"endPoint", "giop:tcp:127.0.0.1:"}, {"oneCallPerConnection", "0"}, {"maxGIOPConnectionPerServer", "1"},
-                                      {"giopMaxMsgSize", "134217728"}, {nullptr, nullptr}};
-        const char* asking[][2] = {{"endPoint", "giop:tcp:127.0.0.1:"}, {"maxGIOPConnectionPerServer", "64"}, {"giopMaxMsgSize", "134217728"}, {nullptr, nullptr}};
+        const char* listening[][2] = {{"endPoint", "giop:tcp:127.0.0.1:"},
+                                      {"oneCallPerConnection", "0"},
+                                      {"maxGIOPConnectionPerServer", "1"},
+                                      {"giopMaxMsgSize", "134217728"},
+                                      {nullptr, nullptr}};
+        const char* asking[][2] = {{"endPoint", "giop:tcp:127.0.0.1:"},
+                                   {"maxGIOPConnectionPerServer", "64"},
+                                   {"giopMaxMsgSize", "134217728"},
+                                   {nullptr, nullptr}};
         int count = 0;
         own = CORBA::ORB_init(count, nullptr, "omniORB4", listens ? listening : asking);
         CORBA::Object_var found = own->resolve_initial_references("RootPOA");

@@ -13,7 +13,9 @@ namespace {
 
 using namespace bench;
 
-[[noreturn]] void fail(const char* what) { throw std::runtime_error(std::string(what) + ": " + zmq_strerror(zmq_errno())); }
+[[noreturn]] void fail(const char* what) {
+    throw std::runtime_error(std::string(what) + ": " + zmq_strerror(zmq_errno()));
+}
 void check(int outcome, const char* what) {
     if (outcome < 0) fail(what);
 }
@@ -41,7 +43,9 @@ void bind_and_tell(void* socket, const options& asked) {
     announce(where);
 }
 
-void send(void* socket, const std::string& packet) { check(zmq_send(socket, packet.data(), packet.size(), 0), "zmq_send"); }
+void send(void* socket, const std::string& packet) {
+    check(zmq_send(socket, packet.data(), packet.size(), 0), "zmq_send");
+}
 
 void serve_calls(const options& asked) {
     void* socket = make(ZMQ_ROUTER);
@@ -122,7 +126,9 @@ outcome measure_publication(const options& asked) {
         all.push_back({socket, 0, ZMQ_POLLIN, 0});
     }
     std::string packet(asked.size_bytes, 'x');
-    const auto receive = [&](void* from, int flags) { return zmq_recv(from, packet.data(), packet.size(), flags) >= 0; };
+    const auto receive = [&](void* from, int flags) {
+        return zmq_recv(from, packet.data(), packet.size(), flags) >= 0;
+    };
     if (asked.work == "paced") {
         pace times(asked);
         while (!times.over()) {

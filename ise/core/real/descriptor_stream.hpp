@@ -26,7 +26,9 @@ struct transfer_handler {
     using cancellation_slot_type = asio::associated_cancellation_slot_t<Handler>;
 
     executor_type get_executor() const noexcept { return asio::get_associated_executor(handler); }
-    cancellation_slot_type get_cancellation_slot() const noexcept { return asio::get_associated_cancellation_slot(handler); }
+    cancellation_slot_type get_cancellation_slot() const noexcept {
+        return asio::get_associated_cancellation_slot(handler);
+    }
     void operator()(std::error_code problem, std::size_t count) { handler(transfer{problem, count}); }
 
     Handler handler;
@@ -51,8 +53,7 @@ public:
     transfer try_write(std::span<const asio::const_buffer> from) override {
         iovec pieces[64];
         std::size_t count = std::min(from.size(), std::size(pieces));
-        for (std::size_t i = 0; i < count; ++i)
-            pieces[i] = {const_cast<void*>(from[i].data()), from[i].size()};
+        for (std::size_t i = 0; i < count; ++i) pieces[i] = {const_cast<void*>(from[i].data()), from[i].size()};
         for (;;) {
             auto written = write(pieces, count);
             if (written >= 0) return {{}, static_cast<std::size_t>(written)};
@@ -70,7 +71,8 @@ public:
     void limit_unsent(std::size_t most) override {
         if constexpr (is_socket) {
             auto bytes_waiting = static_cast<int>(std::clamp<std::size_t>(most, 1, 1u << 30));
-            ::setsockopt(object_.native_handle(), IPPROTO_TCP, TCP_NOTSENT_LOWAT, &bytes_waiting, sizeof bytes_waiting); // a local socket has none
+            ::setsockopt(object_.native_handle(), IPPROTO_TCP, TCP_NOTSENT_LOWAT, &bytes_waiting,
+                         sizeof bytes_waiting); // a local socket has none
         }
     }
 

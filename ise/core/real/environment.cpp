@@ -7,8 +7,8 @@
 
 #include <asio/executor_work_guard.hpp>
 #include <asio/io_context.hpp>
-#include <asio/steady_timer.hpp>
 #include <asio/post.hpp>
+#include <asio/steady_timer.hpp>
 #include <asio/strand.hpp>
 #include <asio/thread_pool.hpp>
 
@@ -83,17 +83,19 @@ private:
 // Destroys what waits in it before it is destroyed itself.
 class ending_context : public asio::io_context {
 public:
-    using asio::io_context::io_context;
     using asio::execution_context::shutdown;
+    using asio::io_context::io_context;
 };
 
 // A thread with an io_context of its own.
 class thread_loop final : public loop_host {
 public:
-    thread_loop(environment& environment, const std::string& name, std::shared_ptr<loop_count> among, std::shared_ptr<real::poll_seats> seats)
+    thread_loop(environment& environment, const std::string& name, std::shared_ptr<loop_count> among,
+                std::shared_ptr<real::poll_seats> seats)
         : counted_(std::move(among)), seats_(std::move(seats)), context_(std::make_unique<ending_context>(1)),
-          loop_(std::make_unique<ise::loop>(environment, context_->get_executor(),
-                                            [executor = context_->get_executor()] { return executor.running_in_this_thread(); })),
+          loop_(std::make_unique<ise::loop>(
+              environment, context_->get_executor(),
+              [executor = context_->get_executor()] { return executor.running_in_this_thread(); })),
           work_(asio::make_work_guard(*context_)) {
         loop_->use_alarm(std::make_unique<asio_alarm>(*loop_));
         thread_ = std::thread([this] { context_->run(); });
@@ -176,7 +178,7 @@ process_identity this_process() {
     std::array<char, 256> name{};
     ::gethostname(name.data(), name.size() - 1);
     made.host_name = name.data();
-    struct stat network{};
+    struct stat network {};
     ::stat("/proc/self/ns/net", &network);
     made.host_key = fmt::format("{}.{}", first_line_of("/proc/sys/kernel/random/boot_id"), network.st_ino);
     made.process_id = static_cast<std::uint64_t>(::getpid());

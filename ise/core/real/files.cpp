@@ -14,12 +14,15 @@
 namespace ise {
 
 result<std::string> real_environment::read_file(const std::string& path, std::size_t max_bytes) {
-    auto refuse = [&](std::string_view why) { return failure(errc::io_failed, fmt::format("cannot read {}: {}", path, why)); };
+    auto refuse = [&](std::string_view why) {
+        return failure(errc::io_failed, fmt::format("cannot read {}: {}", path, why));
+    };
     std::ifstream file(path, std::ios::binary | std::ios::ate);
     if (!file) return refuse(std::error_code(errno, std::system_category()).message());
     auto size = static_cast<std::streamoff>(file.tellg());
     if (size < 0) return refuse("it is not a plain file");
-    if (static_cast<std::size_t>(size) > max_bytes) return refuse(fmt::format("it has {} bytes, {} are allowed", size, max_bytes));
+    if (static_cast<std::size_t>(size) > max_bytes)
+        return refuse(fmt::format("it has {} bytes, {} are allowed", size, max_bytes));
     std::string content(static_cast<std::size_t>(size), '\0');
     file.seekg(0);
     if (!file.read(content.data(), size)) return refuse("it ended early");
@@ -32,17 +35,21 @@ result<std::string> real_environment::read_trusted(const std::string& path, std:
 }
 
 result<std::string> real_environment::read_secret(const std::string& path, std::size_t max_bytes) {
-    auto refuse = [&](std::string_view why) { return failure(errc::io_failed, fmt::format("cannot read {}: {}", path, why)); };
+    auto refuse = [&](std::string_view why) {
+        return failure(errc::io_failed, fmt::format("cannot read {}: {}", path, why));
+    };
     int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK); // a pipe must not block
     if (file < 0) return refuse(std::error_code(errno, std::system_category()).message());
     struct closing {
         int file;
         ~closing() { ::close(file); }
     } guard{file};
-    struct stat about{};
+    struct stat about {};
     if (::fstat(file, &about) != 0 || !S_ISREG(about.st_mode)) return refuse("it is not a plain file");
     if ((about.st_mode & (S_IRWXO | S_IWGRP)) != 0)
-        return failure(errc::unauthorized, fmt::format("{} holds a secret, and others than its owner may use it (mode {:o}): chmod 600 {}", path, about.st_mode & 0777, path));
+        return failure(errc::unauthorized,
+                       fmt::format("{} holds a secret, and others than its owner may use it (mode {:o}): chmod 600 {}",
+                                   path, about.st_mode & 0777, path));
     if (auto own = check_own_file(path, "read"); !own) return own.error();
     std::string content;
     char piece[4096];
@@ -52,7 +59,8 @@ result<std::string> real_environment::read_secret(const std::string& path, std::
         if (count < 0) return refuse(std::error_code(errno, std::system_category()).message());
         if (count == 0) return content;
         content.append(piece, static_cast<std::size_t>(count));
-        if (content.size() > max_bytes) return failure(errc::too_large, fmt::format("{} has more than {} bytes", path, max_bytes));
+        if (content.size() > max_bytes)
+            return failure(errc::too_large, fmt::format("{} has more than {} bytes", path, max_bytes));
     }
 }
 

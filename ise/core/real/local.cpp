@@ -48,7 +48,7 @@ public:
 private:
     // Only the file that this listener made: another may have taken its place.
     void remove_file() {
-        struct stat now{};
+        struct stat now {};
         if (file_ != 0 && ::stat(where_.path.c_str(), &now) == 0 && now.st_ino == file_) ::unlink(where_.path.c_str());
         file_ = 0;
     }
@@ -92,7 +92,7 @@ result<std::unique_ptr<listener>> listen_local(loop& on, const endpoint& at) {
     if (problem) return refuse();
     acceptor.listen(asio::socket_base::max_listen_connections, problem);
     if (problem) return refuse();
-    struct stat made{};
+    struct stat made {};
     if (file) ::stat(at.path.c_str(), &made);
     return std::unique_ptr<listener>(std::make_unique<local_listener>(std::move(acceptor), at, made.st_ino));
 }

@@ -19,13 +19,14 @@
 namespace ise {
 namespace {
 
-constexpr int most_links = 40;
+constexpr int max_links = 40;
 
 std::string user_text(uid_t user) {
     std::vector<char> room(16384);
     passwd entry{};
     passwd* found = nullptr;
-    if (::getpwuid_r(user, &entry, room.data(), room.size(), &found) != 0 || !found) return fmt::format("user {}", user);
+    if (::getpwuid_r(user, &entry, room.data(), room.size(), &found) != 0 || !found)
+        return fmt::format("user {}", user);
     return fmt::format("{} (user {})", found->pw_name, user);
 }
 
@@ -37,7 +38,8 @@ bool is_own_group(gid_t group) {
     passwd* me = nullptr;
     ::group entry{};
     ::group* its = nullptr;
-    if (::getpwuid_r(::geteuid(), &user, user_room.data(), user_room.size(), &me) != 0 || !me || me->pw_gid != group) return false;
+    if (::getpwuid_r(::geteuid(), &user, user_room.data(), user_room.size(), &me) != 0 || !me || me->pw_gid != group)
+        return false;
     if (::getgrgid_r(group, &entry, group_room.data(), group_room.size(), &its) != 0 || !its) return false;
     return std::string_view(me->pw_name) == its->gr_name;
 }
@@ -93,11 +95,14 @@ private:
             at_ = std::move(next);
             return {};
         }
-        if (!is_trusted(about.st_uid, false)) return refused(fmt::format("the link {} belongs to {}, who can point it anywhere", next, user_text(about.st_uid)), next);
+        if (!is_trusted(about.st_uid, false))
+            return refused(
+                fmt::format("the link {} belongs to {}, who can point it anywhere", next, user_text(about.st_uid)),
+                next);
         std::array<char, PATH_MAX> target{};
         auto length = ::readlink(next.c_str(), target.data(), target.size() - 1);
         if (length < 0) return trouble(next);
-        if (++links_ > most_links) {
+        if (++links_ > max_links) {
             errno = ELOOP;
             return trouble(next);
         }
@@ -116,19 +121,31 @@ private:
         left_.insert(left_.begin(), parts.begin(), parts.end());
     }
 
-    bool is_trusted(uid_t owner, bool itself) const { return owner == 0 || owner == ::geteuid() || (!itself && owner == unknown_); }
+    bool is_trusted(uid_t owner, bool itself) const {
+        return owner == 0 || owner == ::geteuid() || (!itself && owner == unknown_);
+    }
 
     /// What was reached so far: what was asked for `itself`, or a folder above it.
     result<void> is_own(bool itself) const {
         auto here = at_.empty() ? std::string("/") : at_;
         struct stat about {};
         if (::lstat(here.c_str(), &about) != 0) return trouble(here);
-        bool sticky = !itself && S_ISDIR(about.st_mode) && (about.st_mode & S_ISVTX) != 0; // others cannot replace what is ours there
+        bool sticky = !itself && S_ISDIR(about.st_mode) &&
+                      (about.st_mode & S_ISVTX) != 0; // others cannot replace what is ours there
         if (!is_trusted(about.st_uid, itself))
-            return refused(fmt::format("{} belongs to {}, who can replace {}", here, user_text(about.st_uid), S_ISDIR(about.st_mode) ? "what lies in it" : "it"), here);
-        if ((about.st_mode & S_IWOTH) != 0 && !sticky) return refused(fmt::format("all users can write to {} (mode {:o}): chmod o-w {}", here, about.st_mode & 07777, here), {});
-        bool group_writes = (about.st_mode & S_IWGRP) != 0 && !sticky && about.st_uid != 0; // root knows whom it gave a group
-        if (group_writes && !is_own_group(about.st_gid)) return refused(fmt::format("its group can write to {} (mode {:o}): chmod g-w {}", here, about.st_mode & 07777, here), {});
+            return refused(fmt::format("{} belongs to {}, who can replace {}", here, user_text(about.st_uid),
+                                       S_ISDIR(about.st_mode) ? "what lies in it" : "it"),
+                           here);
+        if ((about.st_mode & S_IWOTH) != 0 && !sticky)
+            return refused(
+                fmt::format("all users can write to {} (mode {:o}): chmod o-w {}", here, about.st_mode & 07777, here),
+                {});
+        bool group_writes =
+            (about.st_mode & S_IWGRP) != 0 && !sticky && about.st_uid != 0; // root knows whom it gave a group
+        if (group_writes && !is_own_group(about.st_gid))
+            return refused(
+                fmt::format("its group can write to {} (mode {:o}): chmod g-w {}", here, about.st_mode & 07777, here),
+                {});
         return {};
     }
 
@@ -137,7 +154,8 @@ private:
         return {errc::unauthorized, fmt::format("{} is not safe from other users: {}", wanted_, why)};
     }
     failure trouble(const std::string& where) const {
-        return {errc::io_failed, fmt::format("cannot look at {}: {}", where, std::error_code(errno, std::system_category()).message())};
+        return {errc::io_failed,
+                fmt::format("cannot look at {}: {}", where, std::error_code(errno, std::system_category()).message())};
     }
 
     std::string wanted_;

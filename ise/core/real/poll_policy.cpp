@@ -42,7 +42,7 @@ void poll_policy::on_refused() noexcept {
 void poll_policy::lose() noexcept {
     if (++lost_ < patience) return;
     looking_ = false;
-    resting_ = std::exchange(rest_, std::min(rest_ * 2, longest_rest));
+    resting_ = std::exchange(rest_, std::min(rest_ * 2, max_rest));
     lost_ = patience - 1; // one try, then it rests again
 }
 

@@ -13,7 +13,7 @@ class poll_policy {
 public:
     static constexpr unsigned patience = 3;
     static constexpr unsigned first_rest = 16; ///< events
-    static constexpr unsigned longest_rest = 1024;
+    static constexpr unsigned max_rest = 1024;
     /// Nobody sleeps between two looks: a gap like this has another cause.
     static constexpr duration hiccup = std::chrono::microseconds(2);
 

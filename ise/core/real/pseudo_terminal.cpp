@@ -42,7 +42,8 @@ private:
         std::array<char, 256> target{};
         if (link_.empty()) return;
         auto size = ::readlink(link_.c_str(), target.data(), target.size());
-        if (size > 0 && std::string_view(target.data(), static_cast<std::size_t>(size)) == device_) ::unlink(link_.c_str());
+        if (size > 0 && std::string_view(target.data(), static_cast<std::size_t>(size)) == device_)
+            ::unlink(link_.c_str());
         link_.clear();
     }
 
@@ -54,10 +55,12 @@ std::error_code last_error() { return {errno, std::system_category()}; }
 
 // A link that a dead program left: the terminal is gone, or is another one that was given the same number since.
 bool stale(const std::string& link) {
-    struct stat itself{}, behind{};
+    struct stat itself {
+    }, behind{};
     if (::lstat(link.c_str(), &itself) != 0 || !S_ISLNK(itself.st_mode)) return false;
     if (::stat(link.c_str(), &behind) != 0) return true;
-    return S_ISCHR(behind.st_mode) && std::pair(itself.st_mtim.tv_sec, itself.st_mtim.tv_nsec) < std::pair(behind.st_ctim.tv_sec, behind.st_ctim.tv_nsec);
+    return S_ISCHR(behind.st_mode) && std::pair(itself.st_mtim.tv_sec, itself.st_mtim.tv_nsec) <
+                                          std::pair(behind.st_ctim.tv_sec, behind.st_ctim.tv_nsec);
 }
 
 result<void> make_link(const std::string& device, const std::string& link) {
@@ -65,9 +68,13 @@ result<void> make_link(const std::string& device, const std::string& link) {
     auto problem = last_error();
     if (problem != std::errc::file_exists) return io_failure(fmt::format("cannot make the link {}", link), problem);
     if (!stale(link))
-        return failure(errc::address_in_use, fmt::format("cannot make the link {}: something is there and in use; choose another name or remove it", link));
+        return failure(
+            errc::address_in_use,
+            fmt::format("cannot make the link {}: something is there and in use; choose another name or remove it",
+                        link));
     ::unlink(link.c_str());
-    if (::symlink(device.c_str(), link.c_str()) != 0) return io_failure(fmt::format("cannot make the link {}", link), last_error());
+    if (::symlink(device.c_str(), link.c_str()) != 0)
+        return io_failure(fmt::format("cannot make the link {}", link), last_error());
     return {};
 }
 
@@ -81,7 +88,8 @@ result<pseudo_terminal> open_pseudo_terminal(loop& on, const std::string& link) 
     // Raw from the start: nothing is echoed before a program opens it. Set through the master, so that the device
     // was never opened and a read waits for whoever opens it first.
     termios settings{};
-    if (::grantpt(raw) != 0 || ::unlockpt(raw) != 0 || ::tcgetattr(raw, &settings) != 0) return io_failure("cannot prepare a pseudo-terminal", last_error());
+    if (::grantpt(raw) != 0 || ::unlockpt(raw) != 0 || ::tcgetattr(raw, &settings) != 0)
+        return io_failure("cannot prepare a pseudo-terminal", last_error());
     ::cfmakeraw(&settings);
     if (::tcsetattr(raw, TCSANOW, &settings) != 0) return io_failure("cannot prepare a pseudo-terminal", last_error());
     if (int problem = ::ptsname_r(raw, name.data(), name.size()); problem != 0)
@@ -91,7 +99,8 @@ result<pseudo_terminal> open_pseudo_terminal(loop& on, const std::string& link) 
         auto linked = make_link(device, link);
         if (!linked) return linked.error();
     }
-    return pseudo_terminal{std::make_unique<master_stream>(std::move(master), device, link), link.empty() ? device : link};
+    return pseudo_terminal{std::make_unique<master_stream>(std::move(master), device, link),
+                           link.empty() ? device : link};
 }
 
 } // namespace ise::real

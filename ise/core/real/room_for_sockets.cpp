@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #if defined(__unix__)
-#include <sys/resource.h>
+    #include <sys/resource.h>
 #endif
 
 namespace ise {
@@ -18,7 +18,8 @@ std::size_t room_for_sockets(std::size_t wanted) {
     raised.rlim_cur = now.rlim_max == RLIM_INFINITY ? needed : std::min(needed, now.rlim_max);
     if (::setrlimit(RLIMIT_NOFILE, &raised) == 0) now = raised;
     if (now.rlim_cur >= needed) return wanted;
-    return std::min(wanted, static_cast<std::size_t>(std::max(now.rlim_cur / 2, now.rlim_cur - std::min(others, now.rlim_cur))));
+    return std::min(
+        wanted, static_cast<std::size_t>(std::max(now.rlim_cur / 2, now.rlim_cur - std::min(others, now.rlim_cur))));
 #else
     return wanted;
 #endif

@@ -31,7 +31,9 @@ result<std::unique_ptr<stream>> open_serial(loop& on, const serial_options& opti
     opened.set_option(port::character_size(8), problem);
     opened.set_option(port::parity(port::parity::none), problem);
     opened.set_option(port::stop_bits(port::stop_bits::one), problem);
-    opened.set_option(port::flow_control(options.hardware_flow_control ? port::flow_control::hardware : port::flow_control::none), problem);
+    opened.set_option(
+        port::flow_control(options.hardware_flow_control ? port::flow_control::hardware : port::flow_control::none),
+        problem);
     if (problem) return refuse();
     int flags = ::fcntl(opened.native_handle(), F_GETFL);
     ::fcntl(opened.native_handle(), F_SETFL, flags | O_NONBLOCK);

@@ -37,7 +37,9 @@ struct accept_handler {
     using cancellation_slot_type = asio::associated_cancellation_slot_t<Handler>;
 
     executor_type get_executor() const noexcept { return asio::get_associated_executor(handler); }
-    cancellation_slot_type get_cancellation_slot() const noexcept { return asio::get_associated_cancellation_slot(handler); }
+    cancellation_slot_type get_cancellation_slot() const noexcept {
+        return asio::get_associated_cancellation_slot(handler);
+    }
     void operator()(std::error_code problem, tcp::socket socket) {
         handler(accepted(problem, problem ? nullptr : as_stream(std::move(socket))));
     }
@@ -52,7 +54,9 @@ public:
     task<std::pair<std::error_code, std::unique_ptr<stream>>> accept() override {
         // No frame of its own: Asio would use it again for the first one of the connection, however small that is.
         return asio::async_initiate<const asio::use_awaitable_t<>, void(accepted)>(
-            [](auto handler, tcp::acceptor& from) { from.async_accept(accept_handler<decltype(handler)>{std::move(handler)}); },
+            [](auto handler, tcp::acceptor& from) {
+                from.async_accept(accept_handler<decltype(handler)>{std::move(handler)});
+            },
             asio::use_awaitable, std::ref(acceptor_));
     }
     void close() override {
@@ -82,7 +86,8 @@ task<result<std::unique_ptr<stream>>> connect_tcp(loop& on, endpoint to) {
     auto [no_name, found] = co_await resolver.async_resolve(to.host, std::to_string(to.port), flags, as_tuple);
     if (no_name) {
         if (no_name == asio::error::operation_aborted) co_return failure(errc::cancelled, "connecting was cancelled");
-        co_return failure(errc::unreachable, fmt::format("{}: cannot resolve '{}': {}", to.text(), to.host, no_name.message()));
+        co_return failure(errc::unreachable,
+                          fmt::format("{}: cannot resolve '{}': {}", to.text(), to.host, no_name.message()));
     }
     std::string tried;
     bool itself = found.size() == 1 && as_endpoint(found.begin()->endpoint()).text() == to.text();
@@ -92,7 +97,8 @@ task<result<std::unique_ptr<stream>>> connect_tcp(loop& on, endpoint to) {
         if (!problem) co_return as_stream(std::move(socket));
         if (problem == asio::error::operation_aborted) co_return failure(errc::cancelled, "connecting was cancelled");
         if (itself || out_of_descriptors(problem)) co_return connect_failure(to, problem);
-        tried += fmt::format("{}{}: {}", tried.empty() ? "" : ", ", as_endpoint(candidate.endpoint()).text(), problem.message());
+        tried += fmt::format("{}{}: {}", tried.empty() ? "" : ", ", as_endpoint(candidate.endpoint()).text(),
+                             problem.message());
     }
     co_return failure(errc::unreachable, fmt::format("cannot connect to {} ({})", to.text(), tried));
 }
@@ -102,7 +108,8 @@ result<std::unique_ptr<listener>> listen_tcp(loop& on, const endpoint& at) {
     auto refuse = [&] { return io_failure(fmt::format("cannot listen on {}", at.text()), problem); };
 
     tcp::resolver resolver(on.get_executor());
-    auto found = resolver.resolve(at.host, std::to_string(at.port), tcp::resolver::passive | tcp::resolver::numeric_service, problem);
+    auto found = resolver.resolve(at.host, std::to_string(at.port),
+                                  tcp::resolver::passive | tcp::resolver::numeric_service, problem);
     if (problem || found.empty()) return refuse();
     auto address = found.begin()->endpoint();
 

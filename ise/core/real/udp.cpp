@@ -14,7 +14,7 @@ namespace {
 
 using asio::ip::udp;
 
-constexpr std::size_t largest_datagram = 65'535;
+constexpr std::size_t max_datagram = 65'535;
 // What arrives while the loop is busy; the kernel gives less where its administrator says so.
 constexpr int kernel_buffer_bytes = 1 << 20;
 
@@ -29,7 +29,9 @@ struct receive_handler {
     using cancellation_slot_type = asio::associated_cancellation_slot_t<Handler>;
 
     executor_type get_executor() const noexcept { return asio::get_associated_executor(handler); }
-    cancellation_slot_type get_cancellation_slot() const noexcept { return asio::get_associated_cancellation_slot(handler); }
+    cancellation_slot_type get_cancellation_slot() const noexcept {
+        return asio::get_associated_cancellation_slot(handler);
+    }
     void operator()(std::error_code problem, std::size_t count) { handler(take(problem, count)); }
 
     Handler handler;
@@ -38,15 +40,18 @@ struct receive_handler {
 
 class udp_socket final : public datagram_socket {
 public:
-    udp_socket(loop& on, udp::socket socket, endpoint where) : on_(on), socket_(std::move(socket)), where_(std::move(where)) {}
+    udp_socket(loop& on, udp::socket socket, endpoint where)
+        : on_(on), socket_(std::move(socket)), where_(std::move(where)) {}
 
     task<received> receive() override {
-        if (room_.empty()) room_.resize(largest_datagram);
+        if (room_.empty()) room_.resize(max_datagram);
         // No frame of its own, as for streams.
         return asio::async_initiate<const asio::use_awaitable_t<>, void(received)>(
             [](auto handler, udp_socket& self) {
                 auto take = [&self](std::error_code problem, std::size_t count) { return self.take(problem, count); };
-                self.socket_.async_receive_from(asio::buffer(self.room_), self.sender_, receive_handler<decltype(handler), decltype(take)>{std::move(handler), take});
+                self.socket_.async_receive_from(
+                    asio::buffer(self.room_), self.sender_,
+                    receive_handler<decltype(handler), decltype(take)>{std::move(handler), take});
             },
             asio::use_awaitable, std::ref(*this));
     }
@@ -113,22 +118,26 @@ private:
         lookup_->name = to.host;
         lookup_->pending = true;
         auto version = where_.host.find(':') == std::string::npos ? udp::v4() : udp::v6();
-        lookup_->resolver.async_resolve(version, to.host, "", [into = std::weak_ptr(lookup_)](std::error_code wrong, udp::resolver::results_type all) {
-            auto known = into.lock();
-            if (!known) return;
-            known->pending = false;
-            known->found.reset();
-            known->problem = wrong ? wrong : all.empty() ? std::error_code(asio::error::host_not_found) : std::error_code();
-            if (!known->problem) known->found = all.begin()->endpoint().address();
-        });
+        lookup_->resolver.async_resolve(
+            version, to.host, "",
+            [into = std::weak_ptr(lookup_)](std::error_code wrong, udp::resolver::results_type all) {
+                auto known = into.lock();
+                if (!known) return;
+                known->pending = false;
+                known->found.reset();
+                known->problem = wrong         ? wrong
+                                 : all.empty() ? std::error_code(asio::error::host_not_found)
+                                               : std::error_code();
+                if (!known->problem) known->found = all.begin()->endpoint().address();
+            });
         return {};
     }
 
     loop& on_;
     udp::socket socket_;
     endpoint where_;
-    bytes room_;            // of the receive that waits
-    udp::endpoint sender_;  // its datagram's
+    bytes room_;           // of the receive that waits
+    udp::endpoint sender_; // its datagram's
     datagram last_;
     udp::endpoint last_sender_;
     std::mutex sending_; // signs of life are sent from another thread

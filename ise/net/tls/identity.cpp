@@ -12,7 +12,7 @@
 namespace ise::net::tls {
 namespace {
 
-constexpr std::size_t largest_file = 1u << 20;
+constexpr std::size_t max_file = 1u << 20;
 
 template <auto Free>
 struct freeing {
@@ -61,7 +61,9 @@ result<std::shared_ptr<ssl_ctx_st>> identity::context(environment& env) {
     std::lock_guard lock(mutex_);
     if (env.now() - read_at_ >= reread_after) {
         auto read = refresh(env);
-        if (!read) return failure(read.error().code(), fmt::format("no session with TLS can be made: {}", read.error().message()));
+        if (!read)
+            return failure(read.error().code(),
+                           fmt::format("no session with TLS can be made: {}", read.error().message()));
     }
     return made_;
 }
@@ -81,11 +83,11 @@ result<void> identity::refresh(environment& env) {
 
 result<identity::files> identity::read(environment& env) const {
     files made;
-    auto authorities = env.read_trusted(folder_ + "/ca.pem", largest_file);
+    auto authorities = env.read_trusted(folder_ + "/ca.pem", max_file);
     if (!authorities) return authorities.error();
-    auto certificate = env.read_trusted(folder_ + "/certificate.pem", largest_file);
+    auto certificate = env.read_trusted(folder_ + "/certificate.pem", max_file);
     if (!certificate) return certificate.error();
-    auto key = env.read_secret(folder_ + "/key.pem", largest_file);
+    auto key = env.read_secret(folder_ + "/key.pem", max_file);
     if (!key) return key.error();
     made.authorities = std::move(*authorities);
     made.certificate = std::move(*certificate);
@@ -94,7 +96,9 @@ result<identity::files> identity::read(environment& env) const {
 }
 
 result<std::shared_ptr<ssl_ctx_st>> identity::build(const files& from) {
-    auto wrong = [this](const char* file, std::string_view why) { return failure(errc::invalid_argument, fmt::format("{}/{} cannot be used: {}", folder_, file, why)); };
+    auto wrong = [this](const char* file, std::string_view why) {
+        return failure(errc::invalid_argument, fmt::format("{}/{} cannot be used: {}", folder_, file, why));
+    };
     ERR_clear_error();
     std::shared_ptr<SSL_CTX> made(SSL_CTX_new(TLS_method()), SSL_CTX_free);
     if (!made) return failure(errc::io_failed, fmt::format("OpenSSL makes no context: {}", cause()));
@@ -104,9 +108,9 @@ result<std::shared_ptr<ssl_ctx_st>> identity::build(const files& from) {
     SSL_CTX_set_mode(to, SSL_MODE_RELEASE_BUFFERS);
     SSL_CTX_set_num_tickets(to, 0); // every session begins with both certificates
     SSL_CTX_set_session_cache_mode(to, SSL_SESS_CACHE_OFF);
-    SSL_CTX_set_max_cert_list(to, largest_certificates);
+    SSL_CTX_set_max_cert_list(to, max_certificates);
     SSL_CTX_set_default_passwd_cb(to, no_passphrase);
-    SSL_CTX_set_verify_depth(to, longest_chain);
+    SSL_CTX_set_verify_depth(to, max_chain);
 
     auto own = certificates_of(from.certificate);
     if (own.empty()) return wrong("certificate.pem", "there is no certificate in it");
@@ -115,7 +119,8 @@ result<std::shared_ptr<ssl_ctx_st>> identity::build(const files& from) {
         if (SSL_CTX_add1_chain_cert(to, own[at].get()) != 1) return wrong("certificate.pem", cause());
     private_key key(PEM_read_bio_PrivateKey(over(from.key).get(), nullptr, no_passphrase, nullptr));
     if (!key) return wrong("key.pem", fmt::format("{} (it must be a private key without a passphrase)", cause()));
-    if (SSL_CTX_use_PrivateKey(to, key.get()) != 1) return wrong("key.pem", fmt::format("it does not belong to certificate.pem ({})", cause()));
+    if (SSL_CTX_use_PrivateKey(to, key.get()) != 1)
+        return wrong("key.pem", fmt::format("it does not belong to certificate.pem ({})", cause()));
 
     auto* store = SSL_CTX_get_cert_store(to);
     auto authorities = certificates_of(from.authorities);
@@ -137,4 +142,3 @@ result<std::shared_ptr<ssl_ctx_st>> identity::build(const files& from) {
 }
 
 } // namespace ise::net::tls
-

@@ -11,14 +11,15 @@ struct ssl_ctx_st; // of OpenSSL
 namespace ise::net::tls {
 
 /// The certificate of a node, its key, and the authorities that it believes, in one folder of PEM files:
-/// ca.pem (authorities; and their revocation lists, of each or of none), certificate.pem (its own, with intermediate ones
-/// behind it), key.pem (readable by the owner only). Thread-safe.
+/// ca.pem (authorities; and their revocation lists, of each or of none), certificate.pem (its own, with intermediate
+/// ones behind it), key.pem (readable by the owner only). Thread-safe.
 class identity {
 public:
     /// Files that were changed count for sessions that are made this much later.
     static constexpr duration reread_after = std::chrono::seconds(10);
 
-    /// Errors: errc::unauthorized (others can read key.pem), errc::io_failed, errc::invalid_argument, each with the file.
+    /// Errors: errc::unauthorized (others can read key.pem), errc::io_failed, errc::invalid_argument, each with the
+    /// file.
     static result<std::shared_ptr<identity>> load(environment& env, const std::string& folder);
 
     /// What a new session is made with. Where the files cannot be used any more (one is gone, or half written) that is

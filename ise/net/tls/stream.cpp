@@ -19,11 +19,12 @@ namespace {
 
 constexpr std::size_t record_bytes = 16 * 1024;
 // A turn of writing encrypts at most this much before others get theirs.
-constexpr std::size_t largest_write = 256 * 1024;
+constexpr std::size_t max_write = 256 * 1024;
 // What OpenSSL answers by itself while nothing is read by the peer (updates of keys).
-constexpr std::size_t most_unsent = 256 * 1024;
-// After a failure this much is read yet, so that the peer sees why: a socket that closes over unread bytes takes the alert along.
-constexpr std::size_t most_drained = 64 * 1024;
+constexpr std::size_t max_unsent = 256 * 1024;
+// After a failure this much is read yet, so that the peer sees why: a socket that closes over unread bytes takes the
+// alert along.
+constexpr std::size_t max_drained = 64 * 1024;
 
 enum class trouble { cut_off = 1, broken };
 
@@ -125,7 +126,9 @@ std::error_code tls_stream::prepare() {
     if (X509_VERIFY_PARAM_set1_ip_asc(rules, host_.c_str()) == 1) return {};
     ERR_clear_error();
     X509_VERIFY_PARAM_set_hostflags(rules, X509_CHECK_FLAG_NEVER_CHECK_SUBJECT | X509_CHECK_FLAG_NO_PARTIAL_WILDCARDS);
-    if (X509_VERIFY_PARAM_set1_host(rules, host_.data(), host_.size()) == 1 && SSL_set_tlsext_host_name(tls_.get(), host_.c_str()) == 1) return {};
+    if (X509_VERIFY_PARAM_set1_host(rules, host_.data(), host_.size()) == 1 &&
+        SSL_set_tlsext_host_name(tls_.get(), host_.c_str()) == 1)
+        return {};
     verdict_ = failure_noted();
     return broken_ = made(trouble::broken);
 }
@@ -173,7 +176,7 @@ task<void> tls_stream::let_it_be_known() {
     if (left) co_return;
     below_->shutdown_write();
     std::vector<std::byte> room(4096);
-    for (std::size_t drained = 0; drained < most_drained;) {
+    for (std::size_t drained = 0; drained < max_drained;) {
         auto moved = co_await below_->read_some(asio::buffer(room));
         if (moved.problem) co_return;
         drained += moved.bytes;
@@ -187,7 +190,7 @@ std::error_code tls_stream::flush() {
         if (unsent_.empty()) {
             auto waiting = BIO_ctrl_pending(out);
             if (waiting == 0) return {};
-            if (waiting > most_unsent) return broken_ = made(trouble::broken);
+            if (waiting > max_unsent) return broken_ = made(trouble::broken);
             unsent_.resize(waiting);
             BIO_read(out, unsent_.data(), static_cast<int>(waiting));
             sent_ = 0;
@@ -233,14 +236,16 @@ transfer tls_stream::try_write(std::span<const asio::const_buffer> from) {
     std::size_t done = std::exchange(owed_, false) ? 1 : 0;
     std::array<std::byte, record_bytes> record;
     std::size_t skipped = done, at = 0, within = 0; // where the next byte lies in `from`
-    while (done < largest_write) {
+    while (done < max_write) {
         std::size_t filled = 0;
         while (at < from.size() && filled < record.size()) {
             auto left = from[at].size() - within;
             auto pass = std::min(left, skipped);
             skipped -= pass;
             auto count = std::min(left - pass, record.size() - filled);
-            if (count > 0) std::memcpy(record.data() + filled, static_cast<const std::byte*>(from[at].data()) + within + pass, count);
+            if (count > 0)
+                std::memcpy(record.data() + filled, static_cast<const std::byte*>(from[at].data()) + within + pass,
+                            count);
             filled += count;
             within += pass + count;
             if (within == from[at].size()) ++at, within = 0;
@@ -290,7 +295,8 @@ std::unique_ptr<secure_stream> answer(loop& on, std::unique_ptr<stream> below, s
     return std::make_unique<tls_stream>(on, std::move(below), std::move(with), std::string());
 }
 
-task<result<std::unique_ptr<stream>>> greet(loop& on, std::unique_ptr<stream> below, std::shared_ptr<identity> with, endpoint to) {
+task<result<std::unique_ptr<stream>>> greet(loop& on, std::unique_ptr<stream> below, std::shared_ptr<identity> with,
+                                            endpoint to) {
     auto secured = std::make_unique<tls_stream>(on, std::move(below), std::move(with), to.host);
     auto problem = co_await secured->shake_hands();
     if (!problem) co_return std::unique_ptr<stream>(std::move(secured));

@@ -10,11 +10,12 @@
 
 namespace ise::net::tls {
 
-/// A stream in TLS over another one. It is of the memory BIOs of OpenSSL and not asio::ssl::stream, which can neither write
-/// what goes at once without losing the rest, nor lie over a stream of the virtual world.
+/// A stream in TLS over another one. It is of the memory BIOs of OpenSSL and not asio::ssl::stream, which can neither
+/// write what goes at once without losing the rest, nor lie over a stream of the virtual world.
 class secure_stream : public stream {
 public:
-    /// Why there is no session, where credentials or TLS itself are the reason: of either side, or of what the peer said.
+    /// Why there is no session, where credentials or TLS itself are the reason: of either side, or of what the peer
+    /// said.
     virtual std::optional<failure> verdict() const = 0;
 };
 
@@ -22,6 +23,7 @@ public:
 std::unique_ptr<secure_stream> answer(loop& on, std::unique_ptr<stream> below, std::shared_ptr<identity> with);
 
 /// Of the side that calls `to`: shakes hands at once. Errors as tls::connect.
-task<result<std::unique_ptr<stream>>> greet(loop& on, std::unique_ptr<stream> below, std::shared_ptr<identity> with, endpoint to);
+task<result<std::unique_ptr<stream>>> greet(loop& on, std::unique_ptr<stream> below, std::shared_ptr<identity> with,
+                                            endpoint to);
 
 } // namespace ise::net::tls

@@ -12,7 +12,8 @@ endpoint below(endpoint at) {
 
 class tls_listener final : public listener {
 public:
-    tls_listener(loop& on, std::unique_ptr<listener> from, std::shared_ptr<identity> with) : on_(on), from_(std::move(from)), with_(std::move(with)) {}
+    tls_listener(loop& on, std::unique_ptr<listener> from, std::shared_ptr<identity> with)
+        : on_(on), from_(std::move(from)), with_(std::move(with)) {}
 
     task<std::pair<std::error_code, std::unique_ptr<stream>>> accept() override {
         auto [problem, stranger] = co_await from_->accept();

@@ -16,7 +16,8 @@ namespace {
 std::string printable(std::string text) {
     constexpr std::size_t most = 200;
     if (text.size() > most) text = text.substr(0, most) + "...";
-    std::ranges::replace_if(text, [](unsigned char letter) { return letter < 0x20 || letter >= 0x7f; }, '?');
+    std::ranges::replace_if(
+        text, [](unsigned char letter) { return letter < 0x20 || letter >= 0x7f; }, '?');
     return text;
 }
 
@@ -29,7 +30,9 @@ std::string written(auto&& write) {
 }
 
 std::string subject_of(X509* of) {
-    return written([&](BIO* to) { X509_NAME_print_ex(to, X509_get_subject_name(of), 0, XN_FLAG_ONELINE & ~ASN1_STRFLGS_ESC_MSB); });
+    return written([&](BIO* to) {
+        X509_NAME_print_ex(to, X509_get_subject_name(of), 0, XN_FLAG_ONELINE & ~ASN1_STRFLGS_ESC_MSB);
+    });
 }
 
 std::string time_of(const ASN1_TIME* at) {
@@ -45,19 +48,30 @@ std::string names_of(X509* of) {
 
 // What a peer says when it refuses, by the number of the alert.
 failure refused_by_peer(int alert) {
-    auto ours = [](std::string_view why) { return failure(errc::unauthorized, fmt::format("it refused the certificate of this side: {}", why)); };
+    auto ours = [](std::string_view why) {
+        return failure(errc::unauthorized, fmt::format("it refused the certificate of this side: {}", why));
+    };
     switch (alert) {
-        case SSL_AD_CERTIFICATE_REQUIRED: return {errc::unauthorized, "it demands a certificate, and this side has shown none (--tls FOLDER or ISE_TLS)"};
-        case SSL_AD_CERTIFICATE_EXPIRED: return ours("by the clock there it has expired, or the revocation list there is out of date");
+        case SSL_AD_CERTIFICATE_REQUIRED:
+            return {errc::unauthorized,
+                    "it demands a certificate, and this side has shown none (--tls FOLDER or ISE_TLS)"};
+        case SSL_AD_CERTIFICATE_EXPIRED:
+            return ours("by the clock there it has expired, or the revocation list there is out of date");
         case SSL_AD_CERTIFICATE_REVOKED: return ours("it was revoked");
         case SSL_AD_DECRYPT_ERROR:
-        case SSL_AD_UNKNOWN_CA: return ours("it was not issued by an authority that is believed there (ca.pem), or there is no revocation list of its authority");
-        case SSL_AD_BAD_CERTIFICATE: return ours("it is not for the name or address that was called, or not valid yet by the clock there");
-        case SSL_AD_UNSUPPORTED_CERTIFICATE: return ours("it may not be used for this (extendedKeyUsage needs serverAuth and clientAuth)");
+        case SSL_AD_UNKNOWN_CA:
+            return ours("it was not issued by an authority that is believed there (ca.pem), or there is no revocation "
+                        "list of its authority");
+        case SSL_AD_BAD_CERTIFICATE:
+            return ours("it is not for the name or address that was called, or not valid yet by the clock there");
+        case SSL_AD_UNSUPPORTED_CERTIFICATE:
+            return ours("it may not be used for this (extendedKeyUsage needs serverAuth and clientAuth)");
         case SSL_AD_CERTIFICATE_UNKNOWN:
         case SSL_AD_ACCESS_DENIED: return ours("for a reason that it keeps to itself");
         case SSL_AD_PROTOCOL_VERSION: return {errc::protocol_error, "it speaks no TLS 1.3"};
-        default: return {errc::protocol_error, fmt::format("it ended TLS by alert {} ({})", alert, SSL_alert_desc_string_long(alert))};
+        default:
+            return {errc::protocol_error,
+                    fmt::format("it ended TLS by alert {} ({})", alert, SSL_alert_desc_string_long(alert))};
     }
 }
 
@@ -68,21 +82,31 @@ std::string objection(x509_store_ctx_st& check, const std::string& wanted_host) 
     auto problem = X509_STORE_CTX_get_error(&check);
     auto whose = fmt::format("its certificate ({})", about ? subject_of(about) : "unreadable");
     switch (about ? problem : X509_V_ERR_UNSPECIFIED) {
-        case X509_V_ERR_CERT_HAS_EXPIRED: return fmt::format("{} has expired: it was valid until {}", whose, time_of(X509_get0_notAfter(about)));
-        case X509_V_ERR_CERT_NOT_YET_VALID: return fmt::format("{} is not valid before {}: is the clock right?", whose, time_of(X509_get0_notBefore(about)));
+        case X509_V_ERR_CERT_HAS_EXPIRED:
+            return fmt::format("{} has expired: it was valid until {}", whose, time_of(X509_get0_notAfter(about)));
+        case X509_V_ERR_CERT_NOT_YET_VALID:
+            return fmt::format("{} is not valid before {}: is the clock right?", whose,
+                               time_of(X509_get0_notBefore(about)));
         case X509_V_ERR_CERT_REVOKED: return fmt::format("{} was revoked", whose);
         case X509_V_ERR_UNABLE_TO_GET_ISSUER_CERT:
         case X509_V_ERR_UNABLE_TO_GET_ISSUER_CERT_LOCALLY:
         case X509_V_ERR_UNABLE_TO_VERIFY_LEAF_SIGNATURE:
         case X509_V_ERR_DEPTH_ZERO_SELF_SIGNED_CERT:
         case X509_V_ERR_SELF_SIGNED_CERT_IN_CHAIN:
-        case X509_V_ERR_CERT_SIGNATURE_FAILURE: return fmt::format("{} was not issued by an authority that is believed here (ca.pem)", whose);
+        case X509_V_ERR_CERT_SIGNATURE_FAILURE:
+            return fmt::format("{} was not issued by an authority that is believed here (ca.pem)", whose);
         case X509_V_ERR_HOSTNAME_MISMATCH:
-        case X509_V_ERR_IP_ADDRESS_MISMATCH: return fmt::format("{} is not for '{}', but for {}", whose, wanted_host, names_of(about));
-        case X509_V_ERR_UNABLE_TO_GET_CRL: return fmt::format("{} cannot be looked up: there are revocation lists here, and none of its authority (ca.pem)", whose);
-        case X509_V_ERR_CRL_HAS_EXPIRED: return fmt::format("{} cannot be looked up: the revocation list here is out of date (ca.pem)", whose);
-        case X509_V_ERR_CERT_CHAIN_TOO_LONG: return fmt::format("the chain of {} is longer than {} (longest_chain)", whose, longest_chain);
-        case X509_V_ERR_INVALID_PURPOSE: return fmt::format("{} may not be used for this (extendedKeyUsage needs serverAuth and clientAuth)", whose);
+        case X509_V_ERR_IP_ADDRESS_MISMATCH:
+            return fmt::format("{} is not for '{}', but for {}", whose, wanted_host, names_of(about));
+        case X509_V_ERR_UNABLE_TO_GET_CRL:
+            return fmt::format(
+                "{} cannot be looked up: there are revocation lists here, and none of its authority (ca.pem)", whose);
+        case X509_V_ERR_CRL_HAS_EXPIRED:
+            return fmt::format("{} cannot be looked up: the revocation list here is out of date (ca.pem)", whose);
+        case X509_V_ERR_CERT_CHAIN_TOO_LONG:
+            return fmt::format("the chain of {} is longer than {} (max_chain)", whose, max_chain);
+        case X509_V_ERR_INVALID_PURPOSE:
+            return fmt::format("{} may not be used for this (extendedKeyUsage needs serverAuth and clientAuth)", whose);
         default: return fmt::format("{} is not good: {}", whose, X509_verify_cert_error_string(problem));
     }
 }
@@ -95,13 +119,17 @@ failure failure_noted() {
         if (reason >= SSL_AD_REASON_OFFSET) return refused_by_peer(reason - SSL_AD_REASON_OFFSET);
         switch (reason) {
             case SSL_R_PEER_DID_NOT_RETURN_A_CERTIFICATE: return {errc::unauthorized, "it showed no certificate"};
-            case SSL_R_EXCESSIVE_MESSAGE_SIZE: return {errc::too_large, fmt::format("it sent more than {} bytes of certificates (largest_certificates)", largest_certificates)};
+            case SSL_R_EXCESSIVE_MESSAGE_SIZE:
+                return {errc::too_large,
+                        fmt::format("it sent more than {} bytes of certificates (max_certificates)", max_certificates)};
             case SSL_R_UNSUPPORTED_PROTOCOL:
             case SSL_R_VERSION_TOO_LOW: return {errc::protocol_error, "it speaks no TLS 1.3"};
             case SSL_R_HTTP_REQUEST:
             case SSL_R_HTTPS_PROXY_REQUEST:
             case SSL_R_PACKET_LENGTH_TOO_LONG:
-            case SSL_R_WRONG_VERSION_NUMBER: return {errc::protocol_error, "it speaks without TLS, or something else: one side has tls://, the other not"};
+            case SSL_R_WRONG_VERSION_NUMBER:
+                return {errc::protocol_error,
+                        "it speaks without TLS, or something else: one side has tls://, the other not"};
             default: break;
         }
     }

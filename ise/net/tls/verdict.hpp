@@ -8,8 +8,8 @@ struct x509_store_ctx_st; // of OpenSSL
 namespace ise::net::tls {
 
 /// What a peer may show: certificates between its own and an authority that is believed, and bytes of all of them.
-inline constexpr int longest_chain = 5;
-inline constexpr long largest_certificates = 32 * 1024;
+inline constexpr int max_chain = 5;
+inline constexpr long max_certificates = 32 * 1024;
 
 /// What is wrong with the certificate that a check has come to.
 std::string objection(x509_store_ctx_st& check, const std::string& wanted_host);

@@ -7,14 +7,23 @@
 namespace ise::net::udp {
 namespace {
 
-constexpr int most_at_once = 64; // datagrams of one flush; others get their turn
+constexpr int max_at_once = 64; // datagrams of one flush; others get their turn
 constexpr duration until_the_kernel_has_room = std::chrono::milliseconds(1);
 
 } // namespace
 
-association::association(loop& on, std::shared_ptr<association_port> of, std::uint64_t id, std::uint64_t peer_id, endpoint peer)
-    : on_(on), port_(std::move(of)), id_(id), first_peer_(peer), peer_(std::move(peer)), channel_(peer_id), timer_(on, [this] { on_timer(); }),
-      readable_(on, [this] { cancelled_ = true; readable_.resume(); }), writable_(on, [this] { cancelled_ = true; writable_.resume(); }) {}
+association::association(loop& on, std::shared_ptr<association_port> of, std::uint64_t id, std::uint64_t peer_id,
+                         endpoint peer)
+    : on_(on), port_(std::move(of)), id_(id), first_peer_(peer), peer_(std::move(peer)), channel_(peer_id),
+      timer_(on, [this] { on_timer(); }), readable_(on,
+                                                    [this] {
+                                                        cancelled_ = true;
+                                                        readable_.resume();
+                                                    }),
+      writable_(on, [this] {
+          cancelled_ = true;
+          writable_.resume();
+      }) {}
 
 void association::use(std::weak_ptr<datagram_stream::user> receiver) {
     user_ = std::move(receiver);
@@ -96,7 +105,7 @@ void association::flush() {
     auto now = on_.now();
     auto& out = port_->scratch();
     bool stuck = false;
-    for (int count = 0; count < most_at_once; ++count) {
+    for (int count = 0; count < max_at_once; ++count) {
         out.clear();
         if (!channel_.next(out, now)) break;
         // What the kernel does not take is lost like anything else, and is sent again.
@@ -138,7 +147,8 @@ std::optional<transfer> association::read(asio::mutable_buffer into) {
         got.problem = asio::error::operation_aborted;
         return got;
     }
-    // Who is handed what comes has not kept `into`: what a datagram left that broke a rule comes with the next good one.
+    // Who is handed what comes has not kept `into`: what a datagram left that broke a rule comes with the next good
+    // one.
     if (!used_) got.bytes = channel_.in().read(std::span(static_cast<std::byte*>(into.data()), into.size()));
     if (got.bytes > 0) {
         if (!gone_ && channel_.in().room_grew()) soon(); // the peer may send more
@@ -176,7 +186,8 @@ bool association::message_wanted() noexcept {
     return false;
 }
 
-void association::put_message(std::uint64_t key, const wire::frame_header& header, bytes_view head, const shared_bytes& payload) {
+void association::put_message(std::uint64_t key, const wire::frame_header& header, bytes_view head,
+                              const shared_bytes& payload) {
     channel_.out().messages().put(key, header, head, payload);
     soon();
 }
@@ -196,7 +207,7 @@ void association::leave() {
     if (gone_ || on_.abandoned()) return part(false);
     channel_.out().end();
     if (!channel_.out().settled() && port_->lets_drain()) {
-        drain_until_ = saturating_add(on_.now(), longest_drain);
+        drain_until_ = saturating_add(on_.now(), max_drain);
         soon();
         return;
     }

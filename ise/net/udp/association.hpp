@@ -31,7 +31,7 @@ protected:
 class association final : public flushable, public std::enable_shared_from_this<association> {
 public:
     /// How long what was written last is sent again after the user has left.
-    static constexpr duration longest_drain = std::chrono::seconds(3);
+    static constexpr duration max_drain = std::chrono::seconds(3);
 
     association(loop& on, std::shared_ptr<association_port> of, std::uint64_t id, std::uint64_t peer_id, endpoint peer);
 
@@ -87,7 +87,7 @@ private:
     std::shared_ptr<association_port> port_;
     std::uint64_t id_;
     const endpoint first_peer_;
-    endpoint peer_;        // changed under the port's lock: signs are sent from another thread
+    endpoint peer_; // changed under the port's lock: signs are sent from another thread
     udp::channel channel_;
     std::optional<candidate> candidate_; // an address that the peer seems to have moved to
     std::weak_ptr<datagram_stream::user> user_;

@@ -111,7 +111,8 @@ void channel::put_probe(buffer& out, wire::chunk_type type, std::uint64_t value)
 }
 
 time_point channel::due(time_point now) noexcept {
-    return std::min({sender_.due(now), receiver_.ack_pending() ? receiver_.ack_at() : time_point::max(), messages_.due()});
+    return std::min(
+        {sender_.due(now), receiver_.ack_pending() ? receiver_.ack_at() : time_point::max(), messages_.due()});
 }
 
 void channel::on_timer(time_point now) {

@@ -10,16 +10,16 @@ class channel {
 public:
     /// What a datagram brought besides bytes of the stream.
     struct events {
-        std::vector<bytes> messages;                ///< whole
-        std::optional<std::uint64_t> challenge;     ///< to be sent back to where it came from
-        std::optional<std::uint64_t> response;      ///< to a challenge of ours
+        std::vector<bytes> messages;            ///< whole
+        std::optional<std::uint64_t> challenge; ///< to be sent back to where it came from
+        std::optional<std::uint64_t> response;  ///< to a challenge of ours
     };
 
     /// `peer_id`: how the peer wants to be addressed.
     explicit channel(std::uint64_t peer_id) : peer_id_(peer_id) {}
 
-    /// Takes the body of a data datagram. False where it counts as not received: a duplicate, or one that breaks a rule.
-    /// What stood before that in it is taken, and comes again.
+    /// Takes the body of a data datagram. False where it counts as not received: a duplicate, or one that breaks a
+    /// rule. What stood before that in it is taken, and comes again.
     bool take(bytes_view body, time_point now, events& happened);
     /// Whether its number is one that was not seen.
     bool fresh(bytes_view body) const noexcept;

@@ -8,7 +8,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr duration first_time_out = 300ms;
-constexpr duration shortest_time_out = 10ms;
+constexpr duration min_time_out = 10ms;
 // Receivers wait this long with an ack at most, and coarse clocks and busy loops are somewhat late.
 constexpr duration ack_delay = 20ms;
 
@@ -42,7 +42,7 @@ void congestion::on_acked(std::size_t bytes, bool window_was_used) noexcept {
 }
 
 void congestion::limit(std::size_t most) noexcept {
-    most_ = std::clamp(most, smallest_window, largest_window);
+    most_ = std::clamp(most, min_window, max_window);
     window_ = std::min(window_, most_);
 }
 
@@ -50,7 +50,7 @@ void congestion::on_lost(std::size_t bytes, std::uint64_t number, std::uint64_t 
     forget(bytes);
     if (number < recovering_until_) return;
     recovering_until_ = next;
-    window_ = std::max(window_ * 7 / 10, smallest_window);
+    window_ = std::max(window_ * 7 / 10, min_window);
     threshold_ = window_;
 }
 
@@ -61,7 +61,8 @@ time_point congestion::paced_until(time_point now) noexcept {
         return now;
     }
     double rate = 1.25 * static_cast<double>(window_) / static_cast<double>(smoothed_.count()); // bytes a nanosecond
-    if (budget_at_ != time_point{} && now > budget_at_) budget_ += rate * static_cast<double>((now - budget_at_).count());
+    if (budget_at_ != time_point{} && now > budget_at_)
+        budget_ += rate * static_cast<double>((now - budget_at_).count());
     budget_at_ = now;
     budget_ = std::min(budget_, static_cast<double>(burst));
     if (budget_ >= 1) return now;
@@ -71,7 +72,7 @@ time_point congestion::paced_until(time_point now) noexcept {
 
 duration congestion::time_out() const noexcept {
     if (!measured()) return first_time_out;
-    return smoothed_ + std::max<duration>(4 * deviation_, shortest_time_out) + ack_delay;
+    return smoothed_ + std::max<duration>(4 * deviation_, min_time_out) + ack_delay;
 }
 
 duration congestion::reordering() const noexcept {

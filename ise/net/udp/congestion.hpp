@@ -12,9 +12,9 @@ class congestion {
 public:
     static constexpr std::size_t datagram = 1200;
     static constexpr std::size_t first_window = 10 * datagram;
-    static constexpr std::size_t smallest_window = 2 * datagram;
+    static constexpr std::size_t min_window = 2 * datagram;
     /// Kernels' default buffers hold about this much of datagrams of this size.
-    static constexpr std::size_t largest_window = 96 * datagram;
+    static constexpr std::size_t max_window = 96 * datagram;
     /// So many leave at once; more go at the pace.
     static constexpr std::size_t burst = 10 * datagram;
 
@@ -29,7 +29,7 @@ public:
     /// From now on at most about this much is under way: on a slow way that stores all, the rest would age there.
     void limit(std::size_t most) noexcept;
     /// Nothing was heard for several time-outs.
-    void collapse() noexcept { window_ = smallest_window; }
+    void collapse() noexcept { window_ = min_window; }
 
     bool window_open() const noexcept { return in_flight_ + datagram <= window_; }
     /// When the pace allows the next one; a time that has passed: now.
@@ -46,8 +46,8 @@ public:
 
 private:
     std::size_t window_ = first_window;
-    std::size_t most_ = largest_window; // of the window
-    std::size_t threshold_ = largest_window;
+    std::size_t most_ = max_window; // of the window
+    std::size_t threshold_ = max_window;
     std::size_t in_flight_ = 0;
     std::uint64_t recovering_until_ = 0; // losses of what was sent before are one event
     duration smoothed_{};

@@ -41,11 +41,13 @@ secret draw(environment& env) {
 } // namespace
 
 std::uint64_t keyed_hash(const secret& key, bytes_view text) noexcept {
-    sip_state state{key[0] ^ 0x736f6d6570736575u, key[1] ^ 0x646f72616e646f6du, key[0] ^ 0x6c7967656e657261u, key[1] ^ 0x7465646279746573u};
+    sip_state state{key[0] ^ 0x736f6d6570736575u, key[1] ^ 0x646f72616e646f6du, key[0] ^ 0x6c7967656e657261u,
+                    key[1] ^ 0x7465646279746573u};
     std::size_t whole = text.size() / 8 * 8;
     for (std::size_t at = 0; at < whole; at += 8) state.take(detail::load_little<std::uint64_t>(text.data() + at));
     std::uint64_t rest = static_cast<std::uint64_t>(text.size()) << 56;
-    for (std::size_t at = whole; at < text.size(); ++at) rest |= static_cast<std::uint64_t>(text[at]) << (8 * (at - whole));
+    for (std::size_t at = whole; at < text.size(); ++at)
+        rest |= static_cast<std::uint64_t>(text[at]) << (8 * (at - whole));
     state.take(rest);
     state.v2 ^= 0xff;
     for (int i = 0; i < 4; ++i) state.round();
@@ -62,7 +64,8 @@ void cookie_jar::turn(time_point now) {
     drawn_ = now;
 }
 
-std::uint64_t cookie_jar::seal(const secret& key, const endpoint& stranger, std::uint64_t id, std::uint64_t stamp) const {
+std::uint64_t cookie_jar::seal(const secret& key, const endpoint& stranger, std::uint64_t id,
+                               std::uint64_t stamp) const {
     buffer text(64);
     text.append(stamp);
     text.append(id);

@@ -51,7 +51,8 @@ public:
     }
 
     bool contains(std::uint64_t number) const noexcept {
-        auto at = std::upper_bound(all_.begin(), all_.end(), number, [](std::uint64_t wanted, const interval& one) { return wanted < one.second; });
+        auto at = std::upper_bound(all_.begin(), all_.end(), number,
+                                   [](std::uint64_t wanted, const interval& one) { return wanted < one.second; });
         return at != all_.end() && at->first <= number;
     }
     /// Whether [begin, end) would stand alone: neither in, nor beside, an interval.
@@ -69,7 +70,8 @@ public:
 private:
     // The first interval that ends at `number` or behind it.
     std::vector<interval>::iterator reaching(std::uint64_t number) noexcept {
-        return std::lower_bound(all_.begin(), all_.end(), number, [](const interval& one, std::uint64_t wanted) { return one.second < wanted; });
+        return std::lower_bound(all_.begin(), all_.end(), number,
+                                [](const interval& one, std::uint64_t wanted) { return one.second < wanted; });
     }
 
     std::vector<interval> all_;

@@ -16,7 +16,8 @@ void outgoing_message::copy(std::size_t from, std::span<std::byte> into) const n
     if (!into.empty()) std::memcpy(into.data(), payload.view().data() + (from - head.size()), into.size());
 }
 
-void outgoing_messages::put(std::uint64_t key, const wire::frame_header& header, bytes_view head, const shared_bytes& payload) {
+void outgoing_messages::put(std::uint64_t key, const wire::frame_header& header, bytes_view head,
+                            const shared_bytes& payload) {
     auto made = std::make_shared<outgoing_message>();
     made->number = next_number_++;
     made->key = key;

@@ -22,13 +22,13 @@ constexpr std::uint32_t fragments_of(std::size_t size) noexcept {
 /// A message that may be lost, while it is sent.
 struct outgoing_message {
     std::uint64_t number = 0;
-    std::uint64_t key = 0;          ///< what it is the latest of: its subscription
-    bytes head;                     ///< frame header, and what stands before the payload
+    std::uint64_t key = 0; ///< what it is the latest of: its subscription
+    bytes head;            ///< frame header, and what stands before the payload
     shared_bytes payload;
-    std::uint32_t next = 0;         ///< the first fragment that was never sent
-    std::uint32_t arrived = 0;      ///< fragments that did
-    std::set<std::uint32_t> again;  ///< fragments that were lost
-    bool superseded = false;        ///< there is a newer one of that key
+    std::uint32_t next = 0;        ///< the first fragment that was never sent
+    std::uint32_t arrived = 0;     ///< fragments that did
+    std::set<std::uint32_t> again; ///< fragments that were lost
+    bool superseded = false;       ///< there is a newer one of that key
 
     std::size_t size() const noexcept { return head.size() + payload.size(); }
     std::uint32_t fragments() const noexcept { return fragments_of(size()); }

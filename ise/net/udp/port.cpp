@@ -6,7 +6,7 @@ namespace ise::net::udp {
 namespace {
 
 constexpr duration first_pause = std::chrono::milliseconds(200);
-constexpr duration longest_pause = std::chrono::seconds(2);
+constexpr duration max_pause = std::chrono::seconds(2);
 // While the name of the target is looked up.
 constexpr duration lookup_pause = std::chrono::milliseconds(20);
 
@@ -118,7 +118,7 @@ std::error_code port::ask() {
     wire::put_opening(out, dial_id_, cookie_);
     auto problem = send(target_, out.view());
     auto wait = problem == asio::error::would_block ? lookup_pause : pause_;
-    if (wait == pause_) pause_ = std::min(pause_ * 2, longest_pause);
+    if (wait == pause_) pause_ = std::min(pause_ * 2, max_pause);
     again_.arm(on_.now() + wait);
     return problem;
 }

@@ -23,7 +23,9 @@ public:
     auto receive() { return socket_->receive(); }
     /// Takes a datagram; inside a turn.
     void take(const datagram& came);
-    std::error_code send(const endpoint& to, bytes_view content) override { return closed_ ? std::error_code() : socket_->try_send(to, content); }
+    std::error_code send(const endpoint& to, bytes_view content) override {
+        return closed_ ? std::error_code() : socket_->try_send(to, content);
+    }
     std::unique_lock<std::mutex> lock() override { return std::unique_lock(mutex_); }
     buffer& scratch() noexcept override { return scratch_; }
     endpoint where() const { return socket_->where(); }
@@ -61,7 +63,7 @@ private:
     bool listens_;
     bool accepting_;
     bool closed_ = false;
-    std::map<std::uint64_t, std::shared_ptr<association>> all_; // by our id
+    std::map<std::uint64_t, std::shared_ptr<association>> all_;                           // by our id
     std::map<std::pair<endpoint, std::uint64_t>, std::shared_ptr<association>> openings_; // by what opened them
     std::deque<std::shared_ptr<association>> waiting_;
     std::size_t draining_ = 0;

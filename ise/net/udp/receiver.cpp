@@ -31,7 +31,8 @@ void receiver::note(std::uint64_t number, bool wants_ack, time_point now) {
     if (!wants_ack) return;
     ++pending_acks_;
     // Every second one at once, and what shows a gap.
-    ack_at_ = pending_acks_ >= 2 || !in_order || came_.intervals() > 1 ? time_point::min() : std::min(ack_at_, now + ack_delay);
+    ack_at_ = pending_acks_ >= 2 || !in_order || came_.intervals() > 1 ? time_point::min()
+                                                                       : std::min(ack_at_, now + ack_delay);
 }
 
 void receiver::put_ack(wire::data_writer& out, bool alone, time_point now) {
@@ -50,7 +51,9 @@ void receiver::put_runs(wire::data_writer& out, bool alone, time_point now) cons
     auto delay = std::chrono::duration_cast<std::chrono::microseconds>(now - largest_at_).count();
     detail::store_little(raw.data(), run->second - 1);
     detail::store_little(raw.data() + 8, static_cast<std::uint32_t>(std::min<std::int64_t>(delay, 0xffff'ffff)));
-    auto length = [](std::uint64_t count) { return static_cast<std::uint32_t>(std::min<std::uint64_t>(count, 0xffff'ffff)); };
+    auto length = [](std::uint64_t count) {
+        return static_cast<std::uint32_t>(std::min<std::uint64_t>(count, 0xffff'ffff));
+    };
     detail::store_little(raw.data() + 12, length(run->second - run->first));
     std::size_t size = 16;
     for (auto above = run++; run != came_.all().rend() && size < 16 + 8 * (limit - 1); above = run++) {
@@ -114,7 +117,7 @@ void receiver::consume(std::size_t count) {
         head_ = 0;
     }
     // Who reads much may be sent more at once.
-    if (base_ > 2 * window_) window_ = std::min<std::uint64_t>(window_ * 2, largest_window);
+    if (base_ > 2 * window_) window_ = std::min<std::uint64_t>(window_ * 2, max_window);
     if (room() - told_room_ >= window_ / 2) {
         room_grew_ = true;
         ack_at_ = time_point::min();
@@ -147,9 +150,11 @@ bool incoming_messages::take(bytes_view content, time_point now, std::optional<b
     auto size = detail::load_little<std::uint32_t>(content.data() + 8);
     auto index = detail::load_little<std::uint32_t>(content.data() + 12);
     content = content.subspan(16);
-    if (size < wire::frame_header::size || size > wire::max_datagram_message_bytes + wire::frame_header::size) return false;
+    if (size < wire::frame_header::size || size > wire::max_datagram_message_bytes + wire::frame_header::size)
+        return false;
     auto count = fragments_of(size);
-    if (index >= count || content.size() != std::min<std::size_t>(fragment_bytes, size - index * fragment_bytes)) return false;
+    if (index >= count || content.size() != std::min<std::size_t>(fragment_bytes, size - index * fragment_bytes))
+        return false;
     if ((number < floor_ && !all_.contains(number)) || finished_.contains(number)) return true;
     if (count == 1) {
         done.emplace(content.begin(), content.end());

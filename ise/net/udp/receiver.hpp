@@ -15,13 +15,15 @@ namespace ise::net::udp {
 class receiver {
 public:
     static constexpr std::size_t first_window = 32 * 1024;
-    static constexpr std::size_t largest_window = 256 * 1024;
+    static constexpr std::size_t max_window = 256 * 1024;
     /// Acks wait for company at most this long.
     static constexpr duration ack_delay = std::chrono::milliseconds(5);
 
     /// Whether a datagram of this number is to be looked at: not a duplicate, not too old to know, and one that an ack
     /// can name.
-    bool fresh(std::uint64_t number) const noexcept { return number >= floor_ && ~number != 0 && !came_.contains(number); }
+    bool fresh(std::uint64_t number) const noexcept {
+        return number >= floor_ && ~number != 0 && !came_.contains(number);
+    }
     void note(std::uint64_t number, bool wants_ack, time_point now);
 
     /// So much was read that the sender should know.

@@ -8,10 +8,10 @@ namespace {
 
 // Later ones that have to arrive before one counts as lost.
 constexpr std::uint64_t overtaken_by = 3;
-// The time-out doubles so often, and then no further: whoever waits for ever is found by heartbeats, and a way that loses
-// nearly everything still gets its chance.
-constexpr unsigned most_silences = 4;
-constexpr duration longest_time_out = std::chrono::seconds(2);
+// The time-out doubles so often, and then no further: whoever waits for ever is found by heartbeats, and a way that
+// loses nearly everything still gets its chance.
+constexpr unsigned max_silences = 4;
+constexpr duration max_time_out = std::chrono::seconds(2);
 
 } // namespace
 
@@ -184,7 +184,8 @@ void sender::forget_old() {
 
 time_point sender::time_out_at() const noexcept {
     auto once = network_.time_out();
-    return saturating_add(last_sent_, std::max(once, std::min(once * (1 << std::min(silences_, most_silences)), longest_time_out)));
+    return saturating_add(last_sent_,
+                          std::max(once, std::min(once * (1 << std::min(silences_, max_silences)), max_time_out)));
 }
 
 time_point sender::due(time_point now) noexcept {

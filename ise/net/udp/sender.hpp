@@ -99,14 +99,14 @@ private:
     outgoing_messages messages_;
     congestion network_;
     record filling_;
-    record spare_; // empty, with room
+    record spare_;         // empty, with room
     ring<record> records_; // by number
     std::size_t outstanding_ = 0;
-    std::uint64_t next_number_ = 0;    // after the last that was sent
-    std::uint64_t largest_acked_ = 0;  // plus one
-    time_point last_sent_{};           // something that wants an ack
-    unsigned silences_ = 0;            // time-outs since something was heard
-    unsigned probes_ = 0;              // datagrams that go beyond the window
+    std::uint64_t next_number_ = 0;   // after the last that was sent
+    std::uint64_t largest_acked_ = 0; // plus one
+    time_point last_sent_{};          // something that wants an ack
+    unsigned silences_ = 0;           // time-outs since something was heard
+    unsigned probes_ = 0;             // datagrams that go beyond the window
     bool probe_wanted_ = false;
     bool messages_first_ = true;
     std::uint64_t lost_count_ = 0;

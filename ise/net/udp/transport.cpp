@@ -16,7 +16,9 @@ public:
         : over_(std::move(over)), pumped_(std::move(pumped)), peer_(over_->peer().text()) {}
     ~stream_end() override { over_->leave(); }
 
-    task<transfer> read_some(asio::mutable_buffer into) override { return pumped_ ? read_socket(over_, pumped_, into) : read(over_, into); }
+    task<transfer> read_some(asio::mutable_buffer into) override {
+        return pumped_ ? read_socket(over_, pumped_, into) : read(over_, into);
+    }
     transfer try_write(std::span<const asio::const_buffer> from) override { return over_->write(from); }
     task<std::error_code> wait_writable() override { return wait(over_); }
     void limit_unsent(std::size_t most) override { over_->limit_unsent(most); }
@@ -28,7 +30,8 @@ public:
     bool show_sign() noexcept override { return over_->show_sign(); }
     std::uint64_t max_message_bytes() const noexcept override { return wire::max_datagram_message_bytes; }
     bool wanted() noexcept override { return over_->message_wanted(); }
-    void put(std::uint64_t key, const wire::frame_header& header, bytes_view head, const shared_bytes& payload) override {
+    void put(std::uint64_t key, const wire::frame_header& header, bytes_view head,
+             const shared_bytes& payload) override {
         over_->put_message(key, header, head, payload);
     }
 
@@ -40,7 +43,8 @@ private:
             co_await from->wait_readable();
         }
     }
-    static task<transfer> read_socket(std::shared_ptr<association> from, std::shared_ptr<port> socket, asio::mutable_buffer into) {
+    static task<transfer> read_socket(std::shared_ptr<association> from, std::shared_ptr<port> socket,
+                                      asio::mutable_buffer into) {
         for (;;) {
             auto got = from->read(into);
             if (got) co_return *got;
@@ -101,7 +105,8 @@ private:
 };
 
 // From a socket of one family of addresses. `problem`: what stood in the way, if the failure has a cause of that kind.
-task<result<std::unique_ptr<stream>>> connect_from(loop& on, endpoint to, std::string any_host, std::error_code& problem) {
+task<result<std::unique_ptr<stream>>> connect_from(loop& on, endpoint to, std::string any_host,
+                                                   std::error_code& problem) {
     endpoint any;
     any.kind = protocol::udp;
     any.host = std::move(any_host);
@@ -124,7 +129,8 @@ task<result<std::unique_ptr<stream>>> connect_from(loop& on, endpoint to, std::s
     while (!socket->opened()) {
         auto came = co_await socket->receive();
         if (socket->dial_problem()) co_return refused(socket->dial_problem());
-        if (came.first == asio::error::operation_aborted) co_return failure(errc::cancelled, "connecting was cancelled");
+        if (came.first == asio::error::operation_aborted)
+            co_return failure(errc::cancelled, "connecting was cancelled");
         if (came.first) co_return refused(came.first);
         loop::turn in(on);
         socket->take(*came.second);
@@ -151,7 +157,8 @@ task<result<std::unique_ptr<stream>>> connect(loop& on, endpoint to) {
 result<std::unique_ptr<listener>> listen(loop& on, const endpoint& at) {
     auto opened = on.env().open_datagram(on, at);
     if (!opened) return opened.error();
-    return std::unique_ptr<listener>(std::make_unique<udp_listener>(std::make_shared<port>(on, std::move(*opened), true)));
+    return std::unique_ptr<listener>(
+        std::make_unique<udp_listener>(std::make_shared<port>(on, std::move(*opened), true)));
 }
 
 } // namespace ise::net::udp

@@ -155,7 +155,7 @@ namespace cereal {
 
 /// Plain structs on any cereal archive, field by field with their names.
 template <class Archive, ise::detail::reflected T>
-    requires ise::packet<T>
+requires ise::packet<T>
 void CEREAL_SERIALIZE_FUNCTION_NAME(Archive& archive, T& value) {
     ise::for_each_field(value, [&archive](std::string_view name, auto& field) {
         archive(cereal::make_nvp(std::string(name).c_str(), field));

@@ -11,26 +11,27 @@ namespace ise::detail {
 template <class T>
 struct by_cereal;
 template <class T>
-concept archives_included = requires { sizeof(by_cereal<T>); };
+concept archives_included = requires {
+    sizeof(by_cereal<T>);
+};
 
 template <own_serialize T>
-    requires(!opaque<T> && !parts<T>::known)
-struct codec<T> {
-    static_assert(archives_included<T>, "ise: this packet has a serialize of its own: include <ise/packet/archive.hpp> before it is used");
+requires(!opaque<T> && !parts<T>::known) struct codec<T> {
+    static_assert(archives_included<T>,
+                  "ise: this packet has a serialize of its own: include <ise/packet/archive.hpp> before it is used");
     static constexpr std::size_t min_size = 0; // known at run time only
     static constexpr bool fixed = false;
     static constexpr bool raw = false;
 
     static void write(buffer& out, const T& value) { by_cereal<T>::write(out, value); }
     static bool read(reader& in, T& value) { return by_cereal<T>::read(in, value); }
-    static type_description describe() {
-        return by_cereal<T>::describe();
-    }
+    static type_description describe() { return by_cereal<T>::describe(); }
 };
 
 template <opaque T>
 struct codec<T> {
-    static_assert(archives_included<T>, "ise: this packet has a serialize of its own: include <ise/packet/archive.hpp> before it is used");
+    static_assert(archives_included<T>,
+                  "ise: this packet has a serialize of its own: include <ise/packet/archive.hpp> before it is used");
     static constexpr std::size_t min_size = 4;
     static constexpr bool fixed = false;
     static constexpr bool raw = false;

@@ -11,7 +11,8 @@ namespace ise::detail {
 [[noreturn]] void throw_valueless();
 
 inline void write_count(buffer& out, std::size_t count) {
-    if (count > std::numeric_limits<std::uint32_t>::max()) [[unlikely]] throw_too_many(count);
+    if (count > std::numeric_limits<std::uint32_t>::max()) [[unlikely]]
+        throw_too_many(count);
     out.append(static_cast<std::uint32_t>(count));
 }
 
@@ -42,7 +43,8 @@ struct codec<std::basic_string<char, std::char_traits<char>, A>> {
     }
     static bool read(reader& in, text& value) {
         std::size_t size = 0;
-        if (!in.take_count(size, 1, 1, "bytes")) [[unlikely]] return false;
+        if (!in.take_count(size, 1, 1, "bytes")) [[unlikely]]
+            return false;
         if (size == 0) {
             value.clear();
         } else {
@@ -77,20 +79,23 @@ struct codec<std::vector<T, A>> {
     }
     static bool read(reader& in, std::vector<T, A>& values) {
         std::size_t count = 0;
-        if (!in.take_count(count, codec<T>::min_size, sizeof(T))) [[unlikely]] return false;
+        if (!in.take_count(count, codec<T>::min_size, sizeof(T))) [[unlikely]]
+            return false;
         if constexpr (codec<T>::raw) {
             assign_raw(values, in.take(count * sizeof(T)), count);
         } else if constexpr (is_bits) {
             values.resize(count);
             for (std::size_t i = 0; i < count; ++i) {
                 bool value = false;
-                if (!detail::read(in, value)) [[unlikely]] return in.in_element(i);
+                if (!detail::read(in, value)) [[unlikely]]
+                    return in.in_element(i);
                 values[i] = value;
             }
         } else {
             values.resize(count); // elements that are there already keep their own memory
             for (std::size_t i = 0; i < count; ++i)
-                if (!detail::read(in, values[i])) [[unlikely]] return in.in_element(i);
+                if (!detail::read(in, values[i])) [[unlikely]]
+                    return in.in_element(i);
         }
         return true;
     }
@@ -115,7 +120,8 @@ struct codec<std::optional<T>> {
     }
     static bool read(reader& in, std::optional<T>& value) {
         const std::byte* flag = in.take(1);
-        if (!flag) [[unlikely]] return in.fail_short(1);
+        if (!flag) [[unlikely]]
+            return in.fail_short(1);
         if (*flag == std::byte{0}) {
             value.reset();
             return true;
@@ -141,15 +147,18 @@ struct codec<std::variant<T...>> {
     static constexpr bool raw = false;
 
     static void write(buffer& out, const std::variant<T...>& value) {
-        if (value.valueless_by_exception()) [[unlikely]] throw_valueless();
+        if (value.valueless_by_exception()) [[unlikely]]
+            throw_valueless();
         out.append(static_cast<index>(value.index()));
         std::visit([&out](const auto& held) { detail::write(out, held); }, value);
     }
     static bool read(reader& in, std::variant<T...>& value) {
         const std::byte* raw_index = in.take(sizeof(index));
-        if (!raw_index) [[unlikely]] return in.fail_short(sizeof(index));
+        if (!raw_index) [[unlikely]]
+            return in.fail_short(sizeof(index));
         std::size_t which = load_little<index>(raw_index);
-        if (which >= sizeof...(T)) [[unlikely]] return in.fail_alternative(which, sizeof...(T));
+        if (which >= sizeof...(T)) [[unlikely]]
+            return in.fail_alternative(which, sizeof...(T));
         return read_alternative(in, value, which, std::index_sequence_for<T...>()) || in.in_alternative(which);
     }
     static type_description describe() {
@@ -211,13 +220,16 @@ struct set_codec {
     }
     static bool read(reader& in, Set& keys) {
         std::size_t count = 0;
-        if (!in.take_count(count, codec<K>::min_size, sizeof(K) + 4 * sizeof(void*))) [[unlikely]] return false;
+        if (!in.take_count(count, codec<K>::min_size, sizeof(K) + 4 * sizeof(void*))) [[unlikely]]
+            return false;
         keys.clear();
         for (std::size_t i = 0; i < count; ++i) {
             K key{};
-            if (!detail::read(in, key)) [[unlikely]] return in.in_element(i);
+            if (!detail::read(in, key)) [[unlikely]]
+                return in.in_element(i);
             keys.emplace_hint(keys.end(), std::move(key));
-            if (keys.size() == i) [[unlikely]] return in.fail("is there twice"), in.in_element(i);
+            if (keys.size() == i) [[unlikely]]
+                return in.fail("is there twice"), in.in_element(i);
         }
         return true;
     }
@@ -258,10 +270,13 @@ struct map_codec {
         values.clear();
         for (std::size_t i = 0; i < count; ++i) {
             K key{};
-            if (!detail::read(in, key)) [[unlikely]] return in.in_field("key"), in.in_element(i);
+            if (!detail::read(in, key)) [[unlikely]]
+                return in.in_field("key"), in.in_element(i);
             auto at = values.emplace_hint(values.end(), std::move(key), V{});
-            if (values.size() == i) [[unlikely]] return in.fail("is there twice"), in.in_field("key"), in.in_element(i);
-            if (!detail::read(in, at->second)) [[unlikely]] return in.in_element(i);
+            if (values.size() == i) [[unlikely]]
+                return in.fail("is there twice"), in.in_field("key"), in.in_element(i);
+            if (!detail::read(in, at->second)) [[unlikely]]
+                return in.in_element(i);
         }
         return true;
     }

@@ -12,18 +12,14 @@ struct array_codec {
     static constexpr bool fixed = codec<T>::fixed;
     static constexpr bool raw = codec<T>::raw;
 
-    static void put(std::byte* to, const Array& values)
-        requires fixed
-    {
+    static void put(std::byte* to, const Array& values) requires fixed {
         if constexpr (raw && N > 0) {
             std::memcpy(to, &values[0], min_size);
         } else {
             for (std::size_t i = 0; i < N; ++i) codec<T>::put(to + i * codec<T>::min_size, values[i]);
         }
     }
-    static bool get(const std::byte* from, Array& values, reader& in)
-        requires fixed
-    {
+    static bool get(const std::byte* from, Array& values, reader& in) requires fixed {
         if constexpr (raw && N > 0) {
             std::memcpy(static_cast<void*>(&values[0]), from, min_size);
         } else {
@@ -37,7 +33,8 @@ struct array_codec {
     }
     static bool read(reader& in, Array& values) {
         for (std::size_t i = 0; i < N; ++i)
-            if (!detail::read(in, values[i])) [[unlikely]] return in.in_element(i);
+            if (!detail::read(in, values[i])) [[unlikely]]
+                return in.in_element(i);
         return true;
     }
     static type_description describe() {
@@ -92,15 +89,12 @@ struct codec<T> {
     // Without padding the fields lie in memory as on the wire.
     static constexpr bool raw = fields::raw && min_size == sizeof(T) && std::is_trivially_copyable_v<T>;
 
-    static void put(std::byte* to, const T& value)
-        requires fixed
-    {
+    static void put(std::byte* to, const T& value) requires fixed {
         apply_fields(value, [to](const auto&... f) { fields::put(to, f...); });
     }
-    static bool get(const std::byte* from, T& value, reader& in)
-        requires fixed
-    {
-        return apply_fields(value, [&in, from](auto&... f) { return fields::get(from, in, field_names<T>.data(), f...); });
+    static bool get(const std::byte* from, T& value, reader& in) requires fixed {
+        return apply_fields(value,
+                            [&in, from](auto&... f) { return fields::get(from, in, field_names<T>.data(), f...); });
     }
     static void write(buffer& out, const T& value) {
         apply_fields(value, [&out](const auto&... f) { fields::write(out, f...); });
@@ -111,7 +105,6 @@ struct codec<T> {
 
     static type_description describe();
 };
-
 
 template <reflected T>
 type_description codec<T>::describe() {
@@ -144,15 +137,12 @@ struct tuple_codec {
     static constexpr bool fixed = fields::fixed;
     static constexpr bool raw = false;
 
-    static void put(std::byte* to, const Tuple& value)
-        requires fixed
-    {
+    static void put(std::byte* to, const Tuple& value) requires fixed {
         std::apply([to](const auto&... f) { fields::put(to, f...); }, value);
     }
-    static bool get(const std::byte* from, Tuple& value, reader& in)
-        requires fixed
-    {
-        return std::apply([&in, from](auto&... f) { return fields::get(from, in, tuple_field_names.data(), f...); }, value);
+    static bool get(const std::byte* from, Tuple& value, reader& in) requires fixed {
+        return std::apply([&in, from](auto&... f) { return fields::get(from, in, tuple_field_names.data(), f...); },
+                          value);
     }
     static void write(buffer& out, const Tuple& value) {
         std::apply([&out](const auto&... f) { fields::write(out, f...); }, value);

@@ -28,7 +28,8 @@ template <class T>
 inline bool read(reader& in, T& value) {
     if constexpr (codec<T>::fixed) {
         const std::byte* from = in.take(codec<T>::min_size);
-        if (from || codec<T>::min_size == 0) [[likely]] return codec<T>::get(from, value, in);
+        if (from || codec<T>::min_size == 0) [[likely]]
+            return codec<T>::get(from, value, in);
         if constexpr (requires { codec<T>::read(in, value); }) {
             return codec<T>::read(in, value); // piece by piece, only to name the one that is cut
         } else {
@@ -104,7 +105,7 @@ struct codec<std::byte> {
 };
 
 template <class E>
-    requires std::is_enum_v<E>
+requires std::is_enum_v<E>
 struct codec<E> {
     using number = std::underlying_type_t<E>;
     static constexpr std::size_t min_size = sizeof(number);

@@ -10,8 +10,7 @@ namespace ise::detail {
 template <class T>
 struct any_field {
     template <class U>
-        requires(!std::is_same_v<U, T> && !std::is_base_of_v<U, T>)
-    operator U() const noexcept {
+    requires(!std::is_same_v<U, T> && !std::is_base_of_v<U, T>) operator U() const noexcept {
         __builtin_unreachable(); // only asked about, never called
     }
 };
@@ -20,8 +19,7 @@ struct any_field {
 template <class T>
 struct any_base {
     template <class U>
-        requires(!std::is_same_v<U, T> && std::is_base_of_v<U, T>)
-    operator U() const noexcept {
+    requires(!std::is_same_v<U, T> && std::is_base_of_v<U, T>) operator U() const noexcept {
         __builtin_unreachable(); // only asked about, never called
     }
 };
@@ -44,8 +42,8 @@ consteval bool takes_nested(std::index_sequence<Before...>, std::index_sequence<
 }
 
 template <class T, std::size_t before, std::size_t after>
-inline constexpr bool takes_pair =
-    takes_nested<T>(std::make_index_sequence<before>(), std::make_index_sequence<after>());
+inline constexpr bool takes_pair = takes_nested<T>(std::make_index_sequence<before>(),
+                                                   std::make_index_sequence<after>());
 
 /// The largest n below `high` for which Test<n> holds, which holds at `low` and, from there on, up to that n.
 template <template <std::size_t> class Test, std::size_t low, std::size_t high>
@@ -122,7 +120,8 @@ consteval std::size_t initialisers_of_field() {
         auto search = []<std::size_t... I>(std::index_sequence<I...>) consteval {
             // Found from the top, for fields without a default make too few initialisers fail, too.
             std::size_t follow = static_cast<std::size_t>(-1);
-            ((follow == static_cast<std::size_t>(-1) && takes_pair<T, at, most - I> ? void(follow = most - I) : void()), ...);
+            ((follow == static_cast<std::size_t>(-1) && takes_pair<T, at, most - I> ? void(follow = most - I) : void()),
+             ...);
             return follow;
         };
         if constexpr (takes_pair<T, at, most>) {
@@ -152,11 +151,15 @@ template <class T>
 inline constexpr bool countable_fields = initialisers<T>::countable;
 
 template <class T>
-inline constexpr bool has_base = requires { T{any_base<T>{}}; };
+inline constexpr bool has_base = requires {
+    T{any_base<T>{}};
+};
 
 /// A base and members of its own: structured bindings cannot take it apart.
 template <class T>
-inline constexpr bool has_base_and_members = requires { T{any_base<T>{}, any_field<T>{}}; };
+inline constexpr bool has_base_and_members = requires {
+    T{any_base<T>{}, any_field<T>{}};
+};
 
 template <class T>
 consteval std::size_t count_fields() {

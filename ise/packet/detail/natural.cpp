@@ -13,7 +13,8 @@ namespace ise::detail {
 namespace {
 void check(const buffer& out, std::uint64_t count, const size_limit& limit) {
     if (count > limit.most || out.size() > limit.most - count)
-        throw error(errc::too_large, fmt::format("the packet grows beyond {} bytes by its default values ({})", limit.most, limit.name));
+        throw error(errc::too_large,
+                    fmt::format("the packet grows beyond {} bytes by its default values ({})", limit.most, limit.name));
 }
 
 void zeros(buffer& out, std::uint64_t count, const size_limit& limit) {
@@ -22,9 +23,8 @@ void zeros(buffer& out, std::uint64_t count, const size_limit& limit) {
 }
 
 bool all_zero(const type_description& type) {
-    return std::none_of(type.members.begin(), type.members.end(), [](const type_member& member) {
-        return member.preset || !all_zero(member.type);
-    });
+    return std::none_of(type.members.begin(), type.members.end(),
+                        [](const type_member& member) { return member.preset || !all_zero(member.type); });
 }
 } // namespace
 

@@ -8,9 +8,10 @@ bool reader::accept_count(std::uint64_t count, std::size_t min_element_size, std
                           std::string_view unit) {
     if (min_element_size == 0) { // or known to their own serialize only: as many as there are bytes cost nothing
         if (count > left_ && count > zero_size_budget_)
-            return fail(fmt::format("claims {} {} of no size, at most {} are accepted in one packet (max_zero_size_elements)", count, unit,
-                                    limits_->max_zero_size_elements),
-                        errc::too_large);
+            return fail(
+                fmt::format("claims {} {} of no size, at most {} are accepted in one packet (max_zero_size_elements)",
+                            count, unit, limits_->max_zero_size_elements),
+                errc::too_large);
         if (count > left_) zero_size_budget_ -= static_cast<std::size_t>(count);
     } else if (count > left_ / min_element_size) {
         return fail(fmt::format("claims {} {}{}, {} {} left", count, unit,
@@ -18,17 +19,19 @@ bool reader::accept_count(std::uint64_t count, std::size_t min_element_size, std
                                 unit == "elements" ? "bytes are" : "are"));
     }
     if (element_memory != 0 && count > budget_ / element_memory)
-        return fail(fmt::format("its {} {} need more memory than the {} bytes that one packet may take (max_total_bytes)", count, unit,
-                                limits_->max_total_bytes),
-                    errc::too_large);
+        return fail(
+            fmt::format("its {} {} need more memory than the {} bytes that one packet may take (max_total_bytes)",
+                        count, unit, limits_->max_total_bytes),
+            errc::too_large);
     budget_ -= static_cast<std::size_t>(count) * element_memory;
     return true;
 }
 
 bool reader::enter() {
     if (depth_left_ == 0)
-        return fail(fmt::format("is nested deeper than the {} levels that are accepted (max_depth)", limits_->max_depth),
-                    errc::too_large);
+        return fail(
+            fmt::format("is nested deeper than the {} levels that are accepted (max_depth)", limits_->max_depth),
+            errc::too_large);
     --depth_left_;
     return true;
 }
@@ -41,8 +44,8 @@ bool reader::fail(std::string text, errc code) {
 }
 
 bool reader::fail_short(std::size_t needed) {
-    return fail(fmt::format("needs {} byte{}, {} {} left", needed, needed == 1 ? "" : "s", left_,
-                            left_ == 1 ? "is" : "are"));
+    return fail(
+        fmt::format("needs {} byte{}, {} {} left", needed, needed == 1 ? "" : "s", left_, left_ == 1 ? "is" : "are"));
 }
 
 bool reader::fail_flag(std::string_view what, unsigned value) {

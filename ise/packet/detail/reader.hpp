@@ -24,7 +24,8 @@ public:
 
     /// `count` bytes, or nullptr when fewer are left.
     const std::byte* take(std::size_t count) noexcept {
-        if (left_ < count) [[unlikely]] return nullptr;
+        if (left_ < count) [[unlikely]]
+            return nullptr;
         const std::byte* taken = at_;
         at_ += count;
         left_ -= count;
@@ -35,7 +36,8 @@ public:
     bool take_count(std::size_t& count, std::size_t min_element_size, std::size_t element_memory,
                     std::string_view unit = "elements") {
         const std::byte* raw = take(sizeof(std::uint32_t));
-        if (!raw) [[unlikely]] return fail_short(sizeof(std::uint32_t));
+        if (!raw) [[unlikely]]
+            return fail_short(sizeof(std::uint32_t));
         count = 0;
         for (unsigned i = 0; i < 4; ++i) count |= std::to_integer<std::size_t>(raw[i]) << (8 * i);
         return accept_count(count, min_element_size, element_memory, unit);

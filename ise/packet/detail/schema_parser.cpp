@@ -24,11 +24,13 @@ public:
 
 private:
     [[noreturn]] void wrong(std::string_view expected) const {
-        throw error(errc::malformed, fmt::format("schema text, character {}: expected {}, found {}", at_, expected,
-                                                 at_ < text_.size() ? fmt::format("'{}'", text_.substr(at_, 16)) : "the end"));
+        throw error(errc::malformed,
+                    fmt::format("schema text, character {}: expected {}, found {}", at_, expected,
+                                at_ < text_.size() ? fmt::format("'{}'", text_.substr(at_, 16)) : "the end"));
     }
     [[noreturn]] void too_many(std::string_view what, std::uint64_t most, std::string_view limit) const {
-        throw error(errc::too_large, fmt::format("schema text, character {}: {}, at most {} are accepted ({})", at_, what, most, limit));
+        throw error(errc::too_large,
+                    fmt::format("schema text, character {}: {}, at most {} are accepted ({})", at_, what, most, limit));
     }
 
     bool take(char c) {
@@ -44,7 +46,8 @@ private:
         std::size_t begin = at_;
         while (at_ < text_.size() && accepts(text_[at_])) ++at_;
         if (at_ == begin) wrong(what);
-        if (at_ - begin > limits_.max_name_bytes) too_many("a name is too long: its bytes", limits_.max_name_bytes, "max_name_bytes");
+        if (at_ - begin > limits_.max_name_bytes)
+            too_many("a name is too long: its bytes", limits_.max_name_bytes, "max_name_bytes");
         auto taken = text_.substr(begin, at_ - begin);
         if (!detail::is_utf8(taken)) at_ = begin, wrong("a name in UTF-8"); // JSON could not name the field
         return taken;
@@ -58,7 +61,8 @@ private:
         if (failed != std::errc()) wrong("a number in range");
         at_ = static_cast<std::size_t>(end - text_.data());
         // One number, one text: otherwise equal schemas had two fingerprints' worth of texts.
-        if (text_.substr(begin, at_ - begin) != fmt::format("{}", value)) at_ = begin, wrong("a number without leading zeros");
+        if (text_.substr(begin, at_ - begin) != fmt::format("{}", value))
+            at_ = begin, wrong("a number without leading zeros");
         return value;
     }
 
@@ -69,7 +73,8 @@ private:
     }
 
     type_description parse_type(std::size_t depth) {
-        if (depth >= limits_.max_depth) too_many("the types are nested too deep: levels", limits_.max_depth, "max_depth");
+        if (depth >= limits_.max_depth)
+            too_many("the types are nested too deep: levels", limits_.max_depth, "max_depth");
         if (++types_ > limits_.max_types) too_many("too many types", limits_.max_types, "max_types");
         std::size_t begin = at_;
         std::string_view name = word();
@@ -90,7 +95,8 @@ private:
         else if (name == "opaque") parse_opaque(type);
         else at_ = begin, wrong("a type");
         type.complete();
-        if (type.min_size > limits_.max_min_size) too_many("a value is too big: its bytes", limits_.max_min_size, "max_min_size");
+        if (type.min_size > limits_.max_min_size)
+            too_many("a value is too big: its bytes", limits_.max_min_size, "max_min_size");
         return type;
     }
 
@@ -100,7 +106,8 @@ private:
         if (least == 0 && take('>')) return;
         do {
             if (type.members.size() == most) {
-                if (kind == type_kind::variant || kind == type_kind::tuple) too_many("too many alternatives", most, "max_members");
+                if (kind == type_kind::variant || kind == type_kind::tuple)
+                    too_many("too many alternatives", most, "max_members");
                 wrong("'>'");
             }
             type.members.push_back({{}, parse_type(depth + 1), {}});
@@ -115,7 +122,8 @@ private:
         type.members.push_back({{}, parse_type(depth + 1), {}});
         need(',');
         type.length = number<std::uint64_t>();
-        if (type.length > limits_.max_array_length) too_many("an array is too long: its elements", limits_.max_array_length, "max_array_length");
+        if (type.length > limits_.max_array_length)
+            too_many("an array is too long: its elements", limits_.max_array_length, "max_array_length");
         need('>');
     }
 
@@ -135,8 +143,9 @@ private:
     void parse_opaque(type_description& type) {
         type.kind = type_kind::opaque;
         need('<');
-        type.name = take_while([](char c) { return detail::is_name_char(c) || c == '.' || c == ':' || c == '/' || c == '-'; },
-                               "the name of an opaque type");
+        type.name =
+            take_while([](char c) { return detail::is_name_char(c) || c == '.' || c == ':' || c == '/' || c == '-'; },
+                       "the name of an opaque type");
         need(',');
         type.version = number<std::uint32_t>();
         need('>');
@@ -153,13 +162,15 @@ private:
         std::set<std::string_view> names;
         std::set<std::int64_t> values;
         do {
-            if (type.enumerators.size() == limits_.max_enumerators) too_many("too many enumerators", limits_.max_enumerators, "max_enumerators");
+            if (type.enumerators.size() == limits_.max_enumerators)
+                too_many("too many enumerators", limits_.max_enumerators, "max_enumerators");
             std::string_view name = word();
             need('=');
             std::int64_t value = type.number == type_kind::u64 ? static_cast<std::int64_t>(number<std::uint64_t>())
                                                                : number<std::int64_t>();
             if (!fits(type.number, value)) wrong("a value in the enum's range before this");
-            if (!names.insert(name).second || !values.insert(value).second) wrong("an enumerator of its own before this");
+            if (!names.insert(name).second || !values.insert(value).second)
+                wrong("an enumerator of its own before this");
             type.enumerators.push_back({std::string(name), value});
         } while (take(','));
         need('}');
@@ -180,7 +191,8 @@ private:
         if (take('}')) return;
         std::set<std::string_view> names;
         do {
-            if (type.members.size() == limits_.max_members) too_many("too many fields", limits_.max_members, "max_members");
+            if (type.members.size() == limits_.max_members)
+                too_many("too many fields", limits_.max_members, "max_members");
             std::string_view name = word();
             if (!names.insert(name).second) wrong("a field name of its own before this");
             need(':');
@@ -217,8 +229,9 @@ private:
 
 result<schema> schema::parse(std::string_view canonical_text, const schema_limits& limits) {
     if (canonical_text.size() > limits.max_text_bytes)
-        return failure(errc::too_large, fmt::format("a schema text of {} bytes, at most {} are accepted (max_text_bytes)",
-                                                    canonical_text.size(), limits.max_text_bytes));
+        return failure(errc::too_large,
+                       fmt::format("a schema text of {} bytes, at most {} are accepted (max_text_bytes)",
+                                   canonical_text.size(), limits.max_text_bytes));
     try {
         return schema(parser(canonical_text, limits).whole());
     } catch (const error& why) {

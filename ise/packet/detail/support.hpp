@@ -55,24 +55,26 @@ struct probe_archive {
 };
 
 template <class T>
-concept public_serialize =
-    requires(T& value, probe_archive& archive) { value.serialize(archive); } ||
-    requires(T& value, probe_archive& archive) { value.serialize(archive, 0); } ||
-    requires(const T& value, probe_archive& archive) { value.save(archive); } ||
-    requires(const T& value, probe_archive& archive) { value.save(archive, 0); } ||
-    requires(const T& value, const probe_archive& archive) { value.save_minimal(archive); };
+concept public_serialize = requires(T& value, probe_archive& archive) {
+    value.serialize(archive);
+}
+|| requires(T& value, probe_archive& archive) { value.serialize(archive, 0); }
+|| requires(const T& value, probe_archive& archive) { value.save(archive); }
+|| requires(const T& value, probe_archive& archive) { value.save(archive, 0); }
+|| requires(const T& value, const probe_archive& archive) { value.save_minimal(archive); };
 
 // Private ones (`friend class cereal::access`) are asked for by that class, where its header was included.
 template <class T, class Access = cereal::access>
-concept befriended_serialize =
-    requires(T& value, probe_archive& archive) { Access::member_serialize(archive, value); } ||
-    requires(T& value, probe_archive& archive) { Access::member_serialize(archive, value, 0); } ||
-    requires(const T& value, probe_archive& archive) { Access::member_save(archive, value); } ||
-    requires(const T& value, probe_archive& archive) { Access::member_save(archive, value, 0); } ||
-    requires(const T& value, const probe_archive& archive) { Access::member_save_minimal(archive, value); };
+concept befriended_serialize = requires(T& value, probe_archive& archive) {
+    Access::member_serialize(archive, value);
+}
+|| requires(T& value, probe_archive& archive) { Access::member_serialize(archive, value, 0); }
+|| requires(const T& value, probe_archive& archive) { Access::member_save(archive, value); }
+|| requires(const T& value, probe_archive& archive) { Access::member_save(archive, value, 0); }
+|| requires(const T& value, const probe_archive& archive) { Access::member_save_minimal(archive, value); };
 
-// Where it was not, a private one is told by its name, which is ambiguous beside another one: such a type must not be taken
-// apart in one file and written by its own functions in the next.
+// Where it was not, a private one is told by its name, which is ambiguous beside another one: such a type must not be
+// taken apart in one file and written by its own functions in the next.
 struct namesake {
     void serialize();
     void save();
@@ -81,32 +83,47 @@ struct namesake {
 template <class T>
 struct with_namesake : T, namesake {};
 template <class T, class Access = cereal::access>
-concept unseen_serialize =
-    !requires { sizeof(Access); } && !std::is_final_v<T> &&
-    ((!requires { &with_namesake<T>::serialize; } && !requires { &T::serialize; }) ||
-     (!requires { &with_namesake<T>::save; } && !requires { &T::save; }) ||
-     (!requires { &with_namesake<T>::save_minimal; } && !requires { &T::save_minimal; }));
+concept unseen_serialize = !requires {
+    sizeof(Access);
+}
+&&!std::is_final_v<T> && ((
+                              !requires { &with_namesake<T>::serialize; } && !requires { &T::serialize; }) ||
+                          (
+                              !requires { &with_namesake<T>::save; } && !requires { &T::save; }) ||
+                          (
+                              !requires { &with_namesake<T>::save_minimal; } && !requires { &T::save_minimal; }));
 
 template <class T>
-concept free_serialize = requires(T& value, probe_archive& archive) { serialize(archive, value); } ||
-                         requires(T& value, probe_archive& archive) { serialize(archive, value, std::uint32_t{}); } ||
-                         requires(const T& value, probe_archive& archive) { save(archive, value); } ||
-                         requires(const T& value, probe_archive& archive) { save(archive, value, std::uint32_t{}); };
+concept free_serialize = requires(T& value, probe_archive& archive) {
+    serialize(archive, value);
+}
+|| requires(T& value, probe_archive& archive) { serialize(archive, value, std::uint32_t{}); }
+|| requires(const T& value, probe_archive& archive) { save(archive, value); }
+|| requires(const T& value, probe_archive& archive) { save(archive, value, std::uint32_t{}); };
 
 /// A class that is described by its own cereal functions, be they private (`friend class cereal::access`). They win
 /// over reflection.
 template <class T>
-concept own_serialize =
-    std::is_class_v<T> && (public_serialize<T> || befriended_serialize<T> || free_serialize<T> || unseen_serialize<T>);
+concept own_serialize = std::is_class_v<T> &&
+    (public_serialize<T> || befriended_serialize<T> || free_serialize<T> || unseen_serialize<T>);
 
 // Maps and sets of unique keys are known by what they have: naming them would take their headers.
 template <class T>
-concept of_std = full_type_name<T>().starts_with("std::");
+concept of_std = full_type_name<T>()
+.starts_with("std::");
 template <class T>
-concept standard_set = requires { typename T::key_type; typename T::insert_return_type; } &&
-                       !requires { typename T::mapped_type; } && of_std<T>;
+concept standard_set = requires {
+    typename T::key_type;
+    typename T::insert_return_type;
+}
+&&!requires { typename T::mapped_type; }
+&&of_std<T>;
 template <class T>
-concept standard_map = requires { typename T::mapped_type; typename T::insert_return_type; } && of_std<T>;
+concept standard_map = requires {
+    typename T::mapped_type;
+    typename T::insert_return_type;
+}
+&&of_std<T>;
 
 // Standard templates and what they are made of.
 template <class T>

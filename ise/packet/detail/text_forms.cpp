@@ -18,7 +18,10 @@ std::size_t sequence_length(std::string_view text) noexcept {
     auto at = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
     unsigned char first = at(0);
     if (first < 0x80) return 1;
-    std::size_t length = first >= 0xc2 && first <= 0xdf ? 2 : (first & 0xf0) == 0xe0 ? 3 : first >= 0xf0 && first <= 0xf4 ? 4 : 0;
+    std::size_t length = first >= 0xc2 && first <= 0xdf   ? 2
+                         : (first & 0xf0) == 0xe0         ? 3
+                         : first >= 0xf0 && first <= 0xf4 ? 4
+                                                          : 0;
     if (length == 0 || text.size() < length) return 0;
     for (std::size_t i = 1; i < length; ++i)
         if ((at(i) & 0xc0) != 0x80) return 0;
@@ -61,7 +64,8 @@ std::string decimal_seconds(std::int64_t ticks, std::int64_t den, int places) {
 }
 
 // whole seconds and a fraction "123" as ticks.
-std::optional<std::int64_t> combine(std::int64_t seconds, std::string_view fraction, bool negative, std::int64_t den, int places) {
+std::optional<std::int64_t> combine(std::int64_t seconds, std::string_view fraction, bool negative, std::int64_t den,
+                                    int places) {
     if (fraction.size() > static_cast<std::size_t>(places)) return std::nullopt; // finer than the type
     std::int64_t part = 0;
     for (int i = 0; i < places; ++i) {
@@ -72,7 +76,8 @@ std::optional<std::int64_t> combine(std::int64_t seconds, std::string_view fract
     }
     __extension__ using wide = __int128; // the seconds alone may lie outside where the sum does not
     wide ticks = wide{seconds} * den + (negative ? -wide{part} : wide{part});
-    if (ticks < std::numeric_limits<std::int64_t>::min() || ticks > std::numeric_limits<std::int64_t>::max()) return std::nullopt;
+    if (ticks < std::numeric_limits<std::int64_t>::min() || ticks > std::numeric_limits<std::int64_t>::max())
+        return std::nullopt;
     return static_cast<std::int64_t>(ticks);
 }
 
@@ -114,7 +119,8 @@ std::optional<std::int64_t> from_iso(std::string_view text, std::int64_t den, in
         fraction = text.substr(0, size);
         text.remove_prefix(size);
     }
-    chrono::year_month_day date{chrono::year(year), chrono::month(static_cast<unsigned>(month)), chrono::day(static_cast<unsigned>(day))};
+    chrono::year_month_day date{chrono::year(year), chrono::month(static_cast<unsigned>(month)),
+                                chrono::day(static_cast<unsigned>(day))};
     if (text != "Z" || !date.ok() || hour > 23 || minute > 59 || second > 59) return std::nullopt;
     std::int64_t days = chrono::sys_days(date).time_since_epoch().count();
     return combine(((days * 24 + hour) * 60 + minute) * 60 + second, fraction, false, den, places);
@@ -126,7 +132,8 @@ std::string to_base64(bytes_view raw) {
     text.reserve((raw.size() + 2) / 3 * 4);
     for (std::size_t i = 0; i < raw.size(); i += 3) {
         std::uint32_t three = 0;
-        for (std::size_t k = 0; k < 3; ++k) three = three << 8 | (i + k < raw.size() ? std::to_integer<std::uint32_t>(raw[i + k]) : 0);
+        for (std::size_t k = 0; k < 3; ++k)
+            three = three << 8 | (i + k < raw.size() ? std::to_integer<std::uint32_t>(raw[i + k]) : 0);
         for (std::size_t k = 0; k < 4; ++k) text += i + k > raw.size() ? '=' : digits64[three >> (18 - 6 * k) & 63];
     }
     return text;
@@ -136,7 +143,8 @@ std::optional<bytes> from_base64(std::string_view text) {
     static constexpr auto values = [] {
         std::array<std::int8_t, 256> table{};
         table.fill(-1);
-        for (std::size_t i = 0; i < 64; ++i) table[static_cast<unsigned char>(digits64[i])] = static_cast<std::int8_t>(i);
+        for (std::size_t i = 0; i < 64; ++i)
+            table[static_cast<unsigned char>(digits64[i])] = static_cast<std::int8_t>(i);
         return table;
     }();
     if (text.size() % 4 != 0) return std::nullopt;
@@ -208,10 +216,12 @@ void append_json_time(std::string& out, const type_description& type, std::int64
     }
     chrono::year_month_day date{chrono::sys_days(chrono::days(days))};
     std::int64_t of_day = seconds - days * 86400;
-    out += fmt::format("\"{:04}-{:02}-{:02}T{:02}:{:02}:{:02}", static_cast<int>(date.year()), static_cast<unsigned>(date.month()),
-                       static_cast<unsigned>(date.day()), of_day / 3600, of_day / 60 % 60, of_day % 60);
+    out += fmt::format("\"{:04}-{:02}-{:02}T{:02}:{:02}:{:02}", static_cast<int>(date.year()),
+                       static_cast<unsigned>(date.month()), static_cast<unsigned>(date.day()), of_day / 3600,
+                       of_day / 60 % 60, of_day % 60);
     if (*places > 0) { // the whole seconds alone may lie outside, so the difference is taken without sign
-        auto fraction = static_cast<std::uint64_t>(ticks) - static_cast<std::uint64_t>(seconds) * static_cast<std::uint64_t>(type.period_den);
+        auto fraction = static_cast<std::uint64_t>(ticks) -
+                        static_cast<std::uint64_t>(seconds) * static_cast<std::uint64_t>(type.period_den);
         out += fmt::format(".{:0{}}", fraction, *places);
     }
     out += "Z\"";
@@ -235,7 +245,8 @@ std::optional<std::int64_t> ticks_from_text(const type_description& type, std::s
 }
 
 std::optional<std::int64_t> ticks_from_seconds(const type_description& type, double seconds) {
-    double ticks = std::nearbyint(seconds * static_cast<double>(type.period_den) / static_cast<double>(type.period_num));
+    double ticks =
+        std::nearbyint(seconds * static_cast<double>(type.period_den) / static_cast<double>(type.period_num));
     if (!(ticks >= -9.2e18 && ticks <= 9.2e18)) return std::nullopt; // NaN, too
     return static_cast<std::int64_t>(ticks);
 }

@@ -15,8 +15,13 @@ struct fix {
     double latitude_deg = 0;
     std::uint32_t number = 0;
 };
-struct set_mode { std::string mode; };
-struct mode_set { bool accepted = false; std::string reason; };
+struct set_mode {
+    std::string mode;
+};
+struct mode_set {
+    bool accepted = false;
+    std::string reason;
+};
 
 inline constexpr ise::subscription<fix> position{"position"};
 inline constexpr ise::request_response<set_mode, mode_set> helm{"helm"};
@@ -25,7 +30,9 @@ namespace {
 
 class boat : public ise::component {
     ise::task<> run() override {
-        provide(helm, [](set_mode wanted) -> ise::task<mode_set> { co_return mode_set{wanted.mode != "fly", "boats sail"}; });
+        provide(helm, [](set_mode wanted) -> ise::task<mode_set> {
+            co_return mode_set{wanted.mode != "fly", "boats sail"};
+        });
         auto fixes = publish(position);
         for (std::uint32_t number = 0;; ++number) {
             co_await sleep(1ms);
@@ -72,7 +79,8 @@ int main() {
             auto& provider = node.start<boat>(listen[0] == 't' ? "far" : "near", here);
             auto where = provider.services().listening().front();
             here.listens = false;
-            auto& console = node.start("", [](ise::component& self) -> ise::task<> { co_await self.sleep(1h); }, here);
+            auto& console = node.start(
+                "", [](ise::component& self) -> ise::task<> { co_await self.sleep(1h); }, here);
             console.wait(ask_and_listen(console, where, good));
             here.listens = true;
         }

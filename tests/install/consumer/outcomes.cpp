@@ -1,5 +1,5 @@
-// What users write with results, compiled with their warnings and never run: where g++ 12 inlined results it told of texts
-// that are not initialized, and of freeing what is not of the heap.
+// What users write with results, compiled with their warnings and never run: where g++ 12 inlined results it told of
+// texts that are not initialized, and of freeing what is not of the heap.
 #include <ise/ise.hpp>
 
 #include <optional>

@@ -33,4 +33,4 @@ def tell(world: World):
         world.sleep(10)
         world.way("boat", "shore", rate=0)
         world.sleep(3)
-    world.judge(Rules(deaf=("blocks-tcp", "blocks-udp"), least_calls=1000))
+    world.judge(Rules(deaf=("blocks-tcp", "blocks-udp"), min_calls=1000))

@@ -9,11 +9,11 @@ from world import Failed, Rules, World
 
 def tell(world: World):
     world.hosts("shore", "boat", "thief")
-    door = (world.addresses["shore"], 7420)
-    world.name_server("--fresh", host="shore", listen=f"tcp://{door[0]}:7400")
-    doors = [word for scheme in ("tcp", "udp") for word in ("--boat-listen", f"{scheme}://{door[0]}:{door[1]}")]
-    world.atirma("gprs", "gprs-proxy", *doors, host="shore", ready="ready:")
-    world.atirma("boat", "boat-simulator", "--gprs", f"tcp://{door[0]}:{door[1]}", "--gprs-period", "1", host="boat")
+    channel = (world.addresses["shore"], 7420)
+    world.name_server("--fresh", host="shore", listen=f"tcp://{channel[0]}:7400")
+    listeners = [word for scheme in ("tcp", "udp") for word in ("--boat-listen", f"{scheme}://{channel[0]}:{channel[1]}")]
+    world.atirma("gprs", "gprs-proxy", *listeners, host="shore", ready="ready:")
+    world.atirma("boat", "boat-simulator", "--gprs", f"tcp://{channel[0]}:{channel[1]}", "--gprs-period", "1", host="boat")
 
     def shore():
         return world.next_of("atirma/shore/gprs", "gprs_state", host="shore", wait=10) or {}
@@ -29,7 +29,7 @@ def tell(world: World):
     thief.settimeout(0.2)
 
     def send(datagram: bytes):
-        thief.sendto(datagram, door)
+        thief.sendto(datagram, channel)
 
     def heard() -> bytes:
         came = b""

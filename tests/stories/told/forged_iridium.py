@@ -1,4 +1,4 @@
-"""Posts and DirectIP messages that are not the gateway's count for nothing, and doors that anybody could use are not opened."""
+"""Posts and DirectIP messages that are not the gateway's count for nothing, and listeners that anybody could use are not opened."""
 import struct
 
 from world import Failed, World
@@ -22,13 +22,13 @@ def directip() -> bytes:
 def tell(world: World):
     world.hosts("shore", "gateway", "stranger")
     shore = world.addresses["shore"]
-    hook, door = (shore, 7480), (shore, 10800)
+    hook, channel = (shore, 7480), (shore, 10800)
     world.name_server("--fresh", host="shore")
     key = world.folder / "gateway.pem"
     world.make_key(key)
     common = ["atirma", "run", "iridium-proxy", "--imei", IMEI, "--send-by", "none", "--database", world.folder / "iridium.db"]
 
-    # Beyond loopback there is no door for everybody.
+    # Beyond loopback there is no channel for everybody.
     for name, words in (("open-hook", ["--webhook", f"tcp://{shore}:7480"]),
                         ("open-directip", ["--webhook", "", "--directip", f"tcp://{shore}:10800"])):
         refused = world.run(name, [*common, *words], "shore", ISE_NAME_SERVER=world.names)
@@ -47,9 +47,9 @@ def tell(world: World):
     for host, what in (("stranger", unsigned), ("gateway", unsigned), ("gateway", forged)):
         world.expect(world.ask(hook, what, b"HTTP/1.1 4", host), f"{host}: a post without the gateway's token is not refused")
     # The port of DirectIP: closed without an answer for a stranger; the gateway's messages are confirmed.
-    world.expect(not world.ask(door, directip(), b"\1\0\4\5\0\1\1", "stranger", wait=2), "a stranger's DirectIP message is confirmed")
+    world.expect(not world.ask(channel, directip(), b"\1\0\4\5\0\1\1", "stranger", wait=2), "a stranger's DirectIP message is confirmed")
     told = account()
     world.expect(told.get("messages") == 0, f"what strangers sent counts: {told}")
     world.expect(world.until(lambda: account().get("refused", 0) >= 3, 15), f"the refused posts are not counted: {account()}")
-    world.expect(world.ask(door, directip(), b"\1\0\4\5\0\1\1", "gateway"), "the gateway's DirectIP message is not confirmed")
+    world.expect(world.ask(channel, directip(), b"\1\0\4\5\0\1\1", "gateway"), "the gateway's DirectIP message is not confirmed")
     world.expect(world.until(lambda: account().get("messages") == 1, 10), f"the gateway's message does not count: {account()}")

@@ -65,4 +65,4 @@ def tell(world: World):
     world.expect(all(done[what] for what in ("lost", "reordered", "duplicated", "cut", "reset")), f"the router did not do all that it should: {done}")
     world.hush()
     world.sleep(3)
-    world.judge(Rules(deaf=tuple(deaf), killed=tuple(killed), caught_up=tuple(exact), least_calls=2000, least_packets=500))
+    world.judge(Rules(deaf=tuple(deaf), killed=tuple(killed), caught_up=tuple(exact), min_calls=2000, min_packets=500))

@@ -57,12 +57,12 @@ def callers(world: World, to: tuple[str, int], every_s: float):
 
 def greeting(world: World) -> bytes:
     """What the command line says first to a name server."""
-    with world.on("crowd"), socket.create_server((world.addresses["crowd"], 7400)) as door:
-        door.settimeout(10)
+    with world.on("crowd"), socket.create_server((world.addresses["crowd"], 7400)) as channel:
+        channel.settimeout(10)
         subprocess.Popen(["nsenter", f"--net={world.namespaces['crowd']}", world.bin / "ise", "--timeout", "2s", "list"], stdin=subprocess.DEVNULL,
                                 stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
                                 env=os.environ | {"ISE_NAME_SERVER": f"tcp://{world.addresses['crowd']}:7400"})
-        line, _ = door.accept()
+        line, _ = channel.accept()
         with line:
             line.settimeout(10)
             head = line.recv(16, socket.MSG_WAITALL)

@@ -26,4 +26,4 @@ def tell(world: World):
     world.sleep(3)
     # Without a publisher that waits, a subscription that falls behind by more than its depth ends: 400 packets a second against 256.
     world.judge(Rules(must_end=("cut-publish", "stopped-publish", "slow-publish"),
-                      caught_up=tuple(f"{fault}-send" for fault in ("cut", "stopped")), least_packets=300))
+                      caught_up=tuple(f"{fault}-send" for fault in ("cut", "stopped")), min_packets=300))

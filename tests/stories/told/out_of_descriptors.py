@@ -1,4 +1,4 @@
-"""Every program that listens is out of descriptors for a while, with callers waiting; afterwards each of its doors answers."""
+"""Every program that listens is out of descriptors for a while, with callers waiting; afterwards each of its listeners answers."""
 from gprs import login
 from world import World
 

@@ -17,14 +17,14 @@ class Relay:
 
     def __init__(self, to: tuple[str, int]):
         self.to, self.asked, self.answered = to, [], []
-        self.door = socket.create_server(("127.0.0.1", 0))
-        self.url = "tcp://127.0.0.1:%d" % self.door.getsockname()[1]
+        self.channel = socket.create_server(("127.0.0.1", 0))
+        self.url = "tcp://127.0.0.1:%d" % self.channel.getsockname()[1]
         threading.Thread(target=self.serve, daemon=True).start()
 
     def serve(self):
         while True:
             try:
-                caller, _ = self.door.accept()
+                caller, _ = self.channel.accept()
             except OSError:
                 return
             with caller, socket.create_connection(self.to) as server:
@@ -62,7 +62,7 @@ def tell(world: World):
             world.ise(*command, wait=4, ISE_NAME_SERVER=relay.url, **secret)
         else:
             world.ise(*command, relay.url, wait=4, **secret)
-        relay.door.close()
+        relay.channel.close()
         if "hello" not in relay.asked:
             raise Failed(f"the relay that is taken for {what} was never called")
         world.expect("welcome" not in relay.answered, f"the instantiation server gave a session to the relay that is taken for {what}")

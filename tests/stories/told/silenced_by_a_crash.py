@@ -19,4 +19,4 @@ def tell(world: World):
     world.heal("boat", "cut")
     world.sleep(4)
     # A session that is gone holds up nobody, a silent one a second; the rest is for a busy machine.
-    world.judge(Rules(killed=("killed",), silence_s={f"healthy-{fault}": 3 for fault in FAULTS}, least_packets=500))
+    world.judge(Rules(killed=("killed",), silence_s={f"healthy-{fault}": 3 for fault in FAULTS}, min_packets=500))

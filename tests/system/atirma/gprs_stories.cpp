@@ -179,7 +179,8 @@ TEST_CASE("atirma gprs: telecommands wait for the carrier, survive its delay, an
     CHECK(it.boat().telemetry_period_s(link_id::gprs) == 1);
 }
 
-TEST_CASE("atirma gprs: a boat that reboots on command has lost nothing of before, and one that was killed starts afresh") {
+TEST_CASE(
+    "atirma gprs: a boat that reboots on command has lost nothing of before, and one that was killed starts afresh") {
     gprs_sea it;
     auto& seen = it.watch_gprs();
     REQUIRE(it.until([&] { return seen.telemetry.size() >= 10; }));
@@ -207,8 +208,8 @@ TEST_CASE("atirma gprs: a boat that reboots on command has lost nothing of befor
     }));
 }
 
-TEST_CASE(
-    "atirma gprs: the proxy is killed and started again while the boat sails: everything that the boat sent is acknowledged") {
+TEST_CASE("atirma gprs: the proxy is killed and started again while the boat sails: everything that the boat sent is "
+          "acknowledged") {
     gprs_sea it;
     auto& seen = it.watch_gprs();
     REQUIRE(it.until([&] { return seen.telemetry.size() >= 20; }));

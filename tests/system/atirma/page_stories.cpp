@@ -12,7 +12,10 @@ TEST_CASE("atirma: the page shows the boat where it is, its course and its mode"
     auto truth = it.boat().location_now();
     CHECK(shown.latitude_deg == Approx(truth.latitude_deg).margin(2e-4));
     CHECK(shown.longitude_deg == Approx(truth.longitude_deg).margin(2e-4));
-    auto told = page.state().snapshot(std::chrono::floor<std::chrono::milliseconds>(it.world.wall_start + it.world.elapsed()), {}).data;
+    auto told =
+        page.state()
+            .snapshot(std::chrono::floor<std::chrono::milliseconds>(it.world.wall_start + it.world.elapsed()), {})
+            .data;
     CHECK(told.find("automatic") != std::string::npos);
     CHECK(told.find("\"xbee\"") != std::string::npos);
     CHECK(page.statistics().by_type.contains("waypoints"));
@@ -24,7 +27,9 @@ TEST_CASE("atirma: the page says that its proxy is gone, and goes on when that i
     auto& page = it.start_page();
     REQUIRE(it.until([&] { return page.statistics().received >= 5; }));
     auto now = [&] { return std::chrono::floor<std::chrono::milliseconds>(it.world.wall_start + it.world.elapsed()); };
-    auto connected = [&] { return page.state().snapshot(now(), {}).data.find("\"connected\":true") != std::string::npos; };
+    auto connected = [&] {
+        return page.state().snapshot(now(), {}).data.find("\"connected\":true") != std::string::npos;
+    };
     CHECK(connected());
     it.proxy_process().crash();
     REQUIRE(it.until([&] { return !connected(); }));

@@ -4,7 +4,9 @@
 
 using namespace std::chrono_literals;
 
-ise::endpoint sea::where(const std::string& host, std::uint16_t port) { return ise::endpoint{ise::protocol::tcp, host, port, {}}; }
+ise::endpoint sea::where(const std::string& host, std::uint16_t port) {
+    return ise::endpoint{ise::protocol::tcp, host, port, {}};
+}
 
 ise::node_options sea::quiet() {
     ise::node_options options;
@@ -33,7 +35,9 @@ sea::sea(std::uint64_t seed, double speedup) : world(seed) {
         options.seed = seed;
         options.boat_path = "tcp://boat:7413";
         options.shore.open = [this, &here](ise::loop& on) { return shore_line().open_far_end(here, on); };
-        options.boat.open = [this, &here](ise::loop& on) { return world.serial_line("ttyS1", world.host("boat")).open_far_end(here, on); };
+        options.boat.open = [this, &here](ise::loop& on) {
+            return world.serial_line("ttyS1", world.host("boat")).open_far_end(here, on);
+        };
         auto node = std::make_shared<ise::node>(here, quiet());
         node->start<atirma::xbee_link_emulator>("atirma/air", listening(7412), std::move(options));
         return node;
@@ -76,8 +80,10 @@ void sea::user(std::function<ise::task<>(ise::component&)> body) {
 sea::watched& sea::watch() {
     auto& into = *watched_.emplace_back(std::make_unique<watched>());
     user([&into](ise::component& self) -> ise::task<> {
-        self.listen(proxy(self), atirma::services::telecommand_state, [&into](const atirma::telecommand_status& state) { into.states.push_back(state); });
-        self.listen(proxy(self), atirma::services::xb_local, [&into](const atirma::xbee_local& local) { into.local = local; });
+        self.listen(proxy(self), atirma::services::telecommand_state,
+                    [&into](const atirma::telecommand_status& state) { into.states.push_back(state); });
+        self.listen(proxy(self), atirma::services::xb_local,
+                    [&into](const atirma::xbee_local& local) { into.local = local; });
         auto shore = proxy(self);
         auto packets = co_await shore.subscribe(atirma::services::telemetry);
         for (;;) {

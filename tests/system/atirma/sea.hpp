@@ -20,8 +20,8 @@ inline atirma::telecommand_request set_mode(std::uint32_t id, atirma::sailing_mo
     return request;
 }
 
-/// The whole slice on the virtual clock: the boat on one host, the proxy on another, two emulated modems and the air between
-/// their serial lines on a third. Components are the unmodified ones.
+/// The whole slice on the virtual clock: the boat on one host, the proxy on another, two emulated modems and the air
+/// between their serial lines on a third. Components are the unmodified ones.
 class sea {
 public:
     explicit sea(std::uint64_t seed = 7, double speedup = 1);
@@ -31,7 +31,9 @@ public:
     atirma::xbee_proxy_options proxy_options;
 
     /// Runs until `done`; false if that did not come within so much virtual time.
-    bool until(const std::function<bool()>& done, ise::duration within = std::chrono::minutes(2)) { return world.run_until(done, within); }
+    bool until(const std::function<bool()>& done, ise::duration within = std::chrono::minutes(2)) {
+        return world.run_until(done, within);
+    }
 
     ise::sim::process& proxy_process() { return *proxy_; }
     ise::sim::process& boat_process() { return *boat_process_; }
@@ -62,7 +64,6 @@ public:
     static ise::component_options listening(std::uint16_t port);
 
 private:
-
     ise::sim::process* proxy_ = nullptr;
     ise::sim::process* boat_process_ = nullptr;
     atirma::boat_simulator* boat_component_ = nullptr;

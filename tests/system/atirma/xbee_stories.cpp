@@ -91,7 +91,8 @@ TEST_CASE("atirma: set_mode over the radio is acknowledged by the boat and chang
     CHECK((*answer)->text == "hold");
     CHECK(it.boat().pilot().mode() == sailing_mode::hold);
     // The subscription told the way there, without the proxy being asked.
-    REQUIRE(it.until([&] { return !seen.states.empty() && seen.states.back().state == telecommand_stage::acknowledged; }));
+    REQUIRE(
+        it.until([&] { return !seen.states.empty() && seen.states.back().state == telecommand_stage::acknowledged; }));
     CHECK(seen.states.front().state == telecommand_stage::queued);
     CHECK(seen.states.back().id == 7);
 }
@@ -128,7 +129,8 @@ TEST_CASE("atirma: over a link that is off a telecommand is pending, and acknowl
     CHECK_FALSE((*answer)->result);
     CHECK(it.boat().pilot().mode() == sailing_mode::automatic);
     switch_link(it, true);
-    REQUIRE(it.until([&] { return !seen.states.empty() && seen.states.back().state == telecommand_stage::acknowledged; }, 5min));
+    REQUIRE(it.until(
+        [&] { return !seen.states.empty() && seen.states.back().state == telecommand_stage::acknowledged; }, 5min));
     CHECK(seen.states.back().id == 11);
     CHECK(seen.states.back().attempts >= 2);
     CHECK(it.boat().pilot().mode() == sailing_mode::station_keep);
@@ -241,8 +243,12 @@ TEST_CASE("atirma: lossy air costs retries and no telecommand") {
     lossy.extra_loss = 0.4;
     set_air(it, lossy);
     std::vector<asked> answers(6);
-    for (std::size_t i = 0; i < answers.size(); ++i) command(it, set_mode(static_cast<std::uint32_t>(100 + i), i % 2 ? sailing_mode::automatic : sailing_mode::hold), 4min, answers[i]);
-    REQUIRE(it.until([&] { return std::all_of(answers.begin(), answers.end(), [](const asked& a) { return a.has_value(); }); }, 10min));
+    for (std::size_t i = 0; i < answers.size(); ++i)
+        command(it, set_mode(static_cast<std::uint32_t>(100 + i), i % 2 ? sailing_mode::automatic : sailing_mode::hold),
+                4min, answers[i]);
+    REQUIRE(it.until(
+        [&] { return std::all_of(answers.begin(), answers.end(), [](const asked& a) { return a.has_value(); }); },
+        10min));
     for (const auto& answer : answers) {
         REQUIRE(*answer);
         CHECK((*answer)->state == telecommand_stage::acknowledged);
@@ -348,14 +354,17 @@ struct stored {
     void start(sea& it) {
         it.world.host("store").start_process("store", [this](ise::sim::process& here) -> std::shared_ptr<void> {
             auto node = std::make_shared<ise::node>(here, sea::quiet());
-            node->start("store", [this](ise::component& self) -> ise::task<> {
-                self.provide(services::telemetry_store, [this](const keep_request& request) {
-                    if (refuses) throw ise::error(ise::errc::refused, "the disk is full");
-                    for (const auto& one : request.packets) packets.emplace(one.boot, one.sequence);
-                    return keep_reply();
-                });
-                for (;;) co_await self.sleep(1h);
-            }, sea::listening(7415));
+            node->start(
+                "store",
+                [this](ise::component& self) -> ise::task<> {
+                    self.provide(services::telemetry_store, [this](const keep_request& request) {
+                        if (refuses) throw ise::error(ise::errc::refused, "the disk is full");
+                        for (const auto& one : request.packets) packets.emplace(one.boot, one.sequence);
+                        return keep_reply();
+                    });
+                    for (;;) co_await self.sleep(1h);
+                },
+                sea::listening(7415));
             return node;
         });
     }

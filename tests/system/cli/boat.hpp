@@ -115,7 +115,9 @@ private:
 /// A node of this process on real sockets, without names.
 class harbour {
 public:
-    harbour() : node(env, quiet()), ship(node.start<boat>("atirma/boat", listening())), at(ship.services().listening().front().text()) {}
+    harbour()
+        : node(env, quiet()), ship(node.start<boat>("atirma/boat", listening())),
+          at(ship.services().listening().front().text()) {}
 
     ise::real_environment env;
     ise::node node;

@@ -25,7 +25,9 @@ std::size_t look_at(const words& command) {
     for (std::string line; std::getline(text, line);) {
         CHECK(ise::columns(line) <= ise::help_width);
         if (line.empty()) continue;
-        if (line.front() != ' ') lists = command.size() < 3 && line.ends_with(':') && !line.starts_with("Option") && !line.starts_with("Argument") && !line.starts_with("Exit") && !line.starts_with("Example");
+        if (line.front() != ' ')
+            lists = command.size() < 3 && line.ends_with(':') && !line.starts_with("Option") &&
+                    !line.starts_with("Argument") && !line.starts_with("Exit") && !line.starts_with("Example");
         bool names_one = lists && line.starts_with("  ") && std::islower(static_cast<unsigned char>(line[2]));
         if (!names_one) continue;
         auto inner = command;

@@ -6,8 +6,8 @@
 #include <atomic>
 #include <csignal>
 #include <sstream>
-#include <thread>
 #include <test_folders.hpp>
+#include <thread>
 
 using Catch::Contains;
 using cli_test::port;
@@ -85,14 +85,17 @@ TEST_CASE("doctor tells services that nobody provides, and those that do not fit
     port in;
     auto nobody = in.ise(patiently({"doctor", "--interval", "50ms"}));
     CHECK(nobody.exit_code == 1);
-    CHECK_THAT(nobody.out, Contains("warning  atirma/boat: no component provides 'beeper'") && Contains("-> start the component"));
+    CHECK_THAT(nobody.out,
+               Contains("warning  atirma/boat: no component provides 'beeper'") && Contains("-> start the component"));
     CHECK_THAT(nobody.err, Contains("2 findings"));
     start(in, "atirma/horn", honk);
     auto misfit = in.ise(patiently({"doctor", "--interval", "50ms"}));
     CHECK(misfit.exit_code == 1);
-    CHECK_THAT(misfit.out, Contains("'beeper' as it needs it does not fit 'beeper' of atirma/horn") && Contains("mode") && Contains("waypoints") &&
+    CHECK_THAT(misfit.out, Contains("'beeper' as it needs it does not fit 'beeper' of atirma/horn") &&
+                               Contains("mode") && Contains("waypoints") &&
                                Contains("ise type diff atirma/boat beeper atirma/horn"));
-    CHECK_THAT(in.ise(patiently({"doctor", "--json", "--interval", "50ms"})).out, Contains(R"("kind":"schema_mismatch","component":"atirma/boat")"));
+    CHECK_THAT(in.ise(patiently({"doctor", "--json", "--interval", "50ms"})).out,
+               Contains(R"("kind":"schema_mismatch","component":"atirma/boat")"));
 }
 
 TEST_CASE("doctor names a stalled component, and a name server that is not there") {
@@ -116,8 +119,10 @@ TEST_CASE("doctor names a stalled component, and a name server that is not there
         options.variables = {{"ISE_NAME_SERVER", "local://@ise-test-nobody-listens-here"}};
         auto ran = run_program({"ise", "doctor"}, options);
         CHECK(ran.exit_code == 1);
-        CHECK_THAT(ran.out, Contains("error    there is no name server at local://@ise-test-nobody-listens-here") && Contains("-> start one with ise_name_server"));
-        CHECK_THAT(run_program({"ise", "--json", "doctor"}, options).out, Contains(R"("healthy":false)") && Contains(R"("kind":"no_name_server")"));
+        CHECK_THAT(ran.out, Contains("error    there is no name server at local://@ise-test-nobody-listens-here") &&
+                                Contains("-> start one with ise_name_server"));
+        CHECK_THAT(run_program({"ise", "--json", "doctor"}, options).out,
+                   Contains(R"("healthy":false)") && Contains(R"("kind":"no_name_server")"));
     }
 }
 
@@ -126,23 +131,27 @@ TEST_CASE("graph shows who is connected to whom and over what, and not itself") 
     start(in, "sea/console", watch_boat);
     auto text = in.ise(patiently({"graph"}));
     CHECK(text.exit_code == 0);
-    CHECK_THAT(text.out, Contains("sea/console  ready") && Contains("├─ atirma/boat  inproc  uses position  (") && Contains("sea/console  inproc  gives position  ("));
+    CHECK_THAT(text.out, Contains("sea/console  ready") && Contains("├─ atirma/boat  inproc  uses position  (") &&
+                             Contains("sea/console  inproc  gives position  ("));
     CHECK_THAT(text.out, !Contains("ise/cli") && Contains("as of "));
     auto dot = in.ise(patiently({"graph", "--dot"}));
     CHECK(dot.out.starts_with("digraph ise {"));
     CHECK_THAT(dot.out, Contains(R"x("sea/console" -> "atirma/boat" [label="position (inproc)"];)x"));
     auto json = in.ise(patiently({"graph", "--json", "sea"}));
     CHECK_THAT(json.out, Contains(R"("connections":[{"a":"atirma/boat","b":"sea/console",)"));
-    CHECK_THAT(in.ise(patiently({"graph", "--json"})).out, Contains(R"("services":[{"service":"position","provider":"atirma/boat"}])"));
+    CHECK_THAT(in.ise(patiently({"graph", "--json"})).out,
+               Contains(R"("services":[{"service":"position","provider":"atirma/boat"}])"));
 }
 
 TEST_CASE("top shows rates between two looks") {
     port in;
     auto once = in.ise(patiently({"top", "--once", "--every", "100ms"}));
     CHECK(once.exit_code == 0);
-    CHECK_THAT(once.out, Catch::StartsWith("STATE") && Contains("PACKETS/S") && Contains("REFUSED") && Contains("atirma/shore/xbee") && !Contains("\x1b"));
+    CHECK_THAT(once.out, Catch::StartsWith("STATE") && Contains("PACKETS/S") && Contains("REFUSED") &&
+                             Contains("atirma/shore/xbee") && !Contains("\x1b"));
     auto json = in.ise(patiently({"top", "--once", "--every", "100ms", "--json", "atirma/boat"}));
-    CHECK_THAT(json.out, Contains(R"("path":"atirma/boat","state":"ready")") && Contains(R"("packets_hz":)") && !Contains(R"("packets_hz":null)") && !Contains(R"("packets_hz":0.0)"));
+    CHECK_THAT(json.out, Contains(R"("path":"atirma/boat","state":"ready")") && Contains(R"("packets_hz":)") &&
+                             !Contains(R"("packets_hz":null)") && !Contains(R"("packets_hz":0.0)"));
     CHECK(std::ranges::count(in.ise(patiently({"top", "--json", "--count", "2", "--every", "50ms"})).out, '\n') == 2);
     SECTION("Ctrl-C is its usual end") {
         ise_test::program top({"ise", "--name-server", in.at.text(), "--timeout", "120s", "top", "--every", "50ms"});
@@ -163,9 +172,12 @@ TEST_CASE("top shows rates between two looks") {
 TEST_CASE("top and list fit on a terminal of 80 columns and 24 lines, however much there is") {
     port in;
     start(in, "sea/console", watch_boat);
-    for (int number = 0; number < 30; ++number) in.boats->start("atirma/a/component/of/many/number" + std::to_string(number), [](ise::component& self) -> ise::task<> { co_await self.sleep(1h); });
+    for (int number = 0; number < 30; ++number)
+        in.boats->start("atirma/a/component/of/many/number" + std::to_string(number),
+                        [](ise::component& self) -> ise::task<> { co_await self.sleep(1h); });
     auto shown = [&](const std::string& command) {
-        auto line = "stty cols 80 rows 24; " ISE_BINARY_DIR "/bin/ise --timeout 120s --name-server " + in.at.text() + " " + command;
+        auto line = "stty cols 80 rows 24; " ISE_BINARY_DIR "/bin/ise --timeout 120s --name-server " + in.at.text() +
+                    " " + command;
         auto ran = run_program({"/usr/bin/script", "-qec", line, "/dev/null"});
         CHECK(ran.exit_code == 0);
         std::vector<std::string> lines;
@@ -175,7 +187,8 @@ TEST_CASE("top and list fit on a terminal of 80 columns and 24 lines, however mu
             if (auto escape = one.rfind("\x1b[H"); escape != one.npos) one.erase(0, escape + 3);
             if (auto escape = one.find("\x1b[K"); escape != one.npos) one.erase(escape);
             INFO(one);
-            CHECK(std::ranges::count_if(one, [](char byte) { return (static_cast<unsigned char>(byte) & 0xC0) != 0x80; }) <= 80);
+            CHECK(std::ranges::count_if(
+                      one, [](char byte) { return (static_cast<unsigned char>(byte) & 0xC0) != 0x80; }) <= 80);
             lines.push_back(one);
         }
         return lines;
@@ -189,7 +202,9 @@ TEST_CASE("top and list fit on a terminal of 80 columns and 24 lines, however mu
     CHECK(few.size() <= 23);
     CHECK_THAT(few.at(1), Contains("sea/console"));
     CHECK_THAT(few.back(), Contains("q ends"));
-    for (const auto& line : shown("list atirma/boat")) CHECK_THAT(line, Contains("tcp://127.0.0.1:") || Contains("ENDPOINTS") || Contains("TAKEN") || Catch::Equals(""));
+    for (const auto& line : shown("list atirma/boat"))
+        CHECK_THAT(line,
+                   Contains("tcp://127.0.0.1:") || Contains("ENDPOINTS") || Contains("TAKEN") || Catch::Equals(""));
 }
 
 TEST_CASE("ping, bw and delay measure") {
@@ -198,25 +213,31 @@ TEST_CASE("ping, bw and delay measure") {
     SECTION("ping") {
         auto ran = in.ise(patiently({"ping", "atirma/boat", "-n", "3", "--every", "1ms"}));
         CHECK(ran.exit_code == 0);
-        CHECK_THAT(ran.out, Contains("3: atirma/boat answered after ") && Contains("3 of 3 answered; min ") && Contains("median ") && Contains("its clock is "));
+        CHECK_THAT(ran.out, Contains("3: atirma/boat answered after ") && Contains("3 of 3 answered; min ") &&
+                                Contains("median ") && Contains("its clock is "));
         auto json = in.ise(patiently({"ping", "atirma/boat", "-n", "1", "--json"}));
-        CHECK_THAT(json.out, Contains(R"("round_trip_s":)") && Contains(R"({"sent":1,"answered":1,"min_s":)") && Contains(R"("service":"ise.health")"));
+        CHECK_THAT(json.out, Contains(R"("round_trip_s":)") && Contains(R"({"sent":1,"answered":1,"min_s":)") &&
+                                 Contains(R"("service":"ise.health")"));
         CHECK(in.ise({"ping", "atirma/boot"}).exit_code == 3);
     }
     SECTION("bw") {
         auto ran = in.ise(patiently({"bw", "atirma/sampler", "samples", "--window", "100ms", "-n", "2"}));
         CHECK(ran.exit_code == 0);
         CHECK_THAT(ran.out, Contains("BYTES/S") && Contains("12 B"));
-        CHECK_THAT(in.ise(patiently({"bw", "--json", "atirma/sampler", "samples", "--window", "100ms", "-n", "1"})).out, Contains(R"("smallest":12,"largest":12)"));
+        CHECK_THAT(in.ise(patiently({"bw", "--json", "atirma/sampler", "samples", "--window", "100ms", "-n", "1"})).out,
+                   Contains(R"("smallest":12,"largest":12)"));
         CHECK(in.ise({"bw", "atirma/boat", "helm"}).exit_code == 2);
     }
     SECTION("delay") {
         auto ran = in.ise(patiently({"delay", "atirma/sampler", "samples", "--window", "100ms", "-n", "1"}));
         CHECK(ran.exit_code == 0);
         CHECK_THAT(ran.out, Contains("age by measured_at") && !Contains("from the future"));
-        auto future = in.ise(patiently({"delay", "atirma/sampler", "early", "--window", "100ms", "-n", "1", "--field", "measured_at"}));
+        auto future = in.ise(
+            patiently({"delay", "atirma/sampler", "early", "--window", "100ms", "-n", "1", "--field", "measured_at"}));
         CHECK_THAT(future.out, Contains("from the future"));
-        CHECK_THAT(in.ise(patiently({"delay", "--json", "atirma/sampler", "early", "--window", "100ms", "-n", "1"})).out, Contains(R"({"field":"measured_at","youngest_s":-)"));
+        CHECK_THAT(
+            in.ise(patiently({"delay", "--json", "atirma/sampler", "early", "--window", "100ms", "-n", "1"})).out,
+            Contains(R"({"field":"measured_at","youngest_s":-)"));
         auto none = in.ise(patiently({"delay", "atirma/boat", "position"}));
         CHECK(none.exit_code == 2);
         CHECK_THAT(none.err, Contains("its packets have no time"));
@@ -231,12 +252,20 @@ TEST_CASE("tree, services and types tell what there is") {
     start(in, "atirma/horn", honk);
     auto tree = in.ise(patiently({"tree"}));
     CHECK(tree.exit_code == 0);
-    CHECK_THAT(tree.out, Catch::StartsWith("atirma/\n├─ boat  ready, ") && Contains("└─ shore/\n   └─ xbee  ready, ") && Contains("lease renewed"));
-    CHECK_THAT(in.ise(patiently({"tree", "--services", "atirma/boat"})).out, Contains("├─ answers   helm\n") && Contains("publishes position") && Contains("needs     beeper"));
-    CHECK_THAT(in.ise(patiently({"tree", "--json"})).out, Catch::StartsWith(R"([{"name":"atirma","path":"atirma","below":[{"name":"boat","path":"atirma/boat","state":"ready")"));
+    CHECK_THAT(tree.out, Catch::StartsWith("atirma/\n├─ boat  ready, ") && Contains("└─ shore/\n   └─ xbee  ready, ") &&
+                             Contains("lease renewed"));
+    CHECK_THAT(in.ise(patiently({"tree", "--services", "atirma/boat"})).out,
+               Contains("├─ answers   helm\n") && Contains("publishes position") && Contains("needs     beeper"));
+    CHECK_THAT(
+        in.ise(patiently({"tree", "--json"})).out,
+        Catch::StartsWith(
+            R"([{"name":"atirma","path":"atirma","below":[{"name":"boat","path":"atirma/boat","state":"ready")"));
     auto services = in.ise(patiently({"services"}));
-    CHECK_THAT(services.out, Catch::StartsWith("SERVICE") && Contains("beeper") && Contains("atirma/horn") && Contains("helm") && !Contains("ise.describe"));
-    CHECK_THAT(in.ise(patiently({"services", "--json", "atirma/horn"})).out, Catch::StartsWith(R"([{"name":"beeper","kind":"request-response","providers":["atirma/horn"],"requirers":[]}])"));
+    CHECK_THAT(services.out, Catch::StartsWith("SERVICE") && Contains("beeper") && Contains("atirma/horn") &&
+                                 Contains("helm") && !Contains("ise.describe"));
+    CHECK_THAT(in.ise(patiently({"services", "--json", "atirma/horn"})).out,
+               Catch::StartsWith(
+                   R"([{"name":"beeper","kind":"request-response","providers":["atirma/horn"],"requirers":[]}])"));
     CHECK_THAT(in.ise(patiently({"types"})).out, Contains("set_mode") && Contains("atirma/boat helm (request)"));
     auto shown = in.ise(patiently({"type", "show", "atirma/boat", "helm"}));
     CHECK(shown.exit_code == 0);
@@ -247,7 +276,8 @@ TEST_CASE("tree, services and types tell what there is") {
     auto other = in.ise(patiently({"type", "diff", "atirma/boat", "beeper", "atirma/horn"}));
     CHECK(other.exit_code == 4);
     CHECK_THAT(other.out, Contains("request: does not fit\n    "));
-    CHECK_THAT(in.ise(patiently({"type", "diff", "--json", "atirma/boat", "helm", "atirma/horn", "beeper"})).out, Catch::StartsWith(R"({"compatible":false,)"));
+    CHECK_THAT(in.ise(patiently({"type", "diff", "--json", "atirma/boat", "helm", "atirma/horn", "beeper"})).out,
+               Catch::StartsWith(R"({"compatible":false,)"));
     auto none = in.ise(patiently({"type", "show", "atirma/boat", "helmet"}));
     CHECK(none.exit_code == 3);
     CHECK_THAT(none.err, Contains("did you mean 'helm'?"));

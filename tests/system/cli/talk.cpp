@@ -9,8 +9,8 @@
 #include <fmt/format.h>
 
 #include <csignal>
-#include <thread>
 #include <test_folders.hpp>
+#include <thread>
 
 using Catch::Contains;
 using cli_test::harbour;
@@ -22,25 +22,31 @@ TEST_CASE("call sends JSON and prints the response as one line where it is piped
     harbour in;
     auto ran = run_program({"ise", "call", in.at, "helm", R"({"mode":"fly"})"});
     CHECK(ran.exit_code == 0);
-    CHECK(ran.out == R"({"accepted":false,"reason":"fly"})" "\n");
+    CHECK(ran.out == R"({"accepted":false,"reason":"fly"})"
+                     "\n");
     CHECK(ran.err.empty());
     SECTION("a field that is not given has the provider's default") {
-        CHECK(run_program({"ise", "call", in.at, "helm", "{}"}).out == R"({"accepted":true,"reason":"hold"})" "\n");
+        CHECK(run_program({"ise", "call", in.at, "helm", "{}"}).out == R"({"accepted":true,"reason":"hold"})"
+                                                                       "\n");
     }
     SECTION("without JSON nothing is called where the request has fields: the struct and an example are shown") {
         auto bare = run_program({"ise", "call", in.at, "helm"});
         CHECK(bare.exit_code == 2);
         CHECK(bare.out.empty());
-        CHECK_THAT(bare.err, Contains("the request of 'helm' has fields") && Contains("     it is struct set_mode") && Contains("\n       mode: string") && Contains("ise call " + in.at + R"( helm '{"mode":"hold"}')"));
+        CHECK_THAT(bare.err, Contains("the request of 'helm' has fields") && Contains("     it is struct set_mode") &&
+                                 Contains("\n       mode: string") &&
+                                 Contains("ise call " + in.at + R"( helm '{"mode":"hold"}')"));
     }
     SECTION("- reads standard input") {
         start_options options;
         options.input = R"({"waypoints":[)";
-        for (int number = 0; number < 20'000; ++number) options.input += fmt::format(R"({}{{"name":"w{}","latitude_deg":28}})", number ? "," : "", number);
+        for (int number = 0; number < 20'000; ++number)
+            options.input += fmt::format(R"({}{{"name":"w{}","latitude_deg":28}})", number ? "," : "", number);
         options.input += "]}";
         auto long_route = run_program({"ise", "--timeout", "60s", "call", in.at, "plan", "-"}, options);
         CHECK(long_route.err == "");
-        CHECK(long_route.out == R"({"count":20000})" "\n");
+        CHECK(long_route.out == R"({"count":20000})"
+                                "\n");
     }
     SECTION("over several lines on demand") {
         CHECK(run_program({"ise", "--pretty", "call", in.at, "plan", "{}"}).out == "{\n  \"count\": 0\n}\n");
@@ -49,7 +55,8 @@ TEST_CASE("call sends JSON and prints the response as one line where it is piped
 
 TEST_CASE("JSON that does not fit ends with 4 and the path of what is wrong") {
     harbour in;
-    auto wrong = run_program({"ise", "call", in.at, "plan", R"({"waypoints":[{"name":"a"},{"latitude_deg":"north"}]})"});
+    auto wrong =
+        run_program({"ise", "call", in.at, "plan", R"({"waypoints":[{"name":"a"},{"latitude_deg":"north"}]})"});
     CHECK(wrong.exit_code == 4);
     CHECK(wrong.out.empty());
     CHECK_THAT(wrong.err, Contains("waypoints[1].latitude_deg") && Contains("number") && Contains("latitude_deg: f64"));
@@ -99,14 +106,21 @@ TEST_CASE("describe tells services, packets, counts and how to try them") {
     harbour in;
     auto page = run_program({"ise", "describe", in.at});
     CHECK(page.exit_code == 0);
-    CHECK_THAT(page.out, Contains("atirma/boat  ready") && Contains(in.at) && Contains("helm  (request-response)") && Contains("position  (subscription)"));
-    CHECK_THAT(page.out, Contains("latitude_deg: f64") && Contains("ise call " + in.at + R"( helm '{"mode":"hold"}')") && Contains("required of others\n  beeper"));
+    CHECK_THAT(page.out, Contains("atirma/boat  ready") && Contains(in.at) && Contains("helm  (request-response)") &&
+                             Contains("position  (subscription)"));
+    CHECK_THAT(page.out, Contains("latitude_deg: f64") &&
+                             Contains("ise call " + in.at + R"( helm '{"mode":"hold"}')") &&
+                             Contains("required of others\n  beeper"));
     CHECK_THAT(page.out, !Contains("ise.describe"));
     CHECK_THAT(run_program({"ise", "describe", "--all", in.at}).out, Contains("ise.describe"));
-    CHECK(run_program({"ise", "describe", "--names", in.at}).out == "helm\nnever\nplan\nretire\ncounted\nposition\nsilent\nwatched\n");
+    CHECK(run_program({"ise", "describe", "--names", in.at}).out ==
+          "helm\nnever\nplan\nretire\ncounted\nposition\nsilent\nwatched\n");
     auto json = run_program({"ise", "describe", "--json", in.at});
     CHECK(json.out.starts_with(R"({"path":"atirma/boat","state":"ready","host":")"));
-    CHECK_THAT(json.out, Contains(R"({"name":"helm","kind":"request-response","provided":true,"packets":[{"role":"request","fingerprint":")"));
+    CHECK_THAT(
+        json.out,
+        Contains(
+            R"({"name":"helm","kind":"request-response","provided":true,"packets":[{"role":"request","fingerprint":")"));
     CHECK(json.out.find('\n') == json.out.size() - 1);
 }
 
@@ -119,7 +133,8 @@ TEST_CASE("echo prints a packet a line and ends after as many as were wanted") {
     SECTION("the user's own subscribe packet goes along") {
         auto from = run_program({"ise", "echo", in.at, "counted", R"({"first":7000})", "-n", "2", "--no-last"});
         CHECK(from.out.starts_with(R"({"number":7000,)"));
-        CHECK(run_program({"ise", "echo", in.at, "counted", "-n", "1", "--no-last"}).out.starts_with(R"({"number":100,)"));
+        CHECK(run_program({"ise", "echo", in.at, "counted", "-n", "1", "--no-last"})
+                  .out.starts_with(R"({"number":100,)"));
     }
     SECTION("its losses go with the packets on demand") {
         auto losses = run_program({"ise", "echo", in.at, "position", "-n", "1", "--losses"});
@@ -148,7 +163,9 @@ TEST_CASE("echo shows the answer to its subscription on standard error, once, an
         CHECK(told.err.starts_with(R"({"response":{"officer":"Ana)"));
         CHECK(told.err.ends_with("\"from\":100}}\n"));
     }
-    SECTION("an answer without fields is none") { CHECK(run_program({"ise", "echo", in.at, "position", "-n", "1"}).err.empty()); }
+    SECTION("an answer without fields is none") {
+        CHECK(run_program({"ise", "echo", in.at, "position", "-n", "1"}).err.empty());
+    }
 }
 
 TEST_CASE("echo ends quietly when its reader has gone, and unsubscribes with the user's packet") {
@@ -161,7 +178,8 @@ TEST_CASE("echo ends quietly when its reader has gone, and unsubscribes with the
     CHECK(ran.exit_code == 0);
     CHECK(ran.err.empty());
     CHECK(in.ship.left == before + 1);
-    auto piped = run_program({"/bin/bash", "-c", "set -o pipefail; \"$1\" echo \"$2\" position | head -2", "bash", ISE_BINARY_DIR "/bin/ise", in.at});
+    auto piped = run_program({"/bin/bash", "-c", "set -o pipefail; \"$1\" echo \"$2\" position | head -2", "bash",
+                              ISE_BINARY_DIR "/bin/ise", in.at});
     CHECK(piped.exit_code == 0);
     CHECK(std::ranges::count(piped.out, '\n') == 2);
 }
@@ -200,7 +218,10 @@ TEST_CASE("Ctrl-C is the usual end of echo and hz, and 130 for what waits for an
         echo.read_line(); // then its pipe fills
         std::uint64_t published = 0;
         // Some 60 bytes a packet: 64 KiB are full long before that.
-        while (published < 4000) published = in.ship.wait([](cli_test::boat& ship) -> ise::task<std::uint64_t> { co_return ship.services().counts().packets_published; }(in.ship));
+        while (published < 4000)
+            published = in.ship.wait([](cli_test::boat& ship) -> ise::task<std::uint64_t> {
+                co_return ship.services().counts().packets_published;
+            }(in.ship));
         echo.signal(SIGINT);
         CHECK(echo.wait().exit_code == 0);
     }
@@ -212,7 +233,8 @@ TEST_CASE("hz measures windows as JSON for programs") {
     CHECK(ran.exit_code == 0);
     CHECK(std::ranges::count(ran.out, '\n') == 2);
     CHECK(ran.out.starts_with(R"({"rate_hz":)"));
-    CHECK_THAT(ran.out, Contains(R"("jitter_s":)") && Contains(R"("connected":true)") && Contains(R"("lost_at_provider":)"));
+    CHECK_THAT(ran.out,
+               Contains(R"("jitter_s":)") && Contains(R"("connected":true)") && Contains(R"("lost_at_provider":)"));
     auto silent = run_program({"ise", "hz", "--json", in.at, "silent", "--window", "50ms", "--count", "1"});
     CHECK(silent.out.starts_with(R"({"rate_hz":0.0,"packets":0,"mean_s":null)"));
 }

@@ -13,36 +13,33 @@ using ise_test::start_options;
 namespace {
 
 std::size_t columns(const std::string& of) {
-    return static_cast<std::size_t>(std::ranges::count_if(of, [](char byte) { return (static_cast<unsigned char>(byte) & 0xC0) != 0x80; }));
+    return static_cast<std::size_t>(
+        std::ranges::count_if(of, [](char byte) { return (static_cast<unsigned char>(byte) & 0xC0) != 0x80; }));
 }
 
 } // namespace
 
 TEST_CASE("wrong command lines end with 2, say why and print no answer") {
-    auto arguments = GENERATE(std::vector<std::string>{"ise"},
-                              std::vector<std::string>{"ise", "sail"},
-                              std::vector<std::string>{"ise", "describe"},
-                              std::vector<std::string>{"ise", "call", "atirma/boat"},
-                              std::vector<std::string>{"ise", "list", "a", "b"},
-                              std::vector<std::string>{"ise", "list", "--timeout", "soon"},
-                              std::vector<std::string>{"ise", "list", "--timeout", "0s"},
-                              std::vector<std::string>{"ise", "list", "--timeout", "1e300h"},
-                              std::vector<std::string>{"ise", "list", "--name-server", "nowhere"},
-                              std::vector<std::string>{"ise", "echo", "a", "b", "--count", "0"},
-                              std::vector<std::string>{"ise", "echo", "a", "b", "--count", "-3"},
-                              std::vector<std::string>{"ise", "echo", "a", "b", "--latest", "--lossless"},
-                              std::vector<std::string>{"ise", "echo", "a", "b", "--depth", "0"},
-                              std::vector<std::string>{"ise", "hz", "a", "b", "--window", "-1s"},
-                              std::vector<std::string>{"ise", "describe", "tcp://127.0.0.1"},
-                              std::vector<std::string>{"ise", "describe", "ftp://127.0.0.1:1"},
-                              std::vector<std::string>{"ise", "bw", "a", "b", "--window", "0s"},
-                              std::vector<std::string>{"ise", "delay", "a"},
-                              std::vector<std::string>{"ise", "ping", "a", "--count", "0"},
-                              std::vector<std::string>{"ise", "top", "--once", "--count", "2"},
-                              std::vector<std::string>{"ise", "type", "show", "a"},
-                              std::vector<std::string>{"ise", "type", "diff", "a", "b"},
-                              std::vector<std::string>{"ise", "type", "show", "a", "b", "c"},
-                              std::vector<std::string>{"ise", "completion", "tcsh"});
+    auto arguments = GENERATE(
+        std::vector<std::string>{"ise"}, std::vector<std::string>{"ise", "sail"},
+        std::vector<std::string>{"ise", "describe"}, std::vector<std::string>{"ise", "call", "atirma/boat"},
+        std::vector<std::string>{"ise", "list", "a", "b"}, std::vector<std::string>{"ise", "list", "--timeout", "soon"},
+        std::vector<std::string>{"ise", "list", "--timeout", "0s"},
+        std::vector<std::string>{"ise", "list", "--timeout", "1e300h"},
+        std::vector<std::string>{"ise", "list", "--name-server", "nowhere"},
+        std::vector<std::string>{"ise", "echo", "a", "b", "--count", "0"},
+        std::vector<std::string>{"ise", "echo", "a", "b", "--count", "-3"},
+        std::vector<std::string>{"ise", "echo", "a", "b", "--latest", "--lossless"},
+        std::vector<std::string>{"ise", "echo", "a", "b", "--depth", "0"},
+        std::vector<std::string>{"ise", "hz", "a", "b", "--window", "-1s"},
+        std::vector<std::string>{"ise", "describe", "tcp://127.0.0.1"},
+        std::vector<std::string>{"ise", "describe", "ftp://127.0.0.1:1"},
+        std::vector<std::string>{"ise", "bw", "a", "b", "--window", "0s"},
+        std::vector<std::string>{"ise", "delay", "a"}, std::vector<std::string>{"ise", "ping", "a", "--count", "0"},
+        std::vector<std::string>{"ise", "top", "--once", "--count", "2"},
+        std::vector<std::string>{"ise", "type", "show", "a"}, std::vector<std::string>{"ise", "type", "diff", "a", "b"},
+        std::vector<std::string>{"ise", "type", "show", "a", "b", "c"},
+        std::vector<std::string>{"ise", "completion", "tcsh"});
     CAPTURE(arguments);
     auto ran = run_program(arguments);
     CAPTURE(ran.err);
@@ -55,7 +52,8 @@ TEST_CASE("a command that there is not is answered with the one that was meant")
     auto slip = run_program({"ise", "--timeout", "2s", "cal", "atirma/boat", "helm"});
     CHECK(slip.exit_code == 2);
     CHECK_THAT(slip.err, Catch::StartsWith("ise: no command 'cal', did you mean 'call'?"));
-    CHECK_THAT(run_program({"ise", "photosynthesis"}).err, Catch::Contains("no command 'photosynthesis'") && Catch::Contains("ise --help"));
+    CHECK_THAT(run_program({"ise", "photosynthesis"}).err,
+               Catch::Contains("no command 'photosynthesis'") && Catch::Contains("ise --help"));
 }
 
 TEST_CASE("a wrong command line is answered with what is wrong and how the command is used") {
@@ -66,28 +64,36 @@ TEST_CASE("a wrong command line is answered with what is wrong and how the comma
         return ran.err;
     };
     CHECK_THAT(said({}), Catch::StartsWith("ise: a command is missing\n") && Catch::Contains("ise --help"));
-    CHECK_THAT(said({"list", "--tmeout", "3s"}), Catch::StartsWith("ise: 'ise list' has no option '--tmeout', did you mean '--timeout'?\n") && Catch::Contains("usage: ise list [OPTIONS] [PREFIX]"));
+    CHECK_THAT(said({"list", "--tmeout", "3s"}),
+               Catch::StartsWith("ise: 'ise list' has no option '--tmeout', did you mean '--timeout'?\n") &&
+                   Catch::Contains("usage: ise list [OPTIONS] [PREFIX]"));
     CHECK_THAT(said({"list", "x", "y"}), Catch::StartsWith("ise: 'y' is one argument too many\n"));
-    CHECK_THAT(said({"call", "atirma/boat"}), Catch::StartsWith("ise: SERVICE is required\n") && Catch::Contains("usage: ise call [OPTIONS] NAME SERVICE [JSON]\n"));
-    CHECK_THAT(said({"echo", "a", "b", "--count", "many"}), Catch::Contains("--count: 'many' is not a whole number from 1 on\n"));
+    CHECK_THAT(said({"call", "atirma/boat"}), Catch::StartsWith("ise: SERVICE is required\n") &&
+                                                  Catch::Contains("usage: ise call [OPTIONS] NAME SERVICE [JSON]\n"));
+    CHECK_THAT(said({"echo", "a", "b", "--count", "many"}),
+               Catch::Contains("--count: 'many' is not a whole number from 1 on\n"));
     CHECK_THAT(said({"param", "frob", "a"}), Catch::Contains("'frob' is none of get, list, set"));
 }
 
 TEST_CASE("a shell that there is no completion for is answered with those that there are") {
-    CHECK_THAT(run_program({"ise", "completion", "tcsh"}).err, Catch::StartsWith("ise: SHELL: 'tcsh' is none of bash, zsh, fish"));
+    CHECK_THAT(run_program({"ise", "completion", "tcsh"}).err,
+               Catch::StartsWith("ise: SHELL: 'tcsh' is none of bash, zsh, fish"));
 }
 
 TEST_CASE("what is no name of a component is refused before anybody is asked") {
     start_options options;
     options.variables = {{"ISE_NAME_SERVER", "local://@ise-test-nobody-listens-here"}};
-    auto wrong = GENERATE(std::string("house lamp"), std::string("tcp:/x"), std::string("/boat"), std::string("atirma//boat"), std::string(300, 'a'));
+    auto wrong = GENERATE(std::string("house lamp"), std::string("tcp:/x"), std::string("/boat"),
+                          std::string("atirma//boat"), std::string(300, 'a'));
     CAPTURE(wrong);
-    for (const auto& words : std::vector<std::vector<std::string>>{{"ise", "describe", wrong}, {"ise", "ping", wrong}, {"ise", "list", wrong}, {"ise", "graph", wrong}}) {
+    for (const auto& words : std::vector<std::vector<std::string>>{
+             {"ise", "describe", wrong}, {"ise", "ping", wrong}, {"ise", "list", wrong}, {"ise", "graph", wrong}}) {
         auto ran = run_program(words, options);
         CHECK(ran.exit_code == 2);
         CHECK_THAT(ran.err, Catch::Contains("is not a name of a component"));
     }
-    CHECK_THAT(run_program({"ise", "describe", "tcp:/x"}, options).err, Catch::Contains("an endpoint is written tcp://"));
+    CHECK_THAT(run_program({"ise", "describe", "tcp:/x"}, options).err,
+               Catch::Contains("an endpoint is written tcp://"));
 }
 
 TEST_CASE("a name server variable that is no endpoint is named") {
@@ -102,7 +108,8 @@ TEST_CASE("help and version are answers") {
     auto help = run_program({"ise", "--help"});
     CHECK(help.exit_code == 0);
     CHECK(help.err.empty());
-    CHECK_THAT(help.out, Catch::Contains("Exit codes:") && Catch::Contains("describe") && Catch::Contains("--name-server"));
+    CHECK_THAT(help.out,
+               Catch::Contains("Exit codes:") && Catch::Contains("describe") && Catch::Contains("--name-server"));
     auto call = run_program({"ise", "call", "--help"});
     CHECK(call.exit_code == 0);
     CHECK_THAT(call.out, Catch::Contains("SERVICE") && Catch::Contains("standard input"));
@@ -114,7 +121,8 @@ TEST_CASE("help and version are answers") {
 
 TEST_CASE("commands are grouped, and the help of each has examples and the options of every command, in 80 columns") {
     auto all = run_program({"ise", "--help"});
-    for (const char* group : {"See what there is:", "Talk to a component:", "Measure and find faults:", "Start and stop components:", "Whole systems, from a deployment file:"})
+    for (const char* group : {"See what there is:", "Talk to a component:", "Measure and find faults:",
+                              "Start and stop components:", "Whole systems, from a deployment file:"})
         CHECK_THAT(all.out, Catch::Contains(group));
     CHECK_THAT(all.out, !Catch::Contains("Subcommands"));
     std::vector<std::string> commands;
@@ -123,15 +131,18 @@ TEST_CASE("commands are grouped, and the help of each has examples and the optio
         INFO(line);
         CHECK(columns(line) <= 80);
         if (line.starts_with("Exit codes:")) break;
-        if (line.starts_with("  ") && std::islower(static_cast<unsigned char>(line[2]))) commands.push_back(line.substr(2, line.find(' ', 2) - 2));
+        if (line.starts_with("  ") && std::islower(static_cast<unsigned char>(line[2])))
+            commands.push_back(line.substr(2, line.find(' ', 2) - 2));
     }
     CHECK(commands.size() >= 28);
     for (const auto& command : commands) {
         auto help = run_program({"ise", command, "--help"});
         INFO(help.out << help.err);
         CHECK(help.exit_code == 0);
-        CHECK_THAT(help.out, Catch::Contains("Examples:\n  ") && Catch::Contains("ise " + command) && Catch::Contains("Options of every command:") && Catch::Contains("--name-server ENDPOINT") &&
-                                 Catch::Contains("--json") && Catch::Contains("Exit codes: ise --help"));
+        CHECK_THAT(help.out, Catch::Contains("Examples:\n  ") && Catch::Contains("ise " + command) &&
+                                 Catch::Contains("Options of every command:") &&
+                                 Catch::Contains("--name-server ENDPOINT") && Catch::Contains("--json") &&
+                                 Catch::Contains("Exit codes: ise --help"));
         std::istringstream text(help.out);
         for (std::string line; std::getline(text, line);) {
             INFO(line);
@@ -143,19 +154,23 @@ TEST_CASE("commands are grouped, and the help of each has examples and the optio
 TEST_CASE("where no name server runs the command says how to start one") {
     start_options options;
     options.variables = {{"ISE_NAME_SERVER", "local://@ise-test-nobody-listens-here"}};
-    auto command = GENERATE(std::vector<std::string>{"ise", "list"}, std::vector<std::string>{"ise", "describe", "atirma/boat"},
-                            std::vector<std::string>{"ise", "call", "atirma/boat", "helm"});
+    auto command =
+        GENERATE(std::vector<std::string>{"ise", "list"}, std::vector<std::string>{"ise", "describe", "atirma/boat"},
+                 std::vector<std::string>{"ise", "call", "atirma/boat", "helm"});
     auto ran = run_program(command, options);
     CHECK(ran.exit_code == 3);
     CHECK(ran.out.empty());
-    CHECK_THAT(ran.err, Catch::Contains("no name server at local://@ise-test-nobody-listens-here") && Catch::Contains("ise_name_server"));
+    CHECK_THAT(ran.err, Catch::Contains("no name server at local://@ise-test-nobody-listens-here") &&
+                            Catch::Contains("ise_name_server"));
 }
 
 TEST_CASE("an endpoint where nobody listens is not reached") {
     auto ran = run_program({"ise", "describe", "local://@ise-test-nobody-listens-here"});
     CHECK(ran.exit_code == 3);
-    CHECK_THAT(ran.err, Catch::Contains("local://@ise-test-nobody-listens-here is not reached") && Catch::Contains("--wait"));
-    auto waited = run_program({"ise", "--wait", "--timeout", "300ms", "describe", "local://@ise-test-nobody-listens-here"});
+    CHECK_THAT(ran.err,
+               Catch::Contains("local://@ise-test-nobody-listens-here is not reached") && Catch::Contains("--wait"));
+    auto waited =
+        run_program({"ise", "--wait", "--timeout", "300ms", "describe", "local://@ise-test-nobody-listens-here"});
     CHECK(waited.exit_code == 3);
     CHECK_THAT(waited.err, Catch::Contains("in time"));
 }
@@ -187,7 +202,8 @@ TEST_CASE("the completion scripts are good in their shells and know every comman
     CAPTURE(shell);
     auto script = run_program({"ise", "completion", shell});
     REQUIRE(script.exit_code == 0);
-    for (const char* word : {"list", "describe", "call", "echo", "hz", "doctor", "graph", "top", "ping", "bw", "delay", "tree", "services", "types", "completion", "version", "name-server", "lossless"})
+    for (const char* word : {"list", "describe", "call", "echo", "hz", "doctor", "graph", "top", "ping", "bw", "delay",
+                             "tree", "services", "types", "completion", "version", "name-server", "lossless"})
         CHECK_THAT(script.out, Catch::Contains(word));
     // A shell that is not installed checks nothing: bash always is.
     auto found = run_program({"/bin/sh", "-c", "command -v " + shell});
@@ -209,7 +225,8 @@ namespace {
 std::string offered(const std::string& line, const std::string& name_server = "local://@ise-test-nobody-listens-here") {
     start_options options;
     options.variables = {{"ISE_NAME_SERVER", name_server}};
-    auto script = R"(source <("$1" completion bash); COMP_LINE="$1 $2"; COMP_POINT=${#COMP_LINE}; _ise; echo "${COMPREPLY[*]}")";
+    auto script =
+        R"(source <("$1" completion bash); COMP_LINE="$1 $2"; COMP_POINT=${#COMP_LINE}; _ise; echo "${COMPREPLY[*]}")";
     return run_program({"/bin/bash", "-c", script, "bash", ISE_BINARY_DIR "/bin/ise", line}, options).out;
 }
 

@@ -164,9 +164,8 @@ TEST_CASE("communication: the authority outlives the nodes, and goes on at the o
     CHECK(it.boat.epochs == std::vector<std::uint32_t>{2, 3});
 }
 
-TEST_CASE(
-    "communication: where the nodes are cut off from each other the boat obeys the higher epoch, and the other "
-    "holder is told") {
+TEST_CASE("communication: where the nodes are cut off from each other the boat obeys the higher epoch, and the other "
+          "holder is told") {
     crewed it;
     REQUIRE(it.authority("ana", take, false, {}, one));
     it.world.net().partition("one", "two");
@@ -200,7 +199,8 @@ TEST_CASE(
     }
 }
 
-TEST_CASE("communication: forged epochs at the boat end with the operator's next take, also over a restart of both nodes") {
+TEST_CASE(
+    "communication: forged epochs at the boat end with the operator's next take, also over a restart of both nodes") {
     crewed it;
     REQUIRE(it.authority("ana", take));
     REQUIRE(it.until([&] { return it.boat.boat.authority() == 2; }, 10s));

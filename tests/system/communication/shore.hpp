@@ -42,9 +42,9 @@ struct boat_at_sea {
     std::array<link, link_count> links;
     simulator::simulated_boat boat;
     std::uint32_t sequence = 0;
-    std::map<std::uint32_t, int> executed;    ///< telecommands that changed something, by id
+    std::map<std::uint32_t, int> executed; ///< telecommands that changed something, by id
     std::set<packet_key> acknowledged;
-    std::vector<std::uint32_t> epochs;        ///< of what it obeyed, in order
+    std::vector<std::uint32_t> epochs; ///< of what it obeyed, in order
 };
 
 /// A proxy that does what proxies do, over a link that the test switches.
@@ -70,11 +70,11 @@ private:
 
 /// Who subscribes to the role.
 struct listener {
-    std::vector<packet_key> heard;            ///< in the order in which it was told
+    std::vector<packet_key> heard; ///< in the order in which it was told
     std::set<packet_key> known;
     std::uint64_t twice = 0;
-    std::optional<utc_time> current;          ///< newest of what is no history
-    std::uint64_t backwards = 0;              ///< times that it would have moved back
+    std::optional<utc_time> current; ///< newest of what is no history
+    std::uint64_t backwards = 0;     ///< times that it would have moved back
     std::vector<telecommand_status> states;
     std::vector<authority_state> authorities;
 };
@@ -117,9 +117,10 @@ public:
     void let(const std::string& who, job what);
     /// A call of an operator, to its end.
     template <class Contract>
-    ise::result<typename Contract::response_type>
-    ask(const std::string& who, const Contract& service, typename Contract::request_type request,
-        ise::duration deadline = 20s, std::string whom = std::string(communication_role)) {
+    ise::result<typename Contract::response_type> ask(const std::string& who, const Contract& service,
+                                                      typename Contract::request_type request,
+                                                      ise::duration deadline = 20s,
+                                                      std::string whom = std::string(communication_role)) {
         std::optional<ise::result<typename Contract::response_type>> answer;
         let(who, [&answer, &service, request, deadline, whom](ise::component& self) -> ise::task<> {
             auto there = self.at(whom);

@@ -25,7 +25,8 @@ struct disks : shore {
     ~disks() { std::filesystem::remove_all(folder); }
 
     void both_serve() {
-        REQUIRE(until([&] { return serves(one) && serves(two) && state(one).peer_lives && state(two).peer_lives; }, 60s));
+        REQUIRE(
+            until([&] { return serves(one) && serves(two) && state(one).peer_lives && state(two).peer_lives; }, 60s));
     }
     // Gives that node packets as a proxy does, and takes its word for how many disks have them.
     void feed(int packets, std::uint32_t copies, const std::string& whom = std::string(communication_role)) {
@@ -66,7 +67,8 @@ struct disks : shore {
     }
     bool both_have_all() { return on_disk(one) == given && on_disk(two) == given; }
 
-    std::string folder = (std::filesystem::temp_directory_path() / ("ise-shore-" + std::to_string(::getpid()))).string();
+    std::string folder =
+        (std::filesystem::temp_directory_path() / ("ise-shore-" + std::to_string(::getpid()))).string();
     std::set<packet_key> given;
 };
 
@@ -97,8 +99,8 @@ TEST_CASE("communication: a backup that was put back is no second copy, and both
     }
     it.feed(100, 2);
     CHECK(it.until([&] { return it.both_have_all() && it.state(victim).store_notice != ""; }));
-    CHECK_THAT(it.state(victim).store_notice, Contains("went back in time") && Contains("knows 300 packets") &&
-                                                  Contains("of which 100"));
+    CHECK_THAT(it.state(victim).store_notice,
+               Contains("went back in time") && Contains("knows 300 packets") && Contains("of which 100"));
     CHECK(it.state(other).store_notice == "");
 }
 
@@ -109,7 +111,8 @@ TEST_CASE("communication: half a log is no second copy either") {
     for (const auto* part : {"", "-wal"}) std::filesystem::copy_file(file + part, file + ".kept" + part);
     it.crash(one);
     for (const auto* part : {"", "-wal"})
-        std::filesystem::copy_file(file + ".kept" + part, file + part, std::filesystem::copy_options::overwrite_existing);
+        std::filesystem::copy_file(file + ".kept" + part, file + part,
+                                   std::filesystem::copy_options::overwrite_existing);
     std::filesystem::resize_file(file + "-wal", std::filesystem::file_size(file + "-wal") / 2);
     it.start_node(one);
     it.both_serve();
@@ -140,7 +143,8 @@ TEST_CASE("communication: whoever follows the role hears everything once though 
     CHECK(seen.twice == 0);
 }
 
-TEST_CASE("communication: a packet that the disk changed is neither served nor replicated, and its store is filled anew") {
+TEST_CASE(
+    "communication: a packet that the disk changed is neither served nor replicated, and its store is filled anew") {
     disks it;
     it.feed(60, 2);
     it.crash(two);

@@ -108,9 +108,8 @@ private:
 
 } // namespace
 
-TEST_CASE(
-    "communication: random faults lose nothing that was acknowledged, tell nothing twice, and never lower the "
-    "authority") {
+TEST_CASE("communication: random faults lose nothing that was acknowledged, tell nothing twice, and never lower the "
+          "authority") {
     auto seed = GENERATE(range(1u, 17u));
     CAPTURE(seed);
     storm here(seed);

@@ -58,7 +58,8 @@ TEST_CASE("communication: a node declares what it needs of the proxies and of th
     std::set<std::string> needed;
     for (const auto& service : told->services)
         if (!service.provided && service.declared) needed.insert(service.name);
-    CHECK(needed == std::set<std::string>{"replication", "telecommand", "telecommand_recall", "telecommand_state", "telemetry"});
+    CHECK(needed ==
+          std::set<std::string>{"replication", "telecommand", "telecommand_recall", "telecommand_state", "telemetry"});
     CHECK(told->waits.empty());
     std::set<std::string> of_the_other, of_a_proxy;
     for (const auto& session : told->sessions) {
@@ -107,9 +108,8 @@ TEST_CASE("communication: the newest fix wins, what comes late over a slow link 
     CHECK(it.state(one).fix->link == link_id::iridium);
 }
 
-TEST_CASE(
-    "communication: the primary dies, the role goes on through the secondary and comes back, nothing lost, "
-    "nothing twice") {
+TEST_CASE("communication: the primary dies, the role goes on through the secondary and comes back, nothing lost, "
+          "nothing twice") {
     usual it;
     it.world.run_for(5s);
     auto before = it.seen->heard.size();
@@ -124,7 +124,7 @@ TEST_CASE(
         return;
     }
     it.world.run_for(10s);
-    CHECK(it.seen->heard.size() >= before + 5); // within seconds
+    CHECK(it.seen->heard.size() >= before + 5);            // within seconds
     CHECK(it.boat.over(link_id::gprs).waiting.size() < 5); // the boat is acknowledged again
     CHECK_FALSE(it.state(two).peer_lives);
     it.start_node(one);
@@ -338,11 +338,13 @@ TEST_CASE("communication: a page that is restarted shows the track that it misse
     CHECK(page->state().track().size() >= 2);
     CHECK(page->statistics().duplicates == 0);
     REQUIRE(page->state().position());
-    // The newest measurement, also where it came as history: here of a link that says nothing about when it was received.
+    // The newest measurement, also where it came as history: here of a link that says nothing about when it was
+    // received.
     CHECK(page->state().position()->latitude_deg == Approx(28.15 + it.boat.sequence * 1e-6).epsilon(1e-9));
 }
 
-TEST_CASE("communication: a page with an archive shows its track at once after a crash, and asks only for what came meanwhile") {
+TEST_CASE("communication: a page with an archive shows its track at once after a crash, and asks only for what came "
+          "meanwhile") {
     usual it;
     auto disk = database::open("memory:page-archive", {}).value(); // outlives the page
     web_server* page = nullptr;
@@ -399,7 +401,9 @@ TEST_CASE("communication: a page that follows the role shows each link, and whic
             if (one["source"] == source) return one;
         return {{"connected", nullptr}};
     };
-    auto heard = [&](const std::string& source) { return nlohmann::json::parse(page->state().snapshot({}, {}).data)["state"]["heard"].value(source, 0ull); };
+    auto heard = [&](const std::string& source) {
+        return nlohmann::json::parse(page->state().snapshot({}, {}).data)["state"]["heard"].value(source, 0ull);
+    };
     REQUIRE(it.until([&] { return feed("xbee")["connected"] == true && feed("gprs")["connected"] == true; }));
     CHECK(feed("communication")["link"] == false);
     CHECK(feed("communication")["detail"] == "one, backed by two");

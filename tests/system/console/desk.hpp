@@ -41,10 +41,12 @@ struct desk {
         window_options look;
         look.settings = settings;
         look.clock = [this] { return now; };
-        window = std::make_unique<console_window>([this](action what) {
-            actions.push_back(std::move(what));
-            return takes;
-        }, look);
+        window = std::make_unique<console_window>(
+            [this](action what) {
+                actions.push_back(std::move(what));
+                return takes;
+            },
+            look);
         window->resize(size);
         window->show();
         if (with_boat) sail();

@@ -7,8 +7,12 @@ using namespace console_test;
 TEST_CASE("console: it finds the boat, shows where it is, and the list that it sails") {
     sea it;
     desk console(it.world, "desk", at_the_proxy());
-    REQUIRE(it.until([&] { return works(console) && console.see()->mission.complete && console.see()->links[0].xbee &&
-                               console.see()->links[0].xbee->modem_ready; }, 5min));
+    REQUIRE(it.until(
+        [&] {
+            return works(console) && console.see()->mission.complete && console.see()->links[0].xbee &&
+                   console.see()->links[0].xbee->modem_ready;
+        },
+        5min));
     auto view = console.see();
     auto truth = it.boat().location_now();
     CHECK(view->boat.position->value.latitude_deg == Approx(truth.latitude_deg).margin(2e-4));
@@ -139,37 +143,37 @@ TEST_CASE("console: proxies are found as they come, other consoles are seen, and
     CHECK(one.see()->links.empty());
     CHECK(one.see()->finding.reached);
     // A proxy of a link that was not there before.
-    world.host("shore").start_process(
-        "gprs",
-        [](ise::sim::process& here) -> std::shared_ptr<void> {
-            auto node = std::make_shared<ise::node>(here, quiet(true));
-            ise::component_options where;
-            where.listen = {ise::endpoint::parse("tcp://0.0.0.0:0").value()};
-            node->start(
-                "atirma/shore/gprs",
-                [](ise::component& self) -> ise::task<> {
-                    auto out = self.publish(services::telemetry);
-                    packet_header header;
-                    for (;;) {
-                        ++header.sequence;
-                        header.measured_at = std::chrono::floor<std::chrono::milliseconds>(self.wall());
-                        location here_it_is;
-                        here_it_is.quality = fix_quality::gps;
-                        here_it_is.latitude_deg = 28.15;
-                        telemetry_body body = here_it_is;
-                        telemetry_packet packet;
-                        packet.link = link_id::gprs;
-                        packet.sequence = header.sequence;
-                        packet.measured_at = packet.received_at = header.measured_at;
-                        packet.raw = encode_telemetry(header, body);
-                        out(packet);
-                        co_await self.sleep(1s);
-                    }
-                },
-                where);
-            return node;
-        },
-        {{"ISE_NAME_SERVER", names_at.text()}});
+    world.host("shore").start_process("gprs",
+                                      [](ise::sim::process& here) -> std::shared_ptr<void> {
+                                          auto node = std::make_shared<ise::node>(here, quiet(true));
+                                          ise::component_options where;
+                                          where.listen = {ise::endpoint::parse("tcp://0.0.0.0:0").value()};
+                                          node->start(
+                                              "atirma/shore/gprs",
+                                              [](ise::component& self) -> ise::task<> {
+                                                  auto out = self.publish(services::telemetry);
+                                                  packet_header header;
+                                                  for (;;) {
+                                                      ++header.sequence;
+                                                      header.measured_at =
+                                                          std::chrono::floor<std::chrono::milliseconds>(self.wall());
+                                                      location here_it_is;
+                                                      here_it_is.quality = fix_quality::gps;
+                                                      here_it_is.latitude_deg = 28.15;
+                                                      telemetry_body body = here_it_is;
+                                                      telemetry_packet packet;
+                                                      packet.link = link_id::gprs;
+                                                      packet.sequence = header.sequence;
+                                                      packet.measured_at = packet.received_at = header.measured_at;
+                                                      packet.raw = encode_telemetry(header, body);
+                                                      out(packet);
+                                                      co_await self.sleep(1s);
+                                                  }
+                                              },
+                                              where);
+                                          return node;
+                                      },
+                                      {{"ISE_NAME_SERVER", names_at.text()}});
     REQUIRE(world.run_until([&] { return one.see()->boat.position && two.see()->boat.position; }, 1min));
     CHECK(one.see()->links[0].path == "atirma/shore/gprs");
     CHECK(one.see()->links[0].link == link_id::gprs);

@@ -65,7 +65,8 @@ void check_same(const snapshot& a, const snapshot& b) {
 
 } // namespace
 
-TEST_CASE("console: two consoles agree on the boat, on who commands it and on what it was told, also over a fail-over") {
+TEST_CASE(
+    "console: two consoles agree on the boat, on who commands it and on what it was told, also over a fail-over") {
     crew it(3);
     auto anna = it.console("anna"), ben = it.console("ben");
     CHECK(anna->latest()->authority.state.holder.empty());
@@ -128,7 +129,8 @@ TEST_CASE("console: two consoles agree on the boat, on who commands it and on wh
     check_same(a, b);
 }
 
-TEST_CASE("console: a telecommand to the nodes' role takes the link that is alive, whichever brought the newest packet") {
+TEST_CASE(
+    "console: a telecommand to the nodes' role takes the link that is alive, whichever brought the newest packet") {
     crew it(5);
     auto anna = it.console("anna");
     it.sends_every_second({link_id::gprs});

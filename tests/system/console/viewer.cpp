@@ -69,7 +69,7 @@ public:
         height = init[2] * 256u + init[3];
         read(init[20] << 24 | init[21] << 16 | init[22] << 8 | init[23]);
         send({0, 0, 0, 0, 32, 24, 0, 1, 0, 255, 0, 255, 0, 255, 16, 8, 0, 0, 0, 0}); // little-endian xRGB
-        send({2, 0, 0, 1, 0, 0, 0, 0}); // raw
+        send({2, 0, 0, 1, 0, 0, 0, 0});                                              // raw
         pixels.assign(width * height, 0);
     }
     /// The whole screen, or what has changed.
@@ -136,7 +136,8 @@ TEST_CASE("console program: a tablet sees it over VNC, and its keys work, while 
     ise_test::start_options options;
     options.variables = {{"QT_QPA_PLATFORM", "vnc:size=1280x800:port=" + std::to_string(port)}};
     {
-        program console({"atirma_console", "--name-server", names, "--settings", "none", "--size", "1280x800"}, options);
+        program console({"atirma_console", "--name-server", names, "--settings", "none", "--size", "1280x800"},
+                        options);
         viewer tablet(port);
         for (int waited = 0; !tablet.connect(); waited += 100) { // it takes a moment to begin
             REQUIRE(waited < patience_ms);

@@ -85,8 +85,7 @@ TEST_CASE("console windows: what is dangerous asks first, and Enter does no harm
     }
 }
 
-TEST_CASE(
-    "console windows: waypoints are edited by mouse, taken back, and uploaded when that is confirmed") {
+TEST_CASE("console windows: waypoints are edited by mouse, taken back, and uploaded when that is confirmed") {
     desk it;
     auto& draft = it.window->draft();
     auto& chart = it.window->chart();

@@ -154,9 +154,11 @@ TEST_CASE("console windows: settings that are damaged, hostile or cannot be writ
     CHECK(settings_file(file).load(trouble) == console_memory());
     CHECK(trouble.contains("console.ini"));
     trouble.clear();
-    write("[General]\nversion=1\n[alarms]\noff_track_m=nan\nno_data_s=-5\nbattery_low_percent=30\nacknowledged=critical battery, nonsense\n"
+    write("[General]\nversion=1\n[alarms]\noff_track_m=nan\nno_data_s=-5\nbattery_low_percent=30\nacknowledged="
+          "critical battery, nonsense\n"
           "[chart]\nmetres_per_pixel=1e300\ncentre=91 0\n[units]\nspeed=furlongs\n"
-          "[mission]\nedited=true\nwaypoints=28.1 -15.4, 200 0, here\n[window]\ngeometry=junk\nsplit=junk\ntab=kitchen\n");
+          "[mission]\nedited=true\nwaypoints=28.1 -15.4, 200 0, "
+          "here\n[window]\ngeometry=junk\nsplit=junk\ntab=kitchen\n");
     auto kept = settings_file(file).load(trouble);
     CHECK(trouble.isEmpty());
     CHECK(kept.limits.off_track_m == alarm_limits().off_track_m);
@@ -169,7 +171,8 @@ TEST_CASE("console windows: settings that are damaged, hostile or cannot be writ
     { desk it(true, {1280, 800}, file); } // and the window opens all the same
     write("");
     desk it(true, {1280, 800}, folder.filePath("console.ini/no/folder.ini"));
-    CHECK(settings_file(folder.filePath("console.ini/no/folder.ini")).save(console_memory()).contains("cannot be kept"));
+    CHECK(
+        settings_file(folder.filePath("console.ini/no/folder.ini")).save(console_memory()).contains("cannot be kept"));
 }
 
 TEST_CASE("console windows: an alarm that was acknowledged before the start does not call again, unless it is graver") {

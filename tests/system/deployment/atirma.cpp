@@ -1,6 +1,6 @@
 // The whole demo on two hosts from its file: it is changed while the boat sails, loses processes, and goes down.
-// Both hosts are instantiation servers of one machine: they listen on loopback only until they can ask for credentials, so
-// nobody would reach one in another network namespace.
+// Both hosts are instantiation servers of one machine: they listen on loopback only until they can ask for credentials,
+// so nobody would reach one in another network namespace.
 #include "two_hosts.hpp"
 
 #include <system/instantiation/host.hpp>
@@ -20,18 +20,24 @@ struct harbour : two_hosts {
 
     /// The demo, with something else laid over it.
     std::string demo(const std::string& name, const std::string& over = "") {
-        file("base.toml", "include = '" ISE_SOURCE_DIR "/apps/atirma/atirma.toml'\n[variables]\nports = '" + (folder() / "ports").string() +
-                              "'\npage = 0\nspeedup = 20\n[components.boat]\nready-within = '120s'\n[components.air]\nready-within = '120s'\n"
-                              "[components.'shore/xbee']\nready-within = '120s'\n[components.page]\nready-within = '120s'\n");
+        file("base.toml",
+             "include = '" ISE_SOURCE_DIR "/apps/atirma/atirma.toml'\n[variables]\nports = '" +
+                 (folder() / "ports").string() +
+                 "'\npage = 0\nspeedup = 20\n[components.boat]\nready-within = '120s'\n[components.air]\nready-within "
+                 "= '120s'\n"
+                 "[components.'shore/xbee']\nready-within = '120s'\n[components.page]\nready-within = '120s'\n");
         return file(name, "include = 'base.toml'\n" + over);
     }
     int pid(const std::string& path) { return state(path)["process_id"]; }
     /// Waits until telemetry that is new comes over the radio.
     void hears_the_boat() {
-        auto heard = told({"--wait", "--timeout", "240s", "echo", "atirma/shore/xbee", "telemetry", "--no-last", "-n", "1"});
+        auto heard =
+            told({"--wait", "--timeout", "240s", "echo", "atirma/shore/xbee", "telemetry", "--no-last", "-n", "1"});
         CHECK(heard.is_object());
     }
-    json truth() { return told({"--wait", "--timeout", "120s", "echo", "atirma/boat", "ground_truth", "--no-last", "-n", "1"}); }
+    json truth() {
+        return told({"--wait", "--timeout", "120s", "echo", "atirma/boat", "ground_truth", "--no-last", "-n", "1"});
+    }
 };
 
 } // namespace
@@ -41,8 +47,8 @@ TEST_CASE("the demo comes up on two hosts, is changed while it sails, and goes d
     auto file = in.demo("demo.toml");
     auto text = in.up(file);
     INFO(text);
-    auto air = text.find("start atirma/air on boat"), boat = text.find("start atirma/boat on boat"), proxy = text.find("start atirma/shore/xbee on shore"),
-         page = text.find("start atirma/page on shore");
+    auto air = text.find("start atirma/air on boat"), boat = text.find("start atirma/boat on boat"),
+         proxy = text.find("start atirma/shore/xbee on shore"), page = text.find("start atirma/page on shore");
     CHECK(air < boat);
     CHECK(boat < proxy);
     CHECK(proxy < page);
@@ -50,18 +56,24 @@ TEST_CASE("the demo comes up on two hosts, is changed while it sails, and goes d
     in.hears_the_boat();
 
     int before = in.pid("atirma/boat");
-    auto windy = in.demo("windy.toml", "[components.boat.parameters]\nwind-speed = 11\nwind-from = 90\n[components.air.parameters]\nloss = 0.1\n");
-    CHECK(in.done({"diff", windy}) == "change atirma/air on boat\n    loss: 0 -> 0.1\nchange atirma/boat on boat\n    wind-speed: 6 -> 11\n    wind-from: 45 -> 90\n");
+    auto windy = in.demo(
+        "windy.toml",
+        "[components.boat.parameters]\nwind-speed = 11\nwind-from = 90\n[components.air.parameters]\nloss = 0.1\n");
+    CHECK(in.done({"diff", windy}) == "change atirma/air on boat\n    loss: 0 -> 0.1\nchange atirma/boat on boat\n    "
+                                      "wind-speed: 6 -> 11\n    wind-from: 45 -> 90\n");
     in.up(windy);
     CHECK(in.pid("atirma/boat") == before);
     CHECK(in.told({"param", "get", "atirma/air", "loss"})["values"][0] == "0.1");
     CHECK(in.told({"call", "atirma/air", "air_control", "{}"})["extra_loss"] == 0.1);
     wait_until([&] { return in.truth()["wind_speed_mps"] > 9; }); // gusts come and go
 
-    ise_test::program listener({"ise", "--name-server", in.name_server(), "--timeout", "120s", "echo", "atirma/boat", "ground_truth", "--losses"});
+    ise_test::program listener({"ise", "--name-server", in.name_server(), "--timeout", "120s", "echo", "atirma/boat",
+                                "ground_truth", "--losses"});
     REQUIRE(json::parse(listener.read_line())["packet"].is_object());
-    auto moved = in.demo("moved.toml", "[components.boat]\nhost = 'shore'\n[components.boat.parameters]\nwind-speed = 11\nwind-from = 90\n[components.air.parameters]\nloss = 0.1\n");
-    CHECK_THAT(in.up(moved), Contains("stop atirma/boat on boat (it moves to shore)") && Contains("start atirma/boat on shore (it moves from boat)"));
+    auto moved = in.demo("moved.toml", "[components.boat]\nhost = 'shore'\n[components.boat.parameters]\nwind-speed = "
+                                       "11\nwind-from = 90\n[components.air.parameters]\nloss = 0.1\n");
+    CHECK_THAT(in.up(moved), Contains("stop atirma/boat on boat (it moves to shore)") &&
+                                 Contains("start atirma/boat on shore (it moves from boat)"));
     // Whoever listened follows, and is told that there is a gap, whose length nobody knows.
     while (!json::parse(listener.read_line())["lost_before"].is_null()) {}
     listener.signal(SIGINT);

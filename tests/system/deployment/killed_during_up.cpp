@@ -21,10 +21,14 @@ struct held_up {
     std::optional<ise_test::program> up;
 
     explicit held_up(const std::string& ready_within) {
-        file = in.file("sea.toml", "name = 'sea'\n[hosts.boat]\n[hosts.shore]\n"
-                                   "[components.one]\ntype = 'trouble'\nhost = 'shore'\nready-within = '60s'\n"
-                                   "[components.two]\ntype = 'trouble'\nhost = 'boat'\nafter = 'one'\nready-within = '" + ready_within + "'\n"
-                                   "parameters = { meets = '" + began.string() + "', other = '" + may_go.string() + "' }\n");
+        file =
+            in.file("sea.toml", "name = 'sea'\n[hosts.boat]\n[hosts.shore]\n"
+                                "[components.one]\ntype = 'trouble'\nhost = 'shore'\nready-within = '60s'\n"
+                                "[components.two]\ntype = 'trouble'\nhost = 'boat'\nafter = 'one'\nready-within = '" +
+                                    ready_within +
+                                    "'\n"
+                                    "parameters = { meets = '" +
+                                    began.string() + "', other = '" + may_go.string() + "' }\n");
         up.emplace(std::vector<std::string>{"ise", "--name-server", in.name_server(), "up", file});
         wait_until([&] { return std::filesystem::exists(began); });
         REQUIRE(in.is_ready("sea/one"));
@@ -53,8 +57,10 @@ TEST_CASE("an up whose instantiation server is killed says so, undoes the rest, 
     auto ended = of.up->wait();
     INFO(ended.out << ended.err);
     CHECK(ended.exit_code != 0);
-    CHECK_THAT(ended.err, Contains("step 2 of 2 failed (start sea/two on boat): the instantiation server of boat did not come to tell whether it did start sea/two") &&
-                              Contains("what was done before was undone") && Contains("is ise_instantiation_server running on boat?"));
+    CHECK_THAT(ended.err, Contains("step 2 of 2 failed (start sea/two on boat): the instantiation server of boat did "
+                                   "not come to tell whether it did start sea/two") &&
+                              Contains("what was done before was undone") &&
+                              Contains("is ise_instantiation_server running on boat?"));
     of.in.open("boat");
     of.goes_down_and_comes_up();
 }
@@ -81,6 +87,7 @@ TEST_CASE("an up whose name server is killed and does not come back ends by its 
     CHECK(ended.exit_code != 0);
     CHECK_THAT(ended.err, Contains("sea/two"));
     of.in.start_name_server();
-    for (const char* host : {"boat", "shore"}) of.in.done({"--wait", "--timeout", "120s", "describe", "--names", std::string("ise/host/") + host});
+    for (const char* host : {"boat", "shore"})
+        of.in.done({"--wait", "--timeout", "120s", "describe", "--names", std::string("ise/host/") + host});
     of.goes_down_and_comes_up();
 }

@@ -3,8 +3,8 @@
 #include <csignal>
 #include <random>
 #include <stdexcept>
-#include <unistd.h>
 #include <test_folders.hpp>
+#include <unistd.h>
 
 namespace deployment_test {
 namespace {
@@ -27,7 +27,8 @@ networks::networks() : ip_(tool("ip")), suffix_(std::to_string(std::random_devic
     done({"netns", "add", "boat" + suffix_});
     try {
         done({"netns", "add", "shore" + suffix_});
-        done({"link", "add", "b" + suffix_, "netns", "boat" + suffix_, "type", "veth", "peer", "name", "s" + suffix_, "netns", "shore" + suffix_});
+        done({"link", "add", "b" + suffix_, "netns", "boat" + suffix_, "type", "veth", "peer", "name", "s" + suffix_,
+              "netns", "shore" + suffix_});
         for (const char* host : {"boat", "shore"}) {
             auto wire = std::string(1, host[0]) + suffix_, space = host + suffix_;
             done({"-n", space, "address", "add", address(host) + "/24", "dev", wire});
@@ -48,13 +49,17 @@ networks::~networks() {
     for (const char* host : {"boat", "shore"}) ise_test::run_program({ip_, "netns", "delete", host + suffix_});
 }
 
-std::vector<std::string> networks::inside(const std::string& host) const { return {ip_, "netns", "exec", host + suffix_}; }
+std::vector<std::string> networks::inside(const std::string& host) const {
+    return {ip_, "netns", "exec", host + suffix_};
+}
 
 void networks::dig(const std::string& host, int port) {
     auto words = inside(host);
-    words.insert(words.end(), {tool("env"), "python3", ISE_SOURCE_DIR "/tests/system/deployment/tunnel.py", address(host), std::to_string(port)});
+    words.insert(words.end(), {tool("env"), "python3", ISE_SOURCE_DIR "/tests/system/deployment/tunnel.py",
+                               address(host), std::to_string(port)});
     tunnels_.push_back(std::make_unique<ise_test::program>(words));
-    if (tunnels_.back()->read_line().find("carries") == std::string::npos) throw std::runtime_error("no tunnel: is there python3?");
+    if (tunnels_.back()->read_line().find("carries") == std::string::npos)
+        throw std::runtime_error("no tunnel: is there python3?");
 }
 
 } // namespace deployment_test

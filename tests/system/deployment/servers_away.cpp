@@ -1,4 +1,5 @@
-// Commands that are given while a server has just started, or is away: a part of the system is never taken for all of it.
+// Commands that are given while a server has just started, or is away: a part of the system is never taken for all of
+// it.
 #include "two_hosts.hpp"
 
 #include <system/instantiation/host.hpp>
@@ -49,7 +50,9 @@ TEST_CASE("what a killed instantiation server had started is not told to be down
     forget_host(in, "boat");
     auto alone = in.ise({"stop", "sea/one"});
     CHECK(alone.exit_code == 3);
-    CHECK_THAT(alone.err, Contains("'sea/one' runs as process") && Contains("but no instantiation server that is registered has started it") && Contains("--state"));
+    CHECK_THAT(alone.err, Contains("'sea/one' runs as process") &&
+                              Contains("but no instantiation server that is registered has started it") &&
+                              Contains("--state"));
     auto half = in.ise({"down", file});
     CHECK(half.exit_code == 3);
     CHECK_THAT(half.err, Contains("not all of sea is down: no instantiation server 'boat' is registered"));

@@ -63,14 +63,23 @@ void two_hosts::crash_name_server() {
 }
 
 void two_hosts::open(const std::string& host) {
-    std::vector<std::string> words{"ise_instantiation_server", "--programs", (folder_ / "programs").string(), "--state", (folder_ / ("state-" + host)).string(),
-                                   "--name", host, "--name-server", name_server_, "--allow-path", (folder_ / "ports").string()};
+    std::vector<std::string> words{"ise_instantiation_server",
+                                   "--programs",
+                                   (folder_ / "programs").string(),
+                                   "--state",
+                                   (folder_ / ("state-" + host)).string(),
+                                   "--name",
+                                   host,
+                                   "--name-server",
+                                   name_server_,
+                                   "--allow-path",
+                                   (folder_ / "ports").string()};
     if (!std::getenv("ISE_TEST_LOG")) words.insert(words.end(), {"--log-level", "error"});
     if (apart_) {
         auto port = port_of(host);
         auto address = networks::address(host);
-        words.insert(words.end(), {"--listen", fmt::format("tcp://127.0.0.1:{}", port), "--advertise", fmt::format("tcp://{}:{}", address, port),
-                                   "--allow-address", address});
+        words.insert(words.end(), {"--listen", fmt::format("tcp://127.0.0.1:{}", port), "--advertise",
+                                   fmt::format("tcp://{}:{}", address, port), "--allow-address", address});
     }
     servers_[host] = std::make_unique<ise_test::program>(on(host, words));
     auto line = servers_[host]->read_line();
@@ -131,7 +140,8 @@ std::vector<std::string> two_hosts::left_behind() const {
     for (const char* folder : {"ports", "state-boat", "state-shore"})
         for (const auto& entry : std::filesystem::directory_iterator(folder_ / folder)) {
             auto name = entry.path().filename().string();
-            if (name != "state.json" && name != "state.json.spare" && name != "lock" && name != ".lock") found.push_back(name);
+            if (name != "state.json" && name != "state.json.spare" && name != "lock" && name != ".lock")
+                found.push_back(name);
         }
     return found;
 }

@@ -19,8 +19,8 @@ using nlohmann::json;
 
 class two_hosts {
 public:
-    /// Both on this machine's own network, or each on its own: then the command line runs on "shore", the name server on "boat",
-    /// and the instantiation servers, which listen on loopback only, are reached through tunnels.
+    /// Both on this machine's own network, or each on its own: then the command line runs on "shore", the name server
+    /// on "boat", and the instantiation servers, which listen on loopback only, are reached through tunnels.
     explicit two_hosts(const networks* apart = nullptr);
     ~two_hosts();
     two_hosts(const two_hosts&) = delete;

@@ -14,15 +14,19 @@ namespace {
 
 /// A-Tirma's file with addresses at which the other host reaches its components.
 std::string apart(const two_hosts& in, const std::string& boat_on, const std::string& more = "") {
-    auto listen = [](const std::string& host) { return "ready-within = '120s'\nlisten = ['tcp://" + networks::address(host) + ":0']\n"; };
-    return "include = '" ISE_SOURCE_DIR "/apps/atirma/atirma.toml'\n[variables]\nports = '" + (in.folder() / "ports").string() + "'\npage = 0\nspeedup = 20\n" +
-           "[components.air]\n" + listen("boat") + "[components.boat]\nhost = '" + boat_on + "'\n" + listen(boat_on) + "[components.'shore/xbee']\n" + listen("shore") +
-           "[components.page]\n" + listen("shore") + more;
+    auto listen = [](const std::string& host) {
+        return "ready-within = '120s'\nlisten = ['tcp://" + networks::address(host) + ":0']\n";
+    };
+    return "include = '" ISE_SOURCE_DIR "/apps/atirma/atirma.toml'\n[variables]\nports = '" +
+           (in.folder() / "ports").string() + "'\npage = 0\nspeedup = 20\n" + "[components.air]\n" + listen("boat") +
+           "[components.boat]\nhost = '" + boat_on + "'\n" + listen(boat_on) + "[components.'shore/xbee']\n" +
+           listen("shore") + "[components.page]\n" + listen("shore") + more;
 }
 
 } // namespace
 
-TEST_CASE("the demo comes up on two networks from one file, a component moves to the other, and nothing is left behind") {
+TEST_CASE(
+    "the demo comes up on two networks from one file, a component moves to the other, and nothing is left behind") {
     std::optional<networks> wire;
     try {
         wire.emplace();
@@ -33,7 +37,10 @@ TEST_CASE("the demo comes up on two networks from one file, a component moves to
     }
     two_hosts in(&*wire);
     in.install("atirma");
-    auto hears_the_boat = [&] { CHECK(in.told({"--wait", "--timeout", "240s", "echo", "atirma/shore/xbee", "telemetry", "--no-last", "-n", "1"}).is_object()); };
+    auto hears_the_boat = [&] {
+        CHECK(in.told({"--wait", "--timeout", "240s", "echo", "atirma/shore/xbee", "telemetry", "--no-last", "-n", "1"})
+                  .is_object());
+    };
     in.up(in.file("demo.toml", apart(in, "boat")));
     CHECK(in.state("atirma/boat")["host"] == "boat");
     CHECK(in.state("atirma/page")["host"] == "shore");
@@ -42,10 +49,12 @@ TEST_CASE("the demo comes up on two networks from one file, a component moves to
 
     auto moved = in.file("moved.toml", apart(in, "shore", "[components.boat.parameters]\nwind-speed = 9\n"));
     auto words = wire->inside("shore");
-    words.insert(words.end(), {ISE_BINARY_DIR "/bin/ise", "--name-server", in.name_server(), "--timeout", "240s", "echo", "atirma/boat", "ground_truth", "--losses"});
+    words.insert(words.end(), {ISE_BINARY_DIR "/bin/ise", "--name-server", in.name_server(), "--timeout", "240s",
+                               "echo", "atirma/boat", "ground_truth", "--losses"});
     ise_test::program listener(words);
     REQUIRE(json::parse(listener.read_line())["packet"].is_object());
-    CHECK_THAT(in.up(moved), Contains("stop atirma/boat on boat (it moves to shore)") && Contains("start atirma/boat on shore (it moves from boat)"));
+    CHECK_THAT(in.up(moved), Contains("stop atirma/boat on boat (it moves to shore)") &&
+                                 Contains("start atirma/boat on shore (it moves from boat)"));
     // The boat's next life has packets of its own: a gap whose length nobody knows.
     while (!json::parse(listener.read_line())["lost_before"].is_null()) {}
     listener.signal(SIGINT);

@@ -40,7 +40,10 @@ void rebuild(const std::filesystem::path& program) {
 
 TEST_CASE("a deployment comes up in order, is up the second time, and goes down leaving nothing") {
     two_hosts in;
-    auto file = in.file("sea.toml", sea(component("one", "boat", "after = 'two'\n") + component("two", "shore", "parameters = { answer = 3, say = 'here' }\nroles = { 'sea/best' = 4 }\n")));
+    auto file = in.file(
+        "sea.toml",
+        sea(component("one", "boat", "after = 'two'\n") +
+            component("two", "shore", "parameters = { answer = 3, say = 'here' }\nroles = { 'sea/best' = 4 }\n")));
     CHECK_THAT(in.done({"diff", file}), Contains("start sea/two on shore\nstart sea/one on boat\n"));
     auto text = in.up(file);
     INFO(text);
@@ -65,9 +68,12 @@ TEST_CASE("components that do not wait for each other are started together, and 
     two_hosts in;
     // Each of the first two waits until the other runs: one after the other they never come up.
     auto meets = [&](const std::string& mine, const std::string& other) {
-        return "parameters = { meets = '" + (in.folder() / "ports" / mine).string() + "', other = '" + (in.folder() / "ports" / other).string() + "' }\n";
+        return "parameters = { meets = '" + (in.folder() / "ports" / mine).string() + "', other = '" +
+               (in.folder() / "ports" / other).string() + "' }\n";
     };
-    auto file = in.file("sea.toml", sea(component("last", "boat", "after = ['one', 'two']\n") + component("one", "boat", meets("one", "two")) + component("two", "shore", meets("two", "one"))));
+    auto file = in.file("sea.toml", sea(component("last", "boat", "after = ['one', 'two']\n") +
+                                        component("one", "boat", meets("one", "two")) +
+                                        component("two", "shore", meets("two", "one"))));
     auto text = in.up(file);
     INFO(text);
     auto last = text.find("start sea/last on boat");
@@ -84,8 +90,10 @@ TEST_CASE("components that do not wait for each other are started together, and 
 
 TEST_CASE("some components of a deployment come up with those they come after, and go down alone") {
     two_hosts in;
-    auto file = in.file("sea.toml", sea(component("one", "boat") + component("two", "shore", "after = 'one'\n") + component("three", "boat", "after = 'two'\n")));
-    CHECK_THAT(in.done({"up", file, "two"}), Contains("[1/2] start sea/one on boat") && Contains("sea is up: 2 components, 2 steps"));
+    auto file = in.file("sea.toml", sea(component("one", "boat") + component("two", "shore", "after = 'one'\n") +
+                                        component("three", "boat", "after = 'two'\n")));
+    CHECK_THAT(in.done({"up", file, "two"}),
+               Contains("[1/2] start sea/one on boat") && Contains("sea is up: 2 components, 2 steps"));
     CHECK(in.is_ready("sea/one"));
     CHECK(in.is_ready("sea/two"));
     CHECK(in.told({"ps"}).size() == 2);
@@ -103,7 +111,8 @@ TEST_CASE("some components of a deployment come up with those they come after, a
 
 TEST_CASE("an up that is interrupted undoes what it did, unless it is to be kept") {
     two_hosts in;
-    auto file = in.file("sea.toml", sea(component("one", "boat") + component("two", "shore", "after = 'one'\nparameters = { silent = true }\n")));
+    auto file = in.file("sea.toml", sea(component("one", "boat") +
+                                        component("two", "shore", "after = 'one'\nparameters = { silent = true }\n")));
     for (bool keep : {false, true}) {
         std::vector<std::string> words{"ise", "--name-server", in.name_server(), "up", file};
         if (keep) words.push_back("--keep");
@@ -129,12 +138,15 @@ TEST_CASE("an up that is interrupted undoes what it did, unless it is to be kept
 
 TEST_CASE("components of one file share a process") {
     two_hosts in;
-    auto file = in.file("sea.toml", sea(component("one", "boat", "process = 'main'\n") + component("two", "boat", "process = 'main'\n") + component("three", "shore", "process = 'main'\n")));
+    auto file = in.file("sea.toml", sea(component("one", "boat", "process = 'main'\n") +
+                                        component("two", "boat", "process = 'main'\n") +
+                                        component("three", "shore", "process = 'main'\n")));
     in.up(file);
     CHECK(in.state("sea/one")["process_id"] == in.state("sea/two")["process_id"]);
     CHECK(in.state("sea/one")["process_id"] != in.state("sea/three")["process_id"]);
     CHECK_THAT(in.up(file), Contains("nothing to do"));
-    auto apart = in.file("apart.toml", sea(component("one", "boat", "process = 'main'\n") + component("two", "boat") + component("three", "shore", "process = 'main'\n")));
+    auto apart = in.file("apart.toml", sea(component("one", "boat", "process = 'main'\n") + component("two", "boat") +
+                                           component("three", "shore", "process = 'main'\n")));
     CHECK_THAT(in.up(apart), Contains("restart sea/two on boat\n    process: main -> (none)"));
     CHECK(in.state("sea/one")["process_id"] != in.state("sea/two")["process_id"]);
     in.done({"down", apart});
@@ -144,11 +156,14 @@ TEST_CASE("components of one file share a process") {
 
 TEST_CASE("what it started is undone when a deployment fails, unless it is to be kept") {
     two_hosts in;
-    auto file = in.file("sea.toml", sea(component("one", "boat") + component("two", "shore", "after = 'one'\nparameters = { failing = 'the sea is rough' }\n")));
+    auto file = in.file(
+        "sea.toml", sea(component("one", "boat") +
+                        component("two", "shore", "after = 'one'\nparameters = { failing = 'the sea is rough' }\n")));
     auto failed = in.ise({"up", file});
     INFO(failed.out << failed.err);
     CHECK(failed.exit_code == 1);
-    CHECK_THAT(failed.err, Contains("step 2 of 2 failed") && Contains("the sea is rough") && Contains("what was done before was undone"));
+    CHECK_THAT(failed.err, Contains("step 2 of 2 failed") && Contains("the sea is rough") &&
+                               Contains("what was done before was undone"));
     CHECK_THAT(failed.out, Contains("start sea/one on boat: undone"));
     CHECK(marked().empty());
     auto kept = in.ise({"up", file, "--keep"});
@@ -161,7 +176,10 @@ TEST_CASE("what it started is undone when a deployment fails, unless it is to be
 
 TEST_CASE("the doctor tells what has failed, and what waits to be started again") {
     two_hosts in;
-    auto file = in.file("sea.toml", sea(component("one", "boat", "restart = { policy = 'always', first-pause = '300s', longest-pause = '300s' }\n") + component("two", "shore")));
+    auto file = in.file(
+        "sea.toml",
+        sea(component("one", "boat", "restart = { policy = 'always', first-pause = '300s', max-pause = '300s' }\n") +
+            component("two", "shore")));
     in.up(file);
     for (const char* path : {"sea/one", "sea/two"}) {
         int pid = in.state(path)["process_id"];
@@ -172,8 +190,11 @@ TEST_CASE("the doctor tells what has failed, and what waits to be started again"
     auto sick = in.ise({"doctor"});
     INFO(sick.out << sick.err);
     CHECK(sick.exit_code == 1);
-    CHECK_THAT(sick.out, Contains("sea/one: it ended on boat and is about to be started again (0 times so far): signal 9 (Killed)"));
-    CHECK_THAT(sick.out, Contains("sea/two: it has failed on shore and is not started again: signal 9 (Killed)") && Contains("ise logs sea/two"));
+    CHECK_THAT(
+        sick.out,
+        Contains("sea/one: it ended on boat and is about to be started again (0 times so far): signal 9 (Killed)"));
+    CHECK_THAT(sick.out, Contains("sea/two: it has failed on shore and is not started again: signal 9 (Killed)") &&
+                             Contains("ise logs sea/two"));
     in.done({"down", file});
     CHECK_THAT(in.ise({"doctor"}).out, !Contains("started again"));
 }
@@ -188,7 +209,8 @@ TEST_CASE("the doctor finds what was started by hand and has failed, until it is
     auto sick = in.ise({"doctor"});
     INFO(sick.out << sick.err);
     CHECK(sick.exit_code == 1);
-    CHECK_THAT(sick.out, Contains("sea/one: it has failed on boat and is not started again") && !Contains("nothing is wrong"));
+    CHECK_THAT(sick.out,
+               Contains("sea/one: it has failed on boat and is not started again") && !Contains("nothing is wrong"));
     in.done({"stop", "sea/one"});
     CHECK_THAT(in.ise({"doctor"}).out, !Contains("it has failed"));
 }
@@ -196,7 +218,8 @@ TEST_CASE("the doctor finds what was started by hand and has failed, until it is
 TEST_CASE("what is against a deployment is told before anything is started") {
     two_hosts in;
     auto refused = [&](const std::string& second, const std::string& why) {
-        auto file = in.file("sea.toml", sea(component("one", "boat") + component("two", "shore", "after = 'one'\n" + second)));
+        auto file =
+            in.file("sea.toml", sea(component("one", "boat") + component("two", "shore", "after = 'one'\n" + second)));
         for (const char* command : {"validate", "up"}) {
             auto ran = in.ise({command, file});
             INFO(command << ": " << ran.out << ran.err);
@@ -212,7 +235,8 @@ TEST_CASE("what is against a deployment is told before anything is started") {
     auto taken = in.name_server();
     refused("listen = '" + taken + "'\n", taken);
     refused("parameters = { outlet = '" + taken + "' }\n", taken);
-    ise_test::program holder({ISE_BINARY_DIR "/bin/ise_trouble", "run", "trouble", "--path=sea/two", "--name-server=" + in.name_server()});
+    ise_test::program holder(
+        {ISE_BINARY_DIR "/bin/ise_trouble", "run", "trouble", "--path=sea/two", "--name-server=" + in.name_server()});
     in.done({"--wait", "--timeout", "60s", "describe", "--names", "sea/two"});
     refused("", "'sea/two' is held by process");
     holder.signal(SIGTERM);
@@ -224,7 +248,8 @@ TEST_CASE("a program that was rebuilt is told and started again") {
     auto program = in.folder() / "programs" / "ise_trouble";
     std::filesystem::remove(program);
     std::filesystem::copy_file(ISE_BINARY_DIR "/bin/ise_trouble", program);
-    auto file = in.file("sea.toml", sea(component("one", "boat") + component("two", "shore", "process = 'main'\n") + component("three", "shore", "process = 'main'\n")));
+    auto file = in.file("sea.toml", sea(component("one", "boat") + component("two", "shore", "process = 'main'\n") +
+                                        component("three", "shore", "process = 'main'\n")));
     in.up(file);
     int before = in.state("sea/one")["process_id"];
     std::filesystem::copy_file(program, in.folder() / "fresh"); // copied again, it is the same program
@@ -233,8 +258,11 @@ TEST_CASE("a program that was rebuilt is told and started again") {
     rebuild(program);
     CHECK(in.state("sea/one")["rebuilt"] == true);
     CHECK_THAT(in.done({"ps"}), Contains("program was rebuilt"));
-    CHECK_THAT(in.done({"diff", file}), Contains("restart sea/one on boat\n    program was rebuilt  (takes a restart)") && Contains("restart sea/two on shore") && Contains("restart sea/three on shore"));
-    CHECK_THAT(in.ise({"doctor"}).out, Contains("sea/one: it runs a program that was rebuilt on boat since it was started"));
+    CHECK_THAT(in.done({"diff", file}),
+               Contains("restart sea/one on boat\n    program was rebuilt  (takes a restart)") &&
+                   Contains("restart sea/two on shore") && Contains("restart sea/three on shore"));
+    CHECK_THAT(in.ise({"doctor"}).out,
+               Contains("sea/one: it runs a program that was rebuilt on boat since it was started"));
     CHECK_THAT(in.up(file), Contains("sea is up: 3 components, 3 steps"));
     CHECK(in.state("sea/one")["process_id"] != before);
     for (const char* path : {"sea/one", "sea/two", "sea/three"}) CHECK(in.state(path)["rebuilt"] == false);
@@ -244,10 +272,14 @@ TEST_CASE("a program that was rebuilt is told and started again") {
 
 TEST_CASE("a change that fails leaves what ran before") {
     two_hosts in;
-    auto before = in.file("before.toml", sea(component("one", "boat") + component("two", "boat", "after = 'one'\nparameters = { say = 'a' }\n") + component("old", "shore")));
+    auto before = in.file("before.toml", sea(component("one", "boat") +
+                                             component("two", "boat", "after = 'one'\nparameters = { say = 'a' }\n") +
+                                             component("old", "shore")));
     in.up(before);
-    auto after = in.file("after.toml", sea(component("one", "boat", "parameters = { answer = 2 }\n") + component("two", "shore", "after = 'one'\nparameters = { say = 'b' }\n") +
-                                           component("three", "shore", "after = 'two'\nparameters = { failing = 'reef' }\n")));
+    auto after =
+        in.file("after.toml", sea(component("one", "boat", "parameters = { answer = 2 }\n") +
+                                  component("two", "shore", "after = 'one'\nparameters = { say = 'b' }\n") +
+                                  component("three", "shore", "after = 'two'\nparameters = { failing = 'reef' }\n")));
     auto failed = in.ise({"up", after});
     INFO(failed.out << failed.err);
     CHECK(failed.exit_code == 1);
@@ -262,15 +294,22 @@ TEST_CASE("a change that fails leaves what ran before") {
 
 TEST_CASE("a running deployment is changed: in place, by a restart, by a move, by more and by less") {
     two_hosts in;
-    in.up(in.file("sea.toml", sea(component("calm", "boat") + component("changed", "boat") + component("again", "boat") + component("moves", "boat") + component("goes", "shore"))));
+    in.up(
+        in.file("sea.toml", sea(component("calm", "boat") + component("changed", "boat") + component("again", "boat") +
+                                component("moves", "boat") + component("goes", "shore"))));
     auto pid = [&](const std::string& name) { return in.state("sea/" + name)["process_id"].get<int>(); };
     int calm = pid("calm"), changed = pid("changed"), again = pid("again"), moves = pid("moves");
-    auto file = in.file("sea.toml", sea(component("calm", "boat") + component("changed", "boat", "parameters = { answer = 2.5 }\n") +
-                                        component("again", "boat", "parameters = { say = 'again' }\n") + component("moves", "shore") + component("comes", "shore")));
+    auto file = in.file("sea.toml", sea(component("calm", "boat") +
+                                        component("changed", "boat", "parameters = { answer = 2.5 }\n") +
+                                        component("again", "boat", "parameters = { say = 'again' }\n") +
+                                        component("moves", "shore") + component("comes", "shore")));
     auto text = in.up(file);
     INFO(text);
-    CHECK_THAT(text, Contains("stop sea/goes on shore (it is not in the file any more)") && Contains("change sea/changed on boat\n    answer: 7 -> 2.5") &&
-                         Contains("restart sea/again on boat\n    say: (none) -> again") && Contains("start sea/moves on shore (it moves from boat)") && Contains("start sea/comes on shore"));
+    CHECK_THAT(text, Contains("stop sea/goes on shore (it is not in the file any more)") &&
+                         Contains("change sea/changed on boat\n    answer: 7 -> 2.5") &&
+                         Contains("restart sea/again on boat\n    say: (none) -> again") &&
+                         Contains("start sea/moves on shore (it moves from boat)") &&
+                         Contains("start sea/comes on shore"));
     CHECK(pid("calm") == calm);
     CHECK(pid("changed") == changed);
     CHECK(in.told({"call", "sea/changed", "ask"})["answer"] == 2.5);
@@ -286,13 +325,16 @@ TEST_CASE("a component that refuses a change, and values that are not allowed, e
     in.up(in.file("sea.toml", sea(component("one", "boat"))));
     auto vetoed = in.ise({"up", in.file("sea.toml", sea(component("one", "boat", "parameters = { answer = 9 }\n")))});
     CHECK(vetoed.exit_code == 1);
-    CHECK_THAT(vetoed.err, Contains("step 1 of 1 failed") && Contains("sea/one refuses it: nine is no answer") && !Contains("ise.change_parameters"));
+    CHECK_THAT(vetoed.err, Contains("step 1 of 1 failed") && Contains("sea/one refuses it: nine is no answer") &&
+                               !Contains("ise.change_parameters"));
     auto file = in.file("sea.toml", sea(component("one", "boat", "parameters = { answer = 11, anwser = 1 }\n")));
     for (const char* command : {"up", "diff", "validate"}) {
         auto wrong = in.ise({command, file});
         CHECK(wrong.exit_code == 2);
-        CHECK_THAT(wrong.err, Contains("sea.toml:8:25: parameter 'answer' cannot be '11': it is a number from 0 to 10 (m)"));
-        CHECK_THAT(wrong.err, Contains("sea.toml:8:29: type 'trouble' has no parameter 'anwser'; did you mean 'answer'?"));
+        CHECK_THAT(wrong.err,
+                   Contains("sea.toml:8:25: parameter 'answer' cannot be '11': it is a number from 0 to 10 (m)"));
+        CHECK_THAT(wrong.err,
+                   Contains("sea.toml:8:29: type 'trouble' has no parameter 'anwser'; did you mean 'answer'?"));
     }
     CHECK(in.told({"call", "sea/one", "ask"})["answer"] == 7);
 }
@@ -310,9 +352,11 @@ TEST_CASE("what others have started is left alone") {
 
 TEST_CASE("hosts that are not there, and files that are none, are told with their place") {
     two_hosts in;
-    auto nowhere = in.ise({"up", in.file("a.toml", "name='sea'\n[hosts.moon]\nserver='shoer'\n[components.x]\ntype='trouble'\n")});
+    auto nowhere =
+        in.ise({"up", in.file("a.toml", "name='sea'\n[hosts.moon]\nserver='shoer'\n[components.x]\ntype='trouble'\n")});
     CHECK(nowhere.exit_code == 2);
-    CHECK_THAT(nowhere.err, Contains("a.toml:2:8: no instantiation server 'shoer' is registered; did you mean 'shore'? Else start it on that host: ise_instantiation_server"));
+    CHECK_THAT(nowhere.err, Contains("a.toml:2:8: no instantiation server 'shoer' is registered; did you mean 'shore'? "
+                                     "Else start it on that host: ise_instantiation_server"));
     auto none = in.ise({"up", in.folder().string() + "/none.toml"});
     CHECK(none.exit_code == 2);
     CHECK_THAT(none.err, Contains("none.toml"));
@@ -320,10 +364,14 @@ TEST_CASE("hosts that are not there, and files that are none, are told with thei
     CHECK(broken.exit_code == 2);
     CHECK_THAT(broken.err, Contains(R"("error":"bad_deployment")") && Contains("b.toml:1:"));
     // Some of its mistakes are told by the file alone, others by the host.
-    auto three = in.ise({"validate", in.file("d.toml", sea(component("one", "boat", "restart = 'sometimes'\nparameters = { anwser = 1 }\n") +
-                                                           "[components.two]\ntype = 'truoble'\nhost = 'boat'\nafter = 'on'\n"))});
+    auto three =
+        in.ise({"validate",
+                in.file("d.toml", sea(component("one", "boat", "restart = 'sometimes'\nparameters = { anwser = 1 }\n") +
+                                      "[components.two]\ntype = 'truoble'\nhost = 'boat'\nafter = 'on'\n"))});
     CHECK(three.exit_code == 2);
-    CHECK_THAT(three.err, Contains("d.toml:8:11: the restart policy of component 'one' is never, on-failure or always, not 'sometimes'"));
+    CHECK_THAT(
+        three.err,
+        Contains("d.toml:8:11: the restart policy of component 'one' is never, on-failure or always, not 'sometimes'"));
     CHECK_THAT(three.err, Contains("type 'trouble' has no parameter 'anwser'; did you mean 'answer'?"));
     CHECK_THAT(three.err, Contains("host 'boat' has no component type 'truoble'; did you mean 'trouble'?"));
     CHECK_THAT(three.err, Contains("there is no component 'on'; did you mean 'one'?"));
@@ -346,7 +394,9 @@ TEST_CASE("a file is validated without anybody to ask") {
 
 TEST_CASE("an instantiation server that is killed in between knows its part of the deployment again") {
     two_hosts in;
-    auto file = in.file("sea.toml", sea(component("one", "boat", "parameters = { answer = 2 }\nrestart = 'always'\nroles = { 'sea/best' = 1 }\n")));
+    auto file = in.file(
+        "sea.toml",
+        sea(component("one", "boat", "parameters = { answer = 2 }\nrestart = 'always'\nroles = { 'sea/best' = 1 }\n")));
     in.up(file);
     in.done({"param", "set", "sea/one", "answer", "4"});
     int pid = in.state("sea/one")["process_id"];

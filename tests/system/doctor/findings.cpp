@@ -14,11 +14,14 @@ using nlohmann::json;
 
 namespace {
 
-/// A name server and its patients. Whatever is asked is asked until it is answered as the story goes: a test that waits for
-/// what does not come is ended from outside.
+/// A name server and its patients. Whatever is asked is asked until it is answered as the story goes: a test that waits
+/// for what does not come is ended from outside.
 struct ward {
     /// Each of its patients holds its name by a lease of so many seconds.
-    explicit ward(int lease_s) : names({"ise_name_server", "--listen", "tcp://127.0.0.1:0", "--lease", std::to_string(lease_s) + "s", "--fresh"}), lease(std::to_string(lease_s)) {
+    explicit ward(int lease_s)
+        : names({"ise_name_server", "--listen", "tcp://127.0.0.1:0", "--lease", std::to_string(lease_s) + "s",
+                 "--fresh"}),
+          lease(std::to_string(lease_s)) {
         auto line = names.read_line();
         REQUIRE_THAT(line, Contains("listens on tcp://"));
         at = line.substr(line.find("tcp://"));
@@ -33,7 +36,9 @@ struct ward {
         words.insert(words.begin(), {"ise", "--name-server", at, "--timeout", timeout});
         return words;
     }
-    json doctor(const std::string& timeout = "120s") const { return json::parse(ise_test::run_program(ise({"doctor", "--json", "--interval", "200ms"}, timeout)).out); }
+    json doctor(const std::string& timeout = "120s") const {
+        return json::parse(ise_test::run_program(ise({"doctor", "--json", "--interval", "200ms"}, timeout)).out);
+    }
     static std::optional<json> find(const json& told, const std::string& kind, const std::string& component) {
         for (const auto& one : told["findings"])
             if (one["kind"] == kind && one["component"] == component) return one;
@@ -81,7 +86,8 @@ TEST_CASE("doctor on real processes: a name server that was killed") {
     CHECK_THAT(advice(found), Contains("ise_name_server"));
 }
 
-TEST_CASE("doctor on real processes: a stopped component does not answer, then its lease is stale, until its name goes") {
+TEST_CASE(
+    "doctor on real processes: a stopped component does not answer, then its lease is stale, until its name goes") {
     ward in(20);
     auto& patient = in.admit("gives");
     patient.signal(SIGSTOP);
@@ -134,7 +140,8 @@ TEST_CASE("doctor on real processes: two that were built from different headers"
     CHECK_THAT(advice(found), Contains("ise type diff ward/asks steer ward/gives"));
 }
 
-TEST_CASE("doctor, list and describe on real processes: a requester waits for its provider, and says so until that is there") {
+TEST_CASE("doctor, list and describe on real processes: a requester waits for its provider, and says so until that is "
+          "there") {
     ward in(2);
     in.admit("seeks");
     auto found = in.diagnose("waits", "ward/seeks");
@@ -148,7 +155,8 @@ TEST_CASE("doctor, list and describe on real processes: a requester waits for it
     CHECK(described["waits"][0]["target"] == "ward/gives");
     CHECK(described["waits"][0]["stage"] == "name");
     CHECK(described["waits"][0]["waited_s"] > 3);
-    CHECK_THAT(ise_test::run_program(in.ise({"describe", "ward/seeks"}, "120s")).out, Contains("waits\n  it waits for ward/gives since 20"));
+    CHECK_THAT(ise_test::run_program(in.ise({"describe", "ward/seeks"}, "120s")).out,
+               Contains("waits\n  it waits for ward/gives since 20"));
     in.admit("gives");
     while (!in.doctor()["healthy"].get<bool>()) {}
     json graph;
@@ -168,7 +176,8 @@ TEST_CASE("doctor on real processes: a clock that was set wrong") {
     CHECK_THAT(advice(found), Contains("NTP"));
 }
 
-TEST_CASE("doctor and top on real processes: a subscriber that does not read costs packets, counted with their reason") {
+TEST_CASE(
+    "doctor and top on real processes: a subscriber that does not read costs packets, counted with their reason") {
     ward in(2);
     in.admit("floods");
     program reader(in.ise({"echo", "ward/floods", "chunks", "--depth", "2"}, "120s"));
@@ -177,7 +186,8 @@ TEST_CASE("doctor and top on real processes: a subscriber that does not read cos
     auto found = in.diagnose("drops_packets", "ward/floods");
     CHECK_THAT(message(found), Contains("of 'chunks' (overrun)"));
     for (;;) { // while its session lasts
-        auto table = json::parse(ise_test::run_program(in.ise({"top", "--once", "--json", "--every", "200ms"}, "120s")).out);
+        auto table =
+            json::parse(ise_test::run_program(in.ise({"top", "--once", "--json", "--every", "200ms"}, "120s")).out);
         auto one = service_of(table, "ward/floods", "chunks");
         if (one.is_null()) continue; // it was seen once only
         CHECK(one["not_sent"]["overrun"]["ever"] > 0);
@@ -195,9 +205,12 @@ TEST_CASE("doctor and top on real processes: a service that is asked for more th
     CHECK_THAT(message(found), Contains("beyond its limits") && Contains("of 'nap' (overloaded)"));
     CHECK_THAT(advice(found), Contains("serve_options"));
     for (;;) {
-        auto table = json::parse(ise_test::run_program(in.ise({"top", "--once", "--json", "--every", "2s"}, "120s")).out);
+        auto table =
+            json::parse(ise_test::run_program(in.ise({"top", "--once", "--json", "--every", "2s"}, "120s")).out);
         auto one = service_of(table, "ward/slow", "nap");
-        if (one.is_null() || one["handled_p50_s"].is_null() || one["waited_p99_s"].is_null() || one["waited_p99_s"] < 0.02) continue;
+        if (one.is_null() || one["handled_p50_s"].is_null() || one["waited_p99_s"].is_null() ||
+            one["waited_p99_s"] < 0.02)
+            continue;
         CHECK(one["handled_p50_s"] >= 0.02); // it naps for at least as long
         CHECK(one["refused"]["overloaded"]["ever"] > 0);
         break;

@@ -79,16 +79,32 @@ public:
     const ise::process_identity& identity() const override { return identity_; }
     std::optional<std::string> variable(const std::string& name) const override { return real_.variable(name); }
     std::unique_ptr<ise::loop_host> make_loop(const std::string& name) override { return real_.make_loop(name); }
-    std::unique_ptr<ise::loop_host> adopt(asio::any_io_executor executor, bool one_thread) override { return real_.adopt(std::move(executor), one_thread); }
+    std::unique_ptr<ise::loop_host> adopt(asio::any_io_executor executor, bool one_thread) override {
+        return real_.adopt(std::move(executor), one_thread);
+    }
     void offload(std::function<void()> work) override { real_.offload(std::move(work)); }
     bool is_virtual() const noexcept override { return false; }
-    ise::task<ise::result<std::unique_ptr<ise::stream>>> connect(ise::loop& on, ise::endpoint to) override { return real_.connect(on, std::move(to)); }
-    ise::result<std::unique_ptr<ise::listener>> listen(ise::loop& on, const ise::endpoint& at) override { return real_.listen(on, at); }
-    ise::result<std::unique_ptr<ise::datagram_socket>> open_datagram(ise::loop& on, const ise::endpoint& at) override { return real_.open_datagram(on, at); }
-    ise::result<std::unique_ptr<ise::stream>> open_serial(ise::loop& on, const ise::serial_options& options) override { return real_.open_serial(on, options); }
-    ise::result<ise::pseudo_terminal> open_pseudo_terminal(ise::loop& on, const std::string& link) override { return real_.open_pseudo_terminal(on, link); }
-    ise::result<std::string> read_file(const std::string& path, std::size_t most) override { return real_.read_file(path, most); }
-    ise::result<std::string> read_secret(const std::string& path, std::size_t most) override { return real_.read_secret(path, most); }
+    ise::task<ise::result<std::unique_ptr<ise::stream>>> connect(ise::loop& on, ise::endpoint to) override {
+        return real_.connect(on, std::move(to));
+    }
+    ise::result<std::unique_ptr<ise::listener>> listen(ise::loop& on, const ise::endpoint& at) override {
+        return real_.listen(on, at);
+    }
+    ise::result<std::unique_ptr<ise::datagram_socket>> open_datagram(ise::loop& on, const ise::endpoint& at) override {
+        return real_.open_datagram(on, at);
+    }
+    ise::result<std::unique_ptr<ise::stream>> open_serial(ise::loop& on, const ise::serial_options& options) override {
+        return real_.open_serial(on, options);
+    }
+    ise::result<ise::pseudo_terminal> open_pseudo_terminal(ise::loop& on, const std::string& link) override {
+        return real_.open_pseudo_terminal(on, link);
+    }
+    ise::result<std::string> read_file(const std::string& path, std::size_t most) override {
+        return real_.read_file(path, most);
+    }
+    ise::result<std::string> read_secret(const std::string& path, std::size_t most) override {
+        return real_.read_secret(path, most);
+    }
     std::vector<std::string> interface_addresses() const override { return real_.interface_addresses(); }
 
 private:

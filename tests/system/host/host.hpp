@@ -15,9 +15,12 @@ namespace host_test {
 using namespace std::chrono_literals;
 using Catch::Matchers::Contains;
 
-inline std::vector<std::string> vessel_at(const std::string& endpoint, const std::string& names = "-") { return {"host_vessel", names, endpoint}; }
+inline std::vector<std::string> vessel_at(const std::string& endpoint, const std::string& names = "-") {
+    return {"host_vessel", names, endpoint};
+}
 
-inline std::vector<std::string> ise_call(const std::string& at, const std::string& service, const std::string& request) {
+inline std::vector<std::string> ise_call(const std::string& at, const std::string& service,
+                                         const std::string& request) {
     return {"ise", "--wait", "--timeout", "60s", "call", at, service, request};
 }
 
@@ -44,7 +47,8 @@ inline bool bytes_wait_at(const std::string& endpoint) {
 /// Calls and subscribes, on the test's own thread.
 class console {
 public:
-    std::shared_ptr<ise_test::started<ise::result<rest>>> call(const std::string& at, std::uint32_t milliseconds, ise::duration time) {
+    std::shared_ptr<ise_test::started<ise::result<rest>>> call(const std::string& at, std::uint32_t milliseconds,
+                                                               ise::duration time) {
         return ise_test::start(shore.on, ask(shore.at(at), milliseconds, time));
     }
     ise::result<rest>& answer(const std::shared_ptr<ise_test::started<ise::result<rest>>>& of) {

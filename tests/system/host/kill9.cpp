@@ -90,8 +90,10 @@ TEST_CASE("host: a caller and a subscriber that are killed leave nothing at the 
     auto phase = GENERATE(as<std::string>(), "call", "subscription", "both");
     INFO(phase);
     std::vector<std::unique_ptr<program>> clients;
-    if (phase != "subscription") clients.push_back(std::make_unique<program>(std::vector<std::string>{"host_vessel", "call", at}));
-    if (phase != "call") clients.push_back(std::make_unique<program>(std::vector<std::string>{"host_vessel", "follow", at}));
+    if (phase != "subscription")
+        clients.push_back(std::make_unique<program>(std::vector<std::string>{"host_vessel", "call", at}));
+    if (phase != "call")
+        clients.push_back(std::make_unique<program>(std::vector<std::string>{"host_vessel", "follow", at}));
     all.run_until([&] { return napping + static_cast<int>(out.subscribers()) == static_cast<int>(clients.size()); });
     for (auto& client : clients) client->signal(SIGKILL);
     all.run_until([&] { return napping == 0 && boat.services->sessions().empty(); });

@@ -3,14 +3,14 @@
 
 #include <support/no_descriptors.hpp>
 
-#include <asio/local/stream_protocol.hpp>
-#include <asio/write.hpp>
 #include <asio/ip/tcp.hpp>
 #include <asio/ip/udp.hpp>
+#include <asio/local/stream_protocol.hpp>
+#include <asio/write.hpp>
 
 #include <sched.h>
-#include <unistd.h>
 #include <test_folders.hpp>
+#include <unistd.h>
 
 #include <array>
 #include <cstdlib>
@@ -26,7 +26,8 @@ namespace {
 
 // A program of this build that may open few files.
 std::vector<std::string> with_descriptors(int most, std::vector<std::string> arguments) {
-    std::vector<std::string> made{"/bin/sh", "-c", "ulimit -n " + std::to_string(most) + " && exec \"$0\" \"$@\"", ISE_BINARY_DIR "/bin/" + arguments[0]};
+    std::vector<std::string> made{"/bin/sh", "-c", "ulimit -n " + std::to_string(most) + " && exec \"$0\" \"$@\"",
+                                  ISE_BINARY_DIR "/bin/" + arguments[0]};
     made.insert(made.end(), arguments.begin() + 1, arguments.end());
     return made;
 }
@@ -53,7 +54,9 @@ std::size_t count_of(const std::string& text, std::string_view what) {
 
 class scratch_folder {
 public:
-    scratch_folder() : path_((std::filesystem::temp_directory_path() / "ise-scarce-XXXXXX").string()) { REQUIRE(::mkdtemp(path_.data())); }
+    scratch_folder() : path_((std::filesystem::temp_directory_path() / "ise-scarce-XXXXXX").string()) {
+        REQUIRE(::mkdtemp(path_.data()));
+    }
     ~scratch_folder() {
         std::error_code ignored;
         std::filesystem::remove_all(path_, ignored);
@@ -98,14 +101,17 @@ std::string ask(std::uint16_t port, const std::string& words, const std::string&
     asio::write(socket, asio::buffer(words), failed);
     std::string heard;
     std::array<char, 4096> room;
-    while (!failed && (enough.empty() || heard.find(enough) == std::string::npos)) heard.append(room.data(), socket.read_some(asio::buffer(room), failed));
-    return failed && failed != asio::error::eof && failed != asio::error::connection_reset ? failed.message() : heard + "<end>";
+    while (!failed && (enough.empty() || heard.find(enough) == std::string::npos))
+        heard.append(room.data(), socket.read_some(asio::buffer(room), failed));
+    return failed && failed != asio::error::eof && failed != asio::error::connection_reset ? failed.message()
+                                                                                           : heard + "<end>";
 }
 
 } // namespace
 
-TEST_CASE("host: a program whose descriptors are held by idle connections serves one more, and accepts again when they are free") {
-    struct door {
+TEST_CASE("host: a program whose descriptors are held by idle connections serves one more, and accepts again when they "
+          "are free") {
+    struct channel {
         std::string name, words, answer;
         std::vector<std::string> arguments; // PORT and FILE stand for a port and a file
     };
@@ -114,11 +120,16 @@ TEST_CASE("host: a program whose descriptors are held by idle connections serves
         more.insert(more.begin(), iridium.begin(), iridium.end());
         return more;
     };
-    auto one = GENERATE_REF(values<door>({
-        {"the page", "GET /api/status HTTP/1.1\r\nHost: x\r\n\r\n", "200 OK", {"web-server", "--address", "127.0.0.1", "--port", "PORT"}},
-        {"the web hook", "POST /rockblock/mo HTTP/1.1\r\nContent-Length: 1\r\n\r\nx", "400 Bad Request", of_iridium({"--webhook", "tcp://127.0.0.1:PORT"})},
-        {"DirectIP", std::string("\xff\xff\xff\xff", 4), "<end>", of_iridium({"--webhook", "", "--directip", "tcp://127.0.0.1:PORT"})},
-        {"the boat's door", "no login\r\n", "<end>", {"gprs-proxy", "--boat-listen", "tcp://127.0.0.1:PORT"}},
+    auto one = GENERATE_REF(values<channel>({
+        {"the page",
+         "GET /api/status HTTP/1.1\r\nHost: x\r\n\r\n",
+         "200 OK",
+         {"web-server", "--address", "127.0.0.1", "--port", "PORT"}},
+        {"the web hook", "POST /rockblock/mo HTTP/1.1\r\nContent-Length: 1\r\n\r\nx", "400 Bad Request",
+         of_iridium({"--webhook", "tcp://127.0.0.1:PORT"})},
+        {"DirectIP", std::string("\xff\xff\xff\xff", 4), "<end>",
+         of_iridium({"--webhook", "", "--directip", "tcp://127.0.0.1:PORT"})},
+        {"the boat's channel", "no login\r\n", "<end>", {"gprs-proxy", "--boat-listen", "tcp://127.0.0.1:PORT"}},
         {"NMEA 0183", "", "", {"nmea-bridge", "--nmea-tcp", "tcp://127.0.0.1:PORT"}},
     }));
     INFO(one.name);
@@ -244,7 +255,8 @@ TEST_CASE("host: a port in use ends each program with exit code 1, who to ask an
     SECTION("the name server") { arguments = {"ise_name_server", "--listen", at}; }
     SECTION("the name server, over udp") { arguments = {"ise_name_server", "--listen", over_udp}; }
     SECTION("the page") {
-        arguments = {"atirma", "run", "--name-server", "tcp://127.0.0.1:1", "web-server", "--address", "127.0.0.1", "--port", port};
+        arguments = {"atirma", "run", "--name-server", "tcp://127.0.0.1:1", "web-server", "--address", "127.0.0.1",
+                     "--port", port};
     }
     SECTION("a component's endpoint") {
         arguments = {"atirma", "run", "--name-server", "tcp://127.0.0.1:1", "xbee-proxy", "--listen", at};
@@ -255,14 +267,16 @@ TEST_CASE("host: a port in use ends each program with exit code 1, who to ask an
     auto ran = run_program(arguments);
     INFO(arguments[0] << " " << arguments[1] << ": " << ran.out << ran.err);
     CHECK(ran.exit_code == 1);
-    CHECK_THAT(ran.err, Contains(port) && Contains("already in use") && Contains("ss -l") && Contains("use another endpoint"));
+    CHECK_THAT(ran.err,
+               Contains(port) && Contains("already in use") && Contains("ss -l") && Contains("use another endpoint"));
 }
 
 TEST_CASE("host: a full disk under what a program writes stops no service") {
     ise_test::start_options full;
     full.output_file = "/dev/full";
     console shore;
-    program vessel({"/bin/sh", "-c", R"(exec "$0" "$@" 2>/dev/full)", ISE_BINARY_DIR "/bin/host_vessel", "-", "tcp://127.0.0.1:0"});
+    program vessel({"/bin/sh", "-c", R"(exec "$0" "$@" 2>/dev/full)", ISE_BINARY_DIR "/bin/host_vessel", "-",
+                    "tcp://127.0.0.1:0"});
     auto at = vessel.read_line();
     CHECK(shore.answer(shore.call(at, 0, 60s)));
     asio::io_context context;

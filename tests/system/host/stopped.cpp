@@ -18,7 +18,9 @@ std::string listed(const std::string& names) {
 
 // A name server, and a vessel that is registered there.
 struct harbour {
-    explicit harbour(const std::string& scheme) : vessel(vessel_at(loopback(scheme), server)), at(vessel.read_line()) { wait_for("host/vessel\n"); }
+    explicit harbour(const std::string& scheme) : vessel(vessel_at(loopback(scheme), server)), at(vessel.read_line()) {
+        wait_for("host/vessel\n");
+    }
     void wait_for(const std::string& expected) const {
         while (listed(server) != expected) {}
     }
@@ -61,7 +63,8 @@ TEST_CASE("host: a name server stopped for longer than its leases is whole again
     CHECK(shore.answer(shore.call(in.at, 0, 60s)));
 }
 
-TEST_CASE("host: a process stopped for longer than its heartbeats is lost, and what it was doing is told truly when it goes on") {
+TEST_CASE("host: a process stopped for longer than its heartbeats is lost, and what it was doing is told truly when it "
+          "goes on") {
     auto scheme = GENERATE(as<std::string>(), "tcp", "udp");
     INFO(scheme);
     console shore;

@@ -35,7 +35,8 @@ TEST_CASE("the doctor finds an instantiation server that was killed, until it is
             if (one["kind"] == "server_lost") {
                 CHECK(ran.exit_code == 1);
                 CHECK_THAT(one["component"].get<std::string>(), Catch::StartsWith("ise/host/"));
-                CHECK_THAT(one["message"].get<std::string>(), Contains("was lost") && Contains("without being stopped (process "));
+                CHECK_THAT(one["message"].get<std::string>(),
+                           Contains("was lost") && Contains("without being stopped (process "));
                 CHECK_THAT(one["advice"].get<std::string>(), Contains("start it again with the same --state"));
                 return true;
             }
@@ -78,7 +79,8 @@ TEST_CASE("what ended while no instantiation server ran follows its policy, and 
     wait_until([&] { return here.state("sea/again")["state"] == "ready"; });
     auto state = here.state("sea/never");
     CHECK(state["state"] == "failed");
-    CHECK_THAT(state["reason"].get<std::string>(), Catch::StartsWith("it ended while no instantiation server ran: signal 9 (Killed)"));
+    CHECK_THAT(state["reason"].get<std::string>(),
+               Catch::StartsWith("it ended while no instantiation server ran: signal 9 (Killed)"));
     CHECK(marked().size() == 3); // those of the new life
 }
 
@@ -97,7 +99,9 @@ TEST_CASE("how a component ended that was taken over is known") {
     ::kill(shared, SIGTERM);
     for (const char* path : {"sea/well", "sea/badly", "sea/killed", "sea/shared"})
         wait_until([&] { return here.state(path)["process_id"] == 0; });
-    auto what = [&](const char* path) { return here.state(path)["state"].get<std::string>() + ": " + here.state(path)["reason"].get<std::string>(); };
+    auto what = [&](const char* path) {
+        return here.state(path)["state"].get<std::string>() + ": " + here.state(path)["reason"].get<std::string>();
+    };
     CHECK(what("sea/well") == "stopped: exit code 0");
     CHECK(what("sea/badly") == "failed: exit code 1");
     CHECK_THAT(what("sea/killed"), Catch::StartsWith("failed: signal 9 (Killed)"));
@@ -116,7 +120,9 @@ TEST_CASE("how a component ended while no instantiation server ran is recorded")
     here.told({"call", "sea/badly", "fail", R"({"text": "no wind"})"});
     wait_until([&] { return !lives(well) && !lives(badly) && !lives(shared); });
     here.open();
-    auto what = [&](const char* path) { return here.state(path)["state"].get<std::string>() + ": " + here.state(path)["reason"].get<std::string>(); };
+    auto what = [&](const char* path) {
+        return here.state(path)["state"].get<std::string>() + ": " + here.state(path)["reason"].get<std::string>();
+    };
     CHECK(what("sea/well") == "stopped: it ended while no instantiation server ran: exit code 0");
     CHECK(what("sea/badly") == "failed: it ended while no instantiation server ran: exit code 1");
     CHECK(what("sea/shared") == "stopped: it ended while no instantiation server ran: exit code 0");
@@ -191,13 +197,16 @@ TEST_CASE("an instantiation server refuses what would make it unsafe") {
     auto refused = [&](std::vector<std::string> options, std::string programs = {}, std::string state = {}) {
         if (programs.empty()) programs = here.programs().string();
         if (state.empty()) state = here.state_folder().string();
-        std::vector<std::string> words{"ise_instantiation_server", "--programs", programs, "--state", state, "--name-server", here.name_server()};
+        std::vector<std::string> words{
+            "ise_instantiation_server", "--programs", programs, "--state", state, "--name-server", here.name_server()};
         words.insert(words.end(), options.begin(), options.end());
         auto ran = ise_test::run_program(words);
         CHECK(ran.exit_code == 1);
         return ran.err;
     };
-    CHECK_THAT(refused({"--listen", "tcp://0.0.0.0:0"}), Contains("could be told by anybody to start programs") && Contains("nobody may listen on tcp://0.0.0.0:0 without credentials") && Contains("--key"));
+    CHECK_THAT(refused({"--listen", "tcp://0.0.0.0:0"}),
+               Contains("could be told by anybody to start programs") &&
+                   Contains("nobody may listen on tcp://0.0.0.0:0 without credentials") && Contains("--key"));
     CHECK_THAT(refused({}, "/nowhere/at/all"), Contains("cannot read the folder /nowhere/at/all"));
     here.open();
     CHECK_THAT(refused({}), Contains("another instantiation server uses the folder"));

@@ -33,7 +33,8 @@ protocol = "tls"
 
 } // namespace
 
-TEST_CASE("a component listens on tls with the certificates of its instantiation server, alone and in a shared process") {
+TEST_CASE(
+    "a component listens on tls with the certificates of its instantiation server, alone and in a shared process") {
     ise_test::authority authority;
     auto mine = authority.issue("shore").string();
     host here;
@@ -55,7 +56,8 @@ TEST_CASE("where the instantiation server has no certificates, tls is refused wi
     for (auto option : {std::pair("--protocol", "tls"), std::pair("--listen", "tls://127.0.0.1:0")}) {
         auto refused = here.ise({"start", "trouble", "sea/one", option.first, option.second});
         CHECK(refused.exit_code == 2);
-        CHECK_THAT(refused.err, Contains("tls takes certificates, and this instantiation server has none to pass on") && Contains("--tls FOLDER"));
+        CHECK_THAT(refused.err, Contains("tls takes certificates, and this instantiation server has none to pass on") &&
+                                    Contains("--tls FOLDER"));
     }
     CHECK(marked().empty());
 }
@@ -69,7 +71,9 @@ TEST_CASE("a component of a deployment file listens on tls where its host has ce
     for (const char* command : {"validate", "up"}) {
         auto refused = here.ise({command, file});
         CHECK(refused.exit_code == 2);
-        CHECK_THAT(refused.err, Contains("sea.toml:4:13: tls takes certificates, and this instantiation server has none to pass on"));
+        CHECK_THAT(
+            refused.err,
+            Contains("sea.toml:4:13: tls takes certificates, and this instantiation server has none to pass on"));
     }
     CHECK(marked().empty());
     CHECK(here.close() == 0);

@@ -106,7 +106,10 @@ void check_bomb() {
     here.start("sea/one");
     here.start("sea/two");
     here.ise({"call", "sea/one", "bomb", "--timeout", "60s"});
-    wait_until([&] { return here.ise({"call", "sea/two", "ask", "--timeout", "60s"}).exit_code == 0 && here.state("sea/one")["process_id"] == 0; });
+    wait_until([&] {
+        return here.ise({"call", "sea/two", "ask", "--timeout", "60s"}).exit_code == 0 &&
+               here.state("sea/one")["process_id"] == 0;
+    });
     auto now = here.state("sea/one");
     CHECK(now["state"] == "failed");
     CHECK_THAT(now["reason"].get<std::string>(), Contains("its limit of 256 (pids)"));
@@ -127,14 +130,16 @@ TEST_CASE("the same where there are no control groups") {
 TEST_CASE("a fork bomb ends with its component, and others go on") {
     if (!has_own_mounts()) return ise_test::skip("takes root, to bound what the test may do");
     process_ceiling ceiling(3000);
-    if (!ceiling.there()) return ise_test::skip("takes a control group (version 1) of pids, to bound what the test may do");
+    if (!ceiling.there())
+        return ise_test::skip("takes a control group (version 1) of pids, to bound what the test may do");
     check_bomb();
 }
 
 TEST_CASE("a fork bomb ends with its component where there are no control groups") {
     if (!has_own_mounts()) return ise_test::skip("takes root, to bound what the test may do");
     process_ceiling ceiling(3000);
-    if (!ceiling.there()) return ise_test::skip("takes a control group (version 1) of pids, to bound what the test may do");
+    if (!ceiling.there())
+        return ise_test::skip("takes a control group (version 1) of pids, to bound what the test may do");
     without_cgroups hidden;
     check_bomb();
 }
@@ -147,9 +152,12 @@ TEST_CASE("a component that takes more memory than its limit is ended, and its l
     CHECK(told["limits"]["memory"] == 400 << 20);
     here.ise({"call", "sea/one", "eat", R"({"mebibytes": 600})", "--timeout", "60s"});
     wait_until([&] { return here.state("sea/one")["process_id"] == 0; });
-    CHECK_THAT(here.state("sea/one")["reason"].get<std::string>(), Contains("its limit of memory (pids=50 memory=400MiB)"));
-    CHECK_THAT(here.ise({"start", "trouble", "sea/two", "--limit", "pids=0"}).err, Contains("the limit pids is a number of processes and threads from 1 to 32768, such as 64, not '0'"));
-    CHECK_THAT(here.ise({"start", "trouble", "sea/two", "--process", "main", "--limit", "pids=9"}).err, Contains("limits belong to a whole process"));
+    CHECK_THAT(here.state("sea/one")["reason"].get<std::string>(),
+               Contains("its limit of memory (pids=50 memory=400MiB)"));
+    CHECK_THAT(here.ise({"start", "trouble", "sea/two", "--limit", "pids=0"}).err,
+               Contains("the limit pids is a number of processes and threads from 1 to 32768, such as 64, not '0'"));
+    CHECK_THAT(here.ise({"start", "trouble", "sea/two", "--process", "main", "--limit", "pids=9"}).err,
+               Contains("limits belong to a whole process"));
 }
 
 TEST_CASE("a limit that cannot be kept is refused") {
@@ -157,5 +165,6 @@ TEST_CASE("a limit that cannot be kept is refused") {
     without_cgroups hidden;
     host here;
     here.open();
-    CHECK_THAT(here.ise({"start", "trouble", "sea/one", "--limit", "cpus=0.5"}).err, Contains("the limit of processors cannot be kept here"));
+    CHECK_THAT(here.ise({"start", "trouble", "sea/one", "--limit", "cpus=0.5"}).err,
+               Contains("the limit of processors cannot be kept here"));
 }

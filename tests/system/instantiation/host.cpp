@@ -3,8 +3,8 @@
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
-#include <unistd.h>
 #include <test_folders.hpp>
+#include <unistd.h>
 
 namespace host_test {
 
@@ -32,7 +32,8 @@ host::host() {
     folder_ = pattern;
     std::filesystem::create_directories(programs());
     install("ise_trouble");
-    names_ = std::make_unique<ise_test::program>(std::vector<std::string>{"ise_name_server", "--listen", "tcp://127.0.0.1:0", "--fresh", "--log-level", "error"});
+    names_ = std::make_unique<ise_test::program>(std::vector<std::string>{
+        "ise_name_server", "--listen", "tcp://127.0.0.1:0", "--fresh", "--log-level", "error"});
     auto line = names_->read_line();
     name_server_ = line.substr(line.find("tcp://"));
 }
@@ -44,10 +45,20 @@ host::~host() {
     std::filesystem::remove_all(folder_, ignored);
 }
 
-void host::install(const std::string& name) { std::filesystem::create_symlink(std::string(ISE_BINARY_DIR "/bin/") + name, programs() / name); }
+void host::install(const std::string& name) {
+    std::filesystem::create_symlink(std::string(ISE_BINARY_DIR "/bin/") + name, programs() / name);
+}
 
 void host::open(std::vector<std::string> options) {
-    std::vector<std::string> words{"ise_instantiation_server", "--programs", programs().string(), "--state", state_folder().string(), "--name", "shore", "--name-server", name_server_};
+    std::vector<std::string> words{"ise_instantiation_server",
+                                   "--programs",
+                                   programs().string(),
+                                   "--state",
+                                   state_folder().string(),
+                                   "--name",
+                                   "shore",
+                                   "--name-server",
+                                   name_server_};
     words.insert(words.end(), options.begin(), options.end());
     if (!std::getenv("ISE_TEST_LOG")) words.insert(words.end(), {"--log-level", "error"});
     server_ = std::make_unique<ise_test::program>(words);
@@ -120,7 +131,7 @@ ise::task<> subscribe(ise::component& self, std::shared_ptr<Stream> into) {
 }
 
 template <class Stream>
-ise::task<ise::instantiation::instance_text> next(std::shared_ptr<Stream> from) {
+ise::task<ise::instantiation::instance_info> next(std::shared_ptr<Stream> from) {
     auto packet = co_await from->next();
     if (!packet) throw std::runtime_error("the instantiation server has gone");
     co_return packet->instance;
@@ -141,7 +152,8 @@ event_watch::event_watch(const host& of) : node_(env_, talks_to(of.name_server()
 
 event_watch::~event_watch() { self_->wait(leave(events_)); } // on its own loop
 
-ise::instantiation::instance_text event_watch::until(const std::string& path, ise::instantiation::instance_state state) {
+ise::instantiation::instance_info event_watch::until(const std::string& path,
+                                                     ise::instantiation::instance_state state) {
     for (;;) {
         auto told = self_->wait(next(events_));
         if (told.path == path && told.state == state) return told;
@@ -168,7 +180,9 @@ int zombies() {
 std::vector<int> marked() {
     std::vector<int> found;
     for (int pid : processes())
-        if (pid > 1 && lives(pid) && content_of("/proc/" + std::to_string(pid) + "/environ").find("ISE_INSTANCE=") != std::string::npos) found.push_back(pid);
+        if (pid > 1 && lives(pid) &&
+            content_of("/proc/" + std::to_string(pid) + "/environ").find("ISE_INSTANCE=") != std::string::npos)
+            found.push_back(pid);
     return found;
 }
 

@@ -59,10 +59,10 @@ public:
     ~event_watch();
 
     /// The next event of the instance at `path` in that state.
-    ise::instantiation::instance_text until(const std::string& path, ise::instantiation::instance_state state);
+    ise::instantiation::instance_info until(const std::string& path, ise::instantiation::instance_state state);
 
 private:
-    using stream = ise::stream_of<std::remove_const_t<decltype(ise::instantiation::services::events)>>;
+    using stream = ise::subscriber<std::remove_const_t<decltype(ise::instantiation::services::events)>>;
 
     ise::real_environment env_;
     ise::node node_;

@@ -18,7 +18,8 @@ class small_disk {
 public:
     explicit small_disk(std::filesystem::path where) : where_(std::move(where)) {
         std::filesystem::create_directories(where_);
-        if (::mount("small", where_.c_str(), "tmpfs", 0, "size=1m,mode=700") != 0) throw std::runtime_error(std::strerror(errno));
+        if (::mount("small", where_.c_str(), "tmpfs", 0, "size=1m,mode=700") != 0)
+            throw std::runtime_error(std::strerror(errno));
     }
     ~small_disk() { ::umount2(where_.c_str(), MNT_DETACH); }
     small_disk(const small_disk&) = delete;
@@ -54,12 +55,14 @@ TEST_CASE("what is printed takes no more than its bound at any moment, however f
     here.open();
     here.start("sea/one");
     constexpr std::uintmax_t bound = 2 * (256 << 10);
-    ise_test::program flood({"ise", "--name-server", here.name_server(), "call", "sea/one", "say", R"({"text": ")" + std::string(1000, 'x') + R"(", "times": 20000})", "--timeout", "300s"});
+    ise_test::program flood({"ise", "--name-server", here.name_server(), "call", "sea/one", "say",
+                             R"({"text": ")" + std::string(1000, 'x') + R"(", "times": 20000})", "--timeout", "300s"});
     std::uintmax_t most = 0;
     bool over = false;
     while (!over) {
         most = std::max(most, printed_bytes(here));
-        over = here.ise({"logs", "sea/one", "-n", "1"}).out.starts_with("done") || here.ise({"call", "sea/one", "say", R"({"text": "done"})", "--timeout", "300s"}).exit_code != 0;
+        over = here.ise({"logs", "sea/one", "-n", "1"}).out.starts_with("done") ||
+               here.ise({"call", "sea/one", "say", R"({"text": "done"})", "--timeout", "300s"}).exit_code != 0;
     }
     CHECK(flood.wait().exit_code == 0);
     CHECK(most > (256 << 10));
@@ -68,7 +71,8 @@ TEST_CASE("what is printed takes no more than its bound at any moment, however f
 }
 
 TEST_CASE("a full disk costs output, and nothing else") {
-    if (::geteuid() != 0 || !std::getenv("ISE_IN_PID_NAMESPACE")) return ise_test::skip("takes root, to mount a small file system");
+    if (::geteuid() != 0 || !std::getenv("ISE_IN_PID_NAMESPACE"))
+        return ise_test::skip("takes root, to mount a small file system");
     host here;
     small_disk disk(here.state_folder());
     here.open();
@@ -76,7 +80,8 @@ TEST_CASE("a full disk costs output, and nothing else") {
     disk.fill();
     CHECK(here.start("sea/other")["state"] == "ready"); // there is room for the state
     here.told({"stop", "sea/other"});
-    here.ise({"call", "sea/one", "say", R"({"text": ")" + std::string(1000, 'x') + R"(", "times": 2000})", "--timeout", "300s"});
+    here.ise({"call", "sea/one", "say", R"({"text": ")" + std::string(1000, 'x') + R"(", "times": 2000})", "--timeout",
+              "300s"});
     wait_until([&] { return here.state("sea/one")["output_dropped"] > 0; });
     CHECK(here.state("sea/one")["output_trouble"] == "No space left on device");
     CHECK_THAT(here.ise({"ps"}).out, Contains("of its output were dropped: No space left on device"));
@@ -117,7 +122,8 @@ TEST_CASE("the log has the last words before a crash, and how each life ended") 
         return now["state"] == "ready" && now["restarts"] == 1;
     });
     auto log = here.ise({"logs", "sea/one"}).out;
-    CHECK_THAT(log, Contains("last words\n") && Contains("\n--- life 1: ended by signal 6 (Aborted)\n--- life 2: started again after "));
+    CHECK_THAT(log, Contains("last words\n") &&
+                        Contains("\n--- life 1: ended by signal 6 (Aborted)\n--- life 2: started again after "));
     here.told({"stop", "sea/one"});
     CHECK_THAT(here.ise({"logs", "sea/one", "-n", "1"}).out, Catch::StartsWith("--- life 2: ended with exit code 0"));
 }

@@ -27,7 +27,8 @@ TEST_CASE("the last component of a shared process that is stopped is not told to
     shared_host here;
     here.share("sea/one");
     here.share("sea/two");
-    for (const char* path : {"sea/one", "sea/two"}) CHECK(here.told({"stop", path})["reason"] == "ended without a failure, in process 'main'");
+    for (const char* path : {"sea/one", "sea/two"})
+        CHECK(here.told({"stop", path})["reason"] == "ended without a failure, in process 'main'");
 }
 
 TEST_CASE("components share a process, and each is driven for itself") {
@@ -43,7 +44,8 @@ TEST_CASE("components share a process, and each is driven for itself") {
     CHECK(here.answer("sea/one") == 5);
     CHECK(here.answer("sea/two") == 2);
     CHECK_THAT(here.ise({"ps"}).out, Contains(std::to_string(pid) + " (main)"));
-    for (const char* path : {"sea/one", "sea/two"}) CHECK_THAT(here.ise({"logs", path}).out, Contains("one is here") && Contains("two is here"));
+    for (const char* path : {"sea/one", "sea/two"})
+        CHECK_THAT(here.ise({"logs", path}).out, Contains("one is here") && Contains("two is here"));
 
     here.told({"restart", "sea/one"});
     CHECK(here.pid("sea/one") == pid);
@@ -68,7 +70,10 @@ TEST_CASE("when a shared process is lost, all that ran in it goes on by its own 
     here.share("sea/three");
     REQUIRE(pid > 1);
     ::kill(pid, SIGKILL);
-    wait_until([&] { return here.is("sea/one", "ready") && here.is("sea/two", "ready") && here.is("sea/three", "failed") && here.pid("sea/one") != pid; });
+    wait_until([&] {
+        return here.is("sea/one", "ready") && here.is("sea/two", "ready") && here.is("sea/three", "failed") &&
+               here.pid("sea/one") != pid;
+    });
     CHECK(here.pid("sea/one") == here.pid("sea/two"));
     for (const char* path : {"sea/one", "sea/two"}) CHECK(here.state(path)["restarts"] == 1);
     CHECK_THAT(here.state("sea/three")["reason"].get<std::string>(), Contains("its process 'main' ended: signal 9"));
@@ -84,7 +89,8 @@ TEST_CASE("a component that fails in a shared process is started again there, al
     CHECK(here.pid("sea/one") == pid);
     CHECK(here.pid("sea/two") == pid);
     CHECK(here.state("sea/two")["restarts"] == 0);
-    auto refused = here.ise({"start", "trouble", "sea/three", "--process", "main", "--set", "failing=the mast is gone", "--timeout", "120s"});
+    auto refused = here.ise({"start", "trouble", "sea/three", "--process", "main", "--set", "failing=the mast is gone",
+                             "--timeout", "120s"});
     CHECK(refused.exit_code == 1);
     CHECK_THAT(refused.err, Contains("'sea/three' did not start") && Contains("the mast is gone"));
     CHECK(here.answer("sea/two") == 7);
@@ -133,8 +139,12 @@ TEST_CASE("what cannot share a process is refused with the reason") {
         CHECK(ran.exit_code == 2);
         return ran.err;
     };
-    CHECK_THAT(refused({"web-server", "--process", "main"}), Contains("the process 'main' runs ise_trouble, of which 'sea/one' is one: what atirma has needs another"));
-    CHECK_THAT(refused({"trouble", "sea/two", "--process", "../main"}), Contains("a shared process cannot be called '../main'"));
-    CHECK_THAT(refused({"trouble", "sea/two", "--process", "main", "--env", "TROUBLE_FLAG=1"}), Contains("environment variables belong to a whole process"));
+    CHECK_THAT(
+        refused({"web-server", "--process", "main"}),
+        Contains("the process 'main' runs ise_trouble, of which 'sea/one' is one: what atirma has needs another"));
+    CHECK_THAT(refused({"trouble", "sea/two", "--process", "../main"}),
+               Contains("a shared process cannot be called '../main'"));
+    CHECK_THAT(refused({"trouble", "sea/two", "--process", "main", "--env", "TROUBLE_FLAG=1"}),
+               Contains("environment variables belong to a whole process"));
     CHECK(here.answer("sea/one") == 7);
 }

@@ -7,8 +7,8 @@
 #include <fstream>
 #include <sstream>
 #include <sys/mount.h>
-#include <unistd.h>
 #include <test_folders.hpp>
+#include <unistd.h>
 
 using namespace host_test;
 using Catch::Contains;
@@ -44,10 +44,15 @@ TEST_CASE("the types that can be started are told with their parameters") {
           "boat-simulator\ncommunication-node\ngprs-link\ngprs-proxy\niridium-gateway\niridium-modem\niridium-proxy\n"
           "nmea-bridge\ntrouble\nweb-server\nxbee-link\nxbee-proxy\n");
     auto page = here.ise({"start", "--types", "boat-simulator"});
-    CHECK_THAT(page.out, Contains("a boat that sails") && Contains("wind-speed") && Contains("a number from 0 to 40 (m/s)") && Contains("one of T1, T2, none") && Contains("ground_truth"));
-    CHECK_THAT(here.ise({"start", "--types", "communication-node"}).out, Contains("requires") && Contains("telecommand_recall"));
-    for (const auto* proxy : {"gprs-proxy", "iridium-proxy"}) CHECK_THAT(here.ise({"start", "--types", proxy}).out, Contains("requires") && Contains("telemetry_store"));
-    auto boat = here.told({"start", "boat-simulator", "--set", "wind-speed=9", "--namespace", "test", "--timeout", "120s", "--ready-within", "60s"});
+    CHECK_THAT(page.out, Contains("a boat that sails") && Contains("wind-speed") &&
+                             Contains("a number from 0 to 40 (m/s)") && Contains("one of T1, T2, none") &&
+                             Contains("ground_truth"));
+    CHECK_THAT(here.ise({"start", "--types", "communication-node"}).out,
+               Contains("requires") && Contains("telecommand_recall"));
+    for (const auto* proxy : {"gprs-proxy", "iridium-proxy"})
+        CHECK_THAT(here.ise({"start", "--types", proxy}).out, Contains("requires") && Contains("telemetry_store"));
+    auto boat = here.told({"start", "boat-simulator", "--set", "wind-speed=9", "--namespace", "test", "--timeout",
+                           "120s", "--ready-within", "60s"});
     CHECK(boat["path"] == "test/atirma/boat");
     CHECK(here.ise({"describe", "--names", "test/atirma/boat"}).out == "scene\nground_truth\n");
 }
@@ -75,7 +80,9 @@ TEST_CASE("programs that are none are told and do no harm") {
     auto told = here.ise({"start", "--types", "--names"});
     CHECK(told.out == "trouble\n");
     auto loud = here.ise({"start", "--types"});
-    CHECK_THAT(loud.err, Contains("babbler --describe: it says more than") && Contains("exit code 3") && Contains("a type cannot be called '--trouble'") && Contains("nonsense: its answer to --describe") &&
+    CHECK_THAT(loud.err, Contains("babbler --describe: it says more than") && Contains("exit code 3") &&
+                             Contains("a type cannot be called '--trouble'") &&
+                             Contains("nonsense: its answer to --describe") &&
                              Contains("'LD_PRELOAD' cannot be set by others"));
     CHECK(marked().empty());
 }
@@ -90,18 +97,22 @@ TEST_CASE("what is not allowed is refused with what is") {
         CHECK(ran.out.empty());
         return ran.err;
     };
-    CHECK_THAT(refused({"truble"}), Contains("there is no component type 'truble' here; did you mean 'trouble'? there are trouble"));
+    CHECK_THAT(refused({"truble"}),
+               Contains("there is no component type 'truble' here; did you mean 'trouble'? there are trouble"));
     CHECK_THAT(refused({"../ise_trouble"}), Contains("there is no component type"));
-    CHECK_THAT(refused({"trouble", "--set", "answer=11"}), Contains("parameter 'answer' cannot be '11': it is a number from 0 to 10 (m)"));
+    CHECK_THAT(refused({"trouble", "--set", "answer=11"}),
+               Contains("parameter 'answer' cannot be '11': it is a number from 0 to 10 (m)"));
     CHECK_THAT(refused({"trouble", "--set", "answer=3 --deaf=true"}), Contains("cannot be '3 --deaf=true'"));
     CHECK_THAT(refused({"trouble", "--set", "answer"}), Contains("--set takes NAME=VALUE"));
     CHECK_THAT(refused({"trouble", "--set", "speed=1"}), Contains("has no parameter 'speed'; it has answer, children"));
-    CHECK_THAT(refused({"trouble", "--set", "name-server=tcp://127.0.0.1:1"}), Contains("has no parameter 'name-server'"));
+    CHECK_THAT(refused({"trouble", "--set", "name-server=tcp://127.0.0.1:1"}),
+               Contains("has no parameter 'name-server'"));
     CHECK_THAT(refused({"trouble", "--set", "answer=1", "--set", "answer=2"}), Contains("given twice"));
     CHECK_THAT(refused({"trouble", "--set", "file=/etc/passwd"}), Contains("it is a path below"));
     CHECK_THAT(refused({"trouble", "sea//one"}), Contains("is not a path of a component"));
     CHECK_THAT(refused({"trouble", "ise/name_server"}), Contains("kept for ISE itself"));
-    CHECK_THAT(refused({"trouble", "--listen", "tcp://0.0.0.0:0"}), Contains("the addresses that this instantiation server allows are 127.0.0.1, ::1"));
+    CHECK_THAT(refused({"trouble", "--listen", "tcp://0.0.0.0:0"}),
+               Contains("the addresses that this instantiation server allows are 127.0.0.1, ::1"));
     CHECK_THAT(refused({"trouble", "--listen", "local:///tmp/anywhere"}), Contains("local://@name"));
     CHECK_THAT(refused({"trouble", "--env", "LD_PRELOAD=/tmp/x.so"}), Contains("only TROUBLE_FLAG"));
     CHECK_THAT(refused({"trouble", "--restarts", "5000"}), Contains("--restarts"));
@@ -122,8 +133,10 @@ TEST_CASE("a path parameter is allowed in the folders that the server was told")
     here.open({"--allow-path", "/dev/null", "--allow-path", "/tmp"});
     here.start("sea/one", {"--set", "file=/dev/null"});
     here.start("sea/two", {"--set", "file=/tmp/x/y"});
-    CHECK_THAT(here.ise({"start", "trouble", "sea/three", "--set", "file=/tmp/../etc/passwd"}).err, Contains("it is a path below /dev/null or /tmp"));
-    CHECK_THAT(here.ise({"start", "trouble", "sea/three", "--set", "file=/tmpfile"}).err, Contains("it is a path below"));
+    CHECK_THAT(here.ise({"start", "trouble", "sea/three", "--set", "file=/tmp/../etc/passwd"}).err,
+               Contains("it is a path below /dev/null or /tmp"));
+    CHECK_THAT(here.ise({"start", "trouble", "sea/three", "--set", "file=/tmpfile"}).err,
+               Contains("it is a path below"));
 }
 
 TEST_CASE("parameters listen and connect only where the server allows") {
@@ -136,31 +149,33 @@ TEST_CASE("parameters listen and connect only where the server allows") {
         CHECK(ran.exit_code == 2);
         return ran.err;
     };
-    for (auto [type, setting] : std::vector<std::pair<std::string, std::string>>{{"web-server", "address=0.0.0.0"},
-                                                                                {"gprs-proxy", "boat-listen=tcp://0.0.0.0:0"},
-                                                                                {"gprs-link", "boat-listen=udp://[::]:0"},
-                                                                                {"iridium-proxy", "webhook=tcp://0.0.0.0:8080"},
-                                                                                {"iridium-proxy", "directip=tcp://0.0.0.0:10800"},
-                                                                                {"iridium-gateway", "listen-http=tcp://0.0.0.0:0"},
-                                                                                {"iridium-gateway", "listen-directip=tcp://0.0.0.0:0"},
-                                                                                {"nmea-bridge", "nmea-tcp=tcp://0.0.0.0:0"},
-                                                                                {"nmea-bridge", "signalk-tcp=tcp://0.0.0.0:0"}})
+    for (auto [type, setting] :
+         std::vector<std::pair<std::string, std::string>>{{"web-server", "address=0.0.0.0"},
+                                                          {"gprs-proxy", "boat-listen=tcp://0.0.0.0:0"},
+                                                          {"gprs-link", "boat-listen=udp://[::]:0"},
+                                                          {"iridium-proxy", "webhook=tcp://0.0.0.0:8080"},
+                                                          {"iridium-proxy", "directip=tcp://0.0.0.0:10800"},
+                                                          {"iridium-gateway", "listen-http=tcp://0.0.0.0:0"},
+                                                          {"iridium-gateway", "listen-directip=tcp://0.0.0.0:0"},
+                                                          {"nmea-bridge", "nmea-tcp=tcp://0.0.0.0:0"},
+                                                          {"nmea-bridge", "signalk-tcp=tcp://0.0.0.0:0"}})
         CHECK_THAT(refused(type, setting), Contains("--allow-address"));
-    for (auto [type, setting] : std::vector<std::pair<std::string, std::string>>{{"gprs-link", "proxy-tcp=tcp://127.0.0.1:22"},
-                                                                                {"gprs-link", "proxy-udp=udp://127.0.0.1:53"},
-                                                                                {"boat-simulator", "gprs=tcp://127.0.0.1:22"},
-                                                                                {"iridium-proxy", "url=http://169.254.169.254/latest/"},
-                                                                                {"iridium-proxy", "url=http://gateway.example.evil.example/"},
-                                                                                {"iridium-proxy", "send-directip=tcp://127.0.0.1:22"},
-                                                                                {"iridium-proxy", "imap=imap://127.0.0.1"},
-                                                                                {"iridium-proxy", "smtp=smtp://127.0.0.1"},
-                                                                                {"iridium-gateway", "post-to=http://127.0.0.1:8080/"},
-                                                                                {"iridium-gateway", "directip-to=tcp://127.0.0.1:22"},
-                                                                                {"nmea-bridge", "nmea-udp=udp://255.255.255.255:10110"},
-                                                                                {"nmea-bridge", "signalk-udp=udp://127.0.0.1:53"},
-                                                                                {"nmea-bridge", "telemetry=tcp://127.0.0.1:22"},
-                                                                                {"web-server", "more-boats=Vela=tcp://127.0.0.1:22"},
-                                                                                {"communication-node", "proxy=xbee=tcp://127.0.0.1:22"}})
+    for (auto [type, setting] :
+         std::vector<std::pair<std::string, std::string>>{{"gprs-link", "proxy-tcp=tcp://127.0.0.1:22"},
+                                                          {"gprs-link", "proxy-udp=udp://127.0.0.1:53"},
+                                                          {"boat-simulator", "gprs=tcp://127.0.0.1:22"},
+                                                          {"iridium-proxy", "url=http://169.254.169.254/latest/"},
+                                                          {"iridium-proxy", "url=http://gateway.example.evil.example/"},
+                                                          {"iridium-proxy", "send-directip=tcp://127.0.0.1:22"},
+                                                          {"iridium-proxy", "imap=imap://127.0.0.1"},
+                                                          {"iridium-proxy", "smtp=smtp://127.0.0.1"},
+                                                          {"iridium-gateway", "post-to=http://127.0.0.1:8080/"},
+                                                          {"iridium-gateway", "directip-to=tcp://127.0.0.1:22"},
+                                                          {"nmea-bridge", "nmea-udp=udp://255.255.255.255:10110"},
+                                                          {"nmea-bridge", "signalk-udp=udp://127.0.0.1:53"},
+                                                          {"nmea-bridge", "telemetry=tcp://127.0.0.1:22"},
+                                                          {"web-server", "more-boats=Vela=tcp://127.0.0.1:22"},
+                                                          {"communication-node", "proxy=xbee=tcp://127.0.0.1:22"}})
         CHECK_THAT(refused(type, setting), Contains("--allow-host"));
     CHECK(marked().empty());
     here.start("sea/allowed", {"--set", "outlet=tcp://127.0.0.1:0", "--set", "word=https://gateway.example/"});
@@ -176,7 +191,8 @@ TEST_CASE("what a parameter of A-Tirma says of itself fits its kind") {
             auto kind = one["kind"].get<std::string>();
             auto text = one["description"].get<std::string>() + " " + one["preset"].get<std::string>();
             INFO(type["type"] << " " << one["name"] << ": " << text);
-            bool place = text.find("://") != text.npos || text.find("URL") != text.npos || text.find("to listen on") != text.npos;
+            bool place = text.find("://") != text.npos || text.find("URL") != text.npos ||
+                         text.find("to listen on") != text.npos;
             bool port = one["name"] == "port"; // a number, beside an address
             CHECK((!place || port || kind == "endpoint" || kind == "address" || kind == "url"));
             places += kind == "endpoint" || kind == "address" || kind == "url";
@@ -191,7 +207,8 @@ TEST_CASE("folders of other users are refused") {
     std::filesystem::create_directory(his);
     REQUIRE(::chown(his.c_str(), 54321, 54321) == 0);
     auto run = [&](const std::string& programs, const std::string& state) {
-        return ise_test::run_program({"ise_instantiation_server", "--programs", programs, "--state", state, "--name", "other", "--name-server", here.name_server()});
+        return ise_test::run_program({"ise_instantiation_server", "--programs", programs, "--state", state, "--name",
+                                      "other", "--name-server", here.name_server()});
     };
     auto programs = run(his.string(), here.state_folder().string());
     CHECK(programs.exit_code == 1);
@@ -208,9 +225,11 @@ TEST_CASE("folders of other users are refused") {
 TEST_CASE("a component that fails before it is ready is told with its reason and its last words") {
     host here;
     here.open();
-    auto ran = here.ise({"start", "trouble", "sea/one", "--set", "failing=the rudder is missing", "--set", "say=hoisting", "--restart", "always"});
+    auto ran = here.ise({"start", "trouble", "sea/one", "--set", "failing=the rudder is missing", "--set",
+                         "say=hoisting", "--restart", "always"});
     CHECK(ran.exit_code == 1);
-    CHECK_THAT(ran.err, Contains("'sea/one' did not start: it ended before it was ready: exit code 1") && Contains("hoisting") && Contains("the rudder is missing"));
+    CHECK_THAT(ran.err, Contains("'sea/one' did not start: it ended before it was ready: exit code 1") &&
+                            Contains("hoisting") && Contains("the rudder is missing"));
     CHECK(here.state("sea/one")["state"] == "failed");
     CHECK(marked().empty());
     CHECK(here.start("sea/one")["state"] == "ready"); // the failed one is no obstacle
@@ -242,7 +261,8 @@ TEST_CASE("an address that is in use and a name that is taken are told before an
     auto address = here.ise({"start", "trouble", "sea/one", "--listen", occupied});
     CHECK(address.exit_code == 1);
     CHECK_THAT(address.err, Contains("cannot listen on " + occupied));
-    auto by_port = here.ise({"start", "trouble", "sea/one", "--set", "page=127.0.0.1", "--set", "page-port=" + occupied.substr(occupied.rfind(':') + 1)});
+    auto by_port = here.ise({"start", "trouble", "sea/one", "--set", "page=127.0.0.1", "--set",
+                             "page-port=" + occupied.substr(occupied.rfind(':') + 1)});
     CHECK(by_port.exit_code == 1);
     CHECK_THAT(by_port.err, Contains("cannot listen on " + occupied));
     CHECK(marked().empty());
@@ -271,9 +291,12 @@ TEST_CASE("the tables of instances, parameters and types fit on a terminal of 80
     here.install("atirma");
     here.open();
     here.start("sea/one/with/a/path/that/is/quite/long", {"--set", "word=" + std::string(100, 'w')});
-    here.ise({"start", "trouble", "sea/two", "--set", "failing=the rudder is missing, and so is the mast, the keel and most of the crew"});
-    for (const char* command : {"ps", "param list sea/one/with/a/path/that/is/quite/long", "start --types", "start --types iridium-proxy"}) {
-        auto line = "stty cols 80 rows 24; " ISE_BINARY_DIR "/bin/ise --timeout 60s --name-server " + here.name_server() + " " + command;
+    here.ise({"start", "trouble", "sea/two", "--set",
+              "failing=the rudder is missing, and so is the mast, the keel and most of the crew"});
+    for (const char* command :
+         {"ps", "param list sea/one/with/a/path/that/is/quite/long", "start --types", "start --types iridium-proxy"}) {
+        auto line = "stty cols 80 rows 24; " ISE_BINARY_DIR "/bin/ise --timeout 60s --name-server " +
+                    here.name_server() + " " + command;
         auto ran = ise_test::run_program({"/usr/bin/script", "-qec", line, "/dev/null"});
         INFO(ran.out);
         CHECK(ran.exit_code == 0);
@@ -303,7 +326,8 @@ TEST_CASE("no more instances run than the server was told") {
 TEST_CASE("whoever gives up a start ends what it began") {
     host here;
     here.open();
-    ise_test::program starting({"ise", "--name-server", here.name_server(), "start", "trouble", "sea/one", "--set", "silent=true", "--ready-within", "60s"});
+    ise_test::program starting({"ise", "--name-server", here.name_server(), "start", "trouble", "sea/one", "--set",
+                                "silent=true", "--ready-within", "60s"});
     wait_until([] { return !marked().empty(); });
     starting.signal(SIGINT);
     CHECK(starting.wait().exit_code == 130);
@@ -318,7 +342,8 @@ TEST_CASE("the shell completes types and instances by asking for them") {
     ise_test::start_options options;
     options.variables = {{"ISE_NAME_SERVER", here.name_server()}};
     auto offered = [&](const std::string& line) {
-        auto script = R"(source <("$1" completion bash); COMP_LINE="$1 $2"; COMP_POINT=${#COMP_LINE}; _ise; echo "${COMPREPLY[*]}")";
+        auto script =
+            R"(source <("$1" completion bash); COMP_LINE="$1 $2"; COMP_POINT=${#COMP_LINE}; _ise; echo "${COMPREPLY[*]}")";
         return ise_test::run_program({"/bin/bash", "-c", script, "bash", ISE_BINARY_DIR "/bin/ise", line}, options).out;
     };
     CHECK(offered("start tr") == "trouble\n");

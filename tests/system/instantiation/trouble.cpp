@@ -47,7 +47,8 @@ struct exit_request {
 
 inline constexpr ise::request_response<question, answered> ask{"ask"};
 inline constexpr ise::request_response<say_request, ise::nothing> say{"say"};
-/// It does not hear SIGTERM any more; to be called when the program has put its handler in, which it tells by "started".
+/// It does not hear SIGTERM any more; to be called when the program has put its handler in, which it tells by
+/// "started".
 inline constexpr ise::request_response<question, ise::nothing> deafen{"deafen"};
 inline constexpr ise::request_response<exit_request, ise::nothing> leave{"leave"};
 /// A process that left its group, its session and its environment, and whose parent has gone.
@@ -114,7 +115,9 @@ private:
                 if (child % 2 == 1) ::setsid(); // out of the group
                 stay();
             }
-        provide(ask, [this](question) { return answered{options_.answer, env().variable("TROUBLE_FLAG").value_or("")}; });
+        provide(ask, [this](question) {
+            return answered{options_.answer, env().variable("TROUBLE_FLAG").value_or("")};
+        });
         provide(say, [](say_request rq) {
             for (std::uint32_t line = 0; line < rq.times; ++line) print(rq.text);
             return ise::nothing();
@@ -174,7 +177,8 @@ std::vector<ise::component_type> types() {
     type.parameters.add("children", options->children, "processes that it starts and forgets").range(0, 8);
     type.parameters.add("silent", options->silent, "never becomes ready");
     type.parameters.add("stuck", options->stuck, "does not end when it is stopped");
-    type.parameters.add("meets", options->meets, "a file that it makes, and is ready only when there is the other").kind(ise::parameter_kind::path);
+    type.parameters.add("meets", options->meets, "a file that it makes, and is ready only when there is the other")
+        .kind(ise::parameter_kind::path);
     type.parameters.add("other", options->other, "that file").kind(ise::parameter_kind::path);
     type.parameters.add("say", options->say, "printed at the start");
     type.parameters.add("failing", options->failing, "why it fails before it is ready");

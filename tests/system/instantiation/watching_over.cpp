@@ -52,7 +52,8 @@ TEST_CASE("a component that ends again and again has failed in the end") {
     }
     auto now = here.state("sea/one");
     CHECK(now["state"] == "failed");
-    CHECK_THAT(now["reason"].get<std::string>(), Contains("exit code 4") && Contains("started again 1 times within 60 s"));
+    CHECK_THAT(now["reason"].get<std::string>(),
+               Contains("exit code 4") && Contains("started again 1 times within 60 s"));
     CHECK(here.start("sea/one")["state"] == "ready");
 }
 
@@ -92,7 +93,8 @@ TEST_CASE("a component is restarted, and killed, when asked") {
     CHECK(killed["state"] == "stopped");
     CHECK(killed["reason"] == "signal 9 (Killed)");
     CHECK(here.told({"restart", "sea/one", "--timeout", "120s"})["state"] == "ready"); // also one that is over
-    CHECK_THAT(here.ise({"stop", "sea/won"}).err, Contains("no instantiation server has started 'sea/won'") && Contains("did you mean 'sea/one'"));
+    CHECK_THAT(here.ise({"stop", "sea/won"}).err,
+               Contains("no instantiation server has started 'sea/won'") && Contains("did you mean 'sea/one'"));
 }
 
 TEST_CASE("what is printed can be read, followed, and does not fill the disk") {
@@ -110,15 +112,17 @@ TEST_CASE("what is printed can be read, followed, and does not fill the disk") {
     read_until("first");
     here.ise({"call", "sea/one", "say", R"({"text": "second"})"});
     read_until("second");
-    here.ise({"call", "sea/one", "say", R"({"text": "abcdefghijklmnopqrstuvwxyz", "times": 60000})", "--timeout", "60s"}); // 1.6 MB
-    wait_until([&] { // what is printed in the moment in which the file is moved may be lost
+    here.ise({"call", "sea/one", "say", R"({"text": "abcdefghijklmnopqrstuvwxyz", "times": 60000})", "--timeout",
+              "60s"}); // 1.6 MB
+    wait_until([&] {   // what is printed in the moment in which the file is moved may be lost
         here.ise({"call", "sea/one", "say", R"({"text": "last"})"});
         return here.ise({"logs", "sea/one", "-n", "1"}).out == "last\n";
     });
     auto bounded = [&] {
         std::uintmax_t bytes = 0;
         for (const auto& entry : std::filesystem::directory_iterator(here.state_folder()))
-            if (entry.path().filename().string().starts_with("sea+one.log") && entry.path().extension() == ".log") bytes += entry.file_size();
+            if (entry.path().filename().string().starts_with("sea+one.log") && entry.path().extension() == ".log")
+                bytes += entry.file_size();
         return bytes <= (256 << 10);
     };
     wait_until(bounded);

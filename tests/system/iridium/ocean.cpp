@@ -33,7 +33,7 @@ ocean::ocean(std::uint64_t seed) : world(seed) {
     boat_options.gusts = false;
     boat_options.port.device.clear();
     boat_options.iridium.port.device = "/dev/ttyS2";
-    boat_options.speedup = 0.1; // a step of the model each second: hours pass quickly
+    boat_options.speedup = 0.1;         // a step of the model each second: hours pass quickly
     boat_options.iridium.period_s = 12; // of the model
     modem_options.gateway = "tcp://gateway:7421";
     modem_options.seed = seed;

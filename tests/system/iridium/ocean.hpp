@@ -25,7 +25,7 @@ class ocean {
 public:
     explicit ocean(std::uint64_t seed = 7);
 
-    atirma::memory_mail mails; // outlives those who have opened it
+    atirma::memory_mail mails;   // outlives those who have opened it
     damaged_file::log_lines log; // the proxy's errors
     ise::sim::world world;
     atirma::boat_simulator_options boat_options;

@@ -20,9 +20,9 @@
 #include <asio/write.hpp>
 #include <fmt/format.h>
 
+#include <condition_variable>
 #include <filesystem>
 #include <mutex>
-#include <condition_variable>
 
 #include <unistd.h>
 
@@ -75,7 +75,8 @@ std::string exchange(const ise::endpoint& with, std::string_view text, bool fini
     socket.connect({asio::ip::make_address(with.host), with.port});
     asio::write(socket, asio::buffer(text));
     std::error_code ended;
-    if (finish) socket.shutdown(asio::ip::tcp::socket::shutdown_send, ended); // nonsense may have been cut off before it
+    if (finish)
+        socket.shutdown(asio::ip::tcp::socket::shutdown_send, ended); // nonsense may have been cut off before it
     std::string answer;
     asio::read(socket, asio::dynamic_buffer(answer), ended);
     return answer;
@@ -127,14 +128,17 @@ struct heard {
 void listen_to_proxy(ise::node& node, heard& into) {
     ise::component_options asks_only;
     asks_only.listens = false;
-    node.start("", [&into](ise::component& self) -> ise::task<> {
-        auto shore = self.at(ise::endpoint::parse(where("proxy")).value());
-        self.listen(shore, services::telemetry,
-                    [&into](const telemetry_packet& packet) { into.add(into.telemetry, packet); });
-        self.listen(shore, services::telecommand_state,
-                    [&into](const telecommand_status& state) { into.add(into.states, state); });
-        co_return;
-    }, asks_only);
+    node.start(
+        "",
+        [&into](ise::component& self) -> ise::task<> {
+            auto shore = self.at(ise::endpoint::parse(where("proxy")).value());
+            self.listen(shore, services::telemetry,
+                        [&into](const telemetry_packet& packet) { into.add(into.telemetry, packet); });
+            self.listen(shore, services::telecommand_state,
+                        [&into](const telecommand_status& state) { into.add(into.states, state); });
+            co_return;
+        },
+        asks_only);
 }
 
 iridium_proxy_options proxy_options(const folder& there) {
@@ -207,7 +211,12 @@ TEST_CASE("iridium: DirectIP over TCP is confirmed once the message is on disk")
     CHECK(send(stranger) == ise::as_text(bad));
     CHECK(exchange(at, "not an sbd file.\n", true).empty());
     CHECK(exchange(at, std::string("\x01\xff\xff", 3), true).empty());
-    CHECK(exchange(at, std::string("\x01\x00\x05""ab", 5), true).empty()); // cut off
+    CHECK(exchange(at,
+                   std::string("\x01\x00\x05"
+                               "ab",
+                               5),
+                   true)
+              .empty()); // cut off
     REQUIRE(console.wait([&] { return !console.telemetry.empty(); }));
     CHECK(console.telemetry.size() == 1);
 }
@@ -247,8 +256,8 @@ TEST_CASE("iridium: boat, modem on a pseudo-terminal, gateway, web hook and subm
     iridium_modem_options modem;
     modem.port = there.file("modem");
     modem.gateway = where("gateway");
-    modem.shortest_session_s = 0.02;
-    modem.longest_session_s = 0.05;
+    modem.min_session_s = 0.02;
+    modem.max_session_s = 0.05;
     node.start<iridium_modem>("atirma/iridium/modem", listening("modem"), modem);
     boat_simulator_options boat;
     boat.port.device.clear();
@@ -261,7 +270,8 @@ TEST_CASE("iridium: boat, modem on a pseudo-terminal, gateway, web hook and subm
 
     ise::component_options asks_only;
     asks_only.listens = false;
-    auto& user = node.start("", [](ise::component&) -> ise::task<> { co_return; }, asks_only);
+    auto& user = node.start(
+        "", [](ise::component&) -> ise::task<> { co_return; }, asks_only);
     auto command = [](ise::component& self) -> ise::task<ise::result<telecommand_reply>> {
         telecommand_request request;
         request.id = 17;

@@ -1,7 +1,7 @@
 #include "ocean.hpp"
 
-#include <components/iridium/rockblock.hpp>
 #include <components/http/stream_http_client.hpp>
+#include <components/iridium/rockblock.hpp>
 #include <components/iridium_proxy/sbd_store.hpp>
 
 #include <support/catch.hpp>
@@ -168,7 +168,7 @@ TEST_CASE("iridium: a proxy that dies between the disk and the 200 loses nothing
     post(it, delivery(it, 1), first);
     REQUIRE(it.until([&] { return kept(it) == 1; }));
     it.world.net().partition("console", "shore"); // the 200 is on its way at most
-    it.proxy_process().crash(); // in the very turn that kept it: nothing was published
+    it.proxy_process().crash();                   // in the very turn that kept it: nothing was published
     REQUIRE(it.until([&] { return first.has_value(); }));
     CHECK_FALSE(*first);
     it.world.run_for(10s);
@@ -480,7 +480,9 @@ TEST_CASE("iridium: beyond loopback the proxy demands what tells the gateway fro
     CHECK(problem([](auto&) {}).find("--jwt-key") != std::string::npos);
     CHECK(problem([](auto& o) { o.webhook = "tcp://127.0.0.1:7480"; }).empty());
     CHECK(problem([](auto& o) { o.gateway_addresses = "10.0.0.0/8, 2001:db8::/32, 192.0.2.1"; }).empty());
-    CHECK(problem([](auto& o) { o.webhook = "tcp://127.0.0.1:7480", o.directip = "tcp://0.0.0.0:10800"; }).find("--gateway-addresses") != std::string::npos);
+    CHECK(problem([](auto& o) {
+              o.webhook = "tcp://127.0.0.1:7480", o.directip = "tcp://0.0.0.0:10800";
+          }).find("--gateway-addresses") != std::string::npos);
     memory_mail mails;
     auto with_mailbox = [&](auto change) {
         return problem([&](auto& o) {
@@ -550,7 +552,8 @@ TEST_CASE("iridium: a proxy whose file has a damaged page keeps all that can sti
     CHECK(it.world.run_until([&] { return answer && *answer && (*answer)->status == 200; }, 30s));
     REQUIRE(disk.set_aside().size() == 1);
     CHECK_THAT(it.log.errors, Catch::Contains(disk.set_aside().front()));
-    CHECK(it.world.run_until([&] { return seen.account && seen.account->ever.mo_messages > 100; }, 2min)); // what was spent
+    CHECK(it.world.run_until([&] { return seen.account && seen.account->ever.mo_messages > 100; },
+                             2min)); // what was spent
     auto db = database::open_to_read(disk.file()).value();
     CHECK(db.query("SELECT count(*) FROM mo WHERE substr(data, 1, 1) = x'cd'").value().at(0).integer(0) > 10);
 }

@@ -54,13 +54,33 @@ public:
 
     void start_proxy() {
         std::filesystem::create_directories(folder_);
-        proxy_ = std::make_unique<program>(
-            std::vector<std::string>{
-                "atirma", "run", "--log-level", "error", "iridium-proxy", "--imei", imei, "--webhook", "",
-                "--database", folder_ + "/iridium.db", "--imap", host_.imaps(), "--smtp", host_.smtps(), "--mail-user",
-                "boat", "--mail-from", "boat@example.org", "--mail-to", "shore@example.org", "--send-by", "mail",
-                "--mail-unchecked", "--ca-file", host_.certificate()},
-            variables_);
+        proxy_ = std::make_unique<program>(std::vector<std::string>{"atirma",
+                                                                    "run",
+                                                                    "--log-level",
+                                                                    "error",
+                                                                    "iridium-proxy",
+                                                                    "--imei",
+                                                                    imei,
+                                                                    "--webhook",
+                                                                    "",
+                                                                    "--database",
+                                                                    folder_ + "/iridium.db",
+                                                                    "--imap",
+                                                                    host_.imaps(),
+                                                                    "--smtp",
+                                                                    host_.smtps(),
+                                                                    "--mail-user",
+                                                                    "boat",
+                                                                    "--mail-from",
+                                                                    "boat@example.org",
+                                                                    "--mail-to",
+                                                                    "shore@example.org",
+                                                                    "--send-by",
+                                                                    "mail",
+                                                                    "--mail-unchecked",
+                                                                    "--ca-file",
+                                                                    host_.certificate()},
+                                           variables_);
         auto line = proxy_->read_line();
         INFO(line);
         REQUIRE_THAT(line, Contains("started"));
@@ -72,10 +92,10 @@ public:
 
     /// Somebody who waits for so many packets.
     std::unique_ptr<program> listener(int packets) {
-        return std::make_unique<program>(
-            std::vector<std::string>{"ise", "--wait", "--timeout", "120s", "echo", "--count", std::to_string(packets),
-                                     "atirma/shore/iridium", "telemetry"},
-            variables_);
+        return std::make_unique<program>(std::vector<std::string>{"ise", "--wait", "--timeout", "120s", "echo",
+                                                                  "--count", std::to_string(packets),
+                                                                  "atirma/shore/iridium", "telemetry"},
+                                         variables_);
     }
     ran telecommand(std::uint32_t id) {
         return run_program({"ise", "--wait", "--timeout", "5s", "call", "atirma/shore/iridium", "telecommand",

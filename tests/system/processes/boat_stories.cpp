@@ -70,7 +70,8 @@ public:
         return run_program(std::move(arguments), variables());
     }
     ran set_mode(int id, const std::string& mode) {
-        return ise({"call", "atirma/shore/xbee", "telecommand", fmt::format(R"({{"id":{},"command":{{"kind":"set_mode","mode":"{}"}}}})", id, mode)});
+        return ise({"call", "atirma/shore/xbee", "telecommand",
+                    fmt::format(R"({{"id":{},"command":{{"kind":"set_mode","mode":"{}"}}}})", id, mode)});
     }
     const std::string& page() const { return page_; }
     start_options variables() const {
@@ -87,7 +88,8 @@ private:
     }
 
     // In a process namespace of its own the number alone may come again.
-    std::string folder_ = fmt::format("{}/ise-test-{}-{:x}", std::filesystem::temp_directory_path().string(), ::getpid(), reinterpret_cast<std::uintptr_t>(this));
+    std::string folder_ = fmt::format("{}/ise-test-{}-{:x}", std::filesystem::temp_directory_path().string(),
+                                      ::getpid(), reinterpret_cast<std::uintptr_t>(this));
     std::string names_, page_;
     std::map<std::string, std::vector<std::string>> commands_;
     std::map<std::string, std::unique_ptr<program>> processes_;
@@ -123,7 +125,8 @@ TEST_CASE("processes: a killed proxy, boat, link or name server heals once it ru
     auto told = sails.set_mode(22, "automatic");
     CHECK(told.err == "");
     CHECK_THAT(told.out, Contains(R"("state":"acknowledged")"));
-    CHECK_THAT(sails.ise({"echo", "--count", "2", "atirma/boat", "ground_truth"}).out, Contains(R"("mode":"automatic")"));
+    CHECK_THAT(sails.ise({"echo", "--count", "2", "atirma/boat", "ground_truth"}).out,
+               Contains(R"("mode":"automatic")"));
 }
 
 TEST_CASE("processes: without the name server those who know each other go on, and say so to who asks for a name") {
@@ -153,8 +156,8 @@ TEST_CASE("processes: who listens is told when the boat is not reached any more,
 TEST_CASE("processes: what a terminal would obey in the text of a failure is escaped") {
     const std::string hostile = "x\x1b[2J\x9b"; // clears the screen, and begins another such sequence
     for (auto ran : {ise_test::run_program({"atirma", "run", "--name-server", "tcp://" + hostile, "boat-simulator"}),
-                     ise_test::run_program({"atirma_mission", "--out", hostile + "/", "--store", "a", "b", "--boat-memory",
-                                            "c", "--name-server", hostile})}) {
+                     ise_test::run_program({"atirma_mission", "--out", hostile + "/", "--store", "a", "b",
+                                            "--boat-memory", "c", "--name-server", hostile})}) {
         CHECK(ran.exit_code != 0);
         CHECK_THAT(ran.err, Contains("x [2J\\x9b") && !Contains("\x1b") && !Contains("\x9b"));
     }

@@ -23,7 +23,8 @@ public:
     }
     ise_test::ran set_mode(int id, const std::string& mode) {
         return call("atirma/communication", "telecommand",
-                    fmt::format(R"({{"id":{},"command":{{"kind":"set_mode","mode":"{}"}}}})", id, mode), "atirma/operators/ana");
+                    fmt::format(R"({{"id":{},"command":{{"kind":"set_mode","mode":"{}"}}}})", id, mode),
+                    "atirma/operators/ana");
     }
     // Of the packets on that node's disk that it shows.
     std::multiset<std::string> track(const std::string& name) {
@@ -69,7 +70,8 @@ TEST_CASE(
         ++id;
         auto mode = std::string(id % 2 ? "automatic" : "hold");
         auto told = it.set_mode(id, mode);
-        // A call that was written to the node that died is not sent again by itself: the operator asks with the same id.
+        // A call that was written to the node that died is not sent again by itself: the operator asks with the same
+        // id.
         auto acknowledged = [&] { return told.out.find(R"("state":"acknowledged")") != std::string::npos; };
         for (int tries = 0; tries < 20 && !acknowledged(); ++tries) told = it.set_mode(id, mode);
         INFO(told.err);

@@ -103,8 +103,8 @@ public:
         run_atirma("air", "xbee-link", {"--shore-port", file("shore"), "--boat-port", file("boat")});
         auto said = run_atirma("gprs", "gprs-proxy", {"--boat-listen", "tcp://127.0.0.1:0"}, "tcp://");
         auto gprs = endpoint_in(said, "tcp");
-        said = run_atirma("carrier", "gprs-link", {"--boat-listen", "tcp://127.0.0.1:0", "--proxy-tcp", gprs},
-                          "tcp://");
+        said =
+            run_atirma("carrier", "gprs-link", {"--boat-listen", "tcp://127.0.0.1:0", "--proxy-tcp", gprs}, "tcp://");
         auto carrier = endpoint_in(said, "tcp");
         asio::io_context any;
         asio::ip::tcp::acceptor free(any, {asio::ip::make_address("127.0.0.1"), 0});
@@ -112,8 +112,7 @@ public:
         free.close();
         run_atirma("gateway", "iridium-gateway",
                    {"--listen-http", "", "--post-to", fmt::format("http://127.0.0.1:{}/rockblock/mo", hook)});
-        run_atirma("sky", "iridium-modem",
-                   {"--port", file("iridium"), "--shortest-session", "0", "--longest-session", "1"});
+        run_atirma("sky", "iridium-modem", {"--port", file("iridium"), "--min-session", "0", "--max-session", "1"});
         run_atirma("iridium", "iridium-proxy",
                    {"--imei", "300234010753370", "--database", file("iridium.db"), "--webhook",
                     fmt::format("tcp://127.0.0.1:{}", hook), "--send-by", "none", "--store", "atirma/communication"});

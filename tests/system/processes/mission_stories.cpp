@@ -13,10 +13,10 @@
 #include <iterator>
 #include <poll.h>
 #include <sys/syscall.h>
+#include <test_folders.hpp>
 #include <unistd.h>
 #include <utility>
 #include <vector>
-#include <test_folders.hpp>
 
 using Catch::Contains;
 
@@ -77,8 +77,8 @@ std::vector<process> started_with(const std::string& variable) {
 
 TEST_CASE("demo: a minute's mission on the real clock, with links and processes failing, loses nothing") {
     folder out;
-    auto told = run_demo({"--mission", "stress", "--for", "60s", "--seed", "3", "--speedup", "4", "--port", "0", "--out",
-                      out.at.string()});
+    auto told = run_demo({"--mission", "stress", "--for", "60s", "--seed", "3", "--speedup", "4", "--port", "0",
+                          "--out", out.at.string()});
     INFO(told.out);
     INFO(told.err);
     INFO(out.read("report.md"));

@@ -93,7 +93,8 @@ TEST_CASE("stress: what grows is told by its slope over the second half, and fla
     CHECK(still.mean == Approx(5010).margin(1));
     CHECK(std::abs(still.per_hour) < 1);
     CHECK(say(still).find(": flat") != std::string::npos);
-    for (auto& [at, value] : all) value += static_cast<std::size_t>(at / 1h) * 25; // what 25 % of growth over 40 hours once hid
+    for (auto& [at, value] : all)
+        value += static_cast<std::size_t>(at / 1h) * 25; // what 25 % of growth over 40 hours once hid
     auto growing = trend_of(all);
     CHECK_FALSE(growing.flat());
     CHECK(growing.per_hour == Approx(25).margin(1));
@@ -189,8 +190,8 @@ TEST_CASE("stress: a plan has every trouble, is the same for the same seed, and 
                 CHECK((made.faults[i].at == again.faults[i].at && made.faults[i].what == again.faults[i].what));
             for (int kind = 0; kind <= static_cast<int>(trouble::operator_away); ++kind)
                 CHECK((kind == static_cast<int>(trouble::air_off) ||
-                      std::ranges::any_of(made.faults,
-                                          [&](const auto& one) { return static_cast<int>(one.what) == kind; })));
+                       std::ranges::any_of(made.faults,
+                                           [&](const auto& one) { return static_cast<int>(one.what) == kind; })));
             CHECK(std::ranges::all_of(made.faults, [&](const auto& one) { return one.at + one.length < length; }));
             ise::duration free{};
             for (const auto& one : made.faults) {

@@ -67,7 +67,7 @@ TEST_CASE(
     std::string before;
     for (auto at = first.gpx.find("<time>"); at != std::string::npos; at = first.gpx.find("<time>", at + 1)) {
         auto time = first.gpx.substr(at, first.gpx.find("Z</time>", at) - at); // 08:00:32 is before 08:00:32.200
-        CHECK(before < time); // each instant once, in order
+        CHECK(before < time);                                                  // each instant once, in order
         before = time;
     }
     CHECK_FALSE(before.empty());

@@ -43,8 +43,12 @@ void* operator new(std::size_t size) { return sure(counted(size)); }
 void* operator new[](std::size_t size) { return sure(counted(size)); }
 void* operator new(std::size_t size, const std::nothrow_t&) noexcept { return counted(size); }
 void* operator new[](std::size_t size, const std::nothrow_t&) noexcept { return counted(size); }
-void* operator new(std::size_t size, std::align_val_t alignment) { return sure(counted(size, static_cast<std::size_t>(alignment))); }
-void* operator new[](std::size_t size, std::align_val_t alignment) { return sure(counted(size, static_cast<std::size_t>(alignment))); }
+void* operator new(std::size_t size, std::align_val_t alignment) {
+    return sure(counted(size, static_cast<std::size_t>(alignment)));
+}
+void* operator new[](std::size_t size, std::align_val_t alignment) {
+    return sure(counted(size, static_cast<std::size_t>(alignment)));
+}
 void operator delete(void* made) noexcept { std::free(made); }
 void operator delete[](void* made) noexcept { std::free(made); }
 void operator delete(void* made, std::size_t) noexcept { std::free(made); }

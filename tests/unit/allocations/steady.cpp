@@ -36,7 +36,8 @@ struct fixture {
 
     // One round after the other, each begun when the one before has ended; what the first ones set up does not count.
     template <class Round>
-    std::uint64_t count(Round round, std::uint64_t counted() = +[] { return allocations() + reallocations(); }) {
+    std::uint64_t count(
+        Round round, std::uint64_t counted() = +[] { return allocations() + reallocations(); }) {
         for (int i = 0; i < rounds; ++i) round();
         const auto before = counted();
         REQUIRE(before > 0); // they are counted
@@ -164,12 +165,14 @@ TEST_CASE("messages that go in pieces use the memory of those before them") {
     blob shot;
     shot.content.assign(size, 1);
     // The vectors are the user's.
-    auto counted = f.count([&] {
-        f.all.run(f.shore, f.there.call(stitch, shot, 5s));
-        f.all.run(f.shore, f.there.call(look, heading{1}, 5s));
-        shots(shot);
-        f.all.run_until([&] { return static_cast<bool>(taken.try_next()); });
-    }, large_reallocations);
+    auto counted = f.count(
+        [&] {
+            f.all.run(f.shore, f.there.call(stitch, shot, 5s));
+            f.all.run(f.shore, f.there.call(look, heading{1}, 5s));
+            shots(shot);
+            f.all.run_until([&] { return static_cast<bool>(taken.try_next()); });
+        },
+        large_reallocations);
     CAPTURE(size, counted);
     CHECK(counted <= now_and_then);
 }

@@ -168,9 +168,11 @@ TEST_CASE("a telecommand reads naturally as JSON") {
     CHECK(request.id == 7);
     CHECK(request.command == boat_command(commands::set_mode{sailing_mode::hold}));
     CHECK(request.valid_s == 300);
-    auto add = ise::from_json<telecommand_request>(R"({"command":{"kind":"waypoint_add","point":{"latitude_deg":28.15,"longitude_deg":-15.45}}})");
+    auto add = ise::from_json<telecommand_request>(
+        R"({"command":{"kind":"waypoint_add","point":{"latitude_deg":28.15,"longitude_deg":-15.45}}})");
     CHECK(add.command == boat_command(commands::waypoint_add{{28.15, -15.45}}));
-    CHECK_THROWS_WITH(ise::from_json<telecommand_request>(R"({"command":{"kind":"set_mode","mode":"fly"}})"), Catch::Contains("command.mode"));
+    CHECK_THROWS_WITH(ise::from_json<telecommand_request>(R"({"command":{"kind":"set_mode","mode":"fly"}})"),
+                      Catch::Contains("command.mode"));
 }
 
 TEST_CASE("duplicates are told by boot and sequence, in any order, within a bounded window") {
@@ -189,7 +191,7 @@ TEST_CASE("duplicates are told by boot and sequence, in any order, within a boun
     CHECK(seen.first_time(1, 0xFFFFFFFF, raw));
     CHECK_FALSE(seen.first_time(1, 0xFFFFFFFF, raw));
     for (std::uint16_t boot = 10; boot < 10 + duplicate_filter::max_boots; ++boot) CHECK(seen.first_time(boot, 1, raw));
-    CHECK(seen.first_time(2, 10, raw)); // long forgotten
+    CHECK(seen.first_time(2, 10, raw));    // long forgotten
     CHECK(seen.first_time(2, 11, forged)); // before the boat comes to that number
     CHECK(seen.first_time(2, 11, raw));
     CHECK_FALSE(seen.first_time(2, 11, raw));
@@ -241,7 +243,8 @@ TEST_CASE("command book: an answer to what was sent under authority names its ep
         REQUIRE(it.due());
         it.book.on_outcome(it.now, it.wall, id, true, true, "");
     };
-    auto answer = [&](std::uint32_t id, command_kind kind, std::optional<std::uint32_t> epoch, ack_code code = ack_code::done) {
+    auto answer = [&](std::uint32_t id, command_kind kind, std::optional<std::uint32_t> epoch,
+                      ack_code code = ack_code::done) {
         acknowledgement ack;
         ack.id = id;
         ack.kind = kind;

@@ -30,13 +30,16 @@ TEST_CASE("a line of telemetry is decoded: the fields of the boat's report are i
     blows.true_direction_deg = 30.5f;
     auto got = decoded_telemetry(ise::to_json(packet_of(blows)));
     REQUIRE(got);
-    CHECK_THAT(*got, Contains(R"("link":"gprs","boot":3,"sequence":17)") && Contains(R"("kind":"wind","report":{)") && Contains(R"("true_direction_deg":30.5)") && !Contains("raw"));
+    CHECK_THAT(*got, Contains(R"("link":"gprs","boot":3,"sequence":17)") && Contains(R"("kind":"wind","report":{)") &&
+                         Contains(R"("true_direction_deg":30.5)") && !Contains("raw"));
     navigation steers;
     steers.mode = sailing_mode::return_home;
-    CHECK_THAT(decoded_telemetry(ise::to_json(packet_of(steers))).value(), Contains(R"("kind":"navigation")") && Contains(R"("mode":"return_home")"));
+    CHECK_THAT(decoded_telemetry(ise::to_json(packet_of(steers))).value(),
+               Contains(R"("kind":"navigation")") && Contains(R"("mode":"return_home")"));
     notice says;
     says.text = R"("raw":"")";
-    CHECK_THAT(decoded_telemetry(ise::to_json(packet_of(says))).value(), Contains(R"x("report":{"text":"\"raw\":\"\""})x"));
+    CHECK_THAT(decoded_telemetry(ise::to_json(packet_of(says))).value(),
+               Contains(R"x("report":{"text":"\"raw\":\"\""})x"));
 }
 
 TEST_CASE("a line of `ise echo --losses` keeps its envelope") {

@@ -40,8 +40,14 @@ std::vector<telemetry_body> samples() {
     list.first = 9;
     for (int i = 0; i < 9; ++i) list.entries.push_back({28 + i * 0.25, -15.5});
     configuration config{3, 30, 60, 12.5f, 0.5f, {2, 10, 0}};
-    return {at, nav, wind{-45.5f, 6.25f, 30.5f, 5.75f}, power{13.125f, -0.5f, 87, 31.5f, 86400, reset_cause::watchdog, 5}, list, config,
-            link_status{link_id::gprs, true, -71, 3, 100, 2, 1, 12.5f}, notice{"tacked at the corridor's edge"}};
+    return {at,
+            nav,
+            wind{-45.5f, 6.25f, 30.5f, 5.75f},
+            power{13.125f, -0.5f, 87, 31.5f, 86400, reset_cause::watchdog, 5},
+            list,
+            config,
+            link_status{link_id::gprs, true, -71, 3, 100, 2, 1, 12.5f},
+            notice{"tacked at the corridor's edge"}};
 }
 
 void flip(ise::bytes& raw, std::size_t at) { raw[at] ^= std::byte{1}; }
@@ -98,7 +104,9 @@ std::string hex(ise::bytes_view raw) {
 
 } // namespace
 
-TEST_CASE("the checksum is CRC-16/CCITT as the README states") { CHECK(layout::crc16(ise::as_bytes("123456789")) == 0x29B1); }
+TEST_CASE("the checksum is CRC-16/CCITT as the README states") {
+    CHECK(layout::crc16(ise::as_bytes("123456789")) == 0x29B1);
+}
 
 TEST_CASE("every telemetry packet comes back as it was sent and fits a radio frame") {
     for (auto& body : samples()) {
@@ -117,7 +125,8 @@ TEST_CASE("every telemetry packet comes back as it was sent and fits a radio fra
     auto at = std::get<location>(back->body);
     CHECK(at.latitude_deg == Approx(28.1530001).epsilon(1e-10));
     CHECK(at.course_over_ground_deg == Approx(359.5));
-    CHECK(std::get<waypoints>(parse_telemetry(encode_telemetry(header(), samples()[4]))->body) == std::get<waypoints>(samples()[4]));
+    CHECK(std::get<waypoints>(parse_telemetry(encode_telemetry(header(), samples()[4]))->body) ==
+          std::get<waypoints>(samples()[4]));
 }
 
 TEST_CASE("the header has the bytes that the README states") {
@@ -231,7 +240,8 @@ TEST_CASE("a telecommand under authority carries its epoch, and one without is w
     }
 }
 
-TEST_CASE("an acknowledgement carries the epoch that the boat obeys as a number, and one of a boat without is what it always was") {
+TEST_CASE("an acknowledgement carries the epoch that the boat obeys as a number, and one of a boat without is what it "
+          "always was") {
     acknowledgement ack;
     ack.id = 7;
     ack.kind = command_kind::set_mode;
@@ -255,11 +265,13 @@ TEST_CASE("an acknowledgement carries the epoch that the boat obeys as a number,
 
 TEST_CASE("what only asks needs no authority, and what can lose the boat is dangerous") {
     using enum command_kind;
-    for (auto asks : {ping, get_parameter, waypoint_read_back, request_status}) CHECK_FALSE(traits_of(asks).needs_authority);
+    for (auto asks : {ping, get_parameter, waypoint_read_back, request_status})
+        CHECK_FALSE(traits_of(asks).needs_authority);
     for (auto acts : {set_mode, waypoint_add, waypoint_clear, tack_now, reboot, emergency_beacon, set_telemetry_period})
         CHECK(traits_of(acts).needs_authority);
     CHECK(traits_of(static_cast<command_kind>(200)).needs_authority);
-    for (auto bad : {reboot, emergency_beacon, waypoint_clear, set_mode}) CHECK_FALSE(boat_command(bad).danger().empty());
+    for (auto bad : {reboot, emergency_beacon, waypoint_clear, set_mode})
+        CHECK_FALSE(boat_command(bad).danger().empty());
     CHECK(boat_command(commands::set_mode{sailing_mode::hold}).danger().empty());
     CHECK(boat_command().danger().empty());
 }
@@ -285,24 +297,34 @@ TEST_CASE("an argument out of its range is refused with its name and range") {
     for (const auto& [command, recorded] : all_commands()) CHECK(check(command.command));
     CHECK(refusal(commands::set_mode{static_cast<sailing_mode>(77)}) == "no mode has number 77");
     CHECK(refusal(commands::set_parameter{static_cast<parameter_id>(77), 1}) == "no parameter has number 77");
-    CHECK(refusal(commands::set_parameter{parameter_id::forbidden_angle_upwind, 5}) == "forbidden_angle_upwind is 30 to 85 deg, not 5");
+    CHECK(refusal(commands::set_parameter{parameter_id::forbidden_angle_upwind, 5}) ==
+          "forbidden_angle_upwind is 30 to 85 deg, not 5");
     CHECK(refusal(commands::set_telemetry_period{static_cast<link_id>(9), 5}) == "no link has number 9");
-    CHECK(refusal(commands::set_telemetry_period{link_id::gprs, -1}) == "period_s is 0 (off) or 0.5 to 86400 s, not -1");
+    CHECK(refusal(commands::set_telemetry_period{link_id::gprs, -1}) ==
+          "period_s is 0 (off) or 0.5 to 86400 s, not -1");
     CHECK(check(commands::set_telemetry_period{link_id::gprs, 0}));
     CHECK_THAT(refusal(commands::set_telemetry_period{link_id::gprs, std::nanf("")}), Catch::Contains("not nan"));
-    CHECK_THAT(refusal(commands::waypoint_add{{91, 0}}), Catch::Contains("point is") && Catch::Contains("91, 0 is not a place on the globe"));
+    CHECK_THAT(refusal(commands::waypoint_add{{91, 0}}),
+               Catch::Contains("point is") && Catch::Contains("91, 0 is not a place on the globe"));
     CHECK(refusal(boat_command(static_cast<command_kind>(200))) == "no telecommand has number 200");
 }
 
 TEST_CASE("messages and records of telecommands are as older programs know them") {
-    auto older = ise::schema::parse( // recorded; telecommands and arguments may have been added at its ends since
-        "struct boat_command{kind:enum command_kind:u8{ping=0,set_mode=1,waypoint_add=2,waypoint_insert=3,waypoint_delete=4,"
-        "waypoint_clear=5,waypoint_read_back=6,waypoint_select=7,set_parameter=8,get_parameter=9,tack_now=10,gybe_now=11,"
-        "set_telemetry_period=12,request_status=13,reboot=14,emergency_beacon=15},mode:enum sailing_mode:u8{manual=0,hold=1,"
-        "automatic=2,return_home=3,station_keep=4},index:u8,point:struct waypoint{latitude_deg:f64,longitude_deg:f64},"
-        "parameter:enum parameter_id:u8{time_to_next_tack=0,forbidden_angle_upwind=1,forbidden_angle_downwind=2,"
-        "telemetry_period=3,leeway_compensation=4},value:f32,link:enum link_id:u8{xbee=0,gprs=1,iridium=2},period_s:f32,"
-        "on:bool=01}").value();
+    auto older =
+        ise::schema::parse( // recorded; telecommands and arguments may have been added at its ends since
+            "struct boat_command{kind:enum "
+            "command_kind:u8{ping=0,set_mode=1,waypoint_add=2,waypoint_insert=3,waypoint_delete=4,"
+            "waypoint_clear=5,waypoint_read_back=6,waypoint_select=7,set_parameter=8,get_parameter=9,tack_now=10,gybe_"
+            "now=11,"
+            "set_telemetry_period=12,request_status=13,reboot=14,emergency_beacon=15},mode:enum "
+            "sailing_mode:u8{manual=0,hold=1,"
+            "automatic=2,return_home=3,station_keep=4},index:u8,point:struct "
+            "waypoint{latitude_deg:f64,longitude_deg:f64},"
+            "parameter:enum parameter_id:u8{time_to_next_tack=0,forbidden_angle_upwind=1,forbidden_angle_downwind=2,"
+            "telemetry_period=3,leeway_compensation=4},value:f32,link:enum "
+            "link_id:u8{xbee=0,gprs=1,iridium=2},period_s:f32,"
+            "on:bool=01}")
+            .value();
     const auto& now = ise::schema_of<boat_command>();
     CHECK(ise::incompatibility(now, older).value_or("") == "");
     CHECK(ise::incompatibility(older, now).value_or("") == "");
@@ -310,11 +332,13 @@ TEST_CASE("messages and records of telecommands are as older programs know them"
     auto raw = ise::adapt(now, older, ise::encode(insert));
     CHECK(hex(raw) == "030004295C8FC2F5283C408195438B6CE72EC00000000000000000000001");
     CHECK(ise::decode<boat_command>(ise::adapt(older, now, raw)) == insert);
-    const char* json = R"({"kind":"waypoint_insert","mode":"manual","index":4,"point":{"latitude_deg":28.16,"longitude_deg":-15.452},)"
-                       R"("parameter":"time_to_next_tack","value":0,"link":"xbee","period_s":0,"on":true})";
+    const char* json =
+        R"({"kind":"waypoint_insert","mode":"manual","index":4,"point":{"latitude_deg":28.16,"longitude_deg":-15.452},)"
+        R"("parameter":"time_to_next_tack","value":0,"link":"xbee","period_s":0,"on":true})";
     CHECK(ise::to_json(older, raw) == json);
     CHECK(ise::from_json<boat_command>(json) == insert); // as records on disk have it
-    for (const auto& [command, recorded] : all_commands()) CHECK(ise::decode<boat_command>(ise::encode(command.command)) == command.command);
+    for (const auto& [command, recorded] : all_commands())
+        CHECK(ise::decode<boat_command>(ise::encode(command.command)) == command.command);
     auto newer = ise::encode(insert);
     newer[0] = std::byte{200};
     CHECK(ise::decode<boat_command>(newer).kind() == static_cast<command_kind>(200));
@@ -332,7 +356,12 @@ TEST_CASE("a command of a newer shore is understood as unknown, not as damaged")
 }
 
 TEST_CASE("an acknowledgement carries id, result, value and text") {
-    acknowledgement ack{header(), 42, command_kind::set_parameter, ack_code::bad_argument, 60, "forbidden_angle_upwind is 30 to 85 deg, not 5"};
+    acknowledgement ack{header(),
+                        42,
+                        command_kind::set_parameter,
+                        ack_code::bad_argument,
+                        60,
+                        "forbidden_angle_upwind is 30 to 85 deg, not 5"};
     auto raw = encode_acknowledgement(ack);
     CHECK(classify(raw) == packet_class::acknowledgement);
     auto back = parse_acknowledgement(raw);
@@ -355,7 +384,8 @@ TEST_CASE("names and enumerators lead to each other") {
 
 TEST_CASE("a parameter out of range is refused with its range") {
     CHECK(check_parameter(parameter_id::forbidden_angle_upwind, 45));
-    CHECK_THAT(check_parameter(parameter_id::forbidden_angle_upwind, 5).error().message(), Catch::Contains("30 to 85 deg"));
+    CHECK_THAT(check_parameter(parameter_id::forbidden_angle_upwind, 5).error().message(),
+               Catch::Contains("30 to 85 deg"));
     CHECK_FALSE(check_parameter(parameter_id::leeway_compensation, std::nanf("")));
     CHECK_FALSE(check_parameter(static_cast<parameter_id>(77), 1));
 }

@@ -5,8 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include <fstream>
 #include <algorithm>
+#include <fstream>
 
 namespace boat_test {
 
@@ -16,7 +16,9 @@ using namespace std::chrono_literals;
 
 namespace {
 
-std::shared_ptr<const wind_source> steady(double speed_mps, double from_deg) { return constant_wind({speed_mps, from_deg}); }
+std::shared_ptr<const wind_source> steady(double speed_mps, double from_deg) {
+    return constant_wind({speed_mps, from_deg});
+}
 
 std::vector<waypoint> triangle(double side_m) {
     local_chart chart({28.155, -15.453});
@@ -46,7 +48,8 @@ std::vector<telemetry_message> telemetry(simulated_boat& boat, link_id link = li
 
 template <class P>
 std::size_t count(const std::vector<telemetry_message>& all) {
-    return static_cast<std::size_t>(std::count_if(all.begin(), all.end(), [](auto& m) { return std::holds_alternative<P>(m.body); }));
+    return static_cast<std::size_t>(
+        std::count_if(all.begin(), all.end(), [](auto& m) { return std::holds_alternative<P>(m.body); }));
 }
 
 // Sails on in slices, emptying the queue.
@@ -218,7 +221,7 @@ TEST_CASE("a boat that heard of an authority refuses what comes under a lower on
     }
     CHECK(boat.pilot().list().size() == 1);
     CHECK(boat.execute(command(4, commands::ping())).code == ack_code::done); // it only asks
-    add.authority = 6; // the same id again, now as it should be
+    add.authority = 6;                                                        // the same id again, now as it should be
     CHECK(boat.execute(add).code == ack_code::done);
     CHECK(boat.pilot().list().size() == 2);
     auto reboot = command(5, commands::reboot());
@@ -347,7 +350,8 @@ TEST_CASE("a tack is commanded while beating and refused on a reach") {
     CHECK(beating.execute(command(1, commands::tack_now())).code == ack_code::done);
     beating.advance(60s);
     auto after = beating.navigation_now();
-    CHECK(std::abs(std::remainder(after.course_to_steer_deg - before.course_to_steer_deg, 360.0)) == Approx(120).margin(1));
+    CHECK(std::abs(std::remainder(after.course_to_steer_deg - before.course_to_steer_deg, 360.0)) ==
+          Approx(120).margin(1));
     CHECK(std::abs(std::remainder(after.heading_deg - after.course_to_steer_deg, 360.0)) < 25);
     simulated_boat reaching(options, steady(6, 0));
     reaching.advance(30s);
@@ -368,7 +372,8 @@ TEST_CASE("return home brings it home, hold keeps its heading, manual leaves the
     double heading = boat.navigation_now().heading_deg;
     boat.execute(mode);
     boat.advance(92min);
-    CHECK(std::abs(std::remainder(boat.navigation_now().heading_deg - boat.navigation_now().course_to_steer_deg, 360.0)) < 15);
+    CHECK(std::abs(std::remainder(boat.navigation_now().heading_deg - boat.navigation_now().course_to_steer_deg,
+                                  360.0)) < 15);
     CHECK(std::abs(std::remainder(boat.navigation_now().course_to_steer_deg - heading, 360.0)) <= 60);
     mode.id = 3;
     mode.command = commands::set_mode{sailing_mode::manual};
@@ -428,7 +433,8 @@ TEST_CASE("all legs of the courses lie in water") {
         bool inside = false;
         for (std::size_t i = 0, j = ring.size() - 1; i < ring.size(); j = i++) {
             double xi = ring[i][0], yi = ring[i][1], xj = ring[j][0], yj = ring[j][1];
-            if ((yi > latitude) != (yj > latitude) && longitude < (xj - xi) * (latitude - yi) / (yj - yi) + xi) inside = !inside;
+            if ((yi > latitude) != (yj > latitude) && longitude < (xj - xi) * (latitude - yi) / (yj - yi) + xi)
+                inside = !inside;
         }
         return inside;
     };
@@ -439,7 +445,8 @@ TEST_CASE("all legs of the courses lie in water") {
             auto a = marks[i], b = marks[(i + 1) % marks.size()];
             for (int k = 0; k <= 100; ++k) {
                 double part = k / 100.0;
-                CHECK_FALSE(on_land(a.latitude_deg + part * (b.latitude_deg - a.latitude_deg), a.longitude_deg + part * (b.longitude_deg - a.longitude_deg)));
+                CHECK_FALSE(on_land(a.latitude_deg + part * (b.latitude_deg - a.latitude_deg),
+                                    a.longitude_deg + part * (b.longitude_deg - a.longitude_deg)));
             }
         }
     }

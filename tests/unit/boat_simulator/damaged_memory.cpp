@@ -21,27 +21,29 @@ namespace {
 struct sea {
     sea() : world(1) {}
     void sail(std::chrono::seconds time) {
-        auto& process = world.host("boat").start_process("boat", [this](ise::sim::process& here) -> std::shared_ptr<void> {
-            ise::node_options terms;
-            terms.use_names = false;
-            terms.log = log.sink();
-            ise::component_options nowhere;
-            nowhere.listens = false;
-            boat_simulator_options options;
-            options.port.device.clear();
-            options.memory_file = disk.file();
-            options.gusts = false;
-            auto node = std::make_shared<ise::node>(here, terms);
-            node->start<boat_simulator>("atirma/boat", nowhere, options);
-            return node;
-        });
+        auto& process =
+            world.host("boat").start_process("boat", [this](ise::sim::process& here) -> std::shared_ptr<void> {
+                ise::node_options terms;
+                terms.use_names = false;
+                terms.log = log.sink();
+                ise::component_options nowhere;
+                nowhere.listens = false;
+                boat_simulator_options options;
+                options.port.device.clear();
+                options.memory_file = disk.file();
+                options.gusts = false;
+                auto node = std::make_shared<ise::node>(here, terms);
+                node->start<boat_simulator>("atirma/boat", nowhere, options);
+                return node;
+            });
         world.run_for(time);
         process.crash();
         world.run_for(1s);
     }
     simulator::remembered_boat remembered() {
         auto db = database::open_to_read(disk.file()).value();
-        return ise::try_decode<simulator::remembered_boat>(db.query("SELECT state FROM boat").value().at(0).bytes(0)).value();
+        return ise::try_decode<simulator::remembered_boat>(db.query("SELECT state FROM boat").value().at(0).bytes(0))
+            .value();
     }
     damaged_file::folder disk{"boat-memory"};
     damaged_file::log_lines log;

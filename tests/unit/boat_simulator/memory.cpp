@@ -37,7 +37,8 @@ telecommand command(std::uint32_t id, boat_command what) {
 
 } // namespace
 
-TEST_CASE("a boat that lost its power goes on where it was, in its next boot, with its list, its epoch and what it has done") {
+TEST_CASE("a boat that lost its power goes on where it was, in its next boot, with its list, its epoch and what it has "
+          "done") {
     auto boat = sailed_for(600s, on_t1());
     auto clear = command(1, commands::waypoint_clear());
     clear.authority = 4;
@@ -128,7 +129,8 @@ TEST_CASE("a boat's memory gives back what was put there, and the packets withou
 TEST_CASE("a boat's memory from before there were receipts is read, and has room for packets without one") {
     const std::array<std::string_view, 1> before{
         "CREATE TABLE boat(one INTEGER PRIMARY KEY CHECK(one = 1), state BLOB NOT NULL);"
-        "CREATE TABLE executed(number INTEGER PRIMARY KEY AUTOINCREMENT, id INTEGER NOT NULL UNIQUE, raw BLOB NOT NULL);"
+        "CREATE TABLE executed(number INTEGER PRIMARY KEY AUTOINCREMENT, id INTEGER NOT NULL UNIQUE, raw BLOB NOT "
+        "NULL);"
         "CREATE TABLE unacknowledged(number INTEGER PRIMARY KEY, raw BLOB NOT NULL)"};
     auto boat = sailed_for(60s, on_t1());
     auto packets = boat.take_packets(link_id::xbee);

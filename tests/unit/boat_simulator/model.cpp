@@ -16,7 +16,8 @@ double settled_speed(double wind_mps, double angle_off_wind_deg) {
     boat_state state;
     wind_vector wind{wind_mps, pi - radians(angle_off_wind_deg)};
     follower_settings settings;
-    for (int i = 0; i < 3000; ++i) state = step(state, steer_to(0, state, wind, settings), wind, small_boat_parameters(), 0.1);
+    for (int i = 0; i < 3000; ++i)
+        state = step(state, steer_to(0, state, wind, settings), wind, small_boat_parameters(), 0.1);
     return state.speed_mps;
 }
 std::string refusal(std::string_view csv) {

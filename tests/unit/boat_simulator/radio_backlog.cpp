@@ -1,5 +1,5 @@
-#include <components/boat_simulator/radio_backlog.hpp>
 #include <components/boat_simulator/boat_memory.hpp>
+#include <components/boat_simulator/radio_backlog.hpp>
 
 #include <support/catch.hpp>
 
@@ -76,9 +76,9 @@ TEST_CASE("radio backlog: while nobody hears it the boat holds what it has, and 
     kept.on_radio_acknowledgement(silent + 60s);
     CHECK(sequence_of(kept.next(silent + 60s)) == 101); // held, oldest first; for any shore that hears it
     CHECK(kept.put(silent + 60s, packet(200)));         // and what is new goes at once
-    kept.on_duty(radio_backlog::most_duty_percent);
+    kept.on_duty(radio_backlog::max_duty_percent);
     CHECK(kept.next(silent + 60s).empty());
-    kept.on_duty(radio_backlog::most_duty_percent - 1);
+    kept.on_duty(radio_backlog::max_duty_percent - 1);
     CHECK(sequence_of(kept.next(silent + 60s)) == 102);
 }
 

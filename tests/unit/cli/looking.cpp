@@ -60,11 +60,20 @@ std::vector<std::string> kinds(const std::vector<finding>& of) {
     return all;
 }
 
-std::vector<std::string> found(const std::vector<surveyed>& now, const std::vector<surveyed>& before = {}) { return kinds(examine(before, now, 1s, "shore")); }
+std::vector<std::string> found(const std::vector<surveyed>& now, const std::vector<surveyed>& before = {}) {
+    return kinds(examine(before, now, 1s, "shore"));
+}
 
-struct order { double heading_deg = 0; };
-struct longer_order { double heading_deg = 0; bool now = false; };
-struct other_order { std::string text; };
+struct order {
+    double heading_deg = 0;
+};
+struct longer_order {
+    double heading_deg = 0;
+    bool now = false;
+};
+struct other_order {
+    std::string text;
+};
 struct done {};
 inline constexpr ise::request_response<order, done> steer{"steer"};
 inline constexpr ise::request_response<order, done> unused{"unused"};
@@ -164,7 +173,8 @@ TEST_CASE("who waits for longer than what is logged is a warning, which says for
     CHECK(kinds(examine({}, {one}, 1s, "shore")) == list{"waits"});
     wait.waited = 12s;
     wait.cause = "no component is registered as 'b'";
-    CHECK(told("name") == "it waits for 'steer' of b, which is not found, since 2026-05-01T12:00:03Z (12 s): no component is registered as 'b'");
+    CHECK(told("name") == "it waits for 'steer' of b, which is not found, since 2026-05-01T12:00:03Z (12 s): no "
+                          "component is registered as 'b'");
     CHECK_THAT(told("provider"), Contains("with which there is no session"));
     CHECK_THAT(told("unreached"), Contains("its last call of 'steer' of b reached no provider"));
     wait.service.clear();
@@ -197,7 +207,7 @@ TEST_CASE("percentiles are those of what came between two looks, also where a co
     CHECK(percentile(before, now, 1) == ise::duration(9000));
     CHECK_FALSE(percentile(now, now, 0.5));
     CHECK_FALSE(percentile(now, before, 0.5));
-    ise::health_text then, later;
+    ise::health_report then, later;
     then.services.resize(1);
     then.services[0].name = "steer";
     later = then;
@@ -262,8 +272,10 @@ TEST_CASE("a session is one connection, seen from both ends, and who only looks 
     CHECK(lines[1].address == "tcp://10.0.0.9:4321");
     auto dot = connections_as_dot({a, b}, lines);
     CHECK_THAT(dot, Contains(R"x("a" -> "b" [label="steer (tcp)"];)x") && Contains("style=dotted"));
-    CHECK_THAT(connections_as_tree({a, b}, lines), Contains("b  tcp  uses steer") && Contains("a  tcp  gives steer") && Contains("(anonymous, tcp://10.0.0.9:4321)"));
-    SECTION("each end tells what it uses itself, of all their sessions together, and by a name that is declared otherwise") {
+    CHECK_THAT(connections_as_tree({a, b}, lines), Contains("b  tcp  uses steer") && Contains("a  tcp  gives steer") &&
+                                                       Contains("(anonymous, tcp://10.0.0.9:4321)"));
+    SECTION("each end tells what it uses itself, of all their sessions together, and by a name that is declared "
+            "otherwise") {
         b.about->sessions.front().uses = {"account"};
         a.about->sessions.push_back(with("b (udp://10.0.0.2:7411)"));
         a.about->sessions.back().uses = {"alarms", "steer"};
@@ -271,7 +283,8 @@ TEST_CASE("a session is one connection, seen from both ends, and who only looks 
         REQUIRE(seen.size() == 2);
         std::vector<std::pair<std::string, bool>> used;
         for (const auto& one : seen[0].services) used.emplace_back(one.service, one.a_provides);
-        CHECK(used == std::vector<std::pair<std::string, bool>>{{"alarms", false}, {"steer", false}, {"account", true}});
+        CHECK(used ==
+              std::vector<std::pair<std::string, bool>>{{"alarms", false}, {"steer", false}, {"account", true}});
     }
     SECTION("seen by the second alone, its bytes are turned round") {
         auto seen = connections_of({b});
@@ -327,7 +340,8 @@ TEST_CASE("a length of time has three digits, and its unit is the next one from 
 TEST_CASE("of the endpoints of a component those come first that most can reach") {
     CHECK(reachable_first({"inproc://a", "local://@b", "tcp://127.0.0.1:1", "tcp://192.168.1.7:2", "tls://[::1]:3"}) ==
           list{"tcp://192.168.1.7:2", "tcp://127.0.0.1:1", "tls://[::1]:3", "local://@b", "inproc://a"});
-    CHECK(reachable_first({"local://@b", "what a newer component says"}) == list{"what a newer component says", "local://@b"});
+    CHECK(reachable_first({"local://@b", "what a newer component says"}) ==
+          list{"what a newer component says", "local://@b"});
 }
 
 TEST_CASE("a table that is too wide loses the columns that matter least, then the end of the last one") {
@@ -346,7 +360,8 @@ TEST_CASE("a table that is too wide loses the columns that matter least, then th
 
 TEST_CASE("no line of a table is wider than the terminal, whatever its cells hold") {
     table rows({"PARAMETER", "VALUE", "ALLOWED", "WHAT"});
-    rows.add({"telemetry", std::string(120, 'v'), "a URL to connect to: https://host/path or tcp://host:7411", std::string(90, 'w')});
+    rows.add({"telemetry", std::string(120, 'v'), "a URL to connect to: https://host/path or tcp://host:7411",
+              std::string(90, 'w')});
     rows.add({std::string(200, 'p'), "5", "", ""});
     for (std::size_t width : {80, 60, 40}) {
         auto text = rows.text(width, "  ", {"ALLOWED"}, 24);
@@ -362,7 +377,10 @@ TEST_CASE("no line of a table is wider than the terminal, whatever its cells hol
 
 TEST_CASE("what a terminal obeys or turns round is not printed") {
     CHECK(printable("boat\x1b[2J", false) == "boat\uFFFD[2J");
-    CHECK(printable("txt.\xe2\x80\xae" "exe", false).find("\xe2\x80\xae") == std::string::npos);
+    CHECK(printable("txt.\xe2\x80\xae"
+                    "exe",
+                    false)
+              .find("\xe2\x80\xae") == std::string::npos);
     CHECK(printable("un año\nmás", true) == "un año\nmás");
 }
 

@@ -16,7 +16,8 @@ TEST_CASE("coast: the island is the greatest ring, closed and where it is") {
         CHECK(ring.points.front().latitude_deg == ring.points.back().latitude_deg);
         CHECK(ring.points.front().longitude_deg == ring.points.back().longitude_deg);
         for (const auto& p : ring.points) {
-            bool near = p.latitude_deg > 27.6 && p.latitude_deg < 28.4 && p.longitude_deg > -16 && p.longitude_deg < -15.2;
+            bool near =
+                p.latitude_deg > 27.6 && p.latitude_deg < 28.4 && p.longitude_deg > -16 && p.longitude_deg < -15.2;
             if (!near) FAIL("a point at " << p.latitude_deg << ", " << p.longitude_deg);
         }
     }

@@ -171,10 +171,12 @@ TEST_CASE("authority: a state of a store that knew one epoch only goes on with i
     CHECK(it.ask("bea", take, true)->boat_epoch == 8);
 }
 
-TEST_CASE("authority: only a path holds it: it is handed over to nothing else, and what else holds it commands nothing") {
+TEST_CASE(
+    "authority: only a path holds it: it is handed over to nothing else, and what else holds it commands nothing") {
     helm it;
     REQUIRE(it.ask("test/ana", take));
-    for (const std::string nobody : {"anonymous@local", "anonymous@10.0.0.9:4321", "two words", "tcp://shore:1", "/ana", "ana/", "a//b"}) {
+    for (const std::string nobody :
+         {"anonymous@local", "anonymous@10.0.0.9:4321", "two words", "tcp://shore:1", "/ana", "ana/", "a//b"}) {
         CAPTURE(nobody);
         CHECK_THAT(it.refusal("test/ana", hand_over, false, nobody), Contains("`to`") && Contains("path"));
         for (auto action : {take, ask, hand_over, release})
@@ -196,8 +198,8 @@ TEST_CASE("authority: an operator is known by his path, and by his session where
     CHECK(operator_of("ana (local:/run/ise/one)") == "ana");
     CHECK(operator_of("tcp://10.0.0.9:4321") == "anonymous@10.0.0.9:4321");
     CHECK(operator_of("local:/run/ise/one") == "anonymous@local");
-    for (const std::string claimed : {"anonymous@local", "two words", "local://x", "tcp://elsewhere:1", "test/ana (tcp://1.2.3.4:5)",
-                                      "test/ana (", "/ana", " ", "ana\n"}) {
+    for (const std::string claimed : {"anonymous@local", "two words", "local://x", "tcp://elsewhere:1",
+                                      "test/ana (tcp://1.2.3.4:5)", "test/ana (", "/ana", " ", "ana\n"}) {
         CAPTURE(claimed);
         CHECK(operator_of(claimed + " (tcp://10.0.0.9:4321)") == "anonymous@10.0.0.9:4321");
     }

@@ -47,8 +47,9 @@ void make_old(const std::string& file) {
                              {std::int64_t{p.boot}, std::int64_t{p.sequence},
                               std::int64_t{p.measured_at.time_since_epoch().count()}, p.raw,
                               std::int64_t{p.sequence + 2}}));
-    REQUIRE(old->execute("INSERT INTO commands(id, position, open, asked_by, changed, record) VALUES(7, 1, 1, 'ana', 0, "
-                         "'{\"status\":{\"id\":7}}')"));
+    REQUIRE(
+        old->execute("INSERT INTO commands(id, position, open, asked_by, changed, record) VALUES(7, 1, 1, 'ana', 0, "
+                     "'{\"status\":{\"id\":7}}')"));
     REQUIRE(old->execute("INSERT INTO authority VALUES(6, 1, '{\"holder\":\"ana\",\"epoch\":6}')"));
 }
 
@@ -201,8 +202,9 @@ TEST_CASE("node store: of a file with a broken page everything else is read") {
     std::string noise(4096, '\x5a');
     {
         std::fstream disk(there.file(), std::ios::in | std::ios::out | std::ios::binary);
-        auto leaf = database::open_to_read(there.file())
-                        ->query("SELECT pageno FROM dbstat WHERE name = 'packets' AND pagetype = 'leaf' LIMIT 1 OFFSET 20");
+        auto leaf =
+            database::open_to_read(there.file())
+                ->query("SELECT pageno FROM dbstat WHERE name = 'packets' AND pagetype = 'leaf' LIMIT 1 OFFSET 20");
         auto page = leaf ? leaf->at(0).integer(0) : static_cast<std::int64_t>(pages / 2);
         disk.seekp((page - 1) * 4096);
         disk.write(noise.data(), 4096);

@@ -58,7 +58,8 @@ inline std::vector<std::uint32_t> sequences(const std::vector<telemetry_packet>&
     return made;
 }
 
-inline command_record record(std::uint32_t id, telecommand_stage stage = telecommand_stage::queued, std::string who = "ana") {
+inline command_record record(std::uint32_t id, telecommand_stage stage = telecommand_stage::queued,
+                             std::string who = "ana") {
     command_record made;
     made.status.id = id;
     made.status.kind = command_kind::set_mode;

@@ -40,7 +40,9 @@ TEST_CASE("a handler knows its service, its caller and its deadline, coroutine o
         if (plain) {
             self.provide(echo, [told](question, const ise::call_context& context) { return reply{told(context)}; });
         } else {
-            self.provide(echo, [told](question, const ise::call_context& context) -> task<reply> { co_return reply{told(context)}; });
+            self.provide(echo, [told](question, const ise::call_context& context) -> task<reply> {
+                co_return reply{told(context)};
+            });
         }
         co_return;
     });
@@ -94,7 +96,8 @@ TEST_CASE("a nested call has the smaller deadline and the same trace, and its ha
             co_return answer;
         };
         auto calling = call(boat);
-        auto answer = co_await asio::co_spawn(ise::with_context(self.get_executor(), &root), std::move(calling), asio::use_awaitable);
+        auto answer = co_await asio::co_spawn(ise::with_context(self.get_executor(), &root), std::move(calling),
+                                              asio::use_awaitable);
         REQUIRE(!answer);
         CHECK(answer.error().code() == ise::errc::timed_out);
         CHECK(self.now() - began == 3s);

@@ -1,4 +1,5 @@
-// Nodes with credentials: taken from their options or variables, for every component, and demanded where they are told to.
+// Nodes with credentials: taken from their options or variables, for every component, and demanded where they are told
+// to.
 #include "sea.hpp"
 
 #include <ise/core/sleep.hpp>
@@ -45,13 +46,16 @@ struct port {
         auto done = std::make_shared<bool>(false);
         ise::component_options silent;
         silent.listens = false;
-        from.start("", [got, done](ise::component& self) -> task<> {
-            auto boat = self.at(ise::endpoint::parse("tcp://boat:7400").value());
-            question asked{"ahoy"};
-            auto outcome = co_await boat.try_call(echo, asked, 5s);
-            *got = std::move(outcome);
-            *done = true;
-        }, silent);
+        from.start(
+            "",
+            [got, done](ise::component& self) -> task<> {
+                auto boat = self.at(ise::endpoint::parse("tcp://boat:7400").value());
+                question asked{"ahoy"};
+                auto outcome = co_await boat.try_call(echo, asked, 5s);
+                *got = std::move(outcome);
+                *done = true;
+            },
+            silent);
         REQUIRE(world.run_until([&] { return *done; }));
         return *got;
     }
@@ -112,13 +116,16 @@ TEST_CASE("a node over udp asks for the key as well") {
     auto done = std::make_shared<bool>(false);
     ise::component_options silent;
     silent.listens = false;
-    shore.start("", [got, done](ise::component& self) -> task<> {
-        auto there = self.at(ise::endpoint::parse("udp://boat:7400").value());
-        question asked{"ahoy"};
-        auto outcome = co_await there.try_call(echo, asked, 5s);
-        *got = std::move(outcome);
-        *done = true;
-    }, silent);
+    shore.start(
+        "",
+        [got, done](ise::component& self) -> task<> {
+            auto there = self.at(ise::endpoint::parse("udp://boat:7400").value());
+            question asked{"ahoy"};
+            auto outcome = co_await there.try_call(echo, asked, 5s);
+            *got = std::move(outcome);
+            *done = true;
+        },
+        silent);
     REQUIRE(at.world.run_until([&] { return *done; }));
     CHECK(bool(*got) == right);
     if (!right) CHECK_THAT(got->error().message(), Contains("the shared key here is another one"));

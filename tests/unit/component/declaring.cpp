@@ -7,7 +7,7 @@ using ise::component;
 
 namespace {
 
-std::set<std::string> names_of(const ise::component_text& text, bool provided) {
+std::set<std::string> names_of(const ise::component_info& text, bool provided) {
     std::set<std::string> names;
     for (const auto& service : text.services)
         if (service.provided == provided) names.insert(service.name);
@@ -100,7 +100,8 @@ TEST_CASE("a listener gets every packet in order, from a provider that came long
     std::vector<std::uint64_t> heard;
     all.node("boat");
     all.start("shore", "shore", [&](component& self) -> task<> {
-        self.listen(self.at(fleet::at("boat")), readings, [&](const reading& packet) { heard.push_back(packet.number); });
+        self.listen(self.at(fleet::at("boat")), readings,
+                    [&](const reading& packet) { heard.push_back(packet.number); });
         co_return;
     });
     all.world.run_for(60s);
@@ -117,7 +118,8 @@ TEST_CASE("a provider decides over its subscribers and hears of those that leave
     std::vector<std::string> happened;
     all.start("boat", "boat", [&](component& self) -> task<> {
         ise::publication_callbacks<ise::subscription<reading>> callbacks;
-        callbacks.on_subscribe = [&](const ise::nothing&, const ise::subscriber_info& who) -> ise::result<ise::nothing> {
+        callbacks.on_subscribe = [&](const ise::nothing&,
+                                     const ise::subscriber_info& who) -> ise::result<ise::nothing> {
             happened.push_back("asked " + std::to_string(who.number));
             if (who.number == 1) return ise::failure(ise::errc::refused, "not today");
             return ise::nothing{};

@@ -112,7 +112,8 @@ TEST_CASE("a component runs on the io_context of the program") {
         quiet.together_with = "beacon";
         auto& asker = here.node.start("asker", idle, quiet);
         bool over = false;
-        asio::co_spawn(program, main(asker, here.at(provider), here.node, answer), [&](std::exception_ptr) { over = true; });
+        asio::co_spawn(program, main(asker, here.at(provider), here.node, answer),
+                       [&](std::exception_ptr) { over = true; });
         while (!over && program.run_one() > 0) {}
         CHECK(answer == "ahoy");
     }
@@ -213,7 +214,8 @@ TEST_CASE("a thread waits for what a component does") {
             told.set_value();
             co_await self.sleep(1h);
         };
-        auto waiter = std::async(std::launch::async, [&] { return code_of([&] { asker.wait(forever(asker, waiting)); }); });
+        auto waiter =
+            std::async(std::launch::async, [&] { return code_of([&] { asker.wait(forever(asker, waiting)); }); });
         waiting.get_future().get();
         here.node.stop("asker");
         CHECK(waiter.get() == ise::errc::cancelled);
@@ -265,7 +267,8 @@ TEST_CASE("a start that fails says why and leaves nothing behind") {
         part = taken.text();
     }
     SECTION("when the address is none of this host") {
-        options.listen = {ise::endpoint::parse("local://@ise-test-leaves-nothing").value(), ise::endpoint::parse("tcp://203.0.113.7:0").value()};
+        options.listen = {ise::endpoint::parse("local://@ise-test-leaves-nothing").value(),
+                          ise::endpoint::parse("tcp://203.0.113.7:0").value()};
         expected = ise::errc::io_failed;
         part = "203.0.113.7";
     }
@@ -306,7 +309,9 @@ TEST_CASE("a path is used once in a node, and again when its component has stopp
 
 TEST_CASE("a path that is none is refused with what one looks like") {
     harbour here;
-    auto path = GENERATE(std::string("/boat"), std::string("boat/"), std::string("a//b"), std::string("a b"), std::string("b\xc3\xb6" "at"),
+    auto path = GENERATE(std::string("/boat"), std::string("boat/"), std::string("a//b"), std::string("a b"),
+                         std::string("b\xc3\xb6"
+                                     "at"),
                          std::string("a\nb"), std::string(201, 'a'), std::string("a\0b", 3));
     CAPTURE(path, path.size());
     std::string said;
@@ -365,7 +370,8 @@ TEST_CASE("components start and stop from many threads at once") {
                     ++started;
                 } catch (const ise::error& thrown) {
                     std::lock_guard held(mutex);
-                    if (thrown.code() != ise::errc::name_taken && thrown.code() != ise::errc::cancelled) unexpected.push_back(thrown.what());
+                    if (thrown.code() != ise::errc::name_taken && thrown.code() != ise::errc::cancelled)
+                        unexpected.push_back(thrown.what());
                 }
                 here.node.stop(path);
             }

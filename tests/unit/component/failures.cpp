@@ -53,7 +53,8 @@ TEST_CASE("an exception that escapes is reported with the component's and the co
         coroutine = "readings";
         all.node("buoy").start<beacon>("buoy", all.listening("buoy"));
         all.start("boat", "atirma/boat", [](component& self) -> task<> {
-            self.listen(self.at(fleet::at("buoy")), readings, [](const reading&) { throw std::runtime_error("aground"); });
+            self.listen(self.at(fleet::at("buoy")), readings,
+                        [](const reading&) { throw std::runtime_error("aground"); });
             co_return;
         });
     }
@@ -105,22 +106,29 @@ TEST_CASE("the log names a caller without a name within the host for what it is,
     auto listen = GENERATE(as<std::string>(), "inproc://boat", "local://@boat");
     ise::component_options there;
     there.listen = {ise::endpoint::parse(listen).value()};
-    all.node("boat").start("boat", [](component& self) -> task<> {
-        self.provide(echo, [](question) -> reply { throw std::runtime_error("no echo at sea"); });
-        co_return;
-    }, there);
+    all.node("boat").start(
+        "boat",
+        [](component& self) -> task<> {
+            self.provide(echo, [](question) -> reply { throw std::runtime_error("no echo at sea"); });
+            co_return;
+        },
+        there);
     ise::component_options nobody;
     nobody.listens = false;
     bool over = false;
-    all.node("boat").start("", [&](component& self) -> task<> {
-        auto boat = self.at(ise::endpoint::parse(listen).value());
-        question asked{"?"};
-        auto answer = co_await boat.try_call(echo, asked, 5s);
-        CHECK(!answer);
-        over = true;
-    }, nobody);
+    all.node("boat").start(
+        "",
+        [&](component& self) -> task<> {
+            auto boat = self.at(ise::endpoint::parse(listen).value());
+            question asked{"?"};
+            auto answer = co_await boat.try_call(echo, asked, 5s);
+            CHECK(!answer);
+            over = true;
+        },
+        nobody);
     REQUIRE(all.world.run_until([&] { return over; }, 1min));
-    auto who = listen.starts_with("inproc") ? "a component without a name in the same process" : "a component without a name on the same host";
+    auto who = listen.starts_with("inproc") ? "a component without a name in the same process"
+                                            : "a component without a name on the same host";
     CHECK(all.log.has("a handler of 'echo' failed: no echo at sea", who));
     CHECK_FALSE(all.log.has("a handler of 'echo' failed", listen));
 }
@@ -138,7 +146,8 @@ TEST_CASE("a component that is restarted provides its services anew and its clie
     fleet all;
     int lives = 0;
     std::vector<std::uint64_t> heard;
-    all.node("boat").start("boat",
+    all.node("boat").start(
+        "boat",
         [&](component& self) -> task<> {
             ++lives;
             self.provide(echo, [life = lives](question) { return reply{std::to_string(life)}; });
@@ -148,7 +157,8 @@ TEST_CASE("a component that is restarted provides its services anew and its clie
         },
         with_policy(all, ise::on_failure::restart));
     all.start("shore", "shore", [&](component& self) -> task<> {
-        self.listen(self.at(fleet::at("boat")), readings, [&](const reading& packet) { heard.push_back(packet.number); });
+        self.listen(self.at(fleet::at("boat")), readings,
+                    [&](const reading& packet) { heard.push_back(packet.number); });
         co_return;
     });
     all.run("shore", [](component& self) -> task<> {
@@ -176,7 +186,8 @@ TEST_CASE("a component that is restarted provides its services anew and its clie
 TEST_CASE("restarts come later and later, and end when the component is stopped") {
     fleet all;
     std::vector<ise::time_point> began;
-    all.node("boat").start("boat",
+    all.node("boat").start(
+        "boat",
         [&](component& self) -> task<> {
             began.push_back(self.now());
             throw std::runtime_error("aground");
@@ -196,7 +207,8 @@ TEST_CASE("restarts come later and later, and end when the component is stopped"
 TEST_CASE("a component whose last flow does not end cannot be restarted and says so") {
     census frames;
     fleet all;
-    all.node("boat").start("boat",
+    all.node("boat").start(
+        "boat",
         [&](component& self) -> task<> {
             auto mule = [](component& whose, census& among) -> task<> {
                 census::citizen alive(among);

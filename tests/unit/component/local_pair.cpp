@@ -43,14 +43,18 @@ class boat : public ise::component {
 ise::node_options quiet() {
     ise::node_options options;
     options.use_names = false;
-    if (!std::getenv("ISE_TEST_LOG")) options.log = {}; else options.log = ise::log_to_stderr(ise::log_level::debug);
+    if (!std::getenv("ISE_TEST_LOG")) options.log = {};
+    else options.log = ise::log_to_stderr(ise::log_level::debug);
     return options;
 }
 
 } // namespace
 
 TEST_CASE("a component calls and subscribes to another over each transport") {
-    auto where = GENERATE(std::string("tcp://127.0.0.1:0"), std::string("tcp://[::1]:0"), std::string("udp://127.0.0.1:0"), std::string("udp://[::1]:0"), std::string("udp://localhost:0"), std::string("local://@ise-test-pair"), std::string("inproc://pair"));
+    auto where =
+        GENERATE(std::string("tcp://127.0.0.1:0"), std::string("tcp://[::1]:0"), std::string("udp://127.0.0.1:0"),
+                 std::string("udp://[::1]:0"), std::string("udp://localhost:0"), std::string("local://@ise-test-pair"),
+                 std::string("inproc://pair"));
     CAPTURE(where);
     ise::real_environment env;
     ise::node node(env, quiet());
@@ -71,7 +75,8 @@ TEST_CASE("a component calls and subscribes to another over each transport") {
         auto fixes = co_await boat.subscribe(position);
         auto first = co_await fixes.next();
         auto second = co_await fixes.next();
-        heard.set_value(fmt::format("{} {} {:.2f} {:.2f} {}", reply.accepted, no.accepted, first->latitude_deg, second->longitude_deg, second.lost_before().value()));
+        heard.set_value(fmt::format("{} {} {:.2f} {:.2f} {}", reply.accepted, no.accepted, first->latitude_deg,
+                                    second->longitude_deg, second.lost_before().value()));
     });
     CHECK(answer.get() == "true false 28.15 -15.45 0");
     node.stop();

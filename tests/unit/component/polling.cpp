@@ -60,7 +60,8 @@ ise::errc made_with(const std::string& told) {
 TEST_CASE("polling: components call each other, over each transport and in one process") {
     // A window that is never over, and one that always is.
     auto window = GENERATE(as<ise::duration>{}, 1s, 1us);
-    auto where = GENERATE(as<std::string>{}, "tcp://127.0.0.1:0", "udp://127.0.0.1:0", "local://@ise-unit-polling", "inproc://polling");
+    auto where = GENERATE(as<std::string>{}, "tcp://127.0.0.1:0", "udp://127.0.0.1:0", "local://@ise-unit-polling",
+                          "inproc://polling");
     ise::real_environment env;
     ise::node node(env, polling(window));
     auto& provider = node.start<beacon>("beacon", listening_on(where));
@@ -132,7 +133,8 @@ TEST_CASE("polling: the virtual world does not sleep, and goes the same way with
         auto options = polling(window.value_or(ise::duration{}));
         options.poll = window;
         options.log = log.sink();
-        ise::node shore(world.host("shore").start_process("program"), options), boat(world.host("boat").start_process("program"), options);
+        ise::node shore(world.host("shore").start_process("program"), options),
+            boat(world.host("boat").start_process("program"), options);
         ise::component_options listens;
         listens.listen = {fleet::at("boat")};
         boat.start<beacon>("beacon", listens);
@@ -152,7 +154,8 @@ TEST_CASE("polling: what is no time to poll for is refused") {
     CHECK(made_with("") == ise::errc{});
     CHECK(made_with("0") == ise::errc{});
     CHECK(made_with("1000000") == ise::errc{});
-    for (auto* wrong : {"1000001", "-1", "50us", "1e3", " 5", "99999999999999999999"}) CHECK(made_with(wrong) == ise::errc::invalid_argument);
+    for (auto* wrong : {"1000001", "-1", "50us", "1e3", " 5", "99999999999999999999"})
+        CHECK(made_with(wrong) == ise::errc::invalid_argument);
     ise::real_environment env;
     CHECK(code_of([&] { ise::node node(env, polling(-1ns)); }) == ise::errc::invalid_argument);
     CHECK(code_of([&] { ise::node node(env, polling(2s)); }) == ise::errc::invalid_argument);

@@ -109,7 +109,8 @@ public:
         options.listen = {at(host, port)};
         return options;
     }
-    ise::component& start(const std::string& host, const std::string& path, std::function<task<>(ise::component&)> body, int port = 7000) {
+    ise::component& start(const std::string& host, const std::string& path, std::function<task<>(ise::component&)> body,
+                          int port = 7000) {
         return node(host).start(path, std::move(body), listening(host, port));
     }
 

@@ -1,6 +1,6 @@
 #include "sea.hpp"
 
-#include <ise/service/link.hpp>
+#include <ise/service/peer_channel.hpp>
 
 #include <asio/this_coro.hpp>
 
@@ -122,7 +122,8 @@ TEST_CASE("a subscription goes on when its provider was stopped and started agai
     std::vector<std::uint64_t> heard;
     all.node("boat").start<beacon>("boat", all.listening("boat"));
     all.start("shore", "shore", [&](component& self) -> task<> {
-        self.listen(self.at(fleet::at("boat")), readings, [&](const reading& packet) { heard.push_back(packet.number); });
+        self.listen(self.at(fleet::at("boat")), readings,
+                    [&](const reading& packet) { heard.push_back(packet.number); });
         co_return;
     });
     REQUIRE(all.world.run_until([&] { return heard.size() == 5; }, 1min));

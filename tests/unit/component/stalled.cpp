@@ -86,7 +86,8 @@ TEST_CASE("a component whose thread is busy is shown as stalled, and its node go
 }
 
 TEST_CASE("sessions of a component that computes for many heartbeats last, over every transport") {
-    auto where = GENERATE(as<std::string>(), "tcp://127.0.0.1:0", "udp://127.0.0.1:0", "local://@ise-test-stalled", "inproc://stalled");
+    auto where = GENERATE(as<std::string>(), "tcp://127.0.0.1:0", "udp://127.0.0.1:0", "local://@ise-test-stalled",
+                          "inproc://stalled");
     INFO(where);
     log_book log;
     ise::real_environment env;
@@ -95,17 +96,21 @@ TEST_CASE("sessions of a component that computes for many heartbeats last, over 
     ise::node node(env, options);
     ise::component_options listens;
     listens.listen = {ise::endpoint::parse(where).value()};
-    auto& busy = node.start("busy", [&](component& self) -> task<> {
-        self.provide(echo, [](question asked) {
-            auto until = std::chrono::steady_clock::now() + 1600ms; // of computing
-            while (std::chrono::steady_clock::now() < until) {}
-            return reply{asked.text};
-        });
-        co_await self.sleep(1h);
-    }, listens);
+    auto& busy = node.start(
+        "busy",
+        [&](component& self) -> task<> {
+            self.provide(echo, [](question asked) {
+                auto until = std::chrono::steady_clock::now() + 1600ms; // of computing
+                while (std::chrono::steady_clock::now() < until) {}
+                return reply{asked.text};
+            });
+            co_await self.sleep(1h);
+        },
+        listens);
     ise::component_options asks;
     asks.listens = false;
-    auto& asking = node.start("asking", [](component& self) -> task<> { co_await self.sleep(1h); }, asks);
+    auto& asking = node.start(
+        "asking", [](component& self) -> task<> { co_await self.sleep(1h); }, asks);
     auto call = [](component& self, ise::endpoint at) -> task<std::string> {
         auto provider = self.at(at);
         question asked{"ahoy"};
@@ -113,7 +118,9 @@ TEST_CASE("sessions of a component that computes for many heartbeats last, over 
         co_return answer.text;
     };
     CHECK(asking.wait(call(asking, busy.services().listening().front())) == "ahoy");
-    auto sessions = [](component& self) -> task<std::uint64_t> { co_return self.services().counts().sessions_accepted; };
+    auto sessions = [](component& self) -> task<std::uint64_t> {
+        co_return self.services().counts().sessions_accepted;
+    };
     CHECK(busy.wait(sessions(busy)) == 1); // and no other one healed what was lost
 }
 

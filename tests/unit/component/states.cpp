@@ -84,8 +84,10 @@ TEST_CASE("a component that takes its time is stopping meanwhile") {
 TEST_CASE("whoever awaits the end of a node goes on when its last component has stopped") {
     fleet all;
     bool told = false;
-    all.start("boat", "one", [](component& self) -> task<> { co_await self.sleep(1h); }, 7001);
-    all.start("boat", "two", [](component& self) -> task<> { co_await self.sleep(1h); }, 7002);
+    all.start(
+        "boat", "one", [](component& self) -> task<> { co_await self.sleep(1h); }, 7001);
+    all.start(
+        "boat", "two", [](component& self) -> task<> { co_await self.sleep(1h); }, 7002);
     auto wait = [](ise::node& whose, bool& done) -> task<> {
         co_await whose.stopped();
         done = true;

@@ -20,7 +20,7 @@ struct used {
     bool declared;
     bool operator==(const used&) const = default;
 };
-std::vector<used> used_by(const ise::component_text& text) {
+std::vector<used> used_by(const ise::component_info& text) {
     std::vector<used> all;
     for (const auto& one : text.services)
         if (!one.provided) all.push_back({one.name, one.declared});
@@ -28,8 +28,8 @@ std::vector<used> used_by(const ise::component_text& text) {
 }
 
 /// As somebody sees it who asks `path` on `host`.
-ise::component_text asked(fleet& all, const std::string& host) {
-    ise::component_text text;
+ise::component_info asked(fleet& all, const std::string& host) {
+    ise::component_info text;
     all.run("observer", [&](component& self) -> task<> {
         ise::describe_request request;
         text = co_await self.at(fleet::at(host)).call(ise::describe_service, request);
@@ -37,7 +37,7 @@ ise::component_text asked(fleet& all, const std::string& host) {
     return text;
 }
 
-const ise::session_text* session_with(const ise::component_text& text, const std::string& path) {
+const ise::session_text* session_with(const ise::component_info& text, const std::string& path) {
     for (const auto& one : text.sessions)
         if (one.peer.starts_with(path + " ")) return &one;
     return nullptr;
@@ -153,7 +153,8 @@ TEST_CASE("of the services that a component uses at very many targets the last o
     all.node("boat").start<beacon>("boat", all.listening("boat"));
     all.run("shore", [](component& self) -> task<> {
         for (std::size_t n = 0; n <= ise::limit::used_services; ++n) {
-            auto nobody = self.at(ise::endpoint{ise::protocol::tcp, "nobody", static_cast<std::uint16_t>(1000 + n), {}});
+            auto nobody =
+                self.at(ise::endpoint{ise::protocol::tcp, "nobody", static_cast<std::uint16_t>(1000 + n), {}});
             question asks{"there?"};
             auto missed = co_await nobody.try_call(echo, asks, 1ms);
             CHECK(!missed);

@@ -17,7 +17,8 @@ task<> pump(std::unique_ptr<ise::stream> to, std::size_t total) {
     for (std::size_t sent = 0; sent < total;) {
         for (std::size_t i = 0; i < block.size(); ++i) block[i] = static_cast<std::byte>((sent + i) % 251);
         const auto count = std::min(block.size(), total - sent);
-        std::array pieces{asio::const_buffer(block.data(), count / 3), asio::const_buffer(block.data() + count / 3, count - count / 3)};
+        std::array pieces{asio::const_buffer(block.data(), count / 3),
+                          asio::const_buffer(block.data() + count / 3, count - count / 3)};
         auto moved = to->try_write(pieces);
         sent += moved.bytes;
         if (moved.problem == asio::error::would_block) {
@@ -79,52 +80,52 @@ TEST_CASE("inproc: bytes cross threads in order through a full queue and end wit
     bare_environment env;
     ise::inproc_registry names;
     looper near(env), far(env);
-    std::unique_ptr<ise::listener> door;
-    far.run(listen_here(names, far.loop(), door)).get();
+    std::unique_ptr<ise::listener> channel;
+    far.run(listen_here(names, far.loop(), channel)).get();
     constexpr std::size_t total = 5'000'000;
     tally got;
-    auto reading = far.run(accept_and_drain(*door, got));
+    auto reading = far.run(accept_and_drain(*channel, got));
     auto writing = near.run(connect_and_pump(names, near.loop(), "boat", total));
     writing.get();
     reading.get();
     CHECK(got.count == total);
     CHECK(got.right);
     CHECK(got.problem == asio::error::eof);
-    far.run(forget(door)).get();
+    far.run(forget(channel)).get();
 }
 
 TEST_CASE("inproc: many connections at once, both ways between two threads") {
     bare_environment env;
     ise::inproc_registry names;
     looper near(env), far(env);
-    std::unique_ptr<ise::listener> door;
-    far.run(listen_here(names, far.loop(), door)).get();
+    std::unique_ptr<ise::listener> channel;
+    far.run(listen_here(names, far.loop(), channel)).get();
     std::vector<tally> got(20);
     std::vector<std::future<void>> all;
     for (auto& each : got) {
         all.push_back(near.run(connect_and_pump(names, near.loop(), "boat", 50'000)));
-        all.push_back(far.run(accept_and_drain(*door, each)));
+        all.push_back(far.run(accept_and_drain(*channel, each)));
         all.back().wait(); // one accept at a time
     }
     for (auto& each : all) each.get();
     for (auto& each : got) CHECK(each.count == 50'000);
-    far.run(forget(door)).get();
+    far.run(forget(channel)).get();
 }
 
 TEST_CASE("inproc: a name that is taken, free again, or not there is said so") {
     bare_environment env;
     ise::inproc_registry names;
     looper one(env);
-    std::unique_ptr<ise::listener> door;
+    std::unique_ptr<ise::listener> channel;
     CHECK(names.connect(one.loop(), "boat").error().code() == ise::errc::unreachable);
-    one.run(listen_here(names, one.loop(), door)).get();
+    one.run(listen_here(names, one.loop(), channel)).get();
     CHECK(names.listen(one.loop(), "boat").error().code() == ise::errc::address_in_use);
-    CHECK(door->where().text() == "inproc://boat");
-    one.run(forget(door)).get();
+    CHECK(channel->where().text() == "inproc://boat");
+    one.run(forget(channel)).get();
     CHECK(names.connect(one.loop(), "boat").error().code() == ise::errc::unreachable);
-    one.run(listen_here(names, one.loop(), door)).get();
+    one.run(listen_here(names, one.loop(), channel)).get();
     CHECK(names.listen(one.loop(), "").error().code() == ise::errc::invalid_argument);
-    one.run(forget(door)).get();
+    one.run(forget(channel)).get();
 }
 
 TEST_CASE("inproc: a loop may end while the other side reads or writes") {

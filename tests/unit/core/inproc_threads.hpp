@@ -16,7 +16,8 @@ namespace threads {
 class bare_environment : public ise::environment {
 public:
     ise::time_point now() const override {
-        return ise::time_point(std::chrono::duration_cast<ise::duration>(std::chrono::steady_clock::now().time_since_epoch()));
+        return ise::time_point(
+            std::chrono::duration_cast<ise::duration>(std::chrono::steady_clock::now().time_since_epoch()));
     }
     ise::wall_time wall() const override { return {}; }
     std::uint64_t random() override { return 4; }
@@ -28,8 +29,12 @@ public:
     bool is_virtual() const noexcept override { return false; }
     ise::task<ise::result<std::unique_ptr<ise::stream>>> connect(ise::loop&, ise::endpoint) override { co_return no(); }
     ise::result<std::unique_ptr<ise::listener>> listen(ise::loop&, const ise::endpoint&) override { return no(); }
-    ise::result<std::unique_ptr<ise::datagram_socket>> open_datagram(ise::loop&, const ise::endpoint&) override { return no(); }
-    ise::result<std::unique_ptr<ise::stream>> open_serial(ise::loop&, const ise::serial_options&) override { return no(); }
+    ise::result<std::unique_ptr<ise::datagram_socket>> open_datagram(ise::loop&, const ise::endpoint&) override {
+        return no();
+    }
+    ise::result<std::unique_ptr<ise::stream>> open_serial(ise::loop&, const ise::serial_options&) override {
+        return no();
+    }
     ise::result<ise::pseudo_terminal> open_pseudo_terminal(ise::loop&, const std::string&) override { return no(); }
     ise::result<std::string> read_file(const std::string&, std::size_t) override { return no(); }
     ise::result<std::string> read_secret(const std::string&, std::size_t) override { return no(); }
@@ -44,7 +49,8 @@ private:
 class looper {
 public:
     explicit looper(ise::environment& env)
-        : loop_(std::make_unique<ise::loop>(env, io_.get_executor(), [this] { return std::this_thread::get_id() == thread_.get_id(); })),
+        : loop_(std::make_unique<ise::loop>(env, io_.get_executor(),
+                                            [this] { return std::this_thread::get_id() == thread_.get_id(); })),
           thread_([this] { io_.run(); }) {}
     ~looper() {
         open_.reset();

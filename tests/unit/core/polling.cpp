@@ -74,12 +74,12 @@ TEST_CASE("polling: after several windows in vain it rests, longer each time, an
         REQUIRE(policy.on_event());
         looks_in_vain(policy, at);
     }
-    for (unsigned rest = poll_policy::first_rest; rest <= 4 * poll_policy::longest_rest; rest *= 2) {
-        for (unsigned n = 0; n < std::min(rest, poll_policy::longest_rest); ++n) REQUIRE_FALSE(policy.on_event());
+    for (unsigned rest = poll_policy::first_rest; rest <= 4 * poll_policy::max_rest; rest *= 2) {
+        for (unsigned n = 0; n < std::min(rest, poll_policy::max_rest); ++n) REQUIRE_FALSE(policy.on_event());
         REQUIRE(policy.on_event()); // one try
         looks_in_vain(policy, at);
     }
-    for (unsigned n = 0; n < poll_policy::longest_rest; ++n) REQUIRE_FALSE(policy.on_event());
+    for (unsigned n = 0; n < poll_policy::max_rest; ++n) REQUIRE_FALSE(policy.on_event());
     REQUIRE(policy.on_event());
     find(policy, at); // it pays again
     for (unsigned n = 0; n < poll_policy::patience; ++n) {

@@ -3,8 +3,8 @@
 #include <support/catch.hpp>
 
 #include <asio/co_spawn.hpp>
-#include <asio/io_context.hpp>
 #include <asio/detached.hpp>
+#include <asio/io_context.hpp>
 
 #include <filesystem>
 #include <fstream>
@@ -107,7 +107,8 @@ TEST_CASE("pseudo-terminal: a link that a dead program left is replaced, anythin
     CHECK(nowhere.error().code() == ise::errc::io_failed);
 }
 
-TEST_CASE("pseudo-terminal: a link that a dead program left is replaced although its terminal's number was given again") {
+TEST_CASE(
+    "pseudo-terminal: a link that a dead program left is replaced although its terminal's number was given again") {
     terminal_room room;
     auto& loop = room.host->loop();
     auto first = room.env.open_pseudo_terminal(loop, room.link());

@@ -21,7 +21,10 @@ TEST_CASE("a result holds a value or throws the failure in its place") {
 
 TEST_CASE("a result is copied, moved and assigned as what it holds, and destroys it once") {
     auto shared = std::make_shared<int>(3);
-    auto lost = [] { return ise::result<std::shared_ptr<int>>(ise::failure(ise::errc::peer_lost, "gone with the wind, and far away")); };
+    auto lost = [] {
+        return ise::result<std::shared_ptr<int>>(
+            ise::failure(ise::errc::peer_lost, "gone with the wind, and far away"));
+    };
     {
         ise::result<std::shared_ptr<int>> first = shared;
         auto copy = first;

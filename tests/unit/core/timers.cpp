@@ -60,7 +60,8 @@ TEST_CASE("timers that are armed, moved and disarmed at random fire as a sorted 
     constexpr int count = 24;
     std::vector<entry> model(count);
     std::vector<std::unique_ptr<ise::timer>> timers;
-    for (int i = 0; i < count; ++i) timers.push_back(std::make_unique<ise::timer>(one.loop, [&fired, i] { fired.push_back(i); }));
+    for (int i = 0; i < count; ++i)
+        timers.push_back(std::make_unique<ise::timer>(one.loop, [&fired, i] { fired.push_back(i); }));
 
     std::mt19937 random(7);
     auto below = [&random](int limit) { return static_cast<int>(random() % static_cast<unsigned>(limit)); };
@@ -70,7 +71,11 @@ TEST_CASE("timers that are armed, moved and disarmed at random fire as a sorted 
         auto& known = model[static_cast<std::size_t>(which)];
         auto& timer = *timers[static_cast<std::size_t>(which)];
         switch (below(8)) {
-            case 0: case 1: case 2: case 3: case 4: // few instants, so that many fall together
+            case 0:
+            case 1:
+            case 2:
+            case 3:
+            case 4: // few instants, so that many fall together
                 known = entry{now + 1 + below(12), order++, true};
                 timer.arm(at(known.due));
                 break;
@@ -80,13 +85,15 @@ TEST_CASE("timers that are armed, moved and disarmed at random fire as a sorted 
                 break;
             case 6: // destroyed wherever it is listed
                 known.armed = false;
-                timers[static_cast<std::size_t>(which)] = std::make_unique<ise::timer>(one.loop, [&fired, which] { fired.push_back(which); });
+                timers[static_cast<std::size_t>(which)] =
+                    std::make_unique<ise::timer>(one.loop, [&fired, which] { fired.push_back(which); });
                 break;
             default: {
                 now += 1 + below(6);
                 std::vector<int> expected;
                 for (int i = 0; i < count; ++i)
-                    if (model[static_cast<std::size_t>(i)].armed && model[static_cast<std::size_t>(i)].due <= now) expected.push_back(i);
+                    if (model[static_cast<std::size_t>(i)].armed && model[static_cast<std::size_t>(i)].due <= now)
+                        expected.push_back(i);
                 std::sort(expected.begin(), expected.end(), [&model](int a, int b) {
                     const auto& x = model[static_cast<std::size_t>(a)];
                     const auto& y = model[static_cast<std::size_t>(b)];
@@ -97,7 +104,9 @@ TEST_CASE("timers that are armed, moved and disarmed at random fire as a sorted 
                 if (below(3) == 0) one.clock.at = at(now); // the loop comes late, and finds all of it due at once
                 one.run_until(at(now));
                 REQUIRE(fired == expected);
-                REQUIRE(one.loop.armed_timers() == static_cast<std::size_t>(std::count_if(model.begin(), model.end(), [](const entry& e) { return e.armed; })));
+                REQUIRE(one.loop.armed_timers() ==
+                        static_cast<std::size_t>(
+                            std::count_if(model.begin(), model.end(), [](const entry& e) { return e.armed; })));
             }
         }
     }

@@ -192,7 +192,7 @@ TEST_CASE("nonsense instead of an answer is an error") {
     });
     CHECK_FALSE(s.get(server.at("http")));
     scripted_server tls(s.all, s.here, greet, "server");
-    CHECK_FALSE(s.get(tls.at("http")));   // plain text to a TLS server
+    CHECK_FALSE(s.get(tls.at("http"))); // plain text to a TLS server
     scripted_server plain(s.all, s.here, [](visitor& who) -> ise::task<> { co_await who.say("220 ready\r\n"); });
     CHECK(s.get(plain.at("https")).error().code() == ise::errc::unreachable);
 }
@@ -217,7 +217,8 @@ TEST_CASE("requests that cannot be are not sent") {
 
 TEST_CASE("an exchange that is given up ends its connection") {
     shore s;
-    scripted_server server(s.all, s.here, [](visitor& who) { return who.silence(); }, "server");
+    scripted_server server(
+        s.all, s.here, [](visitor& who) { return who.silence(); }, "server");
     http_exchange what;
     what.url = server.at("https");
     auto asking = ise_test::start(s.here.on, s.client.exchange(what, 1h));
@@ -249,14 +250,17 @@ TEST_CASE("a component that is stopped in the middle of an exchange ends, and it
     ise::component_options asks_only;
     asks_only.listens = false;
     auto url = server.at("http");
-    node.start("", [url](ise::component& self) -> ise::task<> {
-        curl_transfers transfers(self.on());
-        curl_http_client client(transfers);
-        http_exchange what;
-        what.url = url;
-        auto never = co_await client.exchange(what, 1h);
-        self.log().info(never ? "answered" : never.error().message());
-    }, asks_only);
+    node.start(
+        "",
+        [url](ise::component& self) -> ise::task<> {
+            curl_transfers transfers(self.on());
+            curl_http_client client(transfers);
+            http_exchange what;
+            what.url = url;
+            auto never = co_await client.exchange(what, 1h);
+            self.log().info(never ? "answered" : never.error().message());
+        },
+        asks_only);
     s.all.run_until([&] { return !server.visitors.empty() && !server.visitors.front().heard.empty(); });
     node.stop();
     s.all.run_until([&] { return server.visitors.front().ended; });

@@ -15,7 +15,9 @@ using namespace std::chrono_literals;
 namespace {
 
 template <class T>
-std::string wrong(const ise::result<T>& outcome) { return outcome ? std::string() : outcome.error().message(); }
+std::string wrong(const ise::result<T>& outcome) {
+    return outcome ? std::string() : outcome.error().message();
+}
 
 /// A small IMAP server: its answers by the first words of a command, without the tag; `{tag}` stands for that.
 struct imap_server {
@@ -192,8 +194,8 @@ TEST_CASE("mails that cannot be read come as such") {
     auto options = s.options();
     options.max_mail_bytes = 2000;
     imap_mailbox box(s.transfers, options);
-    s.words.answers["UID FETCH"] = "* 1 FETCH (UID 7 BODY[]<0> {2001}\r\n" + std::string(2001, 'x') +
-                                   ")\r\n{tag} OK done\r\n";
+    s.words.answers["UID FETCH"] =
+        "* 1 FETCH (UID 7 BODY[]<0> {2001}\r\n" + std::string(2001, 'x') + ")\r\n{tag} OK done\r\n";
     found = s.all.run(s.here, box.fetch(10));
     REQUIRE(wrong(found) == "");
     CHECK(found->at(0).message.text.find("2000") != std::string::npos);
@@ -278,12 +280,14 @@ TEST_CASE("imap: the first answer of a login comes with the command only where t
         INFO(wrong(got));
         CHECK(got);
         CHECK(s.words.continued == credentials);
-        for (const auto& line : s.server.visitors.front().heard) CHECK(line.find(std::string(" ") + credentials) == std::string::npos);
+        for (const auto& line : s.server.visitors.front().heard)
+            CHECK(line.find(std::string(" ") + credentials) == std::string::npos);
     }
     shore s; // has it
     CHECK(s.fetch());
     bool at_once = false;
-    for (const auto& line : s.server.visitors.front().heard) at_once = at_once || line.ends_with(std::string("AUTHENTICATE PLAIN ") + credentials);
+    for (const auto& line : s.server.visitors.front().heard)
+        at_once = at_once || line.ends_with(std::string("AUTHENTICATE PLAIN ") + credentials);
     CHECK(at_once);
 }
 

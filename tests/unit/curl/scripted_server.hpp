@@ -58,12 +58,12 @@ public:
         std::error_code problem;
         std::size_t size = 0;
         if (secure_) {
-            auto [failed, got] = co_await asio::async_read_until(*secure_, asio::dynamic_buffer(held_), "\r\n",
-                                                                 ise::compat::as_tuple);
+            auto [failed, got] =
+                co_await asio::async_read_until(*secure_, asio::dynamic_buffer(held_), "\r\n", ise::compat::as_tuple);
             problem = failed, size = got;
         } else {
-            auto [failed, got] = co_await asio::async_read_until(plain_, asio::dynamic_buffer(held_), "\r\n",
-                                                                 ise::compat::as_tuple);
+            auto [failed, got] =
+                co_await asio::async_read_until(plain_, asio::dynamic_buffer(held_), "\r\n", ise::compat::as_tuple);
             problem = failed, size = got;
         }
         std::string made = held_.substr(0, problem ? 0 : size - 2);

@@ -42,6 +42,8 @@ public:
 };
 
 /// A file with a host "boat", and components.
-inline files at_sea(const std::string& components) { return files("name = \"sea\"\n[hosts.boat]\n[hosts.shore]\n" + components); }
+inline files at_sea(const std::string& components) {
+    return files("name = \"sea\"\n[hosts.boat]\n[hosts.shore]\n" + components);
+}
 
 } // namespace deployment_test

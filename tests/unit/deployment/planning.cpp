@@ -9,8 +9,8 @@ namespace planning_test {
 
 using namespace deployment_test;
 using Catch::Contains;
+using ise::instantiation::instance_info;
 using ise::instantiation::instance_state;
-using ise::instantiation::instance_text;
 
 namespace {
 
@@ -82,7 +82,7 @@ struct harbour {
             auto& host = one.server == "boat" ? hosts[0] : hosts[1];
             std::erase_if(host.instances, [&](const auto& each) { return each.path == one.path; });
             if (one.what == action::stop) continue;
-            instance_text made;
+            instance_info made;
             made.path = one.path;
             made.type = one.request.type;
             made.state = instance_state::ready;
@@ -96,7 +96,7 @@ struct harbour {
             host.instances.push_back(made);
         }
     }
-    instance_text& instance(const std::string& path) {
+    instance_info& instance(const std::string& path) {
         for (auto& host : hosts)
             for (auto& one : host.instances)
                 if (one.path == path) return one;
@@ -105,49 +105,60 @@ struct harbour {
 };
 
 files two(const std::string& boat = "", const std::string& air = "") {
-    return at_sea("[components.boat]\ntype='boat'\nhost='boat'\n" + boat + "[components.air]\ntype='air'\nhost='shore'\n" + air);
+    return at_sea("[components.boat]\ntype='boat'\nhost='boat'\n" + boat +
+                  "[components.air]\ntype='air'\nhost='shore'\n" + air);
 }
 
 } // namespace
 
 TEST_CASE("required services give the order where nothing else does") {
     harbour in;
-    auto text = in.steps(at_sea("[components.p]\ntype='proxy'\nhost='shore'\n[components.a]\ntype='air'\nhost='boat'\n[components.b]\ntype='boat'\nhost='boat'\n"));
+    auto text = in.steps(at_sea("[components.p]\ntype='proxy'\nhost='shore'\n[components.a]\ntype='air'\nhost='boat'\n["
+                                "components.b]\ntype='boat'\nhost='boat'\n"));
     CHECK(text == "start sea/b on boat\nstart sea/a on boat\nstart sea/p on shore\n");
 }
 
 TEST_CASE("two of a type that require what each of them provides are equals: the file gives their order") {
     harbour in;
     for (auto& host : in.hosts)
-        host.types[2].about.services.insert(host.types[2].about.services.end(), {{"notes", "request-response", true}, {"notes", "request-response", false}});
-    auto text = in.steps(at_sea("[components.p]\ntype='proxy'\nhost='shore'\n[components.q]\ntype='proxy'\nhost='boat'\n[components.a]\ntype='air'\nhost='boat'\n"));
+        host.types[2].about.services.insert(host.types[2].about.services.end(), {{"notes", "request-response", true},
+                                                                                 {"notes", "request-response", false}});
+    auto text = in.steps(at_sea("[components.p]\ntype='proxy'\nhost='shore'\n[components.q]\ntype='proxy'\nhost='boat'"
+                                "\n[components.a]\ntype='air'\nhost='boat'\n"));
     CHECK(text == "start sea/a on boat\nstart sea/p on shore\nstart sea/q on boat\n");
 }
 
 TEST_CASE("what is said stands above what services require") {
     harbour in;
-    auto text = in.steps(at_sea("[components.b]\ntype='boat'\nhost='boat'\nafter='a'\n[components.a]\ntype='air'\nhost='boat'\n"));
+    auto text = in.steps(
+        at_sea("[components.b]\ntype='boat'\nhost='boat'\nafter='a'\n[components.a]\ntype='air'\nhost='boat'\n"));
     CHECK(text == "start sea/a on boat\nstart sea/b on boat\n");
 }
 
 TEST_CASE("circles are told") {
     harbour in;
-    auto said = in.steps(at_sea("[components.a]\ntype='proxy'\nhost='boat'\nafter='c'\n[components.b]\ntype='proxy'\nhost='boat'\nafter='a'\n[components.c]\ntype='proxy'\nhost='boat'\nafter='b'\n"));
-    CHECK(said == "problem: sea.toml:4:13: components wait for each other: 'a' comes after 'c', 'c' comes after 'b', 'b' comes after 'a'\n");
+    auto said = in.steps(at_sea("[components.a]\ntype='proxy'\nhost='boat'\nafter='c'\n[components.b]\ntype='proxy'"
+                                "\nhost='boat'\nafter='a'\n[components.c]\ntype='proxy'\nhost='boat'\nafter='b'\n"));
+    CHECK(said == "problem: sea.toml:4:13: components wait for each other: 'a' comes after 'c', 'c' comes after 'b', "
+                  "'b' comes after 'a'\n");
 }
 
 TEST_CASE("components that require each other are started all the same, and who is first waits") {
     harbour in;
-    in.hosts[0].types[0].about.services.push_back({"radio", "request-response", false}); // boats need the air, and the air boats
-    auto derived = in.steps(at_sea("[components.b]\ntype='boat'\nhost='boat'\n[components.a]\ntype='air'\nhost='boat'\n"));
+    in.hosts[0].types[0].about.services.push_back(
+        {"radio", "request-response", false}); // boats need the air, and the air boats
+    auto derived =
+        in.steps(at_sea("[components.b]\ntype='boat'\nhost='boat'\n[components.a]\ntype='air'\nhost='boat'\n"));
     CHECK(derived == "start sea/a on boat\nstart sea/b on boat\n");
-    auto decided = in.steps(at_sea("[components.b]\ntype='boat'\nhost='boat'\nafter=[]\n[components.a]\ntype='air'\nhost='boat'\n"));
+    auto decided = in.steps(
+        at_sea("[components.b]\ntype='boat'\nhost='boat'\nafter=[]\n[components.a]\ntype='air'\nhost='boat'\n"));
     CHECK(decided == "start sea/b on boat\nstart sea/a on boat\n");
 }
 
 TEST_CASE("what runs as it is wanted is left alone") {
     harbour in;
-    auto file = two("parameters={speed=6, mark=['x','y'], address=0x13A3}\nenvironment={BOAT_NAME='A'}\nroles={fleet=1}\n");
+    auto file =
+        two("parameters={speed=6, mark=['x','y'], address=0x13A3}\nenvironment={BOAT_NAME='A'}\nroles={fleet=1}\n");
     in.carry_out(file);
     auto plan = in.up(file);
     CHECK(plan.steps.empty());
@@ -170,27 +181,33 @@ TEST_CASE("a changeable parameter is changed while it runs") {
     REQUIRE(plan.steps[0].differences[0].setting);
     CHECK(plan.steps[0].differences[0].setting->value == "7");
     CHECK(in.steps(two()) == "change sea/boat on boat\n    speed: 6 -> 5\n"); // the preset
-    CHECK(in.steps(two("parameters={speed=6}\nrestart='always'\n")) == "change sea/boat on boat\n    terms of restart\n");
+    CHECK(in.steps(two("parameters={speed=6}\nrestart='always'\n")) ==
+          "change sea/boat on boat\n    terms of restart\n");
 }
 
 TEST_CASE("other changes take a restart, and say which") {
     harbour in;
     in.carry_out(two("parameters={speed=6}\n"));
-    CHECK(in.steps(two("parameters={speed=7, course='T2'}\n")) == "restart sea/boat on boat\n    speed: 6 -> 7\n    course: T1 -> T2  (takes a restart)\n");
+    CHECK(in.steps(two("parameters={speed=7, course='T2'}\n")) ==
+          "restart sea/boat on boat\n    speed: 6 -> 7\n    course: T1 -> T2  (takes a restart)\n");
     CHECK_THAT(in.steps(two("parameters={speed=6, mark='x'}\n")), Contains("mark: (none) -> x  (takes a restart)"));
-    CHECK_THAT(in.steps(two("parameters={speed=6}\nroles={fleet=2}\n")), Contains("restart sea/boat") && Contains("roles: (none) -> fleet=2"));
-    CHECK_THAT(in.steps(two("parameters={speed=6}\nlisten='tcp://127.0.0.1:7500'\n")), Contains("endpoints: (none) -> tcp://127.0.0.1:7500"));
+    CHECK_THAT(in.steps(two("parameters={speed=6}\nroles={fleet=2}\n")),
+               Contains("restart sea/boat") && Contains("roles: (none) -> fleet=2"));
+    CHECK_THAT(in.steps(two("parameters={speed=6}\nlisten='tcp://127.0.0.1:7500'\n")),
+               Contains("endpoints: (none) -> tcp://127.0.0.1:7500"));
     auto secretive = two("parameters={speed=6}\nenvironment={BOAT_NAME='secret'}\n");
     in.hosts[0].checked["sea/boat"].other_environment = true; // only the host can tell
     CHECK_THAT(in.steps(secretive), Contains("    environment  (takes a restart)") && !Contains("secret"));
     in.hosts[0].checked.clear();
     in.instance("sea/boat").rebuilt = true;
-    CHECK(in.steps(two("parameters={speed=6}\n")) == "restart sea/boat on boat\n    program was rebuilt  (takes a restart)\n");
+    CHECK(in.steps(two("parameters={speed=6}\n")) ==
+          "restart sea/boat on boat\n    program was rebuilt  (takes a restart)\n");
     in.instance("sea/boat").rebuilt = false;
     in.instance("sea/boat").state = instance_state::waiting; // it cannot be asked to change now
     in.instance("sea/boat").reason = "exit code 3";
     CHECK_THAT(in.steps(two("parameters={speed=7}\n")), Contains("restart sea/boat"));
-    CHECK(in.steps(two("parameters={speed=6}\n")) == "restart sea/boat on boat (it waits to be started again: exit code 3)\n");
+    CHECK(in.steps(two("parameters={speed=6}\n")) ==
+          "restart sea/boat on boat (it waits to be started again: exit code 3)\n");
 }
 
 TEST_CASE("what a host has against a start is told with its place, and nothing is begun") {
@@ -209,9 +226,12 @@ TEST_CASE("what a host has against a start is told with its place, and nothing i
 
 TEST_CASE("what is not in the file any more is stopped first, and what moves right before it starts") {
     harbour in;
-    in.carry_out(at_sea("[components.boat]\ntype='boat'\nhost='boat'\n[components.air]\ntype='air'\nhost='boat'\n[components.old]\ntype='boat'\nhost='shore'\n"));
-    auto text = in.steps(at_sea("[components.new]\ntype='boat'\nhost='boat'\n[components.boat]\ntype='boat'\nhost='shore'\n[components.air]\ntype='air'\nhost='boat'\n"));
-    CHECK(text == "stop sea/old on shore (it is not in the file any more)\nstart sea/new on boat\nstop sea/boat on boat (it moves to shore)\n"
+    in.carry_out(at_sea("[components.boat]\ntype='boat'\nhost='boat'\n[components.air]\ntype='air'\nhost='boat'\n["
+                        "components.old]\ntype='boat'\nhost='shore'\n"));
+    auto text = in.steps(at_sea("[components.new]\ntype='boat'\nhost='boat'\n[components.boat]\ntype='boat'\nhost='"
+                                "shore'\n[components.air]\ntype='air'\nhost='boat'\n"));
+    CHECK(text == "stop sea/old on shore (it is not in the file any more)\nstart sea/new on boat\nstop sea/boat on "
+                  "boat (it moves to shore)\n"
                   "start sea/boat on shore (it moves from boat)\n");
 }
 
@@ -221,7 +241,8 @@ TEST_CASE("what has ended is started again, with the reason") {
     in.instance("sea/boat").state = instance_state::failed;
     in.instance("sea/boat").reason = "exit code 3";
     in.instance("sea/air").state = instance_state::stopped;
-    CHECK(in.steps(two()) == "start sea/boat on boat (it has failed: exit code 3)\nstart sea/air on shore (it was stopped)\n");
+    CHECK(in.steps(two()) ==
+          "start sea/boat on boat (it has failed: exit code 3)\nstart sea/air on shore (it was stopped)\n");
 }
 
 TEST_CASE("what others have started is never touched") {
@@ -230,7 +251,8 @@ TEST_CASE("what others have started is never touched") {
     in.instance("sea/boat").deployment = "";
     in.instance("sea/air").deployment = "other";
     auto text = in.steps(two());
-    CHECK_THAT(text, Contains("sea.toml:4:13: 'sea/boat' runs on boat already, and was started by hand: stop it first (ise stop sea/boat)"));
+    CHECK_THAT(text, Contains("sea.toml:4:13: 'sea/boat' runs on boat already, and was started by hand: stop it first "
+                              "(ise stop sea/boat)"));
     CHECK_THAT(text, Contains("'sea/air' runs on shore already, as a part of 'other'"));
     CHECK_THAT(text, !Contains("start sea"));
     CHECK(plan_down(two().made(), in.hosts).steps.empty());
@@ -238,7 +260,8 @@ TEST_CASE("what others have started is never touched") {
 
 TEST_CASE("down ends everything in the opposite order, what the file does not know first") {
     harbour in;
-    in.carry_out(at_sea("[components.boat]\ntype='boat'\nhost='boat'\n[components.air]\ntype='air'\nhost='boat'\n[components.old]\ntype='boat'\nhost='shore'\n"));
+    in.carry_out(at_sea("[components.boat]\ntype='boat'\nhost='boat'\n[components.air]\ntype='air'\nhost='boat'\n["
+                        "components.old]\ntype='boat'\nhost='shore'\n"));
     in.instance("sea/boat").state = instance_state::failed;
     auto plan = plan_down(two().made(), in.hosts);
     CHECK(harbour::lines(plan) == "stop sea/old on shore\nstop sea/air on boat\nstop sea/boat on boat (it is over)\n");
@@ -249,7 +272,8 @@ TEST_CASE("down ends everything in the opposite order, what the file does not kn
 
 TEST_CASE("a step waits for those of the components that its own comes after, and for no others") {
     harbour in;
-    auto file = at_sea("[components.a]\ntype='boat'\nhost='boat'\nafter=[]\n[components.b]\ntype='boat'\nhost='shore'\nafter=[]\n[components.c]\ntype='boat'\nhost='boat'\nafter=['a','b']\n"
+    auto file = at_sea("[components.a]\ntype='boat'\nhost='boat'\nafter=[]\n[components.b]\ntype='boat'\nhost='shore'"
+                       "\nafter=[]\n[components.c]\ntype='boat'\nhost='boat'\nafter=['a','b']\n"
                        "[components.d]\ntype='boat'\nhost='boat'\nafter='c'\n");
     using numbers = std::vector<std::size_t>;
     auto after = [](const step_plan& of) {
@@ -275,9 +299,12 @@ TEST_CASE("what moves is stopped before it is started, and what the file does no
 
 TEST_CASE("some components are planned with those that they come after, and nothing else is touched") {
     harbour in;
-    auto file = at_sea("[components.a]\ntype='boat'\nhost='boat'\nafter=[]\n[components.b]\ntype='boat'\nhost='boat'\nafter='a'\n[components.c]\ntype='boat'\nhost='boat'\nafter='b'\n");
+    auto file = at_sea("[components.a]\ntype='boat'\nhost='boat'\nafter=[]\n[components.b]\ntype='boat'\nhost='boat'"
+                       "\nafter='a'\n[components.c]\ntype='boat'\nhost='boat'\nafter='b'\n");
     in.carry_out(at_sea("[components.old]\ntype='boat'\nhost='boat'\n"));
-    auto only = [&](std::vector<std::string> names) { return harbour::lines(plan_up(in.completed(file), in.hosts, names)); };
+    auto only = [&](std::vector<std::string> names) {
+        return harbour::lines(plan_up(in.completed(file), in.hosts, names));
+    };
     CHECK(only({"b"}) == "start sea/a on boat\nstart sea/b on boat\n");
     CHECK(only({"sea/a"}) == "start sea/a on boat\n");
     CHECK_THAT(only({"bb"}), Contains("there is no component 'bb' in it; did you mean 'b'?") && !Contains("start"));
@@ -302,21 +329,28 @@ environment = { BOAT = "x" }
     CHECK_THAT(text, Contains("parameter 'speed' of type 'boat' takes one value, not 2"));
     CHECK_THAT(text, Contains("parameter 'address' cannot be 'xyz': it is 1 to 16 hexadecimal digits"));
     CHECK_THAT(text, Contains("type 'boat' does not let others set the environment variable 'BOAT'"));
-    CHECK_THAT(in.wrong(two("parameters={speed=41}\n")), Contains("sea.toml:7:19: parameter 'speed' cannot be '41': it is a number from 0 to 40 (m/s)"));
+    CHECK_THAT(in.wrong(two("parameters={speed=41}\n")),
+               Contains("sea.toml:7:19: parameter 'speed' cannot be '41': it is a number from 0 to 40 (m/s)"));
 }
 
 TEST_CASE("a type that a host does not have is told once, by the host's name in the file") {
     harbour in;
-    auto one = [](const std::string& name, const std::string& host) { return "[components." + name + "]\ntype='wind'\nhost='" + host + "'\n"; };
-    auto text = in.wrong(files("name='sea'\n[hosts.vessel]\nserver='boat'\n[hosts.shore]\n" + one("a", "vessel") + one("b", "shore") + one("c", "vessel")));
-    CHECK(text == "sea.toml:6:6: host 'vessel' (instantiation server 'boat') has no component type 'wind', which 2 components need; there are boat, air, proxy\n"
+    auto one = [](const std::string& name, const std::string& host) {
+        return "[components." + name + "]\ntype='wind'\nhost='" + host + "'\n";
+    };
+    auto text = in.wrong(files("name='sea'\n[hosts.vessel]\nserver='boat'\n[hosts.shore]\n" + one("a", "vessel") +
+                               one("b", "shore") + one("c", "vessel")));
+    CHECK(text == "sea.toml:6:6: host 'vessel' (instantiation server 'boat') has no component type 'wind', which 2 "
+                  "components need; there are boat, air, proxy\n"
                   "sea.toml:9:6: host 'shore' has no component type 'wind'; there are boat, air, proxy\n");
 }
 
 TEST_CASE("a host without an instantiation server is told, if something is to run there") {
     harbour in;
     in.hosts.pop_back();
-    CHECK_THAT(in.wrong(two()), Contains("sea.toml:3:8: no instantiation server 'shore' is registered; there are boat; start it on that host"));
+    CHECK_THAT(
+        in.wrong(two()),
+        Contains("sea.toml:3:8: no instantiation server 'shore' is registered; there are boat; start it on that host"));
     CHECK(in.wrong(at_sea("[components.b]\ntype='boat'\nhost='boat'\n")).empty());
 }
 

@@ -38,7 +38,8 @@ ready-within = "20s"
 grace = 1.5
 roles = { "atirma/gateway" = 5 }
 environment = { NAME = "value" }
-)").made();
+)")
+                    .made();
     CHECK(made.name.text == "atirma");
     REQUIRE(made.hosts.size() == 2);
     CHECK(made.hosts[0].server == "boat");
@@ -73,24 +74,28 @@ TEST_CASE("the terms of restart can be said in whole") {
     auto made = at_sea(R"([components.a]
 type = "t"
 host = "boat"
-restart = { policy = "on-failure", limit = 9, window = "2m", first-pause = "100ms", longest-pause = "5s" }
-)").made();
+restart = { policy = "on-failure", limit = 9, window = "2m", first-pause = "100ms", max-pause = "5s" }
+)")
+                    .made();
     const auto& terms = made.components[0].request.terms;
     CHECK(terms.policy == restart_policy::on_failure);
     CHECK(terms.limit == 9);
     CHECK(terms.window == 2min);
     CHECK(terms.first_pause == 100ms);
-    CHECK(terms.longest_pause == 5s);
+    CHECK(terms.max_pause == 5s);
 }
 
 TEST_CASE("a namespace of its own, or none, stands before the names") {
-    CHECK(files("name='d'\nnamespace='x/y'\n[hosts.h]\n[components.c]\ntype='t'\n").made().components[0].request.path == "x/y/c");
-    CHECK(files("name='d'\nnamespace=''\n[hosts.h]\n[components.c]\ntype='t'\n").made().components[0].request.path == "c");
+    CHECK(files("name='d'\nnamespace='x/y'\n[hosts.h]\n[components.c]\ntype='t'\n").made().components[0].request.path ==
+          "x/y/c");
+    CHECK(files("name='d'\nnamespace=''\n[hosts.h]\n[components.c]\ntype='t'\n").made().components[0].request.path ==
+          "c");
 }
 
 TEST_CASE("where there is one host, it need not be said") {
     CHECK(files("name='d'\n[hosts.h]\n[components.c]\ntype='t'\n").made().components[0].host.text == "h");
-    CHECK_THAT(at_sea("[components.c]\ntype='t'\n").wrong(), Contains("sea.toml:4:13: component 'c' has no 'host', and there are several"));
+    CHECK_THAT(at_sea("[components.c]\ntype='t'\n").wrong(),
+               Contains("sea.toml:4:13: component 'c' has no 'host', and there are several"));
 }
 
 TEST_CASE("what is wrong is told with its place, and the nearest that there is") {
@@ -105,13 +110,15 @@ grace = "5 parsecs"
 roles = { "a b" = 1, good = "high" }
 parameters = { deep = { er = 1 } }
 [colour]
-)").wrong();
+)")
+                    .wrong();
     CHECK_THAT(text, Contains("sea.toml:5:1: component 'boat' has no key 'tpye'; did you mean 'type'?"));
     CHECK_THAT(text, Contains("sea.toml:4:13: component 'boat' has no 'type': ise start --types"));
     CHECK_THAT(text, Contains("sea.toml:6:8: there is no host 'baot'; did you mean 'boat'?"));
     CHECK_THAT(text, Contains("sea.toml:7:10: there is no component 'air'"));
     CHECK_THAT(text, Contains("sea.toml:7:25: component 'boat' cannot come after itself"));
-    CHECK_THAT(text, Contains("the restart policy of component 'boat' is never, on-failure or always, not 'sometimes'"));
+    CHECK_THAT(text,
+               Contains("the restart policy of component 'boat' is never, on-failure or always, not 'sometimes'"));
     CHECK_THAT(text, Contains("sea.toml:9:10: 'listen' of component 'boat': "));
     CHECK_THAT(text, Contains("'protocol' of component 'boat' is tcp, udp, tls or local, not 'icmp'"));
     CHECK_THAT(text, Contains("sea.toml:11:9: 'grace' of component 'boat': '5 parsecs' is not a duration"));
@@ -121,7 +128,8 @@ parameters = { deep = { er = 1 } }
 }
 
 TEST_CASE("limits and probes are read, and told with their place where they are wrong") {
-    auto sea = at_sea("[components.a]\ntype='t'\nhost='boat'\nlimits={pids=64, memory='256 MiB', cpus=0.5}\nprobe={url='http://127.0.0.1:8080/', every='5s', failures=2}\n"
+    auto sea = at_sea("[components.a]\ntype='t'\nhost='boat'\nlimits={pids=64, memory='256 MiB', "
+                      "cpus=0.5}\nprobe={url='http://127.0.0.1:8080/', every='5s', failures=2}\n"
                       "[components.b]\ntype='t'\nhost='boat'\nprobe='tcp://127.0.0.1:80'\n");
     auto told = sea.read();
     INFO(sea.wrong());
@@ -134,7 +142,8 @@ TEST_CASE("limits and probes are read, and told with their place where they are 
     CHECK(told.made.components[1].request.terms.probe == "tcp://127.0.0.1:80");
     CHECK(told.made.components[1].request.limits == ise::instantiation::resource_limits());
     auto wrong = at_sea("[components.a]\ntype='t'\nhost='boat'\nlimits={pids=0, disk=5}\nprobe={every='5s'}\n").wrong();
-    CHECK_THAT(wrong, Contains("the limit pids is a number of processes and threads from 1 to 32768, such as 64, not '0'"));
+    CHECK_THAT(wrong,
+               Contains("the limit pids is a number of processes and threads from 1 to 32768, such as 64, not '0'"));
     CHECK_THAT(wrong, Contains("'limits' of component 'a' has no key 'disk'; there are pids, memory, cpus"));
     CHECK_THAT(wrong, Contains("'probe' of component 'a' has no 'url'"));
 }
@@ -148,14 +157,16 @@ TEST_CASE("what is no TOML is told with its place") {
 
 TEST_CASE("the error for a text without quotes asks for quotes") {
     CHECK(files("name = boat\n").wrong() == "sea.toml:1:8: boat is not a value: put it in quotes, \"boat\"\n");
-    CHECK_THAT(at_sea("[components.a]\ntype=trouble # ours\n").wrong(), Contains("sea.toml:5:6: trouble is not a value: put it in quotes, \"trouble\""));
+    CHECK_THAT(at_sea("[components.a]\ntype=trouble # ours\n").wrong(),
+               Contains("sea.toml:5:6: trouble is not a value: put it in quotes, \"trouble\""));
     CHECK_THAT(files("[variables]\nports = /run/sea\n").wrong(), Contains("put it in quotes, \"/run/sea\""));
     CHECK_THAT(files("name = 'sea\n").wrong(), !Contains("put it in quotes"));
     CHECK_THAT(files("name = 'sea' = boat\n").wrong(), !Contains("put it in quotes"));
 }
 
 TEST_CASE("a variable that there is not is one mistake") {
-    auto all = at_sea("[components.a]\ntype='${tpye}'\nhost='${hsot}'\nafter='${none}'\nlisten=['${none}']\nprotocol='x-${none}'\nrestart='${none}'\ngrace='${none}'\nroles={b='${none}'}\n"
+    auto all = at_sea("[components.a]\ntype='${tpye}'\nhost='${hsot}'\nafter='${none}'\nlisten=['${none}']\nprotocol='"
+                      "x-${none}'\nrestart='${none}'\ngrace='${none}'\nroles={b='${none}'}\n"
                       "parameters={speed='${none}', mark=['${none}']}\n[variables]\ntype='t'\n")
                    .wrong();
     std::size_t lines = 0, told = 0;
@@ -167,17 +178,25 @@ TEST_CASE("a variable that there is not is one mistake") {
 }
 
 TEST_CASE("wrong kinds are told as such") {
-    auto text = at_sea("[components.a]\ntype=5\nhost=['boat']\nparameters='none'\nroles=[]\nenvironment=1\nrestart=1\n").wrong();
-    for (const char* each : {"'type' of component 'a' is a text, not an integer", "'host' of component 'a' is a text, not an array", "'parameters' of component 'a' is a table, not a text",
-                             "'roles' of component 'a' is a table of roles", "'environment' of component 'a' is a table of variables, not an integer", "'restart' of component 'a' is a policy"})
+    auto text = at_sea("[components.a]\ntype=5\nhost=['boat']\nparameters='none'\nroles=[]\nenvironment=1\nrestart=1\n")
+                    .wrong();
+    for (const char* each :
+         {"'type' of component 'a' is a text, not an integer", "'host' of component 'a' is a text, not an array",
+          "'parameters' of component 'a' is a table, not a text", "'roles' of component 'a' is a table of roles",
+          "'environment' of component 'a' is a table of variables, not an integer",
+          "'restart' of component 'a' is a policy"})
         CHECK_THAT(text, Contains(each));
-    CHECK_THAT(files("name='d'\nhosts=5\ncomponents=6\n").wrong(), Contains("'hosts' is a table of hosts") && Contains("'components' is a table of components"));
+    CHECK_THAT(files("name='d'\nhosts=5\ncomponents=6\n").wrong(),
+               Contains("'hosts' is a table of hosts") && Contains("'components' is a table of components"));
 }
 
 TEST_CASE("paths that no component can have are refused") {
-    CHECK_THAT(at_sea("[components.'a b']\ntype='t'\nhost='boat'\n").wrong(), Contains("'sea/a b' is not a path of a component"));
-    CHECK_THAT(files("name='d'\nnamespace='ise'\n[hosts.h]\n[components.x]\ntype='t'\n").wrong(), Contains("'ise/x' is kept for ISE itself"));
-    CHECK_THAT(files("name='d'\n[hosts.'a/b']\n[components.x]\ntype='t'\n").wrong(), Contains("'a/b' is not a name of an instantiation server"));
+    CHECK_THAT(at_sea("[components.'a b']\ntype='t'\nhost='boat'\n").wrong(),
+               Contains("'sea/a b' is not a path of a component"));
+    CHECK_THAT(files("name='d'\nnamespace='ise'\n[hosts.h]\n[components.x]\ntype='t'\n").wrong(),
+               Contains("'ise/x' is kept for ISE itself"));
+    CHECK_THAT(files("name='d'\n[hosts.'a/b']\n[components.x]\ntype='t'\n").wrong(),
+               Contains("'a/b' is not a name of an instantiation server"));
 }
 
 TEST_CASE("variables are put in, as what they are") {
@@ -207,7 +226,8 @@ work = "/tmp/${where}"
 }
 
 TEST_CASE("variables that are not there, or made of each other, are told") {
-    auto sea = at_sea("[components.a]\ntype='${tpye}'\nhost='${x}'\nprotocol='${open'\n[variables]\ntype='t'\nx='${y}'\ny='${x}'\nt={}\n");
+    auto sea = at_sea("[components.a]\ntype='${tpye}'\nhost='${x}'\nprotocol='${open'\n[variables]\ntype='t'\nx='${y}'"
+                      "\ny='${x}'\nt={}\n");
     auto text = sea.wrong({{"spede", "1"}});
     CHECK_THAT(text, Contains("sea.toml:5:6: there is no variable 'tpye'; did you mean 'type'?"));
     CHECK_THAT(text, Contains("variables are made of each other: x of y of x"));
@@ -223,8 +243,10 @@ TEST_CASE("variables that double and double do not fill the memory") {
 }
 
 TEST_CASE("a file stands above those that it includes") {
-    auto sea = files("include = ['lib/base.toml']\nname='sea'\n[components.a.parameters]\nspeed=9\n[variables]\nwhere='shore'\n");
-    sea.all["lib/base.toml"] = "include='hosts.toml'\n[components.a]\ntype='t'\nhost='${where}'\nparameters={speed=1, course='T1'}\n[variables]\nwhere='boat'\n";
+    auto sea = files(
+        "include = ['lib/base.toml']\nname='sea'\n[components.a.parameters]\nspeed=9\n[variables]\nwhere='shore'\n");
+    sea.all["lib/base.toml"] = "include='hosts.toml'\n[components.a]\ntype='t'\nhost='${where}'\nparameters={speed=1, "
+                               "course='T1'}\n[variables]\nwhere='boat'\n";
     sea.all["lib/hosts.toml"] = "[hosts.boat]\n[hosts.shore]\n";
     auto made = sea.made();
     const auto& one = made.components.at(0);

@@ -37,8 +37,15 @@ std::vector<line> examples() {
     brief.id = whole.id = 99;
     brief.code = 2;
     whole.raw = gprs_test::ack_of(99);
-    return {login{"atirma", 17, 3, 9, 0xFEDCBA9876543210}, login{"x", 0, 1, 0}, data, receipt{17, 8}, told, brief, whole,
-            challenge{0x0123456789ABCDEF, 1}, shown_key{0xFFFFFFFFFFFFFFFF}};
+    return {login{"atirma", 17, 3, 9, 0xFEDCBA9876543210},
+            login{"x", 0, 1, 0},
+            data,
+            receipt{17, 8},
+            told,
+            brief,
+            whole,
+            challenge{0x0123456789ABCDEF, 1},
+            shown_key{0xFFFFFFFFFFFFFFFF}};
 }
 
 } // namespace
@@ -56,7 +63,8 @@ TEST_CASE("gprs: each kind of line comes back as it went, and none is longer tha
 
 TEST_CASE("gprs: lines as they stand in the documents") {
     CHECK(encode(login{"atirma", 7, 12, 40, 0x3f1c09b2a4d85e67}) == "$PATL,atirma,7,12,40,3f1c09b2a4d85e67*11\r\n");
-    CHECK(encode(challenge{0x3f1c09b2a4d85e67, 0x90ab12cd34ef5678}) == "$PATN,3f1c09b2a4d85e67,90ab12cd34ef5678*0B\r\n");
+    CHECK(encode(challenge{0x3f1c09b2a4d85e67, 0x90ab12cd34ef5678}) ==
+          "$PATN,3f1c09b2a4d85e67,90ab12cd34ef5678*0B\r\n");
     CHECK(encode(shown_key{0x90ab12cd34ef5678}) == "$PATK,90ab12cd34ef5678*24\r\n");
     CHECK(encode(receipt{7, 40}) == "$PATA,7,40*37\r\n");
     auto small = parse("$PATL,atirma,7,12,40,3f1c09b2a4d85e67*11"); // small digits do
@@ -227,8 +235,8 @@ TEST_CASE("gprs: only what was measured after the newest is news, of each type b
     CHECK_FALSE(fresh.is_history(false, 3, 2, 99)); // of another type it is the newest
     CHECK(fresh.is_history(true, 3, 1, 200));       // the boat says so
     CHECK_FALSE(fresh.is_history(false, 3, 1, 150));
-    CHECK_FALSE(fresh.is_history(false, 4, 1, 0));  // it has started again
-    CHECK(fresh.is_history(false, 3, 1, 300));      // late, from before
+    CHECK_FALSE(fresh.is_history(false, 4, 1, 0)); // it has started again
+    CHECK(fresh.is_history(false, 3, 1, 300));     // late, from before
     CHECK_FALSE(fresh.is_history(false, 4, 1, 4'294'967'295u));
     CHECK(fresh.is_history(false, 4, 1, 4'294'967'295u));
 }

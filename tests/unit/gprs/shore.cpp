@@ -21,28 +21,30 @@ struct coast {
     void drain() {
         while (auto event = shore.take_event()) events.push_back(std::move(*event));
     }
-    static way call(std::uint64_t door) {
+    static way call(std::uint64_t channel) {
         way made;
-        made.door = door;
-        made.peer = ise::endpoint{ise::protocol::tcp, "10.0.0.9", static_cast<std::uint16_t>(door), {}};
+        made.channel = channel;
+        made.peer = ise::endpoint{ise::protocol::tcp, "10.0.0.9", static_cast<std::uint16_t>(channel), {}};
         return made;
     }
-    static way call(std::uint64_t door, const std::string& host) {
-        auto made = call(door);
+    static way call(std::uint64_t channel, const std::string& host) {
+        auto made = call(channel);
         made.peer.host = host;
         return made;
     }
     static way address(std::uint16_t port) {
         way made;
-        made.door = 1;
+        made.channel = 1;
         made.peer = ise::endpoint{ise::protocol::udp, "10.0.0.9", port, {}};
         made.datagrams = true;
         return made;
     }
-    void connect(std::uint64_t door) { shore.connected(now, call(door)), drain(); }
-    void connect(std::uint64_t door, const std::string& host) { shore.connected(now, call(door, host)), drain(); }
-    void say(std::uint64_t door, std::string_view text) { shore.on_bytes(now, door, ise::as_bytes(text)), drain(); }
-    void say(std::uint64_t door, const line& what) { say(door, encode(what)); }
+    void connect(std::uint64_t channel) { shore.connected(now, call(channel)), drain(); }
+    void connect(std::uint64_t channel, const std::string& host) { shore.connected(now, call(channel, host)), drain(); }
+    void say(std::uint64_t channel, std::string_view text) {
+        shore.on_bytes(now, channel, ise::as_bytes(text)), drain();
+    }
+    void say(std::uint64_t channel, const line& what) { say(channel, encode(what)); }
     void datagram(std::uint16_t port, const std::string& text) {
         shore.on_datagram(now, address(port), ise::as_bytes(text)), drain();
     }
@@ -176,11 +178,11 @@ TEST_CASE("gprs shore: the boat's last login counts: its connection before is cu
     it.connect(2);
     it.say(2, login{"atirma", 5, 1, 0});
     it.connect(3);
-    CHECK(it.shore.boat()->door == 2);
+    CHECK(it.shore.boat()->channel == 2);
     it.say(3, login{"atirma", 5, 1, 0});
-    CHECK(it.shore.boat()->door == 3);
+    CHECK(it.shore.boat()->channel == 3);
     REQUIRE(it.all<cut_off>().size() == 1);
-    CHECK(it.all<cut_off>().front().whom.door == 2);
+    CHECK(it.all<cut_off>().front().whom.channel == 2);
     CHECK_FALSE(it.all<cut_off>().front().stranger);
     CHECK(it.shore.counters().moves == 1);
     auto before = it.events.size();
@@ -211,7 +213,7 @@ TEST_CASE("gprs shore: strangers who are silent, talk nonsense, too much, or go 
     REQUIRE(cuts.size() == 5);
     for (std::size_t i = 0; i < cuts.size(); ++i) {
         CHECK(cuts[i].stranger);
-        CHECK(cuts[i].whom.door == i + 2);
+        CHECK(cuts[i].whom.channel == i + 2);
         CHECK_FALSE(cuts[i].reason.empty());
     }
     CHECK(it.shore.strangers() == 1);
@@ -227,7 +229,7 @@ TEST_CASE("gprs shore: strangers who are silent, talk nonsense, too much, or go 
 
 TEST_CASE("gprs shore: a crowd of strangers leaves room for the boat") {
     coast it;
-    for (std::uint64_t door = 1; door <= 1000; ++door) it.connect(door);
+    for (std::uint64_t channel = 1; channel <= 1000; ++channel) it.connect(channel);
     CHECK(it.shore.strangers() == shore_options().max_strangers);
     CHECK(it.all<cut_off>().size() == 1000 - shore_options().max_strangers);
     it.connect(2000);
@@ -238,16 +240,17 @@ TEST_CASE("gprs shore: a crowd of strangers leaves room for the boat") {
 TEST_CASE("gprs shore: a slow boat keeps its place while another host calls as often as it likes") {
     coast it;
     it.connect(1, "10.0.0.1");
-    for (std::uint64_t door = 2; door <= 1000; ++door) it.connect(door, door % 2 ? "fd00:1:2:3::" + std::to_string(door) : "10.0.0.9");
-    for (const auto& cut : it.all<cut_off>()) CHECK(cut.whom.door != 1);
+    for (std::uint64_t channel = 2; channel <= 1000; ++channel)
+        it.connect(channel, channel % 2 ? "fd00:1:2:3::" + std::to_string(channel) : "10.0.0.9");
+    for (const auto& cut : it.all<cut_off>()) CHECK(cut.whom.channel != 1);
     it.pass(9s);
     it.say(1, login{"atirma", 5, 1, 0});
     CHECK(it.shore.boat());
     CHECK(it.shore.strangers() == shore_options().max_strangers - 1);
 }
 
-TEST_CASE(
-    "gprs shore: the boat's own connection is cut off when it brings nothing but nonsense, and its silence is noticed") {
+TEST_CASE("gprs shore: the boat's own connection is cut off when it brings nothing but nonsense, and its silence is "
+          "noticed") {
     coast it;
     it.connect(2);
     it.say(2, login{"atirma", 5, 1, 0});
@@ -265,7 +268,7 @@ TEST_CASE(
     it.pass(1s);
     CHECK_FALSE(it.shore.boat());
     CHECK(it.shore.counters().half_open == 1);
-    CHECK(it.all<cut_off>().back().whom.door == 3);
+    CHECK(it.all<cut_off>().back().whom.channel == 3);
 }
 
 TEST_CASE("gprs shore: datagrams need a login first, which shows the key that was sent to their address") {
@@ -325,23 +328,24 @@ TEST_CASE("gprs shore: a login by datagram cuts off no connection of the boat, a
     it.datagram(40001, encode(shown_key{0}) + encode(login{"atirma", 5, 1, 0, 7}));
     CHECK(it.all<send_text>().size() == said); // not even a key
     CHECK(it.all<cut_off>().empty());
-    CHECK(it.shore.boat()->door == 2);
+    CHECK(it.shore.boat()->channel == 2);
     CHECK(it.all<stranger_datagram>().size() == 2);
     order what;
     what.id = 7;
     what.raw = ise::bytes(4);
     CHECK(it.shore.send(what));
     it.drain();
-    CHECK(it.all<send_text>().back().to.door == 2);
+    CHECK(it.all<send_text>().back().to.channel == 2);
     it.pass(180s); // the connection is silent: it is given up, and datagrams may come in its place
     it.prove(40001, login{"atirma", 5, 1, 0, 99});
     CHECK(it.shore.boat()->datagrams);
     it.connect(3);
     it.say(3, login{"atirma", 5, 1, 0, 99});
-    CHECK(it.shore.boat()->door == 3);
+    CHECK(it.shore.boat()->channel == 3);
 }
 
-TEST_CASE("gprs shore: an answer counts for the life of the boat that the telecommand went to, by whichever way it comes") {
+TEST_CASE(
+    "gprs shore: an answer counts for the life of the boat that the telecommand went to, by whichever way it comes") {
     coast it;
     order what;
     what.id = 7;
@@ -401,7 +405,7 @@ TEST_CASE("gprs shore: a login that was under way for long moves nothing back, a
     for (std::uint32_t n = 1; n <= 20; ++n) it.datagram(40001, key + encode(data(n)));
     it.safe_all();
     CHECK(it.acknowledged() == 20);
-    it.datagram(40001, key + encode(login{"atirma", 5, 1, 10}));       // of long ago
+    it.datagram(40001, key + encode(login{"atirma", 5, 1, 10})); // of long ago
     it.datagram(40001, key + encode(data(21)));
     it.datagram(40001, key + encode(login{"atirma", 5, 21, 21}) + encode(data(21))); // what the boat says now
     it.datagram(40001, key + encode(data(20)));
@@ -444,7 +448,7 @@ TEST_CASE("gprs shore: a telecommand goes to the boat where it is, and is refuse
     CHECK(it.shore.send(what));
     it.drain();
     auto sent = it.all<send_text>().back();
-    CHECK(sent.to.door == 2);
+    CHECK(sent.to.channel == 2);
     CHECK(std::get<order>(gprs_test::lines_of(sent.text).front()) == what);
     it.say(2, outcome{7, 0, {}});
     REQUIRE(it.all<outcome_came>().size() == 1);

@@ -31,8 +31,8 @@ public:
     ise::time_point now{std::chrono::hours(1)};
     ise::duration delay = std::chrono::milliseconds(100);
     ise::duration jitter{};
-    double loss = 0;              ///< of a datagram
-    bool up = true;               ///< false: everything vanishes, nobody is told
+    double loss = 0; ///< of a datagram
+    bool up = true;  ///< false: everything vanishes, nobody is told
     bool safe_at_once = true;
     std::size_t cut_up = SIZE_MAX, cut_down = SIZE_MAX; ///< the connection breaks after so many bytes
     std::uint64_t bytes_up = 0, bytes_down = 0;
@@ -153,7 +153,7 @@ private:
         last_up_ = last_down_ = now;
         boat->opened(now);
         if (!boat_options.datagrams && up)
-            later(now + delay, [this, door = door_] { shore.connected(now, way_of(door)); });
+            later(now + delay, [this, channel = door_] { shore.connected(now, way_of(channel)); });
     }
     /// The boat's connection ends; the shore learns it, unless the carrier is down.
     void hang_up() {
@@ -161,14 +161,15 @@ private:
         open_ = false;
         boat->closed();
         if (up && !boat_options.datagrams)
-            later(std::max(now, last_up_) + delay, [this, door = door_] { shore.disconnected(now, door, "over"); });
+            later(std::max(now, last_up_) + delay,
+                  [this, channel = door_] { shore.disconnected(now, channel, "over"); });
         later(now + std::chrono::seconds(1), [this] {
             if (!open_) dial();
         });
     }
-    atirma::gprs::way way_of(std::uint64_t door) const {
+    atirma::gprs::way way_of(std::uint64_t channel) const {
         atirma::gprs::way made;
-        made.door = boat_options.datagrams ? 1'000'000 : door;
+        made.channel = boat_options.datagrams ? 1'000'000 : channel;
         made.peer = ise::endpoint{ise::protocol::udp,
                                   "10.0.0.9",
                                   static_cast<std::uint16_t>(40000 + (boat_options.datagrams ? port_ : 0)),
@@ -190,15 +191,15 @@ private:
                                                         random() % static_cast<std::uint64_t>(jitter.count())));
             auto& last = upward ? last_up_ : last_down_;
             if (!boat_options.datagrams) arrives = last = std::max(arrives, last);
-            later(arrives, [this, upward, text = std::move(text), by = way_of(door_), door = door_] {
+            later(arrives, [this, upward, text = std::move(text), by = way_of(door_), channel = door_] {
                 if (!up) return;
                 if (!upward) {
-                    if (open_ && (boat_options.datagrams ? by.peer == way_of(0).peer : door == door_))
+                    if (open_ && (boat_options.datagrams ? by.peer == way_of(0).peer : channel == door_))
                         boat->on_bytes(now, ise::as_bytes(text));
                 } else if (boat_options.datagrams) {
                     shore.on_datagram(now, by, ise::as_bytes(text));
                 } else {
-                    deliver(door, text);
+                    deliver(channel, text);
                 }
             });
         }
@@ -207,20 +208,20 @@ private:
         hang_up();
     }
     /// In pieces of any size.
-    void deliver(std::uint64_t door, std::string_view text) {
+    void deliver(std::uint64_t channel, std::string_view text) {
         while (!text.empty()) {
             auto size = std::min<std::size_t>(text.size(), random() % 50 + 1);
-            shore.on_bytes(now, door, ise::as_bytes(text.substr(0, size)));
+            shore.on_bytes(now, channel, ise::as_bytes(text.substr(0, size)));
             text.remove_prefix(size);
         }
     }
     void handle(const atirma::gprs::shore_event& event) {
         using namespace atirma::gprs;
         if (const auto* send = std::get_if<send_text>(&event)) {
-            bool to_here = boat_options.datagrams ? send->to.peer == way_of(0).peer : send->to.door == door_;
+            bool to_here = boat_options.datagrams ? send->to.peer == way_of(0).peer : send->to.channel == door_;
             if (to_here && open_) carry(send->text, false);
         } else if (const auto* cut = std::get_if<cut_off>(&event)) {
-            if (cut->whom.door == door_ && open_) hang_up();
+            if (cut->whom.channel == door_ && open_) hang_up();
         } else if (const auto* came = std::get_if<record_came>(&event)) {
             auto header = atirma::parse_telemetry(came->raw).value().header;
             arrived.push_back({header.sequence, fresh.is_history(came->history, header.boot, 1, header.sequence)});

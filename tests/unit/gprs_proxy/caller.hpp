@@ -11,10 +11,10 @@ namespace gprs_test {
 
 /// What a test tells the boat, and learns of it. Outlives it.
 struct boat_log {
-    std::string shore;                 ///< endpoint that it calls
+    std::string shore; ///< endpoint that it calls
     std::string id = "atirma";
     std::uint16_t boot = 5;
-    std::uint32_t fixes = 0;           ///< that it measures, then it only keeps the link
+    std::uint32_t fixes = 0; ///< that it measures, then it only keeps the link
     ise::duration period = std::chrono::seconds(2);
     std::uint32_t measured = 0;
     std::size_t waiting = 0;

@@ -17,21 +17,25 @@ using namespace std::chrono_literals;
 using namespace atirma;
 using gprs_test::quay;
 
-TEST_CASE("gprs link: an address ends five minutes after its last datagram, one that is used stays, and one that comes back is carried") {
+TEST_CASE("gprs link: an address ends five minutes after its last datagram, one that is used stays, and one that comes "
+          "back is carried") {
     ise::sim::world world(1);
     std::optional<carrier_state> told;
     std::vector<std::string> heard; // ashore
     world.host("shore").start_process("shore", [&](ise::sim::process& here) -> std::shared_ptr<void> {
         auto node = std::make_shared<ise::node>(here, quay::quiet());
-        node->start("", [&](ise::component& self) -> ise::task<> {
-            auto where = ise::endpoint::parse("udp://0.0.0.0:7420").value();
-            auto socket = std::move(self.env().open_datagram(self.on(), where).value());
-            for (;;) {
-                auto [problem, got] = co_await socket->receive();
-                if (problem) break;
-                heard.emplace_back(ise::as_text(got->content));
-            }
-        }, quay::asks_only());
+        node->start(
+            "",
+            [&](ise::component& self) -> ise::task<> {
+                auto where = ise::endpoint::parse("udp://0.0.0.0:7420").value();
+                auto socket = std::move(self.env().open_datagram(self.on(), where).value());
+                for (;;) {
+                    auto [problem, got] = co_await socket->receive();
+                    if (problem) break;
+                    heard.emplace_back(ise::as_text(got->content));
+                }
+            },
+            quay::asks_only());
         return node;
     });
     world.host("carrier").start_process("carrier", [](ise::sim::process& here) -> std::shared_ptr<void> {
@@ -46,24 +50,27 @@ TEST_CASE("gprs link: an address ends five minutes after its last datagram, one 
     });
     world.host("boat").start_process("boat", [&](ise::sim::process& here) -> std::shared_ptr<void> {
         auto node = std::make_shared<ise::node>(here, quay::quiet());
-        node->start("", [&](ise::component& self) -> ise::task<> {
-            self.listen(self.at(ise::endpoint::parse("tcp://carrier:7411").value()), services::carrier,
-                        [&](const carrier_state& state) { told = state; });
-            std::vector<std::unique_ptr<ise::datagram_socket>> calls;
-            ise::endpoint any{ise::protocol::udp, "0.0.0.0", 0, {}};
-            auto to = ise::endpoint::parse("udp://carrier:7420").value();
-            std::string word = "hello", last = "again";
-            for (int i = 0; i < 10; ++i) {
-                calls.push_back(std::move(self.env().open_datagram(self.on(), any).value()));
-                calls.back()->try_send(to, ise::as_bytes(word));
-            }
-            for (int minute = 0; minute < 20; ++minute) {
-                calls.front()->try_send(to, ise::as_bytes(word));
-                co_await self.sleep(1min);
-            }
-            calls.back()->try_send(to, ise::as_bytes(last));
-            co_await self.sleep(1h);
-        }, quay::asks_only());
+        node->start(
+            "",
+            [&](ise::component& self) -> ise::task<> {
+                self.listen(self.at(ise::endpoint::parse("tcp://carrier:7411").value()), services::carrier,
+                            [&](const carrier_state& state) { told = state; });
+                std::vector<std::unique_ptr<ise::datagram_socket>> calls;
+                ise::endpoint any{ise::protocol::udp, "0.0.0.0", 0, {}};
+                auto to = ise::endpoint::parse("udp://carrier:7420").value();
+                std::string word = "hello", last = "again";
+                for (int i = 0; i < 10; ++i) {
+                    calls.push_back(std::move(self.env().open_datagram(self.on(), any).value()));
+                    calls.back()->try_send(to, ise::as_bytes(word));
+                }
+                for (int minute = 0; minute < 20; ++minute) {
+                    calls.front()->try_send(to, ise::as_bytes(word));
+                    co_await self.sleep(1min);
+                }
+                calls.back()->try_send(to, ise::as_bytes(last));
+                co_await self.sleep(1h);
+            },
+            quay::asks_only());
         return node;
     });
     world.run_for(1min);

@@ -26,7 +26,7 @@ public:
     ise::sim::world world;
     atirma::gprs_proxy_options options;
     boat_log boat;
-    std::vector<std::string> warnings; ///< of the proxy
+    std::vector<std::string> warnings;                  ///< of the proxy
     std::vector<std::unique_ptr<ise::loop_host>> loops; ///< of strangers
 
     struct watched {
@@ -70,7 +70,8 @@ public:
                 auto packet = co_await packets.next();
                 if (!packet) break;
                 seen.lost += packet.lost_before().value_or(0);
-                if (seen.known.first_time(packet->boot, packet->sequence, packet->raw)) seen.telemetry.push_back(*packet);
+                if (seen.known.first_time(packet->boot, packet->sequence, packet->raw))
+                    seen.telemetry.push_back(*packet);
                 else ++seen.again;
             }
         });

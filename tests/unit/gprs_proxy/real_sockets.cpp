@@ -53,21 +53,24 @@ void sail(const std::string& where, bool carrier) {
     node.start<gprs_proxy>("atirma/shore/gprs", proxies, options);
     auto called = listening.get_future().get().at(0);
     CHECK(called.port != 0);
-    node.start("", [&](ise::component& self) -> ise::task<> {
-        auto shore = self.at(ise::endpoint::parse("inproc://gprs-proxy").value());
-        auto packets = co_await shore.subscribe(services::telemetry);
-        telecommand_request request; // a ping: it waits for the boat
-        request.id = 7;
-        auto reply = co_await shore.call(services::telecommand, request, 5min);
-        answered.set_value(reply);
-        std::vector<telemetry_packet> got;
-        while (got.size() < 5) {
-            auto packet = co_await packets.next();
-            if (!packet) break;
-            got.push_back(*packet);
-        }
-        all.set_value(got);
-    }, asks_only());
+    node.start(
+        "",
+        [&](ise::component& self) -> ise::task<> {
+            auto shore = self.at(ise::endpoint::parse("inproc://gprs-proxy").value());
+            auto packets = co_await shore.subscribe(services::telemetry);
+            telecommand_request request; // a ping: it waits for the boat
+            request.id = 7;
+            auto reply = co_await shore.call(services::telecommand, request, 5min);
+            answered.set_value(reply);
+            std::vector<telemetry_packet> got;
+            while (got.size() < 5) {
+                auto packet = co_await packets.next();
+                if (!packet) break;
+                got.push_back(*packet);
+            }
+            all.set_value(got);
+        },
+        asks_only());
     if (carrier) {
         gprs_link_options between;
         between.listen = {where};

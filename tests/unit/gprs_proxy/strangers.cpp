@@ -25,7 +25,8 @@ public:
         : words_(std::move(words)), between_(between), to_("tcp://" + host + ":7420") {
         at.world.host("pirate").start_process("pirate", [this](ise::sim::process& here) -> std::shared_ptr<void> {
             auto node = std::make_shared<ise::node>(here, quay::quiet());
-            node->start("", [this](ise::component& self) { return talk(self); }, quay::asks_only());
+            node->start(
+                "", [this](ise::component& self) { return talk(self); }, quay::asks_only());
             return node;
         });
     }
@@ -64,40 +65,44 @@ private:
 };
 
 /// Logs in by datagram with the boat's name, and sends packets under its numbers.
-void logs_in_as_the_boat(quay& it, std::uint32_t first, std::uint32_t last, std::function<ise::bytes(packet_header)> forge) {
+void logs_in_as_the_boat(quay& it, std::uint32_t first, std::uint32_t last,
+                         std::function<ise::bytes(packet_header)> forge) {
     it.world.host("pirate").start_process("pirate", [=](ise::sim::process& here) -> std::shared_ptr<void> {
         auto node = std::make_shared<ise::node>(here, quay::quiet());
-        node->start("", [=](ise::component& self) -> ise::task<> {
-            ise::endpoint any{ise::protocol::udp, "0.0.0.0", 0, {}};
-            auto socket = std::move(self.env().open_datagram(self.on(), any).value());
-            auto shore = ise::endpoint::parse("udp://shore:7420").value();
-            auto login = gprs::encode(gprs::login{"atirma", 5, first, last, 1});
-            socket->try_send(shore, ise::as_bytes(login));
-            auto [problem, got] = co_await socket->receive();
-            if (problem) co_return;
-            auto asked = gprs::parse(ise::as_text(got->content).substr(0, got->content.size() - 2)).value();
-            auto key = gprs::encode(gprs::shown_key{std::get<gprs::challenge>(asked).key});
-            socket->try_send(shore, ise::as_bytes(key + login));
-            for (std::uint32_t n = first; n <= last; ++n) {
-                gprs::record forged;
-                forged.boot = 5;
-                forged.number = n;
-                packet_header header;
-                header.boot = 5;
-                header.sequence = n;
-                forged.raw = forge(header);
-                socket->try_send(shore, ise::as_bytes(key + gprs::encode(forged)));
-                co_await self.sleep(10ms);
-            }
-        }, quay::asks_only());
+        node->start(
+            "",
+            [=](ise::component& self) -> ise::task<> {
+                ise::endpoint any{ise::protocol::udp, "0.0.0.0", 0, {}};
+                auto socket = std::move(self.env().open_datagram(self.on(), any).value());
+                auto shore = ise::endpoint::parse("udp://shore:7420").value();
+                auto login = gprs::encode(gprs::login{"atirma", 5, first, last, 1});
+                socket->try_send(shore, ise::as_bytes(login));
+                auto [problem, got] = co_await socket->receive();
+                if (problem) co_return;
+                auto asked = gprs::parse(ise::as_text(got->content).substr(0, got->content.size() - 2)).value();
+                auto key = gprs::encode(gprs::shown_key{std::get<gprs::challenge>(asked).key});
+                socket->try_send(shore, ise::as_bytes(key + login));
+                for (std::uint32_t n = first; n <= last; ++n) {
+                    gprs::record forged;
+                    forged.boot = 5;
+                    forged.number = n;
+                    packet_header header;
+                    header.boot = 5;
+                    header.sequence = n;
+                    forged.raw = forge(header);
+                    socket->try_send(shore, ise::as_bytes(key + gprs::encode(forged)));
+                    co_await self.sleep(10ms);
+                }
+            },
+            quay::asks_only());
         return node;
     });
 }
 
 } // namespace
 
-TEST_CASE(
-    "gprs proxy: a stranger who talks nonsense, too much, or nothing, is cut off and logged, and the boat does not notice") {
+TEST_CASE("gprs proxy: a stranger who talks nonsense, too much, or nothing, is cut off and logged, and the boat does "
+          "not notice") {
     quay it("tcp", 20);
     it.start();
     stranger browser(it, "GET / HTTP/1.1\r\nHost: shore\r\n\r\n");
@@ -137,7 +142,8 @@ TEST_CASE("gprs proxy: a crowd of strangers holds no place that the boat needs, 
     CHECK(it.warnings.size() < 20);
 }
 
-TEST_CASE("gprs link: a crowd on the carrier breaks its own oldest connections, not the boat's, also while the proxy is dialled") {
+TEST_CASE("gprs link: a crowd on the carrier breaks its own oldest connections, not the boat's, also while the proxy "
+          "is dialled") {
     const bool reached = GENERATE(true, false);
     INFO("the proxy is reached: " << reached);
     quay it("tcp", 20);
@@ -176,27 +182,30 @@ TEST_CASE("gprs proxy: datagrams of strangers get no answer, cost nothing, and a
     std::size_t answers = 0;
     it.world.host("pirate").start_process("pirate", [&](ise::sim::process& here) -> std::shared_ptr<void> {
         auto node = std::make_shared<ise::node>(here, quay::quiet());
-        node->start("", [&](ise::component& self) -> ise::task<> {
-            ise::endpoint any{ise::protocol::udp, "0.0.0.0", 0, {}};
-            auto socket = std::move(self.env().open_datagram(self.on(), any).value());
-            auto shore = ise::endpoint::parse("udp://shore:7420").value();
-            atirma::gprs::record forged;
-            forged.boot = 5;
-            forged.number = 1;
-            forged.raw = gprs_test::fix(77);
-            std::vector<std::string> words{"hello", "", atirma::gprs::encode(forged),
-                                           atirma::gprs::encode(atirma::gprs::login{"pirate", 5, 1, 0}),
-                                           std::string(60'000, 'x')};
-            for (int i = 0; i < 200; ++i) {
-                for (const auto& text : words) socket->try_send(shore, ise::as_bytes(text));
-                co_await self.sleep(10ms);
-            }
-            for (;;) {
-                auto [problem, got] = co_await socket->receive();
-                if (problem) break;
-                ++answers;
-            }
-        }, quay::asks_only());
+        node->start(
+            "",
+            [&](ise::component& self) -> ise::task<> {
+                ise::endpoint any{ise::protocol::udp, "0.0.0.0", 0, {}};
+                auto socket = std::move(self.env().open_datagram(self.on(), any).value());
+                auto shore = ise::endpoint::parse("udp://shore:7420").value();
+                atirma::gprs::record forged;
+                forged.boot = 5;
+                forged.number = 1;
+                forged.raw = gprs_test::fix(77);
+                std::vector<std::string> words{"hello", "", atirma::gprs::encode(forged),
+                                               atirma::gprs::encode(atirma::gprs::login{"pirate", 5, 1, 0}),
+                                               std::string(60'000, 'x')};
+                for (int i = 0; i < 200; ++i) {
+                    for (const auto& text : words) socket->try_send(shore, ise::as_bytes(text));
+                    co_await self.sleep(10ms);
+                }
+                for (;;) {
+                    auto [problem, got] = co_await socket->receive();
+                    if (problem) break;
+                    ++answers;
+                }
+            },
+            quay::asks_only());
         return node;
     });
     REQUIRE(it.until([&] { return it.complete(); }));
@@ -215,25 +224,28 @@ TEST_CASE("gprs proxy: who logs in by datagram beside the boat's connection gets
     std::size_t answers = 0;
     it.world.host("pirate").start_process("pirate", [&](ise::sim::process& here) -> std::shared_ptr<void> {
         auto node = std::make_shared<ise::node>(here, quay::quiet());
-        node->start("", [&](ise::component& self) -> ise::task<> {
-            ise::endpoint any{ise::protocol::udp, "0.0.0.0", 0, {}};
-            auto socket = std::move(self.env().open_datagram(self.on(), any).value());
-            auto shore = ise::endpoint::parse("udp://shore:7420").value();
-            acknowledgement done;
-            done.id = 7;
-            auto login = gprs::encode(gprs::login{"atirma", 5, 1000, 999, 1});
-            auto lie = gprs::encode(gprs::outcome{7, 0, encode_acknowledgement(done)});
-            for (int i = 0; i < 400; ++i) {
-                socket->try_send(shore, ise::as_bytes(login));
-                socket->try_send(shore, ise::as_bytes(login + lie));
-                co_await self.sleep(50ms);
-            }
-            for (;;) {
-                auto [problem, got] = co_await socket->receive();
-                if (problem) break;
-                ++answers;
-            }
-        }, quay::asks_only());
+        node->start(
+            "",
+            [&](ise::component& self) -> ise::task<> {
+                ise::endpoint any{ise::protocol::udp, "0.0.0.0", 0, {}};
+                auto socket = std::move(self.env().open_datagram(self.on(), any).value());
+                auto shore = ise::endpoint::parse("udp://shore:7420").value();
+                acknowledgement done;
+                done.id = 7;
+                auto login = gprs::encode(gprs::login{"atirma", 5, 1000, 999, 1});
+                auto lie = gprs::encode(gprs::outcome{7, 0, encode_acknowledgement(done)});
+                for (int i = 0; i < 400; ++i) {
+                    socket->try_send(shore, ise::as_bytes(login));
+                    socket->try_send(shore, ise::as_bytes(login + lie));
+                    co_await self.sleep(50ms);
+                }
+                for (;;) {
+                    auto [problem, got] = co_await socket->receive();
+                    if (problem) break;
+                    ++answers;
+                }
+            },
+            quay::asks_only());
         return node;
     });
     quay::asked answer;
@@ -249,7 +261,8 @@ TEST_CASE("gprs proxy: who logs in by datagram beside the boat's connection gets
     CHECK(it.warned("the boat is there over a connection"));
 }
 
-TEST_CASE("gprs proxy: what somebody sent in the boat's name during an outage takes no place of the boat's own packets") {
+TEST_CASE(
+    "gprs proxy: what somebody sent in the boat's name during an outage takes no place of the boat's own packets") {
     quay it("tcp", 20);
     it.start();
     REQUIRE(it.until([&] { return it.seen.telemetry.size() >= 3; }));
@@ -267,14 +280,14 @@ TEST_CASE("gprs proxy: what somebody sent in the boat's name during an outage ta
     for (const auto& packet : it.seen.telemetry)
         if (packet.raw == gprs_test::fix(packet.sequence)) own.insert(packet.sequence);
     CHECK(own.size() == 20);
-    auto last = std::ranges::find_if(it.seen.telemetry, [](const auto& packet) {
-        return packet.raw == gprs_test::fix(20);
-    });
+    auto last =
+        std::ranges::find_if(it.seen.telemetry, [](const auto& packet) { return packet.raw == gprs_test::fix(20); });
     REQUIRE(last != it.seen.telemetry.end());
     CHECK_FALSE(last->history); // where the boat is now
 }
 
-TEST_CASE("gprs proxy: a node keeps the boat's packets also where forged ones of the same numbers and times came first") {
+TEST_CASE(
+    "gprs proxy: a node keeps the boat's packets also where forged ones of the same numbers and times came first") {
     quay it("tcp", 20);
     it.options.store_at = "tcp://node:7430";
     it.world.host("node").start_process("node", [](ise::sim::process& here) -> std::shared_ptr<void> {

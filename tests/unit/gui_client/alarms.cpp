@@ -137,7 +137,8 @@ TEST_CASE("console: a lost proxy, its port, its heat and its duty cycle call the
     CHECK(find(state.view(t0 + 9s)->alarms, "proxy:" + xbee_path)->over_at);
 }
 
-TEST_CASE("console: packets of a link that cannot be kept call the operator, a boat that does not call there does not") {
+TEST_CASE(
+    "console: packets of a link that cannot be kept call the operator, a boat that does not call there does not") {
     console_state state;
     state.on_link(gprs_path, true, "", t0);
     gprs_state told;

@@ -2,7 +2,7 @@
 #include "fleet.hpp"
 
 #include <ise/net/connect.hpp>
-#include <ise/service/link.hpp>
+#include <ise/service/peer_channel.hpp>
 
 #include <random>
 
@@ -14,8 +14,8 @@ TEST_CASE("hostile: of the calls of one session max_calls_per_session are served
     ise::serve_options many;
     many.concurrent = many.waiting = 10'000;
     harbour at(either(), {}, many);
-    INFO(at.door);
-    raw_peer peer(at.all, at.sea, at.door);
+    INFO(at.channel);
+    raw_peer peer(at.all, at.sea, at.channel);
     peer.greet();
     peer.introduce(0, "helm", helm.types().fingerprints);
     set_mode forever{"long"};
@@ -23,14 +23,15 @@ TEST_CASE("hostile: of the calls of one session max_calls_per_session are served
     peer.finish();
     REQUIRE(at.all.world.run_until([&] { return peer.count(frame_type::error) == 5000 - 4096; }, 2s));
     CHECK(at.at_once == 4096);
-    CHECK_THAT(peer.why(frame_type::error).message(), Contains("more than 4096 calls of one session at once (max_calls_per_session)"));
+    CHECK_THAT(peer.why(frame_type::error).message(),
+               Contains("more than 4096 calls of one session at once (max_calls_per_session)"));
     at.others_do_not_notice();
 }
 
 TEST_CASE("hostile: of the requests that wait for schemas 256 of a service are held (held_requests)") {
     harbour at(either());
-    INFO(at.door);
-    raw_peer peer(at.all, at.sea, at.door);
+    INFO(at.channel);
+    raw_peer peer(at.all, at.sea, at.channel);
     peer.greet();
     peer.introduce(0, "helm", {77, 78});
     set_mode any{"any"};
@@ -42,12 +43,13 @@ TEST_CASE("hostile: of the requests that wait for schemas 256 of a service are h
     at.others_do_not_notice();
 }
 
-TEST_CASE("hostile: replies that wait for a schema that never comes end the session, and our calls with it (held_replies, held_bytes)") {
+TEST_CASE("hostile: replies that wait for a schema that never comes end the session, and our calls with it "
+          "(held_replies, held_bytes)") {
     constexpr ise::request_response<set_mode, mode_set> confirm("confirm");
     std::size_t failed = 0;
     harbour at(either());
-    INFO(at.door);
-    raw_peer peer(at.all, at.sea, at.door);
+    INFO(at.channel);
+    raw_peer peer(at.all, at.sea, at.channel);
     peer.greet();
     std::shared_ptr<ise::session> over;
     for (const auto& [raw, held] : at.boat.services->sessions())
@@ -80,13 +82,17 @@ TEST_CASE("hostile: replies that wait for a schema that never comes end the sess
     at.others_do_not_notice();
 }
 
-TEST_CASE("hostile: calls to a peer that lets in and says nothing are bounded by waiting_calls, and others are called meanwhile") {
+TEST_CASE("hostile: calls to a peer that lets in and says nothing are bounded by waiting_calls, and others are called "
+          "meanwhile") {
     std::size_t failed = 0;
     std::string why;
     harbour at(either());
-    INFO(at.door);
+    INFO(at.channel);
     auto host = at.sea.make_loop("deaf");
-    auto deaf = ise::net::listen(host->loop(), ise::endpoint::parse((at.datagrams ? "udp" : "tcp") + std::string("://0.0.0.0:9000")).value()).value();
+    auto deaf =
+        ise::net::listen(host->loop(),
+                         ise::endpoint::parse((at.datagrams ? "udp" : "tcp") + std::string("://0.0.0.0:9000")).value())
+            .value();
     auto ask = [&](ise::remote to) -> ise::task<> {
         for (int i = 0; i < 100'100; ++i)
             to.try_call(helm, set_mode{}, 1h, [&](ise::result<mode_set> got) {
@@ -115,7 +121,7 @@ TEST_CASE("hostile: calls to a peer that lets in and says nothing are bounded by
 
 TEST_CASE("hostile: a depth beyond subscription_depth counts as that") {
     fleet at("tcp");
-    raw_peer peer(at.all, at.sea, at.door, false);
+    raw_peer peer(at.all, at.sea, at.channel, false);
     peer.greet();
     auto terms = fleet::terms();
     terms.policy = ise::overflow::keep_last;
@@ -128,9 +134,10 @@ TEST_CASE("hostile: a depth beyond subscription_depth counts as that") {
     at.others_do_not_notice();
 }
 
-TEST_CASE("hostile: numbers of calls over udp that leap about cost bounded memory, and no other's answer is forgotten") {
+TEST_CASE(
+    "hostile: numbers of calls over udp that leap about cost bounded memory, and no other's answer is forgotten") {
     harbour at("udp");
-    raw_peer peer(at.all, at.sea, at.door);
+    raw_peer peer(at.all, at.sea, at.channel);
     peer.greet();
     peer.introduce(0, "echo", echo.types().fingerprints);
     blob big;
@@ -144,7 +151,8 @@ TEST_CASE("hostile: numbers of calls over udp that leap about cost bounded memor
         peer.finish();
         most = std::max(most, at.boat.services->reply_windows().room());
     }
-    CHECK(at.all.world.run_until([&] { return peer.count(frame_type::reply) + peer.count(frame_type::error) == calls; }, 20s));
+    CHECK(at.all.world.run_until([&] { return peer.count(frame_type::reply) + peer.count(frame_type::error) == calls; },
+                                 20s));
     CHECK(peer.count(frame_type::reply) > 1000);
     CHECK(most > (3u << 20));
     CHECK(most < (5u << 20)); // max_reply_bytes
@@ -154,8 +162,8 @@ TEST_CASE("hostile: numbers of calls over udp that leap about cost bounded memor
 
 TEST_CASE("hostile: a numbered call of a peer without an incarnation, or over tcp, breaks a rule") {
     harbour at(either());
-    INFO(at.door);
-    raw_peer peer(at.all, at.sea, at.door);
+    INFO(at.channel);
+    raw_peer peer(at.all, at.sea, at.channel);
     ise::wire::hello nobody;
     nobody.self.path = "raw";
     nobody.self.incarnation = at.datagrams ? 0 : 1;

@@ -7,8 +7,8 @@ using namespace hostile_test;
 
 TEST_CASE("hostile: a million service numbers end the session at introduced_services") {
     harbour at(either());
-    INFO(at.door);
-    raw_peer peer(at.all, at.sea, at.door);
+    INFO(at.channel);
+    raw_peer peer(at.all, at.sea, at.channel);
     peer.greet();
     for (std::uint64_t number = 0; number < 5000; ++number) peer.introduce(number, "helm", {1, 2});
     peer.finish();
@@ -19,8 +19,8 @@ TEST_CASE("hostile: a million service numbers end the session at introduced_serv
 
 TEST_CASE("hostile: a name or a list of packets that no service has ends the session") {
     harbour at(either());
-    INFO(at.door);
-    raw_peer peer(at.all, at.sea, at.door);
+    INFO(at.channel);
+    raw_peer peer(at.all, at.sea, at.channel);
     peer.greet();
     auto limit = GENERATE(as<std::string>(), "service_name_bytes", "service_fingerprints");
     bool subscribes = GENERATE(false, true);
@@ -41,8 +41,8 @@ TEST_CASE("hostile: a million pending calls: those of others go on") {
     serving.concurrent = 8;
     serving.waiting = 64;
     harbour at(either(), {}, serving);
-    INFO(at.door);
-    raw_peer peer(at.all, at.sea, at.door);
+    INFO(at.channel);
+    raw_peer peer(at.all, at.sea, at.channel);
     peer.greet();
     peer.introduce(0, "helm", helm.types().fingerprints);
     set_mode forever{"long"};
@@ -50,7 +50,8 @@ TEST_CASE("hostile: a million pending calls: those of others go on") {
     peer.finish();
     CHECK(at.all.world.run_until([&] { return peer.count(frame_type::error) == 20'000 - 6 - 64; }, 10s));
     CHECK(at.at_once == 6); // three quarters of the handlers
-    CHECK_THAT(peer.why(frame_type::error).message(), Contains("max_calls_per_session") || Contains("(waiting, waiting_bytes)"));
+    CHECK_THAT(peer.why(frame_type::error).message(),
+               Contains("max_calls_per_session") || Contains("(waiting, waiting_bytes)"));
     at.others_do_not_notice();
     // Many calls of the others at once: more than there are handlers left, within a fair share of what may wait.
     std::vector<std::shared_ptr<started<ise::result<mode_set>>>> calls;
@@ -64,9 +65,9 @@ TEST_CASE("hostile: who asks much is served no faster than who asks little") {
     ise::serve_options one;
     one.concurrent = 1;
     harbour at(either(), {}, one);
-    INFO(at.door);
+    INFO(at.channel);
     at.others_do_not_notice(); // its session is made
-    raw_peer peer(at.all, at.sea, at.door);
+    raw_peer peer(at.all, at.sea, at.channel);
     peer.greet();
     peer.introduce(0, "helm", helm.types().fingerprints);
     set_mode quick{"quick"};
@@ -83,9 +84,9 @@ TEST_CASE("hostile: requests that wait are bounded by bytes too") {
     little.concurrent = 1;
     little.waiting_bytes = 100'000;
     harbour at(either(), {}, little);
-    INFO(at.door);
+    INFO(at.channel);
     at.others_do_not_notice();
-    raw_peer peer(at.all, at.sea, at.door);
+    raw_peer peer(at.all, at.sea, at.channel);
     peer.greet();
     peer.introduce(0, "helm", helm.types().fingerprints);
     set_mode big{std::string(30'000, 'x')};
@@ -101,8 +102,8 @@ TEST_CASE("hostile: replies that nobody takes are bounded and others get theirs"
     ise::service_options options;
     options.max_unsent_bytes = 1 << 20;
     harbour at(either(), options);
-    INFO(at.door);
-    raw_peer peer(at.all, at.sea, at.door, false);
+    INFO(at.channel);
+    raw_peer peer(at.all, at.sea, at.channel, false);
     peer.greet();
     peer.introduce(0, "echo", echo.types().fingerprints);
     blob big;
@@ -125,8 +126,8 @@ TEST_CASE("hostile: who takes no replies and goes on calling is ended at twice m
     ise::service_options options;
     options.max_unsent_bytes = 100'000;
     harbour at(either(), options);
-    INFO(at.door);
-    raw_peer peer(at.all, at.sea, at.door, false);
+    INFO(at.channel);
+    raw_peer peer(at.all, at.sea, at.channel, false);
     peer.greet();
     peer.introduce(0, "nothing_of_that_kind", helm.types().fingerprints);
     set_mode any{"any"};
@@ -143,8 +144,8 @@ TEST_CASE("hostile: answers to subscriptions and to their ends are bounded too")
     ise::service_options options;
     options.max_unsent_bytes = 100'000;
     harbour at(either(), options);
-    INFO(at.door);
-    raw_peer peer(at.all, at.sea, at.door, false);
+    INFO(at.channel);
+    raw_peer peer(at.all, at.sea, at.channel, false);
     peer.greet();
     auto type = GENERATE(frame_type::subscribe, frame_type::unsubscribe);
     ise::wire::subscribe terms;
@@ -161,8 +162,8 @@ TEST_CASE("hostile: answers to subscriptions and to their ends are bounded too")
 
 TEST_CASE("hostile: pongs that nobody takes end the session at control_bytes") {
     harbour at(either());
-    INFO(at.door);
-    raw_peer peer(at.all, at.sea, at.door, false);
+    INFO(at.channel);
+    raw_peer peer(at.all, at.sea, at.channel, false);
     peer.greet();
     for (int i = 0; i < 400'000 && !peer.closed(); ++i) {
         peer.say(frame_type::ping, 1, ise::bytes_view());

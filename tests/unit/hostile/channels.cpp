@@ -66,7 +66,7 @@ TEST_CASE("hostile: room that shrinks, or jumps beyond all bounds, changes what 
         if (call % 20 == 0) at.go_on();
         if (auto* session = at.of_raw()) most = std::max(most, session->wire().out().pending_call_bytes());
     }
-    CHECK(most > 500'000); // nothing is acknowledged: it all waits
+    CHECK(most > 500'000);           // nothing is acknowledged: it all waits
     CHECK(most < (2u << 20) + 2000); // refusals beyond the first of these two
     at.nobody_noticed(true);
 }
@@ -114,14 +114,24 @@ TEST_CASE("hostile: fragments that cannot be are as if they had not come") {
         std::uint32_t size, index;
         std::size_t bytes;
     } const wrong[] = {
-        {5, 0xffff'ffff, 0, part},          {5, (1 << 20) + 17, 0, part}, {5, 1 << 20, 1024, part}, {5, 1 << 20, 0xffff'ffff, part},
-        {5, 1 << 20, 0x0040'0000, part},    {5, 1 << 20, 0, part - 1},    {5, 1 << 20, 0, 1},       {5, 1 << 20, 0, 0},
-        {5, 15, 0, 15},                     {5, 0, 0, 1},                 {1, 3000, 1, part},       {1, 1 << 20, 1, part},
+        {5, 0xffff'ffff, 0, part},
+        {5, (1 << 20) + 17, 0, part},
+        {5, 1 << 20, 1024, part},
+        {5, 1 << 20, 0xffff'ffff, part},
+        {5, 1 << 20, 0x0040'0000, part},
+        {5, 1 << 20, 0, part - 1},
+        {5, 1 << 20, 0, 1},
+        {5, 1 << 20, 0, 0},
+        {5, 15, 0, 15},
+        {5, 0, 0, 1},
+        {1, 3000, 1, part},
+        {1, 1 << 20, 1, part},
         {~std::uint64_t{0}, 0x8000'0000, 0, part},
     };
     const auto taken = at.peer.number;
     for (int round = 0; round < 100; ++round)
-        for (const auto& one : wrong) at.peer.fragment(one.number, one.size, one.index, ise::bytes_view(full).first(one.bytes));
+        for (const auto& one : wrong)
+            at.peer.fragment(one.number, one.size, one.index, ise::bytes_view(full).first(one.bytes));
     for (std::size_t size : {0, 8, 15}) at.peer.put(chunk_type::fragment, ise::bytes_view(full).first(size));
     at.go_on(1s);
     CHECK(at.of_raw());
@@ -141,7 +151,8 @@ TEST_CASE("hostile: content beyond the room, far away or about what came before 
     };
     const ise::bytes junk(1000, std::byte{0xff});
     const auto room = at.peer.offset + 32768, taken = at.peer.number;
-    for (auto far : {room, room - 999, std::uint64_t{1} << 32, ~std::uint64_t{0}, ~std::uint64_t{0} - 999, std::uint64_t{1} << 63})
+    for (auto far :
+         {room, room - 999, std::uint64_t{1} << 32, ~std::uint64_t{0}, ~std::uint64_t{0} - 999, std::uint64_t{1} << 63})
         for (int i = 0; i < 100; ++i) at_offset(far, junk);
     at.go_on();
     CHECK(at.peer.acked() < taken);
@@ -209,9 +220,10 @@ TEST_CASE("hostile: a flood of challenges, and of probes with gaps between them,
 
 TEST_CASE("hostile: who knows the id of its own session only is no other's peer, wherever it speaks from") {
     strait at;
-    raw_datagrams elsewhere(at.all, at.all.world.host("reef").start_process("reef"), at.door);
+    raw_datagrams elsewhere(at.all, at.all.world.host("reef").start_process("reef"), at.channel);
     for (int i = 0; i < 1000; ++i) {
-        elsewhere.data(at.peer.theirs, at.peer.number++, [](ise::wire::data_writer& to) { to.put(chunk_type::probe, {}); });
+        elsewhere.data(at.peer.theirs, at.peer.number++,
+                       [](ise::wire::data_writer& to) { to.put(chunk_type::probe, {}); });
         if (i % 50 == 0) at.go_on();
     }
     at.go_on(1s);

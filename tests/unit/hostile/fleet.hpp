@@ -26,7 +26,8 @@ struct fleet : harbour {
 /// A subscriber in good order at the shore, until it goes.
 class listener {
 public:
-    listener(fleet& at, ise::subscribe_options options) : at_(at), listening_(start(at.shore.on, count(at.there, options, seen))) {}
+    listener(fleet& at, ise::subscribe_options options)
+        : at_(at), listening_(start(at.shore.on, count(at.there, options, seen))) {}
     ~listener() {
         listening_->cancel.emit(asio::cancellation_type::terminal);
         at_.all.run_until([&] { return listening_->done; });

@@ -20,19 +20,22 @@ inline std::string either() { return GENERATE(as<std::string>(), "tcp", "udp"); 
 /// A provider, a peer in good order, and the place where hostile ones come from, all over `protocol`.
 struct harbour {
     explicit harbour(const std::string& protocol, ise::service_options options = {}, ise::serve_options serving = {})
-        : datagrams(protocol == "udp"), door(protocol + "://boat:7400"), boat(all.add("boat", options)) {
+        : datagrams(protocol == "udp"), channel(protocol + "://boat:7400"), boat(all.add("boat", options)) {
         // Answers after a while; "long" only when its deadline ends it.
-        boat.provide(helm, [this](set_mode asked) -> ise::task<mode_set> {
-            most_at_once = std::max(most_at_once, ++at_once);
-            struct leaving {
-                int& count;
-                ~leaving() { --count; }
-            } guard{at_once};
-            ise::duration length = asked.mode == "long" ? ise::duration(24h) : ise::duration(10ms);
-            co_await ise::sleep_for(boat.on, length);
-            mode_set done{true, asked.mode};
-            co_return done;
-        }, serving);
+        boat.provide(
+            helm,
+            [this](set_mode asked) -> ise::task<mode_set> {
+                max_at_once = std::max(max_at_once, ++at_once);
+                struct leaving {
+                    int& count;
+                    ~leaving() { --count; }
+                } guard{at_once};
+                ise::duration length = asked.mode == "long" ? ise::duration(24h) : ise::duration(10ms);
+                co_await ise::sleep_for(boat.on, length);
+                mode_set done{true, asked.mode};
+                co_return done;
+            },
+            serving);
         boat.provide(echo, [](blob given) { return given; });
         boat.listen(protocol + "://0.0.0.0:7400");
     }
@@ -49,7 +52,8 @@ struct harbour {
         CHECK(got);
     }
     bool warned(const std::string& of) const {
-        return std::ranges::any_of(boat.warnings, [&](const std::string& line) { return line.find(of) != std::string::npos; });
+        return std::ranges::any_of(boat.warnings,
+                                   [&](const std::string& line) { return line.find(of) != std::string::npos; });
     }
     std::string all_warnings() const {
         std::string text;
@@ -64,13 +68,13 @@ struct harbour {
     }
 
     const bool datagrams;
-    const std::string door;
-    int at_once = 0, most_at_once = 0;
+    const std::string channel;
+    int at_once = 0, max_at_once = 0;
     sim_parties all;
     party& boat;
     party& shore = all.add("shore");
     ise::sim::process& sea = all.world.host("sea").start_process("sea");
-    ise::remote there = shore.at(door);
+    ise::remote there = shore.at(channel);
 };
 
 } // namespace hostile_test

@@ -24,21 +24,23 @@ constexpr std::uint64_t first_number = (std::uint64_t{1} << 40) + 1;
 TEST_CASE("impostors: whoever says it is another client uses up none of its call numbers, and its calls run") {
     harbour at("udp");
     at.others_do_not_notice();
-    raw_peer peer(at.all, at.sea, at.door);
+    raw_peer peer(at.all, at.sea, at.channel);
     peer.greet(as_listed(at));
     peer.introduce(0, "echo", echo.types().fingerprints);
     blob nothing_much;
     const std::uint32_t calls = 288;
-    for (std::uint32_t call = 0; call < calls; ++call) peer.numbered_request(call, 0, first_number + call, nothing_much);
+    for (std::uint32_t call = 0; call < calls; ++call)
+        peer.numbered_request(call, 0, first_number + call, nothing_much);
     peer.finish();
-    REQUIRE(at.all.run_until([&] { return peer.count(frame_type::reply) == calls; })); // the first one too: it got no answer of another's
+    REQUIRE(at.all.run_until(
+        [&] { return peer.count(frame_type::reply) == calls; }));   // the first one too: it got no answer of another's
     for (int call = 0; call < 5; ++call) at.others_do_not_notice(); // each is answered by the helm, and not by the echo
 }
 
 TEST_CASE("impostors: an answer goes to nobody else, whatever key is guessed") {
     harbour at("udp");
     at.others_do_not_notice(); // answered under the first number
-    raw_peer peer(at.all, at.sea, at.door);
+    raw_peer peer(at.all, at.sea, at.channel);
     auto hello = as_listed(at);
     hello.reply_key = GENERATE(0u, 1u, 12345u);
     peer.greet(hello);
@@ -61,7 +63,9 @@ TEST_CASE("impostors: a client tells each life of a provider a key of its own, a
     buoy.incarnation = 5;
     auto udp = ise::endpoint::parse("udp://boat:7400").value();
     auto elsewhere = ise::endpoint::parse("udp://boat:7500").value();
-    auto key = [&](const ise::location& whom, const ise::endpoint& where) { return shore.services->peers().greeting_to(whom, where, where.text()).reply_key; };
+    auto key = [&](const ise::location& whom, const ise::endpoint& where) {
+        return shore.services->peers().greeting_to(whom, where, where.text()).reply_key;
+    };
     CHECK(key(boat, udp) != 0);
     CHECK(key(boat, udp) == key(boat, elsewhere));
     CHECK(key(boat, udp) != key(reborn, udp));

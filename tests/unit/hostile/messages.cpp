@@ -30,8 +30,8 @@ void begin_message(raw_peer& by, std::uint64_t id, std::uint64_t length, std::si
 
 TEST_CASE("hostile: a greeting may not be longer than greeting_bytes") {
     harbour at(either());
-    INFO(at.door);
-    raw_peer peer(at.all, at.sea, at.door);
+    INFO(at.channel);
+    raw_peer peer(at.all, at.sea, at.channel);
     announce(peer, frame_type::hello, (16u << 10) + 1);
     CHECK(at.all.run_until([&] { return peer.closed(); }));
     INFO(at.all_warnings());
@@ -44,8 +44,8 @@ TEST_CASE("hostile: frames and messages beyond what was agreed on end the sessio
     options.accepts.max_message_bytes = 100'000;
     options.accepts.max_frame_bytes = 300'000;
     harbour at(either(), options);
-    INFO(at.door);
-    raw_peer peer(at.all, at.sea, at.door);
+    INFO(at.channel);
+    raw_peer peer(at.all, at.sea, at.channel);
     peer.greet();
     std::string expected;
     SECTION("a frame") {
@@ -82,7 +82,7 @@ TEST_CASE("hostile: frames and messages beyond what was agreed on end the sessio
 
 TEST_CASE("hostile: over udp a message is no longer than a mebibyte, whatever else the provider accepts") {
     harbour at("udp");
-    raw_peer peer(at.all, at.sea, at.door);
+    raw_peer peer(at.all, at.sea, at.channel);
     peer.greet();
     begin_message(peer, 1, (1u << 20) + 1, 10);
     CHECK(at.all.run_until([&] { return peer.closed(); }));
@@ -92,8 +92,8 @@ TEST_CASE("hostile: over udp a message is no longer than a mebibyte, whatever el
 
 TEST_CASE("hostile: messages that are announced and do not come hold up nobody, their sender neither") {
     harbour at(either());
-    INFO(at.door);
-    raw_peer peer(at.all, at.sea, at.door);
+    INFO(at.channel);
+    raw_peer peer(at.all, at.sea, at.channel);
     peer.greet();
     for (std::uint64_t id = 1; id <= 64; ++id) begin_message(peer, id, at.datagrams ? 1u << 20 : 256u << 20, 1);
     for (int s = 0; s < 20; ++s) {

@@ -21,7 +21,7 @@ struct roadstead : fleet {
     raw_datagrams& stranger() {
         auto name = "skiff" + std::to_string(strangers.size() % 10);
         if (strangers.size() < 10) processes.push_back(&all.world.host(name).start_process(name));
-        strangers.push_back(std::make_unique<raw_datagrams>(all, *processes[strangers.size() % 10], door));
+        strangers.push_back(std::make_unique<raw_datagrams>(all, *processes[strangers.size() % 10], channel));
         return *strangers.back();
     }
     /// A packet for who listens, and time to pass.
@@ -100,7 +100,8 @@ TEST_CASE("hostile: openings that are too short, too long or no openings get no 
     auto strange = out.to_bytes(); // another mark
     strange[16] ^= std::byte{1};
     one.say(strange);
-    for (auto type : {datagram_type::cookie, datagram_type::opened, datagram_type::closed, datagram_type::unknown, datagram_type::sign})
+    for (auto type : {datagram_type::cookie, datagram_type::opened, datagram_type::closed, datagram_type::unknown,
+                      datagram_type::sign})
         one.say(type, 5, ise::bytes(24));
     for (int type : {0, 1, 2, 3, 11, 255}) one.say(static_cast<datagram_type>(type), 5, ise::bytes(100));
     at.go_on(1s);
@@ -120,7 +121,7 @@ TEST_CASE("hostile: who proves its address and then says nothing holds no place 
     ise::service_options options;
     CHECK(at.boat.scope.size() - at.at_rest <= 2 * options.max_handshakes);
     auto& far = at.all.add("late");
-    auto got = at.all.run(far, harbour::try_helm(far.at(at.door), 1s)); // who comes only now has a place at once
+    auto got = at.all.run(far, harbour::try_helm(far.at(at.channel), 1s)); // who comes only now has a place at once
     CHECK(got);
     for (int s = 0; s < 6; ++s) at.go_on(1s);
     INFO(at.all_warnings());
@@ -140,7 +141,8 @@ TEST_CASE("hostile: openings, endings and openings again leave nothing behind") 
     auto& one = at.stranger();
     for (std::uint64_t round = 1; round <= 300; ++round) {
         auto theirs = one.open_channel(round);
-        if (round % 3 == 0) one.data(theirs, 0, [](ise::wire::data_writer& to) { to.put(ise::wire::chunk_type::end, 0); });
+        if (round % 3 == 0)
+            one.data(theirs, 0, [](ise::wire::data_writer& to) { to.put(ise::wire::chunk_type::end, 0); });
         if (round % 3 != 1) one.say(datagram_type::closed, theirs);
         if (round % 10 == 0) at.go_on();
     }

@@ -7,8 +7,8 @@ using namespace hostile_test;
 
 TEST_CASE("hostile: a schema of ten million fields, or nested too deep, is refused by the limit's name") {
     harbour at(either());
-    INFO(at.door);
-    raw_peer peer(at.all, at.sea, at.door);
+    INFO(at.channel);
+    raw_peer peer(at.all, at.sea, at.channel);
     peer.greet();
     std::string text;
     std::string expected;

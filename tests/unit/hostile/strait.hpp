@@ -9,7 +9,8 @@ using ise::wire::chunk_type;
 
 constexpr std::uint32_t part = 1024; // of a message
 
-/// A boat with a subscriber in good order over udp, which must miss nothing, and a peer whose datagrams are made by hand.
+/// A boat with a subscriber in good order over udp, which must miss nothing, and a peer whose datagrams are made by
+/// hand.
 struct strait : fleet {
     explicit strait(ise::service_options options = {}) : fleet("udp", options) {
         all.run_until([&] { return fixes.subscribers() == 1; });
@@ -40,13 +41,15 @@ struct strait : fleet {
 
     listener counting{*this, ise::subscribe_options::last(64)};
     std::size_t published = 0;
-    raw_channel peer{all, sea, door};
+    raw_channel peer{all, sea, channel};
 
 private:
     void telltale(std::uint64_t number, std::uint32_t index) {
         ise::buffer whole;
-        ise::wire::put_frame(whole, frame_type::request, 0, 0, [](ise::buffer& to) { to.append(ise::bytes_view(ise::bytes(part))); });
-        peer.fragment(number, static_cast<std::uint32_t>(whole.size()), index, whole.view().subspan(index * part, index == 0 ? part : whole.size() - part));
+        ise::wire::put_frame(whole, frame_type::request, 0, 0,
+                             [](ise::buffer& to) { to.append(ise::bytes_view(ise::bytes(part))); });
+        peer.fragment(number, static_cast<std::uint32_t>(whole.size()), index,
+                      whole.view().subspan(index * part, index == 0 ? part : whole.size() - part));
     }
 };
 

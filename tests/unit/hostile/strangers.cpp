@@ -9,9 +9,9 @@ using namespace hostile_test;
 
 TEST_CASE("hostile: strangers who say nothing hold no place that others need") {
     harbour at(either());
-    INFO(at.door);
+    INFO(at.channel);
     std::vector<std::unique_ptr<raw_peer>> silent;
-    for (int i = 0; i < 600; ++i) silent.push_back(std::make_unique<raw_peer>(at.all, at.sea, at.door));
+    for (int i = 0; i < 600; ++i) silent.push_back(std::make_unique<raw_peer>(at.all, at.sea, at.channel));
     at.all.world.run_for(10ms);
     at.others_do_not_notice(); // who comes only now has a place at once
     auto gone = std::ranges::count_if(silent, [](const auto& peer) { return peer->closed(); });
@@ -27,8 +27,8 @@ TEST_CASE("hostile: strangers who say nothing hold no place that others need") {
 
 TEST_CASE("hostile: a byte a second is no greeting") {
     harbour at(either());
-    INFO(at.door);
-    raw_peer slow(at.all, at.sea, at.door);
+    INFO(at.channel);
+    raw_peer slow(at.all, at.sea, at.channel);
     ise::wire::hello hello;
     ise::buffer whole;
     ise::wire::put_frame(whole, frame_type::hello, 0, 0, [&](ise::buffer& to) { ise::encode(hello, to); });
@@ -45,8 +45,8 @@ TEST_CASE("hostile: a byte a second is no greeting") {
 
 TEST_CASE("hostile: within a session a byte a second costs no more than the frame it promises") {
     harbour at(either());
-    INFO(at.door);
-    raw_peer slow(at.all, at.sea, at.door);
+    INFO(at.channel);
+    raw_peer slow(at.all, at.sea, at.channel);
     slow.greet();
     ise::buffer whole;
     ise::bytes body(1000);
@@ -65,10 +65,10 @@ TEST_CASE("hostile: within a session a byte a second costs no more than the fram
 
 TEST_CASE("hostile: endless handshakes leave nothing behind") {
     harbour at(either());
-    INFO(at.door);
+    INFO(at.channel);
     at.others_do_not_notice();
     for (int i = 0; i < 500; ++i) {
-        raw_peer brief(at.all, at.sea, at.door);
+        raw_peer brief(at.all, at.sea, at.channel);
         if (i % 3 == 0) brief.greet();
         if (i % 3 == 1) brief.say(frame_type::hello, 0, ise::bytes(40));
     }
@@ -79,15 +79,15 @@ TEST_CASE("hostile: endless handshakes leave nothing behind") {
     CHECK(at.boat.warnings.size() < 60);
 }
 
-TEST_CASE("hostile: while strangers crowd at the door, one who comes from far away gets in") {
+TEST_CASE("hostile: while strangers crowd at the channel, one who comes from far away gets in") {
     harbour at(either());
-    INFO(at.door);
+    INFO(at.channel);
     at.all.world.net().between("boat", "shore").latency = 300ms;
     auto call = start(at.shore.on, at.try_helm(at.there, 30s));
     std::deque<std::unique_ptr<raw_peer>> crowd;
     auto end = at.all.world.now() + 20s;
     while (!call->done && at.all.world.now() < end) {
-        crowd.push_back(std::make_unique<raw_peer>(at.all, at.sea, at.door));
+        crowd.push_back(std::make_unique<raw_peer>(at.all, at.sea, at.channel));
         while (!crowd.empty() && crowd.front()->closed()) crowd.pop_front();
         at.all.world.run_for(1ms);
     }
@@ -101,11 +101,11 @@ TEST_CASE("hostile: beyond max_sessions a peer is told so and others keep theirs
     ise::service_options few;
     few.max_sessions = 3;
     harbour at(either(), few);
-    INFO(at.door);
+    INFO(at.channel);
     at.others_do_not_notice();
     std::vector<std::unique_ptr<raw_peer>> crowd;
     for (int i = 0; i < 10; ++i) {
-        crowd.push_back(std::make_unique<raw_peer>(at.all, at.sea, at.door));
+        crowd.push_back(std::make_unique<raw_peer>(at.all, at.sea, at.channel));
         crowd.back()->greet();
     }
     CHECK(at.boat.services->sessions().size() == 3);
@@ -118,15 +118,18 @@ TEST_CASE("hostile: a host that holds all sessions loses its oldest to another h
     ise::service_options few;
     few.max_sessions = 4;
     harbour at(either(), few);
-    INFO(at.door);
+    INFO(at.channel);
     std::deque<std::unique_ptr<raw_peer>> crowd;
     auto comes = [&] {
-        for (auto& peer : crowd) peer->say(frame_type::ping, 1, ise::bytes_view()); // who is silent loses its session anyway
-        crowd.push_back(std::make_unique<raw_peer>(at.all, at.sea, at.door));
+        for (auto& peer : crowd)
+            peer->say(frame_type::ping, 1, ise::bytes_view()); // who is silent loses its session anyway
+        crowd.push_back(std::make_unique<raw_peer>(at.all, at.sea, at.channel));
         crowd.back()->greet();
         return crowd.back()->count(frame_type::reject) == 0;
     };
-    auto lost = [&] { return std::ranges::count_if(crowd, [](const auto& peer) { return peer->count(frame_type::goodbye) > 0; }); };
+    auto lost = [&] {
+        return std::ranges::count_if(crowd, [](const auto& peer) { return peer->count(frame_type::goodbye) > 0; });
+    };
     for (int i = 0; i < 4; ++i) CHECK(comes());
     CHECK_FALSE(comes());
     CHECK(lost() == 0);
@@ -135,7 +138,7 @@ TEST_CASE("hostile: a host that holds all sessions loses its oldest to another h
     CHECK_THAT(crowd.front()->why(frame_type::goodbye).message(), Contains("max_sessions") && Contains("another host"));
     CHECK(at.warned("make way for other hosts"));
     auto& pier = at.all.add("pier");
-    auto over_there = pier.at(at.door);
+    auto over_there = pier.at(at.channel);
     CHECK(at.all.run(pier, at.try_helm(over_there, 1s)));
     CHECK(lost() == 2);
     for (int i = 0; i < 10; ++i) CHECK_FALSE(comes());

@@ -7,14 +7,15 @@ using namespace hostile_test;
 
 TEST_CASE("hostile: a million subscriptions are refused beyond max_subscriptions_per_session") {
     fleet at(either());
-    INFO(at.door);
-    raw_peer peer(at.all, at.sea, at.door);
+    INFO(at.channel);
+    raw_peer peer(at.all, at.sea, at.channel);
     peer.greet();
     auto terms = fleet::terms();
     auto body = ise::encode(terms);
     for (std::uint64_t id = 1; id <= 20'000; ++id) peer.say(frame_type::subscribe, id, ise::bytes_view(body));
     peer.finish();
-    CHECK(at.all.run_until([&] { return peer.count(frame_type::subscribed) + peer.count(frame_type::ended) == 20'000; }));
+    CHECK(
+        at.all.run_until([&] { return peer.count(frame_type::subscribed) + peer.count(frame_type::ended) == 20'000; }));
     CHECK(at.fixes.subscribers() == 1024);
     auto why = peer.why(frame_type::ended);
     CHECK(why.code() == errc::overloaded);
@@ -28,12 +29,12 @@ TEST_CASE("hostile: who subscribes and vanishes again and again leaves max_linge
     ise::service_options options;
     options.max_lingering = 50;
     fleet at(either(), options);
-    INFO(at.door);
+    INFO(at.channel);
     listener counting(at, ise::subscribe_options::last(64));
     at.all.world.run_for(1s);
     auto body = ise::encode(fleet::terms());
     for (int life = 0; life < 20; ++life) {
-        raw_peer peer(at.all, at.sea, at.door);
+        raw_peer peer(at.all, at.sea, at.channel);
         peer.greet();
         for (std::uint64_t id = 1; id <= 20; ++id) peer.say(frame_type::subscribe, id, ise::bytes_view(body));
         peer.finish();
@@ -50,7 +51,7 @@ TEST_CASE("hostile: who subscribes and vanishes again and again leaves max_linge
 
 TEST_CASE("hostile: credits beyond all bounds are no more than many") {
     fleet at("tcp");
-    raw_peer peer(at.all, at.sea, at.door);
+    raw_peer peer(at.all, at.sea, at.channel);
     peer.greet();
     auto terms = fleet::terms();
     terms.policy = ise::overflow::lossless;
@@ -75,7 +76,7 @@ TEST_CASE("hostile: credits beyond all bounds are no more than many") {
 
 TEST_CASE("hostile: over udp nobody subscribes without loss, and credits for other subscriptions mean nothing") {
     fleet at("udp");
-    raw_peer peer(at.all, at.sea, at.door);
+    raw_peer peer(at.all, at.sea, at.channel);
     peer.greet();
     auto terms = fleet::terms();
     terms.policy = ise::overflow::lossless;
@@ -106,9 +107,9 @@ TEST_CASE("hostile: a subscriber that never reads is held no more than max_subsc
     ise::service_options options;
     options.max_subscriber_bytes = 1 << 20;
     fleet at(either(), options);
-    INFO(at.door);
+    INFO(at.channel);
     listener counting(at, ise::subscribe_options::last(64));
-    raw_peer peer(at.all, at.sea, at.door, false);
+    raw_peer peer(at.all, at.sea, at.channel, false);
     peer.greet();
     auto terms = fleet::terms();
     terms.service.service = "pictures";
@@ -146,11 +147,11 @@ ise::task<> send_all(ise::publication<ise::subscription<fix>> out, int packets, 
 
 } // namespace
 
-TEST_CASE("hostile: a lossless subscriber that grants nothing holds its publisher up no longer than longest_stall") {
+TEST_CASE("hostile: a lossless subscriber that grants nothing holds its publisher up no longer than max_stall") {
     fleet at("tcp");
     listener counting(at, ise::subscribe_options::lossless(8));
     at.all.world.run_for(1s);
-    raw_peer peer(at.all, at.sea, at.door);
+    raw_peer peer(at.all, at.sea, at.channel);
     peer.greet();
     auto terms = fleet::terms();
     terms.policy = ise::overflow::lossless;
@@ -172,15 +173,15 @@ TEST_CASE("hostile: a lossless subscriber that grants nothing holds its publishe
     CHECK(sending->done);
     CHECK(counting.seen.size() == 100);
     CHECK(peer.count(frame_type::ended) == 1);
-    CHECK(at.warned("longest_stall"));
+    CHECK(at.warned("max_stall"));
     at.others_do_not_notice();
 }
 
 TEST_CASE("hostile: who accepts no packet is told of a few times, and not of each packet") {
     fleet at(either());
-    INFO(at.door);
+    INFO(at.channel);
     listener counting(at, ise::subscribe_options::last(1000));
-    raw_peer peer(at.all, at.sea, at.door);
+    raw_peer peer(at.all, at.sea, at.channel);
     ise::wire::limits nothing;
     nothing.max_message_bytes = 0;
     peer.greet("raw", nothing);

@@ -27,20 +27,23 @@ void hold_and_more(raw_peer& by) {
 
 // Introduces a service with the request of its own schema, and tells that schema when it is asked for.
 struct teacher {
-    explicit teacher(harbour& of) : at(of), peer(of.all, of.sea, of.door) { peer.greet(); }
+    explicit teacher(harbour& of) : at(of), peer(of.all, of.sea, of.channel) { peer.greet(); }
     // With `both` the response is of that schema, too.
     void teach(const std::string& text, bool asked = true, bool both = false) {
         auto fingerprint = ise::schema::parse(text).value().fingerprint();
         peer.introduce(taught++, "helm", {fingerprint, both ? fingerprint : helm.types().fingerprints[1]});
         auto questions = peer.count(frame_type::schema_request);
-        if (asked) REQUIRE(at.all.world.run_until([&] { return peer.count(frame_type::schema_request) > questions; }, 1s));
+        if (asked)
+            REQUIRE(at.all.world.run_until([&] { return peer.count(frame_type::schema_request) > questions; }, 1s));
         ise::wire::schema_answer answer;
         answer.fingerprint = fingerprint;
         answer.text = text;
         peer.say(frame_type::schema, 0, answer);
         peer.finish();
     }
-    bool knows(const std::string& text) { return at.boat.services->schemas().find(ise::schema::parse(text).value().fingerprint()).has_value(); }
+    bool knows(const std::string& text) {
+        return at.boat.services->schemas().find(ise::schema::parse(text).value().fingerprint()).has_value();
+    }
 
     harbour& at;
     raw_peer peer;
@@ -62,7 +65,7 @@ std::string fat_schema(int number) {
 
 TEST_CASE("hostile: of what peers teach without end the oldest is forgotten (learnt_schemas)") {
     harbour at(either());
-    INFO(at.door);
+    INFO(at.channel);
     auto small = [](int i) { return "struct{mode:string,more" + std::to_string(i) + ":i8}"; };
     {
         teacher first(at);
@@ -85,9 +88,10 @@ TEST_CASE("hostile: of what peers teach without end the oldest is forgotten (lea
     at.others_do_not_notice();
 }
 
-TEST_CASE("hostile: schemas count for the memory that they take, and a session keeps no more of them than learnt_schema_bytes") {
+TEST_CASE("hostile: schemas count for the memory that they take, and a session keeps no more of them than "
+          "learnt_schema_bytes") {
     harbour at(either());
-    INFO(at.door);
+    INFO(at.channel);
     teacher fat(at);
     for (int i = 0; i < 150; ++i) fat.teach(fat_schema(i));
     at.all.world.run_for(1s);
@@ -112,7 +116,7 @@ TEST_CASE("hostile: schemas count for the memory that they take, and a session k
 
 TEST_CASE("a schema that stands twice in one service counts once") {
     harbour at(either());
-    INFO(at.door);
+    INFO(at.channel);
     teacher fat(at);
     for (int i = 0; i < 50; ++i) fat.teach(fat_schema(i), true, true);
     set_mode asked{"hold"};
@@ -125,8 +129,8 @@ TEST_CASE("a schema that stands twice in one service counts once") {
 
 TEST_CASE("hostile: whoever teaches much while another answers does not keep that other from being understood") {
     harbour at(either());
-    INFO(at.door);
-    raw_peer older(at.all, at.sea, at.door);
+    INFO(at.channel);
+    raw_peer older(at.all, at.sea, at.channel);
     older.greet("older");
     const std::string first = "struct{mode:string,seen:i8}", second = "struct{accepted:bool}";
     auto tell = [&](const std::string& text) {
@@ -136,7 +140,8 @@ TEST_CASE("hostile: whoever teaches much while another answers does not keep tha
         older.say(frame_type::schema, 0, answer);
         at.all.world.run_for(1s);
     };
-    older.introduce(0, "helm", {ise::schema::parse(first).value().fingerprint(), ise::schema::parse(second).value().fingerprint()});
+    older.introduce(
+        0, "helm", {ise::schema::parse(first).value().fingerprint(), ise::schema::parse(second).value().fingerprint()});
     at.all.world.run_for(1s);
     tell(first);
     teacher busy(at);
@@ -153,10 +158,11 @@ TEST_CASE("hostile: whoever teaches much while another answers does not keep tha
 
 TEST_CASE("hostile: questions that are never answered are 256 (schema_questions)") {
     harbour at(either());
-    INFO(at.door);
-    raw_peer peer(at.all, at.sea, at.door);
+    INFO(at.channel);
+    raw_peer peer(at.all, at.sea, at.channel);
     peer.greet();
-    for (std::uint64_t number = 0; number < 300; ++number) peer.introduce(number, "helm", {1000 + number, 2000 + number});
+    for (std::uint64_t number = 0; number < 300; ++number)
+        peer.introduce(number, "helm", {1000 + number, 2000 + number});
     set_mode any{"any"};
     for (std::uint32_t call = 0; call < 300; ++call) peer.request(call, call, 1h, any);
     peer.finish();
@@ -172,8 +178,8 @@ TEST_CASE("hostile: questions that are never answered are 256 (schema_questions)
 
 TEST_CASE("hostile: nobody is taught what he did not ask for") {
     harbour at(either());
-    INFO(at.door);
-    raw_peer peer(at.all, at.sea, at.door);
+    INFO(at.channel);
+    raw_peer peer(at.all, at.sea, at.channel);
     peer.greet();
     const auto& other = ise::schema_of<stranger_mode>();
     ise::wire::schema_answer answer;
@@ -193,18 +199,18 @@ TEST_CASE("hostile: nobody is taught what he did not ask for") {
 
 TEST_CASE("hostile: a question for schemas is answered once for each, and not without end") {
     harbour at(either());
-    INFO(at.door);
+    INFO(at.channel);
     ise::wire::schema_request asked;
     asked.fingerprints.assign(64, helm.types().fingerprints[0]);
     SECTION("repeated") {
-        raw_peer peer(at.all, at.sea, at.door);
+        raw_peer peer(at.all, at.sea, at.channel);
         peer.greet();
         peer.say(frame_type::schema_request, 0, asked);
         at.all.world.run_for(1s);
         CHECK(peer.count(frame_type::schema) == 1);
     }
     SECTION("too many") {
-        raw_peer peer(at.all, at.sea, at.door);
+        raw_peer peer(at.all, at.sea, at.channel);
         peer.greet();
         asked.fingerprints.resize(65);
         peer.say(frame_type::schema_request, 0, asked);
@@ -212,7 +218,7 @@ TEST_CASE("hostile: a question for schemas is answered once for each, and not wi
         CHECK(at.warned("asked_schemas"));
     }
     SECTION("without reading the answers") {
-        raw_peer peer(at.all, at.sea, at.door, false);
+        raw_peer peer(at.all, at.sea, at.channel, false);
         peer.greet();
         asked.fingerprints.resize(1);
         for (int i = 0; i < 200'000 && !peer.closed(); ++i) {
@@ -227,8 +233,8 @@ TEST_CASE("hostile: a question for schemas is answered once for each, and not wi
 
 TEST_CASE("hostile: requests that wait for schemas that never come are bounded") {
     harbour at(either());
-    INFO(at.door);
-    raw_peer peer(at.all, at.sea, at.door);
+    INFO(at.channel);
+    raw_peer peer(at.all, at.sea, at.channel);
     peer.greet();
     peer.introduce(0, "helm", {77, 78});
     set_mode big{std::string(100'000, 'x')};

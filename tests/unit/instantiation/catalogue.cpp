@@ -77,13 +77,16 @@ TEST_CASE("a request becomes a program and its words") {
     REQUIRE(made);
     CHECK(made->program == "boats");
     CHECK(made->path == "test/sea/boat");
-    CHECK(made->words == std::vector<std::string>{"run", "boat", "--path=test/sea/boat", "--listen=tcp://127.0.0.1:0", "--speed=7.5", "--mark=a", "--mark=b", "--address=FFFFFFFFFFFFFFFF"});
+    CHECK(made->words == std::vector<std::string>{"run", "boat", "--path=test/sea/boat", "--listen=tcp://127.0.0.1:0",
+                                                  "--speed=7.5", "--mark=a", "--mark=b", "--address=FFFFFFFFFFFFFFFF"});
     CHECK(made->variables == std::vector<std::pair<std::string, std::string>>{{"BOAT_NAME", "A-Tirma; rm -rf"}});
 }
 
 TEST_CASE("each parameter is refused with what is allowed") {
-    CHECK(refusal(request({{"speed", "41"}})) == "type 'boat': parameter 'speed' cannot be '41': it is a number from 0 to 40 (m/s)");
-    for (const char* value : {"nan", "inf", "", " 1", "1 ", "0x10", "1e400", "--x", "1\n"}) CHECK(refusal(request({{"speed", value}})) != "it was allowed");
+    CHECK(refusal(request({{"speed", "41"}})) ==
+          "type 'boat': parameter 'speed' cannot be '41': it is a number from 0 to 40 (m/s)");
+    for (const char* value : {"nan", "inf", "", " 1", "1 ", "0x10", "1e400", "--x", "1\n"})
+        CHECK(refusal(request({{"speed", value}})) != "it was allowed");
     CHECK_THAT(refusal(request({{"course", "T3"}})), Contains("it is one of T1, T2"));
     CHECK_THAT(refusal(request({{"mode", "3"}})), Contains("an integer from 0 to 2"));
     CHECK_THAT(refusal(request({{"mode", "1.5"}})), Contains("an integer from 0 to 2"));
@@ -93,7 +96,8 @@ TEST_CASE("each parameter is refused with what is allowed") {
     CHECK_THAT(refusal(request({{"mark", std::string("a\0b", 3)}})), Contains("control character"));
     CHECK_THAT(refusal(request({{"speed", "1"}, {"speed", "2"}})), Contains("given twice"));
     CHECK_THAT(refusal(request({{"path", "sea/other"}})), Contains("has no parameter 'path'; it has speed, course"));
-    CHECK_THAT(refusal(request({{"sped", "1"}})), Contains("has no parameter 'sped'; did you mean 'speed'? it has speed, course"));
+    CHECK_THAT(refusal(request({{"sped", "1"}})),
+               Contains("has no parameter 'sped'; did you mean 'speed'? it has speed, course"));
     CHECK_THAT(refusal(request({{"speed=1 --x", "1"}})), Contains("has no parameter"));
     CHECK_THAT(refusal(request(std::vector<argument>(300, argument{"mark", "a"}))), Contains("300 arguments"));
 }
@@ -101,8 +105,10 @@ TEST_CASE("each parameter is refused with what is allowed") {
 TEST_CASE("paths are allowed only below the folders of the rules") {
     launch_rules rules;
     rules.path_folders = {"/data/", "/dev/ttyUSB0"};
-    for (const char* good : {"/data", "/data/x", "/data/x/y.csv", "/dev/ttyUSB0", ""}) CHECK(refusal(request({{"log", good}}), rules) == "it was allowed");
-    for (const char* bad : {"/database", "/", "/data/../etc", "/data/x/..", "data/x", "../data", "/dev/ttyUSB00", "/dev/ttyUSB1", "~/x"})
+    for (const char* good : {"/data", "/data/x", "/data/x/y.csv", "/dev/ttyUSB0", ""})
+        CHECK(refusal(request({{"log", good}}), rules) == "it was allowed");
+    for (const char* bad :
+         {"/database", "/", "/data/../etc", "/data/x/..", "data/x", "../data", "/dev/ttyUSB00", "/dev/ttyUSB1", "~/x"})
         CHECK_THAT(refusal(request({{"log", bad}}), rules), Contains("it is a path below /data/ or /dev/ttyUSB0"));
     CHECK_THAT(refusal(request({{"log", "/data/x"}})), Contains("it allows none"));
 }
@@ -110,14 +116,19 @@ TEST_CASE("paths are allowed only below the folders of the rules") {
 TEST_CASE("parameters listen where components may, and nowhere else") {
     launch_rules open;
     open.listen_addresses.push_back("10.0.0.1");
-    for (const char* good : {"tcp://127.0.0.1:7411", "udp://[::1]:0", "local://@boat", ""}) CHECK(refusal(request({{"post", good}})) == "it was allowed");
+    for (const char* good : {"tcp://127.0.0.1:7411", "udp://[::1]:0", "local://@boat", ""})
+        CHECK(refusal(request({{"post", good}})) == "it was allowed");
     CHECK(refusal(request({{"post", "tcp://10.0.0.1:7411"}, {"shown-at", "10.0.0.1"}}), open) == "it was allowed");
-    for (const char* bad : {"tcp://0.0.0.0:7411", "udp://10.0.0.2:0", "tcp://[::]:0", "tcp://localhost.evil.example:0", "tcp://127.0.0.01:0"})
+    for (const char* bad : {"tcp://0.0.0.0:7411", "udp://10.0.0.2:0", "tcp://[::]:0", "tcp://localhost.evil.example:0",
+                            "tcp://127.0.0.01:0"})
         CHECK_THAT(refusal(request({{"post", "tcp://127.0.0.1:0"}, {"post", bad}}), open),
-                   Contains("parameter 'post' cannot be") && Contains("the addresses that this instantiation server allows are 127.0.0.1, ::1, 10.0.0.1 (--allow-address)"));
+                   Contains("parameter 'post' cannot be") &&
+                       Contains("the addresses that this instantiation server allows are 127.0.0.1, ::1, 10.0.0.1 "
+                                "(--allow-address)"));
     CHECK_THAT(refusal(request({{"post", "local:///etc/passwd"}})), Contains("local://@name"));
     CHECK_THAT(refusal(request({{"post", "127.0.0.1:80"}})), Contains("an endpoint to listen on"));
-    CHECK_THAT(refusal(request({{"shown-at", "0.0.0.0"}})), Contains("parameter 'shown-at' cannot be '0.0.0.0'") && Contains("--allow-address"));
+    CHECK_THAT(refusal(request({{"shown-at", "0.0.0.0"}})),
+               Contains("parameter 'shown-at' cannot be '0.0.0.0'") && Contains("--allow-address"));
     CHECK_THAT(refusal(request({{"shown-at", "127.0.0.1 --x"}})), Contains("an address to listen on"));
     auto made = known().plan(request({{"post", "tcp://127.0.0.1:7411"}}), {}, 1);
     REQUIRE(made);
@@ -149,7 +160,8 @@ TEST_CASE("whatever a component will listen on is known before it starts: preset
     };
     using list = std::vector<std::string>;
     CHECK(listens({}) == list{"tcp://127.0.0.1:7420", "udp://127.0.0.1:7420", "tcp://127.0.0.1:8080"});
-    CHECK(listens({{"post", "tcp://127.0.0.1:1"}, {"shown-port", "81"}}) == list{"tcp://127.0.0.1:1", "tcp://127.0.0.1:81"});
+    CHECK(listens({{"post", "tcp://127.0.0.1:1"}, {"shown-port", "81"}}) ==
+          list{"tcp://127.0.0.1:1", "tcp://127.0.0.1:81"});
     CHECK(listens({{"post", ""}, {"shown-at", "::1"}}) == list{"tcp://[::1]:8080"});
 }
 
@@ -169,15 +181,23 @@ TEST_CASE("a port whose address is no parameter of the type is told when the typ
 TEST_CASE("parameters name no host that the rules do not") {
     launch_rules open;
     open.target_hosts = {"gateway.example", "127.0.0.1:7411", "::1"};
-    for (const char* good : {"https://gateway.example/post?x=1", "https://Gateway.Example:8443", "tcp://127.0.0.1:7411", "imaps://gateway.example", "udp://[::1]:9", ""})
+    for (const char* good : {"https://gateway.example/post?x=1", "https://Gateway.Example:8443", "tcp://127.0.0.1:7411",
+                             "imaps://gateway.example", "udp://[::1]:9", ""})
         CHECK(refusal(request({{"gateway", good}}), open) == "it was allowed");
-    for (const char* bad : {"https://evil.example/", "https://gateway.example.evil.example/", "http://127.0.0.1:7412/", "http://127.0.0.1/", "tcp://127.1:7411", "https://evil.example/gateway.example",
+    for (const char* bad : {"https://evil.example/", "https://gateway.example.evil.example/", "http://127.0.0.1:7412/",
+                            "http://127.0.0.1/", "tcp://127.1:7411", "https://evil.example/gateway.example",
                             "https://evil.example#@gateway.example", "https://evil.example?gateway.example"})
-        CHECK_THAT(refusal(request({{"gateway", bad}}), open), Contains("this instantiation server allows parameters to name these hosts: gateway.example, 127.0.0.1:7411, ::1 (--allow-host"));
-    for (const char* bad : {"https://gateway.example@evil.example/", "https://evil.example\\@gateway.example/", "gateway.example", "https:///x", "https://gateway.example:x/", "https://gateway.example:80:80/"})
+        CHECK_THAT(refusal(request({{"gateway", bad}}), open),
+                   Contains("this instantiation server allows parameters to name these hosts: gateway.example, "
+                            "127.0.0.1:7411, ::1 (--allow-host"));
+    for (const char* bad :
+         {"https://gateway.example@evil.example/", "https://evil.example\\@gateway.example/", "gateway.example",
+          "https:///x", "https://gateway.example:x/", "https://gateway.example:80:80/"})
         CHECK_THAT(refusal(request({{"gateway", bad}}), open), Contains("a URL to connect to"));
-    for (const char* bad : {"local:///run/other.sock", "local://@other", "file:///etc/passwd"}) CHECK_THAT(refusal(request({{"gateway", bad}}), open), Contains("reaches files or sockets of this host"));
-    CHECK_THAT(refusal(request({{"gateway", "http://127.0.0.1:22/"}})), Contains("allows parameters to name these hosts: none (--allow-host 127.0.0.1:22)"));
+    for (const char* bad : {"local:///run/other.sock", "local://@other", "file:///etc/passwd"})
+        CHECK_THAT(refusal(request({{"gateway", bad}}), open), Contains("reaches files or sockets of this host"));
+    CHECK_THAT(refusal(request({{"gateway", "http://127.0.0.1:22/"}})),
+               Contains("allows parameters to name these hosts: none (--allow-host 127.0.0.1:22)"));
 }
 
 TEST_CASE("an endpoint in a text is no way around the rules") {
@@ -185,9 +205,12 @@ TEST_CASE("an endpoint in a text is no way around the rules") {
     open.target_hosts = {"10.0.0.7"};
     CHECK(refusal(request({{"mark", "xbee=atirma/shore/xbee"}})) == "it was allowed");
     CHECK(refusal(request({{"mark", "xbee=tcp://10.0.0.7:7411"}}), open) == "it was allowed");
-    for (const char* bad : {"tcp://10.0.0.8:7411", "xbee=tcp://10.0.0.8:7411", "Vela=tcp://10.0.0.7:1,tcp://10.0.0.8:1", "udp://[fd00::1]:9"})
-        CHECK_THAT(refusal(request({{"mark", bad}}), open), Contains("parameter 'mark' cannot be") && Contains("--allow-host"));
-    CHECK_THAT(refusal(request({{"mark", "local:///run/other.sock"}}), open), Contains("reaches files or sockets of this host"));
+    for (const char* bad : {"tcp://10.0.0.8:7411", "xbee=tcp://10.0.0.8:7411", "Vela=tcp://10.0.0.7:1,tcp://10.0.0.8:1",
+                            "udp://[fd00::1]:9"})
+        CHECK_THAT(refusal(request({{"mark", bad}}), open),
+                   Contains("parameter 'mark' cannot be") && Contains("--allow-host"));
+    CHECK_THAT(refusal(request({{"mark", "local:///run/other.sock"}}), open),
+               Contains("reaches files or sockets of this host"));
     CHECK_THAT(refusal(request({{"mark", "://x"}}), open), Contains("is not a URL"));
 }
 
@@ -261,14 +284,17 @@ TEST_CASE("types and paths are named in what is refused") {
 TEST_CASE("a description that makes no sense is left out and told") {
     catalogue made;
     made.add("one", "hello");
-    made.add("two", R"({"types": [{"name": "../x"}, {"name": "good"}, {"name": "bad", "parameters": [{"name": "listen"}]}, {"name": "worse", "parameters": [{"name": "a"}, {"name": "a"}]}]})");
+    made.add(
+        "two",
+        R"({"types": [{"name": "../x"}, {"name": "good"}, {"name": "bad", "parameters": [{"name": "listen"}]}, {"name": "worse", "parameters": [{"name": "a"}, {"name": "a"}]}]})");
     made.add("three", R"({"types": [{"name": "good"}, {"name": "thief", "variables": ["ISE_NAME_SERVER"]}]})");
     auto told = made.tell();
     REQUIRE(told.types.size() == 1);
     CHECK(told.types.front().program == "two");
     auto all = std::accumulate(told.problems.begin(), told.problems.end(), std::string());
     CHECK(told.problems.size() == 6);
-    CHECK_THAT(all, Contains("one: its answer to --describe") && Contains("cannot be called '../x'") && Contains("cannot be called 'listen'") && Contains("'good' is the one of two") &&
+    CHECK_THAT(all, Contains("one: its answer to --describe") && Contains("cannot be called '../x'") &&
+                        Contains("cannot be called 'listen'") && Contains("'good' is the one of two") &&
                         Contains("'ISE_NAME_SERVER' cannot be set by others"));
 }
 
@@ -280,7 +306,8 @@ TEST_CASE("values are stored where they belong") {
     set.add("address", values.address, "").kind(ise::parameter_kind::hexadecimal);
     set.add("gusts", values.gusts, "");
     set.add("mark", values.marks, "");
-    for (auto [name, value] : std::vector<std::pair<std::string, std::string>>{{"speed", "1.5"}, {"mode", "255"}, {"address", "ff"}, {"gusts", "false"}, {"mark", "a"}, {"mark", "b"}})
+    for (auto [name, value] : std::vector<std::pair<std::string, std::string>>{
+             {"speed", "1.5"}, {"mode", "255"}, {"address", "ff"}, {"gusts", "false"}, {"mark", "a"}, {"mark", "b"}})
         CHECK(set.set(name, value));
     CHECK(values.speed == 1.5);
     CHECK(values.mode == 255);
@@ -291,7 +318,8 @@ TEST_CASE("values are stored where they belong") {
     CHECK_FALSE(set.set("depth", "2"));
     ise::parameter_set small;
     small.add("mode", values.mode, "");
-    CHECK(small.set("mode", "256").error().message() == "parameter 'mode' cannot be '256': it is an integer from 0 to 255");
+    CHECK(small.set("mode", "256").error().message() ==
+          "parameter 'mode' cannot be '256': it is an integer from 0 to 255");
 }
 
 } // namespace catalogue_test

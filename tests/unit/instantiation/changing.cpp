@@ -62,7 +62,8 @@ public:
                 auto equals = word.find('=');
                 if (equals == word.npos) continue;
                 if (word.starts_with("--path=")) path = word.substr(equals + 1);
-                else if (type.parameters.find(word.substr(2, equals - 2))) type.parameters.set(word.substr(2, equals - 2), word.substr(equals + 1)).value();
+                else if (type.parameters.find(word.substr(2, equals - 2)))
+                    type.parameters.set(word.substr(2, equals - 2), word.substr(equals + 1)).value();
             }
             auto made = std::make_shared<names_test::program>(env);
             ise::component_options how;
@@ -100,7 +101,8 @@ public:
         return told;
     }
     template <class Contract>
-    ise::result<typename Contract::response_type> call(const Contract& service, typename Contract::request_type request) {
+    ise::result<typename Contract::response_type> call(const Contract& service,
+                                                       typename Contract::request_type request) {
         auto told = ask(service, std::move(request));
         REQUIRE(system.world.run_until([&] { return told->has_value(); }, 1h));
         return std::move(**told);
@@ -123,7 +125,9 @@ public:
         request.wanted.push_back(std::move(what));
         return call(host_services::check, std::move(request)).value().checked.at(0);
     }
-    void start() { REQUIRE(call(host_services::start, wanted({{"speed", "8"}})).value().outcome == start_outcome::ready); }
+    void start() {
+        REQUIRE(call(host_services::start, wanted({{"speed", "8"}})).value().outcome == start_outcome::ready);
+    }
     ise::result<change_response> change(start_request to) {
         change_request request;
         request.to = std::move(to);
@@ -135,7 +139,9 @@ public:
         request.settings.push_back({name, value});
         return call(host_services::set, std::move(request));
     }
-    std::vector<instance_text> instances() { return call(host_services::instances, instances_request{}).value().instances; }
+    std::vector<instance_info> instances() {
+        return call(host_services::instances, instances_request{}).value().instances;
+    }
     int pid() { return host.at("sea/wind").stamp.pid; }
     bool has_word(const std::string& word) const { return std::ranges::find(last_words, word) != last_words.end(); }
     /// Its process ends, and the next one is ready.
@@ -235,7 +241,8 @@ TEST_CASE("setting a parameter changes nothing else, and never starts it again")
     auto fixed = in.set("course", "T2");
     REQUIRE(!fixed);
     CHECK(fixed.error().code() == ise::errc::refused);
-    CHECK_THAT(fixed.error().message(), Contains("parameter 'course' of 'sea/wind' cannot be changed while it runs, only speed"));
+    CHECK_THAT(fixed.error().message(),
+               Contains("parameter 'course' of 'sea/wind' cannot be changed while it runs, only speed"));
     CHECK(in.pid() == before);
     stop_request request;
     request.path = "sea/wind";
@@ -278,7 +285,8 @@ TEST_CASE("secrets do not leave the instantiation server") {
     auto told = in.instances().front();
     REQUIRE(told.variables.size() == 2);
     CHECK(told.variables[0].name == "WIND_USER");
-    for (const auto& one : told.variables) CHECK(one.value.empty()); // not a mark either: who guesses would know when he is right
+    for (const auto& one : told.variables)
+        CHECK(one.value.empty()); // not a mark either: who guesses would know when he is right
     auto changed = in.change(in.secretive("hunter3")).value();
     CHECK(changed.way == change_way::restarted);
     for (const auto& one : changed.former.variables) CHECK(one.value.empty());
@@ -372,7 +380,9 @@ TEST_CASE("two that need the same port are told before either is started") {
 TEST_CASE("a port that another process listens on is told before anything is started") {
     harbour in;
     in.system.start("shore", "other", [](ise::node& node) {
-        node.start("", [](ise::component& self) -> ise::task<> { co_await self.sleep(24h); }, names_test::everywhere("tcp://127.0.0.1:7411"));
+        node.start(
+            "", [](ise::component& self) -> ise::task<> { co_await self.sleep(24h); },
+            names_test::everywhere("tcp://127.0.0.1:7411"));
     });
     in.system.world.run_for(1s);
     auto one = in.wanted();

@@ -75,7 +75,8 @@ TEST_CASE("a record is read as it was written, or not at all") {
     CHECK(read.life == 3);
     CHECK(read.mark == "abc");
     CHECK(read.process == status.process);
-    CHECK((read.ended && read.how.known && read.how.by_signal && read.how.number == 6 && read.how.told == "why" && read.ended_at_ms == 5));
+    CHECK((read.ended && read.how.known && read.how.by_signal && read.how.number == 6 && read.how.told == "why" &&
+           read.ended_at_ms == 5));
     CHECK_FALSE(read_kept_status(kept_status_text(status, 1, true)));
     auto later = kept_status_text(status, 2, false);
     CHECK_FALSE(read_kept_status(later.substr(0, 500) + text.substr(500))); // half of each
@@ -111,7 +112,8 @@ TEST_CASE("a log never has more than its two files may have, and keeps the end")
 
 TEST_CASE("limits are written to a control group as the kernel reads them") {
     kept_folder in; // a plain folder in its place
-    for (const char* name : {"one-", "one-/pids.max", "one-/memory.max", "one-/memory.swap.max", "one-/memory.oom.group", "one-/cpu.max"}) {
+    for (const char* name : {"one-", "one-/pids.max", "one-/memory.max", "one-/memory.swap.max",
+                             "one-/memory.oom.group", "one-/cpu.max"}) {
         if (std::string(name).find('/') == std::string::npos) std::filesystem::create_directory(in / name);
         else std::ofstream(in / name);
     }

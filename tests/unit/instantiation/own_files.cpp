@@ -41,7 +41,8 @@ struct own_folder {
         ::chmod(made.c_str(), mode);
         return made.string();
     }
-    std::string file(const std::string& name, mode_t mode = 0600, const std::string& content = "0123456789012345678901234567890123456789") const {
+    std::string file(const std::string& name, mode_t mode = 0600,
+                     const std::string& content = "0123456789012345678901234567890123456789") const {
         auto made = path / name;
         std::ofstream(made) << content;
         ::chmod(made.c_str(), mode);
@@ -83,11 +84,13 @@ TEST_CASE("what a user and root have of their own is theirs") {
 
 TEST_CASE("where others can write nothing is ours") {
     own_folder here;
-    CHECK_THAT(why_not(ise::check_own_path(here.folder("open", 0777))), Contains("all users can write to") && Contains("chmod o-w"));
+    CHECK_THAT(why_not(ise::check_own_path(here.folder("open", 0777))),
+               Contains("all users can write to") && Contains("chmod o-w"));
     CHECK_THAT(why_not(ise::check_own_path(here.folder("open/inner"))), Contains("all users can write to"));
     auto sticky = here.folder("sticky", 01777);
     CHECK_THAT(why_not(ise::check_own_path(sticky)), Contains("all users can write to"));
-    CHECK(why_not(ise::check_own_path(here.folder("sticky/inner"))) == "it was allowed"); // nobody else can move it away
+    CHECK(why_not(ise::check_own_path(here.folder("sticky/inner"))) ==
+          "it was allowed"); // nobody else can move it away
     CHECK_THAT(why_not(ise::check_own_path(here.file("open-file", 0666))), Contains("all users can write to"));
 }
 

@@ -24,7 +24,7 @@ namespace {
 struct port_behaviour {
     bool listens = true;
     std::string answer = "HTTP/1.1 200 OK\r\n\r\n"; ///< empty: it stays silent
-    std::string asked;                                 ///< the last request
+    std::string asked;                              ///< the last request
 };
 
 class porter final : public ise::component {
@@ -104,7 +104,7 @@ public:
         request.terms.probe_every = 2s;
         return call(host_services::start, request);
     }
-    instance_text state() { return call(host_services::instances, instances_request{}).instances.at(0); }
+    instance_info state() { return call(host_services::instances, instances_request{}).instances.at(0); }
     template <class Condition>
     bool becomes(Condition holds) {
         for (int round = 0; round < 300; ++round) {
@@ -128,10 +128,13 @@ TEST_CASE("a component whose port no longer answers is shown, and started again 
     CHECK(in.state().probe_trouble.empty());
     CHECK(in.state().restarts == 0);
     in.port.listens = false;
-    CHECK(in.becomes([](const instance_text& now) { return now.probe_trouble.find("its probe tcp://127.0.0.1:8080 failed") == 0; }));
-    CHECK(in.becomes([](const instance_text& now) { return now.state == instance_state::waiting && now.reason.find("failed 3 times on end") != std::string::npos; }));
+    CHECK(in.becomes(
+        [](const instance_info& now) { return now.probe_trouble.find("its probe tcp://127.0.0.1:8080 failed") == 0; }));
+    CHECK(in.becomes([](const instance_info& now) {
+        return now.state == instance_state::waiting && now.reason.find("failed 3 times on end") != std::string::npos;
+    }));
     in.port.listens = true;
-    CHECK(in.becomes([](const instance_text& now) { return now.state == instance_state::ready && now.restarts == 1; }));
+    CHECK(in.becomes([](const instance_info& now) { return now.state == instance_state::ready && now.restarts == 1; }));
     in.system.world.run_for(10s);
     CHECK(in.state().probe_trouble.empty());
     CHECK(in.state().restarts == 1);
@@ -144,13 +147,16 @@ TEST_CASE("without a policy it is shown only, until it answers again") {
     CHECK_THAT(in.port.asked, Catch::StartsWith("GET /health?full=1 HTTP/1.1\r\nHost: 127.0.0.1:8080\r\n"));
     CHECK(in.state().probe_trouble.empty());
     in.port.answer = "HTTP/1.1 503 Service Unavailable\r\n\r\n";
-    CHECK(in.becomes([](const instance_text& now) { return now.probe_trouble.find("it answers HTTP/1.1 503 Service Unavailable") != std::string::npos; }));
+    CHECK(in.becomes([](const instance_info& now) {
+        return now.probe_trouble.find("it answers HTTP/1.1 503 Service Unavailable") != std::string::npos;
+    }));
     in.port.answer = "";
-    CHECK(in.becomes([](const instance_text& now) { return now.probe_trouble.find("no answer within 2 s") != std::string::npos; }));
+    CHECK(in.becomes(
+        [](const instance_info& now) { return now.probe_trouble.find("no answer within 2 s") != std::string::npos; }));
     in.system.world.run_for(60s);
     CHECK(in.state().state == instance_state::ready);
     in.port.answer = "HTTP/1.0 204 No Content\r\n";
-    CHECK(in.becomes([](const instance_text& now) { return now.probe_trouble.empty(); }));
+    CHECK(in.becomes([](const instance_info& now) { return now.probe_trouble.empty(); }));
 }
 
 TEST_CASE("a probe asks this host only") {
@@ -161,8 +167,9 @@ TEST_CASE("a probe asks this host only") {
     std::vector<std::string> here{"127.0.0.1", "::1"};
     CHECK(parse_probe("http://127.0.0.1/", here).value().at.port == 80);
     CHECK(parse_probe("http://[::1]:81/x", here).value().path == "/x");
-    for (const char* wrong : {"", "ftp://127.0.0.1:1", "tcp://127.0.0.1", "tcp://127.0.0.1:0", "tcp://127.0.0.1:1/x", "http://localhost/", "http://127.0.0.1/a b", "http://user@127.0.0.1/",
-                              "http://127.0.0.1:80\r\nX: y/"})
+    for (const char* wrong :
+         {"", "ftp://127.0.0.1:1", "tcp://127.0.0.1", "tcp://127.0.0.1:0", "tcp://127.0.0.1:1/x", "http://localhost/",
+          "http://127.0.0.1/a b", "http://user@127.0.0.1/", "http://127.0.0.1:80\r\nX: y/"})
         CHECK_THAT(parse_probe(wrong, here).error().message(), Contains("write it like tcp://127.0.0.1:8080"));
 }
 

@@ -58,7 +58,8 @@ public:
 
     /// What a client on the host gets.
     template <class Contract>
-    typename Contract::response_type call(const Contract& service, typename Contract::request_type request, ise::duration deadline = 5min) {
+    typename Contract::response_type call(const Contract& service, typename Contract::request_type request,
+                                          ise::duration deadline = 5min) {
         using response = typename Contract::response_type;
         auto told = std::make_shared<std::optional<ise::result<response>>>();
         system.start("shore", "client", [&](ise::node& node) {
@@ -72,14 +73,15 @@ public:
         REQUIRE(system.world.run_until([&] { return told->has_value(); }, 1h));
         return std::move(**told).value();
     }
-    start_response start(const std::string& path, restart_policy policy = restart_policy::never, const std::string& type = "doubler") {
+    start_response start(const std::string& path, restart_policy policy = restart_policy::never,
+                         const std::string& type = "doubler") {
         start_request request;
         request.type = type;
         request.path = path;
         request.terms.policy = policy;
         return call(host_services::start, request);
     }
-    instance_text state(const std::string& path) {
+    instance_info state(const std::string& path) {
         for (auto& one : call(host_services::instances, instances_request{}).instances)
             if (one.path == path) return one;
         FAIL("no instance " << path);
@@ -151,7 +153,8 @@ TEST_CASE("a component that ends is started again after a pause, when its name i
     CHECK(in.system.holds("sea/one"));
 }
 
-TEST_CASE("the name of a component that crashed is free before its lease is over, and it is ready as soon as it is started again") {
+TEST_CASE("the name of a component that crashed is free before its lease is over, and it is ready as soon as it is "
+          "started again") {
     harbour in;
     restart_terms at_once;
     at_once.policy = restart_policy::on_failure;
@@ -196,7 +199,8 @@ TEST_CASE("what does not hear is killed after the grace") {
 
 TEST_CASE("more starts than the server bears within a time are refused") {
     harbour in;
-    for (int number = 0; number < 10; ++number) CHECK(in.start("sea/n" + std::to_string(number)).outcome == start_outcome::ready);
+    for (int number = 0; number < 10; ++number)
+        CHECK(in.start("sea/n" + std::to_string(number)).outcome == start_outcome::ready);
     auto told = in.start("sea/more");
     CHECK(told.outcome == start_outcome::too_many);
     CHECK_THAT(told.why, Contains("10 components were started within 10 s"));
@@ -312,7 +316,8 @@ TEST_CASE("a crash of the server at any of its operations loses no process and s
         auto known = in.call(host_services::instances, instances_request{}).instances;
         std::size_t running = 0;
         for (const auto& one : known) {
-            CHECK((one.state == instance_state::ready || one.state == instance_state::stopped || one.state == instance_state::failed));
+            CHECK((one.state == instance_state::ready || one.state == instance_state::stopped ||
+                   one.state == instance_state::failed));
             if (one.process_id != 0) ++running;
         }
         CHECK(in.host.running().size() == running);

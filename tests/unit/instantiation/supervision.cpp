@@ -124,9 +124,12 @@ TEST_CASE("the policy decides whether it is started again") {
         bool well;
         state becomes;
     };
-    auto all = {expected{restart_policy::never, true, state::stopped},      expected{restart_policy::never, false, state::failed},
-                expected{restart_policy::on_failure, true, state::stopped}, expected{restart_policy::on_failure, false, state::waiting},
-                expected{restart_policy::always, true, state::waiting},     expected{restart_policy::always, false, state::waiting}};
+    auto all = {expected{restart_policy::never, true, state::stopped},
+                expected{restart_policy::never, false, state::failed},
+                expected{restart_policy::on_failure, true, state::stopped},
+                expected{restart_policy::on_failure, false, state::waiting},
+                expected{restart_policy::always, true, state::waiting},
+                expected{restart_policy::always, false, state::waiting}};
     for (const auto& each : all) {
         watched one(each.policy);
         one.start();
@@ -139,7 +142,7 @@ TEST_CASE("the policy decides whether it is started again") {
 TEST_CASE("the pauses before restarts grow up to a limit, with jitter") {
     auto terms = watched::terms_with(restart_policy::on_failure);
     terms.limit = 20;
-    terms.longest_pause = 4s;
+    terms.max_pause = 4s;
     terms.window = 1h;
     watched one(terms);
     one.start();

@@ -21,7 +21,7 @@ public:
     struct program {
         std::string description;
         std::function<std::shared_ptr<void>(ise::sim::process&, const std::vector<std::string>& words)> run;
-        std::string version = "1"; ///< another after it was built again
+        std::string version = "1";        ///< another after it was built again
         ise::duration lasts_after_term{}; ///< how long it takes to end
         bool deaf = false;
     };
@@ -33,7 +33,8 @@ public:
     std::map<std::string, program> installed; ///< by the name of its file
     std::map<std::string, std::string> files;
     std::vector<std::pair<ise::time_point, std::string>> launches; ///< when, and of which path
-    /// Called before each operation that changes something; false: the server is dead, and this does not happen any more.
+    /// Called before each operation that changes something; false: the server is dead, and this does not happen any
+    /// more.
     std::function<bool()> may = [] { return true; };
 
     struct entry {
@@ -67,7 +68,8 @@ public:
     ise::result<std::unique_ptr<process>> launch(ise::loop& on, const launch_order& what, end_handler ended) override {
         if (!may()) return ise::failure(ise::errc::io_failed, "dead");
         auto found = installed.find(what.program.substr(what.program.rfind('/') + 1));
-        if (found == installed.end()) return ise::failure(ise::errc::io_failed, "cannot start " + what.program + ": No such file or directory");
+        if (found == installed.end())
+            return ise::failure(ise::errc::io_failed, "cannot start " + what.program + ": No such file or directory");
         auto made = std::make_shared<entry>();
         made->mark = what.mark;
         made->of = &found->second;
@@ -77,7 +79,8 @@ public:
         std::map<std::string, std::string> variables(what.variables.begin(), what.variables.end());
         variables[ise::naming::launch_mark_variable] = what.mark;
         made->who = &world.host(host).start_process(
-            "component", [made, words = what.words](ise::sim::process& env) {
+            "component",
+            [made, words = what.words](ise::sim::process& env) {
                 env.keep(std::shared_ptr<void>(nullptr, [made](void*) { // when it ends, however that comes
                     made->running = false;
                     if (made->watcher) std::exchange(made->watcher, nullptr)(made->end);
@@ -85,17 +88,20 @@ public:
                 return made->of->run(env, words);
             },
             variables);
-        made->stamp = {static_cast<std::int32_t>(made->who->identity().process_id), static_cast<std::uint64_t>(processes.size() + 1)};
+        made->stamp = {static_cast<std::int32_t>(made->who->identity().process_id),
+                       static_cast<std::uint64_t>(processes.size() + 1)};
         processes.push_back(made);
         return watch(on, made, std::move(ended));
     }
-    ise::result<std::unique_ptr<process>> adopt(ise::loop& on, process_stamp who, const std::string& mark, end_handler ended) override {
+    ise::result<std::unique_ptr<process>> adopt(ise::loop& on, process_stamp who, const std::string& mark,
+                                                end_handler ended) override {
         for (const auto& one : running())
             if (one->mark == mark && (who.pid == 0 || one->stamp == who)) return watch(on, one, std::move(ended));
         return ise::failure(ise::errc::no_such_name, "gone");
     }
     bool carries(std::int32_t pid, const std::string& mark) const override {
-        return std::ranges::any_of(processes, [&](const auto& one) { return one->stamp.pid == pid && one->mark == mark; });
+        return std::ranges::any_of(processes,
+                                   [&](const auto& one) { return one->stamp.pid == pid && one->mark == mark; });
     }
     bool alive(std::int32_t pid) const override {
         return std::ranges::any_of(processes, [&](const auto& one) { return one->stamp.pid == pid && one->running; });
@@ -124,14 +130,17 @@ public:
         files[path] = content;
         return {};
     }
-    ise::result<void> replace_reserved(const std::string& path, const std::string& content) override { return replace_file(path, content); }
+    ise::result<void> replace_reserved(const std::string& path, const std::string& content) override {
+        return replace_file(path, content);
+    }
     std::uint64_t size_of(const std::string& path) const override {
         auto found = files.find(path);
         return found == files.end() ? 0 : found->second.size();
     }
     std::string read_part(const std::string& path, std::uint64_t offset, std::size_t most) const override {
         auto found = files.find(path);
-        return found == files.end() || offset >= found->second.size() ? std::string() : found->second.substr(offset, most);
+        return found == files.end() || offset >= found->second.size() ? std::string()
+                                                                      : found->second.substr(offset, most);
     }
     void remove(const std::string& path) override { files.erase(path); }
 

@@ -299,9 +299,14 @@ TEST_CASE("iridium: packets go together as far as a message holds, and come apar
     CHECK(bundle({}, 340, taken).empty());
     CHECK(taken == 0);
     CHECK_FALSE(unbundle({}));
-    for (std::string_view wrong : {"B", "B\x05ok", "B\x01""a\x02"}) CHECK_FALSE(unbundle(ise::as_bytes(wrong)));
+    for (std::string_view wrong : {"B", "B\x05ok",
+                                   "B\x01"
+                                   "a\x02"})
+        CHECK_FALSE(unbundle(ise::as_bytes(wrong)));
     CHECK_FALSE(unbundle(ise::as_bytes(std::string_view("B\0", 2))));
-    CHECK_FALSE(unbundle(ise::as_bytes(std::string_view("B\x02""ab\0", 5))));
+    CHECK_FALSE(unbundle(ise::as_bytes(std::string_view("B\x02"
+                                                        "ab\0",
+                                                        5))));
 }
 
 } // namespace formats_test

@@ -75,7 +75,8 @@ TEST_CASE("iridium: a telecommand goes under the epoch of authority that it was 
     CHECK(waits.find(7)->authority == 8);
 }
 
-TEST_CASE("iridium: an answer to what was sent under authority names its epoch, another one is nobody's, also after a restart") {
+TEST_CASE("iridium: an answer to what was sent under authority names its epoch, another one is nobody's, also after a "
+          "restart") {
     auto store = opened("epochs");
     mt_queue queue;
     auto steer = request(7, command_kind::tack_now);

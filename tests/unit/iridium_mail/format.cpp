@@ -263,14 +263,17 @@ TEST_CASE("what the emulated gateway writes is read back the same") {
     CHECK(std::get<disposition>(read_gateway_mail(make_disposition_mail(told, "shore@example.org")).value()) == told);
 }
 
-TEST_CASE("iridium mail: a mail is the gateway's where one's own server found it to be, whatever others and its sender say") {
+TEST_CASE(
+    "iridium mail: a mail is the gateway's where one's own server found it to be, whatever others and its sender say") {
     auto genuine = [](std::vector<std::string> results) {
         return check_authentication(results, "mx.shore.example", "sbd.iridium.com").has_value();
     };
     CHECK(genuine({"mx.shore.example; dkim=pass header.d=iridium.com header.s=a; spf=fail smtp.mailfrom=x@y.example"}));
-    CHECK(genuine({"MX.shore.example 1;\r\n\tspf=pass (sender is (really) allowed) smtp.mailfrom=sbdservice@sbd.iridium.com"}));
+    CHECK(genuine(
+        {"MX.shore.example 1;\r\n\tspf=pass (sender is (really) allowed) smtp.mailfrom=sbdservice@sbd.iridium.com"}));
     CHECK(genuine({"mx.shore.example; dmarc=pass (p=NONE) header.from=sbd.iridium.com"}));
-    CHECK(genuine({"elsewhere.example; none", "mx.shore.example; dkim=pass header.i=@sbd.iridium.com header.d=sbd.iridium.com"}));
+    CHECK(genuine(
+        {"elsewhere.example; none", "mx.shore.example; dkim=pass header.i=@sbd.iridium.com header.d=sbd.iridium.com"}));
     for (const char* other :
          {"mx.shore.example; none", "mx.shore.example", "mx.shore.example; dkim=fail header.d=iridium.com",
           "evil.example; dkim=pass header.d=iridium.com", "mx.shore.example.evil; dkim=pass header.d=iridium.com",

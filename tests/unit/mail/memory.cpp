@@ -83,7 +83,7 @@ TEST_CASE("the server in memory fails as a real one does") {
     CHECK(refused.error().message().find("550 no such user") != std::string::npos);
     CHECK(here.send(mail_message()).error().code() == ise::errc::invalid_argument);
 
-    here.server.options.most_mails = 1;
+    here.server.options.max_mails = 1;
     REQUIRE(here.send(to("boat@example.org")));
     CHECK(here.send(to("boat@example.org")).error().code() == ise::errc::refused);
 

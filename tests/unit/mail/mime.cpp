@@ -84,7 +84,8 @@ TEST_CASE("encoded words, quoted-printable and other charsets come out as UTF-8"
                           "Ma=F1ana, a very =\r\nlong line\r\n");
     REQUIRE(mail);
     CHECK(mail->subject == "Posici\xc3\xb3n \xe2\x80\x93 bahia");
-    CHECK(mail->text == "Ma\xc3\xb1" "ana, a very long line\r\n");
+    CHECK(mail->text == "Ma\xc3\xb1"
+                        "ana, a very long line\r\n");
 }
 
 TEST_CASE("an attachment with broken base64 is refused, not guessed") {
@@ -133,8 +134,11 @@ TEST_CASE("parts in parts without end are refused") {
 TEST_CASE("what is written is read back the same") {
     auto mail = a_mail();
     mail.to.push_back("second@example.org");
-    mail.subject = "Gr\xc3\xbc\xc3\x9f" "e \xe2\x9b\xb5";
-    mail.text = "First line\r\n.\r\n..two dots, ma\xc3\xb1" "ana\r\n" + std::string(3000, 'x') + "\r\n";
+    mail.subject = "Gr\xc3\xbc\xc3\x9f"
+                   "e \xe2\x9b\xb5";
+    mail.text = "First line\r\n.\r\n..two dots, ma\xc3\xb1"
+                "ana\r\n" +
+                std::string(3000, 'x') + "\r\n";
     for (std::size_t size :
          {std::size_t{0}, std::size_t{1}, std::size_t{2}, std::size_t{3}, std::size_t{270}, std::size_t{5000}}) {
         mail_attachment one;

@@ -23,7 +23,7 @@ ise::task<ise::result<mode_set>> ask(ise::remote boat, ise::duration limit) {
     co_return answer;
 }
 
-const ise::service_load& load_of(const ise::health_text& told, const std::string& name) {
+const ise::service_load& load_of(const ise::health_report& told, const std::string& name) {
     return *std::ranges::find(told.services, name, &ise::service_load::name);
 }
 

@@ -1,5 +1,5 @@
-// kill -9 of the name server, or of a component, at every event of a component's registration, of its being looked up, of
-// its renewals and of its leaving; and a new life after it.
+// kill -9 of the name server, or of a component, at every event of a component's registration, of its being looked up,
+// of its renewals and of its leaving; and a new life after it.
 #include "system.hpp"
 
 #include <ise/service/service_host.hpp>
@@ -13,7 +13,8 @@ using namespace names_test;
 
 namespace {
 
-constexpr std::string_view path = "atirma/doubler", role = "atirma/gateway", spare = "shore/spare", bystander = "a/bystander";
+constexpr std::string_view path = "atirma/doubler", role = "atirma/gateway", spare = "shore/spare",
+                           bystander = "a/bystander";
 constexpr auto none = static_cast<std::size_t>(-1);
 
 // What a client of a path or a role sees.
@@ -66,7 +67,8 @@ struct story {
             self.spawn("listens to the bystander", onlooker::listen(self, std::string(bystander), of_bystander));
             co_await self.sleep(100h);
         });
-        REQUIRE(it.world.run_until([&] { return of_role.answered > 2 && of_bystander.answered > 2 && of_bystander.heard > 2; }, 10s));
+        REQUIRE(it.world.run_until(
+            [&] { return of_role.answered > 2 && of_bystander.answered > 2 && of_bystander.heard > 2; }, 10s));
         bystanders_epoch = it.epoch_of(std::string(bystander));
     }
     ise::sim::process* member(const std::string& host, std::string_view called, std::int32_t priority) {
@@ -119,9 +121,15 @@ struct story {
     }
     // Every name is held, calls and roles go to whom they should.
     void check_whole() {
-        CHECK(look_until([&] { return it.holds(std::string(path)) && it.holds(std::string(spare)) && it.holds(std::string(bystander)); }, 5s));
+        CHECK(look_until(
+            [&] {
+                return it.holds(std::string(path)) && it.holds(std::string(spare)) && it.holds(std::string(bystander));
+            },
+            5s));
         auto answered = of_path.answered, heard = of_path.heard;
-        CHECK(look_until([&] { return of_path.answered > answered + 2 && of_path.heard > heard + 2 && of_role.holder == path; }, 30s));
+        CHECK(look_until(
+            [&] { return of_path.answered > answered + 2 && of_path.heard > heard + 2 && of_role.holder == path; },
+            30s));
         auto epoch = it.epoch_of(std::string(path));
         run_and_look(5s); // more than two leases
         CHECK(it.epoch_of(std::string(path)) == epoch);

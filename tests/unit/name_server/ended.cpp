@@ -18,8 +18,10 @@ struct sea {
             made->node.start<doubler>("atirma/doubler", everywhere());
             return made;
         };
-        boat = &it.world.host("boat").start_process("boat", run,
-                                                    {{"ISE_NAME_SERVER", "tcp://" + it.world.host("ns").address() + ":7400"}, {ise::naming::launch_mark_variable, mark}});
+        boat = &it.world.host("boat").start_process(
+            "boat", run,
+            {{"ISE_NAME_SERVER", "tcp://" + it.world.host("ns").address() + ":7400"},
+             {ise::naming::launch_mark_variable, mark}});
         it.start_doubler("buoy", "atirma/other");
         REQUIRE(it.world.run_until([&] { return it.holds("atirma/doubler") && it.holds("atirma/other"); }, 5s));
     }

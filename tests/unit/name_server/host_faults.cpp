@@ -45,11 +45,12 @@ TEST_CASE("host: a wall clock that is set forwards, back or before all time dist
     seen.start(it);
     REQUIRE(it.world.run_until([&] { return seen.answered > 3 && seen.heard > 3; }, 10s));
     auto epoch = it.epoch_of("atirma/doubler");
-    for (auto step : {ise::duration(24h), ise::duration(-24h), ise::duration(24h * 365 * 50), ise::duration(-24h * 365 * 100), ise::duration(0)}) {
+    for (auto step : {ise::duration(24h), ise::duration(-24h), ise::duration(24h * 365 * 50),
+                      ise::duration(-24h * 365 * 100), ise::duration(0)}) {
         for (auto* one : {&boat, it.server}) {
             one->set_wall_offset(step);
             auto answered = seen.answered, heard = seen.heard;
-            it.world.run_for(10s); // five leases
+            it.world.run_for(10s);                         // five leases
             CHECK(it.epoch_of("atirma/doubler") == epoch); // never lost, so never granted anew
             CHECK(seen.answered >= answered + 90);
             CHECK(seen.heard >= heard + 90);
@@ -78,10 +79,12 @@ TEST_CASE("host: a process that was stopped for longer than its lease heals when
     if (stopped_s > 4) CHECK_FALSE(it.holds("atirma/doubler"));
     boat.go_on();
     auto answered = seen.answered, heard = seen.heard;
-    CHECK(it.world.run_until([&] { return it.holds("atirma/doubler") && seen.answered > answered + 10 && seen.heard > heard + 10; }, 30s));
+    CHECK(it.world.run_until(
+        [&] { return it.holds("atirma/doubler") && seen.answered > answered + 10 && seen.heard > heard + 10; }, 30s));
 }
 
-TEST_CASE("host: a name server that was stopped for longer than all leases takes none for lost that it could not hear") {
+TEST_CASE(
+    "host: a name server that was stopped for longer than all leases takes none for lost that it could not hear") {
     names_test::system it;
     it.start_doubler("boat", "atirma/doubler");
     console seen;

@@ -41,7 +41,8 @@ struct lives {
             names->advance(now);
         }
     }
-    ise::naming::register_request request_of(std::uint64_t node, const std::string& path, std::uint64_t epoch = 0, std::uint64_t proof = 0) {
+    ise::naming::register_request request_of(std::uint64_t node, const std::string& path, std::uint64_t epoch = 0,
+                                             std::uint64_t proof = 0) {
         ise::naming::register_request request;
         request.node.lease_key = node;
         request.lease = 2s;
@@ -52,7 +53,9 @@ struct lives {
         claim.proof = proof;
         return request;
     }
-    ise::naming::grant claim(std::uint64_t node, const std::string& path) { return names->enroll(request_of(node, path), now).grants.at(0); }
+    ise::naming::grant claim(std::uint64_t node, const std::string& path) {
+        return names->enroll(request_of(node, path), now).grants.at(0);
+    }
     // Comes back with what it was granted.
     ise::naming::grant show(std::uint64_t node, const ise::naming::grant& held) {
         return names->enroll(request_of(node, held.path, held.epoch, held.proof), now).grants.at(0);
@@ -234,7 +237,7 @@ TEST_CASE("memory: the file is whole, its user's own, and refused where it is no
     CHECK(read->secret == memory.secret);
     CHECK(read->epochs_below == memory.epochs_below);
     CHECK(read->of_former);
-    struct stat about{};
+    struct stat about {};
     REQUIRE(::stat(path.c_str(), &about) == 0);
     CHECK((about.st_mode & 0777) == 0600);
 

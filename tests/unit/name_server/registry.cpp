@@ -28,7 +28,8 @@ ise::registry_options options(ise::duration recovery = {}) {
 
 // A registry and its clock, which it hears ticking.
 struct world {
-    explicit world(ise::registry_options with = options(), ise::wall_time wall = noon, ise::registry_memory memory = ise::registry_memory())
+    explicit world(ise::registry_options with = options(), ise::wall_time wall = noon,
+                   ise::registry_memory memory = ise::registry_memory())
         : names(with, 1, start, wall, memory) {}
 
     void pass(ise::duration time) {
@@ -37,7 +38,8 @@ struct world {
             names.advance(now);
         }
     }
-    ise::naming::grant claim(std::uint64_t node, std::string path, std::uint64_t epoch = 0, std::uint64_t incarnation = 0) {
+    ise::naming::grant claim(std::uint64_t node, std::string path, std::uint64_t epoch = 0,
+                             std::uint64_t incarnation = 0) {
         auto request = of(node);
         ise::naming::component_claim wanted;
         wanted.path = std::move(path);
@@ -91,14 +93,19 @@ struct world {
     bool holds(std::string_view path) { return names.resolve(path, now).has_value(); }
 
     ise::time_point now = start;
-    std::map<std::tuple<std::uint64_t, std::string, std::uint64_t>, std::uint64_t> proofs; // of its grants, which their holders show
+    std::map<std::tuple<std::uint64_t, std::string, std::uint64_t>, std::uint64_t>
+        proofs; // of its grants, which their holders show
     ise::registry names;
 };
 
 std::vector<std::string> text_of(const std::vector<ise::naming::name_event>& events) {
     std::vector<std::string> all;
     for (const auto& event : events)
-        all.push_back(fmt::format("{}{}", event.what == name_change::added ? "+" : event.what == name_change::changed ? "~" : "-", event.name.path));
+        all.push_back(fmt::format("{}{}",
+                                  event.what == name_change::added     ? "+"
+                                  : event.what == name_change::changed ? "~"
+                                                                       : "-",
+                                  event.name.path));
     return all;
 }
 
@@ -276,7 +283,8 @@ TEST_CASE("registry: epochs grow across restarts") {
     }
 }
 
-TEST_CASE("registry: of two holders that return after a restart the later one wins, and the other is told until it knows") {
+TEST_CASE(
+    "registry: of two holders that return after a restart the later one wins, and the other is told until it knows") {
     world first;
     auto earlier = first.claim(1, "a");
     first.pass(5s);
@@ -305,7 +313,8 @@ TEST_CASE("registry: of two holders that return after a restart the later one wi
 TEST_CASE("registry: who shows an epoch that nobody was granted gets the next one, and no other name suffers") {
     world it;
     auto before = it.claim(1, "a");
-    auto shown = GENERATE_COPY(before.epoch + 1, before.epoch + 1'000'000, ise::highest_epoch - 1, (std::uint64_t{1} << 62) - 1, ~std::uint64_t{0});
+    auto shown = GENERATE_COPY(before.epoch + 1, before.epoch + 1'000'000, ise::highest_epoch - 1,
+                               (std::uint64_t{1} << 62) - 1, ~std::uint64_t{0});
     CAPTURE(shown);
     CHECK(it.claim(9, "x", shown).epoch == before.epoch + 1);
     CHECK(it.claim(9, "x", shown, 91).epoch == before.epoch + 2); // its next life
@@ -319,7 +328,8 @@ TEST_CASE("registry: who shows an epoch that nobody was granted gets the next on
     CHECK(it.claim(2, "b", after.epoch).epoch == after.epoch);
 }
 
-TEST_CASE("registry: an epoch that no clock gives is not taken over after a restart either, and one that may be right harms nobody") {
+TEST_CASE("registry: an epoch that no clock gives is not taken over after a restart either, and one that may be right "
+          "harms nobody") {
     world first;
     auto held = first.claim(1, "a");
     world it(options(2s), noon + 10s);
@@ -344,10 +354,12 @@ TEST_CASE("registry: an epoch that no clock gives is not taken over after a rest
     CHECK(next.names.resolve("b", next.now).value().epoch < ise::highest_epoch);
 }
 
-TEST_CASE("registry: who takes a name from one that a former server granted it does so under an epoch that this server vouches for") {
+TEST_CASE("registry: who takes a name from one that a former server granted it does so under an epoch that this server "
+          "vouches for") {
     world first;
     auto earlier = first.claim(1, "a");
-    // Its clock goes back below the later grant, not below the earlier one; the later holder is away during the recovery.
+    // Its clock goes back below the later grant, not below the earlier one; the later holder is away during the
+    // recovery.
     world second(options(), noon + 1h);
     auto later = second.claim(2, "a");
     auto forged = GENERATE(std::uint64_t{0}, ise::highest_epoch - 1, (std::uint64_t{1} << 62) - 1, ~std::uint64_t{0});
@@ -383,7 +395,8 @@ TEST_CASE("registry: changes are told in order, what stays the same is none") {
 
 TEST_CASE("registry: lists what lies below a prefix, page by page") {
     world it;
-    for (const char* path : {"atirma", "atirma-old/x", "atirma/boat", "atirma/shore/web", "atirma/shore/xbee", "zebra"}) it.claim(1, path);
+    for (const char* path : {"atirma", "atirma-old/x", "atirma/boat", "atirma/shore/web", "atirma/shore/xbee", "zebra"})
+        it.claim(1, path);
     auto list = [&](std::string prefix, std::uint32_t limit = 0, std::string after = "") {
         ise::naming::list_request request;
         request.prefix = std::move(prefix);
@@ -429,13 +442,15 @@ TEST_CASE("registry: describes services with the schemas that they name, and for
     CHECK(described->schemas[0].text == schema.text());
     CHECK(it.names.services() == 2);
     it.withdraw(1, "a", 0);
-    it.names.withdraw([&] {
-        ise::naming::withdraw_request gone;
-        gone.lease_key = 1;
-        gone.departures.push_back({"a", 0});
-        gone.departures.push_back({"b", 0});
-        return gone;
-    }(), it.now);
+    it.names.withdraw(
+        [&] {
+            ise::naming::withdraw_request gone;
+            gone.lease_key = 1;
+            gone.departures.push_back({"a", 0});
+            gone.departures.push_back({"b", 0});
+            return gone;
+        }(),
+        it.now);
     CHECK(it.names.schemas() == 0);
     CHECK(it.names.services() == 0);
 }
@@ -455,21 +470,36 @@ TEST_CASE("registry: what goes beyond a limit is refused by the limit's name") {
         auto answer = it.names.enroll(request, it.now).grants.at(0);
         return answer.what == verdict::refused ? answer.reason : "granted";
     };
-    SECTION("path") { claim.path = "much/too/long"; CHECK(refusal().find("max_path_bytes") != std::string::npos); }
+    SECTION("path") {
+        claim.path = "much/too/long";
+        CHECK(refusal().find("max_path_bytes") != std::string::npos);
+    }
     SECTION("no path") {
         auto path = GENERATE(as<std::string>(), "", "/a", "a/", "a//b", "ä", "a b", std::string("a\0b", 3));
         claim.path = path;
         CHECK(refusal().find("no path") != std::string::npos);
     }
-    SECTION("endpoints") { claim.endpoints = {"a", "b"}; CHECK(refusal().find("max_endpoints_per_component") != std::string::npos); }
-    SECTION("texts") { claim.state = std::string(21, 'x'); CHECK(refusal().find("max_text_bytes") != std::string::npos); }
-    SECTION("texts of the node") { request.node.name = std::string(21, 'x'); CHECK(refusal().find("max_text_bytes") != std::string::npos); }
+    SECTION("endpoints") {
+        claim.endpoints = {"a", "b"};
+        CHECK(refusal().find("max_endpoints_per_component") != std::string::npos);
+    }
+    SECTION("texts") {
+        claim.state = std::string(21, 'x');
+        CHECK(refusal().find("max_text_bytes") != std::string::npos);
+    }
+    SECTION("texts of the node") {
+        request.node.name = std::string(21, 'x');
+        CHECK(refusal().find("max_text_bytes") != std::string::npos);
+    }
     SECTION("packets of a service") {
         claim.services.resize(1);
         claim.services[0].fingerprints.resize(17);
         CHECK(refusal().find("service_fingerprints is 16") != std::string::npos);
     }
-    SECTION("services of one") { claim.services.resize(3); CHECK(refusal().find("max_services_per_component") != std::string::npos); }
+    SECTION("services of one") {
+        claim.services.resize(3);
+        CHECK(refusal().find("max_services_per_component") != std::string::npos);
+    }
 }
 
 TEST_CASE("registry: who comes while there is no room waits by the limit's name, and nobody loses what it has") {
@@ -649,7 +679,8 @@ TEST_CASE("registry: the roles among whose members something has changed are tol
     CHECK(it.names.take_changed_roles().empty());
 }
 
-TEST_CASE("registry: a name whose lease ran out is lost until somebody holds it again, and one that was given back is not") {
+TEST_CASE(
+    "registry: a name whose lease ran out is lost until somebody holds it again, and one that was given back is not") {
     world it;
     auto lost = [&](std::string_view prefix = {}) {
         std::vector<std::string> paths;

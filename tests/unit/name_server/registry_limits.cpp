@@ -20,7 +20,8 @@ const ise::wall_time noon = std::chrono::sys_days(std::chrono::year(2026) / 6 / 
 ise::naming::schema_text text_of(int i, std::size_t bytes = 0) {
     auto name = fmt::format("f{}", i);
     ise::naming::schema_text made;
-    made.text = fmt::format("struct{{{}{}:i8}}", name, std::string(bytes > name.size() + 11 ? bytes - name.size() - 11 : 0, 'x'));
+    made.text = fmt::format("struct{{{}{}:i8}}", name,
+                            std::string(bytes > name.size() + 11 ? bytes - name.size() - 11 : 0, 'x'));
     made.fingerprint = ise::schema::parse(made.text).value().fingerprint();
     return made;
 }

@@ -132,7 +132,8 @@ TEST_CASE("roles: a handle finds the member of the highest priority that lives")
     CHECK(at.answers_from(3, 15s));
 }
 
-TEST_CASE("roles: a handle comes back to a better member once it is there for the steady time, or stays if it is told to") {
+TEST_CASE(
+    "roles: a handle comes back to a better member once it is there for the steady time, or stays if it is told to") {
     bool stay = GENERATE(false, true);
     CAPTURE(stay);
     shore at(2, stay ? ise::role_options::stay() : ise::role_options::come_back_after(5s));
@@ -195,7 +196,8 @@ TEST_CASE("roles: a link that only broke is made again to the same member, and i
     CHECK(std::ranges::count(at.gaps, std::optional<std::uint64_t>()) == 0);
 }
 
-TEST_CASE("roles: a call that was written ends as unknown, one that waits goes to the next member within its deadline") {
+TEST_CASE(
+    "roles: a call that was written ends as unknown, one that waits goes to the next member within its deadline") {
     shore at(0);
     at.start_member(1, 5s);
     REQUIRE(at.it.world.run_until([&] { return at.it.holds("shore/gateway1"); }, 5s));
@@ -322,18 +324,22 @@ TEST_CASE("roles: twenty clients follow every loss, whatever the network does") 
     for (int i = 1; i <= 3; ++i) start(i);
     std::map<int, std::int64_t> last;
     for (int client = 0; client < 20; ++client) {
-        it.start_body("boat" + std::to_string(client), "caller" + std::to_string(client), [&, client](ise::component& self) -> ise::task<> {
-            auto there = self.at(std::string(role));
-            for (;;) {
-                auto got = co_await there.try_call(twice, number{1}, 5s);
-                last[client] = got ? got->value : 0;
-                co_await self.sleep(200ms);
-            }
-        });
+        it.start_body("boat" + std::to_string(client), "caller" + std::to_string(client),
+                      [&, client](ise::component& self) -> ise::task<> {
+                          auto there = self.at(std::string(role));
+                          for (;;) {
+                              auto got = co_await there.try_call(twice, number{1}, 5s);
+                              last[client] = got ? got->value : 0;
+                              co_await self.sleep(200ms);
+                          }
+                      });
         it.world.net().between("boat" + std::to_string(client), "host1").loss = 0.02;
     }
     auto all_at = [&](std::int64_t who) {
-        return [&, who] { return last.size() == 20 && std::ranges::all_of(last, [who](const auto& entry) { return entry.second == who; }); };
+        return [&, who] {
+            return last.size() == 20 &&
+                   std::ranges::all_of(last, [who](const auto& entry) { return entry.second == who; });
+        };
     };
     REQUIRE(it.world.run_until(all_at(1), 20s));
     members[1]->crash();

@@ -10,7 +10,8 @@ namespace stories_test {
 
 using namespace names_test;
 
-TEST_CASE("names: a component on another host is found, called and listened to, whatever protocol it was started with") {
+TEST_CASE(
+    "names: a component on another host is found, called and listened to, whatever protocol it was started with") {
     auto listens = GENERATE(std::string("tcp://0.0.0.0:0"), std::string("udp://0.0.0.0:0"));
     CAPTURE(listens);
     names_test::system it;
@@ -41,7 +42,8 @@ TEST_CASE("names: find waits for a component that starts later") {
         try {
             co_await self.find("atirma/doubler", 5s);
         } catch (const ise::error& thrown) {
-            failed = thrown.code() == ise::errc::no_such_name && std::string(thrown.what()).find("atirma/doubler") != std::string::npos;
+            failed = thrown.code() == ise::errc::no_such_name &&
+                     std::string(thrown.what()).find("atirma/doubler") != std::string::npos;
         }
     });
     it.world.run_for(30s);
@@ -60,7 +62,7 @@ TEST_CASE("names: find without a limit waits, and everybody sees for what and si
         co_await self.sleep(1h);
     });
     auto seen = [&] {
-        std::optional<ise::component_text> told;
+        std::optional<ise::component_info> told;
         it.start_body("office", "observer", [&](ise::component& self) -> ise::task<> {
             auto patient = co_await self.find("test/patient", 5s);
             ise::describe_request request;
@@ -127,7 +129,8 @@ TEST_CASE("names: a path that is held by a living component stops the second one
     CHECK(it.epoch_of("atirma/doubler") == first);
 }
 
-TEST_CASE("names: who wants a taken name is told in time, also where the server restarts before the holder has shown that it lives") {
+TEST_CASE("names: who wants a taken name is told in time, also where the server restarts before the holder has shown "
+          "that it lives") {
     names_test::system it;
     it.start_doubler("boat", "atirma/doubler");
     it.world.run_for(60s); // many renewals, of which the next server knows nothing
@@ -265,7 +268,8 @@ TEST_CASE("names: over a slow way to the server, the next lives are found while 
     constexpr std::size_t many = 4;
     auto& process = it.start("boat", "doublers", [](ise::node& node) {
         for (std::size_t n = 0; n < many; ++n)
-            node.start<names_test::doubler>(fmt::format("a/{}", n), names_test::everywhere(fmt::format("tcp://0.0.0.0:{}", 7401 + n)));
+            node.start<names_test::doubler>(fmt::format("a/{}", n),
+                                            names_test::everywhere(fmt::format("tcp://0.0.0.0:{}", 7401 + n)));
     });
     it.world.net().between("shore", "ns").latency = 200ms;
     std::array<bool, many> answered{};
@@ -282,8 +286,7 @@ TEST_CASE("names: over a slow way to the server, the next lives are found while 
         for (;;) { // and one is in a hurry
             try {
                 co_await self.find("a/0", 100ms);
-            } catch (const ise::error&) {
-            }
+            } catch (const ise::error&) {}
             co_await self.sleep(100ms);
         }
     });
@@ -320,7 +323,8 @@ TEST_CASE("names: a server that restarts is whole within two leases, and nobody'
         }
     });
     auto whole = [&] {
-        return it.server->running() && std::ranges::all_of(paths, [&](const std::string& path) { return it.holds(path); });
+        return it.server->running() &&
+               std::ranges::all_of(paths, [&](const std::string& path) { return it.holds(path); });
     };
     REQUIRE(it.world.run_until([&] { return whole() && heard > 3; }, 10s));
     std::vector<std::uint64_t> epochs;
@@ -488,7 +492,10 @@ TEST_CASE("names: a watch begins with a snapshot and tells every change below it
             lost += packet.lost_before().value_or(0);
             if (packet->snapshot) seen.push_back("snapshot");
             for (const auto& event : packet->events)
-                seen.push_back((event.what == ise::naming::name_change::added ? "+" : event.what == ise::naming::name_change::removed ? "-" : "~") + event.name.path);
+                seen.push_back((event.what == ise::naming::name_change::added     ? "+"
+                                : event.what == ise::naming::name_change::removed ? "-"
+                                                                                  : "~") +
+                               event.name.path);
         }
     });
     using list = std::vector<std::string>;
@@ -533,7 +540,8 @@ TEST_CASE("names: lists and descriptions tell what a component offers") {
     for (const auto& service : described->services) {
         if (service.name != "twice") continue;
         found = true;
-        auto text = std::ranges::find(described->schemas, service.fingerprints.at(0), &ise::naming::schema_text::fingerprint);
+        auto text =
+            std::ranges::find(described->schemas, service.fingerprints.at(0), &ise::naming::schema_text::fingerprint);
         REQUIRE(text != described->schemas.end());
         CHECK(text->text == ise::schema_of<number>().text());
     }
@@ -545,30 +553,39 @@ TEST_CASE("names: restarts, losses and partitions leave every living component r
     CAPTURE(seed);
     names_test::system it(true, seed);
     std::vector<ise::sim::process*> boats;
-    for (int i = 0; i < 5; ++i) boats.push_back(&it.start_doubler("boat" + std::to_string(i), "fleet/boat" + std::to_string(i)));
+    for (int i = 0; i < 5; ++i)
+        boats.push_back(&it.start_doubler("boat" + std::to_string(i), "fleet/boat" + std::to_string(i)));
     for (int i = 0; i < 5; ++i) {
         it.world.net().between("boat" + std::to_string(i), "ns").loss = 0.05;
-        it.world.at(std::chrono::seconds(5 + 7 * i), [&, i] { boats[static_cast<std::size_t>(i)] = &boats[static_cast<std::size_t>(i)]->restart(); });
+        it.world.at(std::chrono::seconds(5 + 7 * i),
+                    [&, i] { boats[static_cast<std::size_t>(i)] = &boats[static_cast<std::size_t>(i)]->restart(); });
         it.world.at(std::chrono::seconds(8 + 9 * i), [&] { it.restart_server(); });
-        it.world.at(std::chrono::seconds(11 + 8 * i), [&, i] { it.world.net().partition("boat" + std::to_string(i), "ns"); });
-        it.world.at(std::chrono::seconds(17 + 8 * i), [&, i] { it.world.net().heal("boat" + std::to_string(i), "ns"); });
+        it.world.at(std::chrono::seconds(11 + 8 * i),
+                    [&, i] { it.world.net().partition("boat" + std::to_string(i), "ns"); });
+        it.world.at(std::chrono::seconds(17 + 8 * i),
+                    [&, i] { it.world.net().heal("boat" + std::to_string(i), "ns"); });
     }
     it.world.run_for(60s);
-    CHECK(it.world.run_until([&] {
-        for (int i = 0; i < 5; ++i)
-            if (!it.holds("fleet/boat" + std::to_string(i))) return false;
-        return true;
-    }, 20s));
+    CHECK(it.world.run_until(
+        [&] {
+            for (int i = 0; i < 5; ++i)
+                if (!it.holds("fleet/boat" + std::to_string(i))) return false;
+            return true;
+        },
+        20s));
 }
 
-TEST_CASE("a component that a name server does not register yet logs the cause: here, that the server has just started") {
+TEST_CASE(
+    "a component that a name server does not register yet logs the cause: here, that the server has just started") {
     names_test::system it;
     it.server->crash();
     it.start_doubler("boat", "atirma/doubler");
     it.world.run_for(1min);
     it.restart_server();
     REQUIRE(it.world.run_until([&] { return it.holds("atirma/doubler"); }, 1min));
-    auto told = std::ranges::find_if(it.warnings, [](const std::string& line) { return line.find("does not register this component yet") != line.npos; });
+    auto told = std::ranges::find_if(it.warnings, [](const std::string& line) {
+        return line.find("does not register this component yet") != line.npos;
+    });
     REQUIRE(told != it.warnings.end());
     CHECK_THAT(*told, Catch::Contains("the name server has just started"));
     CHECK_THAT(*told, !Catch::Contains("no room"));

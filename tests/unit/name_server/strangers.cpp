@@ -81,7 +81,8 @@ TEST_CASE("strangers: an epoch that nobody was granted costs no component its na
     CHECK_FALSE(at.boat->all_stopped());
 }
 
-TEST_CASE("strangers: who comes back to a name server without room goes on trying, and gets its name when there is room") {
+TEST_CASE(
+    "strangers: who comes back to a name server without room goes on trying, and gets its name when there is room") {
     ise::registry_limits limits;
     SECTION("for components") { limits.max_components = 2; }
     SECTION("for nodes") { limits.max_nodes = 2; }

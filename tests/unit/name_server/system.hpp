@@ -27,7 +27,8 @@ inline constexpr ise::subscription<number> count{"count"};
 
 inline ise::node_options node_options() {
     ise::node_options options;
-    options.log = std::getenv("ISE_TEST_LOG") ? ise::log_to_stderr(ise::log_level::debug) : ise::log_sink([](const ise::log_record&) {});
+    options.log = std::getenv("ISE_TEST_LOG") ? ise::log_to_stderr(ise::log_level::debug)
+                                              : ise::log_sink([](const ise::log_record&) {});
     return options;
 }
 
@@ -54,7 +55,8 @@ class doubler final : public ise::component {
 
 /// What a process of a test runs: a node, and what the test wants to look at.
 struct program {
-    explicit program(ise::sim::process& env, ise::node_options options = node_options()) : node(env, std::move(options)) {}
+    explicit program(ise::sim::process& env, ise::node_options options = node_options())
+        : node(env, std::move(options)) {}
     ise::node node;
 };
 
@@ -82,7 +84,8 @@ public:
     }
 
     /// A process on a host, with the system's name server.
-    ise::sim::process& start(const std::string& host, const std::string& process, std::function<void(ise::node&)> begin) {
+    ise::sim::process& start(const std::string& host, const std::string& process,
+                             std::function<void(ise::node&)> begin) {
         auto run = [begin, this](ise::sim::process& env) {
             auto options = node_options();
             options.log = [this, print = options.log](const ise::log_record& record) {
@@ -93,13 +96,17 @@ public:
             begin(made->node);
             return made;
         };
-        return world.host(host).start_process(process, run, {{"ISE_NAME_SERVER", "tcp://" + world.host("ns").address() + ":7400"}});
+        return world.host(host).start_process(process, run,
+                                              {{"ISE_NAME_SERVER", "tcp://" + world.host("ns").address() + ":7400"}});
     }
-    ise::sim::process& start_doubler(const std::string& host, const std::string& path, const std::string& listens = "tcp://0.0.0.0:0") {
-        return start(host, path.substr(path.rfind('/') + 1), [path, listens](ise::node& node) { node.start<doubler>(path, everywhere(listens)); });
+    ise::sim::process& start_doubler(const std::string& host, const std::string& path,
+                                     const std::string& listens = "tcp://0.0.0.0:0") {
+        return start(host, path.substr(path.rfind('/') + 1),
+                     [path, listens](ise::node& node) { node.start<doubler>(path, everywhere(listens)); });
     }
     ise::sim::process& start_body(const std::string& host, const std::string& process, body run) {
-        return start(host, process, [process, run](ise::node& node) { node.start("test/" + process, run, everywhere()); });
+        return start(host, process,
+                     [process, run](ise::node& node) { node.start("test/" + process, run, everywhere()); });
     }
     bool holds(const std::string& path) const { return epoch_of(path) != 0; }
     std::uint64_t epoch_of(const std::string& path) const {

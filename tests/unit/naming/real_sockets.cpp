@@ -31,7 +31,8 @@ class doubler final : public ise::component {
 
 ise::node_options quiet() {
     ise::node_options options;
-    options.log = std::getenv("ISE_TEST_LOG") ? ise::log_to_stderr(ise::log_level::debug) : ise::log_sink([](const ise::log_record&) {});
+    options.log = std::getenv("ISE_TEST_LOG") ? ise::log_to_stderr(ise::log_level::debug)
+                                              : ise::log_sink([](const ise::log_record&) {});
     return options;
 }
 
@@ -44,7 +45,10 @@ std::unique_ptr<ise::node> start_server(ise::environment& env, ise::endpoint& at
     where.registers = false;
     ise::name_server_options terms;
     terms.fresh = at.port == 0;
-    at = made->start<ise::name_server>(std::string(ise::naming::server_path), where, terms).services().listening().front();
+    at = made->start<ise::name_server>(std::string(ise::naming::server_path), where, terms)
+             .services()
+             .listening()
+             .front();
     return made;
 }
 
@@ -102,7 +106,8 @@ TEST_CASE("naming: a path that another node holds stops the second component wit
     second.wait(); // it ends by itself
     REQUIRE(second.reports().size() == 1);
     CAPTURE(second.reports()[0].failure);
-    CHECK(second.reports()[0].failure.find("'atirma/doubler' is held by process " + std::to_string(on.env.identity().process_id)) != std::string::npos);
+    CHECK(second.reports()[0].failure.find("'atirma/doubler' is held by process " +
+                                           std::to_string(on.env.identity().process_id)) != std::string::npos);
 }
 
 TEST_CASE("naming: a node that ends withdraws its names") {

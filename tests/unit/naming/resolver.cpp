@@ -10,7 +10,8 @@ ise::naming::resolve_response component() {
     ise::naming::resolve_response made;
     made.host_key = "boat.1";
     made.process_key = "77.abc";
-    made.endpoints = {"tcp://10.0.0.2:4000", "tcp://127.0.0.1:4001", "udp://10.0.0.2:4002", "nonsense", "inproc://x", "tcp://[::1]:4003", "local://@x"};
+    made.endpoints = {"tcp://10.0.0.2:4000", "tcp://127.0.0.1:4001", "udp://10.0.0.2:4002", "nonsense",
+                      "inproc://x",          "tcp://[::1]:4003",     "local://@x"};
     return made;
 }
 
@@ -28,11 +29,13 @@ using list = std::vector<std::string>;
 } // namespace
 
 TEST_CASE("naming: within a process the in-process name is the nearest") {
-    CHECK(reached_from("boat.1", "77.abc") == list{"inproc://x", "local://@x", "tcp://127.0.0.1:4001", "tcp://[::1]:4003", "tcp://10.0.0.2:4000", "udp://10.0.0.2:4002"});
+    CHECK(reached_from("boat.1", "77.abc") == list{"inproc://x", "local://@x", "tcp://127.0.0.1:4001",
+                                                   "tcp://[::1]:4003", "tcp://10.0.0.2:4000", "udp://10.0.0.2:4002"});
 }
 
 TEST_CASE("naming: within a host the local socket is the nearest") {
-    CHECK(reached_from("boat.1", "78.abc") == list{"local://@x", "tcp://127.0.0.1:4001", "tcp://[::1]:4003", "tcp://10.0.0.2:4000", "udp://10.0.0.2:4002"});
+    CHECK(reached_from("boat.1", "78.abc") ==
+          list{"local://@x", "tcp://127.0.0.1:4001", "tcp://[::1]:4003", "tcp://10.0.0.2:4000", "udp://10.0.0.2:4002"});
 }
 
 TEST_CASE("naming: another host is not sent to its own loopback addresses") {

@@ -43,7 +43,8 @@ struct scripted {
     ise::sim::process& env = world.host("shore").start_process("shore");
     std::unique_ptr<ise::loop_host> host = env.make_loop("main");
     ise::loop& on = host->loop();
-    std::unique_ptr<ise::loop_host> peer_host = env.make_loop("peer"); // as a peer elsewhere, whose ears do not stall with us
+    std::unique_ptr<ise::loop_host> peer_host =
+        env.make_loop("peer"); // as a peer elsewhere, whose ears do not stall with us
     ise::task_scope scope{on, fails};
     ise::task_scope ears{peer_host->loop(), fails};
     std::unique_ptr<ise::stream> mine, theirs;
@@ -51,7 +52,9 @@ struct scripted {
     std::shared_ptr<listener> user = std::make_shared<listener>();
     ise::bytes heard; ///< by the scripted peer
 
-    explicit scripted(std::size_t capacity = 256 * 1024) { std::tie(mine, theirs) = ise::make_inproc_pair(on, peer_host->loop(), "pair", capacity); }
+    explicit scripted(std::size_t capacity = 256 * 1024) {
+        std::tie(mine, theirs) = ise::make_inproc_pair(on, peer_host->loop(), "pair", capacity);
+    }
     ~scripted() {
         if (connection) connection->close(ise::failure(errc::cancelled, "the test is over"));
         if (theirs) theirs->close();

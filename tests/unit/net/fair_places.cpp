@@ -9,8 +9,8 @@
 
 #include <asio/error.hpp>
 
-#include <cerrno>
 #include <algorithm>
+#include <cerrno>
 #include <deque>
 #include <map>
 
@@ -71,7 +71,8 @@ TEST_CASE("places: a host is an IPv4 address, the /64 of an IPv6 address, or a l
     CHECK(host_of("tcp://[::ffff:10.0.0.2]:5") == "10.0.0.2");
     CHECK(host_of("tcp://[2001:db8:1:2::1]:5") == host_of("tls://[2001:db8:1:2:ffff::9]:6"));
     CHECK(host_of("tcp://[2001:db8:1:2::1]:5") != host_of("tcp://[2001:db8:1:3::1]:5"));
-    for (auto own : {"tcp://127.0.0.1:5", "tcp://127.255.3.4:5", "tcp://[::1]:5", "tcp://[::ffff:127.0.0.2]:5"}) CHECK(host_of(own) == "127.0.0.1");
+    for (auto own : {"tcp://127.0.0.1:5", "tcp://127.255.3.4:5", "tcp://[::1]:5", "tcp://[::ffff:127.0.0.2]:5"})
+        CHECK(host_of(own) == "127.0.0.1");
     CHECK(host_of("tcp://128.0.0.1:5") != "127.0.0.1");
     CHECK(host_of("local:///run/boat.sock") == "local:///run/boat.sock");
     CHECK(host_of("tcp://buoy:5") == "buoy");
@@ -131,9 +132,10 @@ TEST_CASE("acceptor: what passes does not end it, and out of descriptors whoever
     std::vector<std::string> reports;
     bool lost = false, over = false;
     ise::sim::world world;
-    world.host("shore").start_process("door", [&](ise::sim::process& here) -> std::shared_ptr<void> {
+    world.host("shore").start_process("channel", [&](ise::sim::process& here) -> std::shared_ptr<void> {
         struct party {
-            explicit party(ise::sim::process& of) : host(of.make_loop("door")), scope(host->loop(), [](const auto&, auto) {}) {}
+            explicit party(ise::sim::process& of)
+                : host(of.make_loop("channel")), scope(host->loop(), [](const auto&, auto) {}) {}
             std::unique_ptr<ise::loop_host> host;
             ise::task_scope scope;
             fair_places places{10};
@@ -143,20 +145,26 @@ TEST_CASE("acceptor: what passes does not end it, and out of descriptors whoever
         auto at = std::make_shared<troubled>(all->host->loop());
         all->idle = all->places.take("tcp://10.0.0.9:1");
         all->idle->on_displaced([&] { lost = true; });
-        for (int why : {ECONNABORTED, EPROTO, EPERM, ENOBUFS}) at->coming.emplace_back(std::error_code(why, std::system_category()), nullptr);
-        for (int why : {EMFILE, ENFILE, ENOMEM}) at->coming.emplace_back(std::error_code(why, asio::error::get_system_category()), nullptr);
-        at->coming.emplace_back(std::error_code(), ise::make_inproc_pair(all->host->loop(), all->host->loop(), "test").first);
-        all->scope.spawn("accepts", [](party& mine, std::shared_ptr<troubled> from, auto& count, auto& told, bool& ended) -> ise::task<> {
-            ise::net::bounded_acceptor door(mine.host->loop(), from, &mine.places,
-                                            [&](const std::string& what, const std::string&) { told.push_back(what); });
-            for (;;) {
-                auto who = co_await door.next();
-                if (!who.line) break;
-                ++count;
-                from->close();
-            }
-            ended = true;
-        }(*all, at, came, reports, over));
+        for (int why : {ECONNABORTED, EPROTO, EPERM, ENOBUFS})
+            at->coming.emplace_back(std::error_code(why, std::system_category()), nullptr);
+        for (int why : {EMFILE, ENFILE, ENOMEM})
+            at->coming.emplace_back(std::error_code(why, asio::error::get_system_category()), nullptr);
+        at->coming.emplace_back(std::error_code(),
+                                ise::make_inproc_pair(all->host->loop(), all->host->loop(), "test").first);
+        all->scope.spawn(
+            "accepts",
+            [](party& mine, std::shared_ptr<troubled> from, auto& count, auto& told, bool& ended) -> ise::task<> {
+                ise::net::bounded_acceptor channel(
+                    mine.host->loop(), from, &mine.places,
+                    [&](const std::string& what, const std::string&) { told.push_back(what); });
+                for (;;) {
+                    auto who = co_await channel.next();
+                    if (!who.line) break;
+                    ++count;
+                    from->close();
+                }
+                ended = true;
+            }(*all, at, came, reports, over));
         return all;
     });
     REQUIRE(world.run_until([&] { return came == 1; }, 1min));

@@ -17,7 +17,7 @@ using made = ise::result<std::shared_ptr<ise::net::connection>>;
 
 namespace {
 
-struct door final : ise::net::gatekeeper {
+struct channel final : ise::net::gatekeeper {
     std::optional<ise::failure> no;
     ise::wire::hello seen;
     ise::result<ise::wire::welcome> admit(const ise::wire::hello& caller) override {
@@ -35,14 +35,16 @@ struct fixture {
     std::unique_ptr<ise::loop_host> host = env.make_loop("main");
     ise::loop& on = host->loop();
     std::unique_ptr<ise::stream> near, far;
-    door gate;
+    channel gate;
     fixture() { std::tie(near, far) = ise::make_inproc_pair(on, on, "pair"); }
 
     std::shared_ptr<started<made>> initiate(ise::wire::hello mine = {}) {
         mine.self.path = "shore";
         return start(on, ise::net::initiate(on, std::move(near), mine, on.now() + 5s));
     }
-    std::shared_ptr<started<made>> respond() { return start(on, ise::net::respond(on, std::move(far), gate, on.now() + 5s)); }
+    std::shared_ptr<started<made>> respond() {
+        return start(on, ise::net::respond(on, std::move(far), gate, on.now() + 5s));
+    }
     void say(ise::stream& to, frame_type type, ise::bytes body) {
         ise::buffer out;
         ise::wire::put_frame(out, type, 0, 0, [&](ise::buffer& into) { into.append(ise::bytes_view(body)); });
@@ -70,7 +72,7 @@ TEST_CASE("both sides know each other after the handshake") {
     const auto& there = (*server->get())->terms();
     CHECK((here.peer.path == "boat" && there.peer.path == "shore"));
     CHECK((here.version == 1 && there.version == 1 && here.features == there.features));
-    CHECK(there.peer_accepts.max_frame_bytes == ise::wire::smallest_frame_limit);
+    CHECK(there.peer_accepts.max_frame_bytes == ise::wire::min_frame_limit);
     CHECK(there.peer_accepts.heartbeat_ns >= 20'000'000);
 }
 
@@ -110,7 +112,8 @@ TEST_CASE("a later version that still speaks ours, with fields and features that
     at.finish(server);
     REQUIRE(server->get());
     CHECK((*server->get())->terms().version == 1);
-    CHECK((*server->get())->terms().features == (ise::wire::feature::first | ise::wire::feature::objects)); // what the gate says, within a process
+    CHECK((*server->get())->terms().features ==
+          (ise::wire::feature::first | ise::wire::feature::objects)); // what the gate says, within a process
 }
 
 TEST_CASE("a stranger is turned away: garbage, another frame, a wrong mark, half a hello, much too much, silence") {

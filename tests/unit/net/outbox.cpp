@@ -71,7 +71,7 @@ std::int64_t time_left(const written& frame) { return ise::detail::load_little<s
 
 constexpr auto number = ise::object_type::of<int>();
 void request_beside(outbox& to, std::uint64_t id, ise::time_point deadline) {
-    ise::wire::put_frame(to.begin_call(), frame_type::request, ise::wire::flag::beside, id, [&](ise::buffer& body) {
+    ise::wire::put_frame(to.begin_call(), frame_type::request, ise::wire::flag::attached, id, [&](ise::buffer& body) {
         body.append(std::uint32_t{0});
         body.append(static_cast<std::int64_t>(deadline.time_since_epoch().count()));
     });
@@ -153,7 +153,7 @@ TEST_CASE("calls that wait alone are stamped where they lie, and go with what is
         auto frames = frames_of(later);
         REQUIRE(ids_of(frames) == std::vector<std::uint64_t>{1, 2});
         CHECK(time_left(frames[1]) == std::chrono::nanoseconds(7s).count());
-        CHECK(later.beside().size() == 1);
+        CHECK(later.attachments().size() == 1);
         CHECK(later.weight() == later.bytes() + 100);
     }
     CHECK(out.empty());
@@ -311,7 +311,8 @@ TEST_CASE("a request that is given up: unwritten it is not sent, half sent it is
     CHECK(out.withdraw(2));
     auto rest = write(out);
     REQUIRE(rest.size() == 1);
-    CHECK((rest[0].type == frame_type::piece && rest[0].flags == ise::wire::flag::abandoned && rest[0].id == pieces && rest[0].body.empty()));
+    CHECK((rest[0].type == frame_type::piece && rest[0].flags == ise::wire::flag::abandoned && rest[0].id == pieces &&
+           rest[0].body.empty()));
     CHECK(out.empty());
     CHECK(out.pending_bytes() == 0);
     CHECK_FALSE(out.withdraw(2));
@@ -385,7 +386,8 @@ TEST_CASE("a subscription's packets stay behind its message in pieces, others do
             out.add(pictures);
         }
         for (const auto& frame : write(out))
-            order.push_back(frame.type == frame_type::piece ? (frame.flags & ise::wire::flag::last ? "last" : "piece") : std::to_string(frame.id));
+            order.push_back(frame.type == frame_type::piece ? (frame.flags & ise::wire::flag::last ? "last" : "piece")
+                                                            : std::to_string(frame.id));
     }
     CHECK(order.front() == "2");
     auto last = std::find(order.begin(), order.end(), "last");
@@ -445,7 +447,9 @@ TEST_CASE("frames that are whole already leave as they are, with the number of w
         bool take(outbox& out, std::size_t) override {
             ise::buffer content;
             for (std::uint8_t fill = 1; fill <= 3; ++fill)
-                ise::wire::put_frame(content, frame_type::packet, 0, 30, [&](ise::buffer& body) { std::fill_n(body.grow(size), size, static_cast<std::byte>(fill)); });
+                ise::wire::put_frame(content, frame_type::packet, 0, 30, [&](ise::buffer& body) {
+                    std::fill_n(body.grow(size), size, static_cast<std::byte>(fill));
+                });
             made = ise::shared_bytes(std::move(content));
             out.put_frames(made, addressed ? 30 : 31, addressed);
             return false;

@@ -11,7 +11,9 @@ TEST_CASE("a peer's clock is known to half of the shortest round trip, and less 
     ise::net::peer_clock clock;
     CHECK_FALSE(clock.known());
     const auto ahead = GENERATE(0s, 5000s, -5000s);
-    auto note = [&](time_point sent, ise::duration there, ise::duration back) { clock.note(sent, sent + there + ahead, sent + there + back); };
+    auto note = [&](time_point sent, ise::duration there, ise::duration back) {
+        clock.note(sent, sent + there + ahead, sent + there + back);
+    };
     const time_point begin(10000s);
     note(begin, 300ms, 100ms);
     REQUIRE(clock.known());
@@ -32,7 +34,8 @@ TEST_CASE("a peer's clock is known to half of the shortest round trip, and less 
 
 TEST_CASE("a deadline is never later on the peer's clock, however uneven the round trip was and however close it is") {
     const time_point begin(10000s);
-    const auto there = GENERATE(0ms, 10ms, 7000ms), back = GENERATE(0ms, 10ms, 7000ms), remaining = GENERATE(0ms, 1ms, 1000ms, 20000ms);
+    const auto there = GENERATE(0ms, 10ms, 7000ms), back = GENERATE(0ms, 10ms, 7000ms),
+               remaining = GENERATE(0ms, 1ms, 1000ms, 20000ms);
     ise::net::peer_clock clock;
     clock.note(begin, begin + there, begin + there + back); // the two clocks are one
     const auto now = begin + there + back;

@@ -1,4 +1,5 @@
-// The proof that both sides of a handshake know one key: who has none, another one, or somebody else's words is refused.
+// The proof that both sides of a handshake know one key: who has none, another one, or somebody else's words is
+// refused.
 #include <ise/core/inproc_stream.hpp>
 #include <ise/net/handshake.hpp>
 #include <ise/net/security.hpp>
@@ -24,7 +25,7 @@ namespace {
 
 key_ptr key(char letter) { return ise::shared_key::make(std::string(64, letter), "a test").value(); }
 
-struct door final : ise::net::gatekeeper {
+struct channel final : ise::net::gatekeeper {
     int asked = 0;
     ise::result<ise::wire::welcome> admit(const ise::wire::hello&) override {
         ++asked;
@@ -43,7 +44,7 @@ struct meeting {
     std::unique_ptr<ise::loop_host> host = env.make_loop("main");
     ise::loop& on = host->loop();
     std::unique_ptr<ise::stream> near, near_end, far_end, far;
-    door gate;
+    channel gate;
     tamper to_responder, to_initiator;
     ise::bytes said_by_initiator, said_by_responder; ///< what passed
     std::vector<std::shared_ptr<started<void>>> passing;
@@ -99,7 +100,8 @@ struct outcome {
     int asked = 0;
     std::size_t to_responder = 0, to_initiator = 0; ///< bytes that passed
 };
-outcome meet(const key_ptr& client, const key_ptr& server, meeting::tamper to_responder = {}, meeting::tamper to_initiator = {}) {
+outcome meet(const key_ptr& client, const key_ptr& server, meeting::tamper to_responder = {},
+             meeting::tamper to_initiator = {}) {
     meeting at;
     at.to_responder = std::move(to_responder);
     at.to_initiator = std::move(to_initiator);
@@ -140,7 +142,8 @@ TEST_CASE("key: who has none is told that one is demanded") {
     auto none = meet(nullptr, key('k'));
     REQUIRE_FALSE((none.client || none.server));
     CHECK(none.client.error().code() == errc::unauthorized);
-    CHECK_THAT(none.client.error().message(), Contains("a shared key is demanded here, and none was offered") && Contains("--key"));
+    CHECK_THAT(none.client.error().message(),
+               Contains("a shared key is demanded here, and none was offered") && Contains("--key"));
     CHECK(none.server.error().code() == errc::unauthorized);
     CHECK(none.asked == 0);
 }
@@ -278,7 +281,8 @@ TEST_CASE("key: an initiator's own proof is none of a responder, reflected to it
                 for (;;) {
                     auto frame = parser.next();
                     if (!frame || !*frame) break;
-                    if ((*frame)->header.type == frame_type::proof) found.push_back(ise::wire::read_body<ise::wire::credentials>((*frame)->body).value());
+                    if ((*frame)->header.type == frame_type::proof)
+                        found.push_back(ise::wire::read_body<ise::wire::credentials>((*frame)->body).value());
                 }
             }
         }
@@ -340,14 +344,16 @@ TEST_CASE("key: what can be guessed is refused, and so is a file that is not the
     host.write_file("blank", "  \n\t\n");
     host.write_file("good", "\n " + std::string(32, 'x') + " \n");
     auto& env = host.start_process("a");
-    CHECK_THAT(ise::shared_key::load(env, "short").error().message(), Contains("6 bytes") && Contains("openssl rand -hex 32"));
+    CHECK_THAT(ise::shared_key::load(env, "short").error().message(),
+               Contains("6 bytes") && Contains("openssl rand -hex 32"));
     CHECK(ise::shared_key::load(env, "long").error().code() == errc::too_large);
     CHECK_THAT(ise::shared_key::load(env, "blank").error().message(), Contains("0 bytes"));
     CHECK_THAT(ise::shared_key::load(env, "nowhere").error().message(), Contains("nowhere"));
     auto good = ise::shared_key::load(env, "good");
     REQUIRE(good);
     ise::bytes about(3, std::byte{1});
-    CHECK((*good)->prove("a", about) == ise::shared_key::make(std::string(32, 'x'), "a test").value()->prove("a", about));
+    CHECK((*good)->prove("a", about) ==
+          ise::shared_key::make(std::string(32, 'x'), "a test").value()->prove("a", about));
     CHECK((*good)->prove("a", about) != (*good)->prove("b", about));
 }
 
@@ -355,8 +361,12 @@ TEST_CASE("a node that demands credentials listens beyond its host with them onl
     ise::security demanding;
     demanding.demanded = true;
     auto may = [&](const char* at) { return bool(demanding.may_listen(ise::endpoint::parse(at).value())); };
-    for (const char* near : {"tcp://127.0.0.1:7400", "tcp://127.8.9.1:0", "tcp://[::1]:0", "udp://localhost:0", "local://@boat", "local:///tmp/boat", "inproc://boat"}) CHECK(may(near));
-    for (const char* far : {"tcp://0.0.0.0:0", "tcp://[::]:0", "udp://10.0.0.1:1", "tcp://127.evil.example:1", "tcp://boat:1"}) CHECK_FALSE(may(far));
+    for (const char* near : {"tcp://127.0.0.1:7400", "tcp://127.8.9.1:0", "tcp://[::1]:0", "udp://localhost:0",
+                             "local://@boat", "local:///tmp/boat", "inproc://boat"})
+        CHECK(may(near));
+    for (const char* far :
+         {"tcp://0.0.0.0:0", "tcp://[::]:0", "udp://10.0.0.1:1", "tcp://127.evil.example:1", "tcp://boat:1"})
+        CHECK_FALSE(may(far));
     CHECK(may("tls://0.0.0.0:0"));
     auto refused = demanding.may_listen(ise::endpoint::parse("tcp://0.0.0.0:7400").value());
     CHECK(refused.error().code() == errc::unauthorized);

@@ -1,5 +1,5 @@
-// Somebody without the key between two who have it, who passes on what they say until the session is made: he must not get
-// one that he could speak on.
+// Somebody without the key between two who have it, who passes on what they say until the session is made: he must not
+// get one that he could speak on.
 #include <ise/core/inproc_stream.hpp>
 #include <ise/naming/services.hpp>
 #include <ise/net/relayed.hpp>
@@ -57,7 +57,9 @@ struct street {
         auto got = co_await whom.try_call(helm, run, 2s);
         co_return got;
     }
-    ise::remote dial(const ise::endpoint& at, std::string_view path) { return ise::remote(node.services->link_to(at, std::string(path))); }
+    ise::remote dial(const ise::endpoint& at, std::string_view path) {
+        return ise::remote(node.services->link_to(at, std::string(path)));
+    }
 
     real_parties all;
     party& host = all.add("ise/host/shore", {}, with_key());
@@ -68,13 +70,15 @@ struct street {
 
 } // namespace
 
-TEST_CASE("relayed: a port that a node takes for its name server passes it on to an instantiation server, and nothing is started") {
+TEST_CASE("relayed: a port that a node takes for its name server passes it on to an instantiation server, and nothing "
+          "is started") {
     street at;
     auto taken_for_names = at.put_between(at.host.listen("tcp://127.0.0.1:0"));
     auto got = at.call(at.dial(taken_for_names, ise::naming::server_path));
     REQUIRE_FALSE(got);
     INFO(got.error().message());
-    CHECK_THAT(got.error().message(), Contains("rejected the session") && Contains("it was dialled as " + taken_for_names.text()));
+    CHECK_THAT(got.error().message(),
+               Contains("rejected the session") && Contains("it was dialled as " + taken_for_names.text()));
     CHECK(at.started_processes == 0);
     CHECK(at.host.services->counts().sessions_accepted == 0);
     CHECK(at.host.services->counts().sessions_rejected > 0);

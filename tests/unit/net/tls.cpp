@@ -36,7 +36,8 @@ struct sea {
 
     void give(const std::string& host, const std::filesystem::path& folder, const std::string& more = {}) {
         auto& to = all.world.host(host);
-        for (const char* file : {"ca.pem", "certificate.pem", "key.pem"}) to.write_file(std::string("tls/") + file, read_all(folder / file));
+        for (const char* file : {"ca.pem", "certificate.pem", "key.pem"})
+            to.write_file(std::string("tls/") + file, read_all(folder / file));
         if (!more.empty()) to.write_file("tls/ca.pem", read_all(folder / "ca.pem") + more);
     }
     void sail(const std::string& at = "tls://boat:7400") {
@@ -56,7 +57,8 @@ struct sea {
     }
     ise::result<mode_set> call(ise::duration within = 10s) { return all.run(*shore, ask(there, within)); }
     bool warned(const std::string& what) const {
-        return std::ranges::any_of(boat->warnings, [&](const std::string& line) { return line.find(what) != std::string::npos; });
+        return std::ranges::any_of(boat->warnings,
+                                   [&](const std::string& line) { return line.find(what) != std::string::npos; });
     }
     std::string warnings() const {
         std::string text;
@@ -94,7 +96,8 @@ TEST_CASE("tls: both sides show a certificate, and messages small and big go bot
     auto big = [](ise::remote to) -> ise::task<ise::result<blob>> {
         blob packet;
         packet.content.resize(3 << 20);
-        for (std::size_t i = 0; i < packet.content.size(); ++i) packet.content[i] = static_cast<std::uint8_t>(i * 31 + (i >> 9));
+        for (std::size_t i = 0; i < packet.content.size(); ++i)
+            packet.content[i] = static_cast<std::uint8_t>(i * 31 + (i >> 9));
         auto back = co_await to.try_call(echo, packet, 10min);
         if (back && back->content != packet.content) co_return ise::failure(errc::malformed, "it came back changed");
         co_return back;
@@ -114,7 +117,8 @@ TEST_CASE("tls: a certificate that has expired is refused, whoever shows it") {
         at.give("boat", usual());
         at.give("shore", old);
         at.sail();
-        at.refused(refused_ours + "by the clock there it has expired", "its certificate (CN = old) has expired: it was valid until Aug  1 00:00:00 2017 GMT");
+        at.refused(refused_ours + "by the clock there it has expired",
+                   "its certificate (CN = old) has expired: it was valid until Aug  1 00:00:00 2017 GMT");
     }
     SECTION("the one who is called") {
         at.give("boat", old);
@@ -127,7 +131,8 @@ TEST_CASE("tls: a certificate that has expired is refused, whoever shows it") {
 TEST_CASE("tls: a certificate that expires while sessions last lets no new one be made") {
     sea at;
     at.give("boat", usual());
-    at.give("shore", trusted().issue("short", authority::everywhere, {"20170101000000Z", "20170904090000Z"})); // an hour
+    at.give("shore",
+            trusted().issue("short", authority::everywhere, {"20170101000000Z", "20170904090000Z"})); // an hour
     at.sail();
     REQUIRE(at.call());
     at.all.world.run_for(2h);
@@ -141,7 +146,8 @@ TEST_CASE("tls: a certificate that is not valid yet is refused") {
     at.give("boat", usual());
     at.give("shore", trusted().issue("early", authority::everywhere, {"20180101000000Z", "20990101000000Z"}));
     at.sail();
-    at.refused("or not valid yet by the clock there", "its certificate (CN = early) is not valid before Jan  1 00:00:00 2018 GMT: is the clock right?");
+    at.refused("or not valid yet by the clock there",
+               "its certificate (CN = early) is not valid before Jan  1 00:00:00 2018 GMT: is the clock right?");
 }
 
 TEST_CASE("tls: a certificate that was revoked is refused, whoever shows it, and others are not") {
@@ -180,7 +186,9 @@ TEST_CASE("tls: what is revoked while it runs is not let in again, and a list th
     at.give("shore", lost);
     at.sail();
     REQUIRE(at.call());
-    auto cut = [&] { at.shore->services->sessions().begin()->second->wire().close(ise::failure(errc::peer_lost, "cut")); };
+    auto cut = [&] {
+        at.shore->services->sessions().begin()->second->wire().close(ise::failure(errc::peer_lost, "cut"));
+    };
     SECTION("revoked") {
         own.revoke("lost");
         at.all.world.host("boat").write_file("tls/ca.pem", own.certificate() + own.list());
@@ -191,7 +199,8 @@ TEST_CASE("tls: what is revoked while it runs is not let in again, and a list th
     SECTION("out of date") {
         at.all.world.run_for(5h);
         cut();
-        at.refused(refused_ours + "by the clock there it has expired, or the revocation list there is out of date", "cannot be looked up: the revocation list here is out of date");
+        at.refused(refused_ours + "by the clock there it has expired, or the revocation list there is out of date",
+                   "cannot be looked up: the revocation list here is out of date");
     }
     SECTION("gone") {
         at.all.world.host("boat").write_file("tls/ca.pem", own.certificate());
@@ -222,14 +231,16 @@ TEST_CASE("tls: a certificate of another authority is refused, whoever shows it"
         stranger.believe("strange", trusted().certificate()); // it believes the boat
         at.give("shore", strange);
         at.sail();
-        at.refused(refused_ours + "it was not issued by an authority that is believed there", "its certificate (CN = strange) was not issued by an authority that is believed here");
+        at.refused(refused_ours + "it was not issued by an authority that is believed there",
+                   "its certificate (CN = strange) was not issued by an authority that is believed here");
     }
     SECTION("the one who is called") {
         stranger.believe("strange", trusted().certificate());
         at.give("boat", strange);
         at.give("shore", usual());
         at.sail();
-        at.refused("its certificate (CN = strange) was not issued by an authority that is believed here", refused_ours + "it was not issued by an authority");
+        at.refused("its certificate (CN = strange) was not issued by an authority that is believed here",
+                   refused_ours + "it was not issued by an authority");
     }
     SECTION("an authority of the same name") {
         authority twin("the trusted one");
@@ -238,7 +249,8 @@ TEST_CASE("tls: a certificate of another authority is refused, whoever shows it"
         at.give("boat", usual());
         at.give("shore", forged);
         at.sail();
-        at.refused(refused_ours + "it was not issued by an authority that is believed there", "its certificate (CN = forged) was not issued by an authority");
+        at.refused(refused_ours + "it was not issued by an authority that is believed there",
+                   "its certificate (CN = forged) was not issued by an authority");
     }
 }
 
@@ -248,7 +260,8 @@ TEST_CASE("tls: the certificate has to be for the host that was called, and for 
     SECTION("another name") {
         at.give("boat", trusted().issue("buoy", "DNS:buoy,IP:10.9.9.9"));
         at.sail();
-        at.refused("its certificate (CN = buoy) is not for 'boat', but for DNS:buoy, IP Address:10.9.9.9", refused_ours + "it is not for the name or address that was called");
+        at.refused("its certificate (CN = buoy) is not for 'boat', but for DNS:buoy, IP Address:10.9.9.9",
+                   refused_ours + "it is not for the name or address that was called");
     }
     SECTION("another address") {
         at.give("boat", trusted().issue("elsewhere", "DNS:boat,IP:10.9.9.9"));
@@ -267,7 +280,8 @@ TEST_CASE("tls: the certificate has to be for the host that was called, and for 
         at.give("boat", usual());
         at.give("shore", trusted().issue("server", authority::everywhere, {}, "serverAuth"));
         at.sail();
-        at.refused(refused_ours + "it may not be used for this", "its certificate (CN = server) may not be used for this");
+        at.refused(refused_ours + "it may not be used for this",
+                   "its certificate (CN = server) may not be used for this");
     }
 }
 
@@ -303,7 +317,9 @@ TEST_CASE("tls: files that cannot be used are named, with what is wrong") {
     ise::sim::world world;
     auto& host = world.host("boat");
     auto& env = host.start_process("boat");
-    auto give = [&](const char* file, const std::string& content) { host.write_file(std::string("tls/") + file, content); };
+    auto give = [&](const char* file, const std::string& content) {
+        host.write_file(std::string("tls/") + file, content);
+    };
     auto wrong = [&] {
         auto made = ise::net::tls::identity::load(env, "tls");
         return made ? std::string("nothing") : made.error().message();

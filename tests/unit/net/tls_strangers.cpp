@@ -33,7 +33,8 @@ struct guarded {
         return folder;
     }
     party& add(const std::string& host, const std::filesystem::path& folder) {
-        for (const char* file : {"ca.pem", "certificate.pem", "key.pem"}) all.world.host(host).write_file(std::string("tls/") + file, read_all(folder / file));
+        for (const char* file : {"ca.pem", "certificate.pem", "key.pem"})
+            all.world.host(host).write_file(std::string("tls/") + file, read_all(folder / file));
         ise::security_options with;
         with.tls_folder = "tls";
         return all.add(host, {}, with);
@@ -68,8 +69,9 @@ struct guarded {
             into.resize(got.bytes);
         };
         auto hearing = start(host->loop(), listen(*ear, heard));
-        auto asking = start(shore.on, ise::net::connect_until(shore.on, ise::endpoint::parse("tls://sea:7400").value(), shore.on.now() + 1s,
-                                                              shore.services->peers().credentials().tls));
+        auto asking =
+            start(shore.on, ise::net::connect_until(shore.on, ise::endpoint::parse("tls://sea:7400").value(),
+                                                    shore.on.now() + 1s, shore.services->peers().credentials().tls));
         all.run_until([&] { return hearing->done && asking->done; });
         return heard;
     }
@@ -78,7 +80,7 @@ struct guarded {
     party& boat;
     party& shore;
     ise::sim::process& sea = all.world.host("sea").start_process("sea");
-    const std::string door = "tcp://boat:7400";
+    const std::string channel = "tcp://boat:7400";
 };
 
 } // namespace
@@ -89,7 +91,7 @@ TEST_CASE("tls: strangers whose handshakes never finish hold no place that other
     REQUIRE(hello.size() > 100);
     std::vector<std::unique_ptr<raw_peer>> crowd;
     for (std::size_t i = 0; i < 400; ++i) {
-        crowd.push_back(std::make_unique<raw_peer>(at.all, at.sea, at.door));
+        crowd.push_back(std::make_unique<raw_peer>(at.all, at.sea, at.channel));
         if (i % 4 == 1) crowd.back()->say(hello); // it is answered with a certificate, and waited for
         if (i % 4 == 2) crowd.back()->say(ise::bytes_view(hello).first(hello.size() / 2));
     }
@@ -107,7 +109,7 @@ TEST_CASE("tls: strangers whose handshakes never finish hold no place that other
 TEST_CASE("tls: a byte a second is no handshake") {
     guarded at;
     auto hello = at.client_hello();
-    raw_peer slow(at.all, at.sea, at.door);
+    raw_peer slow(at.all, at.sea, at.channel);
     std::size_t said = 0;
     while (!slow.closed() && said < hello.size()) {
         slow.say(ise::bytes_view(hello).subspan(said++, 1));
@@ -118,12 +120,12 @@ TEST_CASE("tls: a byte a second is no handshake") {
     at.others_do_not_notice();
 }
 
-TEST_CASE("tls: of who goes on talking after its TLS failed no more than most_drained is read") {
+TEST_CASE("tls: of who goes on talking after its TLS failed no more than max_drained is read") {
     guarded at;
     at.others_do_not_notice();
     at.all.world.run_for(1s);
     const auto at_rest = at.boat.scope.size();
-    raw_peer loud(at.all, at.sea, at.door);
+    raw_peer loud(at.all, at.sea, at.channel);
     const ise::bytes noise(1000, std::byte{'x'});
     auto say = [&](int times) {
         for (int i = 0; i < times; ++i) {
@@ -138,7 +140,7 @@ TEST_CASE("tls: of who goes on talking after its TLS failed no more than most_dr
     CHECK(at.boat.scope.size() == at_rest);
     CHECK_THAT(at.warnings(), Contains("it speaks without TLS, or something else"));
     // Who falls silent is read no longer than its handshake may take.
-    raw_peer quiet(at.all, at.sea, at.door);
+    raw_peer quiet(at.all, at.sea, at.channel);
     quiet.say(noise);
     at.all.world.run_for(4s);
     CHECK(at.boat.scope.size() == at_rest + 1);
@@ -154,11 +156,11 @@ TEST_CASE("tls: certificates that are too large, or too long a chain, are refuse
     SECTION("large") {
         std::ofstream more(folder / "certificate.pem", std::ios::app);
         for (int i = 0; i < 100; ++i) more << trusted().certificate();
-        expected = "more than 32768 bytes of certificates (largest_certificates)";
+        expected = "more than 32768 bytes of certificates (max_certificates)";
     }
     SECTION("long") {
         folder = trusted().issue_below("much", 7);
-        expected = "longer than 5 (longest_chain)";
+        expected = "longer than 5 (max_chain)";
     }
     SECTION("long, but not too long") { folder = trusted().issue_below("much", 3); }
     auto& much = at.add("much", folder);

@@ -25,7 +25,9 @@ bool carries(channel_pair& pair, const ise::bytes& content, ise::duration limit)
         limit);
 }
 
-std::uint8_t last_fill(const channel_pair::side& at) { return at.messages.empty() ? std::uint8_t{0} : static_cast<std::uint8_t>(at.messages.back().back()); }
+std::uint8_t last_fill(const channel_pair::side& at) {
+    return at.messages.empty() ? std::uint8_t{0} : static_cast<std::uint8_t>(at.messages.back().back());
+}
 
 ise::bytes data_datagram(std::uint64_t number, ise::wire::chunk_type type, const ise::bytes& content) {
     ise::buffer out;
@@ -89,10 +91,13 @@ TEST_CASE("the latest message of each key gets there, older ones once at most, s
             INFO(fmt::format("{} bytes, seed {}", size, seed));
             channel_pair pair(seed, {0.3, 0.1, 0.1});
             std::uint8_t put = 0;
-            REQUIRE(pair.run_until([&] {
-                while (put < 10 && pair.a.channel.out().messages().wanted()) put_message(pair.a.channel, 7, size, ++put);
-                return last_fill(pair.b) == 10;
-            }, 1h));
+            REQUIRE(pair.run_until(
+                [&] {
+                    while (put < 10 && pair.a.channel.out().messages().wanted())
+                        put_message(pair.a.channel, 7, size, ++put);
+                    return last_fill(pair.b) == 10;
+                },
+                1h));
             REQUIRE(pair.run_until([&] { return pair.a.channel.out().messages().unconfirmed() == 0; }, 1h));
             CHECK(pair.b.messages.size() <= 10);
             for (auto& message : pair.b.messages) CHECK(message.size() == size + ise::wire::frame_header::size);
@@ -137,7 +142,7 @@ TEST_CASE("a slow way gets no more than it carries for long, and no flood") {
         most = std::max(most, pair.a.channel.out().network().in_flight());
         return pair.b.stream.size() == content.size();
     });
-    CHECK(most <= ise::net::udp::congestion::largest_window);
+    CHECK(most <= ise::net::udp::congestion::max_window);
 }
 
 TEST_CASE("a datagram that came counts once") {
@@ -163,14 +168,19 @@ TEST_CASE("what breaks a rule is as if it had not come") {
     CHECK(refused(chunk_type::ack, packed(std::uint64_t{5}, std::uint32_t{0}, std::uint32_t{1}))); // nothing was sent
     CHECK(refused(chunk_type::ack, packed(std::uint64_t{5}, std::uint32_t{0}, std::uint32_t{0})));
     CHECK(refused(chunk_type::ack, packed(~std::uint64_t{0}, std::uint32_t{0}, std::uint32_t{1})));
-    CHECK(refused(chunk_type::ack, packed(std::uint64_t{5}, std::uint32_t{0}, std::uint32_t{2}, std::uint32_t{9}, std::uint32_t{1})));
+    CHECK(refused(chunk_type::ack,
+                  packed(std::uint64_t{5}, std::uint32_t{0}, std::uint32_t{2}, std::uint32_t{9}, std::uint32_t{1})));
     CHECK(refused(chunk_type::content, packed(~std::uint64_t{0}, std::uint8_t{1})));
     CHECK(refused(chunk_type::content, packed(std::uint64_t{1} << 20, std::uint8_t{1}))); // beyond the window
     CHECK(refused(chunk_type::content, packed(std::uint32_t{1})));
-    CHECK(refused(chunk_type::fragment, packed(std::uint64_t{0}, std::uint32_t{2 << 20}, std::uint32_t{0}, std::uint8_t{1})));
-    CHECK(refused(chunk_type::fragment, packed(std::uint64_t{0}, std::uint32_t{4000}, std::uint32_t{4}, std::uint8_t{1})));
-    CHECK(refused(chunk_type::fragment, packed(std::uint64_t{0}, std::uint32_t{4000}, std::uint32_t{0}, std::uint8_t{1})));
-    CHECK(refused(chunk_type::fragment, packed(std::uint64_t{0}, std::uint32_t{3}, std::uint32_t{0}, std::uint8_t{1}, std::uint8_t{1}, std::uint8_t{1})));
+    CHECK(refused(chunk_type::fragment,
+                  packed(std::uint64_t{0}, std::uint32_t{2 << 20}, std::uint32_t{0}, std::uint8_t{1})));
+    CHECK(refused(chunk_type::fragment,
+                  packed(std::uint64_t{0}, std::uint32_t{4000}, std::uint32_t{4}, std::uint8_t{1})));
+    CHECK(refused(chunk_type::fragment,
+                  packed(std::uint64_t{0}, std::uint32_t{4000}, std::uint32_t{0}, std::uint8_t{1})));
+    CHECK(refused(chunk_type::fragment, packed(std::uint64_t{0}, std::uint32_t{3}, std::uint32_t{0}, std::uint8_t{1},
+                                               std::uint8_t{1}, std::uint8_t{1})));
     CHECK_FALSE(refused(static_cast<chunk_type>(99), packed(std::uint64_t{1}))); // of a later version
 }
 

@@ -61,7 +61,7 @@ TEST_CASE("channels that were left and whose peers hear nothing are few, and gon
         opened->leave();
         CHECK(at->associations() == std::min<std::size_t>(id, port::max_draining));
     }
-    world.run_for(association::longest_drain + std::chrono::milliseconds(1));
+    world.run_for(association::max_drain + std::chrono::milliseconds(1));
     CHECK(at->associations() == 0);
     at->close();
 }

@@ -142,8 +142,8 @@ TEST_CASE("the newest report of each kind is what is known, whatever came when a
     auto first = somewhere(), second = somewhere();
     second.latitude_deg = 28.2;
     REQUIRE(known.take(packet(second, moment, 2, link_id::gprs)) == telemetry_body(location{}).index());
-    CHECK_FALSE(known.take(packet(first, moment - 5s, 1)));      // late
-    CHECK_FALSE(known.take(packet(second, moment, 2)));          // the same over another link
+    CHECK_FALSE(known.take(packet(first, moment - 5s, 1))); // late
+    CHECK_FALSE(known.take(packet(second, moment, 2)));     // the same over another link
     auto history = packet(first, moment + 1s, 4);
     history.history = true;
     CHECK_FALSE(known.take(history));

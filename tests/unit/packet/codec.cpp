@@ -25,8 +25,9 @@ TEST_CASE("every kind of field comes back as it was sent") {
 }
 
 TEST_CASE("the bytes and the fingerprint are these, from every compiler") {
-    CHECK(hex(ise::encode(position{28.25, -15.5, 2.5F, 270, -12, 12600})) == "0000000000403c400000000000002fc0000020400e01f4ff3831");
-    CHECK(hex(ise::encode(filled())) == 
+    CHECK(hex(ise::encode(position{28.25, -15.5, 2.5F, 270, -12, 12600})) ==
+          "0000000000403c400000000000002fc0000020400e01f4ff3831");
+    CHECK(hex(ise::encode(filled())) ==
           "0178ff01000000000000000000003f00000000000000c0010400000076656c61020000000100000061000000000000f03f00"
           "0000000000004002000000626300000000000008400000000000001040020000000000803f00002040030000000100010200"
           "000001ffffff2c01010000000200000003000000040000000104000000686f6d650000000000003c400000000000002ec001"
@@ -69,7 +70,8 @@ TEST_CASE("a buffer keeps its room when it is cleared") {
 TEST_CASE("every prefix of a packet, and a byte too many, is refused") {
     ise::bytes whole = ise::encode(filled());
     for (std::size_t size = 0; size < whole.size(); ++size) {
-        ise::bytes cut(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(size)); // its own memory: ASan watches the end
+        ise::bytes cut(whole.begin(),
+                       whole.begin() + static_cast<std::ptrdiff_t>(size)); // its own memory: ASan watches the end
         auto got = ise::try_decode<everything>(cut);
         REQUIRE_FALSE(got.has_value());
         REQUIRE(got.error().code() == ise::errc::malformed);

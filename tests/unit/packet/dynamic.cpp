@@ -54,7 +54,8 @@ TEST_CASE("a path that leads nowhere, or a value of another kind, says so") {
     auto packet = received();
     auto why = [&](std::string_view path) { return failure_of([&] { packet.field(path); }).message(); };
     CHECK(why("waypoints[2].name") == "no field 'waypoints[2].name': element 2 of 2 in 'waypoints'");
-    CHECK(why("waypoints[0].lat") == "no field 'waypoints[0].lat': 'lat' is none of name, latitude_deg, longitude_deg in 'waypoints[0]'");
+    CHECK(why("waypoints[0].lat") ==
+          "no field 'waypoints[0].lat': 'lat' is none of name, latitude_deg, longitude_deg in 'waypoints[0]'");
     CHECK_THAT(why("waypoints[x]"), Contains("expected [number]"));
     CHECK_THAT(why("waypoints[99999999999999999999]"), Contains("expected [number]"));
     CHECK_THAT(why("text.size"), Contains("string has no fields"));
@@ -63,7 +64,8 @@ TEST_CASE("a path that leads nowhere, or a value of another kind, says so") {
     CHECK(failure_of([&] { packet.field("text").as_double(); }).message() == "text: is string, not a number");
     CHECK(failure_of([&] { packet.field("i8").as_uint(); }).code() == ise::errc::type_mismatch);
     CHECK(failure_of([&] { packet.field("names[0]").as_bool(); }).code() == ise::errc::type_mismatch);
-    CHECK_THAT(failure_of([&] { packet.field("pair_of_i16[1]").as<std::uint8_t>(); }).message(), Contains("up to 255 (it is 300)"));
+    CHECK_THAT(failure_of([&] { packet.field("pair_of_i16[1]").as<std::uint8_t>(); }).message(),
+               Contains("up to 255 (it is 300)"));
 }
 
 TEST_CASE("a dynamic packet is made from JSON and becomes a typed one, newer or older") {
@@ -85,7 +87,9 @@ TEST_CASE("bytes that are no such packet never become a dynamic packet") {
     for (std::size_t bit = 0; bit < whole.size() * 8; ++bit) { // the run-time walk and the typed decoder agree
         ise::bytes flipped = whole;
         flipped[bit / 8] ^= static_cast<std::byte>(1u << bit % 8);
-        bool walked = failure_of([&] { ise::dynamic_packet(ise::schema_of<everything>(), flipped).to_json(); }).message() == "nothing was thrown";
+        bool walked = failure_of([&] {
+                          ise::dynamic_packet(ise::schema_of<everything>(), flipped).to_json();
+                      }).message() == "nothing was thrown";
         bool decoded = ise::try_decode<everything>(flipped).has_value();
         CHECK((walked || !decoded)); // duplicates of keys are the typed decoder's to refuse
     }

@@ -166,8 +166,10 @@ TEST_CASE("what is incompatible is told as a diff with paths and both types") {
     CHECK(diff<reading, reading_f32>() == "the reader's reading and the writer's reading_f32 differ:\n"
                                           "  latitude_deg: reader f64, writer f32\n"
                                           "  gear: reader high=1, writer fast=1");
-    CHECK_THAT((diff<reading, inserted>()), Contains("packet: reader has 'legs' as field 2, writer has 'number' (inserted at the writer"));
-    CHECK_THAT((diff<reading, renamed_inside>()), Contains("legs[]: reader has 'to' as field 1, writer has 'destination' (renamed?"));
+    CHECK_THAT((diff<reading, inserted>()),
+               Contains("packet: reader has 'legs' as field 2, writer has 'number' (inserted at the writer"));
+    CHECK_THAT((diff<reading, renamed_inside>()),
+               Contains("legs[]: reader has 'to' as field 1, writer has 'destination' (renamed?"));
     CHECK_THAT((diff<reading, swapped>()), Contains("fields keep their order"));
     CHECK_THAT((diff<std::array<int, 2>, std::array<int, 3>>()), Contains("array<i32,2>, writer array<i32,3>"));
     CHECK_THAT((diff<std::optional<int>, int>()), Contains("reader optional<i32>, writer i32"));

@@ -44,7 +44,9 @@ struct oddities {
 TEST_CASE("a packet is shown as JSON that people can read") {
     track t;
     t.waypoints = {{"say \"hi\"\n", 28.15, -15.5}};
-    CHECK(ise::to_json(t) == R"({"waypoints":[{"name":"say \"hi\"\n","latitude_deg":28.15,"longitude_deg":-15.5}],"helm":"autopilot","count":3,"period":0.25})");
+    CHECK(
+        ise::to_json(t) ==
+        R"({"waypoints":[{"name":"say \"hi\"\n","latitude_deg":28.15,"longitude_deg":-15.5}],"helm":"autopilot","count":3,"period":0.25})");
     CHECK(ise::to_json(t, ise::json_style::pretty) == "{\n"
                                                       "  \"waypoints\": [\n"
                                                       "    {\n"
@@ -109,7 +111,8 @@ TEST_CASE("JSON that does not fit says where and what was expected") {
     CHECK(message(R"({"waypoints":[{},{},{},{"latitude_deg":"north"}]})") ==
           "waypoints[3].latitude_deg: expected a number, found \"north\"");
     CHECK(message(R"({"waypoint":[]})") == "waypoint: no such field, did you mean 'waypoints'?");
-    CHECK(message(R"({"waypoints":[{"lat_deg":1}]})") == "waypoints[0].lat_deg: no such field, did you mean 'latitude_deg'?");
+    CHECK(message(R"({"waypoints":[{"lat_deg":1}]})") ==
+          "waypoints[0].lat_deg: no such field, did you mean 'latitude_deg'?");
     CHECK(message(R"({"count":256})") == "count: expected a number from 0 to 255 (u8), found 256");
     CHECK(message(R"({"count":-1})") == "count: expected a number from 0 to 255 (u8), found -1");
     CHECK(message(R"({"count":1.5})") == "count: expected a whole number, found 1.5");
@@ -117,11 +120,13 @@ TEST_CASE("JSON that does not fit says where and what was expected") {
     CHECK(message(R"({"helm":"sleep"})") == "helm: expected one of idle, autopilot, manual, found \"sleep\"");
     CHECK(message("[]") == "track: expected an object, found a list");
     CHECK_THAT(message("{\"count\":"), Contains("track: no JSON: parse error at line 1"));
-    CHECK(ise::from_json<track>(R"({"count":2.0,"helm":200,"period":"1.5s"})").period == std::chrono::milliseconds(1500));
+    CHECK(ise::from_json<track>(R"({"count":2.0,"helm":200,"period":"1.5s"})").period ==
+          std::chrono::milliseconds(1500));
 }
 
 TEST_CASE("hostile JSON is bounded, and each limit is told by its name") {
-    auto refusal = [](const std::string& json, ise::json_limits limits = {}, const ise::schema& of = ise::schema_of<track>()) {
+    auto refusal = [](const std::string& json, ise::json_limits limits = {},
+                      const ise::schema& of = ise::schema_of<track>()) {
         auto why = failure_of([&] { ise::from_json(of, json, limits); });
         CHECK(why.code() == ise::errc::too_large);
         return why.message();
@@ -132,26 +137,34 @@ TEST_CASE("hostile JSON is bounded, and each limit is told by its name") {
     CHECK_THAT(refusal("{     }", tight), Contains("at most 4 are accepted (max_text_bytes)"));
     tight = {};
     tight.max_packet_bytes = 100;
-    CHECK_THAT(refusal(R"({"waypoints":[{},{},{},{},{},{},{},{},{},{}]})", tight), Contains("beyond 100 bytes") && Contains("(max_packet_bytes)"));
+    CHECK_THAT(refusal(R"({"waypoints":[{},{},{},{},{},{},{},{},{},{}]})", tight),
+               Contains("beyond 100 bytes") && Contains("(max_packet_bytes)"));
     auto fat = ise::schema::parse("vector<struct{a:array<u8,200000000>}>");
     REQUIRE(fat.has_value());
-    CHECK_THAT(refusal("[{},{},{}]", {}, *fat), Contains("beyond 268435456 bytes by its default values (max_packet_bytes)"));
+    CHECK_THAT(refusal("[{},{},{}]", {}, *fat),
+               Contains("beyond 268435456 bytes by its default values (max_packet_bytes)"));
 }
 
-TEST_CASE("a packet whose JSON is longer than allowed is refused, and the field is named where it was (max_json_bytes)") {
+TEST_CASE(
+    "a packet whose JSON is longer than allowed is refused, and the field is named where it was (max_json_bytes)") {
     track sent;
     sent.waypoints.resize(1000);
     auto packet = ise::encode(sent);
-    auto write = [&](std::size_t most) { return ise::to_json(ise::schema_of<track>(), packet, ise::json_style::compact, most); };
+    auto write = [&](std::size_t most) {
+        return ise::to_json(ise::schema_of<track>(), packet, ise::json_style::compact, most);
+    };
     auto whole = write(std::size_t{1} << 20);
     CHECK(write(whole.size()) == whole);
     auto why = failure_of([&] { write(1000); });
     CHECK(why.code() == ise::errc::too_large);
-    CHECK_THAT(why.message(), Contains("track") && Contains("waypoints[") && Contains("longer than 1000 bytes (max_json_bytes)"));
+    CHECK_THAT(why.message(),
+               Contains("track") && Contains("waypoints[") && Contains("longer than 1000 bytes (max_json_bytes)"));
 }
 
 TEST_CASE("JSON is nested as deep as the limit allows, and brackets in texts do not count") {
-    auto nested = [](std::size_t levels) { return "{\"unknown\":" + std::string(levels - 1, '[') + std::string(levels - 1, ']') + "}"; };
+    auto nested = [](std::size_t levels) {
+        return "{\"unknown\":" + std::string(levels - 1, '[') + std::string(levels - 1, ']') + "}";
+    };
     CHECK_THAT(message(nested(64)), Contains("no such field"));
     auto deep = failure_of([&] { ise::from_json<track>(nested(65)); });
     CHECK(deep.code() == ise::errc::too_large);

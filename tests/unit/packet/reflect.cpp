@@ -95,7 +95,10 @@ TEST_CASE("enumerators are found by name and value, flags and a chosen range inc
 }
 
 namespace {
-struct named_like_it { int serialize = 0; bool save = false; };
+struct named_like_it {
+    int serialize = 0;
+    bool save = false;
+};
 } // namespace
 
 TEST_CASE("maps and sets of unique keys are packets by what they have, others are not") {

@@ -37,7 +37,8 @@ TEST_CASE("a fingerprint follows fields, not the names of types nor defaults") {
     CHECK(ise::schema_of<renamed_field>().fingerprint() != wanted);
     CHECK_FALSE(ise::schema_of<renamed_type>() == ise::schema_of<waypoint>());
     CHECK(ise::fingerprint_of("") == 0xefd01f60ba992926u);
-    CHECK(ise::schema_of<waypoint>().fingerprint() == ise::fingerprint_of("struct{name:string,latitude_deg:f64,longitude_deg:f64}"));
+    CHECK(ise::schema_of<waypoint>().fingerprint() ==
+          ise::fingerprint_of("struct{name:string,latitude_deg:f64,longitude_deg:f64}"));
 }
 
 TEST_CASE("a schema's text is parsed into the same schema") {
@@ -65,8 +66,9 @@ TEST_CASE("a schema reads well") {
                                                 "    longitude_deg: f64\n"
                                                 "  }\n"
                                                 "}");
-    CHECK_THAT(ise::schema_of<outer_a>().text(), Contains("second:struct waypoint{name:string,latitude_deg:f64,longitude_deg:f64}="
-                                                          "0100000078000000000000f03f0000000000000040"));
+    CHECK_THAT(ise::schema_of<outer_a>().text(),
+               Contains("second:struct waypoint{name:string,latitude_deg:f64,longitude_deg:f64}="
+                        "0100000078000000000000f03f0000000000000040"));
 }
 
 TEST_CASE("a schema text that is none says where and what was expected") {
@@ -93,22 +95,33 @@ TEST_CASE("a hostile schema text is bounded in every direction, and each limit i
         return text;
     };
     auto beyond = [](const std::string& limit) { return Contains("are accepted (" + limit + ")"); };
-    CHECK_THAT(refusal(repeated("vector<", 100000)), Contains("700000 bytes, at most 262144") && beyond("max_text_bytes"));
-    CHECK_THAT(refusal(repeated("vector<", 1000)), Contains("nested too deep: levels, at most 64") && beyond("max_depth"));
+    CHECK_THAT(refusal(repeated("vector<", 100000)),
+               Contains("700000 bytes, at most 262144") && beyond("max_text_bytes"));
+    CHECK_THAT(refusal(repeated("vector<", 1000)),
+               Contains("nested too deep: levels, at most 64") && beyond("max_depth"));
     CHECK_THAT(refusal("tuple<" + repeated("i8,", 2000) + "i8>"), Contains("at most 1024") && beyond("max_members"));
-    CHECK_THAT(refusal("struct{" + [] {
-        std::string many;
-        for (int i = 0; i < 2000; ++i) many += "f" + std::to_string(i) + ":i8,";
-        return many;
-    }() + "z:i8}"), Contains("too many fields, at most 1024") && beyond("max_members"));
-    CHECK_THAT(refusal("enum:i32{" + [] {
-        std::string many;
-        for (int i = 0; i < 5000; ++i) many += "e" + std::to_string(i) + "=" + std::to_string(i) + ",";
-        return many;
-    }() + "z=-1}"), Contains("too many enumerators, at most 4096") && beyond("max_enumerators"));
-    CHECK_THAT(refusal("array<array<array<u64,200000000>,200000000>,200000000>"), Contains("too big") && beyond("max_min_size"));
+    CHECK_THAT(refusal("struct{" +
+                       [] {
+                           std::string many;
+                           for (int i = 0; i < 2000; ++i) many += "f" + std::to_string(i) + ":i8,";
+                           return many;
+                       }() +
+                       "z:i8}"),
+               Contains("too many fields, at most 1024") && beyond("max_members"));
+    CHECK_THAT(refusal("enum:i32{" +
+                       [] {
+                           std::string many;
+                           for (int i = 0; i < 5000; ++i)
+                               many += "e" + std::to_string(i) + "=" + std::to_string(i) + ",";
+                           return many;
+                       }() +
+                       "z=-1}"),
+               Contains("too many enumerators, at most 4096") && beyond("max_enumerators"));
+    CHECK_THAT(refusal("array<array<array<u64,200000000>,200000000>,200000000>"),
+               Contains("too big") && beyond("max_min_size"));
     CHECK_THAT(refusal("array<struct{},18446744073709551615>"), Contains("too long") && beyond("max_array_length"));
-    CHECK_THAT(refusal("struct{" + std::string(1000, 'n') + ":i8}"), Contains("at most 256") && beyond("max_name_bytes"));
+    CHECK_THAT(refusal("struct{" + std::string(1000, 'n') + ":i8}"),
+               Contains("at most 256") && beyond("max_name_bytes"));
     std::string fields = "struct{";
     for (int i = 0; i < 900; ++i) fields += "f" + std::to_string(i) + ":tuple<i8,i8,i8,i8,i8>,";
     CHECK_THAT(refusal(fields + "z:i8}"), Contains("too many types") && beyond("max_types"));

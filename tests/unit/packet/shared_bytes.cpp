@@ -28,7 +28,8 @@ TEST_CASE("shared bytes keep their content, whatever is made after them") {
     std::vector<ise::shared_bytes> kept;
     const std::size_t sizes[] = {0, 1, 64, 1023, 1024, 1025, 4096, 100'000, 64, 64, 5};
     for (int round = 0; round < 8; ++round)
-        for (std::size_t i = 0; i < std::size(sizes); ++i) kept.push_back(make(maker, sizes[i], static_cast<unsigned char>(kept.size())));
+        for (std::size_t i = 0; i < std::size(sizes); ++i)
+            kept.push_back(make(maker, sizes[i], static_cast<unsigned char>(kept.size())));
     for (std::size_t i = 0; i < kept.size(); ++i) {
         CAPTURE(i);
         CHECK(holds(kept[i], sizes[i % std::size(sizes)], static_cast<unsigned char>(i)));

@@ -49,7 +49,8 @@ TEST_CASE("a bounded number is a number that is never outside of its range") {
     static_assert(bounded<std::uint8_t, 0, 255>(255) == 255);
 }
 
-TEST_CASE("a bounded number travels as its number: same schema, same bytes, and one outside is refused by who reads it") {
+TEST_CASE(
+    "a bounded number travels as its number: same schema, same bytes, and one outside is refused by who reads it") {
     CHECK(ise::schema_of<course>().fingerprint() == ise::schema_of<plain_course>().fingerprint());
     plain_course sent;
     sent.legs = {0.5, -0.25};
@@ -76,7 +77,8 @@ TEST_CASE("a bounded number is a number in JSON, and the range is said of one ou
     CHECK(ise::to_json(one) == R"({"heading":90,"trim":-5,"sails":2,"legs":[]})");
     CHECK(ise::from_json<course>(R"({"heading": 12})").heading == 12);
     CHECK(ise::from_json<course>("{}").heading == 90);
-    CHECK_THROWS_WITH(ise::from_json<course>(R"({"sails": 4})"), Contains("sails") && Contains("4 is outside of 1 to 3"));
+    CHECK_THROWS_WITH(ise::from_json<course>(R"({"sails": 4})"),
+                      Contains("sails") && Contains("4 is outside of 1 to 3"));
 }
 
 TEST_CASE("the fields of a packet are parameters, with the ranges and units of those that are bounded") {

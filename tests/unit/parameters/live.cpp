@@ -69,7 +69,8 @@ std::string values(const ise::parameters_response& of) {
     return text;
 }
 
-task<ise::result<ise::parameters_response>> ask_to_change(component& self, std::vector<ise::parameter_setting> settings) {
+task<ise::result<ise::parameters_response>> ask_to_change(component& self,
+                                                          std::vector<ise::parameter_setting> settings) {
     auto whom = self.at(fleet::at("boat"));
     ise::change_parameters_request request;
     request.settings = std::move(settings);
@@ -120,11 +121,12 @@ TEST_CASE("what is not allowed is refused with what is, and nothing of it happen
             std::vector<ise::parameter_setting> settings;
             std::string says;
         };
-        std::vector<trial> trials{{{{"from", "90"}, {"speed", "41"}}, "parameter 'speed' cannot be '41': it is a number from 0 to 40 (m/s)"},
-                                  {{{"spead", "4"}}, "there is no parameter 'spead'; did you mean 'speed'?"},
-                                  {{{"seed", "4"}}, "parameter 'seed' cannot be changed while the component runs, only speed, from, name"},
-                                  {{{"speed", "4"}, {"speed", "5"}}, "parameter 'speed' is given twice"},
-                                  {{{"name", "sirocco"}}, "it is one of trade, mistral"}};
+        std::vector<trial> trials{
+            {{{"from", "90"}, {"speed", "41"}}, "parameter 'speed' cannot be '41': it is a number from 0 to 40 (m/s)"},
+            {{{"spead", "4"}}, "there is no parameter 'spead'; did you mean 'speed'?"},
+            {{{"seed", "4"}}, "parameter 'seed' cannot be changed while the component runs, only speed, from, name"},
+            {{{"speed", "4"}, {"speed", "5"}}, "parameter 'speed' is given twice"},
+            {{{"name", "sirocco"}}, "it is one of trade, mistral"}};
         for (auto& each : trials) {
             auto told = co_await ask_to_change(self, each.settings);
             REQUIRE(!told);
@@ -190,7 +192,8 @@ TEST_CASE("what is not given comes from the environment") {
     variables["ISE_PARAMETER_SPEED"] = "fast";
     auto wrong = other.parameters.set_from(look);
     REQUIRE(!wrong);
-    CHECK(wrong.error().message() == "the environment variable ISE_PARAMETER_SPEED: parameter 'speed' cannot be 'fast': it is a number from 0 to 40 (m/s)");
+    CHECK(wrong.error().message() == "the environment variable ISE_PARAMETER_SPEED: parameter 'speed' cannot be "
+                                     "'fast': it is a number from 0 to 40 (m/s)");
 }
 
 TEST_CASE("roles are written with their priority") {

@@ -1,5 +1,5 @@
-// A provider, a client that sails a whole session and one that goes on all the time, each in a process of its own that a
-// test may kill; and a book, outside of all of them, of what ran, what was answered and what was heard.
+// A provider, a client that sails a whole session and one that goes on all the time, each in a process of its own that
+// a test may kill; and a book, outside of all of them, of what ran, what was answered and what was heard.
 #pragma once
 #include <support/catch.hpp>
 #include <support/party.hpp>
@@ -32,7 +32,7 @@ inline ise::service_options options() {
     ise::service_options made;
     made.accepts.heartbeat_ns = 500'000'000;
     made.first_back_off = 20ms;
-    made.longest_back_off = 200ms;
+    made.max_back_off = 200ms;
     made.linger = 2s;
     return made;
 }
@@ -66,7 +66,8 @@ struct book {
 class provider {
 public:
     provider(ise::sim::process& process, book& into, const std::string& where)
-        : at(process, process.make_loop("main"), "boat", options()), life(++into.lives["boat"]), out(at.publish(ticks)) {
+        : at(process, process.make_loop("main"), "boat", options()), life(++into.lives["boat"]),
+          out(at.publish(ticks)) {
         at.provide(job, [this, &into](work asked, const ise::call_context& context) -> ise::task<work> {
             ++into.calls[asked.name].runs;
             auto caller = std::string(context.caller);
@@ -82,7 +83,8 @@ public:
     /// Coroutines, but for those that wait for the next call of anybody.
     std::size_t busy() const {
         auto all = at.scope.running();
-        return static_cast<std::size_t>(std::ranges::count_if(all, [](const auto& name) { return name.find("job") == std::string::npos; })) +
+        return static_cast<std::size_t>(
+                   std::ranges::count_if(all, [](const auto& name) { return name.find("job") == std::string::npos; })) +
                at.services->services().find_calls("job")->running();
     }
 
@@ -168,7 +170,7 @@ private:
         }
     }
 
-    ise::task<> next(ise::stream_of<ise::subscription<tick>>& from) {
+    ise::task<> next(ise::subscriber<ise::subscription<tick>>& from) {
         auto packet = co_await from.next();
         if (!packet) throw ise::error(from.cause());
         if (heard == 0) {

@@ -21,7 +21,8 @@ struct totals {
 class sea {
 public:
     explicit sea(const std::string& scheme) : where_(scheme + "://" + world.host("boat").address() + ":7400") {
-        boat_ = &world.host("boat").start_process("boat", [this](ise::sim::process& self) { return std::make_shared<provider>(self, noted, where_); });
+        boat_ = &world.host("boat").start_process(
+            "boat", [this](ise::sim::process& self) { return std::make_shared<provider>(self, noted, where_); });
         world.run_for(10ms);
         alone_ = boat().busy();
         other_ = start("other", false);
@@ -29,7 +30,8 @@ public:
         shore_ = start("shore", true);
     }
 
-    // From the first hello until the provider has forgotten it; gives how many events that took until then, or until the kill.
+    // From the first hello until the provider has forgotten it; gives how many events that took until then, or until
+    // the kill.
     std::size_t sail(std::size_t kill_at, bool kills_provider) {
         std::size_t events = 0;
         world.run_until([&] { return events++ == kill_at || over(); }, 1min);
@@ -151,9 +153,10 @@ totals sweep(const std::string& scheme, bool kills_provider) {
         ++all.kills;
     }
     if (std::getenv("ISE_TEST_FIGURES"))
-        std::cout << scheme << ", " << (kills_provider ? "provider" : "client") << " killed at " << all.kills << " of " << events << " events: "
-                  << all.answered << " calls answered, " << all.not_executed << " not executed, " << all.unknown << " unknown, " << all.given_up
-                  << " of the killed, " << all.unknown_gaps << " gaps of unknown length\n";
+        std::cout << scheme << ", " << (kills_provider ? "provider" : "client") << " killed at " << all.kills << " of "
+                  << events << " events: " << all.answered << " calls answered, " << all.not_executed
+                  << " not executed, " << all.unknown << " unknown, " << all.given_up << " of the killed, "
+                  << all.unknown_gaps << " gaps of unknown length\n";
     return all;
 }
 

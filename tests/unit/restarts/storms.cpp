@@ -26,10 +26,11 @@ struct situation {
     std::size_t max_handshakes = ise::service_options().max_handshakes;
 };
 
-// How often the clients ask for a connection, in windows of 100 ms that slide by 10: over tcp each try is a connect, over udp
-// each datagram that opens counts, though one try sends several.
+// How often the clients ask for a connection, in windows of 100 ms that slide by 10: over tcp each try is a connect,
+// over udp each datagram that opens counts, though one try sends several.
 struct attempts {
-    attempts(ise::sim::world& of, const std::string& scheme) : world(of), datagrams(scheme == "udp"), from(of.trace().count()) {}
+    attempts(ise::sim::world& of, const std::string& scheme)
+        : world(of), datagrams(scheme == "udp"), from(of.trace().count()) {}
 
     void run_for(ise::duration time) {
         for (auto end = world.now() + time; world.now() < end;) {
@@ -53,9 +54,11 @@ struct attempts {
         from = world.trace().count();
         REQUIRE(news < ise::sim::trace::kept_entries); // else some were not seen
         const auto& newest = world.trace().newest();
-        return static_cast<std::size_t>(std::count_if(newest.end() - static_cast<std::ptrdiff_t>(news), newest.end(), [&](const auto& entry) {
-            return datagrams ? entry.amount == 1200 && entry.subject.ends_with("->boat:7400") : entry.kind == "connect";
-        }));
+        return static_cast<std::size_t>(
+            std::count_if(newest.end() - static_cast<std::ptrdiff_t>(news), newest.end(), [&](const auto& entry) {
+                return datagrams ? entry.amount == 1200 && entry.subject.ends_with("->boat:7400")
+                                 : entry.kind == "connect";
+            }));
     }
 
     ise::sim::world& world;
@@ -94,24 +97,26 @@ struct bounds {
     explicit bounds(const situation& of) {
         const ise::service_options times;
         const bool udp = of.scheme == "udp";
-        // The first tries are spread evenly over half a second: a fifth of them within 100 ms, and later ones are no denser. Over udp
-        // each asks again after 200 and 400 ms, and once more when it has a cookie to show: three such at once.
+        // The first tries are spread evenly over half a second: a fifth of them within 100 ms, and later ones are no
+        // denser. Over udp each asks again after 200 and 400 ms, and once more when it has a cookie to show: three such
+        // at once.
         static_assert(ise::service_options().reconnect_spread == 500ms);
         peak = (of.clients * 3 / 10 + 10) * (udp ? 3 : 1);
-        // The pauses after it: 0.5 to 1 s, 1 to 2 s, 2 to 4 s, then half of the longest at least. A try over udp that nobody answers
-        // lasts `connect_time` and asks five times; one that is answered asks twice, far away six times.
+        // The pauses after it: 0.5 to 1 s, 1 to 2 s, 2 to 4 s, then half of the longest at least. A try over udp that
+        // nobody answers lasts `connect_time` and asks five times; one that is answered asks twice, far away six times.
         auto away = static_cast<std::size_t>(of.away / 1ms);
         total = udp ? of.clients * (12 + 5 * ((away + 4999) / 5000)) : of.clients * (4 + away / 2500);
         // The longest pause, and a round trip each to connect, to greet and to subscribe.
-        healed = times.longest_back_off + 6 * of.latency + 500ms;
+        healed = times.max_back_off + 6 * of.latency + 500ms;
         if (udp) healed += 2s + 2 * of.latency; // between two questions of one try, and the one for the address
         if (of.loss > 0) healed += 3s;          // what is lost twice or three times
     }
 };
 
 outcome storm(const situation& now) {
-    auto what = fmt::format("{}, {} clients, {} handshakes at once, away {} s, latency {} ms, loss {} %", now.scheme, now.clients, now.max_handshakes,
-                            seconds(now.away), seconds(now.latency) * 1000, now.loss * 100);
+    auto what =
+        fmt::format("{}, {} clients, {} handshakes at once, away {} s, latency {} ms, loss {} %", now.scheme,
+                    now.clients, now.max_handshakes, seconds(now.away), seconds(now.latency) * 1000, now.loss * 100);
     INFO(what);
     sim_parties all;
     auto where = fmt::format("{}://{}:7400", now.scheme, all.world.host("boat").address());
@@ -149,7 +154,8 @@ outcome storm(const situation& now) {
     while (again.subscribers() < now.clients && all.world.now() < back_at + 5min) seen.run_for(100ms);
     auto healed = all.world.now() - back_at;
     if (std::getenv("ISE_TEST_FIGURES"))
-        std::cout << fmt::format("{}: peak {} attempts in 100 ms, {} in all, all back {:.1f} s after the provider\n", what, seen.peak, seen.total, seconds(healed));
+        std::cout << fmt::format("{}: peak {} attempts in 100 ms, {} in all, all back {:.1f} s after the provider\n",
+                                 what, seen.peak, seen.total, seconds(healed));
 
     CHECK(again.subscribers() == now.clients);
     {
@@ -166,7 +172,8 @@ outcome storm(const situation& now) {
 void check_bounded(const situation& now) {
     auto was = storm(now);
     bounds most(now);
-    INFO(now.scheme << ", " << now.clients << " clients, away " << seconds(now.away) << " s, latency " << seconds(now.latency) << " s, loss " << now.loss);
+    INFO(now.scheme << ", " << now.clients << " clients, away " << seconds(now.away) << " s, latency "
+                    << seconds(now.latency) << " s, loss " << now.loss);
     CHECK(was.peak <= most.peak);
     CHECK(was.total <= most.total);
     CHECK(was.healed <= most.healed);
@@ -199,7 +206,7 @@ TEST_CASE("links: a thousand clients of one restarted provider come back without
 TEST_CASE("links: clients that are many more than may greet at once come back over a slow way all the same") {
     auto scheme = GENERATE(as<std::string>(), "tcp", "udp");
     auto was = storm({scheme, 250, 3s, 300ms, 0, 64}); // as a thousand with the usual 256
-    CHECK(was.rejected > 50); // they were in each other's way
+    CHECK(was.rejected > 50);                          // they were in each other's way
     CHECK(was.healed < 40s);
 }
 

@@ -95,7 +95,9 @@ struct fixture {
     log_book book;
     ise::remote there;
 
-    explicit fixture(ise::serve_options serving = ise::serve_options(), ise::service_options options = ise::service_options()) : boat(all.add("boat", options)) {
+    explicit fixture(ise::serve_options serving = ise::serve_options(),
+                     ise::service_options options = ise::service_options())
+        : boat(all.add("boat", options)) {
         boat.provide(helm, steering(boat.on, book), serving);
         boat.listen("tcp://0.0.0.0:7400");
         there = shore.at("tcp://boat:7400");
@@ -106,7 +108,9 @@ struct fixture {
         CHECK(shore.escaped.empty());
         CHECK(shore.services->calls().open_calls() == 0);
     }
-    outcome call(std::string mode, ise::duration limit = 5s) { return all.run(shore, try_helm(there, std::move(mode), limit)); }
+    outcome call(std::string mode, ise::duration limit = 5s) {
+        return all.run(shore, try_helm(there, std::move(mode), limit));
+    }
 };
 
 } // namespace
@@ -238,7 +242,8 @@ TEST_CASE("beyond what its provider takes at once a caller is told by which limi
     bool in_session = GENERATE(false, true);
     if (in_session) REQUIRE(at.call("hold"));
     std::vector<std::shared_ptr<started<outcome>>> calls;
-    for (const char* mode : {"wait 1", "wait 2", "wait 3"}) calls.push_back(start(at.shore.on, try_helm(at.there, mode, 120s)));
+    for (const char* mode : {"wait 1", "wait 2", "wait 3"})
+        calls.push_back(start(at.shore.on, try_helm(at.there, mode, 120s)));
     at.all.run_until([&] { return calls[2]->done; });
     CHECK(calls[2]->get().error().code() == errc::overloaded);
     CHECK(calls[2]->get().error().executed() == execution::not_executed);
@@ -254,7 +259,8 @@ TEST_CASE("a call is overloaded beyond what may wait, and those that wait are se
     fixture at(serving);
     REQUIRE(at.call("hold"));
     std::vector<std::shared_ptr<started<outcome>>> calls;
-    for (const char* mode : {"wait 1", "wait 2", "wait 3", "wait 4"}) calls.push_back(start(at.shore.on, try_helm(at.there, mode, 120s)));
+    for (const char* mode : {"wait 1", "wait 2", "wait 3", "wait 4"})
+        calls.push_back(start(at.shore.on, try_helm(at.there, mode, 120s)));
     at.all.run_until([&] { return calls[3]->done; });
     CHECK(calls[3]->get().error().code() == errc::overloaded);
     CHECK_THAT(calls[3]->get().error().message(), Contains("(waiting, waiting_bytes)"));
@@ -280,22 +286,27 @@ TEST_CASE("a request that is given up while it waits for an exclusive service ne
     CHECK(at.book.modes == std::vector<std::string>{"wait", "third"});
 }
 
-TEST_CASE("an exclusive handler whose call leads back to itself: the error names the handler and the request that waits for it") {
+TEST_CASE("an exclusive handler whose call leads back to itself: the error names the handler and the request that "
+          "waits for it") {
     sim_parties all;
     auto& boat = all.add("boat");
     auto& shore = all.add("shore");
     auto& user = all.add("user");
     ise::serve_options exclusive;
     exclusive.concurrent = 1;
-    auto limit = GENERATE(ise::duration(1s), ise::duration(10s)); // of the call on the way: within the first call's time, or all of it
-    boat.provide(helm, [&](set_mode request) -> ise::task<mode_set> {
-        auto there = boat.at("tcp://shore:7400");
-        blob packet;
-        auto echoed = there.call(echo, packet, limit);
-        co_await std::move(echoed);
-        mode_set answer{true, request.mode};
-        co_return answer;
-    }, exclusive);
+    auto limit = GENERATE(ise::duration(1s),
+                          ise::duration(10s)); // of the call on the way: within the first call's time, or all of it
+    boat.provide(
+        helm,
+        [&](set_mode request) -> ise::task<mode_set> {
+            auto there = boat.at("tcp://shore:7400");
+            blob packet;
+            auto echoed = there.call(echo, packet, limit);
+            co_await std::move(echoed);
+            mode_set answer{true, request.mode};
+            co_return answer;
+        },
+        exclusive);
     shore.provide(echo, [&](blob request) -> ise::task<blob> {
         auto there = shore.at("tcp://boat:7400");
         set_mode back{"back"};
@@ -312,7 +323,9 @@ TEST_CASE("an exclusive handler whose call leads back to itself: the error names
     CHECK_THAT(logged, Contains("'helm' runs one request at a time (provide_exclusive), and one from "));
     if (limit == 1s) {
         CHECK(got.error().code() == errc::handler_failed);
-        CHECK_THAT(got.error().message(), Contains("'helm' runs one request at a time (provide_exclusive), and one from ") && Contains("this is a cycle"));
+        CHECK_THAT(got.error().message(),
+                   Contains("'helm' runs one request at a time (provide_exclusive), and one from ") &&
+                       Contains("this is a cycle"));
     }
     all.stop();
 }
@@ -517,10 +530,12 @@ TEST_CASE("requests of which no byte was written move to the next session") {
     at.boat.provide(echo, [](blob given) { return given; });
     REQUIRE(at.call("first"));
     at.all.world.net().partition("boat", "shore");
-    auto big = start(at.shore.on, try_echo(at.there, 4 << 20, 60s)); // fills the socket, so that what follows is not written
+    auto big =
+        start(at.shore.on, try_echo(at.there, 4 << 20, 60s)); // fills the socket, so that what follows is not written
     at.all.world.run_for(10ms);
     std::vector<std::shared_ptr<started<outcome>>> small;
-    for (int i = 0; i < 5; ++i) small.push_back(start(at.shore.on, try_helm(at.there, "small" + std::to_string(i), 60s)));
+    for (int i = 0; i < 5; ++i)
+        small.push_back(start(at.shore.on, try_helm(at.there, "small" + std::to_string(i), 60s)));
     at.all.run_until([&] { return big->done; });
     CHECK(big->get().error().executed() == execution::unknown);
     at.all.world.net().heal_all();
@@ -552,7 +567,10 @@ TEST_CASE("64 MiB in flight do not hold up a 64-byte call on the same connection
     auto& link = at.all.world.net().between("boat", "shore");
     link.bandwidth_bytes_per_second = 4 << 20;
     link.latency = 1ms;
-    at.boat.provide(echo, [](blob given) { given.content.resize(1); return given; });
+    at.boat.provide(echo, [](blob given) {
+        given.content.resize(1);
+        return given;
+    });
     REQUIRE(at.call("first"));
     auto big = start(at.shore.on, try_echo(at.there, 64 << 20, 60s));
     at.all.world.run_for(1s);
@@ -569,7 +587,11 @@ TEST_CASE("a big request that is given up is abandoned, also the first of its se
     fixture at;
     at.all.world.net().between("boat", "shore").bandwidth_bytes_per_second = 1 << 20;
     int served = 0;
-    at.boat.provide(echo, [&](blob given) { ++served; given.content.resize(1); return given; });
+    at.boat.provide(echo, [&](blob given) {
+        ++served;
+        given.content.resize(1);
+        return given;
+    });
     auto big = start(at.shore.on, try_echo(at.there, 16 << 20, 2s));
     auto small = start(at.shore.on, try_echo(at.there, 16, 10s)); // overtakes it
     at.all.run_until([&] { return big->done && small->done; });
@@ -614,7 +636,9 @@ TEST_CASE("a response beyond what its caller accepts is an error that says so, a
         REQUIRE_FALSE(got);
         CHECK(got.error().code() == errc::too_large);
         CHECK(got.error().executed() == execution::unknown); // the handler has run
-        CHECK_THAT(got.error().message(), Contains("the response of 'echo' has 1048580 bytes, its caller accepts 1048576 (max_message_bytes)"));
+        CHECK_THAT(
+            got.error().message(),
+            Contains("the response of 'echo' has 1048580 bytes, its caller accepts 1048576 (max_message_bytes)"));
         CHECK(all.run(shore, try_echo(there, (1 << 18) - 1)));
     }
     CHECK(boat.services->counts().sessions_accepted == 1);

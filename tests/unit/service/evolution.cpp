@@ -58,7 +58,8 @@ constexpr ise::subscription<report> log_line("log");
 namespace {
 
 template <class Contract>
-ise::task<ise::result<typename Contract::response_type>> ask(ise::remote to, Contract contract, typename Contract::request_type request) {
+ise::task<ise::result<typename Contract::response_type>> ask(ise::remote to, Contract contract,
+                                                             typename Contract::request_type request) {
     auto got = co_await to.try_call(contract, request, 5s);
     co_return got;
 }
@@ -140,7 +141,10 @@ TEST_CASE("calls made at once while the schemas are on their way are all served"
 TEST_CASE("packets that differ incompatibly are refused with a diff, on both sides") {
     fixture at;
     int served = 0;
-    at.boat.provide(other::helm, [&](other::order) { ++served; return other::done{}; });
+    at.boat.provide(other::helm, [&](other::order) {
+        ++served;
+        return other::done{};
+    });
     for (int i = 0; i < 2; ++i) {
         auto got = at.all.run(at.shore, ask(at.there, older::helm, older::order{"hold"}));
         REQUIRE_FALSE(got);
@@ -186,7 +190,8 @@ TEST_CASE("subscriptions follow the same rules") {
     }
 }
 
-TEST_CASE("a service that is withdrawn and provided anew loses no subscription on its way, also while schemas are asked for") {
+TEST_CASE("a service that is withdrawn and provided anew loses no subscription on its way, also while schemas are "
+          "asked for") {
     auto moment = GENERATE(range(0, 1000, 20));
     INFO(moment << " ms");
     fixture at;
@@ -213,7 +218,9 @@ TEST_CASE("a subscription between two versions resumes after a cut, and keeps th
     ise::subscription<older::report, ise::nothing, older::done> watched("watched");
     ise::subscription<newer::report, ise::nothing, newer::done> published("watched");
     ise::publication_callbacks<decltype(published)> callbacks;
-    callbacks.on_subscribe = [](const ise::nothing&, const ise::subscriber_info&) { return newer::done{true, "welcome"}; };
+    callbacks.on_subscribe = [](const ise::nothing&, const ise::subscriber_info&) {
+        return newer::done{true, "welcome"};
+    };
     auto out = at.boat.publish(published, callbacks);
     out(newer::report{1, 90});
     auto read = [](ise::remote from, decltype(watched) what, std::vector<double>& speeds) -> ise::task<std::uint64_t> {

@@ -104,13 +104,15 @@ ise::task<> measure(ise::loop& on, ise::remote from, std::shared_ptr<ages> into)
         auto packet = co_await fixes.next();
         if (!packet) break;
         auto now = std::chrono::duration<double>(on.now().time_since_epoch()).count();
-        into->worst = std::max(into->worst, std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(now - packet->latitude_deg)));
+        into->worst = std::max(into->worst, std::chrono::duration_cast<ise::duration>(
+                                                std::chrono::duration<double>(now - packet->latitude_deg)));
         into->backwards = into->backwards || packet->latitude_deg < last;
         last = packet->latitude_deg;
         ++into->packets;
     }
 }
-void publish_the_time(sim_parties& all, party& by, const ise::publication<ise::subscription<fix>>& fixes, ise::duration time) {
+void publish_the_time(sim_parties& all, party& by, const ise::publication<ise::subscription<fix>>& fixes,
+                      ise::duration time) {
     for (auto end = all.world.now() + time; all.world.now() < end;) { // 200 a second: four times what the link carries
         publish(by, fixes, std::chrono::duration<double>(all.world.now().time_since_epoch()).count());
         all.world.run_for(5ms);
@@ -135,10 +137,11 @@ TEST_CASE("links: over a link of 2 kB/s the latest is no older than the configur
     auto seen = std::make_shared<ages>();
     auto measuring = start(shore.on, measure(shore.on, shore.at("tcp://boat:7400"), seen));
     publish_the_time(all, boat, fixes, 120s);
-    auto bound = ise::duration(static_cast<std::int64_t>((unsent + 512) * 1'000'000'000 / slow)) + 300ms; // and a piece that is being sent
+    auto bound = ise::duration(static_cast<std::int64_t>((unsent + 512) * 1'000'000'000 / slow)) +
+                 300ms; // and a piece that is being sent
     if (std::getenv("ISE_TEST_FIGURES"))
-        std::cout << "2 kB/s, unsent_bytes " << unsent << ": " << seen->packets << " packets, the oldest " << seconds(seen->worst) << " s, bound "
-                  << seconds(bound) << " s\n";
+        std::cout << "2 kB/s, unsent_bytes " << unsent << ": " << seen->packets << " packets, the oldest "
+                  << seconds(seen->worst) << " s, bound " << seconds(bound) << " s\n";
     CHECK(seen->packets > 1000);
     CHECK(seen->worst <= bound);
     CHECK_FALSE(seen->backwards);
@@ -161,7 +164,8 @@ TEST_CASE("links: through a relay of 2 kB/s the latest is no older than all buff
     far.receive_buffer_bytes = buffer;
     auto& router = all.world.host("relay").start_process("relay");
     auto at = ise::endpoint::parse("tcp://0.0.0.0:7500").value();
-    auto between = make_byte_relay(router, router.make_loop("relay"), at, ise::endpoint::parse("tcp://boat:7400").value(), 512);
+    auto between =
+        make_byte_relay(router, router.make_loop("relay"), at, ise::endpoint::parse("tcp://boat:7400").value(), 512);
     auto seen = std::make_shared<ages>();
     auto measuring = start(shore.on, measure(shore.on, shore.at("tcp://relay:7500"), seen));
     publish_the_time(all, boat, fixes, 120s);
@@ -169,7 +173,8 @@ TEST_CASE("links: through a relay of 2 kB/s the latest is no older than all buff
     auto bytes = options.unsent_bytes + 512 + 2 * buffer + 512;
     auto bound = ise::duration(static_cast<std::int64_t>(bytes * 1'000'000'000 / slow)) + 10ms;
     if (std::getenv("ISE_TEST_FIGURES"))
-        std::cout << "relay of 2 kB/s: " << seen->packets << " packets, the oldest " << seconds(seen->worst) << " s, bound " << seconds(bound) << " s\n";
+        std::cout << "relay of 2 kB/s: " << seen->packets << " packets, the oldest " << seconds(seen->worst)
+                  << " s, bound " << seconds(bound) << " s\n";
     CHECK(seen->packets > 1000);
     CHECK(seen->worst <= bound);
     CHECK_FALSE(seen->backwards);

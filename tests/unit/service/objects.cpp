@@ -1,4 +1,5 @@
-// Within a process packets are handed over as the objects that they are: no codec, no copies but those that were asked for.
+// Within a process packets are handed over as the objects that they are: no codec, no copies but those that were asked
+// for.
 #include <ise/packet/archive.hpp>
 
 #include <support/boat_services.hpp>
@@ -83,7 +84,8 @@ struct fixture {
     ise::remote there;
 
     explicit fixture(bool one_loop = GENERATE(false, true), ise::service_options options = {})
-        : all(one_loop), boat(all.add("boat", options)), shore(all.add("shore", options)), there(shore.at(boat.listen("inproc://boat"))) {
+        : all(one_loop), boat(all.add("boat", options)), shore(all.add("shore", options)),
+          there(shore.at(boat.listen("inproc://boat"))) {
         static_cast<void>(talk.types()); // describing a packet writes one
         static_cast<void>(news.types());
         written = decoded = copied = 0;
@@ -96,18 +98,22 @@ struct fixture {
     }
     bool run_until(const std::function<bool()>& done) { return all.world.run_until(done); }
     void cut() {
-        for (auto& [raw, held] : std::map(shore.services->sessions())) held->wire().close(ise::failure(errc::peer_lost, "cut"));
+        for (auto& [raw, held] : std::map(shore.services->sessions()))
+            held->wire().close(ise::failure(errc::peer_lost, "cut"));
     }
 };
 
 template <class Contract>
-ise::task<ise::result<typename Contract::response_type>> ask(ise::remote to, Contract contract, typename Contract::request_type request, ise::duration limit = 5s) {
+ise::task<ise::result<typename Contract::response_type>> ask(ise::remote to, Contract contract,
+                                                             typename Contract::request_type request,
+                                                             ise::duration limit = 5s) {
     auto got = co_await to.try_call(contract, std::move(request), limit);
     co_return got;
 }
 
 template <class Contract>
-ise::task<std::vector<ise::received<typename Contract::packet_type>>> take(ise::stream_of<Contract>& from, std::size_t count) {
+ise::task<std::vector<ise::received<typename Contract::packet_type>>> take(ise::subscriber<Contract>& from,
+                                                                           std::size_t count) {
     std::vector<ise::received<typename Contract::packet_type>> all;
     while (all.size() < count) {
         auto packet = co_await from.next();
@@ -177,7 +183,7 @@ TEST_CASE("objects: a handler's failure, a refusal, a missing service and a dead
 TEST_CASE("objects: all subscribers share one copy of what is published, or the packet itself if it was given away") {
     fixture f;
     auto out = f.boat.publish(news);
-    std::vector<ise::stream_of<ise::subscription<watched>>> in;
+    std::vector<ise::subscriber<ise::subscription<watched>>> in;
     for (int i = 0; i < 3; ++i) in.push_back(f.run(f.there.subscribe(news, ise::subscribe_options::last(8))));
     watched first("first");
     out(first);
@@ -304,7 +310,8 @@ TEST_CASE("objects: who knows the types at run time only gets bytes") {
     CHECK(ise::decode<watched>(got->encoded()).text == "ahoy");
     auto contract = ise::dynamic_contract::make("news", ise::service_kind::subscription, news.types().schemas).value();
     auto typed = f.run(f.there.subscribe(news));
-    auto in = f.run(ise::subscribe_dynamic(f.there, contract, ise::default_packet(contract.packet(ise::role::subscribe_request))));
+    auto in = f.run(
+        ise::subscribe_dynamic(f.there, contract, ise::default_packet(contract.packet(ise::role::subscribe_request))));
     REQUIRE(in);
     out(watched("both"));
     auto came = f.run(in->next());
@@ -379,7 +386,8 @@ TEST_CASE("objects: keep the latest, keep some, lose none, or the end of it") {
     REQUIRE(f.run_until([&] { return !in.connected(); }));
     for (int i = 1; i <= 10; ++i) out(fix{1.0 * i, 0, 0});
     if (policy == overflow::lossless || policy == overflow::disconnect) {
-        REQUIRE(f.run_until([&] { return in.connected() || in.ended(); })); // a new subscription, or the news that it is over
+        REQUIRE(f.run_until(
+            [&] { return in.connected() || in.ended(); })); // a new subscription, or the news that it is over
         CHECK(out.subscribers() <= 1);
         return;
     }
@@ -400,7 +408,9 @@ TEST_CASE("objects: packets that waited go as bytes where the subscriber comes b
             holder.endpoints = where;
             co_return found;
         }
-        ise::task<ise::result<ise::resolution>> resolve_when_present(std::string path, ise::time_point) override { return resolve(std::move(path)); }
+        ise::task<ise::result<ise::resolution>> resolve_when_present(std::string path, ise::time_point) override {
+            return resolve(std::move(path));
+        }
         ise::task<std::uint64_t> next_life(std::string, std::uint64_t, ise::time_point) override { co_return 0; }
     };
     fixture f;
@@ -411,7 +421,8 @@ TEST_CASE("objects: packets that waited go as bytes where the subscriber comes b
     CAPTURE(near_first);
     names->where = {near_first ? near : far};
     auto out = f.boat.publish(news);
-    auto in = f.run(ise::remote(f.shore.services->link_to("boat", ise::role_options())).subscribe(news, ise::subscribe_options::last(8)));
+    auto in = f.run(ise::remote(f.shore.services->link_to("boat", ise::role_options()))
+                        .subscribe(news, ise::subscribe_options::last(8)));
     out(watched("one"));
     CHECK(f.run(take(in, 1)).front()->text == "one");
     names->where.clear();

@@ -1,5 +1,5 @@
-// One session within a process with everything in it, disturbed at every event: nothing hangs, nothing leaks (under ASan), and
-// afterwards calls go through again. On one loop, and on a loop each.
+// One session within a process with everything in it, disturbed at every event: nothing hangs, nothing leaks (under
+// ASan), and afterwards calls go through again. On one loop, and on a loop each.
 #include <support/boat_services.hpp>
 #include <support/catch.hpp>
 #include <support/in_one_process.hpp>
@@ -28,7 +28,9 @@ struct voyage {
             co_return confirmed;
         });
         boat.provide(echo, [](blob given) { return given; });
-        shore.provide(ise::request_response<set_mode, mode_set>("confirm"), [](set_mode asked) { return mode_set{true, asked.mode}; });
+        shore.provide(ise::request_response<set_mode, mode_set>("confirm"), [](set_mode asked) {
+            return mode_set{true, asked.mode};
+        });
         boat.listen("inproc://boat");
         auto ticking = [](ise::loop& on, ise::publication<ise::subscription<blob>> out) -> ise::task<> {
             for (std::size_t i = 0;; ++i) {
@@ -136,7 +138,8 @@ TEST_CASE("objects, sweep: the session is cut at every event") {
         auto sailing = start(run.shore.on, voyage::sail(run.there));
         auto& who = provider ? run.boat : run.shore;
         reached = disturbed(run, *sailing, events, [&] {
-            for (auto& [raw, held] : std::map(who.services->sessions())) held->wire().close(ise::failure(ise::errc::peer_lost, "cut"));
+            for (auto& [raw, held] : std::map(who.services->sessions()))
+                held->wire().close(ise::failure(ise::errc::peer_lost, "cut"));
         });
         CHECK(run.all.world.run_until([&] { return sailing->done; }));
         run.check_alive();

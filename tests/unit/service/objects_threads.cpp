@@ -69,7 +69,8 @@ blob of_size(std::size_t size) {
 }
 
 // Calls until one fails; how many were answered.
-ise::task<std::uint64_t> call_again_and_again(ise::remote there, std::uint64_t most, std::shared_ptr<std::atomic<std::uint64_t>> answered) {
+ise::task<std::uint64_t> call_again_and_again(ise::remote there, std::uint64_t most,
+                                              std::shared_ptr<std::atomic<std::uint64_t>> answered) {
     std::uint64_t count = 0;
     for (; count < most; ++count) {
         const std::size_t size = count % 7 == 0 ? 100'000 : count % 100;
@@ -82,7 +83,8 @@ ise::task<std::uint64_t> call_again_and_again(ise::remote there, std::uint64_t m
     co_return count;
 }
 
-ise::task<std::uint64_t> listen_to(ise::remote there, ise::subscribe_options options, std::shared_ptr<std::atomic<int>> listening) {
+ise::task<std::uint64_t> listen_to(ise::remote there, ise::subscribe_options options,
+                                   std::shared_ptr<std::atomic<int>> listening) {
     auto in = co_await there.subscribe(pictures, options);
     ++*listening;
     std::uint64_t sum = 0;
@@ -115,7 +117,8 @@ TEST_CASE("objects between threads: calls and packets, each once") {
     auto out = at.boat->on_loop([&] { return at.boat->who.publish(pictures); });
     std::vector<std::future<std::uint64_t>> callers, listeners;
     for (int i = 0; i < 4; ++i) callers.push_back(at.shore->spawn(call_again_and_again(there, 300, answered)));
-    for (int i = 0; i < 3; ++i) listeners.push_back(at.shore->spawn(listen_to(there, ise::subscribe_options::lossless(16), listening)));
+    for (int i = 0; i < 3; ++i)
+        listeners.push_back(at.shore->spawn(listen_to(there, ise::subscribe_options::lossless(16), listening)));
     while (*listening < 3) std::this_thread::yield();
     at.boat->spawn(publish_many(out, 2'000)).get();
     for (auto& each : listeners) CHECK(each.get() == 2'000);
@@ -138,7 +141,8 @@ TEST_CASE("objects between threads: whoever goes first, with calls and packets u
         std::vector<std::future<std::uint64_t>> underway;
         {
             auto there = at.there();
-            for (int i = 0; i < 4; ++i) underway.push_back(at.shore->spawn(call_again_and_again(there, ~std::uint64_t{0}, answered)));
+            for (int i = 0; i < 4; ++i)
+                underway.push_back(at.shore->spawn(call_again_and_again(there, ~std::uint64_t{0}, answered)));
             underway.push_back(at.shore->spawn(listen_to(there, ise::subscribe_options::last(4), listening)));
         }
         auto publishing = at.boat->spawn(publish_many(out, 1'000));

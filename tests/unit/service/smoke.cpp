@@ -51,7 +51,8 @@ TEST_CASE("a call and a subscription go over tcp") {
     auto where = boat.listen("tcp://127.0.0.1:0");
 
     CHECK(all.run(shore, ask(shore.at(where), "hold")) == "now hold");
-    CHECK(all.run(shore, ask_by_fields(shore.at(where), "hold")) == "now hold, now hold for longer than a short string has room");
+    CHECK(all.run(shore, ask_by_fields(shore.at(where), "hold")) ==
+          "now hold, now hold for longer than a short string has room");
     CHECK_THROWS_WITH(all.run(shore, ask(shore.at(where), "fly")), Catch::Matchers::Contains("boats sail"));
 
     auto following = start(shore.on, follow(shore.at(where), 3));

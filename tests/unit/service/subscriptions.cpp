@@ -52,7 +52,7 @@ struct reading {
     std::vector<double> packets;
     std::vector<std::optional<std::uint64_t>> gaps;
     std::optional<ise::failure> end;
-    std::optional<ise::stream_of<ise::subscription<fix>>> stream;
+    std::optional<ise::subscriber<ise::subscription<fix>>> stream;
 };
 using shared_reading = std::shared_ptr<reading>;
 
@@ -279,7 +279,8 @@ TEST_CASE("every policy of a subscriber that does not take its packets") {
 namespace {
 
 // Publishes with `send()`, and notes the longest time that one took.
-ise::task<> send_steadily(ise::publication<ise::subscription<fix>> out, ise::loop& on, int count, ise::duration& longest) {
+ise::task<> send_steadily(ise::publication<ise::subscription<fix>> out, ise::loop& on, int count,
+                          ise::duration& longest) {
     for (int i = 1; i <= count; ++i) {
         auto began = on.now();
         auto packet = at_latitude(i);
@@ -300,7 +301,8 @@ void check_every_packet_or_the_end(const reading& got, std::uint64_t published) 
 
 } // namespace
 
-TEST_CASE("a lossless subscriber that is out of reach holds up a publisher that waits for a second at most, and others hear everything") {
+TEST_CASE("a lossless subscriber that is out of reach holds up a publisher that waits for a second at most, and others "
+          "hear everything") {
     fixture at;
     auto& far = at.all.add("far");
     auto healthy = std::make_shared<reading>();
@@ -313,7 +315,8 @@ TEST_CASE("a lossless subscriber that is out of reach holds up a publisher that 
         at.all.world.run_for(2s);
         at.all.world.net().partition("boat", "shore");
         for (auto& [raw, held] : at.boat.services->sessions())
-            if (held->peer_name().find("far") == std::string::npos) held->wire().close(ise::failure(errc::peer_lost, "pulled"));
+            if (held->peer_name().find("far") == std::string::npos)
+                held->wire().close(ise::failure(errc::peer_lost, "pulled"));
         CHECK(at.all.run_until([&] { return sending->done; }));
         CHECK(longest < 100ms);
     }
@@ -347,7 +350,8 @@ TEST_CASE("a lossless subscriber that is out of reach holds up a publisher that 
     check_every_packet_or_the_end(*got, 1000);
 }
 
-TEST_CASE("a lossless subscription gets every packet over a lost session, or ends with the number of those that are lost") {
+TEST_CASE(
+    "a lossless subscription gets every packet over a lost session, or ends with the number of those that are lost") {
     fixture at;
     auto depth = GENERATE(1000u, 100u, 4u);
     auto got = at.read(ise::subscribe_options::lossless(depth));
@@ -365,7 +369,8 @@ TEST_CASE("a lossless subscription gets every packet over a lost session, or end
     at.all.world.net().partition("boat", "shore");
     publish_for(1);
     if (cut)
-        for (auto& [raw, held] : at.boat.services->sessions()) held->wire().close(ise::failure(errc::peer_lost, "pulled"));
+        for (auto& [raw, held] : at.boat.services->sessions())
+            held->wire().close(ise::failure(errc::peer_lost, "pulled"));
     publish_for(500);
     at.all.world.net().heal_all();
     at.all.world.run_for(10s);
@@ -389,7 +394,8 @@ TEST_CASE("whatever was under way when its session broke, a lossless subscriptio
     auto sending = start(at.boat.on, send_steadily(at.fixes, at.boat.on, 300, longest));
     for (int cuts = 0; cuts < 20 && !sending->done; ++cuts) {
         at.all.world.run_for(700ms + std::chrono::milliseconds(13 * cuts));
-        for (auto& [raw, held] : at.shore.services->sessions()) held->wire().close(ise::failure(errc::peer_lost, "pulled"));
+        for (auto& [raw, held] : at.shore.services->sessions())
+            held->wire().close(ise::failure(errc::peer_lost, "pulled"));
     }
     CHECK(at.all.run_until([&] { return sending->done; }));
     at.all.world.run_for(60s);
@@ -398,7 +404,8 @@ TEST_CASE("whatever was under way when its session broke, a lossless subscriptio
     check_every_packet_or_the_end(*got, 300);
 }
 
-TEST_CASE("a lossless subscription does not go on with a gap: beyond the linger and after a restart of the provider it ends") {
+TEST_CASE("a lossless subscription does not go on with a gap: beyond the linger and after a restart of the provider it "
+          "ends") {
     ise::service_options options;
     options.linger = 10s;
     fixture at(options);
@@ -545,11 +552,11 @@ TEST_CASE("a restarted provider is a gap of unknown length") {
 TEST_CASE("a packet is encoded once, however many subscribe") {
     fixture at;
     auto out = at.boat.publish(watch);
-    auto subscribing = [&]() -> ise::task<ise::stream_of<ise::subscription<watchful>>> {
+    auto subscribing = [&]() -> ise::task<ise::subscriber<ise::subscription<watchful>>> {
         auto stream = co_await at.there.subscribe(watch);
         co_return stream;
     };
-    std::vector<ise::stream_of<ise::subscription<watchful>>> all;
+    std::vector<ise::subscriber<ise::subscription<watchful>>> all;
     for (int i = 0; i < 8; ++i) all.push_back(at.all.run(at.shore, subscribing()));
     watchful::written = 0;
     out(watchful{5});
@@ -655,7 +662,7 @@ TEST_CASE("who leaves may say something, and gets the provider's answer") {
         return receipt{"paid " + said.ticket};
     };
     auto out = at.boat.publish(rented, std::move(callbacks));
-    auto subscribe = [&]() -> ise::task<ise::stream_of<ise::subscription<fix, area, granted, goodbye, receipt>>> {
+    auto subscribe = [&]() -> ise::task<ise::subscriber<ise::subscription<fix, area, granted, goodbye, receipt>>> {
         auto stream = co_await at.there.subscribe(rented);
         co_return stream;
     };
@@ -684,7 +691,8 @@ TEST_CASE("who leaves may say something, and gets the provider's answer") {
         at.all.world.net().partition("boat", "shore");
         auto leaving = start(at.shore.on, leave_with(stream, goodbye{"42"}));
         at.all.world.run_for(1s);
-        for (auto& [raw, held] : at.shore.services->sessions()) held->wire().close(ise::failure(errc::peer_lost, "pulled"));
+        for (auto& [raw, held] : at.shore.services->sessions())
+            held->wire().close(ise::failure(errc::peer_lost, "pulled"));
         at.all.run_until([&] { return leaving->done; });
         CHECK(leaving->code() == errc::peer_lost);
     }
@@ -709,7 +717,8 @@ TEST_CASE("who leaves may say something, and gets the provider's answer") {
     at.all.world.net().heal_all();
 }
 
-TEST_CASE("a subscription that ends other than by its user's wish is logged with its reason, and known until it is made again") {
+TEST_CASE("a subscription that ends other than by its user's wish is logged with its reason, and known until it is "
+          "made again") {
     fixture at;
     auto got = at.sit(ise::subscribe_options::lossless(4));
     at.publish(1, 4);
@@ -756,7 +765,7 @@ TEST_CASE("a subscription over the peer's own session ends with it") {
 TEST_CASE("packets that cannot be decoded are a gap before the next one") {
     fixture at;
     auto out = at.boat.publish(numbers);
-    auto subscribing = [&]() -> ise::task<ise::stream_of<ise::subscription<picky>>> {
+    auto subscribing = [&]() -> ise::task<ise::subscriber<ise::subscription<picky>>> {
         auto stream = co_await at.there.subscribe(numbers);
         co_return stream;
     };

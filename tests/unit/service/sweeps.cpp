@@ -31,7 +31,9 @@ struct voyage {
             co_return confirmed;
         });
         boat.provide(echo, [](blob given) { return given; });
-        shore.provide(ise::request_response<set_mode, mode_set>("confirm"), [](set_mode asked) { return mode_set{true, asked.mode}; });
+        shore.provide(ise::request_response<set_mode, mode_set>("confirm"), [](set_mode asked) {
+            return mode_set{true, asked.mode};
+        });
         boat.listen("tcp://0.0.0.0:7400");
         auto ticking = [](ise::loop& on, ise::publication<ise::subscription<fix>> out) -> ise::task<> {
             for (int i = 0;; ++i) {

@@ -35,7 +35,7 @@ ise::service_options quick() {
     ise::service_options made;
     made.accepts.heartbeat_ns = 500'000'000;
     made.first_back_off = 20ms;
-    made.longest_back_off = 200ms;
+    made.max_back_off = 200ms;
     return made;
 }
 
@@ -80,15 +80,18 @@ void calls_under_faults(std::uint64_t seed) {
                 sea.world.net().heal("boat", "shore");
                 break;
             case 1:
-                if (!shore.services->sessions().empty()) shore.services->sessions().begin()->second->wire().close(ise::failure(errc::peer_lost, "cut"));
+                if (!shore.services->sessions().empty())
+                    shore.services->sessions().begin()->second->wire().close(ise::failure(errc::peer_lost, "cut"));
                 break;
             case 2:
-                if (!boat.services->sessions().empty()) boat.services->sessions().begin()->second->wire().close(ise::failure(errc::peer_lost, "cut"));
+                if (!boat.services->sessions().empty())
+                    boat.services->sessions().begin()->second->wire().close(ise::failure(errc::peer_lost, "cut"));
                 break;
             default: break;
         }
     }
-    REQUIRE(sea.run_until([&] { return std::all_of(all.begin(), all.end(), [](auto& one) { return one.second.call->done; }); }));
+    REQUIRE(sea.run_until(
+        [&] { return std::all_of(all.begin(), all.end(), [](auto& one) { return one.second.call->done; }); }));
     int answered = 0;
     for (auto& [name, one] : all) {
         INFO(name);
@@ -183,7 +186,8 @@ TEST_CASE("a call that is given up after its session was lost is cancelled at th
     REQUIRE(sea.run_until([&] { return runs == 1; }));
     auto lost = shore.services->sessions().begin()->second;
     lost->wire().close(ise::failure(errc::peer_lost, "cut"));
-    REQUIRE(sea.run_until([&] { return shore.services->sessions().size() == 1 && shore.services->sessions().begin()->second != lost; }));
+    REQUIRE(sea.run_until(
+        [&] { return shore.services->sessions().size() == 1 && shore.services->sessions().begin()->second != lost; }));
     lost.reset();
     auto soon = sea.world.now() + 1s;
     sea.run_until([&] { return sea.world.now() >= soon; });
@@ -200,7 +204,8 @@ TEST_CASE("what another life of the provider may have executed is not asked of t
     auto& host = sea.world.host("boat");
     int runs = 0;
     struct program {
-        program(ise::sim::process& process, int& runs, ise::service_options options) : boat(process, process.make_loop("main"), "boat", options) {
+        program(ise::sim::process& process, int& runs, ise::service_options options)
+            : boat(process, process.make_loop("main"), "boat", options) {
             boat.provide(helm, [this, &runs](set_mode) -> ise::task<mode_set> {
                 ++runs;
                 co_await ise::sleep_for(boat.on, 1h);
@@ -210,7 +215,8 @@ TEST_CASE("what another life of the provider may have executed is not asked of t
         }
         party boat;
     };
-    auto& first = host.start_process("boat", [&](ise::sim::process& process) { return std::make_shared<program>(process, runs, options); });
+    auto& first = host.start_process(
+        "boat", [&](ise::sim::process& process) { return std::make_shared<program>(process, runs, options); });
     auto call = start(shore.on, try_helm(shore.at(fmt::format("udp://{}:7400", host.address())), "x", 60s));
     REQUIRE(sea.run_until([&] { return runs == 1; }));
     first.restart();
@@ -226,7 +232,9 @@ namespace {
 
 // A client that reaches its provider through a router, and has no session yet.
 struct behind_router {
-    behind_router() { boat.provide(helm, [](set_mode asked) { return mode_set{true, asked.mode}; }); }
+    behind_router() {
+        boat.provide(helm, [](set_mode asked) { return mode_set{true, asked.mode}; });
+    }
 
     sim_parties sea;
     party& boat = sea.add("boat", quick());
@@ -239,7 +247,9 @@ struct behind_router {
 // As a peer that breaks a rule behind content that is none: one byte more than its chunks have.
 void add_stray_byte(ise::buffer& datagram) {
     auto header = ise::wire::read_header(datagram.view().data());
-    if (static_cast<ise::wire::datagram_type>(header.type) != ise::wire::datagram_type::data || datagram.size() >= ise::wire::datagram_bytes) return;
+    if (static_cast<ise::wire::datagram_type>(header.type) != ise::wire::datagram_type::data ||
+        datagram.size() >= ise::wire::datagram_bytes)
+        return;
     datagram.append(std::uint8_t{0});
     ise::detail::store_little(datagram.data(), header.length + 1);
 }
@@ -367,7 +377,8 @@ TEST_CASE("answers that come late, for a peer that pings and acks nothing, are b
     sea.world.run_for(5s);
     std::size_t most = 0;
     auto unsent = [&] {
-        for (const auto& [at, held] : boat.services->sessions()) most = std::max(most, at->wire().out().pending_call_bytes());
+        for (const auto& [at, held] : boat.services->sessions())
+            most = std::max(most, at->wire().out().pending_call_bytes());
     };
     REQUIRE(boat.services->sessions().size() == 1);
     unsent();
@@ -410,18 +421,21 @@ TEST_CASE("the calls of a client that has vanished end with its linger, and thei
     int runs = 0, cancelled = 0;
     ise::serve_options one;
     one.concurrent = 1;
-    boat.provide(helm, [&](set_mode asked) -> ise::task<mode_set> {
-        mode_set answer{true, asked.mode};
-        if (asked.mode == "short") co_return answer;
-        ++runs;
-        try {
-            co_await ise::sleep_for(boat.on, 48h);
-        } catch (const std::exception&) {
-            ++cancelled;
-            throw;
-        }
-        co_return answer;
-    }, one);
+    boat.provide(
+        helm,
+        [&](set_mode asked) -> ise::task<mode_set> {
+            mode_set answer{true, asked.mode};
+            if (asked.mode == "short") co_return answer;
+            ++runs;
+            try {
+                co_await ise::sleep_for(boat.on, 48h);
+            } catch (const std::exception&) {
+                ++cancelled;
+                throw;
+            }
+            co_return answer;
+        },
+        one);
     auto where = boat.listen("udp://10.0.0.1:7400");
     auto call = start(shore.on, try_helm(shore.at(where), "x", 24h));
     REQUIRE(sea.run_until([&] { return runs == 1; }));

@@ -57,7 +57,8 @@ ise::service_options patient() {
 
 } // namespace
 
-TEST_CASE("packets over a rough way come in order, every missing one is counted, and the last one comes, for every seed") {
+TEST_CASE(
+    "packets over a rough way come in order, every missing one is counted, and the last one comes, for every seed") {
     std::uint64_t late = 0;
     for (std::uint64_t seed = 1; seed <= 40; ++seed) {
         INFO(fmt::format("seed {}", seed));
@@ -74,7 +75,8 @@ TEST_CASE("packets over a rough way come in order, every missing one is counted,
         options.deadline = 60s;
         auto reader = start(shore.on, read(there, options, 300, got));
         REQUIRE(sea.run_until([&] { return out.subscribers() == 1; }));
-        auto publish = [](ise::loop& on, ise::publication<ise::subscription<fix>> to, std::uint64_t pace) -> ise::task<> {
+        auto publish = [](ise::loop& on, ise::publication<ise::subscription<fix>> to,
+                          std::uint64_t pace) -> ise::task<> {
             for (int i = 2; i <= 300; ++i) {
                 co_await ise::sleep_for(on, std::chrono::milliseconds(pace));
                 to(fix{static_cast<double>(i), 0, 0});
@@ -167,7 +169,8 @@ TEST_CASE("through a slow way the latest value is not held up by those before it
         for (;;) {
             auto packet = co_await stream.next();
             if (!packet) break;
-            into.push_back(sample{packet->latitude_deg, std::chrono::duration<double>(on.now().time_since_epoch()).count()});
+            into.push_back(
+                sample{packet->latitude_deg, std::chrono::duration<double>(on.now().time_since_epoch()).count()});
         }
     };
     shore.scope.spawn("listener", listen(shore.on, there, all));

@@ -22,8 +22,10 @@ struct two_ports {
     ise::sim::process& shore = world.host("shore").start_process("shore");
     ise::sim::process& boat = world.host("boat").start_process("boat");
     std::unique_ptr<ise::loop_host> shore_loop = shore.make_loop("main"), boat_loop = boat.make_loop("main");
-    std::unique_ptr<ise::datagram_socket> to = std::move(shore.open_datagram(shore_loop->loop(), at("udp://0.0.0.0:900")).value());
-    std::unique_ptr<ise::datagram_socket> from = std::move(boat.open_datagram(boat_loop->loop(), at("udp://boat:0")).value());
+    std::unique_ptr<ise::datagram_socket> to =
+        std::move(shore.open_datagram(shore_loop->loop(), at("udp://0.0.0.0:900")).value());
+    std::unique_ptr<ise::datagram_socket> from =
+        std::move(boat.open_datagram(boat_loop->loop(), at("udp://boat:0")).value());
     std::vector<std::string> got;
     std::string peer;
 
@@ -95,7 +97,8 @@ TEST_CASE("sim: a datagram beyond the limit or to nowhere is an error or lost") 
     CHECK_FALSE(two.from->try_send(at("udp://shore:901"), {}));
     two.world.run_for(1s);
     CHECK(two.got.size() == 1);
-    CHECK(two.shore.open_datagram(two.shore_loop->loop(), at("udp://127.0.0.1:900")).error().code() == ise::errc::address_in_use);
+    CHECK(two.shore.open_datagram(two.shore_loop->loop(), at("udp://127.0.0.1:900")).error().code() ==
+          ise::errc::address_in_use);
     two.to->close();
     two.world.run_for(1s);
     CHECK_FALSE(two.send("late"));

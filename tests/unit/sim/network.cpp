@@ -24,10 +24,11 @@ task<> send_text(ise::environment& env, ise::loop& on, ise::endpoint to, std::st
     if (!problem && ended != asio::error::eof) problem = ended;
 }
 
-task<> take_text(ise::environment& env, ise::loop& on, ise::endpoint where, std::string& into, std::error_code& ended, ise::duration pause) {
-    auto door = env.listen(on, where);
-    if (!door) co_return;
-    auto [problem, client] = co_await (*door)->accept();
+task<> take_text(ise::environment& env, ise::loop& on, ise::endpoint where, std::string& into, std::error_code& ended,
+                 ise::duration pause) {
+    auto channel = env.listen(on, where);
+    if (!channel) co_return;
+    auto [problem, client] = co_await (*channel)->accept();
     if (problem) {
         ended = problem;
         co_return;

@@ -9,7 +9,8 @@ using namespace talk;
 
 namespace {
 
-task<> ask(ise::environment& env, ise::loop& on, ise::endpoint to, std::string text, std::string& answer, std::string& problem) {
+task<> ask(ise::environment& env, ise::loop& on, ise::endpoint to, std::string text, std::string& answer,
+           std::string& problem) {
     auto made = co_await env.connect(on, to);
     if (!made) {
         problem = made.error().message();
@@ -34,7 +35,9 @@ struct pair_of_hosts {
     std::unique_ptr<ise::loop_host> boat_loop = boat.make_loop("main");
     std::string answer, problem;
 
-    void serve(std::string where = "tcp://0.0.0.0:7400") { spawn(shore_loop->loop(), echo_server(shore, shore_loop->loop(), at(where))); }
+    void serve(std::string where = "tcp://0.0.0.0:7400") {
+        spawn(shore_loop->loop(), echo_server(shore, shore_loop->loop(), at(where)));
+    }
     void call(std::string text, std::string to = "tcp://shore:7400") {
         spawn(boat_loop->loop(), ask(boat, boat_loop->loop(), at(to), std::move(text), answer, problem));
     }
@@ -99,8 +102,8 @@ task<> give_up_connecting(ise::environment& env, ise::loop& on, ise::endpoint to
 }
 
 task<> accept_one(ise::environment& env, ise::loop& on, ise::endpoint where, std::string& outcome) {
-    auto door = env.listen(on, where);
-    auto [problem, client] = co_await (*door)->accept();
+    auto channel = env.listen(on, where);
+    auto [problem, client] = co_await (*channel)->accept();
     std::string got;
     auto ended = co_await read_all(*client, got);
     outcome = ended == asio::error::connection_reset ? "reset" : ended == asio::error::eof ? "end" : "other";

@@ -55,10 +55,10 @@ inline task<std::error_code> read_all(ise::stream& from, std::string& into) {
 
 // Sends back what it gets, on every connection, one after the other.
 inline task<> echo_server(ise::environment& env, ise::loop& on, ise::endpoint where) {
-    auto door = env.listen(on, where);
-    if (!door) co_return;
+    auto channel = env.listen(on, where);
+    if (!channel) co_return;
     for (;;) {
-        auto [problem, client] = co_await (*door)->accept();
+        auto [problem, client] = co_await (*channel)->accept();
         if (problem) co_return;
         std::array<char, 4096> room;
         for (;;) {

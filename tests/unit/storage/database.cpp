@@ -17,12 +17,15 @@ using namespace std::string_view_literals;
 
 namespace {
 
-constexpr std::string_view first_schema[] = {"CREATE TABLE packets (id INTEGER PRIMARY KEY, text TEXT UNIQUE, raw BLOB, value REAL)"sv};
-constexpr std::string_view second_schema[] = {first_schema[0], "ALTER TABLE packets ADD COLUMN link INTEGER DEFAULT 3"sv};
+constexpr std::string_view first_schema[] = {
+    "CREATE TABLE packets (id INTEGER PRIMARY KEY, text TEXT UNIQUE, raw BLOB, value REAL)"sv};
+constexpr std::string_view second_schema[] = {first_schema[0],
+                                              "ALTER TABLE packets ADD COLUMN link INTEGER DEFAULT 3"sv};
 
 /// A folder that goes with the test.
 struct folder {
-    std::filesystem::path path = std::filesystem::temp_directory_path() / ("ise-database-" + std::to_string(::getpid()));
+    std::filesystem::path path =
+        std::filesystem::temp_directory_path() / ("ise-database-" + std::to_string(::getpid()));
     folder() { std::filesystem::create_directories(path); }
     ~folder() { std::filesystem::remove_all(path); }
     std::string file() const { return (path / "boat.db").string(); }
@@ -46,7 +49,9 @@ TEST_CASE("what was written to a database is read back by the next opening of th
     std::vector<std::byte> raw{std::byte{0}, std::byte{0xff}};
     {
         auto db = opened(there.file());
-        REQUIRE(db.execute("INSERT INTO packets(text, raw, value) VALUES (?, ?, ?)", {std::string("gr\xc3\xbc\xc3\x9f"), raw, 2.5}).value() == 1);
+        REQUIRE(db.execute("INSERT INTO packets(text, raw, value) VALUES (?, ?, ?)",
+                           {std::string("gr\xc3\xbc\xc3\x9f"), raw, 2.5})
+                    .value() == 1);
         CHECK(db.last_insert_id() == 1);
         REQUIRE(db.execute("INSERT INTO packets(raw) VALUES (?)", {std::vector<std::byte>()}));
     }
@@ -121,7 +126,10 @@ TEST_CASE("a database that cannot be opened says which file and why") {
     CHECK(refused.error().message().find("/nowhere/at/all/boat.db") != std::string::npos);
 
     folder there;
-    { std::ofstream(there.file()) << "this is no database, and it is longer than a header of one would have to be, is it not?"; }
+    {
+        std::ofstream(there.file())
+            << "this is no database, and it is longer than a header of one would have to be, is it not?";
+    }
     auto foreign = database::open(there.file(), first_schema);
     REQUIRE_FALSE(foreign);
     CHECK(foreign.error().code() == ise::errc::malformed);

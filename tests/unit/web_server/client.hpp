@@ -72,7 +72,8 @@ public:
     }
 
     void get(std::string_view path, std::string_view headers = "", std::string_view method = "GET") {
-        send(std::string(method) + " " + std::string(path) + " HTTP/1.1\r\nHost: test\r\n" + std::string(headers) + "\r\n");
+        send(std::string(method) + " " + std::string(path) + " HTTP/1.1\r\nHost: test\r\n" + std::string(headers) +
+             "\r\n");
     }
 
     /// Everything received so far and until `wanted` stands in it, or the server closed.

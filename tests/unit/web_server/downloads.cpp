@@ -25,7 +25,10 @@ namespace {
 const utc_ms start{std::chrono::milliseconds(1'790'000'000'000)};
 
 position_update fix(std::chrono::milliseconds after, double latitude, double longitude) {
-    return {.from = {start + after, start + after, "xbee", false}, .latitude_deg = latitude, .longitude_deg = longitude, .speed_over_ground_mps = 1.5};
+    return {.from = {start + after, start + after, "xbee", false},
+            .latitude_deg = latitude,
+            .longitude_deg = longitude,
+            .speed_over_ground_mps = 1.5};
 }
 
 /// Two fixes, twenty silent minutes, one more, and a rough one; a boat and a waypoint with names that hurt.
@@ -74,7 +77,8 @@ TEST_CASE("the track is offered as GPX and KML with escaped names") {
     auto gpx = to_gpx(state.options().boat, state.track(), state.waypoints());
     CHECK(gpx.find("<name>A&lt;b&gt;&amp;&quot;c&quot;</name>") != std::string::npos);
     CHECK(gpx.find("<script>") == std::string::npos);
-    CHECK(gpx.find("<trkpt lat=\"28.0000000\" lon=\"-15.0000000\"><time>2026-09-21T14:13:20Z</time>") != std::string::npos);
+    CHECK(gpx.find("<trkpt lat=\"28.0000000\" lon=\"-15.0000000\"><time>2026-09-21T14:13:20Z</time>") !=
+          std::string::npos);
     CHECK(gpx.find("</trkseg>\n<trkseg>") != std::string::npos); // nothing was heard for twenty minutes
     CHECK(gpx.find("28.3") == std::string::npos);                // rough fixes are no part of a line
     auto kml = to_kml(state.options().boat, state.track(), state.waypoints());
@@ -89,7 +93,8 @@ TEST_CASE("the track as CSV has a header and what is known of each fix") {
     std::string header, first, row, last;
     std::getline(lines, header);
     std::getline(lines, first);
-    CHECK(header == "time_utc,latitude_deg,longitude_deg,speed_mps,course_deg,heading_deg,heel_deg,wind_speed_mps,wind_direction_deg,circular_error_m,link\r");
+    CHECK(header == "time_utc,latitude_deg,longitude_deg,speed_mps,course_deg,heading_deg,heel_deg,wind_speed_mps,wind_"
+                    "direction_deg,circular_error_m,link\r");
     CHECK(first == "2026-09-21T14:13:20Z,28.0000000,-15.0000000,1.50,,,,,,,xbee\r");
     int rows = 1;
     while (std::getline(lines, row)) last = row, ++rows;
@@ -165,7 +170,8 @@ TEST_CASE("times are read as people and programs write them") {
     CHECK(at("2026-09-21T14:13:20.250Z") == start + 250ms);
     CHECK(at("2026-09-21 14:13") == start - 20s);
     CHECK(at("2026-09-21") == std::chrono::floor<std::chrono::days>(start));
-    for (auto bad : {"", "now", "2026-02-30", "2026-09-21T24:00", "2026-09-21T14:13:20+02:00", "-5", "99999999999999999999", "2026-9-21"})
+    for (auto bad : {"", "now", "2026-02-30", "2026-09-21T24:00", "2026-09-21T14:13:20+02:00", "-5",
+                     "99999999999999999999", "2026-9-21"})
         CHECK_FALSE(parse_time(bad));
     CHECK(query_value("a=1&from=2%3A3+4&b", "from") == "2:3 4");
     CHECK(query_value("xfrom=1&from", "from").empty());
@@ -176,7 +182,8 @@ TEST_CASE("boats are told as NAME=PATH and have an address each") {
     auto boat = parse_boat(" Vela II = vela/shore/xbee, vela/shore/gprs");
     CHECK(boat.name == "Vela II");
     CHECK(boat.telemetry == std::vector<std::string>{"vela/shore/xbee", "vela/shore/gprs"});
-    for (auto bad : {"", "Vela", "=vela/x", "Vela=", "Vela= ,"}) CHECK_THROWS_WITH(parse_boat(bad), Contains("NAME=PATH"));
+    for (auto bad : {"", "Vela", "=vela/x", "Vela=", "Vela= ,"})
+        CHECK_THROWS_WITH(parse_boat(bad), Contains("NAME=PATH"));
     CHECK(address_of("Vela II") == "vela-ii");
     CHECK(address_of("  --") == "");
 

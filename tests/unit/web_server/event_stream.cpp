@@ -16,7 +16,8 @@ namespace {
 bool has(const std::string& text, std::string_view part) { return text.find(part) != std::string::npos; }
 
 struct stream_site : web_test::grounds {
-    explicit stream_site(atirma::http_options options = {}) : server(host->loop(), port_0(std::move(options)), spawner()) {
+    explicit stream_site(atirma::http_options options = {})
+        : server(host->loop(), port_0(std::move(options)), spawner()) {
         events = &server.events("/events", [this](std::string_view last) {
             return atirma::page_event{"e:" + std::to_string(++snapshots), "snapshot", "after " + std::string(last)};
         });
@@ -65,7 +66,8 @@ TEST_CASE("a client receives the snapshot first and then every event in order") 
     CHECK(has(c->received, "Content-Type: text/event-stream"));
     CHECK(has(c->received, "Cache-Control: no-store"));
     c->read_until("data: after \n");
-    for (int i = 0; i < 50; ++i) s.events->publish({"e:" + std::to_string(10 + i), "update", "number " + std::to_string(i) + "."});
+    for (int i = 0; i < 50; ++i)
+        s.events->publish({"e:" + std::to_string(10 + i), "update", "number " + std::to_string(i) + "."});
     c->read_until("number 49.");
     std::size_t at = 0;
     for (int i = 0; i < 50; ++i) {
@@ -196,7 +198,11 @@ TEST_CASE("a slow client's queue gives way to one snapshot, and the skipped even
     int snapshots = 0;
     atirma::sse_limits limits;
     limits.max_queued_bytes = 100;
-    atirma::sse_channel channel([&](std::string_view) { return atirma::page_event{"", "snapshot", std::to_string(++snapshots)}; }, limits);
+    atirma::sse_channel channel(
+        [&](std::string_view) {
+            return atirma::page_event{"", "snapshot", std::to_string(++snapshots)};
+        },
+        limits);
     auto sink = std::make_shared<slow_sink>();
     REQUIRE(channel.add(sink, ""));
     for (int i = 0; i < 10; ++i) channel.publish({"", "update", "twenty bytes of text"});
@@ -253,7 +259,11 @@ TEST_CASE("a client that fell behind is told what it lacks, not everything") {
     std::string asked;
     atirma::sse_limits limits;
     limits.max_queued_bytes = 60;
-    atirma::sse_channel channel([&](std::string_view last) { return asked = last, atirma::page_event{"a:9", "snapshot", ""}; }, limits);
+    atirma::sse_channel channel(
+        [&](std::string_view last) {
+            return asked = last, atirma::page_event{"a:9", "snapshot", ""};
+        },
+        limits);
     auto sink = std::make_shared<slow_sink>();
     channel.add(sink, "a:1");
     sink->take();
@@ -281,7 +291,9 @@ TEST_CASE("a client that takes nothing for several ticks is dropped") {
 }
 
 TEST_CASE("a client whose write fails is forgotten, also in the middle of publishing") {
-    auto channel = std::make_unique<atirma::sse_channel>([](std::string_view) { return atirma::page_event{"", "snapshot", ""}; });
+    auto channel = std::make_unique<atirma::sse_channel>([](std::string_view) {
+        return atirma::page_event{"", "snapshot", ""};
+    });
     auto broken = std::make_shared<slow_sink>(), fine = std::make_shared<slow_sink>();
     channel->add(broken, "");
     channel->add(fine, "");
@@ -293,7 +305,8 @@ TEST_CASE("a client whose write fails is forgotten, also in the middle of publis
 }
 
 TEST_CASE("line breaks in an event cannot forge another") {
-    CHECK(atirma::encode_event({"1\nevent: x", "up\r\ndate", "a\nb\r\nc"}) == "id: 1event: x\nevent: update\ndata: a\ndata: b\ndata: c\n\n");
+    CHECK(atirma::encode_event({"1\nevent: x", "up\r\ndate", "a\nb\r\nc"}) ==
+          "id: 1event: x\nevent: update\ndata: a\ndata: b\ndata: c\n\n");
 }
 
 } // namespace event_stream_test

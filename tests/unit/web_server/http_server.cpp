@@ -1,7 +1,7 @@
 #include <components/web_server/http_server.hpp>
 
-#include <unit/web_server/client.hpp>
 #include <ise/core/error.hpp>
+#include <unit/web_server/client.hpp>
 
 #include <support/catch.hpp>
 #include <support/no_descriptors.hpp>
@@ -26,7 +26,9 @@ bool has(const std::string& text, std::string_view part) { return text.find(part
 struct site : web_test::grounds {
     explicit site(atirma::http_options options = on_any_port()) : server(host->loop(), std::move(options), spawner()) {
         server.serve(atirma::page_assets());
-        server.get("/hello", [](const atirma::http_request& asked) { return atirma::http_reply{"hello " + asked.query, "text/plain"}; });
+        server.get("/hello", [](const atirma::http_request& asked) {
+            return atirma::http_reply{"hello " + asked.query, "text/plain"};
+        });
         server.get("/file", [](const auto&) { return atirma::http_reply{"x", "text/plain", 200, "a\"\r\nX: y.txt"}; });
         server.get("/broken", [](const auto&) -> atirma::http_reply { throw std::runtime_error("secret detail"); });
         server.listen();
@@ -89,8 +91,9 @@ TEST_CASE("what is not there is 404, writing is 405, a handler that throws is 50
     std::string log;
     options.log = [&](std::string_view line) { log += line; };
     site s(std::move(options));
-    for (auto [method, path, status] : {std::tuple("GET", "/../etc/passwd", "404"), std::tuple("GET", "/index.htm", "404"),
-                                        std::tuple("DELETE", "/", "405"), std::tuple("GET", "/broken", "500")}) {
+    for (auto [method, path, status] :
+         {std::tuple("GET", "/../etc/passwd", "404"), std::tuple("GET", "/index.htm", "404"),
+          std::tuple("DELETE", "/", "405"), std::tuple("GET", "/broken", "500")}) {
         client c(s.context, s.server.port());
         c.get(path, "", method);
         auto& answer = c.read_answer();
@@ -156,9 +159,11 @@ TEST_CASE("too large headers, too many of them, and garbage end the connection")
     site s;
     std::string many;
     for (int i = 0; i < 100; ++i) many += "X-" + std::to_string(i) + ": y\r\n";
-    for (const std::string& hostile : {"GET / HTTP/1.1\r\nX: " + std::string(10000, 'a') + "\r\n\r\n", "GET /" + std::string(5000, 'a') + " HTTP/1.1\r\n\r\n",
-                                       "GET / HTTP/1.1\r\n" + many + "\r\n", std::string("\x16\x03\x01\x02\x00\x01\x00\x01\xfc", 9) + "\r\n\r\n",
-                                       std::string("POST / HTTP/1.1\r\nContent-Length: 99999\r\n\r\n") + std::string(9000, 'b')}) {
+    for (const std::string& hostile :
+         {"GET / HTTP/1.1\r\nX: " + std::string(10000, 'a') + "\r\n\r\n",
+          "GET /" + std::string(5000, 'a') + " HTTP/1.1\r\n\r\n", "GET / HTTP/1.1\r\n" + many + "\r\n",
+          std::string("\x16\x03\x01\x02\x00\x01\x00\x01\xfc", 9) + "\r\n\r\n",
+          std::string("POST / HTTP/1.1\r\nContent-Length: 99999\r\n\r\n") + std::string(9000, 'b')}) {
         client c(s.context, s.server.port());
         c.send(hostile);
         c.read_to_end();
@@ -169,7 +174,8 @@ TEST_CASE("too large headers, too many of them, and garbage end the connection")
     CHECK(has(c.read_answer(), "200 OK"));
 }
 
-TEST_CASE("page: beyond the limit the oldest idle connection of the host with the most is closed, and never another host's") {
+TEST_CASE(
+    "page: beyond the limit the oldest idle connection of the host with the most is closed, and never another host's") {
     const auto elsewhere = another_host();
     if (elsewhere.empty()) return;
     auto options = on_any_port();
@@ -198,9 +204,9 @@ TEST_CASE("page: beyond the limit the oldest idle connection of the host with th
 
 TEST_CASE("page: out of descriptors it closes whoever waits, and answers again") {
 #if defined(__has_feature)
-#if __has_feature(undefined_behavior_sanitizer)
+    #if __has_feature(undefined_behavior_sanitizer)
     return ise_test::skip("the sanitizer needs descriptors itself");
-#endif
+    #endif
 #endif
     auto options = on_any_port();
     std::string log;

@@ -26,7 +26,9 @@ const utc_ms ever{};
 
 /// A database of this process, held open while the archive comes and goes.
 struct disk {
-    explicit disk(const std::string& name) : held(database::open("memory:" + name, {}).value()) { options.file = "memory:" + name; }
+    explicit disk(const std::string& name) : held(database::open("memory:" + name, {}).value()) {
+        options.file = "memory:" + name;
+    }
     std::unique_ptr<track_archive> open() {
         auto opened = track_archive::open(options);
         if (!opened) throw ise::error(opened.error());
@@ -46,7 +48,8 @@ track_point point(utc_ms at, double latitude = 28.1) {
     return made;
 }
 
-telemetry_packet packet(std::uint32_t sequence, const telemetry_body& body, utc_ms at = start, link_id link = link_id::gprs) {
+telemetry_packet packet(std::uint32_t sequence, const telemetry_body& body, utc_ms at = start,
+                        link_id link = link_id::gprs) {
     telemetry_packet made;
     made.link = link;
     made.boot = 3;
@@ -90,7 +93,8 @@ TEST_CASE("archive: what was committed is there when it is opened again") {
     REQUIRE(packets.size() == 2);
     CHECK(packets[1].sequence == 2);
     CHECK(packets[1].raw == packet(2, power{}, start + 1s).raw);
-    CHECK(archive->cursor("vela", "vela/communication").value() == track_cursor{{std::numeric_limits<std::uint64_t>::max(), 7}, {12, 9}});
+    CHECK(archive->cursor("vela", "vela/communication").value() ==
+          track_cursor{{std::numeric_limits<std::uint64_t>::max(), 7}, {12, 9}});
     CHECK(archive->sailed_m("vela").value() == 1852.5);
     CHECK(archive->heard("vela").value().at("gprs") == start + 3s);
     CHECK(archive->heard("vela").value().at("iridium") == start + 9s);
@@ -204,7 +208,8 @@ TEST_CASE("archive: beyond the most rows the oldest go, whichever boat they are 
     CHECK(archive->telemetry("vela", ever, utc_ms::max(), 100).value().front().sequence == 30);
 }
 
-TEST_CASE("archive: another content under the number of a packet is another packet, and the page shows the same after a restart") {
+TEST_CASE("archive: another content under the number of a packet is another packet, and the page shows the same after "
+          "a restart") {
     disk d("archive-content");
     auto archive = d.open();
     track_state live;
@@ -260,7 +265,8 @@ TEST_CASE("archive: packets from the future are not kept longer than those of th
         forged.received_at = start + i * 1s;
         archive->keep("vela", forged, "location");
     }
-    for (std::uint32_t i = 0; i < 64; ++i) archive->keep("vela", packet(i, location{}, start + 1h + i * 1s), "location");
+    for (std::uint32_t i = 0; i < 64; ++i)
+        archive->keep("vela", packet(i, location{}, start + 1h + i * 1s), "location");
     REQUIRE(archive->commit(start + 100h));
     auto left = archive->telemetry("vela", ever, utc_ms::max(), 1000).value();
     CHECK(left.size() == 64);
@@ -274,10 +280,11 @@ TEST_CASE("archive: a file from before content counted is taken over whole") {
         REQUIRE(old.execute("INSERT INTO boat (id, name) VALUES ('vela', 'Vela')"));
         for (std::uint32_t i = 1; i <= 3; ++i) {
             auto one = packet(i, location{}, start + i * 1s);
-            REQUIRE(old.execute("INSERT INTO telemetry (boat, boot, sequence, link, kind, measured_at, received_at, history, raw) "
-                                "VALUES ('vela', ?, ?, ?, 'location', ?, ?, 0, ?)",
-                                {std::int64_t{one.boot}, std::int64_t{one.sequence}, static_cast<std::int64_t>(one.link),
-                                 archived(one.measured_at), archived(one.received_at), one.raw}));
+            REQUIRE(old.execute(
+                "INSERT INTO telemetry (boat, boot, sequence, link, kind, measured_at, received_at, history, raw) "
+                "VALUES ('vela', ?, ?, ?, 'location', ?, ?, 0, ?)",
+                {std::int64_t{one.boot}, std::int64_t{one.sequence}, static_cast<std::int64_t>(one.link),
+                 archived(one.measured_at), archived(one.received_at), one.raw}));
         }
     }
     auto archive = d.open();
@@ -301,7 +308,8 @@ TEST_CASE("archive: many fixes are given evenly spaced, a span of time whole") {
     auto some = archive->fixes("vela", ever, utc_ms::max(), 100).value();
     CHECK(some.size() >= 90);
     CHECK(some.size() <= 102);
-    CHECK(std::is_sorted(some.begin(), some.end(), [](const auto& a, const auto& b) { return a.point.at < b.point.at; }));
+    CHECK(
+        std::is_sorted(some.begin(), some.end(), [](const auto& a, const auto& b) { return a.point.at < b.point.at; }));
     CHECK(archive->fixes("vela", start + 10s, start + 20s, 100).value().size() == 10);
 }
 

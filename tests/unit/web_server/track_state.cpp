@@ -16,8 +16,11 @@ namespace {
 const atirma::utc_ms start{std::chrono::milliseconds(1'790'000'000'000)};
 
 atirma::position_update fix(std::chrono::milliseconds after, double latitude, double longitude, bool history = false) {
-    return {.from = {start + after, start + after, "xbee", history}, .latitude_deg = latitude, .longitude_deg = longitude,
-            .speed_over_ground_mps = 1.5, .course_over_ground_deg = 0.0};
+    return {.from = {start + after, start + after, "xbee", history},
+            .latitude_deg = latitude,
+            .longitude_deg = longitude,
+            .speed_over_ground_mps = 1.5,
+            .course_over_ground_deg = 0.0};
 }
 
 bool near(double value, double wanted, double margin) { return std::abs(value - wanted) <= margin; }
@@ -127,7 +130,8 @@ TEST_CASE("a long track stays bounded, keeps its ends, its length and its turns"
     CHECK(near(trip["distance_m"].get<double>(), sailed, 0.01 * (sailed)));
     double drawn = 0;
     for (std::size_t i = 1; i < track.size(); ++i)
-        drawn += atirma::distance_m(track[i - 1].latitude_deg, track[i - 1].longitude_deg, track[i].latitude_deg, track[i].longitude_deg);
+        drawn += atirma::distance_m(track[i - 1].latitude_deg, track[i - 1].longitude_deg, track[i].latitude_deg,
+                                    track[i].longitude_deg);
     CHECK(near(drawn, sailed, 0.01 * (sailed))); // the corners are still there
     for (std::size_t i = 1; i < track.size(); ++i) CHECK(track[i - 1].at < track[i].at);
 }
@@ -135,7 +139,9 @@ TEST_CASE("a long track stays bounded, keeps its ends, its length and its turns"
 TEST_CASE("the next waypoint has a distance, a bearing and the time of arrival that the speed made good gives") {
     atirma::track_state state;
     state.apply(fix(0s, 28.0, -15.0), start);
-    state.apply(atirma::waypoints_update{{start, start, "xbee", false}, {{28.1, -15.0, "north"}, {28.0, -15.1, ""}}, 0, false}, start);
+    state.apply(
+        atirma::waypoints_update{{start, start, "xbee", false}, {{28.1, -15.0, "north"}, {28.0, -15.1, ""}}, 0, false},
+        start);
     std::optional<atirma::page_event> last;
     for (int i = 1; i <= 200; ++i) // 2 m/s towards it
         last = state.apply(fix(i * 2s, 28.0 + i * 4 / 111195.0, -15.0), start + i * 2s);
@@ -145,9 +151,12 @@ TEST_CASE("the next waypoint has a distance, a bearing and the time of arrival t
     CHECK(near(next["bearing_deg"].get<double>(), 0, 0.1));
     CHECK(near(next["closing_mps"].get<double>(), 2, 0.02 * (2)));
     double left_s = next["distance_m"].get<double>() / 2;
-    CHECK(near(next["eta"].get<double>() - static_cast<double>((start + 400s).time_since_epoch().count()), left_s * 1000, 0.02 * (left_s * 1000)));
+    CHECK(near(next["eta"].get<double>() - static_cast<double>((start + 400s).time_since_epoch().count()),
+               left_s * 1000, 0.02 * (left_s * 1000)));
 
-    auto turned = parsed(state.apply(atirma::navigation_update{.from = {start + 401s, start + 401s, "xbee", false}, .active_waypoint = 1}, start + 401s));
+    auto turned = parsed(state.apply(
+        atirma::navigation_update{.from = {start + 401s, start + 401s, "xbee", false}, .active_waypoint = 1},
+        start + 401s));
     CHECK(turned["state"]["waypoints"]["active"] == 1);
     CHECK(turned["state"]["next"]["index"] == 1);
 }
@@ -186,12 +195,15 @@ TEST_CASE("wind is kept beside the fix it was measured with, also when it comes 
     atirma::track_state state;
     state.apply(fix(0s, 28.0, -15.0), start);
     state.apply(fix(300s, 28.01, -15.0), start + 300s);
-    auto late = parsed(state.apply(atirma::wind_update{{start + 2s, start + 310s, "gprs", true}, std::nullopt, std::nullopt, 30.0, 7.0}, start + 310s));
+    auto late = parsed(state.apply(
+        atirma::wind_update{{start + 2s, start + 310s, "gprs", true}, std::nullopt, std::nullopt, 30.0, 7.0},
+        start + 310s));
     CHECK(late["points"][0][0] == start.time_since_epoch().count());
     CHECK(state.track()[0].wind_speed_mps == 7.0);
     CHECK_FALSE(state.track()[1].wind_speed_mps.has_value());
 
-    auto port = parsed(state.apply(atirma::wind_update{{start + 320s, start + 320s, "xbee", false}, 315.0, 8.0, 20.0, 7.0}, start + 320s));
+    auto port = parsed(state.apply(
+        atirma::wind_update{{start + 320s, start + 320s, "xbee", false}, 315.0, 8.0, 20.0, 7.0}, start + 320s));
     CHECK(port["state"]["wind"]["apparent_angle_deg"] == -45.0);
 }
 
@@ -222,7 +234,8 @@ TEST_CASE("hostile texts and numbers of reports stay bounded and harmless") {
     CHECK(all["sources"].size() <= 16);
     CHECK(all["heard"].size() <= 16);
     CHECK(all["feeds"].size() <= 16);
-    atirma::waypoints_update many{{start, start, "xbee", false}, std::vector<atirma::track_waypoint>(501), std::nullopt, false};
+    atirma::waypoints_update many{
+        {start, start, "xbee", false}, std::vector<atirma::track_waypoint>(501), std::nullopt, false};
     CHECK_FALSE(state.apply(many, start).has_value());
 }
 

@@ -43,7 +43,8 @@ std::vector<std::size_t> feed(parser& into, ise::bytes_view raw, std::size_t at_
             const auto& frame = **found;
             CHECK(frame.header.id == sizes.size() + 1);
             bool right = true;
-            for (std::size_t i = 0; i < frame.body.size(); ++i) right = right && frame.body[i] == static_cast<std::byte>(frame.header.id + i);
+            for (std::size_t i = 0; i < frame.body.size(); ++i)
+                right = right && frame.body[i] == static_cast<std::byte>(frame.header.id + i);
             CHECK(right);
             sizes.push_back(frame.body.size());
         }
@@ -96,7 +97,8 @@ TEST_CASE("a frame beyond the limit is refused before anything is allocated for 
     auto found = in.next();
     REQUIRE_FALSE(found);
     CHECK(found.error().code() == ise::errc::too_large);
-    CHECK_THAT(found.error().message(), Catch::Matchers::Contains("packet") && Catch::Matchers::Contains("1001") && Catch::Matchers::Contains("(max_frame_bytes)"));
+    CHECK_THAT(found.error().message(), Catch::Matchers::Contains("packet") && Catch::Matchers::Contains("1001") &&
+                                            Catch::Matchers::Contains("(max_frame_bytes)"));
 
     parser other(1 << 20);
     frame_header huge;

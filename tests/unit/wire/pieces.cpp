@@ -14,7 +14,8 @@ namespace {
 struct piece_of {
     ise::buffer body;
     frame made;
-    piece_of(std::uint64_t id, std::uint8_t flags, std::optional<piece_head> head, std::size_t content, std::uint8_t fill = 0) {
+    piece_of(std::uint64_t id, std::uint8_t flags, std::optional<piece_head> head, std::size_t content,
+             std::uint8_t fill = 0) {
         if (head) head->put(body);
         for (std::size_t i = 0; i < content; ++i) body.append(fill);
         made.header.type = frame_type::piece;
@@ -47,7 +48,8 @@ TEST_CASE("a message in pieces is whole again at its last piece") {
     CHECK((second->header.type == frame_type::packet && second->body.to_bytes() == ise::bytes(3, std::byte{9})));
     auto first = in.take(piece_of(1, flag::last, {}, 2, 3).made).value();
     REQUIRE(first);
-    CHECK((first->header.id == 77 && first->header.flags == 1 && first->header.length == 10 && first->body.size() == 10));
+    CHECK(
+        (first->header.id == 77 && first->header.flags == 1 && first->header.length == 10 && first->body.size() == 10));
     CHECK((in.unfinished() == 0 && in.bytes_held() == 0));
 }
 
@@ -70,7 +72,9 @@ TEST_CASE("hostile pieces end the connection, and what they claim costs nothing"
         CHECK_THAT(refused.message(), Contains("(max_message_bytes)"));
     }
     SECTION("more than announced") { CHECK(code(piece_of(1, 0, head_of(9), 10)) == ise::errc::protocol_error); }
-    SECTION("less than announced") { CHECK(code(piece_of(1, flag::last, head_of(11), 10)) == ise::errc::protocol_error); }
+    SECTION("less than announced") {
+        CHECK(code(piece_of(1, flag::last, head_of(11), 10)) == ise::errc::protocol_error);
+    }
     SECTION("many messages at once") {
         std::optional<ise::failure> refused;
         for (std::uint64_t id = 0; id < 1000 && !refused; ++id) {
@@ -102,7 +106,8 @@ TEST_CASE("random pieces never hold more than the limit") {
         for (int i = 0; i < 100; ++i) {
             std::optional<piece_head> head;
             if (random() % 2) head = head_of(random() % 6000);
-            auto taken = in.take(piece_of(random() % 4, static_cast<std::uint8_t>(random() % 4), head, random() % 1500).made);
+            auto taken =
+                in.take(piece_of(random() % 4, static_cast<std::uint8_t>(random() % 4), head, random() % 1500).made);
             CHECK(in.bytes_held() <= 10000);
             if (!taken) break;
         }

@@ -28,7 +28,8 @@ TEST_CASE("the head of a request is read back as it was written, and not where a
     CHECK(read->trace == head.trace);
     CHECK(read->parent == head.parent);
     CHECK(read->number == head.number);
-    for (std::size_t size = 0; size < request_head::size(head.flags()); ++size) CHECK_FALSE(request_head::read(head.flags(), out.view().first(size)));
+    for (std::size_t size = 0; size < request_head::size(head.flags()); ++size)
+        CHECK_FALSE(request_head::read(head.flags(), out.view().first(size)));
 
     request_head::set_time(out.data(), 42);
     CHECK(request_head::time_of(out.data()) == 42);

@@ -40,7 +40,8 @@ TEST_CASE("packets pass between modems of different API modes and each is told a
     auto& b = sky.add(0x7E, 800, 2);
     sky.run(2s);
     std::vector<token> sent;
-    for (int i = 0; i < 20; ++i) sent.push_back(a.client.send(sky.now, 0x7E, ise::bytes(static_cast<std::size_t>(i), std::byte{0x7E})).value());
+    for (int i = 0; i < 20; ++i)
+        sent.push_back(a.client.send(sky.now, 0x7E, ise::bytes(static_cast<std::size_t>(i), std::byte{0x7E})).value());
     sky.run(30s);
     auto outcomes = a.all<send_outcome>();
     REQUIRE(outcomes.size() == 20);
@@ -71,7 +72,8 @@ TEST_CASE("losses cost retries, duplicates are filtered, and out of reach ends w
     for (auto& o : outcomes) retries += o.retries;
     CHECK(retries > 20);
     auto got = b.all<packet_received>();
-    for (std::size_t i = 1; i < got.size(); ++i) CHECK(got[i].payload[0] > got[i - 1].payload[0]); // in order, none twice
+    for (std::size_t i = 1; i < got.size(); ++i)
+        CHECK(got[i].payload[0] > got[i - 1].payload[0]); // in order, none twice
     CHECK(got.size() >= 49);
     a.events.clear();
     a.client.send(sky.now, 3, hex("01")).value();
@@ -114,7 +116,8 @@ TEST_CASE("local and remote AT commands are answered, or their time runs out") {
     auto got = a.all<at_outcome>();
     REQUIRE(got.size() == 5);
     auto find = [&](std::uint64_t address, std::string_view name) {
-        return *std::find_if(got.begin(), got.end(), [&](auto& o) { return o.address == address && text(o.command) == name; });
+        return *std::find_if(got.begin(), got.end(),
+                             [&](auto& o) { return o.address == address && text(o.command) == name; });
     };
     CHECK(find(0, "PL").status == at_status::ok);
     CHECK(find(0, "ZZ").status == at_status::bad_command);

@@ -50,13 +50,18 @@ std::vector<frame> only_frames(const std::vector<parsed_frame>& all) {
 }
 
 std::vector<frame> samples() {
-    return {at_request{1, at("PL"), hex("04"), false}, at_request{0x7E, at("NI"), {}, true},
-            at_response{0x11, at("TP"), at_status::ok, hex("FFF6")}, at_response{2, at("ZZ"), at_status::bad_command, {}},
+    return {at_request{1, at("PL"), hex("04"), false},
+            at_request{0x7E, at("NI"), {}, true},
+            at_response{0x11, at("TP"), at_status::ok, hex("FFF6")},
+            at_response{2, at("ZZ"), at_status::bad_command, {}},
             transmit_request{0x7D, 0x0013A20040522BAA, unknown_network, 0, 0x10, hex("7E7D1113 00FF")},
-            transmit_status{0x13, 0x7D84, 3, delivery::no_ack, 0}, received_packet{0x0013A20040522BAA, unknown_network, 2, hex("7E")},
+            transmit_status{0x13, 0x7D84, 3, delivery::no_ack, 0},
+            received_packet{0x0013A20040522BAA, unknown_network, 2, hex("7E")},
             remote_at_request{9, broadcast_address, unknown_network, 2, at("DB"), {}},
-            remote_at_response{9, 0x0013A20040522BAA, unknown_network, at("DB"), at_status::ok, hex("7D")}, modem_status{0},
-            raw_frame{0xFE, hex("117E")}, raw_frame{0x55, {}}};
+            remote_at_response{9, 0x0013A20040522BAA, unknown_network, at("DB"), at_status::ok, hex("7D")},
+            modem_status{0},
+            raw_frame{0xFE, hex("117E")},
+            raw_frame{0x55, {}}};
 }
 
 } // namespace
@@ -78,7 +83,8 @@ TEST_CASE("the published frames parse or are refused as their source says") {
             auto parsed = parse_frame(hex(text), static_cast<api_mode>(mode));
             bool wanted = std::find(modes.begin(), modes.end(), mode) != modes.end();
             CHECK((accepted(parsed) != nullptr) == wanted);
-            if (wanted) CHECK(type_of(*accepted(parsed)) == std::stoul(vector["frame_type"].get<std::string>(), nullptr, 16));
+            if (wanted)
+                CHECK(type_of(*accepted(parsed)) == std::stoul(vector["frame_type"].get<std::string>(), nullptr, 16));
             frame_decoder decoder(static_cast<api_mode>(mode)); // the stream decoder sees the same
             for (std::byte b : hex(text)) decoder.push({&b, 1});
             CHECK(only_frames(drain(decoder)).size() == (wanted ? 1u : 0u));
@@ -148,8 +154,10 @@ TEST_CASE("a known type without its fixed fields is refused, whatever its checks
         auto data = frame_data(f);
         std::size_t least = 0;
         for (std::size_t n = 1; n <= data.size(); ++n)
-            if (auto parsed = parse_frame_data(ise::bytes_view(data).first(n)); accepted(parsed) && least == 0) least = n;
-        static const std::map<int, std::size_t> sizes{{0x08, 4}, {0x09, 4}, {0x88, 5}, {0x10, 14}, {0x8B, 7}, {0x90, 12}, {0x17, 15}, {0x97, 15}, {0x8A, 2}};
+            if (auto parsed = parse_frame_data(ise::bytes_view(data).first(n)); accepted(parsed) && least == 0)
+                least = n;
+        static const std::map<int, std::size_t> sizes{{0x08, 4},  {0x09, 4},  {0x88, 5},  {0x10, 14}, {0x8B, 7},
+                                                      {0x90, 12}, {0x17, 15}, {0x97, 15}, {0x8A, 2}};
         CHECK(least == sizes.at(type_of(f)));
     }
     CHECK(reason("7E000108F7", api_mode::plain) == refusal::too_short_for_type);

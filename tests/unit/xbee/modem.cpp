@@ -18,7 +18,8 @@ std::vector<frame> frames(modem& m, api_mode mode = api_mode::plain) {
     return out;
 }
 
-at_response ask(modem& m, instant now, std::string_view command, ise::bytes parameter = {}, api_mode mode = api_mode::plain) {
+at_response ask(modem& m, instant now, std::string_view command, ise::bytes parameter = {},
+                api_mode mode = api_mode::plain) {
     m.take_serial();
     m.on_serial(now, encode(at_request{1, at(command), std::move(parameter), false}, mode));
     auto got = frames(m, mode);
@@ -161,7 +162,8 @@ TEST_CASE("a packet that may be purged is, when the duty cycle is used up") {
     modem m({});
     m.set_temperature(70); // hot: 0.1 s in a second
     ask(m, 0s, "MT", hex("00"));
-    for (std::uint8_t id = 1; id <= 3; ++id) m.on_serial(1s, encode(packet(100, broadcast_address, id, option_purge_if_delayed), api_mode::plain));
+    for (std::uint8_t id = 1; id <= 3; ++id)
+        m.on_serial(1s, encode(packet(100, broadcast_address, id, option_purge_if_delayed), api_mode::plain));
     m.advance(1s + 500ms);
     CHECK(m.take_transmissions().size() == 2);
     auto got = frames(m);
@@ -219,7 +221,8 @@ TEST_CASE("garbage on the serial line neither stops nor grows the modem") {
     radio_random random(5);
     for (int i = 0; i < 2000; ++i) {
         ise::bytes piece;
-        for (std::uint64_t n = random.next() % 50; n-- > 0;) piece.push_back(static_cast<std::byte>(random.next() % 4 == 0 ? 0x7E : random.next()));
+        for (std::uint64_t n = random.next() % 50; n-- > 0;)
+            piece.push_back(static_cast<std::byte>(random.next() % 4 == 0 ? 0x7E : random.next()));
         m.on_serial(i * 1ms, piece);
     }
     m.on_serial(3s, ise::bytes(max_frame_data + 8)); // ends whatever false frame is open

@@ -10,7 +10,7 @@
 namespace ise {
 
 /// The schemas that a component knows, by fingerprint: its own, and a bounded number of those it was told.
-class schema_book {
+class schema_cache {
 public:
     void add_own(const packet_types& types);
     /// A schema that a peer sent; hashed here, never believed.
@@ -30,8 +30,8 @@ private:
         std::size_t cost;
     };
     std::unordered_map<std::uint64_t, learnt> learnt_;
-    std::deque<std::uint64_t> order_; // oldest first
-    std::size_t learnt_bytes_ = 0;    // of memory
+    std::deque<std::uint64_t> order_;                                                  // oldest first
+    std::size_t learnt_bytes_ = 0;                                                     // of memory
     std::unordered_multimap<std::uint64_t, std::shared_ptr<const packet_types>> kept_; // by their fingerprints together
 };
 

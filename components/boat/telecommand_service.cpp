@@ -1,4 +1,4 @@
-#include <components/boat/telecommand_desk.hpp>
+#include <components/boat/telecommand_service.hpp>
 
 #include <components/boat/recall.hpp>
 
@@ -14,7 +14,7 @@ ise::duration reply_margin(ise::duration left) {
 }
 } // namespace
 
-struct telecommand_desk::waiting_call {
+struct telecommand_service::waiting_call {
     waiting_call(ise::loop& on, std::uint32_t of)
         : id(of), wake(on, [this] { wake.resume(asio::error::operation_aborted); }),
           late(on, [this] { wake.resume({}); }) {}
@@ -23,12 +23,12 @@ struct telecommand_desk::waiting_call {
     ise::timer late;
 };
 
-telecommand_desk::telecommand_desk(ise::component& of, book_options options)
+telecommand_service::telecommand_service(ise::component& of, book_options options)
     : of_(of), book_(options), due_(of.on(), [this] { work(); }) {}
 
-utc_time telecommand_desk::clock() const { return std::chrono::floor<std::chrono::milliseconds>(of_.wall()); }
+utc_time telecommand_service::clock() const { return std::chrono::floor<std::chrono::milliseconds>(of_.wall()); }
 
-void telecommand_desk::provide() {
+void telecommand_service::provide() {
     ise::publication_callbacks<std::decay_t<decltype(services::telecommand_state)>> follow;
     follow.on_subscribe = [this](const follow_telecommand& which,
                                  const ise::subscriber_info& who) -> ise::result<followed_telecommands> {
@@ -56,7 +56,7 @@ void telecommand_desk::provide() {
     });
 }
 
-void telecommand_desk::work() {
+void telecommand_service::work() {
     if (working_) return; // giving to the link may bring events, which end here again
     working_ = true;
     bool up = give && give();
@@ -76,7 +76,7 @@ void telecommand_desk::work() {
     else due_.arm(next);
 }
 
-ise::task<telecommand_reply> telecommand_desk::command(telecommand_request request, ise::time_point deadline) {
+ise::task<telecommand_reply> telecommand_service::command(telecommand_request request, ise::time_point deadline) {
     auto chosen = static_cast<std::uint32_t>(of_.env().random()) | 1u; // never 0
     auto taken = book_.submit(of_.now(), clock(), request, chosen);
     if (!taken) throw ise::error(ise::errc::refused, taken.error().message()); // it had no effect

@@ -1,4 +1,4 @@
-#include <ise/component/learn.hpp>
+#include <ise/component/discover.hpp>
 
 #include <fmt/format.h>
 
@@ -14,14 +14,15 @@ result<dynamic_contract> contract_of(const service_text& told) {
     for (const auto& packet : told.packets) {
         auto parsed = schema::parse(packet.schema);
         if (!parsed)
-            return failure(parsed.error().code(), fmt::format("the {} of '{}' is not described readably: {}", role::name(kind, packets.size()), told.name,
-                                                              parsed.error().message()));
+            return failure(parsed.error().code(),
+                           fmt::format("the {} of '{}' is not described readably: {}", role::name(kind, packets.size()),
+                                       told.name, parsed.error().message()));
         packets.push_back(std::move(*parsed));
     }
     return dynamic_contract::make(told.name, kind, std::move(packets));
 }
 
-task<result<dynamic_contract>> learn(remote provider, std::string service, duration deadline) {
+task<result<dynamic_contract>> discover(remote provider, std::string service, duration deadline) {
     describe_request question;
     auto told = co_await provider.try_call(describe_service, question, deadline);
     if (!told) co_return told.error();
@@ -31,14 +32,16 @@ task<result<dynamic_contract>> learn(remote provider, std::string service, durat
         if (one.name == service) co_return contract_of(one);
         if (!one.name.starts_with("ise.")) known += (known.empty() ? "" : ", ") + one.name;
     }
-    co_return failure(errc::no_such_service, fmt::format("{} provides no service '{}'; it provides {}", provider.name(), service, known.empty() ? "none" : known));
+    co_return failure(errc::no_such_service, fmt::format("{} provides no service '{}'; it provides {}", provider.name(),
+                                                         service, known.empty() ? "none" : known));
 }
 
 task<result<bool>> provides(remote provider, std::string service, duration deadline) {
     describe_request question;
     auto told = co_await provider.try_call(describe_service, question, deadline);
     if (!told) co_return told.error();
-    co_return std::ranges::any_of(told->services, [&](const service_text& one) { return one.provided && one.name == service; });
+    co_return std::ranges::any_of(told->services,
+                                  [&](const service_text& one) { return one.provided && one.name == service; });
 }
 
 } // namespace ise

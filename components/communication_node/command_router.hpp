@@ -19,14 +19,14 @@ struct desk_options {
 ///     for (auto& changed : desk.take_changes()) put it to disk, tell everybody
 ///     while (auto give = desk.next_give(now, wall, links)) give->request to the proxy of give->link
 ///     desk.on_status(wall, link, what the proxy says)
-class command_desk {
+class command_router {
 public:
-    explicit command_desk(desk_options options = desk_options()) : options_(options) {}
+    explicit command_router(desk_options options = desk_options()) : options_(options) {}
 
     /// Takes a telecommand; of an id that is known already, which must mean the same, nothing new. The record, to be
     /// put to disk. Errors: invalid_argument, overloaded.
-    ise::result<command_record> prepare(ise::time_point now, utc_time wall, const telecommand_request& request, std::uint32_t chosen,
-                                        const std::string& asked_by, std::uint32_t authority,
+    ise::result<command_record> prepare(ise::time_point now, utc_time wall, const telecommand_request& request,
+                                        std::uint32_t chosen, const std::string& asked_by, std::uint32_t authority,
                                         const std::string& node) const;
     /// One that is on disk: prepared here, read at the start, or told by the other node. It is driven where
     /// `record.node` is `me`. True if it changed what was known.
@@ -69,7 +69,7 @@ public:
 
 private:
     struct at_link {
-        bool given = false;       // by this node; else another one did, and a status came
+        bool given = false; // by this node; else another one did, and a status came
         ise::time_point since{};
         bool refused = false;
         std::uint32_t attempts = 0;

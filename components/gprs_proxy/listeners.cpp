@@ -1,4 +1,4 @@
-#include <components/gprs_proxy/doors.hpp>
+#include <components/gprs_proxy/listeners.hpp>
 
 #include <ise/core/sleep.hpp>
 #include <ise/net/bounded_acceptor.hpp>
@@ -13,7 +13,7 @@ constexpr ise::duration write_pause = 50ms;
 constexpr ise::duration receive_pause = 250ms;
 } // namespace
 
-ise::result<ise::endpoint> doors::open(const ise::endpoint& at) {
+ise::result<ise::endpoint> listeners::open(const ise::endpoint& at) {
     if (at.kind == ise::protocol::tcp) {
         auto made = loop_.env().listen(loop_, at);
         if (!made) return made.error();
@@ -27,16 +27,16 @@ ise::result<ise::endpoint> doors::open(const ise::endpoint& at) {
         if (!made) return made.error();
         std::shared_ptr<ise::datagram_socket> socket = std::move(*made);
         auto where = socket->where();
-        auto door = ++last_door_;
-        sockets_[door] = socket;
-        spawn_("boats at " + where.text(), receive(door, std::move(socket)));
+        auto channel = ++last_channel_;
+        sockets_[channel] = socket;
+        spawn_("boats at " + where.text(), receive(channel, std::move(socket)));
         return where;
     }
     return ise::failure(ise::errc::invalid_argument,
                         fmt::format("a boat calls over tcp or udp, not {}: such as tcp://0.0.0.0:7420", at.text()));
 }
 
-ise::task<> doors::accept(std::shared_ptr<ise::listener> at) {
+ise::task<> listeners::accept(std::shared_ptr<ise::listener> at) {
     // The shore bounds the connections: it knows who has logged in.
     ise::net::bounded_acceptor entrance(loop_, at, nullptr, [this](const std::string& what, const std::string& where) {
         if (auto left_out = quiet_.admit(loop_.now()))
@@ -48,37 +48,38 @@ ise::task<> doors::accept(std::shared_ptr<ise::listener> at) {
         auto made = std::make_shared<line>();
         made->stream = std::move(who.line);
         gprs::way by;
-        by.door = ++last_door_;
+        by.channel = ++last_channel_;
         auto peer = ise::endpoint::parse(made->stream->peer());
         if (peer) by.peer = *peer;
-        lines_[by.door] = made;
+        lines_[by.channel] = made;
         on_connected(by);
-        spawn_("boat's connection", read(by.door, std::move(made)));
+        spawn_("boat's connection", read(by.channel, std::move(made)));
     }
 }
 
-ise::task<> doors::read(std::uint64_t door, std::shared_ptr<line> from) {
+ise::task<> listeners::read(std::uint64_t channel, std::shared_ptr<line> from) {
     struct forget {
-        doors* self;
-        std::uint64_t door;
-        ~forget() { self->lines_.erase(door); }
-    } guard{this, door};
+        listeners* self;
+        std::uint64_t channel;
+        ~forget() { self->lines_.erase(channel); }
+    } guard{this, channel};
     std::array<std::byte, 1024> buffer;
     for (;;) {
         if (from->cut) co_return;
         auto got = co_await from->stream->read_some(asio::buffer(buffer));
         if (from->cut) co_return;
-        if (got.bytes > 0) on_bytes(door, ise::bytes_view(buffer).first(got.bytes));
+        if (got.bytes > 0) on_bytes(channel, ise::bytes_view(buffer).first(got.bytes));
         if (!got.problem) continue;
         if (got.problem == asio::error::operation_aborted) co_return;
         if (!from->cut)
-            on_disconnected(door, got.problem == asio::error::eof ? "the boat closed the connection"
-                                                                  : "the connection broke: " + got.problem.message());
+            on_disconnected(channel, got.problem == asio::error::eof
+                                         ? "the boat closed the connection"
+                                         : "the connection broke: " + got.problem.message());
         co_return;
     }
 }
 
-ise::task<> doors::receive(std::uint64_t door, std::shared_ptr<ise::datagram_socket> at) {
+ise::task<> listeners::receive(std::uint64_t channel, std::shared_ptr<ise::datagram_socket> at) {
     for (;;) {
         auto [problem, got] = co_await at->receive();
         if (problem == asio::error::operation_aborted) co_return;
@@ -88,7 +89,7 @@ ise::task<> doors::receive(std::uint64_t door, std::shared_ptr<ise::datagram_soc
             continue;
         }
         gprs::way by;
-        by.door = door;
+        by.channel = channel;
         by.peer = got->peer;
         by.datagrams = true;
         const bool too_large = got->content.size() > largest_datagram; // told as one that makes no sense
@@ -96,16 +97,16 @@ ise::task<> doors::receive(std::uint64_t door, std::shared_ptr<ise::datagram_soc
     }
 }
 
-void doors::send(const gprs::way& to, std::string_view text) {
+void listeners::send(const gprs::way& to, std::string_view text) {
     if (to.datagrams) {
-        auto found = sockets_.find(to.door);
+        auto found = sockets_.find(to.channel);
         if (found == sockets_.end()) return;
         auto problem = found->second->try_send(to.peer, ise::as_bytes(text)); // what is lost is asked for again
         if (problem && problem != asio::error::would_block)
             log_.debug("a datagram was not sent", {{"to", to.peer.text()}, {"cause", problem.message()}});
         return;
     }
-    auto found = lines_.find(to.door);
+    auto found = lines_.find(to.channel);
     if (found == lines_.end() || found->second->cut) return;
     auto& over = *found->second;
     if (over.unwritten.size() + text.size() > most_unwritten)
@@ -115,9 +116,9 @@ void doors::send(const gprs::way& to, std::string_view text) {
     if (over.unwritten.size() > 0 && !again_.armed()) again_.arm(ise::saturating_add(loop_.now(), write_pause));
 }
 
-void doors::write_again() {
+void listeners::write_again() {
     bool more = false;
-    for (auto& [door, one] : lines_) {
+    for (auto& [channel, one] : lines_) {
         if (one->cut) continue;
         if (one->unwritten.write(*one->stream)) one->unwritten.clear();
         more = more || one->unwritten.size() > 0;
@@ -125,8 +126,8 @@ void doors::write_again() {
     if (more) again_.arm(ise::saturating_add(loop_.now(), write_pause));
 }
 
-void doors::cut(std::uint64_t door) {
-    auto found = lines_.find(door);
+void listeners::cut(std::uint64_t channel) {
+    auto found = lines_.find(channel);
     if (found == lines_.end()) return;
     found->second->cut = true;
     found->second->stream->close(); // its reader ends

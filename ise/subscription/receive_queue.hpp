@@ -8,9 +8,9 @@
 namespace ise {
 
 /// The published packets that a subscriber has not taken yet, encoded, one behind the other in one buffer: what is
-/// dropped was never decoded, and a burst costs a copy a packet and no allocation. Those that came as objects stand in the
-/// same line. Each knows how many packets were lost before it.
-class packet_queue {
+/// dropped was never decoded, and a burst costs a copy a packet and no allocation. Those that came as objects stand in
+/// the same line. Each knows how many packets were lost before it.
+class receive_queue {
 public:
     bool empty() const noexcept { return count_ == 0; }
     std::size_t size() const noexcept { return count_; }
@@ -26,7 +26,9 @@ public:
         if (front_word() & object_mark) return {{}, &objects_.front()};
         return {{content_.data() + begin_ + head_bytes, front_size()}, nullptr};
     }
-    std::uint64_t lost_before_front() const noexcept { return detail::load_little<std::uint64_t>(content_.data() + begin_); }
+    std::uint64_t lost_before_front() const noexcept {
+        return detail::load_little<std::uint64_t>(content_.data() + begin_);
+    }
 
     void pop() noexcept {
         if (front_word() & object_mark) auto gone = objects_.pop_front();
@@ -37,7 +39,8 @@ public:
 private:
     void push(bytes_view packet, std::uint64_t lost_before, std::uint64_t mark) {
         const std::size_t size = head_bytes + packet.size();
-        if (content_.capacity() - content_.size() < size) [[unlikely]] make_room(size);
+        if (content_.capacity() - content_.size() < size) [[unlikely]]
+            make_room(size);
         std::byte* at = content_.grow(size);
         detail::store_little(at, lost_before);
         detail::store_little(at + 8, packet.size() | mark);
@@ -47,7 +50,9 @@ private:
 
     static constexpr std::size_t head_bytes = 16;
     static constexpr std::uint64_t object_mark = std::uint64_t{1} << 63;
-    std::uint64_t front_word() const noexcept { return detail::load_little<std::uint64_t>(content_.data() + begin_ + 8); }
+    std::uint64_t front_word() const noexcept {
+        return detail::load_little<std::uint64_t>(content_.data() + begin_ + 8);
+    }
     std::size_t front_size() const noexcept { return front_word() & ~object_mark; }
     void make_room(std::size_t more);
     void drained() noexcept;

@@ -8,28 +8,28 @@
 
 namespace ise {
 
-/// A live subscription: packets in the order in which they were published. It recovers automatically when the session or
-/// the provider is lost; it ends when the provider ends it, or when this object is destroyed, which unsubscribes. Used on
-/// its component's loop by one coroutine at a time. Move-only. Functions of an empty one, such as a member that is not
-/// assigned yet, throw errc::invalid_argument.
+/// A live subscription: packets in the order in which they were published. It recovers automatically when the session
+/// or the provider is lost; it ends when the provider ends it, or when this object is destroyed, which unsubscribes.
+/// Used on its component's loop by one coroutine at a time. Move-only. Functions of an empty one, such as a member that
+/// is not assigned yet, throw errc::invalid_argument.
 template <class Contract>
-class stream_of {
+class subscriber {
     using packet_type = typename Contract::packet_type;
     using response_type = typename Contract::subscribe_response;
 
 public:
-    stream_of() = default;
+    subscriber() = default;
     /// Whether it is a subscription, live or ended; false for a default-constructed or moved-from one.
     explicit operator bool() const noexcept { return core_ != nullptr; }
     /// Takes the subscription over.
-    stream_of(stream_of&&) noexcept = default;
+    subscriber(subscriber&&) noexcept = default;
     /// The same; a subscription that was held before is ended.
-    stream_of& operator=(stream_of&& other) noexcept {
+    subscriber& operator=(subscriber&& other) noexcept {
         if (core_ && core_ != other.core_) core_->leave();
         core_ = std::move(other.core_);
         return *this;
     }
-    ~stream_of() {
+    ~subscriber() {
         if (core_) core_->leave();
     }
 
@@ -52,38 +52,40 @@ public:
     const failure& cause() const { return held()->cause(); }
     /// Ends it now; a waiting `next()` returns an empty packet. The provider gets a default unsubscribe packet.
     void leave() { held()->leave(); }
-    /// The same with an unsubscribe packet: returns the provider's response, waiting for it at most `deadline` (zero: the
-    /// component's default). Throws ise::error: peer_lost (not executed: the provider is unreachable), timed_out,
+    /// The same with an unsubscribe packet: returns the provider's response, waiting for it at most `deadline` (zero:
+    /// the component's default). Throws ise::error: peer_lost (not executed: the provider is unreachable), timed_out,
     /// handler_failed, and `cause()` if it had ended before; the subscription ends in any case. Cancellation: terminal.
     /// With g++ 12, `request` must be a named variable.
-    task<typename Contract::unsubscribe_response> leave(typename Contract::unsubscribe_request request, duration deadline = duration()) {
+    task<typename Contract::unsubscribe_response> leave(typename Contract::unsubscribe_request request,
+                                                        duration deadline = duration()) {
         return core::leave_with(held(), std::move(request), deadline);
     }
 
     class core;
     /// Made by `remote::subscribe`.
-    explicit stream_of(std::shared_ptr<core> made) : core_(std::move(made)) {}
+    explicit subscriber(std::shared_ptr<core> made) : core_(std::move(made)) {}
 
 private:
     const std::shared_ptr<core>& held() const {
-        if (!core_) throw error(errc::invalid_argument, "an empty subscription: assign what `subscribe(service)` gave first");
+        if (!core_)
+            throw error(errc::invalid_argument, "an empty subscription: assign what `subscribe(service)` gave first");
         return core_;
     }
 
     std::shared_ptr<core> core_;
 };
 
-/// The same, so that `ise::stream_of<decltype(position)>` can be a member: the constant of a service is const.
+/// The same, so that `ise::subscriber<decltype(position)>` can be a member: the constant of a service is const.
 template <class Contract>
-class stream_of<const Contract> : public stream_of<Contract> {
+class subscriber<const Contract> : public subscriber<Contract> {
 public:
-    stream_of() = default;
+    subscriber() = default;
     /// What `subscribe` gave.
-    stream_of(stream_of<Contract>&& made) noexcept : stream_of<Contract>(std::move(made)) {}
+    subscriber(subscriber<Contract>&& made) noexcept : subscriber<Contract>(std::move(made)) {}
 };
 
 template <class Contract>
-class stream_of<Contract>::core final : public subscriber_core {
+class subscriber<Contract>::core final : public subscriber_core {
 public:
     using subscriber_core::subscriber_core;
 
@@ -95,7 +97,9 @@ public:
         }
     }
 
-    static task<typename Contract::unsubscribe_response> leave_with(std::shared_ptr<core> self, typename Contract::unsubscribe_request request, duration deadline) {
+    static task<typename Contract::unsubscribe_response> leave_with(std::shared_ptr<core> self,
+                                                                    typename Contract::unsubscribe_request request,
+                                                                    duration deadline) {
         auto raw = encode(request);
         auto leaving = self->subscriber_core::leave_with(std::move(raw), deadline);
         auto answer = co_await std::move(leaving);
@@ -107,7 +111,8 @@ public:
     received<packet_type> take() {
         while (auto* waiting = waiting_packet()) {
             if constexpr (travels_as_object<packet_type>) {
-                if (auto shared = waiting->template shared<packet_type>()) return received<packet_type>(std::move(shared), take_packet());
+                if (auto shared = waiting->template shared<packet_type>())
+                    return received<packet_type>(std::move(shared), take_packet());
             }
             auto& packet = cells_.unheld();
             try {

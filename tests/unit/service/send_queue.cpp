@@ -1,5 +1,5 @@
 #include <ise/subscription/packet_frame.hpp>
-#include <ise/subscription/waiting_packets.hpp>
+#include <ise/subscription/send_queue.hpp>
 
 #include <support/catch.hpp>
 
@@ -7,23 +7,25 @@
 
 namespace waiting_packets_test {
 
-using ise::waiting_packets;
+using ise::send_queue;
 namespace packet_frame = ise::packet_frame;
 
 namespace {
 
 ise::shared_bytes frame_of(ise::shared_bytes_maker& maker, std::uint64_t sequence, std::size_t size = 8) {
     auto& room = maker.room();
-    std::fill_n(room.grow(packet_frame::head_bytes + size), packet_frame::head_bytes + size, static_cast<std::byte>(sequence));
+    std::fill_n(room.grow(packet_frame::head_bytes + size), packet_frame::head_bytes + size,
+                static_cast<std::byte>(sequence));
     auto made = maker.share();
     packet_frame::stamp(ise::shared_bytes_maker::open(made), made.size(), 7, sequence);
     return made;
 }
 
-std::vector<std::uint64_t> sequences(const waiting_packets::stretch& from) {
+std::vector<std::uint64_t> sequences(const send_queue::stretch& from) {
     std::vector<std::uint64_t> found;
     const auto all = from.frames.view();
-    for (std::size_t at = 0; at < all.size(); at += packet_frame::size_of(all.data() + at)) found.push_back(packet_frame::sequence_of(all.data() + at));
+    for (std::size_t at = 0; at < all.size(); at += packet_frame::size_of(all.data() + at))
+        found.push_back(packet_frame::sequence_of(all.data() + at));
     return found;
 }
 
@@ -33,8 +35,9 @@ using order = std::vector<std::uint64_t>;
 
 TEST_CASE("packets that were made one after the other wait as one stretch") {
     ise::shared_bytes_maker maker;
-    waiting_packets waiting;
-    for (std::uint64_t sequence = 1; sequence <= 5; ++sequence) waiting.push(frame_of(maker, sequence, sequence), 0, true);
+    send_queue waiting;
+    for (std::uint64_t sequence = 1; sequence <= 5; ++sequence)
+        waiting.push(frame_of(maker, sequence, sequence), 0, true);
     CHECK(waiting.size() == 5);
     CHECK(waiting.front().packets == 5);
     auto first = waiting.pop(2);
@@ -47,7 +50,7 @@ TEST_CASE("packets that were made one after the other wait as one stretch") {
 
 TEST_CASE("packets wait in their order, however they lie in memory") {
     ise::shared_bytes_maker maker;
-    waiting_packets waiting;
+    send_queue waiting;
     auto later = frame_of(maker, 2);
     waiting.push(frame_of(maker, 1), 0, true);
     waiting.push(later, 0, true); // made before, published behind
@@ -62,7 +65,7 @@ TEST_CASE("packets wait in their order, however they lie in memory") {
 
 TEST_CASE("a burst beyond any chunk comes out whole and in order") {
     ise::shared_bytes_maker maker;
-    waiting_packets waiting;
+    send_queue waiting;
     std::uint64_t published = 0, taken = 0;
     for (int round = 0; round < 200; ++round) {
         for (int i = 0; i < 37; ++i) {
@@ -80,11 +83,11 @@ TEST_CASE("a burst beyond any chunk comes out whole and in order") {
 
 TEST_CASE("what was skipped before a dropped packet stands before the next one") {
     ise::shared_bytes_maker maker;
-    waiting_packets waiting;
+    send_queue waiting;
     waiting.push(frame_of(maker, 4), 3, true);
     waiting.push(frame_of(maker, 5), 0, true);
     waiting.push(frame_of(maker, 7), 1, true);
-    waiting_packets::stretch dropped;
+    send_queue::stretch dropped;
     CHECK(waiting.drop(dropped) == 0);
     CHECK(sequences(dropped) == order{4});
     CHECK(waiting.front().skipped == 3);
@@ -96,7 +99,7 @@ TEST_CASE("what was skipped before a dropped packet stands before the next one")
 
 TEST_CASE("packets that wait for another session are addressed anew") {
     ise::shared_bytes_maker maker;
-    waiting_packets waiting;
+    send_queue waiting;
     waiting.push(frame_of(maker, 1), 0, true);
     waiting.readdress();
     waiting.push(frame_of(maker, 2), 0, true);

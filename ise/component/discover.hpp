@@ -8,9 +8,9 @@ namespace ise {
 /// fingerprints computed here: errc::malformed or errc::too_large for an invalid text.
 result<dynamic_contract> contract_of(const service_text& told);
 
-/// Queries a component and returns one of its services. errc::no_such_service lists its services; the other failures are
-/// those of `remote::try_call`. Cancellation: terminal.
-task<result<dynamic_contract>> learn(remote provider, std::string service, duration deadline = duration());
+/// Queries a component and returns one of its services. errc::no_such_service lists its services; the other failures
+/// are those of `remote::try_call`. Cancellation: terminal.
+task<result<dynamic_contract>> discover(remote provider, std::string service, duration deadline = duration());
 
 /// Whether a component provides a service. Queries the component instead of calling the service, which would count as a
 /// refused call. Fails like `remote::try_call`. Cancellation: terminal.

@@ -10,11 +10,11 @@
 namespace atirma {
 
 /// Coroutines of one loop wait here until something has changed; then each looks for itself whether it was that.
-class bell {
+class notifier {
 public:
-    explicit bell(ise::loop& on) : loop_(on) {}
+    explicit notifier(ise::loop& on) : loop_(on) {}
 
-    /// Completes when the bell is rung, or at `until`. Cancellation: terminal, throws operation_aborted.
+    /// Completes when the notifier is rung, or at `until`. Cancellation: terminal, throws operation_aborted.
     ise::task<> wait(ise::time_point until) {
         waiting here(loop_);
         struct listed {
@@ -26,7 +26,7 @@ public:
         co_await here.wake.wait();
     }
 
-    void ring() {
+    void notify() {
         for (auto* one : waiting_) one->wake.resume({});
     }
     std::size_t waiting_count() const noexcept { return waiting_.size(); }

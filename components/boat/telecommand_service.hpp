@@ -16,9 +16,9 @@ namespace atirma {
 ///     desk.provide();
 ///     desk.book().on_outcome(…);  desk.book().on_acknowledgement(…);         // as the link fares,
 ///     desk.work();                                                           // then this
-class telecommand_desk {
+class telecommand_service {
 public:
-    telecommand_desk(ise::component& of, book_options options);
+    telecommand_service(ise::component& of, book_options options);
 
     /// Gives what is due to the link; called by `work()`, never within itself. False, and nothing was given, while the
     /// link is down: who sees it come up calls `book().on_link_up()` and `work()`.

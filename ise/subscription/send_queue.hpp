@@ -8,16 +8,16 @@
 namespace ise {
 
 /// The packets that wait for one subscriber, as frames (`packet_frame`). Those that were published one after the other
-/// lie one behind the other in memory: they wait, and leave, as one stretch, however many they are. For a subscriber within the
-/// process they wait as objects, each a stretch of its own.
-class waiting_packets {
+/// lie one behind the other in memory: they wait, and leave, as one stretch, however many they are. For a subscriber
+/// within the process they wait as objects, each a stretch of its own.
+class send_queue {
 public:
     struct stretch {
         shared_bytes frames;
         std::size_t packets = 0;
-        std::uint32_t skipped = 0; ///< by the rate limit, before the first of them
-        bool addressed = false;    ///< they bear the number of this subscription
-        shared_packet object;      ///< in place of the frame
+        std::uint32_t skipped = 0;  ///< by the rate limit, before the first of them
+        bool addressed = false;     ///< they bear the number of this subscription
+        shared_packet object;       ///< in place of the frame
         std::uint64_t sequence = 0; ///< of the object
 
         std::size_t cost() const noexcept { return frames.size() + object.weight + packets * item_bytes; }

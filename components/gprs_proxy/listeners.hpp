@@ -18,19 +18,19 @@ namespace atirma {
 
 /// The sockets of the GPRS proxy: listeners, the connections that they accepted, and sockets for datagrams. It decides
 /// nothing; what comes is told, what is to go is written. Used on one loop; must outlive the coroutines that it spawns.
-class doors {
+class listeners {
 public:
     static constexpr std::size_t most_unwritten =
         64 * 1024; ///< of a connection; what is more is left out: all of it can be said again
-    static constexpr std::size_t largest_datagram = 2048;    ///< a longer one makes no sense
+    static constexpr std::size_t largest_datagram = 2048; ///< a longer one makes no sense
 
     /// `spawn` starts a coroutine that the component owns.
-    doors(ise::loop& on, ise::logger log, std::function<void(std::string, ise::task<>)> spawn)
+    listeners(ise::loop& on, ise::logger log, std::function<void(std::string, ise::task<>)> spawn)
         : loop_(on), log_(std::move(log)), spawn_(std::move(spawn)) {}
 
     std::function<void(const gprs::way&)> on_connected;
-    std::function<void(std::uint64_t door, ise::bytes_view)> on_bytes;
-    std::function<void(std::uint64_t door, const std::string& reason)> on_disconnected; ///< not after `cut`
+    std::function<void(std::uint64_t channel, ise::bytes_view)> on_bytes;
+    std::function<void(std::uint64_t channel, const std::string& reason)> on_disconnected; ///< not after `cut`
     std::function<void(const gprs::way&, ise::bytes_view)> on_datagram;
 
     /// Listens there, for connections (tcp) or datagrams (udp), as long as the component runs. Gives the endpoint with
@@ -38,7 +38,7 @@ public:
     ise::result<ise::endpoint> open(const ise::endpoint& at);
 
     void send(const gprs::way& to, std::string_view text);
-    void cut(std::uint64_t door);
+    void cut(std::uint64_t channel);
 
     std::size_t connections() const noexcept { return lines_.size(); }
 
@@ -50,8 +50,8 @@ private:
     };
 
     ise::task<> accept(std::shared_ptr<ise::listener> at);
-    ise::task<> read(std::uint64_t door, std::shared_ptr<line> from);
-    ise::task<> receive(std::uint64_t door, std::shared_ptr<ise::datagram_socket> at);
+    ise::task<> read(std::uint64_t channel, std::shared_ptr<line> from);
+    ise::task<> receive(std::uint64_t channel, std::shared_ptr<ise::datagram_socket> at);
     void write_again();
 
     ise::loop& loop_;
@@ -61,7 +61,7 @@ private:
     std::map<std::uint64_t, std::shared_ptr<ise::datagram_socket>> sockets_;
     ise::timer again_{loop_, [this] { write_again(); }};
     ise::log_limiter quiet_;
-    std::uint64_t last_door_ = 0;
+    std::uint64_t last_channel_ = 0;
 };
 
 } // namespace atirma

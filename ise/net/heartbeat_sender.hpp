@@ -17,10 +17,10 @@ class datagram_stream;
 /// keeps it while a frame is half written, so that a sign always lies between frames.
 ///
 /// Lifetime: the transport outlives it until `end()` has returned; both sides share it.
-class vital_signs {
+class heartbeat_sender {
 public:
     /// `heartbeat`: how often the peer wants to hear something.
-    vital_signs(stream& transport, duration heartbeat, time_point now);
+    heartbeat_sender(stream& transport, duration heartbeat, time_point now);
 
     // For the connection, on its loop.
 
@@ -55,27 +55,27 @@ private:
     std::atomic<duration::rep> sent_;
     std::atomic<bool> claimed_{false};
     bool on_one_loop_ = false; // the peer waits for the same loop, and nobody else may touch the stream
-    bool held_ = false;   // by the connection
-    bool broken_ = false; // changed while it is claimed
+    bool held_ = false;        // by the connection
+    bool broken_ = false;      // changed while it is claimed
 };
 
 /// Those of all connections of one component. Thread-safe.
-class vital_signs_list {
+class heartbeat_senders {
 public:
     /// `told` is called, on the thread that adds, when a peer wants to hear something sooner than all before it. Set
     /// before anything is added.
     void on_shorter(std::function<void()> told) { on_shorter_ = std::move(told); }
-    void add(const std::shared_ptr<vital_signs>& made);
+    void add(const std::shared_ptr<heartbeat_sender>& made);
     /// One of them is to send this often.
     void hasten(duration heartbeat);
     void show(time_point now);
     /// The shortest heartbeat that any peer ever wanted; duration::max() before the first.
-    duration shortest_heartbeat() const noexcept { return duration(shortest_.load(std::memory_order_relaxed)); }
+    duration min_heartbeat() const noexcept { return duration(shortest_.load(std::memory_order_relaxed)); }
 
 private:
     std::function<void()> on_shorter_;
     std::mutex mutex_;
-    std::vector<std::weak_ptr<vital_signs>> all_;
+    std::vector<std::weak_ptr<heartbeat_sender>> all_;
     std::size_t pruned_at_ = 64;
     std::atomic<duration::rep> shortest_{duration::max().count()};
 };

@@ -1,4 +1,4 @@
-#include <components/communication_node/command_desk.hpp>
+#include <components/communication_node/command_router.hpp>
 #include <components/communication_node/newest_by_kind.hpp>
 #include <components/communication_node/peer_watch.hpp>
 
@@ -15,7 +15,7 @@ namespace {
 const std::string me = "shore/one";
 
 struct table {
-    command_desk desk;
+    command_router desk;
     link_table links{usual_links()};
     ise::time_point now{1h};
     utc_time wall{std::chrono::hours(400'000)};
@@ -41,7 +41,7 @@ struct table {
         REQUIRE(desk.know(now, wall, record, me));
         return record;
     }
-    std::optional<command_desk::give> give() { return desk.next_give(now, wall, links); }
+    std::optional<command_router::give> give() { return desk.next_give(now, wall, links); }
     telecommand_status says(std::uint32_t id, telecommand_stage stage, std::string text = "") {
         telecommand_status made;
         made.id = id;
@@ -221,11 +221,11 @@ TEST_CASE("command desk: a validity ends in time over a restart, whatever the cl
         return ends_after(it, 5);
     };
     CHECK(expires_after(5s, 0s, 0s, me) == 10s);
-    CHECK(expires_after(5s, -1h, 0s, me) == 10s);   // an hour back
+    CHECK(expires_after(5s, -1h, 0s, me) == 10s); // an hour back
     CHECK(expires_after(20s, -1h, 0s, me) == 0s);
-    CHECK(expires_after(5s, 1h, 0s, me) == 0s);     // an hour ahead: too early rather than too late
-    CHECK(expires_after(5s, 0s, 30min, me) == 10s); // the machine has started anew, its clock is right
-    CHECK(expires_after(5s, -1h, 30min, me) == 0s); // and is not: nobody knows
+    CHECK(expires_after(5s, 1h, 0s, me) == 0s);                  // an hour ahead: too early rather than too late
+    CHECK(expires_after(5s, 0s, 30min, me) == 10s);              // the machine has started anew, its clock is right
+    CHECK(expires_after(5s, -1h, 30min, me) == 0s);              // and is not: nobody knows
     CHECK(expires_after(5s, -1h, 0s, "shore/two") <= 15s + 30s); // by another node's clock, which has 30 s of grace
 }
 

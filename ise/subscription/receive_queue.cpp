@@ -1,4 +1,4 @@
-#include <ise/subscription/packet_queue.hpp>
+#include <ise/subscription/receive_queue.hpp>
 
 #include <algorithm>
 
@@ -10,7 +10,7 @@ constexpr std::size_t kept_bytes = 4 * 1024;
 
 } // namespace
 
-void packet_queue::make_room(std::size_t more) {
+void receive_queue::make_room(std::size_t more) {
     const auto waiting = content_.view().subspan(begin_);
     if (begin_ > content_.capacity() / 2 && content_.capacity() - waiting.size() >= more) {
         std::memmove(content_.data(), waiting.data(), waiting.size());
@@ -23,7 +23,7 @@ void packet_queue::make_room(std::size_t more) {
     begin_ = 0;
 }
 
-void packet_queue::drained() noexcept {
+void receive_queue::drained() noexcept {
     if (content_.capacity() > kept_bytes && begin_ < content_.capacity() / 8) content_ = buffer();
     content_.clear();
     begin_ = 0;

@@ -1,4 +1,4 @@
-#include <ise/call/reply_window.hpp>
+#include <ise/call/reply_cache.hpp>
 
 #include <algorithm>
 #include <utility>
@@ -7,14 +7,14 @@ namespace ise {
 namespace {
 
 // A reply that was larger leaves no room behind.
-constexpr std::size_t most_room_kept = 512;
+constexpr std::size_t max_room_kept = 512;
 // Beside its answer, about what one call takes.
 constexpr std::size_t slot_room = 128;
 
 } // namespace
 
 // The first that is not below `number`.
-std::vector<reply_window::known>::iterator reply_window::reaching(std::uint64_t number) noexcept {
+std::vector<reply_cache::known>::iterator reply_cache::reaching(std::uint64_t number) noexcept {
     if (known_.empty() || known_.back().number < number) return known_.end();
     // Without gaps behind it, it lies as far from the end as its number does.
     const auto behind = known_.back().number - number;
@@ -24,12 +24,12 @@ std::vector<reply_window::known>::iterator reply_window::reaching(std::uint64_t 
     return std::lower_bound(known_.begin(), known_.end(), number, below);
 }
 
-reply_window::entry* reply_window::find(std::uint64_t number) noexcept {
+reply_cache::entry* reply_cache::find(std::uint64_t number) noexcept {
     auto found = reaching(number);
     return found != known_.end() && found->number == number ? &slots_[found->slot] : nullptr;
 }
 
-reply_window::state reply_window::look(std::uint64_t number, bool again) const noexcept {
+reply_cache::state reply_cache::look(std::uint64_t number, bool again) const noexcept {
     if (const auto* found = find(number)) return found->answered ? state::answered : state::running;
     auto key = key_of(number);
     auto of = std::ranges::find(ranges_, key, &range::key);
@@ -38,7 +38,7 @@ reply_window::state reply_window::look(std::uint64_t number, bool again) const n
     return again && unsure ? state::forgotten : state::fresh;
 }
 
-void reply_window::begin(std::uint64_t number, place from, time_point deadline, time_point now) {
+void reply_cache::begin(std::uint64_t number, place from, time_point deadline, time_point now) {
     last_used_ = now;
     note(number);
     if (free_.empty()) {
@@ -55,7 +55,7 @@ void reply_window::begin(std::uint64_t number, place from, time_point deadline, 
 }
 
 // It does not run again, whatever becomes of the rest.
-void reply_window::note(std::uint64_t number) {
+void reply_cache::note(std::uint64_t number) {
     auto key = key_of(number);
     auto found = std::ranges::find(ranges_, key, &range::key);
     if (found == ranges_.end()) {
@@ -79,23 +79,23 @@ void reply_window::note(std::uint64_t number) {
     }
 }
 
-void reply_window::redirect(std::uint64_t number, place to) {
+void reply_cache::redirect(std::uint64_t number, place to) {
     if (auto* found = find(number)) found->redirected = std::make_unique<place>(std::move(to));
 }
 
-std::optional<reply_window::place> reply_window::origin(std::uint64_t number) const {
+std::optional<reply_cache::place> reply_cache::origin(std::uint64_t number) const {
     const auto* found = find(number);
     if (!found || found->answered) return {};
     return found->from;
 }
 
-const reply_window::place* reply_window::destination(std::uint64_t number) const noexcept {
+const reply_cache::place* reply_cache::destination(std::uint64_t number) const noexcept {
     const auto* found = find(number);
     if (!found || found->answered) return nullptr;
     return found->redirected ? found->redirected.get() : &found->from;
 }
 
-std::optional<reply_window::place> reply_window::finish(std::uint64_t number, bytes_view frame, time_point now) {
+std::optional<reply_cache::place> reply_cache::finish(std::uint64_t number, bytes_view frame, time_point now) {
     auto* found = find(number);
     if (!found || found->answered) return {};
     last_used_ = now;
@@ -110,26 +110,26 @@ std::optional<reply_window::place> reply_window::finish(std::uint64_t number, by
     return std::move(redirected ? *redirected : found->from);
 }
 
-const bytes* reply_window::answer(std::uint64_t number) const noexcept {
+const bytes* reply_cache::answer(std::uint64_t number) const noexcept {
     const auto* found = find(number);
     return found && found->answered ? &found->frame : nullptr;
 }
 
-void reply_window::give_up(std::uint64_t number) {
+void reply_cache::give_up(std::uint64_t number) {
     auto found = reaching(number);
     if (found == known_.end() || found->number != number) return;
     drop(found->slot);
     known_.erase(found);
 }
 
-void reply_window::took(std::size_t before, std::size_t after) noexcept {
+void reply_cache::took(std::size_t before, std::size_t after) noexcept {
     if (before == after) return;
     room_ += after - before;
     *room_of_all_ += after - before;
 }
 
 // Whoever calls takes it off the list of those known.
-void reply_window::drop(std::size_t slot) noexcept {
+void reply_cache::drop(std::size_t slot) noexcept {
     auto& gone = slots_[slot];
     if (std::exchange(gone.answered, false)) {
         --replies_;
@@ -137,7 +137,7 @@ void reply_window::drop(std::size_t slot) noexcept {
     }
     gone.from = place();
     gone.redirected.reset();
-    if (gone.frame.capacity() > most_room_kept) {
+    if (gone.frame.capacity() > max_room_kept) {
         took(gone.frame.capacity(), 0);
         gone.frame = bytes();
     }
@@ -146,7 +146,7 @@ void reply_window::drop(std::size_t slot) noexcept {
 
 // Answers only: what runs stays.
 template <class Condition>
-void reply_window::drop_where(Condition condition) {
+void reply_cache::drop_where(Condition condition) {
     auto kept = known_.begin();
     for (auto one : known_) {
         const auto& content = slots_[one.slot];
@@ -157,14 +157,16 @@ void reply_window::drop_where(Condition condition) {
 }
 
 // Those that nobody can wait for any more go first, then the oldest.
-void reply_window::make_room(std::size_t more, time_point now) {
-    auto full = [&](std::size_t of) { return replies_ >= max_replies / of || reply_bytes_ + more > max_reply_bytes / of; };
+void reply_cache::make_room(std::size_t more, time_point now) {
+    auto full = [&](std::size_t of) {
+        return replies_ >= max_replies / of || reply_bytes_ + more > max_reply_bytes / of;
+    };
     if (!full(1)) return;
     drop_where([&](const entry& one) { return one.deadline <= now; });
     drop_where([&](const entry&) { return full(2); });
 }
 
-void reply_window::forget_answers() {
+void reply_cache::forget_answers() {
     drop_where([](const entry&) { return true; });
     std::vector<entry> left;
     left.reserve(known_.size());
@@ -182,10 +184,10 @@ void reply_window::forget_answers() {
     took(room_, room);
 }
 
-std::shared_ptr<reply_window> reply_windows::of(std::uint64_t reply_key, std::uint64_t incarnation, time_point now) {
+std::shared_ptr<reply_cache> reply_windows::of(std::uint64_t reply_key, std::uint64_t incarnation, time_point now) {
     auto& known = all_[{reply_key, incarnation}];
     if (known) return known;
-    known = std::make_shared<reply_window>(dropped_any_, room_);
+    known = std::make_shared<reply_cache>(dropped_any_, room_);
     auto made = known;
     made->touch(now);
     if (all_.size() > sweep_at_ || now >= next_sweep_) sweep(now);
@@ -214,10 +216,10 @@ void reply_windows::sweep(time_point now) {
 
 // A quarter at once, so that not each answer looks through all of them.
 void reply_windows::make_room() {
-    std::vector<reply_window*> by_age;
+    std::vector<reply_cache*> by_age;
     for (const auto& [client, window] : all_)
         if (window->room() > 0) by_age.push_back(window.get());
-    std::ranges::stable_sort(by_age, {}, &reply_window::last_used);
+    std::ranges::stable_sort(by_age, {}, &reply_cache::last_used);
     for (auto* window : by_age) {
         if (*room_ <= max_kept_bytes / 4 * 3) return;
         window->forget_answers();

@@ -1,4 +1,4 @@
-#include <ise/subscription/waiting_packets.hpp>
+#include <ise/subscription/send_queue.hpp>
 
 #include <ise/subscription/packet_frame.hpp>
 
@@ -6,7 +6,7 @@
 
 namespace ise {
 
-waiting_packets::stretch waiting_packets::pop(std::size_t most) {
+send_queue::stretch send_queue::pop(std::size_t most) {
     auto& oldest = stretches_.front();
     stretch taken;
     if (most >= oldest.packets) {
@@ -26,7 +26,7 @@ waiting_packets::stretch waiting_packets::pop(std::size_t most) {
     return taken;
 }
 
-std::uint32_t waiting_packets::drop(stretch& dropped) {
+std::uint32_t send_queue::drop(stretch& dropped) {
     dropped = pop(1);
     if (stretches_.empty()) return dropped.skipped;
     stretches_.front().skipped += dropped.skipped;

@@ -1,5 +1,5 @@
 // How a link to a role follows its members and moves between them.
-#include <ise/service/link.hpp>
+#include <ise/service/peer_channel.hpp>
 
 #include <ise/core/sleep.hpp>
 #include <ise/service/role_state.hpp>
@@ -15,25 +15,26 @@ constexpr duration drain_period = std::chrono::milliseconds(20);
 } // namespace
 
 // The session with the member that was taken has ended.
-void link::lose_member(session& ended, const failure& cause) {
+void peer_channel::lose_member(session& ended, const failure& cause) {
     role_->due.disarm();
     auto heartbeat = duration(static_cast<std::int64_t>(ended.wire().terms().we_accept.heartbeat_ns));
     bool silent = runtime().on().now() - ended.wire().last_heard() >= heartbeat * 2;
     role_->choice.lost(silent || cause.code() == errc::superseded);
 }
 
-std::string link::holder() const { return session_ ? session_->peer().path : std::string(); }
+std::string peer_channel::holder() const { return session_ ? session_->peer().path : std::string(); }
 
-void link::on_members(const resolution& found) {
+void peer_channel::on_members(const resolution& found) {
     if (runtime().stopping()) return;
     take_members(found);
     if (!role_ || found.members.empty()) return;
-    if (auto missing = role_->choice.unlisted()) runtime().scope().spawn("question of " + name_, ask_about(shared_from_this(), std::move(*missing)));
+    if (auto missing = role_->choice.unlisted())
+        runtime().scope().spawn("question of " + name_, ask_about(shared_from_this(), std::move(*missing)));
 }
 
-// The member that is talked to is not told of any more. One whose lease is over is kept as long as its session lives; one
-// that is registered still has left the role.
-task<> link::ask_about(std::shared_ptr<link> self, location unlisted) {
+// The member that is talked to is not told of any more. One whose lease is over is kept as long as its session lives;
+// one that is registered still has left the role.
+task<> peer_channel::ask_about(std::shared_ptr<peer_channel> self, location unlisted) {
     auto* names = self->of_.names.get();
     if (!names) co_return;
     auto found = co_await names->resolve(unlisted.path);
@@ -42,7 +43,7 @@ task<> link::ask_about(std::shared_ptr<link> self, location unlisted) {
     self->consider_moving();
 }
 
-void link::take_members(const resolution& found) {
+void peer_channel::take_members(const resolution& found) {
     if (!found.role) {
         forget_role();
         return;
@@ -57,13 +58,13 @@ void link::take_members(const resolution& found) {
     consider_moving();
 }
 
-void link::forget_role() noexcept {
+void peer_channel::forget_role() noexcept {
     if (!role_) return;
     if (of_.names) of_.names->unfollow(path_, *this);
     role_.reset();
 }
 
-void link::consider_moving() {
+void peer_channel::consider_moving() {
     if (!role_ || moving_) return;
     std::optional<role_choice::change> better;
     if (session_ && session_->open() && !runtime().stopping()) better = role_->choice.better();
@@ -74,9 +75,9 @@ void link::consider_moving() {
     }
 }
 
-task<> link::move(std::shared_ptr<link> self) {
+task<> peer_channel::move(std::shared_ptr<peer_channel> self) {
     struct leaving {
-        link& of;
+        peer_channel& of;
         ~leaving() {
             of.moving_ = false;
             if (!of.runtime().on().abandoned()) of.consider_moving();
@@ -89,7 +90,8 @@ task<> link::move(std::shared_ptr<link> self) {
     if (!wanted || wanted->at > now) co_return;
     auto made = co_await self->reach(wanted->to, self->connect_time_, time_point::max());
     if (!made) {
-        runtime.log().debug("a better member is not reached", {{"role", self->name_}, {"member", wanted->to.path}, {"cause", made.error().message()}});
+        runtime.log().debug("a better member is not reached",
+                            {{"role", self->name_}, {"member", wanted->to.path}, {"cause", made.error().message()}});
         if (self->role_) self->role_->choice.put_off(wanted->to.path, runtime.on().now());
         co_return;
     }
@@ -103,10 +105,11 @@ task<> link::move(std::shared_ptr<link> self) {
     }
 }
 
-void link::switch_to(std::shared_ptr<session> made, const location& member) {
+void peer_channel::switch_to(std::shared_ptr<session> made, const location& member) {
     loop::turn in(runtime().on());
     auto old = std::exchange(session_, nullptr);
-    runtime().log().info("goes on with a better member of a role", {{"role", name_}, {"from", old->peer_name()}, {"to", made->peer_name()}});
+    runtime().log().info("goes on with a better member of a role",
+                         {{"role", name_}, {"from", old->peer_name()}, {"to", made->peer_name()}});
     failure moved(errc::peer_lost, fmt::format("'{}' is served by a better member", name_));
     for (auto* subscriber : std::vector(subscribers_)) {
         old->subscriptions().unsubscribe(*subscriber, subscriber->farewell(), {});
@@ -119,7 +122,7 @@ void link::switch_to(std::shared_ptr<session> made, const location& member) {
 }
 
 // Calls that were written to it are answered there.
-task<> link::retire(std::shared_ptr<session> old) {
+task<> peer_channel::retire(std::shared_ptr<session> old) {
     auto& on = old->on();
     while (old->open() && old->calls().pending() > 0) co_await sleep_for(on, drain_period);
     if (old->open()) old->finish(failure(errc::cancelled, "a better member is there"), std::chrono::seconds(1));

@@ -1,4 +1,4 @@
-#include <ise/service/link.hpp>
+#include <ise/service/peer_channel.hpp>
 
 #include <ise/core/limits.hpp>
 #include <ise/core/sleep.hpp>
@@ -20,68 +20,77 @@ constexpr duration member_patience = std::chrono::seconds(1);
 // Why a session in good order did not take a call.
 failure overloaded(session& over, const std::string& who, execution began = execution::not_executed) {
     if (auto unsent = over.wire().out().pending_call_bytes(); unsent > over.runtime().options().max_unsent_bytes)
-        return {errc::overloaded, fmt::format("{} bytes of calls and replies wait to be sent to {} (max_unsent_bytes)", unsent, who), began};
-    return {errc::overloaded, fmt::format("too many calls are pending at {} (max_calls_per_session there)", who), began};
+        return {errc::overloaded,
+                fmt::format("{} bytes of calls and replies wait to be sent to {} (max_unsent_bytes)", unsent, who),
+                began};
+    return {errc::overloaded, fmt::format("too many calls are pending at {} (max_calls_per_session there)", who),
+            began};
 }
 
 } // namespace
 
-link::link(link_context& of, std::string path, std::optional<endpoint> fixed, role_options how)
-    : session_owner(of.calls.next_range(), true), of_(of), path_(std::move(path)), fixed_(std::move(fixed)), name_(fixed_ ? fixed_->text() : path_), how_(how),
-      pause_(of.runtime.env(), runtime().options().first_back_off, runtime().options().longest_back_off), connect_time_(runtime().options().connect_time),
-      spread_(runtime().options().reconnect_spread), located_(fixed_.has_value()) {
+peer_channel::peer_channel(channel_context& of, std::string path, std::optional<endpoint> fixed, role_options how)
+    : session_owner(of.calls.next_range(), true), of_(of), path_(std::move(path)), fixed_(std::move(fixed)),
+      name_(fixed_ ? fixed_->text() : path_), how_(how),
+      pause_(of.runtime.env(), runtime().options().first_back_off, runtime().options().max_back_off),
+      connect_time_(runtime().options().connect_time), spread_(runtime().options().reconnect_spread),
+      located_(fixed_.has_value()) {
     of_.uses.add(*this);
 }
 
-link::link(link_context& of, const std::shared_ptr<session>& peer)
+peer_channel::peer_channel(channel_context& of, const std::shared_ptr<session>& peer)
     : session_owner(of.calls.next_range(), false), of_(of), name_(peer->peer_name()), session_(peer),
-      pause_(of.runtime.env(), runtime().options().first_back_off, runtime().options().longest_back_off), connect_time_(runtime().options().connect_time),
-      spread_(runtime().options().reconnect_spread) {}
+      pause_(of.runtime.env(), runtime().options().first_back_off, runtime().options().max_back_off),
+      connect_time_(runtime().options().connect_time), spread_(runtime().options().reconnect_spread) {}
 
-link::~link() {
+peer_channel::~peer_channel() {
     of_.uses.remove(*this);
     forget_role();
     // Nobody talks to the peer over it any more; a peer that made the session itself keeps it.
-    if (session_ && session_->open() && goes_on() && !runtime().on().abandoned()) session_->finish(failure(errc::cancelled, "nothing more to say"), std::chrono::seconds(1));
+    if (session_ && session_->open() && goes_on() && !runtime().on().abandoned())
+        session_->finish(failure(errc::cancelled, "nothing more to say"), std::chrono::seconds(1));
 }
 
-void link::hurry(duration longest_pause, duration connect_time) noexcept {
-    pause_.limit(longest_pause);
-    spread_ = std::min(spread_, longest_pause);
+void peer_channel::hurry(duration max_pause, duration connect_time) noexcept {
+    pause_.limit(max_pause);
+    spread_ = std::min(spread_, max_pause);
     connect_time_ = std::min(connect_time_, connect_time);
 }
 
-std::string link::obstacle() const {
+std::string peer_channel::obstacle() const {
     if (!obstacle_.empty() || fixed_ || !goes_on()) return obstacle_;
     return of_.names ? of_.names->trouble() : std::string();
 }
 
 // A link back to a caller ends with its session: nothing waits for another one.
-void link::note_wait(std::string_view service, const packet_types* types) {
+void peer_channel::note_wait(std::string_view service, const packet_types* types) {
     if (goes_on()) of_.uses.waits(*this, service, types);
 }
 
-void link::note_miss(std::string_view service, const packet_types* types, std::string cause) {
+void peer_channel::note_miss(std::string_view service, const packet_types* types, std::string cause) {
     if (goes_on()) of_.uses.missed(*this, service, types, std::move(cause));
 }
 
-void link::on_first_call(std::string_view service, const packet_types& types) {
+void peer_channel::on_first_call(std::string_view service, const packet_types& types) {
     if (goes_on()) of_.uses.reached(*this, service, &types);
 }
 
-void link::on_established(const subscriber_core& subscriber) {
+void peer_channel::on_established(const subscriber_core& subscriber) {
     if (goes_on()) of_.uses.reached(*this, subscriber.service(), &subscriber.types());
 }
 
-void link::on_missed(const subscriber_core& subscriber) { note_miss(subscriber.service(), &subscriber.types(), obstacle()); }
+void peer_channel::on_missed(const subscriber_core& subscriber) {
+    note_miss(subscriber.service(), &subscriber.types(), obstacle());
+}
 
-void link::submit(pending_call& call, outgoing_packet request) {
+void peer_channel::submit(pending_call& call, outgoing_packet request) {
     if (runtime().on().abandoned()) {
         of_.calls.abandon(call);
         return;
     }
     if (call.deadline <= runtime().on().now()) {
-        of_.calls.fail(call, failure(errc::timed_out, fmt::format("'{}' at {} was called after its deadline", call.service, name_)));
+        of_.calls.fail(call, failure(errc::timed_out,
+                                     fmt::format("'{}' at {} was called after its deadline", call.service, name_)));
         return;
     }
     call.alarm.arm(call.deadline);
@@ -98,7 +107,9 @@ void link::submit(pending_call& call, outgoing_packet request) {
             return;
         }
         if (waiting_.size() >= limit::waiting_calls) {
-            of_.calls.fail(call, failure(errc::overloaded, fmt::format("{} calls wait for a session with {} (waiting_calls)", waiting_.size(), name_)));
+            of_.calls.fail(call,
+                           failure(errc::overloaded, fmt::format("{} calls wait for a session with {} (waiting_calls)",
+                                                                 waiting_.size(), name_)));
             return;
         }
         call.waiting = request.keep();
@@ -111,30 +122,35 @@ void link::submit(pending_call& call, outgoing_packet request) {
     wake();
 }
 
-void link::wait_for_session(pending_call& call, call_state how) {
+void peer_channel::wait_for_session(pending_call& call, call_state how) {
     call.moves(how, *this);
     waiting_.push_back(&call);
 }
 
-void link::requeue(pending_call& call, kept_packet request) {
+void peer_channel::requeue(pending_call& call, kept_packet request) {
     call.number = call.sent_to = 0;
     call.waiting = std::move(request);
     wait_for_session(call, call_state::waiting);
 }
 
-void link::repeat(pending_call& call) { wait_for_session(call, call_state::repeating); }
+void peer_channel::repeat(pending_call& call) { wait_for_session(call, call_state::repeating); }
 
-failure link::let_go(pending_call& call, errc why) {
+failure peer_channel::let_go(pending_call& call, errc why) {
     waiting_.remove(&call);
-    if (why == errc::cancelled) return {why, fmt::format("the call of '{}' at {} was cancelled", call.service, name_), call.executed()};
+    if (why == errc::cancelled)
+        return {why, fmt::format("the call of '{}' at {} was cancelled", call.service, name_), call.executed()};
     auto cause = obstacle();
     if (call.state == call_state::repeating)
-        return {why, fmt::format("'{}' at {} did not answer in time; the session was lost meanwhile: {}", call.service, name_, cause), call.executed()};
+        return {why,
+                fmt::format("'{}' at {} did not answer in time; the session was lost meanwhile: {}", call.service,
+                            name_, cause),
+                call.executed()};
     note_miss(call.service, call.types, cause);
-    return {why, fmt::format("'{}' at {} could not be called in time: {}", call.service, name_, cause.empty() ? "no session was made" : cause)};
+    return {why, fmt::format("'{}' at {} could not be called in time: {}", call.service, name_,
+                             cause.empty() ? "no session was made" : cause)};
 }
 
-void link::attach(subscriber_core& subscriber) {
+void peer_channel::attach(subscriber_core& subscriber) {
     subscribers_.push_back(&subscriber);
     if (session_ && session_->open()) {
         session_->subscriptions().subscribe(subscriber);
@@ -146,9 +162,9 @@ void link::attach(subscriber_core& subscriber) {
     }
 }
 
-void link::detach(subscriber_core& subscriber) noexcept { std::erase(subscribers_, &subscriber); }
+void peer_channel::detach(subscriber_core& subscriber) noexcept { std::erase(subscribers_, &subscriber); }
 
-task<result<void>> link::connect(time_point deadline) {
+task<result<void>> peer_channel::connect(time_point deadline) {
     ++connectors_;
     bool late = false;
     waiter<> arrival(runtime().on(), [&arrival] { arrival.resume(); });
@@ -170,15 +186,19 @@ task<result<void>> link::connect(time_point deadline) {
     }
     if (late) note_miss({}, nullptr, obstacle());
     co_return failure(late ? errc::timed_out : errc::cancelled,
-                      fmt::format("no session with {}{}{}", name_, late ? " in time" : "", obstacle().empty() ? "" : ": " + obstacle()));
+                      fmt::format("no session with {}{}{}", name_, late ? " in time" : "",
+                                  obstacle().empty() ? "" : ": " + obstacle()));
 }
 
-task<result<void>> link::find(std::shared_ptr<link> self, time_point deadline) {
+task<result<void>> peer_channel::find(std::shared_ptr<peer_channel> self, time_point deadline) {
     auto* names = self->of_.names.get();
-    if (!names) co_return failure(errc::invalid_argument, fmt::format("'{}' cannot be found: this component has no name server; use at(endpoint)", self->path_));
+    if (!names)
+        co_return failure(
+            errc::invalid_argument,
+            fmt::format("'{}' cannot be found: this component has no name server; use at(endpoint)", self->path_));
     struct seeking {
-        link& of;
-        explicit seeking(link& who) : of(who) { ++of.seekers_; }
+        peer_channel& of;
+        explicit seeking(peer_channel& who) : of(who) { ++of.seekers_; }
         ~seeking() { --of.seekers_; }
     } guard(*self);
     self->note_wait({}, nullptr);
@@ -192,21 +212,22 @@ task<result<void>> link::find(std::shared_ptr<link> self, time_point deadline) {
     co_return place.error();
 }
 
-bool link::awaits(std::string_view service) const noexcept {
+bool peer_channel::awaits(std::string_view service) const noexcept {
     if (service.empty()) return seekers_ > 0 || (connectors_ > 0 && !session_);
     return std::ranges::any_of(waiting_, [&](const auto* call) { return call->service == service; }) ||
-           std::ranges::any_of(subscribers_, [&](const auto* one) { return one->service() == service && !one->connected(); });
+           std::ranges::any_of(subscribers_,
+                               [&](const auto* one) { return one->service() == service && !one->connected(); });
 }
 
-void link::wake() {
+void peer_channel::wake() {
     if (maintaining_ || !goes_on() || session_ || runtime().stopping()) return;
     maintaining_ = runtime().scope().spawn("link to " + name_, maintain(shared_from_this())) != nullptr;
 }
 
 // One coroutine makes a session as long as somebody wants one and there is none; it holds the link meanwhile.
-task<> link::maintain(std::shared_ptr<link> self) {
+task<> peer_channel::maintain(std::shared_ptr<peer_channel> self) {
     struct leaving {
-        link& of;
+        peer_channel& of;
         ~leaving() { of.maintaining_ = false; }
     } guard{*self};
     auto& runtime = self->runtime();
@@ -231,7 +252,7 @@ task<> link::maintain(std::shared_ptr<link> self) {
     }
 }
 
-task<> link::wait_before_next_try(duration pause) {
+task<> peer_channel::wait_before_next_try(duration pause) {
     auto& on = runtime().on();
     auto until = saturating_add(on.now(), pause);
     auto* names = fixed_ ? nullptr : of_.names.get();
@@ -241,13 +262,14 @@ task<> link::wait_before_next_try(duration pause) {
         if (life != 0) {
             tried_life_ = life;
             pause_.reset();
-            until = std::min(until, saturating_add(on.now(), pause_.after_loss(spread_))); // others have waited for it too
+            until =
+                std::min(until, saturating_add(on.now(), pause_.after_loss(spread_))); // others have waited for it too
         }
     }
     co_await sleep_until(on, until);
 }
 
-void link::adopt(std::shared_ptr<session> made) {
+void peer_channel::adopt(std::shared_ptr<session> made) {
     if (runtime().stopping()) {
         made->finish(failure(errc::peer_lost, "the component stops"), std::chrono::seconds(1));
         return;
@@ -257,7 +279,8 @@ void link::adopt(std::shared_ptr<session> made) {
         return;
     }
     loop::turn in(runtime().on());
-    if (since_ != time_point{} && !subscribers_.empty()) runtime().log().info("is reached again", {{"provider", name_}});
+    if (since_ != time_point{} && !subscribers_.empty())
+        runtime().log().info("is reached again", {{"provider", name_}});
     session_ = std::move(made);
     since_ = runtime().on().now();
     obstacle_.clear();
@@ -267,11 +290,16 @@ void link::adopt(std::shared_ptr<session> made) {
     consider_moving();
 }
 
-void link::send_waiting() {
+void peer_channel::send_waiting() {
     for (auto* call : std::exchange(waiting_, {})) {
-        if (call->state == call_state::repeating && (!session_->wire().lossy() || call->sent_to != session_->peer().incarnation)) {
-            auto why = session_->wire().lossy() ? "it was restarted before it answered" : "the session ended before the answer, and the next one is none over which calls are repeated";
-            of_.calls.fail(*call, failure(errc::peer_lost, fmt::format("'{}' at {}: {}", call->service, name_, why), execution::unknown));
+        if (call->state == call_state::repeating &&
+            (!session_->wire().lossy() || call->sent_to != session_->peer().incarnation)) {
+            auto why =
+                session_->wire().lossy()
+                    ? "it was restarted before it answered"
+                    : "the session ended before the answer, and the next one is none over which calls are repeated";
+            of_.calls.fail(*call, failure(errc::peer_lost, fmt::format("'{}' at {}: {}", call->service, name_, why),
+                                          execution::unknown));
             continue;
         }
         auto began = call->executed(); // before this
@@ -287,12 +315,13 @@ void link::send_waiting() {
     }
 }
 
-void link::stop() {
+void peer_channel::stop() {
     for (auto* arrival : arrivals_) arrival->resume();
-    for (auto* call : std::exchange(waiting_, {})) of_.calls.fail(*call, failure(errc::cancelled, "the component stops", call->executed()));
+    for (auto* call : std::exchange(waiting_, {}))
+        of_.calls.fail(*call, failure(errc::cancelled, "the component stops", call->executed()));
 }
 
-task<result<std::shared_ptr<session>>> link::establish() {
+task<result<std::shared_ptr<session>>> peer_channel::establish() {
     resolution found;
     if (fixed_) {
         auto& there = found.members.emplace_back();
@@ -300,7 +329,9 @@ task<result<std::shared_ptr<session>>> link::establish() {
         there.endpoints.push_back(*fixed_);
     } else {
         auto* names = of_.names.get();
-        if (!names) co_return failure(errc::invalid_argument, fmt::format("'{}' is a name, and this component was given no name server", path_));
+        if (!names)
+            co_return failure(errc::invalid_argument,
+                              fmt::format("'{}' is a name, and this component was given no name server", path_));
         auto answer = co_await names->resolve(path_);
         located_ = answer.has_value();
         if (!answer) {
@@ -317,7 +348,9 @@ task<result<std::shared_ptr<session>>> link::establish() {
     for (std::size_t at = 0; at < found.members.size(); ++at) {
         const auto& member = found.members[at];
         // Who is not the last that can be tried gets less patience.
-        auto until = at + 1 < found.members.size() ? saturating_add(runtime().on().now(), std::min(connect_time_, member_patience)) : time_point::max();
+        auto until = at + 1 < found.members.size()
+                         ? saturating_add(runtime().on().now(), std::min(connect_time_, member_patience))
+                         : time_point::max();
         auto made = co_await reach(member, connect_time_, until);
         if (made) {
             if (role_) role_->choice.took(member);
@@ -329,9 +362,10 @@ task<result<std::shared_ptr<session>>> link::establish() {
     co_return failure(last.code(), tried.empty() ? last.message() : tried);
 }
 
-task<result<std::shared_ptr<session>>> link::reach(location where, duration patience, time_point until) {
+task<result<std::shared_ptr<session>>> peer_channel::reach(location where, duration patience, time_point until) {
     std::string tried;
-    failure last(errc::unreachable, fmt::format("{} has no endpoint that can be reached from here", where.path.empty() ? name_ : where.path));
+    failure last(errc::unreachable, fmt::format("{} has no endpoint that can be reached from here",
+                                                where.path.empty() ? name_ : where.path));
     for (const auto& at : where.endpoints) {
         auto deadline = std::min(saturating_add(runtime().on().now(), patience), until);
         // The stream is connected under the same deadline as the greeting.
@@ -343,7 +377,7 @@ task<result<std::shared_ptr<session>>> link::reach(location where, duration pati
     co_return failure(last.code(), tried.empty() ? last.message() : tried);
 }
 
-void link::on_session_end(session& ended, const failure& cause) {
+void peer_channel::on_session_end(session& ended, const failure& cause) {
     if (session_.get() != &ended) { // one that the link has moved away from, which gave back what it had not written
         if (session_ && session_->open()) {
             send_waiting();
@@ -364,7 +398,9 @@ void link::on_session_end(session& ended, const failure& cause) {
             if (!last || *last != call->service) note_wait(call->service, call->types);
             last = &call->service;
         }
-        if (!subscribers_.empty()) runtime().log().info("was lost; its subscriptions go on when it is back", {{"provider", name_}, {"cause", cause.message()}});
+        if (!subscribers_.empty())
+            runtime().log().info("was lost; its subscriptions go on when it is back",
+                                 {{"provider", name_}, {"cause", cause.message()}});
         wake();
     }
 }

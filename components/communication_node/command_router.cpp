@@ -1,4 +1,4 @@
-#include <components/communication_node/command_desk.hpp>
+#include <components/communication_node/command_router.hpp>
 
 #include <fmt/format.h>
 
@@ -24,7 +24,9 @@ std::int64_t steady_ms(ise::time_point at) {
     return std::chrono::duration_cast<std::chrono::milliseconds>(at.time_since_epoch()).count();
 }
 
-ise::duration until(utc_time later, utc_time earlier) { return std::chrono::duration_cast<ise::duration>(later - earlier); }
+ise::duration until(utc_time later, utc_time earlier) {
+    return std::chrono::duration_cast<ise::duration>(later - earlier);
+}
 
 } // namespace
 
@@ -35,9 +37,10 @@ bool knows_more(const command_record& a, const command_record& b) noexcept {
     return key(a) > key(b);
 }
 
-ise::result<command_record> command_desk::prepare(ise::time_point now, utc_time wall, const telecommand_request& request,
-                                                  std::uint32_t chosen, const std::string& asked_by,
-                                                  std::uint32_t authority, const std::string& node) const {
+ise::result<command_record> command_router::prepare(ise::time_point now, utc_time wall,
+                                                    const telecommand_request& request, std::uint32_t chosen,
+                                                    const std::string& asked_by, std::uint32_t authority,
+                                                    const std::string& node) const {
     if (auto good = check_request(request); !good) return good.error();
     if (open_.size() >= options_.max_open)
         return ise::failure(ise::errc::overloaded,
@@ -62,7 +65,7 @@ ise::result<command_record> command_desk::prepare(ise::time_point now, utc_time 
 
 /// What is left of its validity. Civil time may have been set back meanwhile, and the steady clock counts anew when the
 /// machine starts: the less of the two is right, and never more than the whole.
-ise::duration command_desk::left_of(ise::time_point now, utc_time wall, const command_record& record, bool mine) {
+ise::duration command_router::left_of(ise::time_point now, utc_time wall, const command_record& record, bool mine) {
     auto whole = until(record.valid_until, record.status.asked_at);
     auto left = std::min(whole, until(record.valid_until, wall));
     if (!mine || record.asked_steady_ms == 0) return left;
@@ -71,7 +74,7 @@ ise::duration command_desk::left_of(ise::time_point now, utc_time wall, const co
     return wall < record.status.asked_at ? ise::duration() : left; // both went back: nobody knows for how long
 }
 
-bool command_desk::know(ise::time_point now, utc_time wall, const command_record& record, const std::string& me) {
+bool command_router::know(ise::time_point now, utc_time wall, const command_record& record, const std::string& me) {
     auto id = record.status.id;
     auto found = entries_.find(id);
     if (found == entries_.end()) {
@@ -94,7 +97,7 @@ bool command_desk::know(ise::time_point now, utc_time wall, const command_record
     return true;
 }
 
-void command_desk::take_over(ise::time_point now, utc_time wall, const std::string& me) {
+void command_router::take_over(ise::time_point now, utc_time wall, const std::string& me) {
     for (auto id : std::vector(open_)) {
         auto& e = entries_.at(id);
         if (e.mine || e.expires <= now) continue;
@@ -106,7 +109,7 @@ void command_desk::take_over(ise::time_point now, utc_time wall, const std::stri
 }
 
 /// When another link may be tried; nothing where none may.
-std::optional<ise::time_point> command_desk::next_link_at(const entry& e, const link_table& links) const {
+std::optional<ise::time_point> command_router::next_link_at(const entry& e, const link_table& links) const {
     auto at = ise::time_point::min();
     for (const auto& [link, given] : e.links) {
         if (!given.given) continue;
@@ -116,7 +119,8 @@ std::optional<ise::time_point> command_desk::next_link_at(const entry& e, const 
     return at;
 }
 
-std::optional<command_desk::give> command_desk::next_give(ise::time_point now, utc_time wall, const link_table& links) {
+std::optional<command_router::give> command_router::next_give(ise::time_point now, utc_time wall,
+                                                              const link_table& links) {
     on_time(now, wall);
     for (auto id : open_) {
         auto& e = entries_.at(id);
@@ -152,7 +156,7 @@ std::optional<command_desk::give> command_desk::next_give(ise::time_point now, u
     return std::nullopt;
 }
 
-void command_desk::on_status(utc_time wall, link_id link, const telecommand_status& status) {
+void command_router::on_status(utc_time wall, link_id link, const telecommand_status& status) {
     auto found = entries_.find(status.id);
     if (found == entries_.end() || found->second.record.status.kind != status.kind) return;
     auto& e = found->second;
@@ -188,7 +192,8 @@ void command_desk::on_status(utc_time wall, link_id link, const telecommand_stat
     }
 }
 
-void command_desk::on_refused(ise::time_point, utc_time wall, std::uint32_t id, link_id link, const std::string& why) {
+void command_router::on_refused(ise::time_point, utc_time wall, std::uint32_t id, link_id link,
+                                const std::string& why) {
     auto found = entries_.find(id);
     if (found == entries_.end() || is_final(found->second.record.status.state)) return;
     auto& e = found->second;
@@ -197,7 +202,7 @@ void command_desk::on_refused(ise::time_point, utc_time wall, std::uint32_t id, 
     change(e, wall, e.record.via ? telecommand_stage::failed : e.record.status.state, text);
 }
 
-void command_desk::on_time(ise::time_point now, utc_time wall) {
+void command_router::on_time(ise::time_point now, utc_time wall) {
     for (auto id : std::vector(open_)) {
         auto& e = entries_.at(id);
         // Another node's is left to it for a while longer: it may have heard the boat.
@@ -210,7 +215,7 @@ void command_desk::on_time(ise::time_point now, utc_time wall) {
     }
 }
 
-ise::time_point command_desk::next_event(ise::time_point now, const link_table& links) const {
+ise::time_point command_router::next_event(ise::time_point now, const link_table& links) const {
     auto next = ise::time_point::max();
     for (auto id : open_) {
         const auto& e = entries_.at(id);
@@ -223,18 +228,18 @@ ise::time_point command_desk::next_event(ise::time_point now, const link_table& 
     return next;
 }
 
-const command_record* command_desk::find(std::uint32_t id) const {
+const command_record* command_router::find(std::uint32_t id) const {
     auto found = entries_.find(id);
     return found == entries_.end() ? nullptr : &found->second.record;
 }
 
-std::vector<telecommand_status> command_desk::open() const {
+std::vector<telecommand_status> command_router::open() const {
     std::vector<telecommand_status> all;
     for (auto id : open_) all.push_back(entries_.at(id).record.status);
     return all;
 }
 
-void command_desk::change(entry& e, utc_time wall, telecommand_stage stage, std::string text) {
+void command_router::change(entry& e, utc_time wall, telecommand_stage stage, std::string text) {
     bool was_final = is_final(e.record.status.state);
     e.record.status.state = stage;
     e.record.status.text = std::move(text);
@@ -244,7 +249,7 @@ void command_desk::change(entry& e, utc_time wall, telecommand_stage stage, std:
     if (!was_final && is_final(stage)) decided(e.record.status.id);
 }
 
-void command_desk::decided(std::uint32_t id) {
+void command_router::decided(std::uint32_t id) {
     if (id != 0) {
         std::erase(open_, id);
         decided_.push_back(id);

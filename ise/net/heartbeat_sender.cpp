@@ -1,8 +1,8 @@
-#include <ise/net/vital_signs.hpp>
+#include <ise/net/heartbeat_sender.hpp>
 
+#include <ise/core/buffer.hpp>
 #include <ise/core/object_stream.hpp>
 #include <ise/net/datagram_stream.hpp>
-#include <ise/core/buffer.hpp>
 #include <ise/wire/frame.hpp>
 
 #include <algorithm>
@@ -11,24 +11,24 @@
 
 namespace ise::net {
 
-vital_signs::vital_signs(stream& transport, duration heartbeat, time_point now)
-    : transport_(transport), datagrams_(dynamic_cast<datagram_stream*>(&transport)), full_heartbeat_(heartbeat), heartbeat_(heartbeat.count()),
-      sent_(now.time_since_epoch().count()) {
+heartbeat_sender::heartbeat_sender(stream& transport, duration heartbeat, time_point now)
+    : transport_(transport), datagrams_(dynamic_cast<datagram_stream*>(&transport)), full_heartbeat_(heartbeat),
+      heartbeat_(heartbeat.count()), sent_(now.time_since_epoch().count()) {
     const auto* objects = dynamic_cast<object_stream*>(&transport);
     on_one_loop_ = objects && objects->on_one_loop();
 }
 
-void vital_signs::wait_for_claim() noexcept {
+void heartbeat_sender::wait_for_claim() noexcept {
     while (claimed_.exchange(true, std::memory_order_acquire)) std::this_thread::yield();
 }
 
-void vital_signs::release(time_point sent) noexcept {
+void heartbeat_sender::release(time_point sent) noexcept {
     sent_.store(sent.time_since_epoch().count(), std::memory_order_relaxed);
     held_ = false;
     claimed_.store(false, std::memory_order_release);
 }
 
-void vital_signs::show(time_point now) {
+void heartbeat_sender::show(time_point now) {
     if (on_one_loop_) return;
     // The connection itself sends at each heartbeat; it gets some time for that.
     auto overdue = time_point(duration(sent_.load(std::memory_order_relaxed))) + heartbeat() + heartbeat() / 4;
@@ -48,7 +48,7 @@ void vital_signs::show(time_point now) {
     claimed_.store(false, std::memory_order_release);
 }
 
-void vital_signs_list::add(const std::shared_ptr<vital_signs>& made) {
+void heartbeat_senders::add(const std::shared_ptr<heartbeat_sender>& made) {
     {
         std::lock_guard lock(mutex_);
         if (all_.size() >= pruned_at_) {
@@ -61,13 +61,13 @@ void vital_signs_list::add(const std::shared_ptr<vital_signs>& made) {
 }
 
 // On the component's loop only.
-void vital_signs_list::hasten(duration heartbeat) {
-    if (heartbeat >= shortest_heartbeat()) return;
+void heartbeat_senders::hasten(duration heartbeat) {
+    if (heartbeat >= min_heartbeat()) return;
     shortest_.store(heartbeat.count(), std::memory_order_relaxed);
     if (on_shorter_) on_shorter_();
 }
 
-void vital_signs_list::show(time_point now) {
+void heartbeat_senders::show(time_point now) {
     std::lock_guard lock(mutex_);
     for (const auto& known : all_)
         if (auto held = known.lock()) held->show(now);

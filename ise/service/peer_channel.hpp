@@ -22,9 +22,9 @@ class peer_sessions;
 struct role_state;
 
 /// What the links of one component share.
-struct link_context {
+struct channel_context {
     service_runtime& runtime;
-    call_desk& calls;
+    pending_calls& calls;
     peer_sessions& sessions;
     use_book& uses;
     std::shared_ptr<resolver> names; ///< null: none was given
@@ -34,19 +34,24 @@ struct link_context {
 /// something wants one, keeps what waits meanwhile, and heals: a session that ended is made anew, with back-off and
 /// jitter, as long as calls wait or subscriptions live. Calls that were never written move to the next session.
 ///
-/// A role is served by several: the link talks to the best of them that it reaches, goes on with the next one when that is
-/// lost, and comes back to a better one as `role_options` say. It moves when the new session is there; calls that were
-/// written to the one before end there, subscriptions go on with a gap of unknown length.
-class link final : public std::enable_shared_from_this<link>, public session_owner, public call_holder, public subscription_owner, public use_target {
+/// A role is served by several: the link talks to the best of them that it reaches, goes on with the next one when that
+/// is lost, and comes back to a better one as `role_options` say. It moves when the new session is there; calls that
+/// were written to the one before end there, subscriptions go on with a gap of unknown length.
+class peer_channel final : public std::enable_shared_from_this<peer_channel>,
+                           public session_owner,
+                           public call_holder,
+                           public subscription_owner,
+                           public use_target {
 public:
-    /// To whoever holds `path`, or to that component at `fixed`, where an empty path is whoever listens. Lifetime: `of` outlives it.
-    link(link_context& of, std::string path, std::optional<endpoint> fixed, role_options how = role_options());
+    /// To whoever holds `path`, or to that component at `fixed`, where an empty path is whoever listens. Lifetime: `of`
+    /// outlives it.
+    peer_channel(channel_context& of, std::string path, std::optional<endpoint> fixed, role_options how = role_options());
     /// Back to the peer of a session that it made.
-    link(link_context& of, const std::shared_ptr<session>& peer);
-    ~link();
+    peer_channel(channel_context& of, const std::shared_ptr<session>& peer);
+    ~peer_channel();
 
     service_runtime& runtime() const noexcept override { return of_.runtime; }
-    call_desk& calls() const noexcept { return of_.calls; }
+    pending_calls& calls() const noexcept { return of_.calls; }
     /// For people: the path, or the endpoint.
     const std::string& name() const noexcept override { return name_; }
     std::string obstacle() const override;
@@ -71,10 +76,10 @@ public:
 
     /// Waits until somebody is found under its path, without a session; the resolver's failure at `deadline`.
     /// Cancellation: terminal.
-    static task<result<void>> find(std::shared_ptr<link> self, time_point deadline);
+    static task<result<void>> find(std::shared_ptr<peer_channel> self, time_point deadline);
 
     /// Tries again sooner than the component's options say: for a provider that many depend on.
-    void hurry(duration longest_pause, duration connect_time) noexcept;
+    void hurry(duration max_pause, duration connect_time) noexcept;
 
     const std::shared_ptr<session>& current() const noexcept { return session_; }
     /// The path of the component that it talks to now, of a role the member; empty without a session.
@@ -90,7 +95,7 @@ public:
 private:
     bool wanted() const noexcept { return !waiting_.empty() || !subscribers_.empty() || connectors_ > 0; }
     void wake();
-    static task<> maintain(std::shared_ptr<link> self);
+    static task<> maintain(std::shared_ptr<peer_channel> self);
     /// Between two tries; a long pause ends early when there is somebody new to try.
     task<> wait_before_next_try(duration pause);
     task<result<std::shared_ptr<session>>> establish();
@@ -103,17 +108,17 @@ private:
     void note_wait(std::string_view service, const packet_types* types);
     void note_miss(std::string_view service, const packet_types* types, std::string cause);
 
-    // A role's (link_moves.cpp).
+    // A role's (peer_channel_moves.cpp).
     void take_members(const resolution& found);
     void forget_role() noexcept;
     void lose_member(session& ended, const failure& cause);
     void consider_moving();
-    static task<> move(std::shared_ptr<link> self);
-    static task<> ask_about(std::shared_ptr<link> self, location unlisted);
+    static task<> move(std::shared_ptr<peer_channel> self);
+    static task<> ask_about(std::shared_ptr<peer_channel> self, location unlisted);
     void switch_to(std::shared_ptr<session> made, const location& member);
     static task<> retire(std::shared_ptr<session> old);
 
-    link_context& of_;
+    channel_context& of_;
     std::string path_;
     std::optional<endpoint> fixed_;
     std::string name_;
@@ -127,7 +132,7 @@ private:
     back_off pause_;
     duration connect_time_;
     duration spread_;
-    time_point since_{}; // the present session began
+    time_point since_{};           // the present session began
     std::uint64_t tried_life_ = 0; // the incarnation that was tried last; 0: nobody held the name
     int connectors_ = 0;
     int seekers_ = 0;

@@ -1,4 +1,4 @@
-#include <ise/call/reply_window.hpp>
+#include <ise/call/reply_cache.hpp>
 #include <ise/service/session.hpp>
 #include <support/catch.hpp>
 
@@ -9,16 +9,16 @@
 namespace reply_window_test {
 
 using namespace std::chrono_literals;
-using ise::reply_window;
-using state = ise::reply_window::state;
+using ise::reply_cache;
+using state = ise::reply_cache::state;
 
 namespace {
 
 constexpr ise::time_point now{1000s};
 constexpr ise::time_point later{2000s};
 
-reply_window::place at(std::uint64_t id) {
-    reply_window::place made;
+reply_cache::place at(std::uint64_t id) {
+    reply_cache::place made;
     made.id = id;
     return made;
 }
@@ -27,7 +27,7 @@ ise::bytes frame_of(std::size_t size) { return ise::bytes(size, std::byte{1}); }
 } // namespace
 
 TEST_CASE("a numbered call runs once, and its answer is kept for who asks again") {
-    reply_window window(false);
+    reply_cache window(false);
     CHECK(window.look(5, false) == state::fresh);
     window.begin(5, at(50), later, now);
     CHECK(window.look(5, true) == state::running);
@@ -41,7 +41,7 @@ TEST_CASE("a numbered call runs once, and its answer is kept for who asks again"
 }
 
 TEST_CASE("what was given up does not run again") {
-    reply_window window(false);
+    reply_cache window(false);
     window.begin(1, at(1), later, now);
     window.give_up(1);
     CHECK(window.look(1, true) == state::forgotten);
@@ -50,18 +50,18 @@ TEST_CASE("what was given up does not run again") {
 }
 
 TEST_CASE("replies are bounded by number and by bytes, the ones nobody waits for go first, and none runs twice") {
-    reply_window window(false);
-    for (std::uint64_t number = 1; number <= 10 * reply_window::max_replies; ++number) {
+    reply_cache window(false);
+    for (std::uint64_t number = 1; number <= 10 * reply_cache::max_replies; ++number) {
         window.begin(number, at(number), number % 2 ? later : now, now + 1ns);
         window.finish(number, frame_of(100), now);
-        REQUIRE(window.replies() <= reply_window::max_replies);
+        REQUIRE(window.replies() <= reply_cache::max_replies);
         REQUIRE(window.look(number, true) == state::answered);
     }
     CHECK(window.look(1, true) == state::forgotten);
     for (std::uint64_t number = 20'000; number < 20'100; ++number) {
         window.begin(number, at(number), later, now);
         window.finish(number, frame_of(1 << 20), now);
-        REQUIRE(window.reply_bytes() <= reply_window::max_reply_bytes + (1 << 20));
+        REQUIRE(window.reply_bytes() <= reply_cache::max_reply_bytes + (1 << 20));
     }
     // Numbers with gaps between them: the lowest are taken for seen in the end.
     for (std::uint64_t number = 100'000; number < 110'000; number += 2) {
@@ -73,28 +73,28 @@ TEST_CASE("replies are bounded by number and by bytes, the ones nobody waits for
 }
 
 TEST_CASE("answers that come late, with nothing begun behind them, are bounded too, and what runs is never forgotten") {
-    reply_window window(false);
+    reply_cache window(false);
     for (std::uint64_t number = 1; number <= 64; ++number) window.begin(number, at(number), later, now);
     for (std::uint64_t number = 1; number <= 64; ++number) {
         REQUIRE(window.look(number, true) == state::running);
         REQUIRE(window.finish(number, frame_of(1 << 20), now));
         REQUIRE(window.look(number, true) == state::answered);
-        REQUIRE(window.reply_bytes() <= reply_window::max_reply_bytes + (1 << 20));
+        REQUIRE(window.reply_bytes() <= reply_cache::max_reply_bytes + (1 << 20));
         REQUIRE(window.running() == 64 - number);
     }
     CHECK(window.look(1, true) == state::forgotten);
     for (std::uint64_t number = 1001; number <= 3000; ++number) window.begin(number, at(number), later, now);
     for (std::uint64_t number = 1001; number <= 3000; ++number) {
         window.finish(number, frame_of(1), now);
-        REQUIRE(window.replies() <= reply_window::max_replies);
+        REQUIRE(window.replies() <= reply_cache::max_replies);
     }
 }
 
 TEST_CASE("gaps in the numbers of one link leave those of an older link as they are") {
-    reply_window window(false);
+    reply_cache window(false);
     const std::uint64_t older = 1ull << 40, newer = 2ull << 40;
     window.begin(older + 1, at(1), later, now);
-    for (std::uint64_t i = 0; i < reply_window::max_gaps + 6; ++i) window.begin(newer + 1 + 2 * i, at(i), later, now);
+    for (std::uint64_t i = 0; i < reply_cache::max_gaps + 6; ++i) window.begin(newer + 1 + 2 * i, at(i), later, now);
     CHECK(window.look(older + 1, true) == state::running);
     CHECK(window.look(older + 2, false) == state::fresh);
     CHECK(window.look(older + 2, true) == state::fresh);
@@ -112,7 +112,7 @@ TEST_CASE("a client with several links counts in several ranges, and nothing of 
     std::map<std::uint64_t, told> expected;
     std::map<std::uint64_t, bool> given_up;
     std::mt19937_64 random(4);
-    reply_window window(false);
+    reply_cache window(false);
     std::uint64_t next[] = {1, (1ull << 40) + 1, (2ull << 40) + 1};
     std::vector<std::uint64_t> begun;
     for (std::uint64_t step = 0; step < 5000; ++step) {
@@ -147,7 +147,7 @@ TEST_CASE("a client with several links counts in several ranges, and nothing of 
         std::size_t replies = 0, reply_bytes = 0;
         for (auto number : begun) {
             auto known = expected.find(number);
-            auto is = known == expected.end()      ? state::forgotten
+            auto is = known == expected.end()  ? state::forgotten
                       : known->second.answered ? state::answered
                                                : state::running;
             REQUIRE(window.look(number, true) == is);
@@ -165,10 +165,11 @@ TEST_CASE("a client with several links counts in several ranges, and nothing of 
     }
 }
 
-TEST_CASE("a client that has had many links is known by the latest, and what may have run over an earlier one does not run again") {
-    reply_window window(false);
-    auto number = [](std::uint64_t link, std::uint64_t call) { return (link << reply_window::range_bits) + call; };
-    for (std::uint64_t link = 1; link <= 2 * reply_window::max_ranges; ++link) {
+TEST_CASE("a client that has had many links is known by the latest, and what may have run over an earlier one does not "
+          "run again") {
+    reply_cache window(false);
+    auto number = [](std::uint64_t link, std::uint64_t call) { return (link << reply_cache::range_bits) + call; };
+    for (std::uint64_t link = 1; link <= 2 * reply_cache::max_ranges; ++link) {
         window.begin(number(link, 1), at(1), later, now);
         window.give_up(number(link, 1));
         REQUIRE(window.look(number(link, 1), true) == state::forgotten);
@@ -179,12 +180,12 @@ TEST_CASE("a client that has had many links is known by the latest, and what may
     window.begin(number(1, 2), at(1), later, now);
     window.give_up(number(1, 2));
     CHECK(window.look(number(1, 1), true) == state::forgotten);
-    CHECK(window.look(number(2 * reply_window::max_ranges, 2), true) == state::fresh);
+    CHECK(window.look(number(2 * reply_cache::max_ranges, 2), true) == state::fresh);
 }
 
 TEST_CASE("answers of all clients together are bounded, and who called least recently loses its own") {
     ise::reply_windows windows;
-    std::vector<std::shared_ptr<reply_window>> held;
+    std::vector<std::shared_ptr<reply_cache>> held;
     auto call = [&](std::uint64_t client, ise::time_point when) {
         auto window = windows.of(client, 7, when);
         for (std::uint64_t number = 1; number <= 4; ++number) window->begin(number, at(number), later, when);
@@ -235,7 +236,7 @@ TEST_CASE("what is idle loses its answers by and by, without new clients, and wh
 
 TEST_CASE("where a window of the client may have been dropped, what it repeats is refused and what is new is not") {
     ise::reply_windows windows;
-    std::vector<std::shared_ptr<reply_window>> held;
+    std::vector<std::shared_ptr<reply_cache>> held;
     auto mine = windows.of(1, 7, now);
     mine->begin(7, at(1), later, now);
     mine->give_up(7);

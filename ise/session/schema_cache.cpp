@@ -1,4 +1,4 @@
-#include <ise/session/schema_book.hpp>
+#include <ise/session/schema_cache.hpp>
 
 #include <ise/core/limits.hpp>
 
@@ -13,17 +13,18 @@ std::size_t memory_of(const type_description& type) {
     for (const auto& one : type.enumerators) all += one.name.capacity();
     all += (type.members.capacity() - type.members.size()) * sizeof(type_member);
     for (const auto& member : type.members)
-        all += sizeof(type_member) + member.name.capacity() + (member.preset ? member.preset->capacity() : 0) + memory_of(member.type);
+        all += sizeof(type_member) + member.name.capacity() + (member.preset ? member.preset->capacity() : 0) +
+               memory_of(member.type);
     return all;
 }
 
 } // namespace
 
-void schema_book::add_own(const packet_types& types) {
+void schema_cache::add_own(const packet_types& types) {
     for (const auto& packet : types.schemas) own_.emplace(packet.fingerprint(), packet);
 }
 
-void schema_book::learn(const schema& received) {
+void schema_cache::learn(const schema& received) {
     if (own_.contains(received.fingerprint()) || learnt_.contains(received.fingerprint())) return;
     const auto cost = cost_of(received);
     learnt_.emplace(received.fingerprint(), learnt{received, cost});
@@ -37,24 +38,29 @@ void schema_book::learn(const schema& received) {
     }
 }
 
-std::optional<schema> schema_book::find(std::uint64_t fingerprint) const {
+std::optional<schema> schema_cache::find(std::uint64_t fingerprint) const {
     if (auto found = own_.find(fingerprint); found != own_.end()) return found->second;
     if (auto found = learnt_.find(fingerprint); found != learnt_.end()) return found->second.what;
     return std::nullopt;
 }
 
-std::size_t schema_book::cost_of(const schema& told) const {
-    return own_.contains(told.fingerprint()) ? 0 : sizeof(type_description) + told.text().capacity() + memory_of(told.type());
+std::size_t schema_cache::cost_of(const schema& told) const {
+    return own_.contains(told.fingerprint())
+               ? 0
+               : sizeof(type_description) + told.text().capacity() + memory_of(told.type());
 }
 
-result<std::shared_ptr<const packet_types>> schema_book::keep(const std::shared_ptr<const packet_types>& types) {
+result<std::shared_ptr<const packet_types>> schema_cache::keep(const std::shared_ptr<const packet_types>& types) {
     std::uint64_t key = 0;
     for (auto fingerprint : types->fingerprints) key = key * 31 + fingerprint;
     for (auto [at, end] = kept_.equal_range(key); at != end; ++at)
         // Texts are compared too: defaults take no part in fingerprints.
-        if (at->second == types || (at->second->kind == types->kind && at->second->schemas == types->schemas)) return at->second;
+        if (at->second == types || (at->second->kind == types->kind && at->second->schemas == types->schemas))
+            return at->second;
     if (kept_.size() >= limit::kept_services)
-        return failure(errc::overloaded, fmt::format("a component uses at most {} services that it learnt of at run time (kept_services)", limit::kept_services));
+        return failure(errc::overloaded,
+                       fmt::format("a component uses at most {} services that it learnt of at run time (kept_services)",
+                                   limit::kept_services));
     kept_.emplace(key, types);
     return types;
 }

@@ -17,7 +17,7 @@ class incoming_calls;
 /// What is known of the numbered calls of one client in one of its lives, over all of its sessions: which were begun,
 /// and what they were answered. A client that lost its session asks again by the same number, and what ran once does
 /// not run again. Bounded; without I/O.
-class reply_window {
+class reply_cache {
 public:
     static constexpr std::size_t max_replies = 1024;
     static constexpr std::size_t max_reply_bytes = 4u << 20;
@@ -38,12 +38,13 @@ public:
         std::uint64_t id = 0;
     };
 
-    /// `unsure`: there may have been a window of this client before. `room_of_all`: counts what all windows together take.
-    explicit reply_window(bool unsure, std::shared_ptr<std::size_t> room_of_all = std::make_shared<std::size_t>(0))
+    /// `unsure`: there may have been a window of this client before. `room_of_all`: counts what all windows together
+    /// take.
+    explicit reply_cache(bool unsure, std::shared_ptr<std::size_t> room_of_all = std::make_shared<std::size_t>(0))
         : sure_from_(unsure ? ~std::uint64_t{0} : 0), room_of_all_(std::move(room_of_all)) {}
-    ~reply_window() { *room_of_all_ -= room_; }
-    reply_window(const reply_window&) = delete;
-    reply_window& operator=(const reply_window&) = delete;
+    ~reply_cache() { *room_of_all_ -= room_; }
+    reply_cache(const reply_cache&) = delete;
+    reply_cache& operator=(const reply_cache&) = delete;
 
     /// `again`: the client may have sent it before.
     state look(std::uint64_t number, bool again) const noexcept;
@@ -84,16 +85,16 @@ private:
         std::size_t slot;
     };
     struct range {
-        std::uint64_t key;         // the upper bits of its numbers
-        bool unsure;               // there may have been one of this key before
-        std::uint64_t floor = 0;   // numbers below it count as seen
+        std::uint64_t key;       // the upper bits of its numbers
+        bool unsure;             // there may have been one of this key before
+        std::uint64_t floor = 0; // numbers below it count as seen
         net::udp::interval_set seen;
     };
     static std::uint64_t key_of(std::uint64_t number) noexcept { return number >> range_bits; }
     void note(std::uint64_t number);
     std::vector<known>::iterator reaching(std::uint64_t number) noexcept;
     entry* find(std::uint64_t number) noexcept;
-    const entry* find(std::uint64_t number) const noexcept { return const_cast<reply_window*>(this)->find(number); }
+    const entry* find(std::uint64_t number) const noexcept { return const_cast<reply_cache*>(this)->find(number); }
     template <class Condition>
     void drop_where(Condition condition);
     void drop(std::size_t slot) noexcept;
@@ -114,15 +115,17 @@ private:
 };
 
 /// Those of all clients. A client is known by a secret that it tells this provider only (wire::hello::reply_key): its
-/// incarnation is listed, so that others could use up its numbers and get its answers. Clients without a secret, of earlier
-/// versions, are known by their incarnation alone.
+/// incarnation is listed, so that others could use up its numbers and get its answers. Clients without a secret, of
+/// earlier versions, are known by their incarnation alone.
 class reply_windows {
 public:
-    static constexpr std::size_t max_idle_callers = 1024; ///< without a session or a call, of whom is known what they called
+    static constexpr std::size_t max_idle_callers =
+        1024; ///< without a session or a call, of whom is known what they called
     static constexpr duration idle_caller_life = std::chrono::minutes(5); ///< then their answers are forgotten
-    static constexpr std::size_t max_kept_bytes = std::size_t{64} << 20; ///< of all; whose last call is longest ago forget their answers
+    static constexpr std::size_t max_kept_bytes =
+        std::size_t{64} << 20; ///< of all; whose last call is longest ago forget their answers
 
-    std::shared_ptr<reply_window> of(std::uint64_t reply_key, std::uint64_t incarnation, time_point now);
+    std::shared_ptr<reply_cache> of(std::uint64_t reply_key, std::uint64_t incarnation, time_point now);
     /// After each answer, since that is what takes room.
     void tidy(time_point now) {
         if (now >= next_sweep_) sweep(now);
@@ -135,8 +138,10 @@ private:
     void sweep(time_point now);
     void make_room();
 
-    std::map<std::pair<std::uint64_t, std::uint64_t>, std::shared_ptr<reply_window>> all_; // by reply key and incarnation
-    std::shared_ptr<std::size_t> room_ = std::make_shared<std::size_t>(0); // its windows outlive it where a session does
+    std::map<std::pair<std::uint64_t, std::uint64_t>, std::shared_ptr<reply_cache>>
+        all_; // by reply key and incarnation
+    std::shared_ptr<std::size_t> room_ =
+        std::make_shared<std::size_t>(0); // its windows outlive it where a session does
     std::size_t sweep_at_ = max_idle_callers;
     time_point next_sweep_{};
     bool dropped_any_ = false;

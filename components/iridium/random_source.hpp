@@ -4,9 +4,9 @@
 namespace atirma::iridium {
 
 /// Random numbers of the emulations and of back-off: from a seed, the same everywhere (splitmix64).
-class dice {
+class random_source {
 public:
-    explicit dice(std::uint64_t seed) noexcept : state_(seed) {}
+    explicit random_source(std::uint64_t seed) noexcept : state_(seed) {}
 
     std::uint64_t next() noexcept {
         state_ += 0x9E3779B97F4A7C15u;
