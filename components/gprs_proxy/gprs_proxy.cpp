@@ -3,7 +3,7 @@
 #include <components/boat/duplicate_filter.hpp>
 #include <components/boat/find_component.hpp>
 #include <components/boat/remote_telemetry_store.hpp>
-#include <components/boat/telecommand_desk.hpp>
+#include <components/boat/telecommand_service.hpp>
 #include <components/gprs/freshness.hpp>
 #include <components/gprs_proxy/listeners.hpp>
 
@@ -40,7 +40,7 @@ struct gprs_proxy::link {
 
     gprs::shore shore;
     listeners sockets;
-    telecommand_desk desk;
+    telecommand_service desk;
     duplicate_filter seen;
     std::map<std::uint64_t, gprs::freshness> fresh; // by the life of the boat: what one says hides nothing of another
     ise::timer due;
