@@ -2,6 +2,7 @@
 #include <ise/call/pending_call.hpp>
 #include <ise/core/result.hpp>
 #include <ise/session/conversation.hpp>
+#include <ise/session/held_packets.hpp>
 
 #include <memory>
 #include <set>
@@ -23,9 +24,9 @@ public:
     std::size_t pending() const noexcept { return slots_.size() - free_slots_.size(); }
     failure let_go(pending_call& call, errc why) override;
 
-    result<void> on_reply(const wire::frame& received);
-    result<void> on_error(const wire::frame& received);
-    result<void> on_answers(const wire::frame& received);
+    result<void> on_reply(const net::carried_frame& received);
+    result<void> on_error(const net::carried_frame& received);
+    result<void> on_answers(const net::carried_frame& received);
     /// Calls that go on do so at `owner`, if they are its own; the others fail.
     void on_session_end(const failure& cause, call_owner* owner);
 
@@ -35,11 +36,13 @@ public:
 private:
     // A service as this side introduced it to the peer.
     struct introduced {
+        explicit introduced(std::size_t& held_bytes) : held(limit::held_replies, held_bytes) {}
+
         std::string name;
         const packet_types* types;
         std::unique_ptr<adapter> response; // where the peer's response differs from ours
         bool adapting = false;             // its schema was asked for; replies wait
-        std::vector<std::pair<std::uint64_t, kept_packet>> held;
+        held_packets<std::uint64_t> held;  // by their calls
     };
     struct slot {
         pending_call* call = nullptr;
@@ -58,10 +61,10 @@ private:
 
     conversation& over_;
     pending_calls& calls_;
+    std::size_t held_bytes_ = 0; // of all services
     std::vector<std::unique_ptr<introduced>> introduced_;
     std::vector<slot> slots_;
     std::vector<std::uint32_t> free_slots_;
-    std::size_t held_reply_bytes_ = 0;
 };
 
 } // namespace ise

@@ -125,7 +125,7 @@ void connection::end_for(const failure& wrong) {
 void connection::on_sign() {
     if (!open_) return;
     on_heard();
-    wire::frame sign;
+    carried_frame sign;
     sign.header.type = frame_type::pong;
     sign.header.flags = wire::flag::stalled;
     ++counts_.frames_in;
@@ -138,7 +138,7 @@ void connection::on_message(bytes_view message) {
     if (!open_) return;
     counts_.bytes_in += message.size();
     ++counts_.frames_in;
-    wire::frame received;
+    carried_frame received;
     received.header = wire::read_header(message.data());
     received.body = message.subspan(wire::frame_header::size);
     result<void> state;
@@ -171,7 +171,7 @@ void connection::on_content(bytes_view content) {
 result<void> connection::take_lying(bytes_view content) {
     result<void> state;
     auto* to = receiver();
-    for (wire::frame received; open_ && state && parser_.pending() == 0 && parser_.take(received, content);) {
+    for (carried_frame received; open_ && state && parser_.pending() == 0 && parser_.take(received, content);) {
         auto taken = take_whole(received, to);
         if (!taken) state = std::move(taken);
     }
@@ -188,7 +188,7 @@ result<void> connection::take_lying(bytes_view content) {
     return state;
 }
 
-result<void> connection::take_whole(wire::frame& received, user* receiver) {
+result<void> connection::take_whole(carried_frame& received, user* receiver) {
     ++counts_.frames_in;
     received.object = nullptr;
     if (!attachments_ || !(received.header.flags & wire::flag::attached)) return take(received, receiver);
@@ -201,7 +201,7 @@ result<void> connection::take_whole(wire::frame& received, user* receiver) {
 
 result<void> connection::take_frames() {
     auto* to = receiver();
-    for (wire::frame received; parser_.take(received);) {
+    for (carried_frame received; parser_.take(received);) {
         auto taken = take_whole(received, to);
         if (!taken) return taken;
         if (!open_) return {};
@@ -211,7 +211,7 @@ result<void> connection::take_frames() {
     return {};
 }
 
-result<void> connection::take(const wire::frame& received, user* receiver) {
+result<void> connection::take(const carried_frame& received, user* receiver) {
     switch (received.header.type) {
         case frame_type::ping:
         case frame_type::pong:
@@ -244,7 +244,7 @@ failure connection::too_many_answers() {
 }
 
 // What is said between connections, and not to the user.
-result<void> connection::take_own(const wire::frame& received, user* receiver) {
+result<void> connection::take_own(const carried_frame& received, user* receiver) {
     switch (received.header.type) {
         case frame_type::ping:
             wire::put_frame(outbox_.control(), frame_type::pong, 0, received.header.id, [this](buffer& body) {
@@ -275,7 +275,7 @@ result<void> connection::take_own(const wire::frame& received, user* receiver) {
             auto whole = reassembly_->take(received);
             if (!whole) return whole.error();
             if (!*whole) return {};
-            wire::frame message;
+            carried_frame message;
             message.header = (*whole)->header;
             if (message.header.type == frame_type::piece)
                 return failure(errc::protocol_error, "a message in pieces holds a piece");
@@ -422,9 +422,9 @@ void connection::say_goodbye() {
     wire::put_frame(outbox_.control(), frame_type::goodbye, 0, 0, [&](buffer& body) { encode(goodbye, body); });
 }
 
-void connection::take_unwritten(const std::function<void(const wire::frame&)>& visit) {
+void connection::take_unwritten(const std::function<void(const carried_frame&)>& visit) {
     if (batch_)
-        batch_->visit_unwritten([&](const wire::frame& one) {
+        batch_->visit_unwritten([&](const carried_frame& one) {
             if (one.header.type == frame_type::request) visit(one);
         });
     outbox_.take_unwritten(visit);

@@ -66,7 +66,7 @@ public:
     class user {
     public:
         /// A failure ends the connection: the peer broke the protocol.
-        virtual result<void> on_frame(const wire::frame& received) = 0;
+        virtual result<void> on_frame(const carried_frame& received) = 0;
         /// The last call, exactly once, never from within a call of the user.
         virtual void on_closed(const failure& cause) = 0;
 
@@ -110,7 +110,7 @@ public:
     /// Sends what waits for at most `grace`, tells the peer why, then closes.
     void finish(failure why, duration grace);
     /// Requests of which no byte was written, for the user's `on_closed`, who may take their objects.
-    void take_unwritten(const std::function<void(const wire::frame&)>& visit);
+    void take_unwritten(const std::function<void(const carried_frame&)>& visit);
     /// Ends it now. The first cause stays.
     void close(failure cause);
     bool open() const noexcept { return open_; }
@@ -146,9 +146,9 @@ private:
     task<> write(std::shared_ptr<connection> held);
     result<void> take_frames();
     result<void> take_lying(bytes_view content);
-    result<void> take_whole(wire::frame& received, user* receiver);
-    result<void> take(const wire::frame& received, user* receiver);
-    result<void> take_own(const wire::frame& received, user* receiver);
+    result<void> take_whole(carried_frame& received, user* receiver);
+    result<void> take(const carried_frame& received, user* receiver);
+    result<void> take_own(const carried_frame& received, user* receiver);
     result<void> answers_bounded() const;
     static failure too_many_answers();
     void on_heard() override { last_heard_ = on_.now(); }

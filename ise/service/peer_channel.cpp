@@ -127,7 +127,7 @@ void peer_channel::wait_for_session(pending_call& call, call_state how) {
     waiting_.push_back(&call);
 }
 
-void peer_channel::requeue(pending_call& call, kept_packet request) {
+void peer_channel::requeue(pending_call& call, payload request) {
     call.number = call.sent_to = 0;
     call.waiting = std::move(request);
     wait_for_session(call, call_state::waiting);
