@@ -2,6 +2,7 @@
 #include <ise/call/call_service.hpp>
 #include <ise/call/reply_cache.hpp>
 #include <ise/core/loop.hpp>
+#include <ise/core/limits.hpp>
 #include <ise/core/result.hpp>
 #include <ise/session/conversation.hpp>
 #include <ise/session/held_packets.hpp>
@@ -19,7 +20,7 @@ namespace ise {
 class incoming_calls final : public call_origin {
 public:
     incoming_calls(conversation& over, const call_directory& services, reply_windows& answered)
-        : over_(over), services_(services), answered_(answered) {}
+        : over_(over), services_(services), answered_(answered), held_{over.runtime().options().held_bytes()} {}
 
     result<void> on_introduce(const net::carried_frame& received);
     result<void> on_request(const net::carried_frame& received);
@@ -51,7 +52,7 @@ private:
         bool again = false;       // may have been sent before
     };
     struct binding {
-        explicit binding(std::size_t& held_bytes) : held(limit::held_requests, held_bytes) {}
+        explicit binding(held_budget& room) : held(limit::held_requests, room) {}
 
         std::string name;
         std::shared_ptr<call_service> service;
@@ -87,7 +88,7 @@ private:
     reply_windows& answered_;
     std::shared_ptr<reply_cache> replies_;           // once it has numbered a call
     std::weak_ptr<incoming_calls> self_;             // the same
-    std::size_t held_bytes_ = 0;                     // of all bindings
+    held_budget held_;                               // of all bindings
     std::vector<std::unique_ptr<binding>> bindings_; // by the caller's number
     std::vector<running_call> running_;              // by the call's slot
     std::size_t running_count_ = 0;

@@ -1,6 +1,5 @@
 #include <ise/call/outgoing_calls.hpp>
 
-#include <ise/core/limits.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/packet/compatibility.hpp>
 #include <ise/wire/body.hpp>
@@ -26,7 +25,7 @@ std::uint32_t outgoing_calls::number_of(const pending_call& call) {
     for (std::size_t number = 0; number < introduced_.size(); ++number)
         if (introduced_[number]->types == call.types && introduced_[number]->name == call.service)
             return static_cast<std::uint32_t>(number);
-    auto made = std::make_unique<introduced>(held_bytes_);
+    auto made = std::make_unique<introduced>(held_);
     made->name = call.service;
     made->types = call.types;
     introduced_.push_back(std::move(made));
@@ -47,7 +46,7 @@ void outgoing_calls::introduce(std::uint32_t number) {
 
 bool outgoing_calls::send(pending_call& call, outgoing_packet request) {
     auto& connection = over_.wire();
-    if (connection.out().pending_call_bytes() > over_.runtime().options().max_unsent_bytes) return false;
+    if (connection.out().pending_call_bytes() > over_.runtime().options().session_bytes) return false;
     if (free_slots_.empty()) {
         auto most = std::min(connection.terms().peer_accepts.max_calls, 1u << 20);
         if (slots_.size() >= most) return false;
@@ -148,7 +147,7 @@ result<void> outgoing_calls::on_reply(const net::carried_frame& received) {
         incoming_packet response(received.body, received.object);
         if (!service.held.hold(received.header.id, response))
             return failure(errc::overloaded,
-                           fmt::format("{} replies of '{}' wait for its schema (held_replies, held_bytes)",
+                           fmt::format("{} replies of '{}' wait for its schema (held_replies, session_bytes)",
                                        service.held.size(), service.name));
         return {};
     }

@@ -1,5 +1,6 @@
 #pragma once
 #include <ise/call/pending_call.hpp>
+#include <ise/core/limits.hpp>
 #include <ise/core/result.hpp>
 #include <ise/session/conversation.hpp>
 #include <ise/session/held_packets.hpp>
@@ -15,7 +16,8 @@ namespace ise {
 /// The calls that this side makes over one session: their numbers, and whose response a reply is.
 class outgoing_calls final : public call_holder {
 public:
-    outgoing_calls(conversation& over, pending_calls& calls) : over_(over), calls_(calls) {}
+    outgoing_calls(conversation& over, pending_calls& calls)
+        : over_(over), calls_(calls), held_{over.runtime().options().held_bytes()} {}
 
     /// Sends a request; false where too much is pending (the call is untouched). Throws what writing it throws, and
     /// errc::too_large where the peer would not take it.
@@ -36,7 +38,7 @@ public:
 private:
     // A service as this side introduced it to the peer.
     struct introduced {
-        explicit introduced(std::size_t& held_bytes) : held(limit::held_replies, held_bytes) {}
+        explicit introduced(held_budget& room) : held(limit::held_replies, room) {}
 
         std::string name;
         const packet_types* types;
@@ -61,7 +63,7 @@ private:
 
     conversation& over_;
     pending_calls& calls_;
-    std::size_t held_bytes_ = 0; // of all services
+    held_budget held_; // of all services
     std::vector<std::unique_ptr<introduced>> introduced_;
     std::vector<slot> slots_;
     std::vector<std::uint32_t> free_slots_;

@@ -33,8 +33,9 @@ subscriber_core::subscriber_core(std::shared_ptr<subscription_owner> to, std::st
                                  subscribe_options options, bytes request)
     : on_(to->runtime().on()), owner_(std::move(to)), options_(options), service_(std::move(service)), types_(types),
       request_(std::move(request)), farewell_(adapt(schema(), types.schemas[role::unsubscribe_request], {})),
-      packet_(on_, [this] { packet_.resume(); }), answer_(on_, [this] { answer_.resume(); }),
-      held_(capacity(), held_bytes_) {}
+      packet_(on_, [this] { packet_.resume(); }),
+      answer_(on_, [this] { answer_.resume(); }), held_room_{owner_->runtime().options().held_bytes()},
+      held_(capacity(), held_room_) {}
 
 subscriber_core::~subscriber_core() = default;
 

@@ -203,7 +203,7 @@ private:
     std::uint64_t granted_at_first_ = 0;
     bool established_ = false;
     bool comparing_ = false; // the schema of the published packet was asked for
-    std::size_t held_bytes_ = 0;
+    held_budget held_room_;
     held_packets<packet_place> held_; // until it is established
 };
 
