@@ -17,8 +17,8 @@ bool in_a_hurry(const options& asked) { return asked.kind == "ise-fast"; }
 
 ise::node_options node_options() {
     ise::node_options made;
-    made.services.max_unsent_bytes = std::size_t{256} << 20; // of the biggest packets, one
-    made.services.max_calls_per_session = 1u << 20;          // all that a measurement may have pending
+    made.services.session_bytes = std::size_t{256} << 20; // of the biggest packets, one
+    made.services.max_calls_per_session = 1u << 20;       // all that a measurement may have pending
     made.name = "bench";
     made.use_names = false;
     made.services.linger = std::chrono::milliseconds(200); // a measuring side that was killed is soon forgotten

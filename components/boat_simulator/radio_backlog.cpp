@@ -14,7 +14,7 @@ std::optional<packet_name> name_in(ise::bytes_view raw) {
 
 } // namespace
 
-void radio_backlog::sent(ise::time_point now, packet_name name, kept_packet& packet) {
+void radio_backlog::sent(ise::time_point now, packet_name name, payload& packet) {
     held_.erase(name);
     due_.erase({packet.due, name});
     packet.pause = packet.pause.count() == 0 ? first_pause : std::min(packet.pause * 2, max_pause);
@@ -22,13 +22,13 @@ void radio_backlog::sent(ise::time_point now, packet_name name, kept_packet& pac
     due_.emplace(packet.due, name);
 }
 
-void radio_backlog::hold(packet_name name, kept_packet& packet) {
+void radio_backlog::hold(packet_name name, payload& packet) {
     due_.erase({packet.due, name});
     packet.pause = {};
     held_.insert(name);
 }
 
-radio_backlog::kept_packet& radio_backlog::keep(packet_name name, ise::bytes raw) {
+radio_backlog::payload& radio_backlog::keep(packet_name name, ise::bytes raw) {
     while (kept_.size() >= capacity) {
         auto oldest = kept_.find(order_.front());
         order_.pop_front();
@@ -44,7 +44,7 @@ radio_backlog::kept_packet& radio_backlog::keep(packet_name name, ise::bytes raw
     return made;
 }
 
-void radio_backlog::forget(std::map<packet_name, kept_packet>::iterator which) {
+void radio_backlog::forget(std::map<packet_name, payload>::iterator which) {
     held_.erase(which->first);
     due_.erase({which->second.due, which->first});
     kept_.erase(which);

@@ -49,17 +49,17 @@ public:
     std::vector<packet_name> take_given_up() { return std::exchange(gone_, {}); }
 
 private:
-    struct kept_packet {
+    struct payload {
         ise::bytes raw;
         ise::time_point due{};
         ise::duration pause{0}; ///< after which it goes again; 0: it was never sent, and is held
     };
-    void sent(ise::time_point now, packet_name name, kept_packet& packet);
-    void hold(packet_name name, kept_packet& packet);
-    kept_packet& keep(packet_name name, ise::bytes raw);
-    void forget(std::map<packet_name, kept_packet>::iterator which);
+    void sent(ise::time_point now, packet_name name, payload& packet);
+    void hold(packet_name name, payload& packet);
+    payload& keep(packet_name name, ise::bytes raw);
+    void forget(std::map<packet_name, payload>::iterator which);
 
-    std::map<packet_name, kept_packet> kept_;
+    std::map<packet_name, payload> kept_;
     std::deque<packet_name> order_; ///< as they came; some are not kept any more
     std::set<packet_name> held_;
     std::set<std::pair<ise::time_point, packet_name>> due_; ///< of those that were sent

@@ -1,6 +1,5 @@
 #include <ise/call/incoming_calls.hpp>
 
-#include <ise/core/limits.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/packet/compatibility.hpp>
 #include <ise/wire/body.hpp>
@@ -26,13 +25,13 @@ struct answer_room {
 };
 
 failure replies_not_taken(std::size_t unsent, execution state) {
-    return failure(errc::overloaded, fmt::format("{} bytes of replies wait for being taken (max_unsent_bytes)", unsent),
+    return failure(errc::overloaded, fmt::format("{} bytes of replies wait for being taken (session_bytes)", unsent),
                    state);
 }
 
 } // namespace
 
-result<void> incoming_calls::on_introduce(const wire::frame& received) {
+result<void> incoming_calls::on_introduce(const net::carried_frame& received) {
     auto introduced = wire::read_body<wire::introduction>(received.body);
     if (!introduced) return introduced.error();
     if (received.header.id != bindings_.size())
@@ -41,7 +40,7 @@ result<void> incoming_calls::on_introduce(const wire::frame& received) {
         return failure(errc::overloaded, fmt::format("more than {} services were introduced (introduced_services)",
                                                      limit::introduced_services));
     if (auto wrong = objection_to(*introduced)) return *wrong;
-    auto made = std::make_unique<binding>();
+    auto made = std::make_unique<binding>(held_);
     made->name = std::move(introduced->service);
     bindings_.push_back(std::move(made));
     bind(*bindings_.back(), introduced->fingerprints);
@@ -63,7 +62,7 @@ reply_cache::place incoming_calls::here(std::uint64_t id) {
     return made;
 }
 
-result<void> incoming_calls::on_request(const wire::frame& received) {
+result<void> incoming_calls::on_request(const net::carried_frame& received) {
     auto malformed = [](std::string_view what) {
         return failure(errc::protocol_error, fmt::format("a request came {}", what));
     };
@@ -93,7 +92,7 @@ result<void> incoming_calls::on_request(const wire::frame& received) {
     }
     if (slot_of(id) < running_.size() && running_[slot_of(id)].of)
         return malformed("with the number of a call that runs");
-    if (auto unsent = over_.wire().out().pending_call_bytes(); unsent > runtime.options().max_unsent_bytes) {
+    if (auto unsent = over_.wire().out().pending_call_bytes(); unsent > runtime.options().session_bytes) {
         if (auto good = over_.takes_answers(); !good) return good;
         turn_away(head, replies_not_taken(unsent, execution::not_executed));
         return {};
@@ -106,15 +105,11 @@ result<void> incoming_calls::on_request(const wire::frame& received) {
         turn_away(head, of.why);
     } else if (of.now == state::comparing) {
         incoming_packet request(packet, received.object);
-        if (of.held.size() >= limit::held_requests || held_bytes_ + request.size() > limit::held_bytes) {
-            turn_away(head, failure(errc::overloaded,
-                                    fmt::format("{} requests wait for the schemas of '{}' (held_requests, held_bytes)",
-                                                of.held.size(), of.name)));
-        } else {
-            held_bytes_ += request.size();
-            ++held_;
-            of.held.push_back(held_request{head, request.keep()});
-        }
+        if (!of.held.hold(head, request))
+            turn_away(head,
+                      failure(errc::overloaded,
+                              fmt::format("{} requests wait for the schemas of '{}' (held_requests, session_bytes)",
+                                          of.held.size(), of.name)));
     } else {
         serve(of, head, incoming_packet(packet, received.object));
     }
@@ -154,15 +149,10 @@ void incoming_calls::compare(std::uint32_t number, std::vector<std::uint64_t> fi
             over_.runtime().tell(peer_trouble::mismatch, problem->message(), over_.caller_name());
             of.why = std::move(*problem);
         }
-        for (auto& request : std::exchange(of.held, {})) {
-            held_bytes_ -= request.request.size();
-            --held_;
-            if (of.now == state::ready) {
-                serve(of, request.head, incoming_packet(request.request));
-            } else {
-                turn_away(request.head, of.why);
-            }
-        }
+        of.held.release([&](const request_head& head, incoming_packet request) {
+            if (of.now == state::ready) serve(of, head, std::move(request));
+            else turn_away(head, of.why);
+        });
     };
     auto told = [this, number, decide](const std::vector<schema>& theirs) {
         auto& of = *bindings_[number];
@@ -264,14 +254,8 @@ void incoming_calls::on_cancel(std::uint64_t id) {
         service->withdraw(*this, id);
         return;
     }
-    if (held_ == 0) return;
-    for (auto& of : bindings_)
-        std::erase_if(of->held, [&](const held_request& entry) {
-            if (entry.head.id != id) return false;
-            held_bytes_ -= entry.request.size();
-            --held_;
-            return true;
-        });
+    if (held_.used == 0) return;
+    for (auto& of : bindings_) of->held.drop([&](const request_head& head) { return head.id == id; });
 }
 
 void incoming_calls::forget(std::uint64_t id) noexcept {
@@ -340,7 +324,7 @@ void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
     if (number == 0 && !over_.open()) return;
     auto& wire = over_.wire();
     if (auto unsent = wire.out().pending_call_bytes();
-        number == 0 && unsent > over_.runtime().options().max_unsent_bytes) {
+        number == 0 && unsent > over_.runtime().options().session_bytes) {
         refuse(id, replies_not_taken(unsent, execution::unknown));
         return;
     }
@@ -395,7 +379,7 @@ void incoming_calls::send_answer(std::uint64_t id, bytes_view frame) {
     if (!over_.open()) return;
     auto& wire = over_.wire();
     auto unsent = wire.out().pending_call_bytes();
-    if (unsent > over_.runtime().options().max_unsent_bytes &&
+    if (unsent > over_.runtime().options().session_bytes &&
         wire::read_header(frame.data()).type == wire::frame_type::reply) {
         refuse(id, replies_not_taken(unsent, execution::unknown));
         return;

@@ -2,8 +2,10 @@
 #include <ise/call/call_service.hpp>
 #include <ise/call/reply_cache.hpp>
 #include <ise/core/loop.hpp>
+#include <ise/core/limits.hpp>
 #include <ise/core/result.hpp>
 #include <ise/session/conversation.hpp>
+#include <ise/session/held_packets.hpp>
 #include <ise/wire/frame.hpp>
 #include <ise/wire/messages.hpp>
 
@@ -18,10 +20,10 @@ namespace ise {
 class incoming_calls final : public call_origin {
 public:
     incoming_calls(conversation& over, const call_directory& services, reply_windows& answered)
-        : over_(over), services_(services), answered_(answered) {}
+        : over_(over), services_(services), answered_(answered), held_{over.runtime().options().held_bytes()} {}
 
-    result<void> on_introduce(const wire::frame& received);
-    result<void> on_request(const wire::frame& received);
+    result<void> on_introduce(const net::carried_frame& received);
+    result<void> on_request(const net::carried_frame& received);
     void on_cancel(std::uint64_t id);
     void on_session_end();
 
@@ -49,17 +51,15 @@ private:
         std::uint64_t number = 0; // outlives the session; 0: none
         bool again = false;       // may have been sent before
     };
-    struct held_request {
-        request_head head;
-        kept_packet request;
-    };
     struct binding {
+        explicit binding(held_budget& room) : held(limit::held_requests, room) {}
+
         std::string name;
         std::shared_ptr<call_service> service;
         state now = state::ready;
         failure why{errc::no_such_service, {}};
         std::unique_ptr<adapter> request;
-        std::vector<held_request> held;
+        held_packets<request_head> held; // while it is comparing
     };
     struct running_call {
         binding* of = nullptr;
@@ -88,12 +88,11 @@ private:
     reply_windows& answered_;
     std::shared_ptr<reply_cache> replies_;           // once it has numbered a call
     std::weak_ptr<incoming_calls> self_;             // the same
+    held_budget held_;                               // of all bindings
     std::vector<std::unique_ptr<binding>> bindings_; // by the caller's number
     std::vector<running_call> running_;              // by the call's slot
     std::size_t running_count_ = 0;
     std::unique_ptr<timer> orphans_; // once there are some
-    std::size_t held_ = 0;           // requests, of all bindings
-    std::size_t held_bytes_ = 0;
 };
 
 } // namespace ise

@@ -1,6 +1,5 @@
 #include <ise/call/outgoing_calls.hpp>
 
-#include <ise/core/limits.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/packet/compatibility.hpp>
 #include <ise/wire/body.hpp>
@@ -26,7 +25,7 @@ std::uint32_t outgoing_calls::number_of(const pending_call& call) {
     for (std::size_t number = 0; number < introduced_.size(); ++number)
         if (introduced_[number]->types == call.types && introduced_[number]->name == call.service)
             return static_cast<std::uint32_t>(number);
-    auto made = std::make_unique<introduced>();
+    auto made = std::make_unique<introduced>(held_);
     made->name = call.service;
     made->types = call.types;
     introduced_.push_back(std::move(made));
@@ -47,7 +46,7 @@ void outgoing_calls::introduce(std::uint32_t number) {
 
 bool outgoing_calls::send(pending_call& call, outgoing_packet request) {
     auto& connection = over_.wire();
-    if (connection.out().pending_call_bytes() > over_.runtime().options().max_unsent_bytes) return false;
+    if (connection.out().pending_call_bytes() > over_.runtime().options().session_bytes) return false;
     if (free_slots_.empty()) {
         auto most = std::min(connection.terms().peer_accepts.max_calls, 1u << 20);
         if (slots_.size() >= most) return false;
@@ -137,7 +136,7 @@ pending_call* outgoing_calls::take_slot(std::uint64_t id) {
     return found ? &free_slot(*found) : nullptr;
 }
 
-result<void> outgoing_calls::on_reply(const wire::frame& received) {
+result<void> outgoing_calls::on_reply(const net::carried_frame& received) {
     auto* found = find_slot(received.header.id);
     if (!found) {
         ++calls_.late_replies;
@@ -146,19 +145,17 @@ result<void> outgoing_calls::on_reply(const wire::frame& received) {
     auto& service = *introduced_[found->service];
     if (service.adapting) {
         incoming_packet response(received.body, received.object);
-        held_reply_bytes_ += response.size();
-        if (service.held.size() >= limit::held_replies || held_reply_bytes_ > limit::held_bytes)
+        if (!service.held.hold(received.header.id, response))
             return failure(errc::overloaded,
-                           fmt::format("{} replies of '{}' wait for its schema (held_replies, held_bytes)",
+                           fmt::format("{} replies of '{}' wait for its schema (held_replies, session_bytes)",
                                        service.held.size(), service.name));
-        service.held.emplace_back(received.header.id, response.keep());
         return {};
     }
     complete(free_slot(*found), service, incoming_packet(received.body, received.object));
     return {};
 }
 
-result<void> outgoing_calls::on_answers(const wire::frame& received) {
+result<void> outgoing_calls::on_answers(const net::carried_frame& received) {
     auto told = wire::read_body<wire::provider_packets>(received.body);
     if (!told) return told.error();
     if (received.header.id >= introduced_.size())
@@ -187,20 +184,19 @@ result<void> outgoing_calls::on_answers(const wire::frame& received) {
 
 void outgoing_calls::release(introduced& service, const failure* problem) {
     service.adapting = false;
-    for (auto& [id, response] : std::exchange(service.held, {})) {
-        held_reply_bytes_ -= response.size();
+    service.held.release([&](std::uint64_t id, incoming_packet response) {
         auto* call = take_slot(id);
         if (!call) {
             ++calls_.late_replies;
         } else if (!problem) {
-            complete(*call, service, incoming_packet(response));
+            complete(*call, service, std::move(response));
         } else {
             calls_.fail(*call, failure(problem->code(),
                                        fmt::format("the response of '{}' from {}: {}", service.name, over_.peer_name(),
                                                    problem->message()),
                                        execution::unknown));
         }
-    }
+    });
 }
 
 void outgoing_calls::complete(pending_call& call, introduced& service, incoming_packet response) {
@@ -210,7 +206,7 @@ void outgoing_calls::complete(pending_call& call, introduced& service, incoming_
     calls_.end(call, outcome);
 }
 
-result<void> outgoing_calls::on_error(const wire::frame& received) {
+result<void> outgoing_calls::on_error(const net::carried_frame& received) {
     auto told = wire::read_body<wire::call_failure>(received.body);
     if (!told) return told.error();
     auto* call = take_slot(received.header.id);
@@ -226,7 +222,7 @@ result<void> outgoing_calls::on_error(const wire::frame& received) {
 
 void outgoing_calls::on_session_end(const failure& cause, call_owner* owner) {
     // Requests of which no byte was written go on waiting; the others may have run.
-    over_.wire().take_unwritten([&](const wire::frame& unwritten) {
+    over_.wire().take_unwritten([&](const net::carried_frame& unwritten) {
         const auto& header = unwritten.header;
         auto* call = take_slot(header.id);
         if (!call) return;                               // given up

@@ -1,7 +1,9 @@
 #pragma once
 #include <ise/call/pending_call.hpp>
+#include <ise/core/limits.hpp>
 #include <ise/core/result.hpp>
 #include <ise/session/conversation.hpp>
+#include <ise/session/held_packets.hpp>
 
 #include <memory>
 #include <set>
@@ -14,7 +16,8 @@ namespace ise {
 /// The calls that this side makes over one session: their numbers, and whose response a reply is.
 class outgoing_calls final : public call_holder {
 public:
-    outgoing_calls(conversation& over, pending_calls& calls) : over_(over), calls_(calls) {}
+    outgoing_calls(conversation& over, pending_calls& calls)
+        : over_(over), calls_(calls), held_{over.runtime().options().held_bytes()} {}
 
     /// Sends a request; false where too much is pending (the call is untouched). Throws what writing it throws, and
     /// errc::too_large where the peer would not take it.
@@ -23,9 +26,9 @@ public:
     std::size_t pending() const noexcept { return slots_.size() - free_slots_.size(); }
     failure let_go(pending_call& call, errc why) override;
 
-    result<void> on_reply(const wire::frame& received);
-    result<void> on_error(const wire::frame& received);
-    result<void> on_answers(const wire::frame& received);
+    result<void> on_reply(const net::carried_frame& received);
+    result<void> on_error(const net::carried_frame& received);
+    result<void> on_answers(const net::carried_frame& received);
     /// Calls that go on do so at `owner`, if they are its own; the others fail.
     void on_session_end(const failure& cause, call_owner* owner);
 
@@ -35,11 +38,13 @@ public:
 private:
     // A service as this side introduced it to the peer.
     struct introduced {
+        explicit introduced(held_budget& room) : held(limit::held_replies, room) {}
+
         std::string name;
         const packet_types* types;
         std::unique_ptr<adapter> response; // where the peer's response differs from ours
         bool adapting = false;             // its schema was asked for; replies wait
-        std::vector<std::pair<std::uint64_t, kept_packet>> held;
+        held_packets<std::uint64_t> held;  // by their calls
     };
     struct slot {
         pending_call* call = nullptr;
@@ -58,10 +63,10 @@ private:
 
     conversation& over_;
     pending_calls& calls_;
+    held_budget held_; // of all services
     std::vector<std::unique_ptr<introduced>> introduced_;
     std::vector<slot> slots_;
     std::vector<std::uint32_t> free_slots_;
-    std::size_t held_reply_bytes_ = 0;
 };
 
 } // namespace ise

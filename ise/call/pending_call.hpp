@@ -64,7 +64,7 @@ struct pending_call final : suspended {
     call_holder* holder = nullptr; ///< null while it is starting
     held_owner owner;              ///< where it goes on waiting
     std::uint64_t id = 0;          ///< on the session
-    kept_packet waiting;           ///< the request, while there is no session, or where it may be sent again
+    payload waiting;               ///< the request, while there is no session, or where it may be sent again
     std::uint64_t number = 0;      ///< by which it is sent again, once it was sent where that is possible
     std::uint64_t sent_to = 0;     ///< the provider's life that may have executed it
 
@@ -99,7 +99,7 @@ public:
     bool goes_on() const noexcept { return goes_on_; }
     std::uint64_t next_number() noexcept { return next_number_++; }
     /// Takes back one of which no byte was written.
-    virtual void requeue(pending_call& call, kept_packet request) = 0;
+    virtual void requeue(pending_call& call, payload request) = 0;
     /// Takes back one that may have been executed, but can be sent again by its number.
     virtual void repeat(pending_call& call) = 0;
     /// A service is called over a session for the first time.

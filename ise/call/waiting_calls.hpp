@@ -14,7 +14,7 @@ namespace ise {
 /// A request that no handler is free for.
 struct waiting_call {
     incoming_call call;
-    kept_packet request;
+    payload request;
     time_point since; ///< it waits
 };
 

@@ -18,15 +18,13 @@ inline constexpr std::size_t service_name_bytes = 200;
 inline constexpr std::size_t service_fingerprints = 16; ///< packets of one service; the kinds have at most five
 inline constexpr std::size_t held_requests = 256;       ///< of one service, while its schemas are asked for
 inline constexpr std::size_t held_replies = 1024;       ///< the same on the caller's side
-inline constexpr std::size_t held_bytes = std::size_t{16} << 20; ///< all of these of one session together
-inline constexpr std::size_t schema_questions = 256;             ///< open at once
-inline constexpr std::size_t asked_schemas = 64;                 ///< in one question of the peer
+inline constexpr std::size_t schema_questions = 256;    ///< open at once
+inline constexpr std::size_t asked_schemas = 64;        ///< in one question of the peer
 
 // service: one component.
 inline constexpr std::size_t learnt_schemas = 4096;
-inline constexpr std::size_t learnt_schema_bytes = std::size_t{64}
-                                                   << 20; ///< memory of these; and of those that one session told of
-inline constexpr std::size_t kept_services = 4096;        ///< services learnt of at run time
+inline constexpr std::size_t learnt_schema_bytes = std::size_t{64} << 20; ///< memory of these
+inline constexpr std::size_t kept_services = 4096;                        ///< services learnt of at run time
 inline constexpr std::size_t used_services =
     256; ///< services of others that a component is known to use, each at each target
 inline constexpr std::size_t waiting_calls = 100'000;         ///< of this side, for a session with one peer

@@ -7,19 +7,21 @@
 
 namespace ise {
 
+class buffer;
+
 /// What a `passed_object` knows of the type that it holds: one constant for each, whose address tells them apart.
-/// Layers that can do more with an object derive from it.
 struct object_type {
     void (*relocate)(void* from, void* to) noexcept; ///< moves it, and destroys what is left at `from`
     void (*destroy)(void* at) noexcept;
+    void (*write)(const void* at, buffer& out); ///< appends the bytes that stand for it; throws what encoding throws
 
     template <class T>
-    static constexpr object_type of() {
+    static constexpr object_type of(void (*write)(const void* at, buffer& out)) {
         return {[](void* from, void* to) noexcept {
                     ::new (to) T(std::move(*static_cast<T*>(from)));
                     static_cast<T*>(from)->~T();
                 },
-                [](void* at) noexcept { static_cast<T*>(at)->~T(); }};
+                [](void* at) noexcept { static_cast<T*>(at)->~T(); }, write};
     }
 };
 
@@ -52,7 +54,8 @@ public:
     const object_type* type() const noexcept { return type_; }
     std::size_t weight() const noexcept { return weight_; }
     void* at() noexcept { return storage_; }
-    const void* at() const noexcept { return storage_; }
+    /// Appends the bytes that stand for it; only where there is one. Throws what encoding throws.
+    void write(buffer& out) const { type_->write(storage_, out); }
 
 private:
     void reset() noexcept {

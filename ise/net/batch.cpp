@@ -57,7 +57,7 @@ buffer& batch::gather() {
     return gathered_;
 }
 
-void batch::visit_unwritten(const std::function<void(const wire::frame&)>& visit) {
+void batch::visit_unwritten(const std::function<void(const carried_frame&)>& visit) {
     std::size_t segment_at = 0; // where the segment begins in the whole
     std::size_t frame_at = 0;   // where the next frame does
     auto look = [&](bytes_view content) {
@@ -68,8 +68,13 @@ void batch::visit_unwritten(const std::function<void(const wire::frame&)>& visit
             std::size_t size = wire::frame_header::size + header.length;
             passed_object object;
             if ((header.flags & wire::flag::attached) && !attachments_.empty()) object = attachments_.pop_front();
-            if (frame_at >= written_ && size <= rest.size())
-                visit({header, rest.subspan(wire::frame_header::size, header.length), object ? &object : nullptr});
+            if (frame_at >= written_ && size <= rest.size()) {
+                carried_frame one;
+                one.header = header;
+                one.body = rest.subspan(wire::frame_header::size, header.length);
+                one.object = object ? &object : nullptr;
+                visit(one);
+            }
             frame_at += size;
         }
         segment_at += content.size();

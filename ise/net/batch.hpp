@@ -3,6 +3,7 @@
 #include <ise/core/bytes.hpp>
 #include <ise/core/passed_object.hpp>
 #include <ise/core/ring.hpp>
+#include <ise/net/carried_frame.hpp>
 #include <ise/packet/shared_bytes.hpp>
 #include <ise/wire/frame.hpp>
 
@@ -62,7 +63,7 @@ public:
 
     /// The frames of which no byte was written: a body that does not lie in one piece is passed over.
     /// What has objects is written whole or not at all; they may be taken.
-    void visit_unwritten(const std::function<void(const wire::frame&)>& visit);
+    void visit_unwritten(const std::function<void(const carried_frame&)>& visit);
 
 private:
     struct segment {

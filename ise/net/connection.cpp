@@ -14,10 +14,6 @@ namespace {
 
 using wire::frame_type;
 
-// A peer that is not heard for this many of its heartbeats is lost.
-constexpr int missed_heartbeats = 3;
-// A peer is sent a ping at least once in so many heartbeats, however much else it is sent: its clock is read by that.
-constexpr int heartbeats_a_ping = 4;
 // One flush writes at most this much before others get their turn.
 constexpr std::size_t flush_bytes = 4 * 1024 * 1024;
 
@@ -35,7 +31,8 @@ connection::connection(loop& on, std::unique_ptr<stream> transport, session_term
     : on_(on), transport_(std::move(transport)), terms_(std::move(terms)),
       peer_name_(terms_.peer.path.empty() ? transport_->peer()
                                           : fmt::format("{} ({})", terms_.peer.path, transport_->peer())),
-      parser_(std::move(parser)), heartbeat_(on, [this] { pulse(); }) {
+      parser_(std::move(parser)), heartbeat_(on, [this] { pulse(); }),
+      alive_(duration(static_cast<std::int64_t>(terms_.we_accept.heartbeat_ns)), on.now()) {
     parser_.set_max_frame_bytes(terms_.we_accept.max_frame_bytes);
     datagrams_ = dynamic_cast<datagram_stream*>(transport_.get());
     if (datagrams_) outbox_.use(*datagrams_);
@@ -44,9 +41,8 @@ connection::connection(loop& on, std::unique_ptr<stream> transport, session_term
     if (tells_clock()) outbox_.use(terms_.clock);
     outbox_.limit_messages(terms_.peer_accepts.max_message_bytes);
     parser_.release(); // a greeting is larger than what follows on an idle connection
-    last_heard_ = last_sent_ = on_.now();
     signs_ = std::make_shared<heartbeat_sender>(
-        *transport_, duration(static_cast<std::int64_t>(terms_.peer_accepts.heartbeat_ns)), last_sent_);
+        *transport_, duration(static_cast<std::int64_t>(terms_.peer_accepts.heartbeat_ns)), alive_.last_sent());
 }
 
 connection::~connection() { signs_->end(); }
@@ -64,7 +60,7 @@ void connection::start(task_scope& scope, std::weak_ptr<user> receiver) {
 // whatever needs none stays out of it.
 task<> connection::read([[maybe_unused]] std::shared_ptr<connection> held) {
     bool more = begin_to_take();
-    while (more && open_) {
+    while (more && open()) {
         auto room = parser_.prepare();
         transfer got;
         try {
@@ -88,25 +84,26 @@ bool connection::begin_to_take() {
 
 // Whether to go on reading.
 bool connection::take_read(const transfer& got) {
-    if (!open_) return false;
+    if (!open()) return false;
     if (got.problem) {
         end_for_read(got.problem);
         return false;
     }
     counts_.bytes_in += got.bytes;
     loop::turn in(on_);
-    last_heard_ = on_.now();
+    alive_.heard(on_.now());
     parser_.commit(got.bytes);
     return taken(take_frames());
 }
 
 bool connection::taken(const result<void>& state) {
-    if (!state && open_) end_for(state.error());
-    return open_;
+    if (!state && open()) end_for(state.error());
+    return open();
 }
 
 void connection::end_for_read(const std::error_code& problem) {
-    std::string_view how = problem == asio::error::eof ? (finishing_ ? "has closed" : "closed the connection")
+    std::string_view how = problem == asio::error::eof
+                               ? (state_ == state::finishing ? "has closed" : "closed the connection")
                            : problem == asio::error::operation_aborted ? "was left: this side stopped"
                                                                        : "";
     close(failure(errc::peer_lost, how.empty() ? fmt::format("{}: {}", peer_name(), problem.message())
@@ -123,22 +120,22 @@ void connection::end_for(const failure& wrong) {
 
 // Its loop does not turn, and its node sends in its place.
 void connection::on_sign() {
-    if (!open_) return;
+    if (!open()) return;
     on_heard();
-    wire::frame sign;
+    carried_frame sign;
     sign.header.type = frame_type::pong;
     sign.header.flags = wire::flag::stalled;
     ++counts_.frames_in;
     auto taken = take(sign, receiver());
-    if (!taken && open_) end_for(taken.error());
+    if (!taken && open()) end_for(taken.error());
 }
 
 // A message beside the stream: a packet, and nothing that has to arrive, or arrive once.
 void connection::on_message(bytes_view message) {
-    if (!open_) return;
+    if (!open()) return;
     counts_.bytes_in += message.size();
     ++counts_.frames_in;
-    wire::frame received;
+    carried_frame received;
     received.header = wire::read_header(message.data());
     received.body = message.subspan(wire::frame_header::size);
     result<void> state;
@@ -147,14 +144,14 @@ void connection::on_message(bytes_view message) {
     } else {
         state = take(received, receiver());
     }
-    if (!state && open_) end_for(state.error());
+    if (!state && open()) end_for(state.error());
 }
 
 // From within the process: it is taken where it lies.
 void connection::on_passed(bytes_view content, ring<passed_object>& attachments) {
-    if (!open_) return;
+    if (!open()) return;
     counts_.bytes_in += content.size();
-    last_heard_ = on_.now();
+    alive_.heard(on_.now());
     attachments_ = &attachments;
     auto state = take_lying(content);
     attachments_ = nullptr;
@@ -163,7 +160,7 @@ void connection::on_passed(bytes_view content, ring<passed_object>& attachments)
 
 // What came of the stream over datagrams.
 void connection::on_content(bytes_view content) {
-    if (!open_) return;
+    if (!open()) return;
     counts_.bytes_in += content.size();
     taken(take_lying(content));
 }
@@ -171,13 +168,13 @@ void connection::on_content(bytes_view content) {
 result<void> connection::take_lying(bytes_view content) {
     result<void> state;
     auto* to = receiver();
-    for (wire::frame received; open_ && state && parser_.pending() == 0 && parser_.take(received, content);) {
+    for (carried_frame received; open() && state && parser_.pending() == 0 && parser_.take(received, content);) {
         auto taken = take_whole(received, to);
         if (!taken) state = std::move(taken);
     }
     if (content.empty()) parser_.rest();
     // A part of a frame, or none: as if it had been read.
-    while (open_ && state && !content.empty()) {
+    while (open() && state && !content.empty()) {
         auto room = parser_.prepare();
         const auto count = std::min(room.size(), content.size());
         std::copy_n(content.begin(), count, room.begin());
@@ -188,7 +185,7 @@ result<void> connection::take_lying(bytes_view content) {
     return state;
 }
 
-result<void> connection::take_whole(wire::frame& received, user* receiver) {
+result<void> connection::take_whole(carried_frame& received, user* receiver) {
     ++counts_.frames_in;
     received.object = nullptr;
     if (!attachments_ || !(received.header.flags & wire::flag::attached)) return take(received, receiver);
@@ -201,17 +198,17 @@ result<void> connection::take_whole(wire::frame& received, user* receiver) {
 
 result<void> connection::take_frames() {
     auto* to = receiver();
-    for (wire::frame received; parser_.take(received);) {
+    for (carried_frame received; parser_.take(received);) {
         auto taken = take_whole(received, to);
         if (!taken) return taken;
-        if (!open_) return {};
+        if (!open()) return {};
     }
     auto rest = parser_.next();
     if (!rest) return rest.error();
     return {};
 }
 
-result<void> connection::take(const wire::frame& received, user* receiver) {
+result<void> connection::take(const carried_frame& received, user* receiver) {
     switch (received.header.type) {
         case frame_type::ping:
         case frame_type::pong:
@@ -244,7 +241,7 @@ failure connection::too_many_answers() {
 }
 
 // What is said between connections, and not to the user.
-result<void> connection::take_own(const wire::frame& received, user* receiver) {
+result<void> connection::take_own(const carried_frame& received, user* receiver) {
     switch (received.header.type) {
         case frame_type::ping:
             wire::put_frame(outbox_.control(), frame_type::pong, 0, received.header.id, [this](buffer& body) {
@@ -257,7 +254,7 @@ result<void> connection::take_own(const wire::frame& received, user* receiver) {
             auto sent = time_point(duration(static_cast<std::int64_t>(received.header.id)));
             auto now = on_.env().now(); // also where the turn has lasted
             if (sent > now || sent <= time_point{}) return {};
-            round_trip_ = now - sent;
+            alive_.answered(now - sent);
             if (tells_clock() && received.body.size() >= 8)
                 terms_.clock.note(sent, time_point(duration(detail::load_little<std::int64_t>(received.body.data()))),
                                   now);
@@ -275,7 +272,7 @@ result<void> connection::take_own(const wire::frame& received, user* receiver) {
             auto whole = reassembly_->take(received);
             if (!whole) return whole.error();
             if (!*whole) return {};
-            wire::frame message;
+            carried_frame message;
             message.header = (*whole)->header;
             if (message.header.type == frame_type::piece)
                 return failure(errc::protocol_error, "a message in pieces holds a piece");
@@ -287,9 +284,9 @@ result<void> connection::take_own(const wire::frame& received, user* receiver) {
 }
 
 void connection::flush() {
-    if (!open_) return;
-    if (datagrams_ && !finishing_) outbox_.feed_lane(); // packets beside the stream do not wait for it
-    if (blocked_) return;
+    if (!open()) return;
+    if (datagrams_ && state_ == state::open) outbox_.feed_lane(); // packets beside the stream do not wait for it
+    if (writer_ == writer::waiting) return;
     signs_->claim();
     if (signs_->broken())
         return close(failure(errc::peer_lost, fmt::format("{} did not take a sign of life whole", peer_name())));
@@ -300,12 +297,12 @@ void connection::flush() {
         if (!batch_->empty()) return; // it goes on with this
         batches.take_back(std::move(batch_));
     }
-    if (open_) signs_->release(last_sent_);
+    if (open()) signs_->release(alive_.last_sent());
 }
 
 // Within a process calls and replies that wait alone, as most do, need no batch. The rest is `write_out`'s matter.
 bool connection::pass_calls() {
-    if (!objects_ || batch_ || finishing_ || !outbox_.calls_alone(on_.now())) return false;
+    if (!objects_ || batch_ || state_ != state::open || !outbox_.calls_alone(on_.now())) return false;
     const auto passed = objects_->pass(outbox_.calls(), outbox_.beside_calls());
     if (passed.problem) {
         batch_ = on_.common<batch_pool>().lend();
@@ -315,7 +312,7 @@ bool connection::pass_calls() {
     outbox_.calls_went();
     counts_.bytes_out += passed.bytes;
     ++counts_.frames_out_batches;
-    last_sent_ = on_.now();
+    alive_.sent(on_.now());
     return true;
 }
 
@@ -324,17 +321,16 @@ void connection::write_out() {
     while (sent < flush_bytes) {
         if (farewell_ && outbox_.calls_drained()) say_goodbye();
         if (batch_->empty() && !outbox_.fill(*batch_, on_.now())) {
-            if (finishing_) transport_->shutdown_write();
+            if (state_ == state::finishing) transport_->shutdown_write();
             return;
         }
         auto wrote = objects_ ? objects_->pass(batch_->whole(), batch_->attachments())
                               : transport_->try_write(batch_->remaining());
         if (wrote.problem && wrote.problem == asio::error::would_block) {
-            blocked_ = true;
             // Not from within this: where there is room again already it would go on writing.
-            if (!std::exchange(writing_, true))
+            if (std::exchange(writer_, writer::waiting) == writer::none)
                 on_.later([self = shared_from_this()] {
-                    if (self->open_ && self->scope_)
+                    if (self->open() && self->scope_)
                         self->scope_->spawn("writer to " + self->peer_name(), self->write(self));
                 });
             return;
@@ -346,7 +342,7 @@ void connection::write_out() {
         sent += wrote.bytes;
         counts_.bytes_out += wrote.bytes;
         if (!objects_) batch_->advance(wrote.bytes);
-        last_sent_ = on_.now();
+        alive_.sent(on_.now());
         if (objects_ || batch_->done()) {
             batch_->clear();
             ++counts_.frames_out_batches;
@@ -358,7 +354,7 @@ void connection::write_out() {
 
 // Runs only while the socket is full.
 task<> connection::write([[maybe_unused]] std::shared_ptr<connection> held) {
-    while (open_ && blocked_) {
+    while (open() && writer_ == writer::waiting) {
         std::error_code problem;
         try {
             problem = co_await transport_->wait_writable();
@@ -366,46 +362,37 @@ task<> connection::write([[maybe_unused]] std::shared_ptr<connection> held) {
             co_return; // the reader is cancelled too and ends the connection
         }
         loop::turn in(on_);
-        blocked_ = false;
-        if (problem && open_) {
+        writer_ = writer::writing;
+        if (problem && open()) {
             close(failure(errc::peer_lost, fmt::format("{}: {}", peer_name(), problem.message())));
         } else {
             flush();
         }
     }
-    writing_ = false;
+    writer_ = writer::none;
 }
 
 // Sends a ping where nothing else was sent, and notices a peer that has fallen silent.
 void connection::pulse() {
-    if (!open_) return;
-    auto now = on_.now();
-    auto ours = duration(static_cast<std::int64_t>(terms_.we_accept.heartbeat_ns));
-    auto theirs = signs_->heartbeat();
-    auto lost_at = last_heard_ + ours * missed_heartbeats;
-    // Where it is this side that did not come round for a while, what the peer sent meanwhile is still unread.
-    bool slept = heartbeat_due_ != time_point{} && now - heartbeat_due_ > ours / 2;
-    if (now >= lost_at && slept) {
-        last_heard_ = now - ours * (missed_heartbeats - 1);
-        lost_at = now + ours;
-    } else if (now >= lost_at) {
-        auto silent = std::chrono::duration<double>(now - last_heard_).count();
+    if (!open()) return;
+    const auto now = on_.now();
+    const auto found = alive_.look(now, signs_->heartbeat());
+    if (found.lost) {
+        auto silent = std::chrono::duration<double>(now - alive_.last_heard()).count();
         close(failure(errc::peer_lost, fmt::format("{} was not heard for {:.1f} s", peer_name(), silent)));
         return;
     }
-    if (now - last_sent_ >= theirs || round_trip_ == duration{} || now - last_ping_ >= theirs * heartbeats_a_ping) {
+    if (found.ping) {
         auto id = static_cast<std::uint64_t>(now.time_since_epoch().count());
         wire::put_frame(outbox_.control(), frame_type::ping, 0, id, [](buffer&) {});
-        last_sent_ = last_ping_ = now;
         written();
     }
-    heartbeat_due_ = std::min(lost_at, last_sent_ + theirs);
-    heartbeat_.arm(heartbeat_due_);
+    heartbeat_.arm(found.look_again);
 }
 
 void connection::finish(failure why, duration grace) {
-    if (!open_ || finishing_) return;
-    finishing_ = true;
+    if (state_ != state::open) return;
+    state_ = state::finishing;
     farewell_ = std::make_unique<failure>(std::move(why));
     grace_ = std::make_unique<timer>(on_, [this] {
         close(failure(errc::peer_lost, fmt::format("{} did not accept the remaining data", peer_name())));
@@ -422,17 +409,17 @@ void connection::say_goodbye() {
     wire::put_frame(outbox_.control(), frame_type::goodbye, 0, 0, [&](buffer& body) { encode(goodbye, body); });
 }
 
-void connection::take_unwritten(const std::function<void(const wire::frame&)>& visit) {
+void connection::take_unwritten(const std::function<void(const carried_frame&)>& visit) {
     if (batch_)
-        batch_->visit_unwritten([&](const wire::frame& one) {
+        batch_->visit_unwritten([&](const carried_frame& one) {
             if (one.header.type == frame_type::request) visit(one);
         });
     outbox_.take_unwritten(visit);
 }
 
 void connection::close(failure cause) {
-    if (!open_) return;
-    open_ = false;
+    if (!open()) return;
+    state_ = state::closed;
     cause_ = std::make_unique<failure>(std::move(cause));
     heartbeat_.disarm();
     if (grace_) grace_->disarm();
@@ -442,7 +429,8 @@ void connection::close(failure cause) {
 }
 
 void connection::report_end() {
-    if (open_ || std::exchange(reported_, true)) return;
+    if (state_ != state::closed) return;
+    state_ = state::reported;
     if (auto receiver = user_.lock()) receiver->on_closed(*cause_);
 }
 

@@ -6,6 +6,7 @@
 #include <ise/core/task_scope.hpp>
 #include <ise/net/datagram_stream.hpp>
 #include <ise/net/heartbeat_sender.hpp>
+#include <ise/net/liveness.hpp>
 #include <ise/net/outbox.hpp>
 #include <ise/net/peer_clock.hpp>
 #include <ise/wire/messages.hpp>
@@ -66,7 +67,7 @@ public:
     class user {
     public:
         /// A failure ends the connection: the peer broke the protocol.
-        virtual result<void> on_frame(const wire::frame& received) = 0;
+        virtual result<void> on_frame(const carried_frame& received) = 0;
         /// The last call, exactly once, never from within a call of the user.
         virtual void on_closed(const failure& cause) = 0;
 
@@ -91,7 +92,7 @@ public:
     /// Much waits that may not be dropped: it is written now, while it is still in the processor's cache, unless the
     /// socket is full, or it is being written already.
     void written_much() {
-        if (!blocked_ && !batch_) flush();
+        if (writer_ != writer::waiting && !batch_) flush();
     }
 
     /// The system holds at most about this many bytes that were not sent yet, and one write begins with at most twice
@@ -110,10 +111,10 @@ public:
     /// Sends what waits for at most `grace`, tells the peer why, then closes.
     void finish(failure why, duration grace);
     /// Requests of which no byte was written, for the user's `on_closed`, who may take their objects.
-    void take_unwritten(const std::function<void(const wire::frame&)>& visit);
+    void take_unwritten(const std::function<void(const carried_frame&)>& visit);
     /// Ends it now. The first cause stays.
     void close(failure cause);
-    bool open() const noexcept { return open_; }
+    bool open() const noexcept { return state_ < state::closed; }
     /// Packets may be lost and come late; everything else arrives, whole and in order.
     bool lossy() const noexcept { return datagrams_ != nullptr; }
     /// Whether both sides are in one process and agreed to hand packets over as they are.
@@ -128,14 +129,27 @@ public:
     /// Whether deadlines are told as times of the receiver's clock.
     bool tells_clock() const noexcept { return terms_.features & wire::feature::clock; }
     /// The last measured round trip of a heartbeat; zero before the first.
-    duration round_trip() const noexcept { return round_trip_; }
-    time_point last_heard() const noexcept { return last_heard_; }
+    duration round_trip() const noexcept { return alive_.round_trip(); }
+    time_point last_heard() const noexcept { return alive_.last_heard(); }
     /// The last thing heard was its node, which says that the peer is busy.
     bool peer_stalled() const noexcept { return stalled_sign_ != 0 && stalled_sign_ == counts_.frames_in; }
     /// For who answers in this side's place while its loop does not turn.
     const std::shared_ptr<heartbeat_sender>& signs() const noexcept { return signs_; }
 
 private:
+    enum class state : std::uint8_t {
+        open,
+        finishing, // what waits is sent yet, and nothing new begins
+        closed,
+        reported, // the user knows
+    };
+    // The coroutine that waits while the socket is full.
+    enum class writer : std::uint8_t {
+        none,
+        waiting, // for room
+        writing, // there is room again
+    };
+
     task<> read(std::shared_ptr<connection> held);
     // Two locked instructions less than a lock.
     user* receiver() const noexcept { return user_.expired() ? nullptr : known_user_; }
@@ -146,12 +160,12 @@ private:
     task<> write(std::shared_ptr<connection> held);
     result<void> take_frames();
     result<void> take_lying(bytes_view content);
-    result<void> take_whole(wire::frame& received, user* receiver);
-    result<void> take(const wire::frame& received, user* receiver);
-    result<void> take_own(const wire::frame& received, user* receiver);
+    result<void> take_whole(carried_frame& received, user* receiver);
+    result<void> take(const carried_frame& received, user* receiver);
+    result<void> take_own(const carried_frame& received, user* receiver);
     result<void> answers_bounded() const;
     static failure too_many_answers();
-    void on_heard() override { last_heard_ = on_.now(); }
+    void on_heard() override { alive_.heard(on_.now()); }
     void on_content(bytes_view content) override;
     void on_message(bytes_view message) override;
     void on_passed(bytes_view content, ring<passed_object>& attachments) override;
@@ -183,18 +197,11 @@ private:
     user* known_user_ = nullptr; // the same, while it is there
     std::unique_ptr<failure> cause_;
     connection_counts counts_;
-    duration round_trip_{};
-    time_point last_heard_{};
-    time_point last_sent_{};
-    time_point last_ping_{};
-    time_point heartbeat_due_{};
+    liveness alive_;
     std::uint64_t stalled_sign_ = 0; // which frame it was
-    bool open_ = true;
-    bool blocked_ = false;              // the socket is full; the writer coroutine waits for it
-    bool writing_ = false;              // there is a writer coroutine
+    state state_ = state::open;
+    writer writer_ = writer::none;
     std::unique_ptr<failure> farewell_; // goodbye is to be said once everything else was sent
-    bool finishing_ = false;            // nothing new begins
-    bool reported_ = false;
 };
 
 } // namespace ise::net

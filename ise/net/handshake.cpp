@@ -236,7 +236,7 @@ task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<str
 
 task<result<std::shared_ptr<connection>>> respond(loop& on, std::unique_ptr<stream> transport, gatekeeper& gate,
                                                   time_point deadline, const shared_key* key) {
-    greeting with(on, std::move(transport), deadline, key, " (handshake_time)");
+    greeting with(on, std::move(transport), deadline, key, " (connect_time)");
     auto came = co_await with.receive();
     if (!came) co_return came.error();
     if (came->header.type != frame_type::hello) co_return with.strange(*came);

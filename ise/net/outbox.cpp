@@ -339,7 +339,7 @@ void outbox::feed_lane() {
     }
 }
 
-void outbox::take_unwritten(const std::function<void(const wire::frame&)>& visit) {
+void outbox::take_unwritten(const std::function<void(const carried_frame&)>& visit) {
     // One that was withdrawn is not the caller's any more: it finds no call of that id.
     for (std::size_t at = calls_taken_; at < calls_.size();) {
         auto header = wire::read_header(calls_.data() + at);

@@ -115,7 +115,7 @@ public:
     }
 
     /// Takes the requests that were never begun to be written; the body holds head and packet.
-    void take_unwritten(const std::function<void(const wire::frame&)>& visit);
+    void take_unwritten(const std::function<void(const carried_frame&)>& visit);
     /// A request that was given up: true if the peer will never have it whole, so that it need not be told. One of
     /// which pieces were written already is abandoned.
     bool withdraw(std::uint64_t request_id);

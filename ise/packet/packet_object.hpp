@@ -8,11 +8,6 @@
 /// gets the bytes after all, from the object.
 namespace ise {
 
-/// A packet's type as a `passed_object` has it.
-struct packet_object_type : object_type {
-    void (*write)(const void* at, buffer& out);
-};
-
 /// Whether packets of this type are handed over as objects. Where memory and wire are the same few bytes there is no
 /// codec to be spared, and copying them costs less than sharing an object.
 template <class T>
@@ -25,19 +20,16 @@ using passed_packet = std::conditional_t<passed_object::fits<T>, T, std::unique_
 
 /// Of a packet with one owner.
 template <class T>
-inline constexpr packet_object_type owned_packet_type{object_type::of<passed_packet<T>>(),
-                                                      [](const void* at, buffer& out) {
-                                                          if constexpr (passed_object::fits<T>)
-                                                              encode(*static_cast<const T*>(at), out);
-                                                          else
-                                                              encode(**static_cast<const std::unique_ptr<T>*>(at), out);
-                                                      }};
+inline constexpr object_type owned_packet_type = object_type::of<passed_packet<T>>([](const void* at, buffer& out) {
+    if constexpr (passed_object::fits<T>) encode(*static_cast<const T*>(at), out);
+    else encode(**static_cast<const std::unique_ptr<T>*>(at), out);
+});
 
 /// Of one that many share.
 template <class T>
-inline constexpr packet_object_type shared_packet_type{
-    object_type::of<counted_holder>(),
-    [](const void* at, buffer& out) { encode(*counted<T>(*static_cast<const counted_holder*>(at)), out); }};
+inline constexpr object_type shared_packet_type = object_type::of<counted_holder>([](const void* at, buffer& out) {
+    encode(*counted<T>(*static_cast<const counted_holder*>(at)), out);
+});
 
 } // namespace detail
 
@@ -59,7 +51,7 @@ T* packet_in(passed_object& object) noexcept {
 
 /// A packet that is shared by all who get it. Copies of it are holders.
 struct shared_packet {
-    const packet_object_type* type = nullptr; ///< null: none
+    const object_type* type = nullptr; ///< null: none
     counted_holder content;
     std::size_t weight = 0; ///< bytes that it counts for
 

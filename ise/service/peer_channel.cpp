@@ -19,10 +19,9 @@ constexpr duration member_patience = std::chrono::seconds(1);
 
 // Why a session in good order did not take a call.
 failure overloaded(session& over, const std::string& who, execution began = execution::not_executed) {
-    if (auto unsent = over.wire().out().pending_call_bytes(); unsent > over.runtime().options().max_unsent_bytes)
+    if (auto unsent = over.wire().out().pending_call_bytes(); unsent > over.runtime().options().session_bytes)
         return {errc::overloaded,
-                fmt::format("{} bytes of calls and replies wait to be sent to {} (max_unsent_bytes)", unsent, who),
-                began};
+                fmt::format("{} bytes of calls and replies wait to be sent to {} (session_bytes)", unsent, who), began};
     return {errc::overloaded, fmt::format("too many calls are pending at {} (max_calls_per_session there)", who),
             began};
 }
@@ -33,7 +32,7 @@ peer_channel::peer_channel(channel_context& of, std::string path, std::optional<
     : session_owner(of.calls.next_range(), true), of_(of), path_(std::move(path)), fixed_(std::move(fixed)),
       name_(fixed_ ? fixed_->text() : path_), how_(how),
       pause_(of.runtime.env(), runtime().options().first_back_off, runtime().options().max_back_off),
-      connect_time_(runtime().options().connect_time), spread_(runtime().options().reconnect_spread),
+      connect_time_(runtime().options().connect_time), spread_(runtime().options().max_back_off / 10),
       located_(fixed_.has_value()) {
     of_.uses.add(*this);
 }
@@ -41,7 +40,7 @@ peer_channel::peer_channel(channel_context& of, std::string path, std::optional<
 peer_channel::peer_channel(channel_context& of, const std::shared_ptr<session>& peer)
     : session_owner(of.calls.next_range(), false), of_(of), name_(peer->peer_name()), session_(peer),
       pause_(of.runtime.env(), runtime().options().first_back_off, runtime().options().max_back_off),
-      connect_time_(runtime().options().connect_time), spread_(runtime().options().reconnect_spread) {}
+      connect_time_(runtime().options().connect_time), spread_(runtime().options().max_back_off / 10) {}
 
 peer_channel::~peer_channel() {
     of_.uses.remove(*this);
@@ -127,7 +126,7 @@ void peer_channel::wait_for_session(pending_call& call, call_state how) {
     waiting_.push_back(&call);
 }
 
-void peer_channel::requeue(pending_call& call, kept_packet request) {
+void peer_channel::requeue(pending_call& call, payload request) {
     call.number = call.sent_to = 0;
     call.waiting = std::move(request);
     wait_for_session(call, call_state::waiting);

@@ -45,7 +45,8 @@ class peer_channel final : public std::enable_shared_from_this<peer_channel>,
 public:
     /// To whoever holds `path`, or to that component at `fixed`, where an empty path is whoever listens. Lifetime: `of`
     /// outlives it.
-    peer_channel(channel_context& of, std::string path, std::optional<endpoint> fixed, role_options how = role_options());
+    peer_channel(channel_context& of, std::string path, std::optional<endpoint> fixed,
+                 role_options how = role_options());
     /// Back to the peer of a session that it made.
     peer_channel(channel_context& of, const std::shared_ptr<session>& peer);
     ~peer_channel();
@@ -61,7 +62,7 @@ public:
     /// Starts a call. Its outcome comes later, even on refusal.
     void submit(pending_call& call, outgoing_packet request);
     failure let_go(pending_call& call, errc why) override;
-    void requeue(pending_call& call, kept_packet request) override;
+    void requeue(pending_call& call, payload request) override;
     void repeat(pending_call& call) override;
     void on_first_call(std::string_view service, const packet_types& types) override;
 

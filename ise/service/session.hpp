@@ -55,7 +55,7 @@ public:
     }
 
 private:
-    result<void> on_frame(const wire::frame& received) override;
+    result<void> on_frame(const net::carried_frame& received) override;
     void on_closed(const failure& cause) override;
     incoming_subscriptions& subscribers();
 

@@ -149,7 +149,7 @@ task<> session_acceptor::greet(std::unique_ptr<stream> stranger, endpoint reache
     } guard{++greeting_, place};
     auto peer = stranger->peer();
     door gate(*this, std::move(reached), peer);
-    auto deadline = saturating_add(runtime_.on().now(), runtime_.options().handshake_time);
+    auto deadline = saturating_add(runtime_.on().now(), runtime_.options().connect_time);
     result<std::shared_ptr<net::connection>> made = failure(errc::cancelled, "the handshake was cancelled");
     try {
         made = co_await net::respond(runtime_.on(), std::move(stranger), gate, deadline,

@@ -1,24 +1,16 @@
 #include <ise/session/carried_packet.hpp>
 
 namespace ise {
-namespace {
-
-void write_object(const passed_object& object, buffer& out) {
-    static_cast<const packet_object_type*>(object.type())->write(object.at(), out);
-}
-
-} // namespace
-
 const outgoing_packet::ways outgoing_packet::kept_object{
-    [](const void* packet, buffer& out) { write_object(static_cast<const kept_packet*>(packet)->object, out); },
-    [](void* packet) { return std::move(static_cast<kept_packet*>(packet)->object); }};
+    [](const void* packet, buffer& out) { static_cast<const payload*>(packet)->object.write(out); },
+    [](void* packet) { return std::move(static_cast<payload*>(packet)->object); }};
 const outgoing_packet::ways outgoing_packet::kept_bytes{
-    [](const void* packet, buffer& out) { out.append(static_cast<const kept_packet*>(packet)->raw.view()); }, nullptr};
+    [](const void* packet, buffer& out) { out.append(static_cast<const payload*>(packet)->raw.view()); }, nullptr};
 const outgoing_packet::ways outgoing_packet::plain_bytes{
     [](const void* packet, buffer& out) { out.append(*static_cast<const bytes_view*>(packet)); }, nullptr};
 
-kept_packet outgoing_packet::keep() const {
-    kept_packet kept;
+payload outgoing_packet::keep() const {
+    payload kept;
     if (is_object()) kept.object = pass();
     else write(kept.raw);
     return kept;
@@ -27,7 +19,7 @@ kept_packet outgoing_packet::keep() const {
 bytes_view incoming_packet::bytes() {
     if (object_ && written_.empty()) {
         try {
-            write_object(*object_, written_);
+            object_->write(written_);
         } catch (const error&) {
             throw;
         } catch (const std::exception& thrown) { // of a type with functions of its own
@@ -40,8 +32,8 @@ bytes_view incoming_packet::bytes() {
     return adapted_;
 }
 
-kept_packet incoming_packet::keep() {
-    kept_packet kept;
+payload incoming_packet::keep() {
+    payload kept;
     if (object_) kept.object = std::move(*object_);
     else kept.raw.append(raw_);
     return kept;

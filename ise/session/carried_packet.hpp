@@ -8,8 +8,8 @@
 /// that they are. Which it is shows here and nowhere else.
 namespace ise {
 
-/// A packet that came, or was kept: owns its bytes, or the object.
-struct kept_packet {
+/// A packet that is kept, as a value: its bytes, or the object of this process that it is.
+struct payload {
     buffer raw;
     passed_object object;
 
@@ -27,10 +27,10 @@ public:
     /// Moved from if it is handed over as an object.
     template <class T>
     requires(!std::is_same_v<T, outgoing_packet> &&
-             !std::is_same_v<T, kept_packet>) explicit outgoing_packet(T& packet) noexcept
+             !std::is_same_v<T, payload>) explicit outgoing_packet(T& packet) noexcept
         : at_(&packet), as_(&ways_of<T>) {}
     /// One that was kept.
-    explicit outgoing_packet(kept_packet& packet) noexcept
+    explicit outgoing_packet(payload& packet) noexcept
         : at_(&packet), as_(packet.object ? &kept_object : &kept_bytes) {}
     /// Bytes that were made before.
     static outgoing_packet of_bytes(const bytes_view& raw) noexcept {
@@ -44,7 +44,7 @@ public:
     /// Hands it over. Only where `is_object()`, once.
     passed_object pass() const { return as_->pass(at_); }
     /// Keeps it, as an object where it can be one.
-    kept_packet keep() const;
+    payload keep() const;
 
 private:
     struct ways {
@@ -72,7 +72,7 @@ public:
     /// `object`: the packet itself, if it came as such; may be moved from.
     incoming_packet(bytes_view raw, passed_object* object) noexcept : raw_(raw), object_(object) {}
     /// One that was kept; it may be moved from.
-    explicit incoming_packet(kept_packet& packet) noexcept
+    explicit incoming_packet(payload& packet) noexcept
         : raw_(packet.raw.view()), object_(packet.object ? &packet.object : nullptr) {}
 
     /// Where the sender's packet differs from ours.
@@ -103,7 +103,7 @@ public:
     /// The object, if it is one.
     passed_object* object() const noexcept { return object_; }
     /// Keeps it for longer.
-    kept_packet keep();
+    payload keep();
 
 private:
     bytes_view raw_;

@@ -27,9 +27,9 @@ void conversation::send_ahead(wire::frame_type type, std::uint64_t id, function_
 
 result<void> conversation::takes_answers() const {
     auto unsent = connection_->out().pending_call_bytes();
-    if (unsent <= 2 * runtime_.options().max_unsent_bytes) return {};
+    if (unsent <= 2 * runtime_.options().session_bytes) return {};
     return failure(errc::overloaded,
-                   fmt::format("does not take its answers: {} bytes of them wait (max_unsent_bytes)", unsent));
+                   fmt::format("does not take its answers: {} bytes of them wait (session_bytes)", unsent));
 }
 
 std::optional<failure> objection_to(const wire::introduction& told) {

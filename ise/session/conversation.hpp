@@ -39,7 +39,8 @@ public:
 
 protected:
     conversation(service_runtime& runtime, std::shared_ptr<net::connection> connection)
-        : runtime_(runtime), connection_(std::move(connection)), schemas_(runtime.schemas(), *connection_) {}
+        : runtime_(runtime), connection_(std::move(connection)),
+          schemas_(runtime.schemas(), *connection_, runtime.options().session_bytes) {}
     ~conversation() = default;
 
 private:

@@ -39,11 +39,11 @@ void schema_exchange::hand_over(question& asked) {
             more += book_.cost_of(*one);
         theirs.push_back(std::move(*one));
     }
-    if (handed_over_bytes_ + more > limit::learnt_schema_bytes)
+    if (handed_over_bytes_ + more > max_bytes_)
         return asked.otherwise(
             failure(errc::overloaded,
-                    fmt::format("the schemas of this session would take {} bytes, {} are allowed (learnt_schema_bytes)",
-                                handed_over_bytes_ + more, limit::learnt_schema_bytes)));
+                    fmt::format("the schemas of this session would take {} bytes, {} are allowed (session_bytes)",
+                                handed_over_bytes_ + more, max_bytes_)));
     handed_over_bytes_ += more;
     handed_over_.merge(fresh);
     asked.then(theirs);

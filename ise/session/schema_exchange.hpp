@@ -12,7 +12,9 @@ public:
     using ready = std::function<void(const std::vector<schema>&)>;
     using failed = std::function<void(const failure&)>;
 
-    schema_exchange(schema_cache& book, net::connection& connection) : book_(book), connection_(connection) {}
+    /// `max_bytes`: of memory, for all schemas that the peer tells of.
+    schema_exchange(schema_cache& book, net::connection& connection, std::size_t max_bytes)
+        : book_(book), connection_(connection), max_bytes_(max_bytes) {}
 
     /// Calls `then` with the schemas in order, at once if all are known, else when the peer has told them.
     /// errc::type_mismatch if it does not know its own, errc::malformed if its text is no schema, errc::overloaded
@@ -34,6 +36,7 @@ private:
 
     schema_cache& book_;
     net::connection& connection_;
+    std::size_t max_bytes_;
     std::vector<question> open_;
     std::unordered_set<std::uint64_t> handed_over_; // what services and subscriptions of this session may keep
     std::size_t handed_over_bytes_ = 0;

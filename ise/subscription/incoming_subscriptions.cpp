@@ -15,7 +15,7 @@ incoming_subscriptions::~incoming_subscriptions() {
         if (one.who) one.who->let_go(*this);
 }
 
-result<void> incoming_subscriptions::on_subscribe(const wire::frame& received) {
+result<void> incoming_subscriptions::on_subscribe(const net::carried_frame& received) {
     if (auto good = over().takes_answers(); !good) return good;
     auto terms = wire::read_body<wire::subscribe>(received.body);
     if (!terms) return terms.error();
@@ -130,7 +130,7 @@ void incoming_subscriptions::end(std::uint64_t id, const failure& why, std::uint
     over().send(frame_type::ended, 0, id, [&](buffer& body) { encode(told, body); });
 }
 
-result<void> incoming_subscriptions::on_unsubscribe(const wire::frame& received) {
+result<void> incoming_subscriptions::on_unsubscribe(const net::carried_frame& received) {
     if (auto good = over().takes_answers(); !good) return good;
     auto found = by_id_.find(received.header.id);
     bytes response;
@@ -150,7 +150,7 @@ result<void> incoming_subscriptions::on_unsubscribe(const wire::frame& received)
     return {};
 }
 
-result<void> incoming_subscriptions::on_credit(const wire::frame& received) {
+result<void> incoming_subscriptions::on_credit(const net::carried_frame& received) {
     if (received.body.size() != 8) return failure(errc::protocol_error, "a credit frame has 8 bytes");
     auto found = by_id_.find(received.header.id);
     if (found != by_id_.end() && found->second.who)

@@ -19,9 +19,9 @@ public:
     incoming_subscriptions(const incoming_subscriptions&) = delete;
     incoming_subscriptions& operator=(const incoming_subscriptions&) = delete;
 
-    result<void> on_subscribe(const wire::frame& received);
-    result<void> on_unsubscribe(const wire::frame& received);
-    result<void> on_credit(const wire::frame& received);
+    result<void> on_subscribe(const net::carried_frame& received);
+    result<void> on_unsubscribe(const net::carried_frame& received);
+    result<void> on_credit(const net::carried_frame& received);
     void on_session_end();
     void end(std::uint64_t id, const failure& why, std::uint64_t lost) override;
     void forget(std::uint64_t id) noexcept override { by_id_.erase(id); }

@@ -45,7 +45,7 @@ void outgoing_subscriptions::unsubscribe(subscriber_core& subscriber, bytes_view
     over_.send(frame_type::unsubscribe, 0, id, [&](buffer& body) { body.append(farewell); });
 }
 
-void outgoing_subscriptions::on_unsubscribed(const wire::frame& received) {
+void outgoing_subscriptions::on_unsubscribed(const net::carried_frame& received) {
     auto found = departures_.find(received.header.id);
     if (found == departures_.end()) return; // mostly nobody waits for it
     auto waiting = found->second.lock();
@@ -65,7 +65,7 @@ void outgoing_subscriptions::grant(const subscriber_core& subscriber, std::uint6
     over_.send_ahead(frame_type::credit, subscriber.id(), [&](buffer& body) { body.append(total); });
 }
 
-result<void> outgoing_subscriptions::on_subscribed(const wire::frame& received) {
+result<void> outgoing_subscriptions::on_subscribed(const net::carried_frame& received) {
     auto answer = wire::read_body<wire::subscribed>(received.body);
     if (!answer) return answer.error();
     auto* subscriber = find(received.header.id);
@@ -73,7 +73,7 @@ result<void> outgoing_subscriptions::on_subscribed(const wire::frame& received) 
     return subscriber->on_subscribed(std::move(*answer));
 }
 
-result<void> outgoing_subscriptions::on_packet(const wire::frame& received) {
+result<void> outgoing_subscriptions::on_packet(const net::carried_frame& received) {
     bytes_view body = received.body;
     bool skipped = received.header.flags & wire::flag::skipped;
     if (body.size() < (skipped ? 12u : 8u)) return failure(errc::protocol_error, "a packet came without its sequence");
@@ -85,7 +85,7 @@ result<void> outgoing_subscriptions::on_packet(const wire::frame& received) {
     return found->second->on_packet(sequence, left_out, packet);
 }
 
-result<void> outgoing_subscriptions::on_ended(const wire::frame& received) {
+result<void> outgoing_subscriptions::on_ended(const net::carried_frame& received) {
     auto why = wire::read_body<wire::ended>(received.body);
     if (!why) return why.error();
     auto found = subscribers_.find(received.header.id);

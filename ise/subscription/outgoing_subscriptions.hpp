@@ -21,10 +21,10 @@ public:
     void grant(const subscriber_core& subscriber, std::uint64_t total) override;
     subscriber_core* find(std::uint64_t id) const noexcept override;
 
-    result<void> on_subscribed(const wire::frame& received);
-    result<void> on_packet(const wire::frame& received);
-    result<void> on_ended(const wire::frame& received);
-    void on_unsubscribed(const wire::frame& received);
+    result<void> on_subscribed(const net::carried_frame& received);
+    result<void> on_packet(const net::carried_frame& received);
+    result<void> on_ended(const net::carried_frame& received);
+    void on_unsubscribed(const net::carried_frame& received);
     void on_session_end(const failure& cause);
 
     /// Adds the names of the services that are subscribed to.

@@ -215,7 +215,7 @@ void remote_subscriber::grant(std::uint64_t total) {
 bool remote_subscriber::full(std::size_t more) const noexcept {
     if (queue_.size() - resent_ >= depth_) return true;
     const auto waiting = line_ ? line_->held_bytes() : held();
-    return !queue_.empty() && waiting + more > group_.runtime().options().max_subscriber_bytes;
+    return !queue_.empty() && waiting + more > group_.runtime().options().queued_bytes();
 }
 
 bool remote_subscriber::offer(const published_packet& packet) {

@@ -33,14 +33,14 @@ subscriber_core::subscriber_core(std::shared_ptr<subscription_owner> to, std::st
                                  subscribe_options options, bytes request)
     : on_(to->runtime().on()), owner_(std::move(to)), options_(options), service_(std::move(service)), types_(types),
       request_(std::move(request)), farewell_(adapt(schema(), types.schemas[role::unsubscribe_request], {})),
-      packet_(on_, [this] { packet_.resume(); }), answer_(on_, [this] { answer_.resume(); }) {
-    if (options_.depth == 0) options_.depth = 1;
-}
+      packet_(on_, [this] { packet_.resume(); }),
+      answer_(on_, [this] { answer_.resume(); }), held_room_{owner_->runtime().options().held_bytes()},
+      held_(capacity(), held_room_) {}
 
 subscriber_core::~subscriber_core() = default;
 
 std::size_t subscriber_core::capacity() const noexcept {
-    return options_.policy == overflow::keep_latest ? 1 : options_.depth;
+    return options_.policy == overflow::keep_latest ? 1 : std::max<std::size_t>(options_.depth, 1);
 }
 
 task<result<void>> subscriber_core::begin() {
@@ -223,10 +223,9 @@ void subscriber_core::establish(const wire::subscribed& answer) {
         return;
     }
     answer_.resume();
-    for (auto& [sequence, skipped, kept] : std::exchange(held_, {})) {
-        incoming_packet packet(kept);
-        [[maybe_unused]] auto taken = on_packet(sequence, skipped, packet);
-    }
+    held_.release([this](const packet_place& place, incoming_packet packet) {
+        [[maybe_unused]] auto taken = on_packet(place.sequence, place.skipped, packet);
+    });
 }
 
 void subscriber_core::on_refused(const failure& why) {
@@ -282,8 +281,11 @@ void subscriber_core::keep(incoming_packet& packet) {
 
 result<void> subscriber_core::on_other_packet(std::uint64_t sequence, std::uint32_t skipped, incoming_packet& packet) {
     if (!established_) {
-        if (held_.size() >= capacity()) held_.erase(held_.begin());
-        held_.emplace_back(sequence, skipped, packet.keep());
+        const packet_place place{sequence, skipped};
+        while (!held_.hold(place, packet)) {
+            if (held_.size() == 0) return {}; // it is larger than all that may be held
+            held_.drop_oldest();
+        }
         return {};
     }
     if (sequence < next_sequence_ && session_ && session_->over().wire().lossy()) {

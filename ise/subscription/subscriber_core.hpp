@@ -3,6 +3,7 @@
 #include <ise/core/waiter.hpp>
 #include <ise/packet/adapt.hpp>
 #include <ise/session/contract.hpp>
+#include <ise/session/held_packets.hpp>
 #include <ise/session/service_runtime.hpp>
 #include <ise/subscription/receive_queue.hpp>
 #include <ise/subscription/received.hpp>
@@ -163,6 +164,10 @@ protected:
     subscribe_options options_;
 
 private:
+    struct packet_place {
+        std::uint64_t sequence;
+        std::uint32_t skipped;
+    };
     result<void> on_other_packet(std::uint64_t sequence, std::uint32_t skipped, incoming_packet& packet);
     void keep(incoming_packet& packet);
     void finish(failure why);
@@ -198,7 +203,8 @@ private:
     std::uint64_t granted_at_first_ = 0;
     bool established_ = false;
     bool comparing_ = false; // the schema of the published packet was asked for
-    std::vector<std::tuple<std::uint64_t, std::uint32_t, kept_packet>> held_;
+    held_budget held_room_;
+    held_packets<packet_place> held_; // until it is established
 };
 
 } // namespace ise

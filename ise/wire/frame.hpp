@@ -1,7 +1,6 @@
 #pragma once
 #include <ise/core/buffer.hpp>
 #include <ise/core/bytes.hpp>
-#include <ise/core/passed_object.hpp>
 
 #include <cstddef>
 #include <cstdint>
@@ -93,7 +92,6 @@ inline frame_header read_header(const std::byte* from) noexcept {
 struct frame {
     frame_header header;
     bytes_view body;
-    passed_object* object = nullptr; ///< the packet, where it came beside the stream instead of at the body's end
 };
 
 /// Writes a frame whose body is what `append` appends to the buffer.

@@ -15,7 +15,7 @@ void hasty(ise::service_options& options) {
 // As the slow weather takes its time.
 void patient(ise::service_options& options) {
     options.linger = 10min;
-    options.handshake_time = options.connect_time = 1min;
+    options.connect_time = 1min;
     options.unsent_bytes = 4096;
 }
 

@@ -148,7 +148,7 @@ TEMPLATE_TEST_CASE("a reader that stalls holds up nobody, and keeps what it aske
 
 TEMPLATE_TEST_CASE("what waits for a subscriber is bounded in bytes, and what is dropped is counted", "",
                    OVER_EVERY_TRANSPORT) {
-    over<TestType>(bounded_bytes, [](ise::service_options& options) { options.max_subscriber_bytes = 64 * 1024; });
+    over<TestType>(bounded_bytes, [](ise::service_options& options) { options.session_bytes = 16 * 1024; });
 }
 
 TEMPLATE_TEST_CASE("of a state the next packet taken is the newest", "", OVER_EVERY_TRANSPORT) {

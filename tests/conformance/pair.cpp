@@ -28,7 +28,7 @@ ise::service_options quick(const column& transport, const tuning& tune) {
     made.accepts.heartbeat_ns = transport.heartbeat_ns;
     made.accepts.max_message_bytes = 16 << 20;
     made.first_back_off = std::chrono::milliseconds(5);
-    made.max_back_off = made.reconnect_spread = std::chrono::milliseconds(50);
+    made.max_back_off = std::chrono::milliseconds(50);
     if (tune) tune(made);
     return made;
 }

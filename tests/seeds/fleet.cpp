@@ -46,7 +46,7 @@ ise::node_options fleet::node_options(const std::string& name) const {
     made.lease = stage_.plan.lease;
     made.services.linger = stage_.plan.linger;
     made.services.accepts.heartbeat_ns = stage_.plan.heartbeat_ns;
-    made.services.max_unsent_bytes = stage_.plan.max_unsent_bytes;
+    made.services.session_bytes = stage_.plan.session_bytes;
     made.log = [events = &stage_.events](const ise::log_record& record) {
         auto line = ise::format_line(record);
         line.pop_back();

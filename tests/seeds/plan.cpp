@@ -164,7 +164,7 @@ plan::plan(std::uint64_t from) : seed(from) {
     linger = draw.chance(0.5) ? 30s : draw.time(1s, 6s);
     lease = draw.chance(0.7) ? duration(2s) : draw.time(400ms, 4s);
     heartbeat_ns = draw.chance(0.6) ? 1'000'000'000u : static_cast<std::uint64_t>(draw.time(100ms, 3s).count());
-    max_unsent_bytes = draw.chance(0.7) ? 64u << 20 : 300'000;
+    session_bytes = draw.chance(0.7) ? 64u << 20 : 300'000;
     latency = draw.time(20us, 30ms);
     for (auto left = draw.between(0, 9); left > 0; --left) faults.push_back(draw_fault(draw, *this));
     draw_datagrams(*this);
@@ -185,7 +185,7 @@ std::string plan::text() const {
     auto text = fmt::format("seed {}: {:.1f} s, latency {:.4f} s, linger {:.1f} s, lease {:.1f} s, heartbeat {:.1f} s, "
                             "at most {} bytes unsent\n",
                             seed, seconds(length), seconds(latency), seconds(linger), seconds(lease),
-                            static_cast<double>(heartbeat_ns) * 1e-9, max_unsent_bytes);
+                            static_cast<double>(heartbeat_ns) * 1e-9, session_bytes);
     for (const auto& one : components) {
         text += fmt::format("  {} in {}/{}:{}{}{}{}{}{} {} callers, {} bytes, every {:.3f} s{}; publishes {} x {} "
                             "bytes every {:.3f} s{}{}\n",

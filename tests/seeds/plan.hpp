@@ -97,7 +97,7 @@ struct plan {
     ise::duration linger{};
     ise::duration lease{};
     std::uint64_t heartbeat_ns = 0;
-    std::size_t max_unsent_bytes = 0;
+    std::size_t session_bytes = 0;
     ise::duration latency{};
 
     explicit plan(std::uint64_t seed);

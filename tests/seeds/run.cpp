@@ -103,7 +103,7 @@ private:
                                      stage_.calls.open_calls(one->life()));
             for (const auto& [raw, held] : services.sessions()) {
                 auto unsent = held->wire().out().pending_bytes();
-                if (unsent > 2 * stage_.plan.max_unsent_bytes + (8u << 20))
+                if (unsent > 2 * stage_.plan.session_bytes + (8u << 20))
                     stage_.events.broken("{} holds {} bytes for {}", one->path(), unsent, held->peer_name());
             }
         }

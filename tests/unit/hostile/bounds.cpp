@@ -44,7 +44,7 @@ TEST_CASE("hostile: of the requests that wait for schemas 256 of a service are h
 }
 
 TEST_CASE("hostile: replies that wait for a schema that never comes end the session, and our calls with it "
-          "(held_replies, held_bytes)") {
+          "(held_replies, session_bytes)") {
     constexpr ise::request_response<set_mode, mode_set> confirm("confirm");
     std::size_t failed = 0;
     harbour at(either());
@@ -78,7 +78,7 @@ TEST_CASE("hostile: replies that wait for a schema that never comes end the sess
     }
     CHECK(at.all.run_until([&] { return peer.closed() && failed == calls; }));
     INFO(at.all_warnings());
-    CHECK(at.warned("wait for its schema (held_replies, held_bytes)"));
+    CHECK(at.warned("wait for its schema (held_replies, session_bytes)"));
     at.others_do_not_notice();
 }
 

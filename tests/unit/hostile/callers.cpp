@@ -100,7 +100,7 @@ TEST_CASE("hostile: requests that wait are bounded by bytes too") {
 
 TEST_CASE("hostile: replies that nobody takes are bounded and others get theirs") {
     ise::service_options options;
-    options.max_unsent_bytes = 1 << 20;
+    options.session_bytes = 1 << 20;
     harbour at(either(), options);
     INFO(at.channel);
     raw_peer peer(at.all, at.sea, at.channel, false);
@@ -122,9 +122,9 @@ TEST_CASE("hostile: replies that nobody takes are bounded and others get theirs"
     at.others_do_not_notice();
 }
 
-TEST_CASE("hostile: who takes no replies and goes on calling is ended at twice max_unsent_bytes") {
+TEST_CASE("hostile: who takes no replies and goes on calling is ended at twice session_bytes") {
     ise::service_options options;
-    options.max_unsent_bytes = 100'000;
+    options.session_bytes = 100'000;
     harbour at(either(), options);
     INFO(at.channel);
     raw_peer peer(at.all, at.sea, at.channel, false);
@@ -136,13 +136,13 @@ TEST_CASE("hostile: who takes no replies and goes on calling is ended at twice m
         if (call % 100 == 0) peer.finish();
     }
     CHECK(at.all.world.run_until([&] { return !at.of_raw(); }, 10s));
-    CHECK(at.warned("max_unsent_bytes"));
+    CHECK(at.warned("session_bytes"));
     at.others_do_not_notice();
 }
 
 TEST_CASE("hostile: answers to subscriptions and to their ends are bounded too") {
     ise::service_options options;
-    options.max_unsent_bytes = 100'000;
+    options.session_bytes = 100'000;
     harbour at(either(), options);
     INFO(at.channel);
     raw_peer peer(at.all, at.sea, at.channel, false);
@@ -156,7 +156,7 @@ TEST_CASE("hostile: answers to subscriptions and to their ends are bounded too")
         if (id % 100 == 0) peer.finish();
     }
     CHECK(at.all.world.run_until([&] { return !at.of_raw(); }, 10s));
-    CHECK(at.warned("max_unsent_bytes"));
+    CHECK(at.warned("session_bytes"));
     at.others_do_not_notice();
 }
 

@@ -44,7 +44,7 @@ TEST_CASE("hostile: acks of what was never sent, and acks ahead of time, hasten 
 
 TEST_CASE("hostile: room that shrinks, or jumps beyond all bounds, changes what waits for nobody else") {
     ise::service_options options;
-    options.max_unsent_bytes = 1 << 20;
+    options.session_bytes = 1 << 20;
     strait at(options);
     ise::wire::introduction told;
     told.service = "echo";

@@ -126,7 +126,7 @@ TEST_CASE("hostile: who proves its address and then says nothing holds no place 
     for (int s = 0; s < 6; ++s) at.go_on(1s);
     INFO(at.all_warnings());
     CHECK(at.warned("max_handshakes"));
-    CHECK(at.warned("did not greet in time (handshake_time)"));
+    CHECK(at.warned("did not greet in time (connect_time)"));
     CHECK(at.boat.warnings.size() < 30);
     CHECK(at.boat.services->counts().sessions_rejected == 600);
     for (const auto& one : at.strangers) CHECK(one->count(datagram_type::closed) == 120);

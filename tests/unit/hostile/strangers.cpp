@@ -21,7 +21,7 @@ TEST_CASE("hostile: strangers who say nothing hold no place that others need") {
     CHECK(at.boat.services->counts().sessions_rejected >= 600);
     INFO(at.all_warnings());
     CHECK(at.warned("max_handshakes"));
-    CHECK(at.warned("did not greet in time (handshake_time)"));
+    CHECK(at.warned("did not greet in time (connect_time)"));
     CHECK(at.boat.warnings.size() < 30); // not one for each
 }
 
@@ -38,8 +38,8 @@ TEST_CASE("hostile: a byte a second is no greeting") {
         at.all.world.run_for(1s);
     }
     CHECK(slow.closed());
-    CHECK(said <= 6); // handshake_time
-    CHECK(at.warned("did not greet in time (handshake_time)"));
+    CHECK(said <= 6); // connect_time
+    CHECK(at.warned("did not greet in time (connect_time)"));
     at.others_do_not_notice();
 }
 

@@ -103,9 +103,9 @@ TEST_CASE("hostile: over udp nobody subscribes without loss, and credits for oth
     at.others_do_not_notice();
 }
 
-TEST_CASE("hostile: a subscriber that never reads is held no more than max_subscriber_bytes") {
+TEST_CASE("hostile: a subscriber that never reads is held no more than session_bytes") {
     ise::service_options options;
-    options.max_subscriber_bytes = 1 << 20;
+    options.session_bytes = 256 << 10;
     fleet at(either(), options);
     INFO(at.channel);
     listener counting(at, ise::subscribe_options::last(64));

@@ -50,7 +50,7 @@ struct teacher {
     std::uint64_t taught = 0;
 };
 
-// Takes about 1 MB of the 64 MiB of learnt_schema_bytes.
+// Takes about 1 MB of the 64 MiB of session_bytes.
 std::string fat_schema(int number) {
     std::string made = "struct{mode:string";
     for (int field = 0; field < 4; ++field) {
@@ -89,7 +89,7 @@ TEST_CASE("hostile: of what peers teach without end the oldest is forgotten (lea
 }
 
 TEST_CASE("hostile: schemas count for the memory that they take, and a session keeps no more of them than "
-          "learnt_schema_bytes") {
+          "session_bytes") {
     harbour at(either());
     INFO(at.channel);
     teacher fat(at);
@@ -102,10 +102,10 @@ TEST_CASE("hostile: schemas count for the memory that they take, and a session k
     REQUIRE(at.all.world.run_until([&] { return fat.peer.count(frame_type::error) == 1; }, 1s));
     auto why = fat.peer.why(frame_type::error);
     CHECK(why.code() == errc::overloaded);
-    CHECK_THAT(why.message(), Contains("(learnt_schema_bytes)"));
+    CHECK_THAT(why.message(), Contains("(session_bytes)"));
     CHECK(at.of_raw());
     INFO(at.all_warnings());
-    CHECK(at.warned("(learnt_schema_bytes)"));
+    CHECK(at.warned("(session_bytes)"));
     CHECK(at.boat.warnings.size() < 30);
     // What it has in common with the boat costs nothing.
     fat.peer.introduce(150, "helm", helm.types().fingerprints);
@@ -124,7 +124,7 @@ TEST_CASE("a schema that stands twice in one service counts once") {
     REQUIRE(at.all.world.run_until([&] { return fat.peer.count(frame_type::error) == 1; }, 1s));
     CHECK(fat.peer.why(frame_type::error).code() == errc::type_mismatch); // both were looked at
     INFO(at.all_warnings());
-    CHECK_FALSE(at.warned("(learnt_schema_bytes)"));
+    CHECK_FALSE(at.warned("(session_bytes)"));
 }
 
 TEST_CASE("hostile: whoever teaches much while another answers does not keep that other from being understood") {
@@ -241,8 +241,8 @@ TEST_CASE("hostile: requests that wait for schemas that never come are bounded")
     for (std::uint64_t call = 0; call < 300; ++call) peer.request(call, 0, 1h, big);
     peer.finish();
     at.all.world.run_for(1s);
-    CHECK(peer.count(frame_type::error) == 300 - (16u << 20) / 100'004); // held_bytes
-    CHECK_THAT(peer.why(frame_type::error).message(), Contains("held_bytes"));
+    CHECK(peer.count(frame_type::error) == 300 - (16u << 20) / 100'004); // a quarter of session_bytes
+    CHECK_THAT(peer.why(frame_type::error).message(), Contains("session_bytes"));
     at.others_do_not_notice();
     CHECK(at.of_raw());
 }

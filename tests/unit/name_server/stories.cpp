@@ -257,7 +257,7 @@ TEST_CASE("names: who lost a component is told when its next life is there, howe
     answered = false;
     process.restart();
     REQUIRE(it.world.run_until([&] { return it.epoch_of("atirma/doubler") > epoch; }, 5s));
-    // All who lost it come back within `reconnect_spread`; the first packet is published after 100 ms.
+    // All who lost it come back within a tenth of `max_back_off`; the first packet is published after 100 ms.
     CHECK(it.world.run_until([&] { return heard > 0; }, 800ms));
     CHECK(it.world.run_until([&] { return answered; }, 2s)); // it pauses for a second between its calls
     CHECK(caller.running());

@@ -24,7 +24,7 @@ struct listener final : ise::net::connection::user {
     std::optional<ise::failure> end;
     int ends = 0;
     std::optional<ise::failure> answer;
-    ise::result<void> on_frame(const ise::wire::frame& received) override {
+    ise::result<void> on_frame(const ise::net::carried_frame& received) override {
         frames.push_back(received.header.type);
         if (answer) return *answer;
         return {};

@@ -141,7 +141,7 @@ TEST_CASE("a stranger is turned away: garbage, another frame, a wrong mark, half
     }
     SECTION("silence") {
         expected = errc::timed_out;
-        limit = "handshake_time";
+        limit = "connect_time";
     }
     SECTION("a close") {
         cut = true;

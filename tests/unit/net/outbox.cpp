@@ -69,7 +69,7 @@ void ping(outbox& to, std::uint64_t id) {
 }
 std::int64_t time_left(const written& frame) { return ise::detail::load_little<std::int64_t>(frame.body.data() + 4); }
 
-constexpr auto number = ise::object_type::of<int>();
+constexpr auto number = ise::object_type::of<int>([](const void*, ise::buffer&) {});
 void request_beside(outbox& to, std::uint64_t id, ise::time_point deadline) {
     ise::wire::put_frame(to.begin_call(), frame_type::request, ise::wire::flag::attached, id, [&](ise::buffer& body) {
         body.append(std::uint32_t{0});
@@ -326,7 +326,7 @@ TEST_CASE("unwritten requests are handed back, begun ones are not") {
     request(out, 2, t0 + 5s, 1'000'000);
     request(out, 3, t0 + 5s);
     std::vector<std::uint64_t> back;
-    out.take_unwritten([&](const ise::wire::frame& one) { back.push_back(one.header.id); });
+    out.take_unwritten([&](const ise::net::carried_frame& one) { back.push_back(one.header.id); });
     CHECK(back == std::vector<std::uint64_t>{3, 2});
     CHECK(out.empty());
     CHECK(out.pending_bytes() == 0);
@@ -340,7 +340,7 @@ TEST_CASE("a batch tells which frames were never begun") {
     REQUIRE(out.fill(one, t0));
     auto unwritten = [&] {
         std::vector<std::uint64_t> ids;
-        one.visit_unwritten([&](const ise::wire::frame& frame) {
+        one.visit_unwritten([&](const ise::net::carried_frame& frame) {
             CHECK(frame.body.size() == frame.header.length);
             ids.push_back(frame.header.id);
         });

@@ -100,7 +100,7 @@ TEST_CASE("tls: strangers whose handshakes never finish hold no place that other
     at.all.world.run_for(6s);
     CHECK(std::ranges::all_of(crowd, [](const auto& peer) { return peer->closed(); }));
     INFO(at.warnings());
-    CHECK_THAT(at.warnings(), Contains("(max_handshakes)") && Contains("did not greet in time (handshake_time)"));
+    CHECK_THAT(at.warnings(), Contains("(max_handshakes)") && Contains("did not greet in time (connect_time)"));
     CHECK(at.boat.warnings.size() < 30);
     CHECK(at.boat.services->sessions().empty());
     at.others_do_not_notice();
@@ -116,7 +116,7 @@ TEST_CASE("tls: a byte a second is no handshake") {
         at.all.world.run_for(1s);
     }
     CHECK(said <= 6);
-    CHECK_THAT(at.warnings(), Contains("did not greet in time (handshake_time)"));
+    CHECK_THAT(at.warnings(), Contains("did not greet in time (connect_time)"));
     at.others_do_not_notice();
 }
 

@@ -353,7 +353,7 @@ TEST_CASE("objects: a message beyond what the peer accepts is refused before it 
 
 TEST_CASE("objects: what waits is bounded in bytes, and what is dropped is counted") {
     ise::service_options options;
-    options.max_subscriber_bytes = 1 << 20;
+    options.session_bytes = 256 << 10;
     fixture f(GENERATE(false, true), options);
     auto out = f.boat.publish(pictures);
     auto in = f.run(f.there.subscribe(pictures, ise::subscribe_options::last(1000)));

@@ -141,7 +141,7 @@ TEST_CASE("a call that may have run and finds no room on the next session says s
     sim_parties sea;
     auto& boat = sea.add("boat", quick());
     auto crowded = quick();
-    crowded.max_unsent_bytes = 50'000;
+    crowded.session_bytes = 50'000;
     auto& shore = sea.add("shore", crowded);
     int runs = 0;
     boat.provide(helm, [&](set_mode) -> ise::task<mode_set> {
@@ -161,7 +161,7 @@ TEST_CASE("a call that may have run and finds no room on the next session says s
         if (!call->done) continue;
         REQUIRE_FALSE(call->get());
         CHECK(call->get().error().code() == errc::overloaded);
-        CHECK_THAT(call->get().error().message(), Contains("(max_unsent_bytes)"));
+        CHECK_THAT(call->get().error().message(), Contains("(session_bytes)"));
         CHECK(call->get().error().executed() == execution::unknown);
     }
 }
@@ -346,10 +346,10 @@ TEST_CASE("datagrams that break a rule behind their content harm nothing, and wh
     between.stop(sea.world);
 }
 
-TEST_CASE("answers that come late, for a peer that pings and acks nothing, are bounded by max_unsent_bytes") {
+TEST_CASE("answers that come late, for a peer that pings and acks nothing, are bounded by session_bytes") {
     sim_parties sea;
     auto narrow = quick();
-    narrow.max_unsent_bytes = 1 << 20;
+    narrow.session_bytes = 1 << 20;
     auto patient = quick();
     patient.accepts.heartbeat_ns = 3'600'000'000'000;
     auto& boat = sea.add("boat", narrow);
@@ -383,7 +383,7 @@ TEST_CASE("answers that come late, for a peer that pings and acks nothing, are b
     REQUIRE(boat.services->sessions().size() == 1);
     unsent();
     CHECK(most > 500'000);
-    CHECK(most < narrow.max_unsent_bytes + 110'000);
+    CHECK(most < narrow.session_bytes + 110'000);
     bool cut = GENERATE(false, true); // then all are asked for again at once
     if (cut) shore.services->sessions().begin()->second->wire().close(ise::failure(errc::peer_lost, "cut"));
     between.on_answer = nullptr;
@@ -391,7 +391,7 @@ TEST_CASE("answers that come late, for a peer that pings and acks nothing, are b
         unsent();
         return std::ranges::all_of(calls, &started<ise::result<blob>>::done);
     }));
-    CHECK(most < narrow.max_unsent_bytes + 110'000);
+    CHECK(most < narrow.session_bytes + 110'000);
     int answered = 0, overloaded = 0;
     for (const auto& call : calls) {
         const auto& got = call->get();
@@ -404,7 +404,7 @@ TEST_CASE("answers that come late, for a peer that pings and acks nothing, are b
         CHECK(got.error().executed() == execution::unknown);
         if (got.error().code() != errc::overloaded) continue;
         ++overloaded;
-        CHECK_THAT(got.error().message(), Catch::Matchers::Contains("max_unsent_bytes"));
+        CHECK_THAT(got.error().message(), Catch::Matchers::Contains("session_bytes"));
     }
     CHECK(answered >= 10);
     CHECK(overloaded > 0);

@@ -152,7 +152,7 @@ TEST_CASE("through a slow way the latest value is not held up by those before it
     ise::service_options options;
     options.unsent_bytes = 8000;
     options.accepts.heartbeat_ns = 20'000'000'000;
-    options.handshake_time = options.connect_time = 60s;
+    options.connect_time = 60s;
     auto& boat = sea.add("boat", options);
     auto& shore = sea.add("shore", options);
     auto out = boat.publish(position);
