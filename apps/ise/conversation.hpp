@@ -4,7 +4,7 @@
 #include "output.hpp"
 
 #include <ise/component/component.hpp>
-#include <ise/net/security.hpp>
+#include <ise/transport/security.hpp>
 
 #include <functional>
 #include <string>

@@ -37,7 +37,7 @@ void add_start(CLI::App& app, instance_places& to, wish& made) {
             ->type_name("ENDPOINT")
             ->allow_extra_args(false);
     command->add_option("--protocol", into.protocol, "listen on any endpoint of that kind")
-        ->check(one_of({"tcp", "udp", "tls", "local"}))
+        ->check(one_of(schemes_between_processes()))
         ->excludes(listen);
     command->add_option("--env", into.variables, "an environment variable that the type reads")
         ->type_name("NAME=VALUE")

@@ -1,5 +1,6 @@
 #include <components/communication_node/authority_book.hpp>
 
+#include <ise/core/transport.hpp>
 #include <ise/naming/services.hpp>
 
 #include <fmt/chrono.h>
@@ -33,7 +34,9 @@ std::string operator_of(std::string_view caller) {
         if (may_hold(caller.substr(0, at))) return std::string(caller.substr(0, at));
         address = caller.substr(at + 2, caller.size() - at - 3);
     }
-    if (address.starts_with("local:")) return "anonymous@local"; // its address names the socket, not the caller
+    const auto* over = ise::transport_of(address);
+    if (over && over->address == ise::address_form::file_or_name) // it names the socket, not the caller
+        return fmt::format("anonymous@{}", over->scheme);
     auto scheme = address.find("://");
     return fmt::format("anonymous@{}", scheme == address.npos ? address : address.substr(scheme + 3));
 }

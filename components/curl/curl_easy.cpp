@@ -1,6 +1,8 @@
 // environment-boundary: libcurl owns its sockets
 #include <components/curl/curl_easy.hpp>
 
+#include <ise/component/url.hpp>
+
 #include <fmt/format.h>
 
 #include <mutex>
@@ -100,17 +102,8 @@ int curl_easy::on_trace(CURL*, curl_infotype what, char* data, std::size_t size,
 }
 
 std::string curl_easy::server() const {
-    std::string made;
-    std::unique_ptr<CURLU, decltype([](CURLU* url) { curl_url_cleanup(url); })> parts(curl_url());
-    if (!parts || curl_url_set(parts.get(), CURLUPART_URL, url_.c_str(), CURLU_NON_SUPPORT_SCHEME) != CURLUE_OK)
-        return "a URL that is none";
-    for (auto [part, before] :
-         {std::pair(CURLUPART_SCHEME, ""), std::pair(CURLUPART_HOST, "://"), std::pair(CURLUPART_PORT, ":")}) {
-        char* text = nullptr;
-        if (curl_url_get(parts.get(), part, &text, 0) == CURLUE_OK) made += std::string(before) + text;
-        curl_free(text);
-    }
-    return made;
+    auto parts = ise::parse_url(url_);
+    return parts ? parts->server() : "an invalid URL";
 }
 
 ise::execution curl_easy::executed() const noexcept {

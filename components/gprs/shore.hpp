@@ -5,7 +5,7 @@
 #include <ise/core/endpoint.hpp>
 #include <ise/core/time.hpp>
 #include <ise/net/fair_places.hpp>
-#include <ise/net/udp/cookie.hpp>
+#include <ise/transport/udp/cookie.hpp>
 
 #include <deque>
 #include <list>

@@ -3,13 +3,13 @@
 #include <components/http/http_reader.hpp>
 #include <components/http/line_with_deadline.hpp>
 
+#include <ise/component/url.hpp>
 #include <ise/net/connect.hpp>
 
 #include <asio/error.hpp>
 #include <fmt/format.h>
 
 #include <array>
-#include <charconv>
 
 namespace atirma {
 namespace {
@@ -30,34 +30,16 @@ ise::result<http_url> parse_http_url(std::string_view url) {
         return ise::failure(ise::errc::invalid_argument,
                             fmt::format("'{}' {}; a right one is http://host:8080/path", url.substr(0, 200), why));
     };
-    constexpr std::string_view scheme = "http://";
-    if (url.starts_with("https://")) return wrong("needs TLS, which this client has not");
-    if (!url.starts_with(scheme) || url.find_first_of(" \t\r\n") != std::string_view::npos)
-        return wrong("is not an http URL");
-    url.remove_prefix(scheme.size());
-    auto slash = url.find_first_of("/?");
-    auto authority = url.substr(0, slash);
+    auto parts = ise::parse_url(url);
+    if (!parts) return wrong("is not an http URL");
+    if (parts->scheme == "https") return wrong("needs TLS, which this client has not");
+    if (parts->scheme != "http") return wrong("is not an http URL");
+    if (parts->port == 0) return wrong("has no good port");
     http_url out;
-    if (slash != std::string_view::npos) out.target = url.substr(slash);
+    out.host = std::move(parts->host);
+    out.port = parts->port;
+    if (!parts->target.empty()) out.target = std::move(parts->target);
     if (out.target.starts_with('?')) out.target = fmt::format("/{}", out.target);
-    std::string_view port;
-    if (authority.starts_with('[')) {
-        auto end = authority.find(']');
-        if (end == std::string_view::npos) return wrong("has an address without its bracket");
-        out.host = authority.substr(1, end - 1);
-        port = authority.substr(end + 1);
-    } else {
-        auto colon = authority.find(':');
-        out.host = authority.substr(0, colon);
-        port = colon == std::string_view::npos ? std::string_view() : authority.substr(colon);
-    }
-    if (out.host.empty()) return wrong("names no host");
-    if (!port.empty()) {
-        port.remove_prefix(1);
-        auto [end, problem] = std::from_chars(port.data(), port.data() + port.size(), out.port);
-        if (problem != std::errc() || end != port.data() + port.size() || out.port == 0)
-            return wrong("has no good port");
-    }
     return out;
 }
 

@@ -14,6 +14,7 @@
 
 #include <cxxabi.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <set>
 #include <typeinfo>
@@ -26,10 +27,11 @@ constexpr duration name_wait = std::chrono::seconds(5);
 // What a component listens on unless it is told: the nearest for each who asks.
 std::vector<endpoint> default_endpoints(environment& env, std::uint64_t incarnation) {
     auto unique = fmt::format("ise-{}-{:016x}", env.identity().process_id, incarnation);
-    endpoint near{protocol::inproc, {}, 0, unique};
-    endpoint local{protocol::local, {}, 0, "@" + unique};
-    endpoint loopback{protocol::tcp, "127.0.0.1", 0, {}};
-    return {near, local, loopback};
+    std::vector<endpoint> nearest_first;
+    for (auto kind : all_transports())
+        if (kind->by_default) nearest_first.push_back(endpoint::any_of(kind, unique));
+    std::ranges::stable_sort(nearest_first, {}, [](const endpoint& at) { return at.kind->rank; });
+    return nearest_first;
 }
 
 // A listener on every interface is reached by each of them.

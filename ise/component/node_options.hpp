@@ -2,8 +2,8 @@
 #include <ise/core/endpoint.hpp>
 #include <ise/core/log.hpp>
 #include <ise/core/time.hpp>
-#include <ise/net/security.hpp>
 #include <ise/session/service_options.hpp>
+#include <ise/transport/security.hpp>
 
 #include <asio/any_io_executor.hpp>
 

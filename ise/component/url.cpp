@@ -1,5 +1,7 @@
 #include <ise/component/url.hpp>
 
+#include <ise/core/transport.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -39,6 +41,12 @@ std::uint16_t usual_port(std::string_view scheme) {
 
 } // namespace
 
+std::string url_parts::server() const {
+    const bool v6 = host.find(':') != std::string::npos;
+    auto made = fmt::format("{}://{}{}{}", scheme, v6 ? "[" : "", host, v6 ? "]" : "");
+    return port == 0 ? made : fmt::format("{}:{}", made, port);
+}
+
 result<url_parts> parse_url(std::string_view text) {
     auto colon = text.find("://");
     if (colon == std::string_view::npos || colon == 0) return no_url(text, "it has no scheme");
@@ -51,9 +59,12 @@ result<url_parts> parse_url(std::string_view text) {
     url_parts made;
     made.scheme = lower(scheme);
     made.port = usual_port(made.scheme);
-    if (made.scheme == "local" || made.scheme == "inproc" || made.scheme == "file") return made;
+    const auto* sessions = find_transport(made.scheme);
+    if (made.scheme == "file" || (sessions && sessions->address != address_form::host_and_port)) return made;
     auto rest = text.substr(colon + 3);
     auto authority = rest.substr(0, rest.find_first_of("/?#"));
+    rest.remove_prefix(authority.size());
+    made.target = rest.substr(0, rest.find('#'));
     if (authority.find('@') != std::string_view::npos) return no_url(text, "a user before the host is not allowed");
     std::string_view host, port;
     if (authority.starts_with('[')) {

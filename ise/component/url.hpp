@@ -8,12 +8,15 @@
 
 namespace ise {
 
-/// Whom a URL reaches: "https://gateway.example/post", "tcp://[::1]:7411".
+/// The parts of a URL: "https://gateway.example/post", "tcp://[::1]:7411".
 struct url_parts {
-    std::string scheme;
-    std::string
-        host; ///< lower case, IPv6 without brackets; empty: of a scheme that names no host (local, inproc, file)
+    std::string scheme;     ///< lower case
+    std::string host;       ///< lower case, IPv6 without brackets; empty: of a scheme that names none (local, file)
     std::uint16_t port = 0; ///< as written, else the usual one of the scheme; 0: not known
+    std::string target;     ///< path and query as written, without a fragment; empty: none, or no host
+
+    /// "https://gateway.example:443": the server without the target, which may hold secrets.
+    std::string server() const;
 };
 
 /// Reads strictly, so that no reader of the same text finds another host in it: no user, no blanks, no backslashes.

@@ -8,11 +8,9 @@ namespace ise {
 namespace {
 
 failure bad_endpoint(std::string_view text, std::string_view why) {
-    return {
-        errc::invalid_argument,
-        fmt::format("'{}' is not an endpoint: {}; write tcp://127.0.0.1:7400, tcp://[::1]:0, local:///path/of.sock, "
-                    "local://@name, inproc://name or tls://boat.local:7400",
-                    text, why)};
+    std::string examples;
+    for (auto one : all_transports()) examples += fmt::format("{}{}", examples.empty() ? "" : ", ", one->example);
+    return {errc::invalid_argument, fmt::format("'{}' is not an endpoint: {}; write one like {}", text, why, examples)};
 }
 
 // The longest path that a sockaddr_un takes.
@@ -20,21 +18,10 @@ constexpr std::size_t max_local_path = 107;
 
 } // namespace
 
-std::string_view name_of(protocol kind) noexcept {
-    switch (kind) {
-        case protocol::tcp: return "tcp";
-        case protocol::udp: return "udp";
-        case protocol::local: return "local";
-        case protocol::inproc: return "inproc";
-        case protocol::tls: return "tls";
-    }
-    return "?";
-}
-
 std::string endpoint::text() const {
-    if (kind == protocol::local || kind == protocol::inproc) return fmt::format("{}://{}", name_of(kind), path);
+    if (!has_port()) return fmt::format("{}://{}", kind->scheme, path);
     bool v6 = host.find(':') != std::string::npos;
-    return fmt::format("{}://{}{}{}:{}", name_of(kind), v6 ? "[" : "", host, v6 ? "]" : "", port);
+    return fmt::format("{}://{}{}{}:{}", kind->scheme, v6 ? "[" : "", host, v6 ? "]" : "", port);
 }
 
 result<endpoint> endpoint::parse(std::string_view text) {
@@ -42,19 +29,19 @@ result<endpoint> endpoint::parse(std::string_view text) {
     if (scheme_end == std::string_view::npos) return bad_endpoint(text, "it has no scheme");
     auto scheme = text.substr(0, scheme_end);
     auto rest = text.substr(scheme_end + 3);
+    const auto* row = find_transport(scheme);
+    if (!row) return bad_endpoint(text, fmt::format("there is no scheme '{}'", scheme));
     endpoint made;
-    if (scheme == "local" || scheme == "inproc") {
-        made.kind = scheme == "local" ? protocol::local : protocol::inproc;
-        if (rest.empty() || rest == "@") return bad_endpoint(text, "the name is empty");
+    made.kind = *row;
+    if (!made.has_port()) {
+        const bool file = row->address == address_form::file_or_name;
+        if (rest.empty() || (file && rest == "@")) return bad_endpoint(text, "the name is empty");
         if (rest.find('\0') != std::string_view::npos) return bad_endpoint(text, "the name holds a NUL");
-        if (made.kind == protocol::local && rest.size() > max_local_path)
+        if (file && rest.size() > max_local_path)
             return bad_endpoint(text, fmt::format("a local path has at most {} bytes", max_local_path));
         made.path = rest;
         return made;
     }
-    if (scheme != "tcp" && scheme != "udp" && scheme != "tls")
-        return bad_endpoint(text, fmt::format("there is no scheme '{}'", scheme));
-    made.kind = scheme == "tcp" ? protocol::tcp : scheme == "udp" ? protocol::udp : protocol::tls;
 
     std::string_view port;
     if (rest.starts_with('[')) {
@@ -78,9 +65,16 @@ result<endpoint> endpoint::parse(std::string_view text) {
     return made;
 }
 
+endpoint endpoint::any_of(protocol kind, const std::string& unique) {
+    endpoint made;
+    made.kind = kind;
+    if (made.has_port()) made.host = "127.0.0.1";
+    else made.path = kind->address == address_form::file_or_name ? "@" + unique : unique;
+    return made;
+}
+
 bool within_host(const endpoint& at) noexcept {
-    if (at.kind == protocol::local || at.kind == protocol::inproc || at.host == "localhost" || at.host == "::1")
-        return true;
+    if (at.kind->same_host || at.host == "localhost" || at.host == "::1") return true;
     // 127.evil.example is a name, and anybody's.
     return at.host.starts_with("127.") && at.host.find_first_not_of("0123456789.") == std::string::npos;
 }

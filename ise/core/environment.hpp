@@ -90,7 +90,8 @@ public:
     /// Whether time is virtual: then nothing may block.
     virtual bool is_virtual() const noexcept = 0;
 
-    /// Connects to a tcp, local or inproc endpoint; the addresses of a host name are tried in order.
+    /// Connects to a tcp, local or inproc endpoint; the addresses of a host name are tried in order. Other transports
+    /// are made of these and of datagrams (ise/transport).
     /// Errors: errc::unreachable with each address and its cause. Cancellation: terminal, no connection stays open.
     virtual task<result<std::unique_ptr<stream>>> connect(loop& on, endpoint to) = 0;
     /// Errors: errc::address_in_use, errc::invalid_argument, errc::io_failed.

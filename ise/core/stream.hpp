@@ -1,6 +1,7 @@
 #pragma once
 #include <ise/core/bytes.hpp>
 #include <ise/core/endpoint.hpp>
+#include <ise/core/error.hpp>
 #include <ise/core/task.hpp>
 
 #include <asio/buffer.hpp>
@@ -49,6 +50,8 @@ public:
     virtual std::string peer() const = 0;
     /// The endpoint of this side to which the peer connected; empty if it is that of the listener.
     virtual std::optional<endpoint> local() const { return std::nullopt; }
+    /// Why the transport itself refuses the peer or is refused by it: credentials, or no TLS. Empty: nothing is wrong.
+    virtual std::optional<failure> verdict() const { return std::nullopt; }
 };
 
 /// Accepts streams on one endpoint. Destroying it stops listening and removes a local socket's file.

@@ -119,10 +119,11 @@ private:
         if (made.type.text.empty() && !from.what.find("type"))
             wrong(from.at, fmt::format("{} has no 'type': ise start --types tells what there is", of));
         take_host(made, of, from.what.find("host") != nullptr);
-        constexpr std::string_view protocols[] = {"", "tcp", "udp", "tls", "local"};
-        if (std::ranges::find(protocols, request.protocol) == std::end(protocols))
+        const auto* kind = find_transport(request.protocol);
+        if (!request.protocol.empty() && (!kind || kind->same_process))
             wrong(from.what.find("protocol")->what.at,
-                  fmt::format("'protocol' of {} is tcp, udp, tls or local, not '{}'", of, shown(request.protocol)));
+                  fmt::format("'protocol' of {} is one of {}, not '{}'", of,
+                              fmt::join(schemes_between_processes(), ", "), shown(request.protocol)));
         else if (!request.protocol.empty() && !listen.empty())
             wrong(from.at, fmt::format("{} has both 'protocol' and 'listen': choose one", of));
         request.type = made.type.text;

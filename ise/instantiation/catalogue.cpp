@@ -145,19 +145,17 @@ result<void> add_variables(launch_plan& to, const type_text& type, const start_r
     return {};
 }
 
-// Any free port; with tls of an address that others know the host by, where one is allowed: certificates are seldom for
+// Any free port or name; with certificates of an address that others know the host by, where one is allowed: certificates are seldom for
 // loopback.
-std::string endpoint_for(const std::string& kind, const launch_rules& rules) {
-    endpoint made;
-    made.kind = kind == "tls" ? protocol::tls : kind == "udp" ? protocol::udp : protocol::tcp;
-    made.host = "127.0.0.1";
-    if (made.kind != protocol::tls) return made.text();
+endpoint endpoint_for(protocol kind, const launch_rules& rules, std::uint64_t unique) {
+    auto made = endpoint::any_of(kind, fmt::format("ise-{:016x}", unique));
+    if (!kind->needs_certificates || !made.has_port()) return made;
     for (const auto& address : rules.listen_addresses) {
         auto other = made;
         other.host = address;
-        if (!within_host(other)) return other.text();
+        if (!within_host(other)) return other;
     }
-    return made.text();
+    return made;
 }
 
 result<void> add_endpoints(launch_plan& to, const start_request& request, const launch_rules& rules,
@@ -166,11 +164,13 @@ result<void> add_endpoints(launch_plan& to, const start_request& request, const 
     auto wanted = request.listen;
     if (!request.protocol.empty() && !wanted.empty())
         return wrong("either a protocol or endpoints can be chosen, not both");
-    if (request.protocol == "local") wanted.push_back(fmt::format("local://@ise-{:016x}", unique));
-    else if (request.protocol == "tcp" || request.protocol == "udp" || request.protocol == "tls")
-        wanted.push_back(endpoint_for(request.protocol, rules));
-    else if (!request.protocol.empty())
-        return wrong(fmt::format("the protocol is tcp, udp, tls or local, not '{}'", shown(request.protocol)));
+    if (!request.protocol.empty()) {
+        const auto* kind = find_transport(request.protocol);
+        if (!kind || kind->same_process)
+            return wrong(fmt::format("the protocol is one of {}, not '{}'",
+                                     fmt::join(schemes_between_processes(), ", "), shown(request.protocol)));
+        wanted.push_back(endpoint_for(*kind, rules, unique).text());
+    }
     if (wanted.size() > most) return wrong(fmt::format("{} endpoints are given, {} are allowed", wanted.size(), most));
     for (const auto& text : wanted) {
         auto at = rules.may_listen(text);

@@ -3,7 +3,7 @@
 #include <ise/component/process_services.hpp>
 #include <ise/instantiation/shared_process.hpp>
 #include <ise/naming/services.hpp>
-#include <ise/net/security.hpp>
+#include <ise/transport/security.hpp>
 
 #include <deque>
 #include <map>

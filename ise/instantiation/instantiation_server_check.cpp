@@ -49,7 +49,7 @@ task<checked_start> instantiation_server::check_one(start_request request, std::
     auto planned = co_await plan(std::move(copy));
     check_process(request.process, planned.program);
     for (const auto& at : planned.listen) {
-        bool any_port = at.port == 0 && at.kind != protocol::local;
+        bool any_port = at.has_port() && at.port == 0;
         if (!any_port && std::ranges::find(wanted, at) != wanted.end())
             throw error(errc::address_in_use,
                         fmt::format("another component of the file listens on {} too", at.text()));

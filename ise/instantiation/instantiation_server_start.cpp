@@ -1,6 +1,7 @@
 #include <ise/instantiation/instantiation_server.hpp>
 
 #include <ise/instantiation/refusal.hpp>
+#include <ise/service/service_host.hpp>
 
 #include <fmt/format.h>
 
@@ -137,14 +138,7 @@ task<> instantiation_server::check_name(std::string path) {
 
 void instantiation_server::check_endpoints(const std::vector<endpoint>& wanted) {
     for (const auto& at : wanted) {
-        if (at.kind == protocol::udp) {
-            auto open = env().open_datagram(on(), at);
-            if (!open) throw error(open.error());
-            continue;
-        }
-        auto plain = at;
-        if (at.kind == protocol::tls) plain.kind = protocol::tcp;
-        auto listening = env().listen(on(), plain);
+        auto listening = at.kind->listen(on(), at, services().peers().credentials());
         if (!listening) throw error(listening.error());
     }
 }

@@ -72,19 +72,25 @@ result<void> may_reach_all(const launch_rules& rules, const std::string& text) {
 result<endpoint> launch_rules::may_listen(const std::string& text) const {
     auto at = endpoint::parse(text);
     if (!at) return at;
-    if (at->kind == protocol::inproc)
+    if (at->kind->same_process)
         return not_allowed(fmt::format("'{}' is reached only within its own process", shown(text)));
-    if (at->kind == protocol::local) {
+    if (at->kind->needs_certificates && !has_certificates)
+        return not_allowed(
+            fmt::format("{} takes certificates, and this instantiation server has none to pass on: it is "
+                        "started with --tls FOLDER, or ISE_TLS",
+                        at->kind->scheme));
+    if (!at->has_port()) {
         // A file anywhere on this host is not for others to make.
-        bool plain = at->path.starts_with('@') && is_word(std::string_view(at->path).substr(1));
-        return plain ? at
-                     : not_allowed(fmt::format("'{}' cannot be listened on: local endpoints are local://@name here, "
-                                               "with letters, digits, - and _",
-                                               shown(text)));
+        const bool may_be_file = at->kind->address == address_form::file_or_name;
+        std::string_view name = at->path;
+        bool plain = !may_be_file || name.starts_with('@');
+        if (may_be_file && plain) name.remove_prefix(1);
+        if (plain && is_word(name)) return at;
+        return not_allowed(
+            fmt::format("'{0}' cannot be listened on: {1} endpoints are {1}://{2}name here, with letters, "
+                        "digits, - and _",
+                        shown(text), at->kind->scheme, may_be_file ? "@" : ""));
     }
-    if (at->kind == protocol::tls && !has_certificates)
-        return not_allowed("tls takes certificates, and this instantiation server has none to pass on: it is started "
-                           "with --tls FOLDER, or ISE_TLS");
     auto may = may_listen_at(*this, at->host);
     if (!may) return not_allowed(fmt::format("'{}' cannot be listened on: {}", shown(text), may.error().message()));
     return at;

@@ -1,5 +1,6 @@
 #include <ise/instantiation/probe.hpp>
 
+#include <ise/component/url.hpp>
 #include <ise/core/loop.hpp>
 
 #include <asio/buffer.hpp>
@@ -55,23 +56,18 @@ result<void> judge(const std::string& answer) {
 } // namespace
 
 result<probe_target> parse_probe(std::string_view text, const std::vector<std::string>& allowed) {
-    constexpr std::string_view http = "http://", tcp = "tcp://";
+    auto parts = parse_url(text);
+    if (!parts) return no_probe(text, parts.error().message());
     probe_target made;
-    made.http = text.starts_with(http);
-    if (!made.http && !text.starts_with(tcp)) return no_probe(text, "it begins with neither tcp:// nor http://");
-    auto rest = text.substr(made.http ? http.size() : tcp.size());
-    auto slash = std::min(rest.find('/'), rest.size());
-    made.path = slash < rest.size() ? std::string(rest.substr(slash)) : "/";
-    if (!made.http && slash < rest.size()) return no_probe(text, "a TCP endpoint has no path");
+    made.http = parts->scheme == "http";
+    if (!made.http && parts->scheme != "tcp") return no_probe(text, "it begins with neither tcp:// nor http://");
+    if (!made.http && !parts->target.empty()) return no_probe(text, "a TCP endpoint has no path");
+    made.path = parts->target.empty() ? "/" : parts->target;
     bool plain = std::ranges::all_of(made.path, [](unsigned char letter) { return letter > 0x20 && letter < 0x7F; });
-    if (!plain || made.path.size() > max_probe_path)
-        return no_probe(text, "its path has letters that belong in no URL, or too many");
-    auto where = std::string(rest.substr(0, slash));
-    if (made.http && where.find(':', where.rfind(']') == std::string::npos ? 0 : where.rfind(']')) == std::string::npos)
-        where += ":80";
-    auto at = endpoint::parse(fmt::format("{}{}", tcp, where));
-    if (!at) return no_probe(text, at.error().message());
-    made.at = std::move(*at);
+    if (!plain || !made.path.starts_with('/') || made.path.size() > max_probe_path)
+        return no_probe(text, "its path does not begin with /, has letters that belong in no URL, or too many");
+    made.at.host = parts->host;
+    made.at.port = parts->port;
     if (made.at.port == 0) return no_probe(text, "it has no port");
     if (std::ranges::find(allowed, made.at.host) == allowed.end())
         return no_probe(text,

@@ -1,7 +1,7 @@
 #include <ise/name_server/registry.hpp>
 
 #include <ise/core/buffer.hpp>
-#include <ise/net/udp/cookie.hpp>
+#include <ise/transport/udp/cookie.hpp>
 
 #include <fmt/format.h>
 

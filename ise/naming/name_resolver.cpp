@@ -6,9 +6,8 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <array>
-#include <iterator>
 #include <optional>
+#include <utility>
 
 namespace ise {
 namespace {
@@ -26,18 +25,8 @@ constexpr duration question_length = std::chrono::seconds(5);
 constexpr duration min_question = std::chrono::milliseconds(50);
 constexpr duration way_back = std::chrono::milliseconds(300);
 
-// Smaller is nearer; nothing: it does not lead there.
-std::optional<std::size_t> distance(const endpoint& at, bool same_host, bool same_process) {
-    switch (at.kind) {
-        case protocol::inproc: return same_process ? std::optional<std::size_t>(0) : std::nullopt;
-        case protocol::local: return same_host ? std::optional<std::size_t>(1) : std::nullopt;
-        case protocol::tcp:
-        case protocol::udp: // the order in which they were registered decides between these
-        case protocol::tls:
-            if (!within_host(at)) return 3;
-            return same_host ? std::optional<std::size_t>(2) : std::nullopt;
-    }
-    return std::nullopt;
+bool leads_there(const endpoint& at, bool same_host, bool same_process) {
+    return at.kind->same_process ? same_process : same_host || !within_host(at);
 }
 
 // Whether the failure means that nobody could say.
@@ -64,14 +53,14 @@ result<naming::resolve_response> known_answer(const std::string& path, result<na
 std::vector<endpoint> reachable_endpoints(const naming::resolve_response& from, const process_identity& here) {
     bool same_host = from.host_key == here.host_key;
     bool same_process = from.process_key == here.process_key;
-    std::array<std::vector<endpoint>, 4> found; // by distance
+    std::vector<endpoint> nearest_first;
     for (const auto& text : from.endpoints) {
         auto at = endpoint::parse(text);
-        if (!at) continue;
-        if (auto far = distance(*at, same_host, same_process)) found[*far].push_back(std::move(*at));
+        if (at && leads_there(*at, same_host, same_process)) nearest_first.push_back(std::move(*at));
     }
-    std::vector<endpoint> nearest_first;
-    for (auto& group : found) std::ranges::move(group, std::back_inserter(nearest_first));
+    // Between equals the order in which they were registered decides.
+    std::ranges::stable_sort(nearest_first, {},
+                             [](const endpoint& at) { return std::pair(at.kind->rank, !within_host(at)); });
     return nearest_first;
 }
 

@@ -1,6 +1,6 @@
 #pragma once
 #include <ise/core/buffer.hpp>
-#include <ise/net/shared_key.hpp>
+#include <ise/transport/shared_key.hpp>
 #include <ise/wire/frame.hpp>
 #include <ise/wire/messages.hpp>
 

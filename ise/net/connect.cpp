@@ -1,8 +1,6 @@
 #include <ise/net/connect.hpp>
 
 #include <ise/core/task_scope.hpp>
-#include <ise/net/tls/transport.hpp>
-#include <ise/net/udp/transport.hpp>
 
 #include <asio/bind_cancellation_slot.hpp>
 #include <asio/cancellation_signal.hpp>
@@ -13,26 +11,7 @@
 
 namespace ise::net {
 
-namespace {
-
-failure no_identity(const endpoint& at) {
-    return {errc::invalid_argument, fmt::format("{} takes a certificate of this side: give the folder with ca.pem, "
-                                                "certificate.pem and key.pem with --tls FOLDER or ISE_TLS",
-                                                at.text())};
-}
-
-} // namespace
-
-result<std::unique_ptr<listener>> listen(loop& on, const endpoint& at, std::shared_ptr<tls::identity> with) {
-    if (at.kind == protocol::udp) return udp::listen(on, at);
-    if (at.kind != protocol::tls) return on.env().listen(on, at);
-    if (!with) return no_identity(at);
-    return tls::listen(on, at, std::move(with));
-}
-
-task<result<std::unique_ptr<stream>>> connect_until(loop& on, endpoint to, time_point deadline,
-                                                    std::shared_ptr<tls::identity> with) {
-    if (to.kind == protocol::tls && !with) co_return no_identity(to);
+task<result<std::unique_ptr<stream>>> connect_until(loop& on, endpoint to, time_point deadline, security with) {
     using outcome = result<std::unique_ptr<stream>>;
     // The attempt is a coroutine of its own, so that the deadline cancels it and not whoever asked.
     struct attempt {
@@ -45,18 +24,9 @@ task<result<std::unique_ptr<stream>>> connect_until(loop& on, endpoint to, time_
     auto where = to.text();
     waiter<> done(on, [&done] { done.resume(); });
     auto* wake = &done;
-    auto body = [](std::shared_ptr<attempt> of, loop& at, endpoint target,
-                   std::shared_ptr<tls::identity> shown) -> task<> {
-        if (target.kind == protocol::udp) {
-            auto got = co_await udp::connect(at, std::move(target));
-            of->got.emplace(std::move(got));
-        } else if (target.kind == protocol::tls) {
-            auto got = co_await tls::connect(at, std::move(target), std::move(shown));
-            of->got.emplace(std::move(got));
-        } else {
-            auto got = co_await at.env().connect(at, std::move(target));
-            of->got.emplace(std::move(got));
-        }
+    auto body = [](std::shared_ptr<attempt> of, loop& at, endpoint target, security shown) -> task<> {
+        auto got = co_await target.kind->connect(at, target, std::move(shown));
+        of->got.emplace(std::move(got));
     };
     auto finished = [state, wake](std::exception_ptr thrown) {
         state->thrown = thrown;
@@ -83,6 +53,10 @@ task<result<std::unique_ptr<stream>>> connect_until(loop& on, endpoint to, time_
     if (state->thrown)
         co_return failure(errc::unreachable, fmt::format("cannot connect to {}: {}", where, describe(state->thrown)));
     co_return failure(errc::cancelled, fmt::format("connecting to {} was cancelled", where));
+}
+
+task<result<std::unique_ptr<stream>>> connect_until(loop& on, endpoint to, time_point deadline) {
+    return connect_until(on, std::move(to), deadline, security());
 }
 
 } // namespace ise::net

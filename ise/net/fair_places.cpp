@@ -1,5 +1,7 @@
 #include <ise/net/fair_places.hpp>
 
+#include <ise/core/transport.hpp>
+
 #include <asio/ip/address.hpp>
 #include <fmt/format.h>
 
@@ -16,7 +18,10 @@ std::string host_of(std::string_view peer) {
     else at = at.substr(0, at.rfind(':'));
     std::error_code none;
     auto address = asio::ip::make_address(std::string(at), none);
-    if (none) return peer.starts_with("local:") || peer.starts_with("inproc:") ? std::string(peer) : std::string(at);
+    if (none) {
+        const auto* over = transport_of(peer);
+        return std::string(over && over->address != address_form::host_and_port ? peer : at);
+    }
     if (address.is_v6() && address.to_v6().is_v4_mapped())
         address = asio::ip::make_address_v4(asio::ip::v4_mapped, address.to_v6());
     if (address.is_loopback()) return "127.0.0.1";

@@ -3,7 +3,6 @@
 #include <ise/core/limits.hpp>
 #include <ise/core/object_stream.hpp>
 #include <ise/net/authentication.hpp>
-#include <ise/net/tls/stream.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/wire/body.hpp>
 
@@ -102,8 +101,8 @@ public:
 private:
     failure broken(const std::error_code& problem) const {
         if (late_) return {errc::timed_out, fmt::format("{} did not greet in time{}", peer(), deadline_name_)};
-        if (auto* secured = dynamic_cast<tls::secure_stream*>(transport_.get()); secured && secured->verdict())
-            return {secured->verdict()->code(), fmt::format("{}: {}", peer(), secured->verdict()->message())};
+        if (auto refused = transport_->verdict())
+            return {refused->code(), fmt::format("{}: {}", peer(), refused->message())};
         if (problem == asio::error::operation_aborted) return {errc::cancelled, "the handshake was cancelled"};
         std::string why =
             problem == asio::error::eof ? "closed the connection during the handshake" : problem.message();

@@ -2,7 +2,7 @@
 
 #include <ise/core/buffer.hpp>
 #include <ise/core/object_stream.hpp>
-#include <ise/net/datagram_stream.hpp>
+#include <ise/transport/datagram_stream.hpp>
 #include <ise/wire/frame.hpp>
 
 #include <algorithm>

@@ -4,6 +4,7 @@
 #include <ise/net/batch.hpp>
 #include <ise/net/peer_clock.hpp>
 #include <ise/packet/shared_bytes.hpp>
+#include <ise/transport/packet_lane.hpp>
 #include <ise/wire/frame.hpp>
 
 #include <algorithm>
@@ -30,19 +31,6 @@ private:
     friend class outbox;
     bool pending_ = false;
     std::size_t in_pieces_ = 0;
-};
-
-/// Where a connection puts packets that need not arrive: beside its stream, as messages of their own.
-class packet_lane {
-public:
-    /// Whether one more packet should be put now. Where not, whoever asked is told when it is time again.
-    virtual bool wanted() noexcept = 0;
-    /// A whole packet frame: header, the part before the shared payload, payload. `key` is its subscription.
-    virtual void put(std::uint64_t key, const wire::frame_header& header, bytes_view head,
-                     const shared_bytes& payload) = 0;
-
-protected:
-    ~packet_lane() = default;
 };
 
 /// What waits to be written on one connection, in three classes: control goes first, then calls and replies, then

@@ -23,7 +23,7 @@ std::string spelled_once(const std::string& host) {
 
 bool leads_to(const endpoint& dialled, bool same_host, const endpoint& reached, const environment& env) {
     if (dialled.kind != reached.kind) return false;
-    if (dialled.kind == protocol::local) return same_host && dialled.path == reached.path;
+    if (!dialled.has_port()) return same_host && dialled.path == reached.path;
     auto plain = dialled;
     plain.host = spelled_once(dialled.host);
     auto here = spelled_once(reached.host);
@@ -40,7 +40,7 @@ bool leads_to(const endpoint& dialled, bool same_host, const endpoint& reached, 
 
 std::optional<failure> objection_to_way(const wire::hello& caller, const endpoint& reached,
                                         const std::vector<endpoint>& advertised, const environment& env) {
-    if (caller.dialled.empty() || reached.kind == protocol::tls || reached.kind == protocol::inproc) return {};
+    if (caller.dialled.empty() || reached.kind->encrypted || reached.kind->same_process) return {};
     constexpr std::size_t most = 2; // as connected, and as asked for
     auto count = std::min(caller.dialled.size(), most);
     for (std::size_t i = 0; i < count; ++i) {

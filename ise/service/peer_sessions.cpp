@@ -37,7 +37,7 @@ wire::hello peer_sessions::greeting_to(const location& whom, const endpoint& at,
     made.wanted_path = whom.path;
     made.wanted_epoch = whom.epoch;
     made.wanted_incarnation = whom.incarnation;
-    if (at.kind == protocol::udp) made.reply_key = reply_key_for(whom, at);
+    if (at.kind->lossy) made.reply_key = reply_key_for(whom, at);
     if (!credentials_.key) return made;
     made.dialled.push_back(connected);
     if (at.text() != connected) made.dialled.push_back(at.text());
@@ -48,7 +48,7 @@ wire::hello peer_sessions::greeting_to(const location& whom, const endpoint& at,
 task<result<std::shared_ptr<session>>> peer_sessions::connect(location whom, endpoint at, time_point deadline,
                                                               std::weak_ptr<session_owner> owner) {
     auto& on = shared_.runtime.on();
-    auto transport = co_await net::connect_until(on, at, deadline, credentials_.tls);
+    auto transport = co_await net::connect_until(on, at, deadline, credentials_);
     if (!transport) co_return transport.error();
     auto hello = greeting_to(whom, at, (*transport)->peer());
     auto greeted =

@@ -1,8 +1,8 @@
 #pragma once
-#include <ise/net/security.hpp>
-#include <ise/net/udp/cookie.hpp>
 #include <ise/service/resolver.hpp>
 #include <ise/service/session.hpp>
+#include <ise/transport/security.hpp>
+#include <ise/transport/udp/cookie.hpp>
 
 #include <map>
 #include <memory>

@@ -2,7 +2,6 @@
 
 #include <ise/core/real/room_for_sockets.hpp>
 #include <ise/net/bounded_acceptor.hpp>
-#include <ise/net/connect.hpp>
 #include <ise/net/handshake.hpp>
 #include <ise/net/relayed.hpp>
 
@@ -54,13 +53,12 @@ result<wire::welcome> session_acceptor::admit(const wire::hello& caller, const s
                        fmt::format("{} has epoch {} here, {} was wanted", me, self.epoch, caller.wanted_epoch));
     if (runtime_.stopping()) return failure(errc::cancelled, fmt::format("{} stops", me));
     if (paused_) return *paused_;
-    const bool has_socket = over != protocol::udp && over != protocol::inproc;
-    if (has_socket && sockets_) {
+    if (over->needs_descriptors && sockets_) {
         auto taken = place_for(peer, *sockets_);
         if (!taken) return taken.error();
         into.socket = std::move(*taken);
     }
-    if (over != protocol::inproc) {
+    if (!over->same_process) {
         auto taken = place_for(peer, places_);
         if (!taken) return taken.error();
         into.session = std::move(*taken);
@@ -76,10 +74,9 @@ result<wire::welcome> session_acceptor::admit(const wire::hello& caller, const s
 result<endpoint> session_acceptor::listen(const endpoint& at) {
     auto may = sessions_.credentials().may_listen(at);
     if (!may) return may.error();
-    auto opened = net::listen(runtime_.on(), at, sessions_.credentials().tls);
+    auto opened = at.kind->listen(runtime_.on(), at, sessions_.credentials());
     if (!opened) return opened.error();
-    bool with_sockets = at.kind != protocol::udp && at.kind != protocol::inproc;
-    if (with_sockets && !sockets_)
+    if (at.kind->needs_descriptors && !sockets_)
         sockets_.emplace(runtime_.env().is_virtual() ? runtime_.options().max_sessions
                                                      : room_for_sockets(runtime_.options().max_sessions));
     std::shared_ptr<listener> from = std::move(*opened);

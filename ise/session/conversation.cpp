@@ -7,10 +7,9 @@
 namespace ise {
 
 std::string conversation::caller_name() const {
-    const auto& at = peer_name();
-    if (peer().path.empty() && at.starts_with("inproc://")) return "a component without a name in the same process";
-    if (peer().path.empty() && at.starts_with("local://")) return "a component without a name on the same host";
-    return at;
+    if (!over_ || !over_->same_host) return peer_name();
+    if (over_->same_process) return "a component without a name in the same process";
+    return "a component without a name on the same host";
 }
 
 void conversation::send(wire::frame_type type, std::uint8_t flags, std::uint64_t id,

@@ -1,5 +1,6 @@
 #pragma once
 #include <ise/core/function_ref.hpp>
+#include <ise/core/transport.hpp>
 #include <ise/net/connection.hpp>
 #include <ise/session/schema_exchange.hpp>
 #include <ise/session/service_runtime.hpp>
@@ -40,13 +41,15 @@ public:
 protected:
     conversation(service_runtime& runtime, std::shared_ptr<net::connection> connection)
         : runtime_(runtime), connection_(std::move(connection)),
-          schemas_(runtime.schemas(), *connection_, runtime.options().session_bytes) {}
+          schemas_(runtime.schemas(), *connection_, runtime.options().session_bytes),
+          over_(peer().path.empty() ? transport_of(peer_name()) : nullptr) {}
     ~conversation() = default;
 
 private:
     service_runtime& runtime_;
     std::shared_ptr<net::connection> connection_;
     schema_exchange schemas_;
+    const transport* const over_; // of a peer without a name; null: it has one, or the transport is not known
 };
 
 /// Why a peer's introduction of a service cannot be taken, by the limit's name; the session ends over it.

@@ -176,11 +176,9 @@ task<result<std::unique_ptr<stream>>> process::connect(loop& on, endpoint to) {
     if (!can) co_return can.error();
     if (auto fault = begin_operation())
         co_return failure(errc::unreachable, fmt::format("cannot connect to {}: {}", to.text(), fault.message()));
-    if (to.kind == protocol::udp)
-        co_return failure(errc::invalid_argument, fmt::format("{} carries datagrams: open_datagram", to.text()));
-    if (to.kind == protocol::tls)
-        co_return failure(errc::invalid_argument, fmt::format("{} is not an endpoint of a plain stream", to.text()));
     if (to.kind == protocol::inproc) co_return inproc_.connect(on, to.path);
+    if (to.kind != protocol::tcp && to.kind != protocol::local)
+        co_return failure(errc::invalid_argument, fmt::format("{} is not an endpoint of a plain stream", to.text()));
     auto made = co_await connect_tcp(*this, on, to);
     co_return made;
 }
@@ -190,9 +188,7 @@ result<std::unique_ptr<listener>> process::listen(loop& on, const endpoint& at) 
     if (!can) return can.error();
     if (auto fault = begin_operation()) return io_failure(fmt::format("cannot listen on {}", at.text()), fault);
     if (at.kind == protocol::inproc) return inproc_.listen(on, at.path);
-    if (at.kind == protocol::udp)
-        return failure(errc::invalid_argument, fmt::format("{} carries datagrams: open_datagram", at.text()));
-    if (at.kind == protocol::tls)
+    if (at.kind != protocol::tcp && at.kind != protocol::local)
         return failure(errc::invalid_argument,
                        fmt::format("{} is not an endpoint that accepts plain streams", at.text()));
     return listen_tcp(*this, on, at);

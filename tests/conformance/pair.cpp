@@ -77,7 +77,7 @@ void pair::open_through_relay() {
     where = boat.listen(has.at);
     auto at = ise::endpoint::parse(has.relay_at).value();
     auto to = where;
-    if (to.kind == ise::protocol::tls) to.kind = ise::protocol::tcp; // what it is is the ends' affair
+    to.kind = at.kind; // what it carries is the ends' affair
     between = relay::make(over.router(), over.loop(over.router()), at, to);
     at = between->where();
     at.kind = where.kind;

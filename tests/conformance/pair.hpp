@@ -1,4 +1,5 @@
 #pragma once
+#include "odd/odd.hpp"
 #include "transports.hpp"
 
 #include <support/boat_services.hpp>
@@ -87,5 +88,6 @@ void over(const std::function<void(pair&)>& check, const tuning& tune = {}) {
 
 } // namespace conformance
 
-#define OVER_EVERY_TRANSPORT tcp, tcp6, tls, udp, udp6, local, in_process, virtual_tcp, virtual_tls, virtual_udp
+#define OVER_EVERY_TRANSPORT \
+    tcp, tcp6, tls, udp, udp6, local, in_process, odd, virtual_tcp, virtual_tls, virtual_udp, virtual_odd
 #define OVER_DATAGRAMS udp, udp6, virtual_udp

@@ -44,14 +44,16 @@ void wrong_peer(pair& at) {
 // Greets, and is silent from then on.
 ise::task<> greet(pair& at, std::unique_ptr<ise::stream>& held, std::shared_ptr<bool> welcome) {
     auto& on = at.shore.on;
-    auto made =
-        co_await ise::net::connect_until(on, at.where, on.now() + 1h, at.shore.services->peers().credentials().tls);
+    auto made = co_await ise::net::connect_until(on, at.where, on.now() + 1h, at.shore.services->peers().credentials());
     held = std::move(made.value());
     ise::buffer out;
     ise::wire::hello mine;
     ise::wire::put_frame(out, ise::wire::frame_type::hello, 0, 0, [&](ise::buffer& body) { ise::encode(mine, body); });
-    asio::const_buffer raw(out.data(), out.size());
-    held->try_write(std::span(&raw, 1));
+    for (asio::const_buffer rest(out.data(), out.size()); rest.size() > 0;) { // a transport may take less than all
+        auto wrote = held->try_write(std::span(&rest, 1));
+        rest += wrote.bytes;
+        if (wrote.problem) co_await held->wait_writable();
+    }
     std::array<std::byte, 512> room;
     auto got = co_await held->read_some(asio::buffer(room));
     *welcome = got.bytes > 0;

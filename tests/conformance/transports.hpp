@@ -1,7 +1,7 @@
 #pragma once
 #include <ise/core/real/environment.hpp>
-#include <ise/net/security.hpp>
 #include <ise/sim/world.hpp>
+#include <ise/transport/security.hpp>
 
 #include <support/relay.hpp>
 

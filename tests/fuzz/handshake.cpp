@@ -3,8 +3,8 @@
 // holds nothing afterwards.
 #include <ise/core/inproc_stream.hpp>
 #include <ise/net/handshake.hpp>
-#include <ise/net/shared_key.hpp>
 #include <ise/packet/codec.hpp>
+#include <ise/transport/shared_key.hpp>
 #include <support/sim_parties.hpp>
 
 #include <algorithm>

@@ -1,8 +1,8 @@
 // Any datagrams to one who listens and to one who has a session: nothing breaks, memory is bounded, and a stranger is
 // never answered at greater length than it asked. A byte of kind and two of length stand before each datagram.
-#include <ise/net/udp/channel.hpp>
-#include <ise/net/udp/port.hpp>
 #include <ise/sim/world.hpp>
+#include <ise/transport/udp/channel.hpp>
+#include <ise/transport/udp/port.hpp>
 
 #include <algorithm>
 #include <cstdlib>

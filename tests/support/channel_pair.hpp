@@ -1,5 +1,5 @@
 #pragma once
-#include <ise/net/udp/channel.hpp>
+#include <ise/transport/udp/channel.hpp>
 
 #include <functional>
 #include <map>

@@ -1,7 +1,7 @@
 #pragma once
 #include <ise/net/connect.hpp>
-#include <ise/net/datagram_stream.hpp>
 #include <ise/packet/codec.hpp>
+#include <ise/transport/datagram_stream.hpp>
 #include <ise/wire/frame.hpp>
 #include <ise/wire/messages.hpp>
 #include <ise/wire/parser.hpp>

@@ -264,24 +264,16 @@ void real_environment::offload(std::function<void()> work) {
 }
 
 task<result<std::unique_ptr<stream>>> real_environment::connect(loop& on, endpoint to) {
-    switch (to.kind) {
-        case protocol::tcp: return real::connect_tcp(on, std::move(to));
-        case protocol::local: return real::connect_local(on, std::move(to));
-        case protocol::inproc: return given(state_->inproc.connect(on, to.path));
-        case protocol::udp:
-        case protocol::tls: break; // made of these by ise/net
-    }
+    if (to.kind == protocol::tcp) return real::connect_tcp(on, std::move(to));
+    if (to.kind == protocol::local) return real::connect_local(on, std::move(to));
+    if (to.kind == protocol::inproc) return given(state_->inproc.connect(on, to.path));
     return given(failure(errc::invalid_argument, fmt::format("{} is not an endpoint of a plain stream", to.text())));
 }
 
 result<std::unique_ptr<listener>> real_environment::listen(loop& on, const endpoint& at) {
-    switch (at.kind) {
-        case protocol::tcp: return real::listen_tcp(on, at);
-        case protocol::local: return real::listen_local(on, at);
-        case protocol::inproc: return state_->inproc.listen(on, at.path);
-        case protocol::udp:
-        case protocol::tls: break;
-    }
+    if (at.kind == protocol::tcp) return real::listen_tcp(on, at);
+    if (at.kind == protocol::local) return real::listen_local(on, at);
+    if (at.kind == protocol::inproc) return state_->inproc.listen(on, at.path);
     return failure(errc::invalid_argument, fmt::format("{} is not an endpoint that accepts plain streams", at.text()));
 }
 

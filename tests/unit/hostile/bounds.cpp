@@ -89,10 +89,8 @@ TEST_CASE("hostile: calls to a peer that lets in and says nothing are bounded by
     harbour at(either());
     INFO(at.channel);
     auto host = at.sea.make_loop("deaf");
-    auto deaf =
-        ise::net::listen(host->loop(),
-                         ise::endpoint::parse((at.datagrams ? "udp" : "tcp") + std::string("://0.0.0.0:9000")).value())
-            .value();
+    auto deaf_at = ise::endpoint::parse((at.datagrams ? "udp" : "tcp") + std::string("://0.0.0.0:9000")).value();
+    auto deaf = deaf_at.kind->listen(host->loop(), deaf_at, ise::security()).value();
     auto ask = [&](ise::remote to) -> ise::task<> {
         for (int i = 0; i < 100'100; ++i)
             to.try_call(helm, set_mode{}, 1h, [&](ise::result<mode_set> got) {

@@ -2,10 +2,10 @@
 // refused.
 #include <ise/core/inproc_stream.hpp>
 #include <ise/net/handshake.hpp>
-#include <ise/net/security.hpp>
-#include <ise/net/shared_key.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/sim/world.hpp>
+#include <ise/transport/security.hpp>
+#include <ise/transport/shared_key.hpp>
 #include <ise/wire/body.hpp>
 
 #include <support/catch.hpp>

@@ -3,9 +3,9 @@
 #include <ise/core/inproc_stream.hpp>
 #include <ise/naming/services.hpp>
 #include <ise/net/relayed.hpp>
-#include <ise/net/security.hpp>
-#include <ise/net/shared_key.hpp>
 #include <ise/sim/world.hpp>
+#include <ise/transport/security.hpp>
+#include <ise/transport/shared_key.hpp>
 
 #include <support/boat_services.hpp>
 #include <support/catch.hpp>

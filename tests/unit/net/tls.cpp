@@ -1,7 +1,7 @@
 // TLS over the virtual world: what certificates do and do not let in, on virtual time.
 #include <ise/net/connect.hpp>
-#include <ise/net/security.hpp>
-#include <ise/net/tls/identity.hpp>
+#include <ise/transport/security.hpp>
+#include <ise/transport/tls/identity.hpp>
 #include <support/authority.hpp>
 #include <support/boat_services.hpp>
 #include <support/catch.hpp>

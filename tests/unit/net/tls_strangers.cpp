@@ -1,6 +1,6 @@
 // TLS as a hostile peer speaks it: handshakes that never finish, certificates without end. Others do not notice.
 #include <ise/net/connect.hpp>
-#include <ise/net/security.hpp>
+#include <ise/transport/security.hpp>
 #include <support/authority.hpp>
 #include <support/boat_services.hpp>
 #include <support/catch.hpp>
@@ -71,7 +71,7 @@ struct guarded {
         auto hearing = start(host->loop(), listen(*ear, heard));
         auto asking =
             start(shore.on, ise::net::connect_until(shore.on, ise::endpoint::parse("tls://sea:7400").value(),
-                                                    shore.on.now() + 1s, shore.services->peers().credentials().tls));
+                                                    shore.on.now() + 1s, shore.services->peers().credentials()));
         all.run_until([&] { return hearing->done && asking->done; });
         return heard;
     }

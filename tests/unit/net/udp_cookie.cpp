@@ -1,5 +1,5 @@
-#include <ise/net/udp/cookie.hpp>
 #include <ise/sim/world.hpp>
+#include <ise/transport/udp/cookie.hpp>
 #include <support/catch.hpp>
 
 namespace udp_cookie_test {

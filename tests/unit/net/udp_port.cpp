@@ -1,6 +1,6 @@
 // The port of a listener, with a socket that only remembers what was sent.
-#include <ise/net/udp/port.hpp>
 #include <ise/sim/world.hpp>
+#include <ise/transport/udp/port.hpp>
 
 #include <support/catch.hpp>
 

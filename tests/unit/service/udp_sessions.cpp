@@ -1,6 +1,6 @@
 // Components over datagrams in the virtual world: calls that outlive their session, a peer that moves, strangers.
 #include <ise/net/connect.hpp>
-#include <ise/net/udp/port.hpp>
+#include <ise/transport/udp/port.hpp>
 #include <support/boat_services.hpp>
 #include <support/catch.hpp>
 #include <support/datagram_router.hpp>

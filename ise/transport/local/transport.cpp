@@ -1,0 +1,16 @@
+#include <ise/transport/system_streams.hpp>
+
+namespace ise {
+
+constinit const transport transports::local{
+    .scheme = "local",
+    .example = "local:///path/of.sock, local://@name",
+    .address = address_form::file_or_name,
+    .rank = 50,
+    .same_host = true,
+    .by_default = true,
+    .connect = net::connect_by_environment,
+    .listen = net::listen_by_environment,
+};
+
+} // namespace ise

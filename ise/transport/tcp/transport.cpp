@@ -1,0 +1,14 @@
+#include <ise/transport/system_streams.hpp>
+
+namespace ise {
+
+constinit const transport transports::tcp{
+    .scheme = "tcp",
+    .example = "tcp://127.0.0.1:7400, tcp://[::1]:0",
+    .rank = 100,
+    .by_default = true,
+    .connect = net::connect_by_environment,
+    .listen = net::listen_by_environment,
+};
+
+} // namespace ise

@@ -1,0 +1,144 @@
+#include <ise/transport/tls/identity.hpp>
+
+#include <ise/transport/tls/verdict.hpp>
+
+#include <fmt/format.h>
+
+#include <openssl/err.h>
+#include <openssl/pem.h>
+#include <openssl/ssl.h>
+#include <openssl/x509.h>
+
+namespace ise::net::tls {
+namespace {
+
+constexpr std::size_t max_file = 1u << 20;
+
+template <auto Free>
+struct freeing {
+    template <class T>
+    void operator()(T* what) const noexcept {
+        Free(what);
+    }
+};
+using bio = std::unique_ptr<BIO, freeing<BIO_free>>;
+using certificate = std::unique_ptr<X509, freeing<X509_free>>;
+using private_key = std::unique_ptr<EVP_PKEY, freeing<EVP_PKEY_free>>;
+using revocations = std::unique_ptr<X509_CRL, freeing<X509_CRL_free>>;
+
+bio over(const std::string& text) { return bio(BIO_new_mem_buf(text.data(), static_cast<int>(text.size()))); }
+
+// The first thing that went wrong, in OpenSSL's words.
+std::string cause() {
+    auto code = ERR_get_error();
+    ERR_clear_error();
+    const char* text = code ? ERR_reason_error_string(code) : nullptr;
+    return text ? text : "it is not in PEM";
+}
+
+// Nobody is asked for a passphrase: what waits for one hangs.
+int no_passphrase(char*, int, int, void*) { return 0; }
+
+// Every certificate of a file.
+std::vector<certificate> certificates_of(const std::string& text) {
+    auto from = over(text);
+    std::vector<certificate> all;
+    while (auto* one = PEM_read_bio_X509(from.get(), nullptr, no_passphrase, nullptr)) all.emplace_back(one);
+    ERR_clear_error(); // the end of the file
+    return all;
+}
+
+} // namespace
+
+result<std::shared_ptr<identity>> identity::load(environment& env, const std::string& folder) {
+    std::shared_ptr<identity> made(new identity(folder));
+    auto read = made->refresh(env);
+    if (!read) return read.error();
+    return made;
+}
+
+result<std::shared_ptr<ssl_ctx_st>> identity::context(environment& env) {
+    std::lock_guard lock(mutex_);
+    if (env.now() - read_at_ >= reread_after) {
+        auto read = refresh(env);
+        if (!read)
+            return failure(read.error().code(),
+                           fmt::format("no session with TLS can be made: {}", read.error().message()));
+    }
+    return made_;
+}
+
+result<void> identity::refresh(environment& env) {
+    auto now = read(env);
+    if (!now) return now.error();
+    if (!made_ || !(*now == seen_)) {
+        auto built = build(*now);
+        if (!built) return built.error();
+        made_ = std::move(*built);
+        seen_ = std::move(*now);
+    }
+    read_at_ = env.now();
+    return {};
+}
+
+result<identity::files> identity::read(environment& env) const {
+    files made;
+    auto authorities = env.read_trusted(folder_ + "/ca.pem", max_file);
+    if (!authorities) return authorities.error();
+    auto certificate = env.read_trusted(folder_ + "/certificate.pem", max_file);
+    if (!certificate) return certificate.error();
+    auto key = env.read_secret(folder_ + "/key.pem", max_file);
+    if (!key) return key.error();
+    made.authorities = std::move(*authorities);
+    made.certificate = std::move(*certificate);
+    made.key = std::move(*key);
+    return made;
+}
+
+result<std::shared_ptr<ssl_ctx_st>> identity::build(const files& from) {
+    auto wrong = [this](const char* file, std::string_view why) {
+        return failure(errc::invalid_argument, fmt::format("{}/{} cannot be used: {}", folder_, file, why));
+    };
+    ERR_clear_error();
+    std::shared_ptr<SSL_CTX> made(SSL_CTX_new(TLS_method()), SSL_CTX_free);
+    if (!made) return failure(errc::io_failed, fmt::format("OpenSSL makes no context: {}", cause()));
+    auto* to = made.get();
+    SSL_CTX_set_min_proto_version(to, TLS1_3_VERSION);
+    SSL_CTX_set_max_proto_version(to, TLS1_3_VERSION);
+    SSL_CTX_set_mode(to, SSL_MODE_RELEASE_BUFFERS);
+    SSL_CTX_set_num_tickets(to, 0); // every session begins with both certificates
+    SSL_CTX_set_session_cache_mode(to, SSL_SESS_CACHE_OFF);
+    SSL_CTX_set_max_cert_list(to, max_certificates);
+    SSL_CTX_set_default_passwd_cb(to, no_passphrase);
+    SSL_CTX_set_verify_depth(to, max_chain);
+
+    auto own = certificates_of(from.certificate);
+    if (own.empty()) return wrong("certificate.pem", "there is no certificate in it");
+    if (SSL_CTX_use_certificate(to, own.front().get()) != 1) return wrong("certificate.pem", cause());
+    for (std::size_t at = 1; at < own.size(); ++at)
+        if (SSL_CTX_add1_chain_cert(to, own[at].get()) != 1) return wrong("certificate.pem", cause());
+    private_key key(PEM_read_bio_PrivateKey(over(from.key).get(), nullptr, no_passphrase, nullptr));
+    if (!key) return wrong("key.pem", fmt::format("{} (it must be a private key without a passphrase)", cause()));
+    if (SSL_CTX_use_PrivateKey(to, key.get()) != 1)
+        return wrong("key.pem", fmt::format("it does not belong to certificate.pem ({})", cause()));
+
+    auto* store = SSL_CTX_get_cert_store(to);
+    auto authorities = certificates_of(from.authorities);
+    if (authorities.empty()) return wrong("ca.pem", "there is no certificate in it");
+    for (const auto& one : authorities)
+        if (X509_STORE_add_cert(store, one.get()) != 1) return wrong("ca.pem", cause());
+    auto lists = over(from.authorities);
+    int count = 0;
+    while (auto list = revocations(PEM_read_bio_X509_CRL(lists.get(), nullptr, no_passphrase, nullptr))) {
+        if (X509_STORE_add_crl(store, list.get()) != 1) return wrong("ca.pem", cause());
+        ++count;
+    }
+    ERR_clear_error();
+    // Where there was a list once, none is not an empty one.
+    if (count == 0 && knows_revoked_) return wrong("ca.pem", "it had a revocation list before, and has none now");
+    if (count > 0) X509_STORE_set_flags(store, X509_V_FLAG_CRL_CHECK | X509_V_FLAG_CRL_CHECK_ALL);
+    knows_revoked_ = count > 0;
+    return std::shared_ptr<ssl_ctx_st>(std::move(made));
+}
+
+} // namespace ise::net::tls

@@ -1,0 +1,310 @@
+#include <ise/transport/tls/stream.hpp>
+
+#include <ise/transport/tls/verdict.hpp>
+
+#include <fmt/format.h>
+
+#include <openssl/err.h>
+#include <openssl/ssl.h>
+#include <openssl/x509v3.h>
+
+#include <asio/error.hpp>
+
+#include <array>
+#include <cstring>
+#include <mutex>
+
+namespace ise::net::tls {
+namespace {
+
+constexpr std::size_t record_bytes = 16 * 1024;
+// A turn of writing encrypts at most this much before others get theirs.
+constexpr std::size_t max_write = 256 * 1024;
+// What OpenSSL answers by itself while nothing is read by the peer (updates of keys).
+constexpr std::size_t max_unsent = 256 * 1024;
+// After a failure this much is read yet, so that the peer sees why: a socket that closes over unread bytes takes the
+// alert along.
+constexpr std::size_t max_drained = 64 * 1024;
+
+enum class trouble { cut_off = 1, broken };
+
+class trouble_category final : public std::error_category {
+public:
+    const char* name() const noexcept override { return "ise.tls"; }
+    std::string message(int code) const override {
+        return static_cast<trouble>(code) == trouble::cut_off ? "cut off, without TLS's end" : "TLS broke";
+    }
+};
+std::error_code made(trouble what) {
+    static const trouble_category category;
+    return {static_cast<int>(what), category};
+}
+
+class tls_stream final : public stream {
+public:
+    tls_stream(loop& on, std::unique_ptr<stream> below, std::shared_ptr<identity> with, std::string host)
+        : on_(on), below_(std::move(below)), with_(std::move(with)), host_(std::move(host)) {
+        auto peer = below_->peer();
+        auto rest = peer.find("://");
+        peer_ = "tls" + (rest == peer.npos ? "://" + peer : peer.substr(rest));
+    }
+
+    /// Shakes hands, once.
+    task<std::error_code> shake_hands();
+
+    task<transfer> read_some(asio::mutable_buffer into) override;
+    transfer try_write(std::span<const asio::const_buffer> from) override;
+    task<std::error_code> wait_writable() override;
+    void limit_unsent(std::size_t most) override { below_->limit_unsent(most); }
+    void shutdown_write() override;
+    void close() override { below_->close(); }
+    std::string peer() const override { return peer_; }
+    std::optional<failure> verdict() const override {
+        std::lock_guard lock(mutex_);
+        return verdict_;
+    }
+
+private:
+    static int on_certificate(int good, X509_STORE_CTX* check);
+    std::error_code prepare();
+    std::error_code step(bool& done);
+    task<void> let_it_be_known();
+    std::error_code fail();
+    void feed(const void* data, std::size_t size) { BIO_write(SSL_get_rbio(tls_.get()), data, static_cast<int>(size)); }
+    std::error_code flush();
+
+    loop& on_;
+    std::unique_ptr<stream> below_;
+    std::shared_ptr<identity> with_;
+    std::string host_; // whom the certificate has to be for; empty: this side was called
+    std::string peer_;
+    bool greeted_ = false;
+
+    // A sign of life is written from another thread.
+    mutable std::mutex mutex_;
+    std::unique_ptr<SSL, decltype(&SSL_free)> tls_{nullptr, SSL_free};
+    std::vector<std::byte> unsent_; // encrypted
+    std::size_t sent_ = 0;
+    // The last byte of what was encrypted is told as written when all of it has left: so nobody waits for a stream that
+    // has said that everything went. The caller shows it again then.
+    bool owed_ = false;
+    std::error_code broken_;
+    std::optional<failure> verdict_;
+};
+
+int tls_stream::on_certificate(int good, X509_STORE_CTX* check) {
+    if (good) return 1;
+    auto* tls = static_cast<SSL*>(X509_STORE_CTX_get_ex_data(check, SSL_get_ex_data_X509_STORE_CTX_idx()));
+    auto* self = static_cast<tls_stream*>(SSL_get_app_data(tls));
+    self->verdict_.emplace(errc::unauthorized, objection(*check, self->host_)); // within step(), which holds the mutex
+    return 0;
+}
+
+std::error_code tls_stream::prepare() {
+    auto context = with_->context(on_.env());
+    std::lock_guard lock(mutex_);
+    if (!context) {
+        verdict_ = context.error();
+        return broken_ = made(trouble::broken);
+    }
+    tls_.reset(SSL_new(context->get()));
+    auto* in = BIO_new(BIO_s_mem());
+    auto* out = BIO_new(BIO_s_mem());
+    if (!tls_ || !in || !out) throw std::bad_alloc();
+    BIO_set_mem_eof_return(in, -1); // nothing there yet is not the end
+    BIO_set_mem_eof_return(out, -1);
+    SSL_set_bio(tls_.get(), in, out);
+    SSL_set_app_data(tls_.get(), this);
+    SSL_set_verify(tls_.get(), SSL_VERIFY_PEER | SSL_VERIFY_FAIL_IF_NO_PEER_CERT, on_certificate);
+    auto* rules = SSL_get0_param(tls_.get());
+    X509_VERIFY_PARAM_set_time(rules, std::chrono::system_clock::to_time_t(on_.env().wall()));
+    if (host_.empty()) {
+        SSL_set_accept_state(tls_.get());
+        return {};
+    }
+    SSL_set_connect_state(tls_.get());
+    if (X509_VERIFY_PARAM_set1_ip_asc(rules, host_.c_str()) == 1) return {};
+    ERR_clear_error();
+    X509_VERIFY_PARAM_set_hostflags(rules, X509_CHECK_FLAG_NEVER_CHECK_SUBJECT | X509_CHECK_FLAG_NO_PARTIAL_WILDCARDS);
+    if (X509_VERIFY_PARAM_set1_host(rules, host_.data(), host_.size()) == 1 &&
+        SSL_set_tlsext_host_name(tls_.get(), host_.c_str()) == 1)
+        return {};
+    verdict_ = failure_noted();
+    return broken_ = made(trouble::broken);
+}
+
+// OpenSSL has failed. With the mutex.
+std::error_code tls_stream::fail() {
+    auto noted = failure_noted();
+    if (!verdict_) verdict_ = std::move(noted);
+    return broken_ = made(trouble::broken);
+}
+
+std::error_code tls_stream::step(bool& done) {
+    std::lock_guard lock(mutex_);
+    ERR_clear_error();
+    int went = SSL_do_handshake(tls_.get());
+    done = went == 1;
+    if (!done && SSL_get_error(tls_.get(), went) != SSL_ERROR_WANT_READ) return fail();
+    return {};
+}
+
+task<std::error_code> tls_stream::shake_hands() {
+    if (auto problem = prepare()) co_return problem;
+    std::vector<std::byte> room(4096);
+    for (;;) {
+        bool done = false;
+        if (auto problem = step(done)) {
+            co_await let_it_be_known();
+            co_return problem;
+        }
+        auto left = co_await wait_writable();
+        if (left) co_return left;
+        if (done) break;
+        auto moved = co_await below_->read_some(asio::buffer(room));
+        if (moved.problem) co_return moved.problem;
+        std::lock_guard lock(mutex_);
+        feed(room.data(), moved.bytes);
+    }
+    greeted_ = true;
+    co_return std::error_code();
+}
+
+// The alert goes, and what the peer sent before it saw that is read.
+task<void> tls_stream::let_it_be_known() {
+    auto left = co_await wait_writable();
+    if (left) co_return;
+    below_->shutdown_write();
+    std::vector<std::byte> room(4096);
+    for (std::size_t drained = 0; drained < max_drained;) {
+        auto moved = co_await below_->read_some(asio::buffer(room));
+        if (moved.problem) co_return;
+        drained += moved.bytes;
+    }
+}
+
+// Gives what was encrypted to the stream below. With the mutex, which a wait for the handshake does not need.
+std::error_code tls_stream::flush() {
+    auto* out = SSL_get_wbio(tls_.get());
+    for (;;) {
+        if (unsent_.empty()) {
+            auto waiting = BIO_ctrl_pending(out);
+            if (waiting == 0) return {};
+            if (waiting > max_unsent) return broken_ = made(trouble::broken);
+            unsent_.resize(waiting);
+            BIO_read(out, unsent_.data(), static_cast<int>(waiting));
+            sent_ = 0;
+        }
+        asio::const_buffer rest(unsent_.data() + sent_, unsent_.size() - sent_);
+        auto wrote = below_->try_write(std::span(&rest, 1));
+        sent_ += wrote.bytes;
+        if (wrote.problem) return wrote.problem;
+        if (sent_ == unsent_.size()) unsent_.clear();
+    }
+}
+
+task<transfer> tls_stream::read_some(asio::mutable_buffer into) {
+    if (!greeted_) {
+        auto problem = co_await shake_hands();
+        if (problem) co_return transfer{problem, 0};
+    }
+    for (;;) {
+        {
+            std::lock_guard lock(mutex_);
+            ERR_clear_error();
+            std::size_t count = 0;
+            int went = SSL_read_ex(tls_.get(), into.data(), into.size(), &count);
+            int how = SSL_get_error(tls_.get(), went);
+            if (went == 1) co_return transfer{{}, count};
+            if (how == SSL_ERROR_ZERO_RETURN) co_return transfer{asio::error::eof, 0};
+            if (how != SSL_ERROR_WANT_READ) co_return transfer{fail(), 0};
+            flush(); // what it answered by itself goes now, or with what is written next
+        }
+        auto moved = co_await below_->read_some(into); // decrypted it is no longer
+        if (moved.problem == asio::error::eof) moved.problem = made(trouble::cut_off);
+        if (moved.problem) co_return transfer{moved.problem, 0};
+        std::lock_guard lock(mutex_);
+        feed(into.data(), moved.bytes);
+    }
+}
+
+transfer tls_stream::try_write(std::span<const asio::const_buffer> from) {
+    std::lock_guard lock(mutex_);
+    if (broken_) return {broken_, 0};
+    if (!greeted_) return {asio::error::would_block, 0};
+    if (auto problem = flush()) return {problem, 0};
+    std::size_t done = std::exchange(owed_, false) ? 1 : 0;
+    std::array<std::byte, record_bytes> record;
+    std::size_t skipped = done, at = 0, within = 0; // where the next byte lies in `from`
+    while (done < max_write) {
+        std::size_t filled = 0;
+        while (at < from.size() && filled < record.size()) {
+            auto left = from[at].size() - within;
+            auto pass = std::min(left, skipped);
+            skipped -= pass;
+            auto count = std::min(left - pass, record.size() - filled);
+            if (count > 0)
+                std::memcpy(record.data() + filled, static_cast<const std::byte*>(from[at].data()) + within + pass,
+                            count);
+            filled += count;
+            within += pass + count;
+            if (within == from[at].size()) ++at, within = 0;
+        }
+        if (filled == 0) break;
+        ERR_clear_error();
+        std::size_t taken = 0;
+        if (SSL_write_ex(tls_.get(), record.data(), filled, &taken) != 1 || taken != filled) return {fail(), done};
+        done += filled;
+        auto problem = flush();
+        if (problem == asio::error::would_block) {
+            owed_ = true;
+            --done;
+            return {done > 0 ? std::error_code() : problem, done};
+        }
+        if (problem) return {problem, done};
+    }
+    return {{}, done};
+}
+
+task<std::error_code> tls_stream::wait_writable() {
+    for (;;) {
+        {
+            std::lock_guard lock(mutex_);
+            if (!tls_) co_return asio::error::not_connected;
+            auto problem = flush();
+            if (problem != asio::error::would_block) co_return problem;
+        }
+        auto problem = co_await below_->wait_writable();
+        if (problem) co_return problem;
+    }
+}
+
+void tls_stream::shutdown_write() {
+    std::lock_guard lock(mutex_);
+    if (greeted_ && !broken_) {
+        SSL_shutdown(tls_.get());
+        flush();
+        ERR_clear_error();
+    }
+    below_->shutdown_write();
+}
+
+} // namespace
+
+std::unique_ptr<stream> answer(loop& on, std::unique_ptr<stream> below, std::shared_ptr<identity> with) {
+    return std::make_unique<tls_stream>(on, std::move(below), std::move(with), std::string());
+}
+
+task<result<std::unique_ptr<stream>>> greet(loop& on, std::unique_ptr<stream> below, std::shared_ptr<identity> with,
+                                            endpoint to) {
+    auto secured = std::make_unique<tls_stream>(on, std::move(below), std::move(with), to.host);
+    auto problem = co_await secured->shake_hands();
+    if (!problem) co_return std::unique_ptr<stream>(std::move(secured));
+    if (problem == asio::error::operation_aborted) co_return failure(errc::cancelled, "connecting was cancelled");
+    auto why = secured->verdict();
+    if (why) co_return failure(why->code(), fmt::format("{}: {}", to.text(), why->message()));
+    auto text = problem == asio::error::eof ? "closed the connection when TLS was to begin" : problem.message();
+    co_return failure(errc::unreachable, fmt::format("{}: {}", to.text(), text));
+}
+
+} // namespace ise::net::tls

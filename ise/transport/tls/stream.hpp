@@ -1,0 +1,23 @@
+#pragma once
+#include <ise/core/error.hpp>
+#include <ise/core/loop.hpp>
+#include <ise/core/result.hpp>
+#include <ise/core/stream.hpp>
+#include <ise/transport/tls/identity.hpp>
+
+#include <memory>
+
+namespace ise::net::tls {
+
+/// A stream in TLS over another one. It is of the memory BIOs of OpenSSL and not asio::ssl::stream, which can neither
+/// write what goes at once without losing the rest, nor lie over a stream of the virtual world. Its verdict says why
+/// there is no session, where credentials or TLS itself are the reason: of either side, or of what the peer said.
+///
+/// Of the side that was called: shakes hands in its first read.
+std::unique_ptr<stream> answer(loop& on, std::unique_ptr<stream> below, std::shared_ptr<identity> with);
+
+/// Of the side that calls `to`: shakes hands at once. Errors as transport::connect.
+task<result<std::unique_ptr<stream>>> greet(loop& on, std::unique_ptr<stream> below, std::shared_ptr<identity> with,
+                                            endpoint to);
+
+} // namespace ise::net::tls

@@ -1,0 +1,105 @@
+#pragma once
+#include <ise/core/loop.hpp>
+#include <ise/core/waiter.hpp>
+#include <ise/transport/datagram_stream.hpp>
+#include <ise/transport/udp/channel.hpp>
+
+#include <mutex>
+
+namespace ise::net::udp {
+
+class association;
+
+/// What a channel needs of the port that it goes over.
+class association_port {
+public:
+    virtual std::error_code send(const endpoint& to, bytes_view content) = 0;
+    /// Held where the socket is closed or a peer's address changes, and by whoever sends from another thread.
+    virtual std::unique_lock<std::mutex> lock() = 0;
+    /// For the datagram that is being made.
+    virtual buffer& scratch() noexcept = 0;
+    /// Whether a channel may still send what its user has left; until it is forgotten.
+    virtual bool lets_drain() noexcept = 0;
+    virtual void forget(association& gone) = 0;
+
+protected:
+    ~association_port() = default;
+};
+
+/// A channel with its peer's address, its timer, and whoever uses it: acts as the channel decides. Shared by its port,
+/// which hands it datagrams, and the stream of its user.
+class association final : public flushable, public std::enable_shared_from_this<association> {
+public:
+    /// How long what was written last is sent again after the user has left.
+    static constexpr duration max_drain = std::chrono::seconds(3);
+
+    association(loop& on, std::shared_ptr<association_port> of, std::uint64_t id, std::uint64_t peer_id, endpoint peer);
+
+    std::uint64_t id() const noexcept { return id_; }
+    const endpoint& peer() const noexcept { return peer_; }
+    /// Where it was when the channel was opened.
+    const endpoint& first_peer() const noexcept { return first_peer_; }
+    const udp::channel& channel() const noexcept { return channel_; }
+    /// Its user has left, and it sends what is left.
+    bool drains() const noexcept { return drain_until_.has_value(); }
+
+    // For the port, which holds it meanwhile.
+    void on_datagram(const endpoint& from, bytes_view body);
+    void on_sign(const endpoint& from);
+    /// The peer has left, or does not know us any more.
+    void on_gone();
+    /// The port is closed: nothing comes any more.
+    void on_port_closed();
+    void flush() override;
+
+    // For the stream.
+    void use(std::weak_ptr<datagram_stream::user> receiver);
+    /// Nothing: it is to be waited for.
+    std::optional<transfer> read(asio::mutable_buffer into);
+    task<> wait_readable() { return readable_.wait(); }
+    transfer write(std::span<const asio::const_buffer> from);
+    /// What stands in the way of writing; would_block: the window.
+    std::error_code writable() const noexcept;
+    task<> wait_writable() { return writable_.wait(); }
+    bool message_wanted() noexcept;
+    void put_message(std::uint64_t key, const wire::frame_header& header, bytes_view head, const shared_bytes& payload);
+    void limit_unsent(std::size_t most) noexcept { channel_.out().limit_under_way(most); }
+    void shutdown_write();
+    /// The user goes. What was written is still sent, where somebody is there to hear the acks.
+    void leave();
+    /// From any thread.
+    bool show_sign() noexcept;
+
+private:
+    struct candidate {
+        endpoint where;
+        std::uint64_t challenge = 0;
+    };
+    void soon() { on_.flush_later(shared_from_this()); }
+    void on_timer();
+    void hand_over(datagram_stream::user& receiver);
+    void rearm();
+    void follow(const endpoint& from, const channel::events& happened);
+    void send_probe(const endpoint& to, wire::chunk_type type, std::uint64_t value);
+    void part(bool tell);
+
+    loop& on_;
+    std::shared_ptr<association_port> port_;
+    std::uint64_t id_;
+    const endpoint first_peer_;
+    endpoint peer_; // changed under the port's lock: signs are sent from another thread
+    udp::channel channel_;
+    std::optional<candidate> candidate_; // an address that the peer seems to have moved to
+    std::weak_ptr<datagram_stream::user> user_;
+    timer timer_;
+    waiter<> readable_;
+    waiter<> writable_;
+    std::optional<time_point> drain_until_;
+    bool room_asked_ = false;
+    bool cancelled_ = false;
+    bool used_ = false; // what comes is handed over
+    bool left_ = false; // by its user
+    bool gone_ = false; // no datagram leads anywhere
+};
+
+} // namespace ise::net::udp

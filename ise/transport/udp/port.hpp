@@ -1,0 +1,82 @@
+#pragma once
+#include <ise/transport/udp/association.hpp>
+#include <ise/transport/udp/cookie.hpp>
+
+#include <deque>
+#include <map>
+#include <memory>
+
+namespace ise::net::udp {
+
+/// One socket and all that is said over it. A listener's serves everybody who comes, a requester's one peer. Whoever
+/// waits for datagrams (the listener's `accept`, the requester's `read_some`) hands them to `take`.
+class port final : public association_port, public std::enable_shared_from_this<port> {
+public:
+    /// Channels that nobody has accepted yet; a stranger beyond asks again.
+    static constexpr std::size_t max_waiting = 64;
+    /// Channels whose user has left and that still send; others end at once.
+    static constexpr std::size_t max_draining = 256;
+
+    port(loop& on, std::unique_ptr<datagram_socket> socket, bool listens);
+    ~port();
+
+    auto receive() { return socket_->receive(); }
+    /// Takes a datagram; inside a turn.
+    void take(const datagram& came);
+    std::error_code send(const endpoint& to, bytes_view content) override {
+        return closed_ ? std::error_code() : socket_->try_send(to, content);
+    }
+    std::unique_lock<std::mutex> lock() override { return std::unique_lock(mutex_); }
+    buffer& scratch() noexcept override { return scratch_; }
+    endpoint where() const { return socket_->where(); }
+    loop& on() noexcept { return on_; }
+
+    /// The next channel that a stranger opened, or null.
+    std::shared_ptr<association> accepted();
+    /// Nobody new is let in; the socket goes with the last channel.
+    void stop_listening();
+    /// Ends everything now.
+    void close();
+    bool closed() const noexcept { return closed_; }
+    bool lets_drain() noexcept override;
+    void forget(association& gone) override;
+
+    /// Opens a channel to `to`, asking again with growing pauses; `opened()` has it once the peer has answered.
+    std::error_code dial(const endpoint& to);
+    std::shared_ptr<association> opened() const noexcept { return dialled_; }
+    /// Why dialling was given up.
+    std::error_code dial_problem() const noexcept { return dial_problem_; }
+
+    std::size_t associations() const noexcept { return all_.size(); }
+
+private:
+    void on_open(const endpoint& from, const wire::datagram_view& received);
+    void on_answer(const endpoint& from, const wire::datagram_view& received);
+    void answer_opened(const association& to);
+    std::error_code ask();
+    std::uint64_t draw_id();
+
+    loop& on_;
+    std::unique_ptr<datagram_socket> socket_;
+    std::mutex mutex_;
+    buffer scratch_;
+    bool listens_;
+    bool accepting_;
+    bool closed_ = false;
+    std::map<std::uint64_t, std::shared_ptr<association>> all_;                           // by our id
+    std::map<std::pair<endpoint, std::uint64_t>, std::shared_ptr<association>> openings_; // by what opened them
+    std::deque<std::shared_ptr<association>> waiting_;
+    std::size_t draining_ = 0;
+    cookie_jar jar_;
+
+    // Dialling.
+    endpoint target_;
+    std::uint64_t dial_id_ = 0;
+    wire::cookie cookie_{};
+    timer again_;
+    duration pause_{};
+    std::error_code dial_problem_;
+    std::shared_ptr<association> dialled_;
+};
+
+} // namespace ise::net::udp

@@ -1,0 +1,179 @@
+#include <ise/transport/datagram_stream.hpp>
+#include <ise/transport/security.hpp>
+#include <ise/transport/udp/port.hpp>
+
+#include <asio/error.hpp>
+#include <fmt/format.h>
+
+namespace ise::net::udp {
+namespace {
+
+// The user's end of an association. On the requester's side nobody else waits for datagrams: reading does.
+class stream_end final : public datagram_stream {
+public:
+    stream_end(std::shared_ptr<association> over, std::shared_ptr<port> pumped)
+        : over_(std::move(over)), pumped_(std::move(pumped)), peer_(over_->peer().text()) {}
+    ~stream_end() override { over_->leave(); }
+
+    task<transfer> read_some(asio::mutable_buffer into) override {
+        return pumped_ ? read_socket(over_, pumped_, into) : read(over_, into);
+    }
+    transfer try_write(std::span<const asio::const_buffer> from) override { return over_->write(from); }
+    task<std::error_code> wait_writable() override { return wait(over_); }
+    void limit_unsent(std::size_t most) override { over_->limit_unsent(most); }
+    void shutdown_write() override { over_->shutdown_write(); }
+    void close() override { over_->leave(); }
+    std::string peer() const override { return peer_; }
+
+    void use(std::weak_ptr<user> receiver) override { over_->use(std::move(receiver)); }
+    bool show_sign() noexcept override { return over_->show_sign(); }
+    std::uint64_t max_message_bytes() const noexcept override { return wire::max_datagram_message_bytes; }
+    bool wanted() noexcept override { return over_->message_wanted(); }
+    void put(std::uint64_t key, const wire::frame_header& header, bytes_view head,
+             const shared_bytes& payload) override {
+        over_->put_message(key, header, head, payload);
+    }
+
+private:
+    static task<transfer> read(std::shared_ptr<association> from, asio::mutable_buffer into) {
+        for (;;) {
+            auto got = from->read(into);
+            if (got) co_return *got;
+            co_await from->wait_readable();
+        }
+    }
+    static task<transfer> read_socket(std::shared_ptr<association> from, std::shared_ptr<port> socket,
+                                      asio::mutable_buffer into) {
+        for (;;) {
+            auto got = from->read(into);
+            if (got) co_return *got;
+            auto came = co_await socket->receive();
+            if (came.first) {
+                transfer broken;
+                broken.problem = came.first;
+                auto last = from->read(into); // the end that the peer gave it says more
+                if (last) broken = *last;
+                co_return broken;
+            }
+            loop::turn in(socket->on());
+            socket->take(*came.second);
+        }
+    }
+    static task<std::error_code> wait(std::shared_ptr<association> over) {
+        while (over->writable() == asio::error::would_block) co_await over->wait_writable();
+        co_return over->writable();
+    }
+
+    std::shared_ptr<association> over_;
+    std::shared_ptr<port> pumped_;
+    std::string peer_;
+};
+
+class udp_listener final : public listener {
+public:
+    explicit udp_listener(std::shared_ptr<port> at) : port_(std::move(at)) {}
+    ~udp_listener() override { port_->close(); }
+
+    task<std::pair<std::error_code, std::unique_ptr<stream>>> accept() override { return next(port_); }
+    void close() override { port_->stop_listening(); }
+    endpoint where() const override { return port_->where(); }
+
+private:
+    static task<std::pair<std::error_code, std::unique_ptr<stream>>> next(std::shared_ptr<port> at) {
+        std::pair<std::error_code, std::unique_ptr<stream>> outcome;
+        for (;;) {
+            if (auto opened = at->accepted()) {
+                outcome.second = std::make_unique<stream_end>(std::move(opened), nullptr);
+                co_return outcome;
+            }
+            if (at->closed()) {
+                outcome.first = asio::error::operation_aborted;
+                co_return outcome;
+            }
+            auto came = co_await at->receive();
+            if (came.first) {
+                outcome.first = at->closed() ? std::error_code(asio::error::operation_aborted) : came.first;
+                co_return outcome;
+            }
+            loop::turn in(at->on());
+            at->take(*came.second);
+        }
+    }
+
+    std::shared_ptr<port> port_;
+};
+
+// From a socket of one family of addresses. `problem`: what stood in the way, if the failure has a cause of that kind.
+task<result<std::unique_ptr<stream>>> connect_from(loop& on, endpoint to, std::string any_host,
+                                                   std::error_code& problem) {
+    endpoint any;
+    any.kind = protocol::udp;
+    any.host = std::move(any_host);
+    auto opened = on.env().open_datagram(on, any);
+    if (!opened) co_return opened.error();
+    auto socket = std::make_shared<port>(on, std::move(*opened), false);
+    struct leaving { // an attempt that was given up leaves nothing
+        port& of;
+        bool done = false;
+        ~leaving() {
+            if (!done) of.close();
+        }
+    } guard{*socket};
+    auto refused = [&](const std::error_code& why) {
+        problem = why;
+        return failure(errc::unreachable, fmt::format("cannot connect to {}: {}", to.text(), why.message()));
+    };
+    auto asked = socket->dial(to);
+    if (asked && asked != asio::error::would_block) co_return refused(asked);
+    while (!socket->opened()) {
+        auto came = co_await socket->receive();
+        if (socket->dial_problem()) co_return refused(socket->dial_problem());
+        if (came.first == asio::error::operation_aborted)
+            co_return failure(errc::cancelled, "connecting was cancelled");
+        if (came.first) co_return refused(came.first);
+        loop::turn in(on);
+        socket->take(*came.second);
+    }
+    guard.done = true;
+    std::unique_ptr<stream> made = std::make_unique<stream_end>(socket->opened(), socket);
+    co_return made;
+}
+
+// A datagram_stream to whoever answers at `to`, asked again and again until then: the caller sets the limit.
+task<result<std::unique_ptr<stream>>> connect(loop& on, endpoint to, security) {
+    const bool literal_6 = to.host.find(':') != std::string::npos;
+    const std::string any_6 = "::", first = literal_6 ? any_6 : "0.0.0.0";
+    std::error_code problem;
+    auto made = co_await connect_from(on, to, first, problem);
+    if (made || literal_6 || problem != asio::error::host_not_found) co_return made;
+    // A name without an IPv4 address may have others. What the first look-up said stays true where there is no IPv6.
+    auto other = co_await connect_from(on, to, any_6, problem);
+    if (other) co_return other;
+    co_return made;
+}
+
+// After `close()` of the listener, `accept` goes on serving the streams that it gave, and completes when the last of
+// them has gone.
+result<std::unique_ptr<listener>> listen(loop& on, const endpoint& at, security) {
+    auto opened = on.env().open_datagram(on, at);
+    if (!opened) return opened.error();
+    return std::unique_ptr<listener>(
+        std::make_unique<udp_listener>(std::make_shared<port>(on, std::move(*opened), true)));
+}
+
+} // namespace
+} // namespace ise::net::udp
+
+namespace ise {
+
+constinit const transport transports::udp{
+    .scheme = "udp",
+    .example = "udp://127.0.0.1:7400",
+    .rank = 100,
+    .lossy = true,
+    .needs_descriptors = false,
+    .connect = net::udp::connect,
+    .listen = net::udp::listen,
+};
+
+} // namespace ise

@@ -1,0 +1,42 @@
+// In the place of what OpenSSL does, where ISE is built without it (ISE_WITH_OPENSSL): credentials are refused, never
+// ignored.
+#include <ise/transport/shared_key.hpp>
+#include <ise/transport/tls/stream.hpp>
+
+#include <fmt/format.h>
+
+#include <stdexcept>
+
+namespace ise {
+namespace {
+
+failure not_built(std::string_view what) {
+    return {errc::invalid_argument,
+            fmt::format("{} cannot be used: this ISE was built without OpenSSL (ISE_WITH_OPENSSL)", what)};
+}
+
+} // namespace
+
+result<std::shared_ptr<const shared_key>> shared_key::load(environment&, const std::string& file) {
+    return not_built(file);
+}
+result<std::shared_ptr<const shared_key>> shared_key::make(std::string_view, std::string_view from) {
+    return not_built(from);
+}
+shared_key::~shared_key() = default;
+shared_key::digest shared_key::prove(std::string_view, bytes_view) const { throw std::logic_error("there is no key"); }
+bool shared_key::equal(std::span<const std::uint8_t>, std::span<const std::uint8_t>) noexcept { return false; }
+
+namespace net::tls {
+
+result<std::shared_ptr<identity>> identity::load(environment&, const std::string& folder) { return not_built(folder); }
+result<std::shared_ptr<ssl_ctx_st>> identity::context(environment&) { return not_built("TLS"); }
+std::unique_ptr<stream> answer(loop&, std::unique_ptr<stream>, std::shared_ptr<identity>) {
+    throw std::logic_error("there is no identity");
+}
+task<result<std::unique_ptr<stream>>> greet(loop&, std::unique_ptr<stream>, std::shared_ptr<identity>, endpoint) {
+    co_return not_built("TLS");
+}
+
+} // namespace net::tls
+} // namespace ise
