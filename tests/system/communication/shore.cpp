@@ -47,25 +47,23 @@ acknowledgement boat_at_sea::execute(ise::bytes_view raw, link_id from) {
     return ack;
 }
 
-book_options scripted_proxy::terms(link_id link) {
-    book_options made;
-    made.link = link;
-    return made;
-}
-
 ise::task<> scripted_proxy::run() {
     telemetry_ = publish(services::telemetry);
-    ise::publication_callbacks<std::decay_t<decltype(services::telecommand_state)>> follow;
-    follow.on_subscribe = [this](const follow_telecommand&,
-                                 const ise::subscriber_info&) -> ise::result<followed_telecommands> {
-        followed_telecommands made;
-        made.now = book_.open();
-        return made;
+    link_policy policy;
+    policy.link = link_;
+    auto& commands = commands_.emplace(*this, std::move(policy));
+    commands.give = [this] {
+        auto& tracker = commands_->tracker();
+        bool up = boat_.over(link_).up;
+        using kind = link_outcome::kind;
+        while (auto due = tracker.next_due(commands_->now())) {
+            tracker.on_outcome(commands_->now(), due->id,
+                               up ? make_outcome(kind::delivered, "") : make_outcome(kind::later, "out of range"));
+            if (up) tracker.on_acknowledgement(commands_->now(), boat_.execute(due->raw, link_));
+        }
+        return true;
     };
-    states_ = publish(services::telecommand_state, std::move(follow));
-    provide(services::telecommand, [this](telecommand_request request, const ise::call_context& context) {
-        return command(std::move(request), context.deadline);
-    });
+    commands.provide();
     if (boat_.over(link_).acknowledges) spawn("acknowledge", acknowledge());
     for (;;) {
         pass();
@@ -85,11 +83,7 @@ void scripted_proxy::pass() {
     } else if (!link.acknowledges) {
         link.waiting.clear(); // sent into the air
     }
-    while (auto due = book_.next_due(now(), clock())) {
-        book_.on_outcome(now(), clock(), due->id, link.up, true, "the boat is out of range");
-        if (link.up) book_.on_acknowledgement(clock(), boat_.execute(due->raw, link_));
-    }
-    for (const auto& change : book_.take_changes()) states_(change);
+    commands_->work();
 }
 
 // As the GPRS proxy: the boat is acknowledged what is on disk.
@@ -111,21 +105,6 @@ ise::task<> scripted_proxy::acknowledge() {
         }
         co_await sleep(200ms);
     }
-}
-
-ise::task<telecommand_reply> scripted_proxy::command(telecommand_request request, ise::time_point deadline) {
-    auto taken = book_.submit(now(), clock(), request, static_cast<std::uint32_t>(env().random()) | 1u);
-    if (!taken) throw ise::error(ise::errc::refused, taken.error().message());
-    auto id = *taken;
-    while (!is_final(book_.find(id)->state) && now() + 300ms < deadline) co_await sleep(100ms);
-    telecommand_reply reply;
-    const auto& status = *book_.find(id);
-    reply.id = id;
-    reply.state = is_final(status.state) ? status.state : telecommand_stage::pending;
-    reply.result = status.result;
-    reply.value = status.value;
-    reply.text = status.text;
-    co_return reply;
 }
 
 shore::shore(std::uint64_t seed, bool two_nodes) : names(true, seed), two_(two_nodes) {
