@@ -1,9 +1,5 @@
 #include <components/boat/telecommand_audience.hpp>
 
-#include <ise/core/waiter.hpp>
-
-#include <asio/error.hpp>
-
 #include <algorithm>
 
 namespace atirma {
@@ -28,15 +24,12 @@ telecommand_reply reply_of(const telecommand_status& status) {
 } // namespace
 
 struct telecommand_audience::waiting_call {
-    waiting_call(telecommand_audience& in, telecommand_status now)
-        : last(std::move(now)), wake(in.of_.on(), [this] { wake.resume(asio::error::operation_aborted); }),
-          late(in.of_.on(), [this] { wake.resume({}); }), calls(in.calls_), at(calls.insert(calls.end(), this)) {}
+    waiting_call(std::list<waiting_call*>& in, telecommand_status now)
+        : last(std::move(now)), calls(in), at(calls.insert(calls.end(), this)) {}
     waiting_call(const waiting_call&) = delete;
     ~waiting_call() { calls.erase(at); }
 
     telecommand_status last;
-    ise::waiter<std::error_code> wake;
-    ise::timer late;
     std::list<waiting_call*>& calls;
     std::list<waiting_call*>::iterator at;
 };
@@ -63,20 +56,17 @@ void telecommand_audience::tell(const telecommand_status& change) {
         auto who = followers_.find(subscriber.number);
         return who == followers_.end() || who->second == 0 || who->second == change.id;
     });
-    for (auto* call : calls_) {
-        if (call->last.id != change.id) continue;
-        call->last = change;
-        if (is_final(change.state)) call->wake.resume({});
-    }
+    for (auto* call : calls_)
+        if (call->last.id == change.id) call->last = change;
+    if (is_final(change.state)) decided_.notify();
 }
 
 ise::task<telecommand_reply> telecommand_audience::reply(telecommand_status last, ise::time_point deadline) {
-    waiting_call here(*this, std::move(last));
+    waiting_call here(calls_, std::move(last));
     auto now = of_.now();
     auto until = deadline == ise::time_point::max() ? ise::saturating_add(now, std::chrono::seconds(30))
                                                     : deadline - reply_margin(deadline - now);
-    here.late.arm(until);
-    while (!is_final(here.last.state) && of_.now() < until) co_await here.wake.wait(); // throws what resumed it
+    while (!is_final(here.last.state) && of_.now() < until) co_await decided_.wait(until);
     co_return reply_of(here.last);
 }
 

@@ -1,4 +1,5 @@
 #pragma once
+#include <components/boat/notifier.hpp>
 #include <components/boat/services.hpp>
 
 #include <ise/component/component.hpp>
@@ -13,7 +14,7 @@ namespace atirma {
 /// component outlives it.
 class telecommand_audience {
 public:
-    explicit telecommand_audience(ise::component& of) : of_(of) {}
+    explicit telecommand_audience(ise::component& of) : of_(of), decided_(of.on()) {}
 
     /// Provides `telecommand_state`. `now` tells where the telecommand of that id stands, if it is known; with 0 all
     /// that are not decided.
@@ -28,6 +29,7 @@ private:
     struct waiting_call;
 
     ise::component& of_;
+    notifier decided_;
     std::list<waiting_call*> calls_;
     std::map<std::uint64_t, std::uint32_t> followers_; // subscriber's number → id, 0 for all
     ise::publication<std::decay_t<decltype(services::telecommand_state)>> states_;

@@ -1,12 +1,12 @@
 #pragma once
 // Private to this folder: what a node has while it runs.
 #include <components/boat/find_component.hpp>
+#include <components/boat/newest_by_kind.hpp>
+#include <components/boat/notifier.hpp>
 #include <components/boat/telecommand_audience.hpp>
 #include <components/communication_node/authority_book.hpp>
 #include <components/communication_node/command_router.hpp>
-#include <components/communication_node/newest_by_kind.hpp>
 #include <components/communication_node/node_store.hpp>
-#include <components/communication_node/notifier.hpp>
 #include <components/communication_node/options.hpp>
 #include <components/communication_node/peer_watch.hpp>
 #include <components/communication_node/services.hpp>

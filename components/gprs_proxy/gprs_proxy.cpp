@@ -2,10 +2,10 @@
 
 #include <components/boat/duplicate_filter.hpp>
 #include <components/boat/find_component.hpp>
+#include <components/boat/newest_by_kind.hpp>
 #include <components/boat/remote_telemetry_store.hpp>
 #include <components/boat/telecommand_service.hpp>
 #include <components/boat/telemetry_keeper.hpp>
-#include <components/gprs/freshness.hpp>
 #include <components/gprs_proxy/listeners.hpp>
 
 #include <ise/core/log_limiter.hpp>
@@ -41,7 +41,7 @@ struct gprs_proxy::link {
     listeners sockets;
     telecommand_service commands;
     duplicate_filter seen;
-    std::map<std::uint64_t, gprs::freshness> fresh; // by the life of the boat: what one says hides nothing of another
+    std::map<std::uint64_t, newest_by_kind> newest; // by the life of the boat: what one says hides nothing of another
     ise::timer due;
     // What waits for the store, by the life of the boat's numbering.
     std::map<std::uint64_t, std::vector<std::uint32_t>> numbers;
@@ -196,10 +196,10 @@ void gprs_proxy::on_record(const gprs::record_came& came) {
     out.sequence = header.sequence;
     out.measured_at = header.measured_at;
     out.received_at = clock();
-    out.history = l.fresh[came.life].is_history(came.history, header.boot, std::to_integer<std::uint8_t>(came.raw[1]),
-                                                header.sequence);
-    if (l.fresh.size() > options_.shore.max_boots) l.fresh.erase(l.fresh.begin());
+    out.history = came.history;
     out.raw = came.raw;
+    out.history = l.newest[came.life].is_history(out);
+    if (l.newest.size() > options_.shore.max_boots) l.newest.erase(l.newest.begin());
     l.telemetry(out);
     ++l.counts.telemetry_published;
     if (out.history) ++l.counts.history;

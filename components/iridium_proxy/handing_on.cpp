@@ -103,10 +103,8 @@ std::vector<telemetry_packet> iridium_proxy::hand_on(const iridium::mo_message& 
         out.measured_at = parsed->header.measured_at;
         out.received_at = received_at;
         // Messages overtake each other, and those from before the first subscriber come at once.
-        auto& newest = s.newest[parsed->body.index()];
-        out.history = out.measured_at < newest;
-        newest = std::max(newest, plausible_time(out));
         out.raw = std::move(raw);
+        out.history = s.newest.is_history(out);
         if (s.seen.first_time(out.boot, out.sequence, out.raw)) {
             s.telemetry(out);
             ++s.counts.telemetry_published;

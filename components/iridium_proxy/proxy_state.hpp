@@ -1,5 +1,6 @@
 #pragma once
 #include <components/boat/duplicate_filter.hpp>
+#include <components/boat/newest_by_kind.hpp>
 #include <components/boat/telecommand_service.hpp>
 #include <components/boat/telemetry_keeper.hpp>
 #include <components/http/webhook_server.hpp>
@@ -16,7 +17,6 @@
 #include <ise/core/waiter.hpp>
 
 #include <functional>
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -45,7 +45,7 @@ struct proxy_state {
     ise::waiter<std::error_code> more; // messages, for the store
     ise::timer hand_on_soon;
     ise::log_limiter quiet;
-    std::map<std::size_t, utc_time> newest; // measured, of each type of packet that was published
+    newest_by_kind newest; // that was published
     std::string disk_trouble, mail_trouble, send_trouble;
     std::optional<telemetry_keeper> keeper;
     iridium_account counts;

@@ -2,7 +2,6 @@
 #include <components/iridium_proxy/proxy_state.hpp>
 
 #include <asio/error.hpp>
-#include <fmt/format.h>
 
 #include <algorithm>
 

@@ -11,7 +11,7 @@ from cpp_tokens import files_below, read
 
 RANK = {"core": 0, "packet": 1, "wire": 2, "net": 3, "session": 4, "call": 5, "subscription": 5, "service": 6, "naming": 7, "component": 8, "name_server": 9, "instantiation": 9, "deployment": 10}
 SIM_MAY = {"core", "net", "sim"}
-SHARED_COMPONENTS = {"boat", "gprs", "http", "iridium", "iridium_mail", "mail", "storage", "xbee"}  # what other components may include
+SHARED_COMPONENTS = {"boat", "byte_stream", "gprs", "http", "iridium", "iridium_mail", "mail", "storage", "xbee"}  # what other components may include
 FOREIGN = ("nlohmann", "spdlog", "CLI", "boost", "curl", "sqlite3.h", "openssl", "toml++", "http_parser.h", "catch2")
 
 

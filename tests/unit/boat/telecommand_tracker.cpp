@@ -1,4 +1,5 @@
 #include <components/boat/duplicate_filter.hpp>
+#include <components/boat/newest_by_kind.hpp>
 #include <components/boat/telecommand_tracker.hpp>
 
 #include <ise/packet/json.hpp>
@@ -281,6 +282,41 @@ TEST_CASE("telecommand tracker: an answer to what was sent under authority names
     request.authority = 0;
     send(11, command_kind::tack_now);
     CHECK(answer(11, command_kind::tack_now, {}));
+}
+
+TEST_CASE("newest by kind: what comes late over a slower link is history, each kind by itself") {
+    newest_by_kind it;
+    utc_time at{std::chrono::hours(400'000)};
+    auto packet = [&](std::uint8_t kind, std::chrono::seconds later, std::chrono::seconds received = 0s) {
+        telemetry_packet made;
+        made.measured_at = at + later;
+        made.received_at = at + (received > 0s ? received : later);
+        made.raw = {std::byte{1}, std::byte{kind}};
+        return made;
+    };
+    CHECK_FALSE(it.is_history(packet(1, 10s)));
+    CHECK_FALSE(it.is_history(packet(1, 10s))); // the same over another link
+    CHECK(it.is_history(packet(1, 9s)));
+    CHECK_FALSE(it.is_history(packet(3, 9s)));
+    auto said = packet(1, 20s);
+    said.history = true;
+    CHECK(it.is_history(said));
+    CHECK_FALSE(it.is_history(packet(1, 11s)));
+    CHECK_FALSE(it.is_history(packet(1, 1000000s, 30s))); // a clock that is days ahead, or four minutes
+    CHECK_FALSE(it.is_history(packet(1, 31s + 4min, 31s)));
+    CHECK_FALSE(it.is_history(packet(1, 32s))); // makes nothing history that is measured after it came
+    CHECK(it.is_history(packet(1, 30s, 33s)));
+}
+
+TEST_CASE("telecommand tracker: what a link has in its hand when the validity ends may have been executed") {
+    desk it;
+    it.ask(1, command_kind::ping, 10);
+    it.ask(2, command_kind::ping, 10);
+    REQUIRE(it.due()->id == 1);
+    it.pass(10s);
+    it.book.on_time(it.at());
+    CHECK_THAT(it.book.find(1)->text, Catch::Contains("may have been executed"));
+    CHECK_THAT(it.book.find(2)->text, Catch::Contains("before it could be sent"));
 }
 
 } // namespace telecommand_tracker_test
