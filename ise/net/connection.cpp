@@ -143,7 +143,7 @@ void connection::on_message(bytes_view message) {
     received.body = message.subspan(wire::frame_header::size);
     result<void> state;
     if (received.header.type != frame_type::packet || received.header.length != received.body.size()) {
-        state = failure(errc::protocol_error, "a message came attachments the stream that is not a packet");
+        state = failure(errc::protocol_error, "a message came beside the stream that is not a packet");
     } else {
         state = take(received, receiver());
     }
@@ -193,7 +193,7 @@ result<void> connection::take_whole(wire::frame& received, user* receiver) {
     received.object = nullptr;
     if (!attachments_ || !(received.header.flags & wire::flag::attached)) return take(received, receiver);
     if (attachments_->empty())
-        return failure(errc::protocol_error, "a packet was to come attachments its frame, and did not");
+        return failure(errc::protocol_error, "a packet was to come beside its frame, and did not");
     auto object = attachments_->pop_front();
     received.object = &object;
     return take(received, receiver);
