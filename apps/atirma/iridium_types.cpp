@@ -65,7 +65,7 @@ component_type proxy_type() {
     set.add("ca-file", settings->ca_file, "authorities to trust (PEM) instead of the system's")
         .kind(parameter_kind::path);
     set.add("daily-budget", options->daily_budget, "credits a day (UTC) for telecommands; 0: unlimited");
-    set.add("credit-bytes", options->queue.bytes_per_credit, "bytes that a credit pays for").range(1, 340);
+    set.add("credit-bytes", options->bytes_per_credit, "bytes that a credit pays for").range(1, 340);
     type.provides(services::telemetry)
         .provides(services::telecommand)
         .provides(services::telecommand_state)

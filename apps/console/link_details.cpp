@@ -25,15 +25,15 @@ QString old_mark(const link_view& link, utc_time now) {
         .arg(colours().warn.name(), QLabel::tr("told %1").arg(ago(link.told_at, now)));
 }
 
-QString in_words(iridium_stage stage) {
+QString in_words(link_stage stage) {
     switch (stage) {
-        case iridium_stage::waiting: return QLabel::tr("waits ashore");
-        case iridium_stage::sending: return QLabel::tr("goes to the gateway");
-        case iridium_stage::at_gateway: return QLabel::tr("at the gateway, until the boat's next session");
-        case iridium_stage::delivered: return QLabel::tr("with the boat, not answered yet");
-        case iridium_stage::acknowledged: return QLabel::tr("acknowledged");
-        case iridium_stage::failed: return QLabel::tr("failed");
-        case iridium_stage::expired: return QLabel::tr("expired");
+        case link_stage::waiting: return QLabel::tr("waits ashore");
+        case link_stage::sending: return QLabel::tr("goes to the gateway");
+        case link_stage::at_gateway: return QLabel::tr("at the gateway, until the boat's next session");
+        case link_stage::delivered: return QLabel::tr("with the boat, not answered yet");
+        case link_stage::acknowledged: return QLabel::tr("acknowledged");
+        case link_stage::failed: return QLabel::tr("failed");
+        case link_stage::expired: return QLabel::tr("expired");
     }
     return QString::number(static_cast<int>(stage));
 }

@@ -1,5 +1,6 @@
 #pragma once
 #include <components/boat/duplicate_filter.hpp>
+#include <components/boat/heard.hpp>
 #include <components/boat/services.hpp>
 #include <components/boat/telemetry.hpp>
 
@@ -7,15 +8,6 @@
 #include <optional>
 
 namespace atirma {
-
-/// A report and where it comes from.
-template <class P>
-struct dated {
-    P value;
-    utc_time measured_at{};
-    utc_time received_at{};
-    link_id link = link_id::xbee; ///< it came over
-};
 
 /// What is known of the boat now: the newest report of each kind, whichever link it came over. Pure; times are passed
 /// in. A packet that came before, an older one and history change nothing. A boat's clock that runs ahead is not
@@ -25,11 +17,11 @@ public:
     /// Takes a packet; the kind that is newer now: its place in telemetry_body. Nothing where nothing changed.
     std::optional<std::size_t> take(const telemetry_packet& packet);
 
-    const std::optional<dated<atirma::location>>& location() const noexcept { return location_; } ///< only with a fix
-    const std::optional<dated<atirma::navigation>>& navigation() const noexcept { return navigation_; }
-    const std::optional<dated<atirma::wind>>& wind() const noexcept { return wind_; }
-    const std::optional<dated<atirma::power>>& power() const noexcept { return power_; }
-    const std::optional<dated<link_status>>& link(link_id which) const noexcept {
+    const std::optional<heard<atirma::location>>& location() const noexcept { return location_; } ///< only with a fix
+    const std::optional<heard<atirma::navigation>>& navigation() const noexcept { return navigation_; }
+    const std::optional<heard<atirma::wind>>& wind() const noexcept { return wind_; }
+    const std::optional<heard<atirma::power>>& power() const noexcept { return power_; }
+    const std::optional<heard<link_status>>& link(link_id which) const noexcept {
         return links_[static_cast<std::size_t>(which)];
     }
 
@@ -37,11 +29,11 @@ public:
 
 private:
     duplicate_filter seen_;
-    std::optional<dated<atirma::location>> location_;
-    std::optional<dated<atirma::navigation>> navigation_;
-    std::optional<dated<atirma::wind>> wind_;
-    std::optional<dated<atirma::power>> power_;
-    std::array<std::optional<dated<link_status>>, link_count> links_;
+    std::optional<heard<atirma::location>> location_;
+    std::optional<heard<atirma::navigation>> navigation_;
+    std::optional<heard<atirma::wind>> wind_;
+    std::optional<heard<atirma::power>> power_;
+    std::array<std::optional<heard<link_status>>, link_count> links_;
     std::uint64_t malformed_ = 0;
 };
 

@@ -56,6 +56,11 @@ enum class telecommand_stage : std::uint8_t {
     expired = 5,      ///< its validity is over without an answer: it may have been executed
 };
 constexpr bool is_final(telecommand_stage stage) noexcept { return stage >= telecommand_stage::acknowledged; }
+/// Of two things that are told of one telecommand, in whichever order, the heavier holds: 2 an answer of the boat, 1
+/// any other end, 0 none.
+constexpr int weight_of(telecommand_stage stage) noexcept {
+    return stage == telecommand_stage::acknowledged ? 2 : is_final(stage) ? 1 : 0;
+}
 
 struct telecommand_reply {
     std::uint32_t id = 0;

@@ -10,16 +10,6 @@ namespace {
 
 constexpr ise::duration look_again = std::chrono::seconds(1); // while no link is reached
 
-int rank(telecommand_stage stage) {
-    switch (stage) {
-        case telecommand_stage::acknowledged: return 4;
-        case telecommand_stage::expired: return 3;
-        case telecommand_stage::failed: return 3;
-        case telecommand_stage::sent: return 2;
-        default: return 1;
-    }
-}
-
 std::int64_t steady_ms(ise::time_point at) {
     return std::chrono::duration_cast<std::chrono::milliseconds>(at.time_since_epoch()).count();
 }
@@ -32,7 +22,8 @@ ise::duration until(utc_time later, utc_time earlier) {
 
 bool knows_more(const command_record& a, const command_record& b) noexcept {
     auto key = [](const command_record& of) {
-        return std::tuple(rank(of.status.state), of.status.at, std::string_view(of.node));
+        return std::tuple(weight_of(of.status.state), of.status.state == telecommand_stage::sent, of.status.at,
+                          std::string_view(of.node));
     };
     return key(a) > key(b);
 }
@@ -42,9 +33,9 @@ ise::result<command_record> command_router::prepare(ise::time_point now, utc_tim
                                                     const std::string& asked_by, std::uint32_t authority,
                                                     const std::string& node) const {
     if (auto good = check_request(request); !good) return good.error();
-    if (open_.size() >= options_.max_open)
+    if (open_count() >= options_.max_open)
         return ise::failure(ise::errc::overloaded,
-                            fmt::format("{} telecommands wait for the boat already", open_.size()));
+                            fmt::format("{} telecommands wait for the boat already", open_count()));
     command_record made;
     made.status.id = request.id != 0 ? request.id : chosen;
     made.status.kind = request.command.kind();
@@ -76,30 +67,26 @@ ise::duration command_router::left_of(ise::time_point now, utc_time wall, const 
 
 bool command_router::know(ise::time_point now, utc_time wall, const command_record& record, const std::string& me) {
     auto id = record.status.id;
-    auto found = entries_.find(id);
-    if (found == entries_.end()) {
+    auto* known = table_.find(id);
+    if (!known) {
         entry made;
         made.record = record;
         made.mine = record.node == me;
         made.expires = ise::saturating_add(now, left_of(now, wall, record, made.mine));
-        entries_.emplace(id, std::move(made));
-        if (is_final(record.status.state)) decided_.push_back(id);
-        else open_.push_back(id);
-        decided(0);
+        table_.add(id, std::move(made), is_final(record.status.state));
         return true;
     }
-    auto& e = found->second;
-    if (!knows_more(record, e.record)) return false;
-    bool was_open = !is_final(e.record.status.state);
-    e.record = record;
-    e.mine = record.node == me;
-    if (was_open && is_final(record.status.state)) decided(id);
+    if (!knows_more(record, known->record)) return false;
+    bool was_open = !is_final(known->record.status.state);
+    known->record = record;
+    known->mine = record.node == me;
+    if (was_open && is_final(record.status.state)) table_.decide(id);
     return true;
 }
 
 void command_router::take_over(ise::time_point now, utc_time wall, const std::string& me) {
-    for (auto id : std::vector(open_)) {
-        auto& e = entries_.at(id);
+    for (auto id : std::vector(table_.open())) {
+        auto& e = table_.at(id);
         if (e.mine || e.expires <= now) continue;
         e.mine = true;
         e.record.node = me;
@@ -122,8 +109,8 @@ std::optional<ise::time_point> command_router::next_link_at(const entry& e, cons
 std::optional<command_router::give> command_router::next_give(ise::time_point now, utc_time wall,
                                                               const link_table& links) {
     on_time(now, wall);
-    for (auto id : open_) {
-        auto& e = entries_.at(id);
+    for (auto id : table_.open()) {
+        auto& e = table_.at(id);
         if (!e.mine || e.expires - now < std::chrono::seconds(1)) continue;
         auto at = next_link_at(e, links);
         if (!at || *at > now) continue;
@@ -157,9 +144,9 @@ std::optional<command_router::give> command_router::next_give(ise::time_point no
 }
 
 void command_router::on_status(utc_time wall, link_id link, const telecommand_status& status) {
-    auto found = entries_.find(status.id);
-    if (found == entries_.end() || found->second.record.status.kind != status.kind) return;
-    auto& e = found->second;
+    auto* known = table_.find(status.id);
+    if (!known || known->record.status.kind != status.kind) return;
+    auto& e = *known;
     auto& mine = e.record.status;
     if (mine.state == telecommand_stage::acknowledged) return;
     auto& there = e.links[link];
@@ -194,17 +181,17 @@ void command_router::on_status(utc_time wall, link_id link, const telecommand_st
 
 void command_router::on_refused(ise::time_point, utc_time wall, std::uint32_t id, link_id link,
                                 const std::string& why) {
-    auto found = entries_.find(id);
-    if (found == entries_.end() || is_final(found->second.record.status.state)) return;
-    auto& e = found->second;
+    auto* known = table_.find(id);
+    if (!known || is_final(known->record.status.state)) return;
+    auto& e = *known;
     e.links[link].refused = true;
     auto text = fmt::format("{} refuses it: {}", name_of(link), why);
     change(e, wall, e.record.via ? telecommand_stage::failed : e.record.status.state, text);
 }
 
 void command_router::on_time(ise::time_point now, utc_time wall) {
-    for (auto id : std::vector(open_)) {
-        auto& e = entries_.at(id);
+    for (auto id : std::vector(table_.open())) {
+        auto& e = table_.at(id);
         // Another node's is left to it for a while longer: it may have heard the boat.
         if (ise::saturating_add(e.expires, e.mine ? ise::duration() : ise::duration(std::chrono::seconds(30))) > now)
             continue;
@@ -217,8 +204,8 @@ void command_router::on_time(ise::time_point now, utc_time wall) {
 
 ise::time_point command_router::next_event(ise::time_point now, const link_table& links) const {
     auto next = ise::time_point::max();
-    for (auto id : open_) {
-        const auto& e = entries_.at(id);
+    for (auto id : table_.open()) {
+        const auto& e = table_.at(id);
         next = std::min(
             next, ise::saturating_add(e.expires, e.mine ? ise::duration() : ise::duration(std::chrono::seconds(30))));
         if (!e.mine) continue;
@@ -229,13 +216,13 @@ ise::time_point command_router::next_event(ise::time_point now, const link_table
 }
 
 const command_record* command_router::find(std::uint32_t id) const {
-    auto found = entries_.find(id);
-    return found == entries_.end() ? nullptr : &found->second.record;
+    const auto* known = table_.find(id);
+    return known ? &known->record : nullptr;
 }
 
 std::vector<telecommand_status> command_router::open() const {
     std::vector<telecommand_status> all;
-    for (auto id : open_) all.push_back(entries_.at(id).record.status);
+    for (auto id : table_.open()) all.push_back(table_.at(id).record.status);
     return all;
 }
 
@@ -246,19 +233,7 @@ void command_router::change(entry& e, utc_time wall, telecommand_stage stage, st
     e.record.status.at =
         std::max(wall, e.record.status.at + std::chrono::milliseconds(1)); // each change is later than the last
     changes_.push_back(e.record);
-    if (!was_final && is_final(stage)) decided(e.record.status.id);
-}
-
-void command_router::decided(std::uint32_t id) {
-    if (id != 0) {
-        std::erase(open_, id);
-        decided_.push_back(id);
-    }
-    while (decided_.size() > options_.max_remembered) {
-        auto oldest = decided_.front();
-        decided_.pop_front();
-        if (oldest != id) entries_.erase(oldest);
-    }
+    if (!was_final && is_final(stage)) table_.decide(e.record.status.id);
 }
 
 } // namespace atirma

@@ -1,8 +1,9 @@
 #pragma once
+#include <components/boat/telecommand_table.hpp>
 #include <components/communication_node/link_table.hpp>
 #include <components/communication_node/services.hpp>
 
-#include <deque>
+#include <map>
 
 namespace atirma {
 
@@ -21,7 +22,8 @@ struct desk_options {
 ///     desk.on_status(wall, link, what the proxy says)
 class command_router {
 public:
-    explicit command_router(desk_options options = desk_options()) : options_(options) {}
+    explicit command_router(desk_options options = desk_options())
+        : options_(options), table_(options.max_remembered) {}
 
     /// Takes a telecommand; of an id that is known already, which must mean the same, nothing new. The record, to be
     /// put to disk. Errors: invalid_argument, overloaded.
@@ -51,7 +53,7 @@ public:
 
     const command_record* find(std::uint32_t id) const;
     std::vector<telecommand_status> open() const;
-    std::size_t open_count() const noexcept { return open_.size(); }
+    std::size_t open_count() const noexcept { return table_.open().size(); }
     struct recall {
         std::uint32_t id = 0;
         link_id link = link_id::xbee; ///< that still has it
@@ -83,13 +85,10 @@ private:
     };
     void change(entry& e, utc_time wall, telecommand_stage stage, std::string text);
     static ise::duration left_of(ise::time_point now, utc_time wall, const command_record& record, bool mine);
-    void decided(std::uint32_t id);
     std::optional<ise::time_point> next_link_at(const entry& e, const link_table& links) const;
 
     desk_options options_;
-    std::map<std::uint32_t, entry> entries_;
-    std::vector<std::uint32_t> open_; // as they were asked for
-    std::deque<std::uint32_t> decided_;
+    telecommand_table<entry> table_;
     std::vector<command_record> changes_;
     std::vector<recall> recalls_;
     std::vector<boat_epoch> boat_epochs_;

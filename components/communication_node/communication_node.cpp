@@ -60,20 +60,12 @@ void communication_node::provide_all() {
     c.telemetry = publish(services::telemetry);
     c.authorities = publish(services::authority_changes);
     c.state = publish(services::communication);
-    ise::publication_callbacks<node_core::states_contract> follow;
-    follow.on_subscribe = [this](const follow_telecommand& which,
-                                 const ise::subscriber_info& who) -> ise::result<followed_telecommands> {
-        core_->followers[who.number] = which.id;
-        followed_telecommands answer;
-        if (which.id == 0) answer.now = core_->desk.open();
-        else if (const auto* known = core_->desk.find(which.id)) answer.now.push_back(known->status);
-        return answer;
-    };
-    follow.on_unsubscribe = [this](const auto&, const ise::subscriber_info& who) {
-        core_->followers.erase(who.number);
-        return ise::nothing{};
-    };
-    c.states = publish(services::telecommand_state, std::move(follow));
+    c.audience.provide([this](std::uint32_t id) {
+        if (id == 0) return core_->desk.open();
+        std::vector<telecommand_status> one;
+        if (const auto* known = core_->desk.find(id)) one.push_back(known->status);
+        return one;
+    });
     c.authorities(c.authority.now());
     provide(services::telemetry_store, [this](keep_request request) { return keep(std::move(request)); });
     provide(services::track, [this](track_request request) { return track(request); });

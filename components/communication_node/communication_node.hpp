@@ -74,7 +74,6 @@ private:
     // node_commands.cpp
     void work();
     void put_changes();
-    void tell(const telecommand_status& status);
     ise::task<> drive(command_router::give what);
     ise::task<> recall(command_router::recall what);
     ise::task<> follow_states(std::size_t proxy);

@@ -9,21 +9,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Before the caller's deadline, so that "pending" still reaches it.
-ise::duration reply_margin(ise::duration left) { return std::clamp<ise::duration>(left / 5, 20ms, 800ms); }
-
 ise::error command_refused(std::string why) { return ise::error(ise::errc::refused, std::move(why)); }
-
-telecommand_reply reply_of(const telecommand_status& status) {
-    telecommand_reply made;
-    made.id = status.id;
-    made.state = is_final(status.state) ? status.state : telecommand_stage::pending;
-    made.result = status.result;
-    made.value = status.value;
-    made.boat_obeys = status.boat_obeys;
-    made.text = status.text;
-    return made;
-}
 
 } // namespace
 
@@ -59,17 +45,8 @@ void communication_node::put_changes() {
         if (put) c.unsaved.clear();
         c.news.notify();
     }
-    for (const auto& record : changes) tell(record.status);
+    for (const auto& record : changes) c.audience.tell(record.status);
     for (const auto& told : c.desk.take_boat_epochs()) c.authority.boat_obeys(told.obeyed, told.sent_under);
-}
-
-void communication_node::tell(const telecommand_status& status) {
-    auto& c = *core_;
-    c.states.to_some(status, [&](const ise::subscriber_info& subscriber) {
-        auto who = c.followers.find(subscriber.number);
-        return who == c.followers.end() || who->second == 0 || who->second == status.id;
-    });
-    if (is_final(status.state)) c.progress.notify();
 }
 
 /// From here on it is on record, and under way.
@@ -79,7 +56,7 @@ ise::result<void> communication_node::begin_command(const command_record& record
     disk(put ? nullptr : &put.error());
     if (!put) return put.error();
     c.desk.know(now(), clock(), record, path());
-    tell(record.status);
+    c.audience.tell(record.status);
     c.news.notify();
     work();
     return {};
@@ -88,7 +65,6 @@ ise::result<void> communication_node::begin_command(const command_record& record
 ise::task<telecommand_reply> communication_node::command(telecommand_request request, std::string who,
                                                          ise::time_point deadline) {
     auto& c = *core_;
-    auto arrived = now();
     std::optional<command_record> known;
     if (request.id != 0) {
         if (const auto* here = c.desk.find(request.id)) known = *here;
@@ -127,17 +103,9 @@ ise::task<telecommand_reply> communication_node::command(telecommand_request req
             throw command_refused(
                 fmt::format("the telecommand cannot be recorded, and so it is not sent: {}", begun.error().message()));
     }
-    auto until = deadline == ise::time_point::max() ? ise::saturating_add(now(), 30s)
-                                                    : deadline - reply_margin(deadline - arrived);
-    telecommand_reply last;
-    if (known) last = reply_of(known->status);
-    for (;;) {
-        const auto* record = c.desk.find(id);
-        if (record) last = reply_of(record->status);
-        if (!record || is_final(record->status.state) || now() >= until) break;
-        co_await c.progress.wait(until);
-    }
-    co_return last;
+    const auto* here = c.desk.find(id);
+    auto reply = c.audience.reply(here ? here->status : known->status, deadline);
+    co_return co_await std::move(reply);
 }
 
 ise::task<authority_state> communication_node::change_authority(authority_request request, std::string who) {

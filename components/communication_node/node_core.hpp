@@ -1,11 +1,12 @@
 #pragma once
 // Private to this folder: what a node has while it runs.
 #include <components/boat/find_component.hpp>
+#include <components/boat/newest_by_kind.hpp>
+#include <components/boat/notifier.hpp>
+#include <components/boat/telecommand_audience.hpp>
 #include <components/communication_node/authority_book.hpp>
 #include <components/communication_node/command_router.hpp>
-#include <components/communication_node/newest_by_kind.hpp>
 #include <components/communication_node/node_store.hpp>
-#include <components/communication_node/notifier.hpp>
 #include <components/communication_node/options.hpp>
 #include <components/communication_node/peer_watch.hpp>
 #include <components/communication_node/services.hpp>
@@ -22,13 +23,12 @@
 namespace atirma {
 
 struct node_core {
-    using states_contract = std::decay_t<decltype(services::telecommand_state)>;
-
-    node_core(ise::loop& on, node_store opened, const communication_node_options& options, std::function<void()> work,
-              std::function<void()> tick)
-        : store(std::move(opened)), links(options.links), desk(options.desk), authority(options.secondary),
-          peer(!options.peer.empty(), options.silence, on.now()), news(on), progress(on), due(on, std::move(work)),
-          silence(on, std::move(tick)), proxies(options.proxies.size()) {}
+    node_core(ise::component& of, node_store opened, const communication_node_options& options,
+              std::function<void()> work, std::function<void()> tick)
+        : store(std::move(opened)), links(options.links), desk(options.desk), audience(of),
+          authority(options.secondary), peer(!options.peer.empty(), options.silence, of.now()), news(of.on()),
+          progress(of.on()), due(of.on(), std::move(work)), silence(of.on(), std::move(tick)),
+          proxies(options.proxies.size()) {}
 
     struct proxy_state {
         ise::remote proxy;
@@ -39,17 +39,17 @@ struct node_core {
     node_store store;
     link_table links;
     command_router desk;
+    telecommand_audience audience;
     authority_book authority;
     peer_watch peer;
     newest_by_kind newest;
     notifier news;     // something that the other node does not have
-    notifier progress; // it has more, or is given up, or a telecommand was decided
+    notifier progress; // it has more, or is given up
     ise::timer due, silence;
     std::vector<proxy_state> proxies;
 
     std::deque<telemetry_packet> held;
-    std::map<std::uint32_t, command_record> unsaved;  // changes that the disk did not take
-    std::map<std::uint64_t, std::uint32_t> followers; // subscriber's number → id, 0 for all
+    std::map<std::uint32_t, command_record> unsaved; // changes that the disk did not take
     std::uint64_t shown = 0;
     std::string trouble, peer_trouble;
     std::string store_notice;  // what happened to the store in this life: set back, or damaged and set aside
@@ -62,7 +62,6 @@ struct node_core {
     ise::time_point next_state{}, next_prune{};
 
     ise::publication<ise::subscription<telemetry_packet>> telemetry;
-    ise::publication<states_contract> states;
     ise::publication<ise::subscription<authority_state>> authorities;
     ise::publication<ise::subscription<communication_state>> state;
 };

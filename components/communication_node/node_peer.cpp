@@ -110,7 +110,7 @@ void communication_node::know_all(const std::vector<command_record>& news) {
     auto& c = *core_;
     for (const auto& record : news) {
         if (!c.desk.know(now(), clock(), record, path())) continue;
-        tell(record.status);
+        c.audience.tell(record.status);
         if (record.status.boat_obeys) c.authority.boat_obeys(*record.status.boat_obeys, record.status.authority);
     }
 }

@@ -59,7 +59,7 @@ ise::task<> communication_node::open_store() {
         auto known = remember(options_.file, env().random(), store);
         if (known) {
             core_ = std::make_unique<node_core>(
-                on(), std::move(*store), options_, [this] { work(); }, [this] { tick(); });
+                *this, std::move(*store), options_, [this] { work(); }, [this] { tick(); });
             auto& c = *core_;
             c.store_notice = notice;
             c.refilling = !aside.empty();

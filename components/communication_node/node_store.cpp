@@ -1,6 +1,6 @@
 #include <components/communication_node/node_store.hpp>
 
-#include <components/communication_node/newest_by_kind.hpp>
+#include <components/boat/newest_by_kind.hpp>
 #include <components/communication_node/store_rows.hpp>
 
 #include <ise/packet/json.hpp>

@@ -1,5 +1,5 @@
 #pragma once
-#include <components/gprs/outgoing.hpp>
+#include <components/byte_stream/outgoing.hpp>
 #include <components/gprs/uplink.hpp>
 
 #include <ise/core/environment.hpp>

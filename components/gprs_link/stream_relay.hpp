@@ -1,5 +1,5 @@
 #pragma once
-#include <components/gprs/outgoing.hpp>
+#include <components/byte_stream/outgoing.hpp>
 #include <components/gprs_link/carrier_air.hpp>
 
 #include <ise/core/environment.hpp>
@@ -47,7 +47,7 @@ private:
         ise::stream* to = nullptr;
         std::deque<piece> under_way;
         std::size_t held = 0;
-        gprs::outgoing unwritten;
+        outgoing unwritten;
         bool ended = false; // nothing more comes
         bool shut = false;  // and that was passed on
     };

@@ -2,13 +2,13 @@
 
 #include <components/boat/duplicate_filter.hpp>
 #include <components/boat/find_component.hpp>
+#include <components/boat/newest_by_kind.hpp>
 #include <components/boat/remote_telemetry_store.hpp>
 #include <components/boat/telecommand_service.hpp>
-#include <components/gprs/freshness.hpp>
+#include <components/boat/telemetry_keeper.hpp>
 #include <components/gprs_proxy/listeners.hpp>
 
 #include <ise/core/log_limiter.hpp>
-#include <ise/core/task_scope.hpp>
 
 #include <asio/error.hpp>
 #include <fmt/format.h>
@@ -19,7 +19,6 @@
 namespace atirma {
 namespace {
 using namespace std::chrono_literals;
-constexpr ise::duration shortest_keep_pause = 250ms, longest_keep_pause = 10s;
 } // namespace
 
 struct gprs_proxy::link {
@@ -31,18 +30,18 @@ struct gprs_proxy::link {
         : shore(with_secret(self, options.shore)),
           sockets(self.on(), self.log(),
                   [&self](std::string name, ise::task<> body) { self.spawn(std::move(name), std::move(body)); }),
-          desk(self, options.book), due(self.on(),
-                                        [this, &self] {
-                                            shore.on_time(self.now());
-                                            self.act();
-                                        }),
+          commands(self, options.policy), due(self.on(),
+                                              [this, &self] {
+                                                  shore.on_time(self.now());
+                                                  self.act();
+                                              }),
           more(self.on(), [this] { more.resume(asio::error::operation_aborted); }) {}
 
     gprs::shore shore;
     listeners sockets;
-    telecommand_service desk;
+    telecommand_service commands;
     duplicate_filter seen;
-    std::map<std::uint64_t, gprs::freshness> fresh; // by the life of the boat: what one says hides nothing of another
+    std::map<std::uint64_t, newest_by_kind> newest; // by the life of the boat: what one says hides nothing of another
     ise::timer due;
     // What waits for the store, by the life of the boat's numbering.
     std::map<std::uint64_t, std::vector<std::uint32_t>> numbers;
@@ -50,7 +49,8 @@ struct gprs_proxy::link {
     ise::waiter<std::error_code> more;
     ise::log_limiter strangers;
     std::vector<ise::endpoint> listening;
-    std::string from, gone = "the boat has not called yet", store_trouble;
+    std::string from, gone = "the boat has not called yet";
+    std::optional<telemetry_keeper> keeper;
     gprs_state counts;
     ise::publication<ise::subscription<telemetry_packet>> telemetry;
     ise::publication<ise::subscription<gprs_state>> states;
@@ -58,7 +58,7 @@ struct gprs_proxy::link {
 };
 
 gprs_proxy::gprs_proxy(gprs_proxy_options options) : options_(std::move(options)) {
-    options_.book.link = link_id::gprs;
+    options_.policy.link = link_id::gprs;
 }
 gprs_proxy::~gprs_proxy() = default;
 
@@ -77,6 +77,7 @@ ise::task<> gprs_proxy::run() {
         options_.store = std::make_shared<remote_telemetry_store>(find_component(*this, options_.store_at));
     }
     link_ = std::make_unique<link>(*this, options_);
+    if (options_.store) link_->keeper.emplace(*this, options_.store, "the boat is not acknowledged");
     open_doors();
     provide_all();
     spawn("store", keep());
@@ -119,8 +120,8 @@ void gprs_proxy::provide_all() {
     auto& l = *link_;
     l.telemetry = publish(services::telemetry);
     l.states = publish(services::gprs);
-    l.desk.give = [this] { return give(); };
-    l.desk.provide();
+    l.commands.give = [this] { return give(); };
+    l.commands.provide();
     publish_state();
 }
 
@@ -130,7 +131,7 @@ void gprs_proxy::act() {
     l.acting = true;
     while (auto event = l.shore.take_event()) handle(*event);
     l.acting = false;
-    l.desk.work();
+    l.commands.work();
     auto next = l.shore.next_event();
     if (next == ise::time_point::max()) l.due.disarm();
     else l.due.arm(next);
@@ -158,7 +159,7 @@ void gprs_proxy::handle(const gprs::shore_event& event) {
         l.gone.clear();
         log().info(came->moved ? "the boat moved" : "the boat is there",
                    {{"from", l.from}, {"boot", std::to_string(l.shore.boot())}});
-        l.desk.book().on_link_up(now());
+        l.commands.tracker().on_link_up(l.commands.now());
         publish_state();
     } else if (const auto* went = std::get_if<gprs::boat_went>(&event)) {
         l.gone = went->reason;
@@ -195,10 +196,10 @@ void gprs_proxy::on_record(const gprs::record_came& came) {
     out.sequence = header.sequence;
     out.measured_at = header.measured_at;
     out.received_at = clock();
-    out.history = l.fresh[came.life].is_history(came.history, header.boot, std::to_integer<std::uint8_t>(came.raw[1]),
-                                                header.sequence);
-    if (l.fresh.size() > options_.shore.max_boots) l.fresh.erase(l.fresh.begin());
+    out.history = came.history;
     out.raw = came.raw;
+    out.history = l.newest[came.life].is_history(out);
+    if (l.newest.size() > options_.shore.max_boots) l.newest.erase(l.newest.begin());
     l.telemetry(out);
     ++l.counts.telemetry_published;
     if (out.history) ++l.counts.history;
@@ -215,12 +216,12 @@ void gprs_proxy::on_outcome(const gprs::outcome& told) {
             return;
         }
         ack = std::move(*whole);
-    } else if (const auto* status = l.desk.book().find(told.id)) { // a boat of few words
+    } else if (const auto* known = l.commands.tracker().find(told.id)) { // a boat of few words
         ack.id = told.id;
-        ack.kind = status->kind;
+        ack.kind = known->command.kind();
         ack.code = static_cast<ack_code>(told.code);
     }
-    if (l.desk.book().on_acknowledgement(clock(), ack)) ++l.counts.telecommands_acknowledged;
+    if (l.commands.tracker().on_acknowledgement(l.commands.now(), ack)) ++l.counts.telecommands_acknowledged;
 }
 
 /// Has what came kept, and then acknowledged.
@@ -230,22 +231,9 @@ ise::task<> gprs_proxy::keep() {
         if (l.numbers.empty()) co_await l.more.wait(); // throws what it was resumed with
         auto numbers = std::exchange(l.numbers, {});
         auto packets = std::exchange(l.packets, {});
-        auto pause = shortest_keep_pause;
-        while (options_.store && !packets.empty()) {
-            std::string trouble;
-            try {
-                auto keeping = options_.store->keep(packets);
-                co_await std::move(keeping);
-            } catch (...) {
-                auto thrown = std::current_exception();
-                if (ise::is_cancellation(thrown)) throw;
-                trouble = "telemetry cannot be kept, the boat is not acknowledged: " + ise::describe(thrown);
-            }
-            if (trouble != l.store_trouble && !trouble.empty()) log().error(trouble); // once, not with every attempt
-            l.store_trouble = trouble;
-            if (trouble.empty()) break;
-            co_await sleep(pause);
-            pause = std::min(2 * pause, longest_keep_pause);
+        if (l.keeper && !packets.empty()) {
+            auto keeping = l.keeper->keep(std::move(packets));
+            co_await std::move(keeping);
         }
         for (const auto& [life, which] : numbers) l.shore.safe(life, which);
         act();
@@ -254,16 +242,18 @@ ise::task<> gprs_proxy::keep() {
 
 bool gprs_proxy::give() {
     auto& l = *link_;
-    auto& book = l.desk.book();
+    auto& tracker = l.commands.tracker();
     if (!l.shore.boat()) return false;
-    while (auto due = book.next_due(now(), clock())) {
+    using kind = link_outcome::kind;
+    while (auto due = tracker.next_due(l.commands.now())) {
         gprs::order told;
         told.id = due->id;
         told.raw = std::move(due->raw);
         bool sent = l.shore.send(told);
         if (sent) ++l.counts.telecommands_sent;
-        book.on_outcome(now(), clock(), told.id, sent, !sent,
-                        sent ? "left the shore; the boat's answer is awaited" : "the boat is not there");
+        tracker.on_outcome(l.commands.now(), told.id,
+                           sent ? make_outcome(kind::delivered, "left the shore; the boat's answer is awaited")
+                                : make_outcome(kind::later, "the boat is not there"));
     }
     while (auto event = l.shore.take_event()) handle(*event);
     return true;
@@ -275,7 +265,7 @@ void gprs_proxy::publish_state() {
     for (const auto& at : l.listening) told.listening.push_back(at.text());
     told.connected = l.shore.boat().has_value();
     told.from = l.from;
-    told.trouble = !l.store_trouble.empty() ? l.store_trouble : l.gone;
+    told.trouble = l.keeper && !l.keeper->trouble().empty() ? l.keeper->trouble() : l.gone;
     const auto& counted = l.shore.counters();
     if (told.connected) told.connected_since = civil(l.shore.came_at());
     if (counted.logins > 0) told.last_heard = civil(l.shore.heard_at());
@@ -296,7 +286,7 @@ void gprs_proxy::publish_state() {
     told.stranger_datagrams = counted.stranger_datagrams;
     told.challenges = counted.challenges;
     told.strange_outcomes = counted.strange_outcomes;
-    told.telecommands_open = l.desk.book().open_count();
+    told.telecommands_open = l.commands.tracker().open_count();
     l.states(told);
 }
 

@@ -1,5 +1,5 @@
 #pragma once
-#include <components/boat/command_book.hpp>
+#include <components/boat/telecommand_tracker.hpp>
 #include <components/boat/telemetry_store.hpp>
 #include <components/gprs/shore.hpp>
 #include <components/gprs_proxy/services.hpp>
@@ -16,7 +16,7 @@ struct gprs_proxy_options {
                                     "udp://127.0.0.1:7420"}; ///< where the boat calls; port 0: any free one
     gprs::shore_options shore;
     ise::duration state_period = std::chrono::seconds(2); ///< of gprs_state
-    book_options book;
+    link_policy policy;
     /// Asked before the boat is acknowledged; nothing: what was published is safe.
     std::shared_ptr<telemetry_store> store;
     /// Path or role of who keeps it instead of `store`: `atirma/communication`; empty: nobody.

@@ -1,5 +1,5 @@
 #pragma once
-#include <components/gprs/outgoing.hpp>
+#include <components/byte_stream/outgoing.hpp>
 #include <components/gprs/shore.hpp>
 
 #include <ise/core/environment.hpp>
@@ -45,7 +45,7 @@ public:
 private:
     struct line {
         std::unique_ptr<ise::stream> stream;
-        gprs::outgoing unwritten;
+        outgoing unwritten;
         bool cut = false;
     };
 

@@ -6,13 +6,14 @@
 
 namespace atirma::console {
 namespace {
-// An answer of the boat is the last word; what is over otherwise may still be corrected by it.
+// As weight_of(telecommand_stage): an answer of the boat is the last word; what is over otherwise may be corrected.
+int weight_of(command_phase phase) {
+    if (phase == command_phase::done || phase == command_phase::refused) return 2;
+    return is_over(phase) ? 1 : 0;
+}
 bool may_follow(command_phase now, command_phase next) {
-    if (now == command_phase::done || now == command_phase::refused)
-        return next == command_phase::done || next == command_phase::refused;
-    if (is_over(now)) return is_over(next);
-    return next >= now || (now == command_phase::sent && next == command_phase::queued) ||
-           next != command_phase::asking;
+    if (next == command_phase::asking) return now == command_phase::asking;
+    return weight_of(next) >= weight_of(now);
 }
 } // namespace
 

@@ -13,16 +13,6 @@ constexpr std::size_t credit_bytes = 50;
 constexpr auto just_now = std::chrono::seconds(10);
 std::uint64_t credits(std::size_t bytes) { return (bytes + credit_bytes - 1) / credit_bytes; }
 
-/// Takes what is newer by the boat's clock: what comes late over a slow link never moves the current value backwards.
-template <class Packet>
-bool replace(std::optional<heard<Packet>>& current, const Packet& told, const telemetry_packet& packet, utc_time now) {
-    if (packet.history) return false;
-    auto measured = plausible_time(packet);
-    if (current && measured < current->measured_at) return false;
-    current = heard<Packet>{told, measured, now, packet.link, packet.boot};
-    return true;
-}
-
 } // namespace
 
 console_state::console_state(state_options options)
@@ -86,18 +76,18 @@ void console_state::take(const telemetry_message& message, const telemetry_packe
     if (const auto* l = std::get_if<location>(&body)) {
         take_location(*l, packet, now);
     } else if (const auto* n = std::get_if<navigation>(&body)) {
-        replace(boat_.sailing, *n, packet, now);
+        take_newer(boat_.sailing, *n, packet, now);
     } else if (const auto* w = std::get_if<wind>(&body)) {
-        replace(boat_.breeze, *w, packet, now);
+        take_newer(boat_.breeze, *w, packet, now);
     } else if (const auto* p = std::get_if<power>(&body)) {
-        replace(boat_.supply, *p, packet, now);
+        take_newer(boat_.supply, *p, packet, now);
     } else if (const auto* part = std::get_if<waypoints>(&body)) {
         if (!packet.history) mission_.take(packet.boot, *part, now);
     } else if (const auto* c = std::get_if<configuration>(&body)) {
-        if (replace(boat_.settings, *c, packet, now)) take_settings(*c, now);
+        if (take_newer(boat_.settings, *c, packet, now)) take_settings(*c, now);
     } else if (const auto* s = std::get_if<link_status>(&body)) {
         auto place = static_cast<std::size_t>(s->link);
-        if (place < link_count) replace(boat_.links[place], *s, packet, now);
+        if (place < link_count) take_newer(boat_.links[place], *s, packet, now);
     } else if (const auto* text = std::get_if<notice>(&body)) {
         boat_.notices.push_back(heard<notice>{*text, packet.measured_at, now, packet.link, packet.boot});
         if (boat_.notices.size() > options_.max_notices) boat_.notices.erase(boat_.notices.begin());
@@ -109,7 +99,7 @@ void console_state::take_location(const location& told, const telemetry_packet& 
     bool newest = !packet.history && (!boat_.position || plausible_time(packet) >= boat_.position->measured_at);
     if (newest) boat_.has_fix = fix;
     if (!fix) return;
-    replace(boat_.position, told, packet, now);
+    take_newer(boat_.position, told, packet, now);
     track_point point;
     point.at = plausible_time(packet);
     point.latitude_deg = told.latitude_deg;

@@ -1,5 +1,6 @@
 #pragma once
 #include <components/boat/communication.hpp>
+#include <components/boat/heard.hpp>
 #include <components/gprs_proxy/services.hpp>
 #include <components/gui_client/alarm.hpp>
 #include <components/iridium_proxy/services.hpp>
@@ -13,16 +14,6 @@
 
 // What the console knows at one instant: plain values, immutable once published, without any window.
 namespace atirma::console {
-
-/// The newest packet of a kind, and where it comes from.
-template <class Packet>
-struct heard {
-    Packet value;
-    utc_time measured_at{}; ///< by the boat's clock
-    utc_time arrived_at{};  ///< by the console's clock
-    link_id link = link_id::xbee;
-    std::uint16_t boot = 0;
-};
 
 struct boat_view {
     std::optional<heard<location>> position; ///< the last with a fix

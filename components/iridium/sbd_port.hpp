@@ -1,14 +1,8 @@
 #pragma once
+#include <components/byte_stream/serial_pump.hpp>
 #include <components/iridium/sbd_client.hpp>
 
-#include <ise/core/environment.hpp>
-#include <ise/core/log.hpp>
-#include <ise/core/loop.hpp>
-#include <ise/core/task.hpp>
-
-#include <array>
 #include <functional>
-#include <memory>
 #include <string>
 
 namespace atirma::iridium {
@@ -23,7 +17,7 @@ struct sbd_port_options {
 
 /// The thin shell around `sbd_client`: the serial port of a 9602, opened through the environment and opened again when
 /// it vanished. Used on one loop; must outlive `run()`.
-class sbd_port {
+class sbd_port final : private serial_driver {
 public:
     sbd_port(ise::loop& on, ise::logger log, sbd_port_options options);
 
@@ -32,32 +26,29 @@ public:
 
     /// Opens the port and serves it until it is cancelled. Never fails: what is wrong is logged and shown by
     /// `trouble()`.
-    ise::task<> run();
+    ise::task<> run() { return pump_.run(); }
 
     ise::result<void> send(ise::bytes message);
     void check();
 
-    bool ready() const noexcept { return stream_ && client_.ready(); }
+    bool ready() const noexcept { return pump_.is_open() && client_.ready(); }
     bool has_message() const noexcept { return client_.has_message(); }
     /// Why nothing can be sent now; empty where it can.
-    const std::string& trouble() const noexcept { return trouble_; }
+    const std::string& trouble() const noexcept { return pump_.trouble(); }
 
 private:
-    void service();
-    void write();
-    void note(const sbd_event& event);
-    ise::task<std::string> serve();
+    void on_open(ise::time_point now) override { client_.start(now); }
+    void on_bytes(ise::time_point now, ise::bytes_view bytes) override { client_.on_bytes(now, bytes); }
+    void on_time(ise::time_point now) override { client_.on_time(now); }
+    void on_closed(ise::time_point, const std::string&) override { client_.stop(); }
+    bool handle_event() override;
+    ise::bytes take_output() override { return client_.take_output(); }
+    ise::time_point next_event() const override { return client_.next_event(); }
 
     ise::loop& loop_;
     ise::logger log_;
-    sbd_port_options options_;
     sbd_client client_;
-    std::unique_ptr<ise::stream> stream_;
-    ise::timer wake_;
-    ise::bytes unwritten_;
-    std::array<std::byte, 512> buffer_{};
-    std::string trouble_ = "the port was not opened yet";
-    bool servicing_ = false;
+    serial_pump pump_;
 };
 
 } // namespace atirma::iridium

@@ -77,26 +77,12 @@ ise::task<> iridium_modem::serve() {
 void iridium_modem::turn() {
     if (auto wanted = modem_->take_session()) spawn("session", hold_session(std::move(*wanted)));
     auto more = modem_->take_serial();
-    if (unwritten_.size() + more.size() <= max_unwritten_bytes)
-        unwritten_.insert(unwritten_.end(), more.begin(), more.end());
-    write();
+    if (unwritten_.size() + more.size() <= max_unwritten_bytes) unwritten_.add(more);
+    if (!line_ || unwritten_.write(*line_)) unwritten_.clear();
     auto next = modem_->next_event();
-    if (!unwritten_.empty()) next = std::min(next, ise::saturating_add(now(), write_again));
+    if (unwritten_.size() > 0) next = std::min(next, ise::saturating_add(now(), write_again));
     if (next == ise::time_point::max()) due_->disarm();
     else due_->arm(next);
-}
-
-void iridium_modem::write() {
-    while (line_ && !unwritten_.empty()) {
-        asio::const_buffer rest(unwritten_.data(), unwritten_.size());
-        auto moved = line_->try_write(std::span(&rest, 1));
-        if (moved.bytes == 0) {
-            if (moved.problem && moved.problem != asio::error::would_block) unwritten_.clear();
-            return;
-        }
-        unwritten_.erase(unwritten_.begin(), unwritten_.begin() + static_cast<std::ptrdiff_t>(moved.bytes));
-    }
-    if (!line_) unwritten_.clear();
 }
 
 ise::task<> iridium_modem::hold_session(modem_9602::session what) {

@@ -1,4 +1,5 @@
 #pragma once
+#include <components/byte_stream/outgoing.hpp>
 #include <components/iridium/random_source.hpp>
 #include <components/iridium_gateway/services.hpp>
 #include <components/iridium_modem/modem_9602.hpp>
@@ -40,7 +41,6 @@ private:
     ise::task<> hold_session(modem_9602::session what);
     ise::task<> hear_rings(ise::remote gateway);
     void turn();
-    void write();
     struct iridium_sky control(const iridium_sky_request& request);
     struct iridium_sky sky() const;
 
@@ -51,7 +51,7 @@ private:
     int fail_next_ = 0;
     std::unique_ptr<ise::stream> line_;
     std::unique_ptr<ise::timer> due_;
-    ise::bytes unwritten_;
+    outgoing unwritten_;
     std::array<std::byte, 512> buffer_{};
 };
 

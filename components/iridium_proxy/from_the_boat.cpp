@@ -140,15 +140,15 @@ ise::result<void> iridium_proxy::on_mail(const mail_message& mail) {
     auto text = word.queued
                     ? fmt::format("queued at the gateway{}", word.mtmsn ? fmt::format(" as {}", *word.mtmsn) : "")
                     : "the gateway did not queue it: " + word.reason;
-    state_->queue.on_gateway_word(queue_clock(), *id, word.queued, text);
-    work();
+    state_->commands.tracker().on_gateway_word(state_->commands.now(), *id, word.queued, text);
+    state_->commands.work();
     return {};
 }
 
 /// On disk first; then its sender may be told, and the others.
 ise::result<void> iridium_proxy::accept(const iridium::mo_message& message, std::string_view path) {
     auto& s = *state_;
-    auto added = s.store.add(message, path, clock(), credits_of(message.data.size(), options_.queue.bytes_per_credit));
+    auto added = s.store.add(message, path, clock(), credits_of(message.data.size(), options_.bytes_per_credit));
     if (!added) {
         disk_trouble(added.error());
         return added.error();
@@ -168,9 +168,9 @@ ise::result<void> iridium_proxy::accept(const iridium::mo_message& message, std:
         log().warning("a session of the boat did not end well",
                       {{"momsn", std::to_string(message.momsn)},
                        {"status", std::string(iridium::explain_session_status(message.session_status))}});
-    if (message.mtmsn != 0) s.queue.on_delivered(queue_clock());
+    if (message.mtmsn != 0) s.commands.tracker().on_delivered(s.commands.now());
     take_acknowledgements(message);
-    work();
+    s.commands.work();
     s.hand_on_soon.arm(now());
     return {};
 }

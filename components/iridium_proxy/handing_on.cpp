@@ -4,15 +4,13 @@
 
 #include <components/iridium/bundle.hpp>
 
-#include <ise/core/task_scope.hpp>
-
 #include <algorithm>
 
 namespace atirma {
 namespace {
 using namespace std::chrono_literals;
 constexpr std::size_t handed_on_at_once = 64;
-constexpr ise::duration min_keep_pause = 250ms, max_keep_pause = 10s;
+constexpr ise::duration mark_pause = 1s;
 } // namespace
 
 /// Not before a subscriber comes, as telemetry: a telecommand is decided by it.
@@ -22,7 +20,7 @@ void iridium_proxy::take_acknowledgements(const iridium::mo_message& message) {
     for (const auto& raw : *packets) {
         if (classify(raw) != packet_class::acknowledgement) continue;
         auto ack = parse_acknowledgement(raw);
-        if (ack) state_->queue.on_acknowledgement(queue_clock(), *ack);
+        if (ack) state_->commands.tracker().on_acknowledgement(state_->commands.now(), *ack);
         else ++state_->counts.malformed;
     }
 }
@@ -58,7 +56,6 @@ void iridium_proxy::hand_on() {
 /// A subscriber alone is not enough: it may be a console, while the communication nodes are away.
 ise::task<> iridium_proxy::keep_messages() {
     auto& s = *state_;
-    auto pause = min_keep_pause;
     for (;;) {
         auto waiting = s.store.unpublished(1);
         if (!waiting) disk_trouble(waiting.error());
@@ -68,29 +65,12 @@ ise::task<> iridium_proxy::keep_messages() {
             continue;
         }
         const auto& first = waiting->front();
-        auto packets = hand_on(first.message, first.received_at);
-        std::string trouble;
-        try {
-            auto keeping = options_.store->keep(std::move(packets));
-            co_await std::move(keeping);
-        } catch (...) {
-            auto thrown = std::current_exception();
-            if (ise::is_cancellation(thrown)) throw;
-            trouble = "telemetry cannot be kept and waits: " + ise::describe(thrown);
-        }
-        if (trouble != s.store_trouble && !trouble.empty()) log().error(trouble); // once, not with every attempt
-        s.store_trouble = trouble;
-        if (trouble.empty()) {
-            auto marked = s.store.published(first.row);
-            if (!marked) trouble = marked.error().message();
-            if (!marked) disk_trouble(marked.error()); // it is kept twice then, which changes nothing
-        }
-        if (trouble.empty()) {
-            pause = min_keep_pause;
-            continue;
-        }
-        co_await sleep(pause);
-        pause = std::min(2 * pause, max_keep_pause);
+        auto keeping = s.keeper->keep(hand_on(first.message, first.received_at));
+        co_await std::move(keeping);
+        auto marked = s.store.published(first.row);
+        if (marked) continue;
+        disk_trouble(marked.error()); // it is kept twice then, which changes nothing
+        co_await sleep(mark_pause);
     }
 }
 
@@ -123,10 +103,8 @@ std::vector<telemetry_packet> iridium_proxy::hand_on(const iridium::mo_message& 
         out.measured_at = parsed->header.measured_at;
         out.received_at = received_at;
         // Messages overtake each other, and those from before the first subscriber come at once.
-        auto& newest = s.newest[parsed->body.index()];
-        out.history = out.measured_at < newest;
-        newest = std::max(newest, plausible_time(out));
         out.raw = std::move(raw);
+        out.history = s.newest.is_history(out);
         if (s.seen.first_time(out.boot, out.sequence, out.raw)) {
             s.telemetry(out);
             ++s.counts.telemetry_published;

@@ -94,12 +94,17 @@ ise::task<> iridium_proxy::run() {
     state_.reset();
     when_damaged how(log(), [this] { return std::chrono::floor<std::chrono::system_clock::duration>(wall()); });
     how.begun = [this](database&, const std::string&) { keep_what_is_open(); };
-    state_ = std::make_unique<proxy_state>(
-        on(), sbd_store::open(options_.database, std::move(how)).value(), options_.queue, [this] { work(); },
-        [this] { hand_on(); });
+    state_ = std::make_unique<proxy_state>(*this, sbd_store::open(options_.database, std::move(how)).value(),
+                                           sbd_policy(), [this] { hand_on(); });
     auto& s = *state_;
     s.clock_ahead = s.store.clock_ahead().value();
-    s.queue.restore(queue_clock(), s.store.load().value());
+    s.commands.clock = [this] { return civil_tracker_time(queue_clock()); };
+    s.commands.keep = [this](const tracked_telecommand& entry) { return keep_on_disk(entry); };
+    s.commands.give = [this] {
+        state_->wake_sender.resume({});
+        return state_->path && !state_->sender_rests;
+    };
+    s.commands.tracker().restore(s.commands.now(), s.store.load().value());
     s.path = make_path();
     if (!options_.store_at.empty()) {
         require(services::telemetry_store);
@@ -118,8 +123,11 @@ ise::task<> iridium_proxy::run() {
     provide_all();
     open_doors();
     spawn("to the gateway", send_all());
-    if (options_.store) spawn("to the store", keep_messages());
-    work();
+    if (options_.store) {
+        s.keeper.emplace(*this, options_.store, "it waits on disk");
+        spawn("to the store", keep_messages());
+    }
+    s.commands.work();
     auto forget_at = now();
     for (;;) {
         if (now() >= forget_at) {
@@ -136,10 +144,16 @@ ise::task<> iridium_proxy::run() {
 void iridium_proxy::keep_what_is_open() {
     if (!state_) return;
     auto& s = *state_;
+    for (const auto* entry : s.commands.tracker().open())
+        if (!keep_on_disk(*entry)) return;
+}
+
+ise::result<void> iridium_proxy::keep_on_disk(const tracked_telecommand& entry) {
+    auto& s = *state_;
     auto kept = s.store.keep_clock_ahead(s.clock_ahead);
-    for (const auto* entry : s.queue.open())
-        if (kept) kept = s.store.save(*entry);
+    if (kept) kept = s.store.save(entry);
     if (!kept) disk_trouble(kept.error());
+    return kept;
 }
 
 /// Everything through which something of the boat comes.
@@ -179,27 +193,7 @@ void iridium_proxy::provide_all() {
     };
     s.telemetry = publish(services::telemetry, std::move(arrivals));
     s.account = publish(services::iridium_account);
-    ise::publication_callbacks<std::decay_t<decltype(services::telecommand_state)>> follow;
-    follow.on_subscribe = [this](const follow_telecommand& which,
-                                 const ise::subscriber_info& who) -> ise::result<followed_telecommands> {
-        state_->followers[who.number] = which.id;
-        followed_telecommands answer;
-        if (which.id == 0) {
-            for (const auto* entry : state_->queue.open()) answer.now.push_back(status_of(*entry));
-        } else if (const auto* known = state_->queue.find(which.id)) {
-            answer.now.push_back(status_of(*known));
-        }
-        return answer;
-    };
-    follow.on_unsubscribe = [this](const auto&, const ise::subscriber_info& who) {
-        state_->followers.erase(who.number);
-        return ise::nothing{};
-    };
-    s.states = publish(services::telecommand_state, std::move(follow));
-    provide(services::telecommand, [this](telecommand_request request, const ise::call_context& context) {
-        return command(std::move(request), context.deadline);
-    });
-    provide(services::telecommand_recall, [this](const recall_request& request) { return recall(request); });
+    s.commands.provide();
 }
 
 iridium_account iridium_proxy::account() {
@@ -218,7 +212,7 @@ iridium_account iridium_proxy::account() {
         told.daily_budget = options_.daily_budget;
         told.budget_left = options_.daily_budget - std::min(options_.daily_budget, told.today.mt_credits);
     }
-    for (const auto* entry : s.queue.open()) {
+    for (const auto* entry : s.commands.tracker().open()) {
         iridium_queued one;
         one.id = entry->id;
         one.kind = entry->command.kind();
@@ -227,11 +221,12 @@ iridium_account iridium_proxy::account() {
         one.attempts = entry->attempts;
         one.reference = entry->reference;
         one.text = entry->text;
-        one.expires_at = entry->expires_at;
+        one.expires_at = civil_time_of(entry->expires_at);
         told.queue.push_back(std::move(one));
     }
     if (auto waiting = s.store.count_unpublished()) told.waiting_for_subscriber = *waiting;
-    for (const auto* trouble : {&s.disk_trouble, &s.send_trouble, &s.mail_trouble, &s.store_trouble})
+    auto store_trouble = s.keeper ? s.keeper->trouble() : std::string();
+    for (const auto* trouble : {&s.disk_trouble, &s.send_trouble, &s.mail_trouble, &store_trouble})
         if (!trouble->empty()) told.trouble += (told.trouble.empty() ? "" : "; ") + *trouble;
     return told;
 }

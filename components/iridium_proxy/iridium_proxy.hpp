@@ -1,5 +1,5 @@
 #pragma once
-#include <components/boat/recall.hpp>
+#include <components/boat/telecommand_tracker.hpp>
 #include <components/boat/telemetry_store.hpp>
 #include <components/http/http_client.hpp>
 #include <components/http/webhook_server.hpp>
@@ -52,7 +52,7 @@ struct iridium_proxy_options {
     std::string mail_to = "data@sbd.iridium.com";
 
     std::uint64_t daily_budget = 100; ///< credits a day (UTC) for telecommands; 0: unlimited
-    mt_queue_options queue;
+    std::uint32_t bytes_per_credit = 50;
     ise::duration account_period = std::chrono::seconds(5);
     std::chrono::days keep{30}; ///< messages and decided telecommands
 };
@@ -97,10 +97,8 @@ private:
 
     // To the boat.
     ise::task<> send_all();
-    ise::task<telecommand_reply> command(telecommand_request request, ise::time_point deadline);
-    recall_reply recall(const recall_request& request);
     std::optional<std::uint64_t> budget_left();
-    void work();
+    ise::result<void> keep_on_disk(const tracked_telecommand& entry);
 
     iridium_account account();
     void disk_trouble(const ise::failure& why);

@@ -14,32 +14,24 @@ public:
     mail_path(std::shared_ptr<mail_sender> sender, std::string from, std::string gateway)
         : sender_(std::move(sender)), from_(std::move(from)), gateway_(std::move(gateway)) {}
 
-    ise::task<mt_outcome> give(mt_message what) override {
+    ise::task<link_outcome> give(mt_message what) override {
         std::vector<iridium_mail::mt_message> messages(1);
         messages[0].name = fmt::format("c{}.sbd", what.id);
         messages[0].payload = std::move(what.raw);
         std::vector<std::string> imeis{what.imei};
-        mt_outcome made;
+        using kind = link_outcome::kind;
         auto mail = iridium_mail::make_mt_mail(from_, imeis, messages, gateway_);
-        if (!mail) {
-            made.what = mt_outcome::kind::refused;
-            made.text = mail.error().message();
-            co_return made;
-        }
+        if (!mail) co_return make_outcome(kind::refused, mail.error().message());
         auto sent = co_await sender_->send(std::move(*mail));
-        if (sent) {
-            made.what = mt_outcome::kind::accepted;
-            made.reference = messages[0].name;
-            made.text = "mailed to the gateway, whose answer is awaited";
-            co_return made;
-        }
+        if (sent)
+            co_return make_outcome(kind::accepted, "mailed to the gateway, whose answer is awaited", messages[0].name);
         auto code = sent.error().code();
         bool never = code == ise::errc::refused || code == ise::errc::invalid_argument;
-        made.what = never                                                     ? mt_outcome::kind::refused
-                    : sent.error().executed() == ise::execution::not_executed ? mt_outcome::kind::later
-                                                                              : mt_outcome::kind::unknown;
-        made.text = "the mail was not taken: " + sent.error().message();
-        co_return made;
+        bool stayed = sent.error().executed() == ise::execution::not_executed;
+        co_return make_outcome(never    ? kind::refused
+                               : stayed ? kind::later
+                                        : kind::unknown,
+                               "the mail was not taken: " + sent.error().message());
     }
 
     std::string where() const override { return "mailto:" + gateway_; }

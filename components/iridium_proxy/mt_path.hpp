@@ -1,6 +1,6 @@
 #pragma once
+#include <components/boat/telecommand_tracker.hpp>
 #include <components/http/http_client.hpp>
-#include <components/iridium_proxy/mt_queue.hpp>
 #include <components/mail/mail.hpp>
 
 #include <ise/core/endpoint.hpp>
@@ -23,7 +23,7 @@ public:
     virtual ~mt_path() = default;
     /// Never throws but when it is cancelled; all that can go wrong is an outcome. Cancellation: terminal, outcome
     /// unknown.
-    virtual ise::task<mt_outcome> give(mt_message what) = 0;
+    virtual ise::task<link_outcome> give(mt_message what) = 0;
     /// "http://…", for people.
     virtual std::string where() const = 0;
 };
@@ -45,6 +45,6 @@ std::unique_ptr<mt_path> make_mail_path(std::shared_ptr<mail_sender> sender, std
 std::optional<std::uint32_t> telecommand_of_attachment(std::string_view name);
 
 /// What RockBLOCK's answer says about a submission.
-mt_outcome outcome_of_rockblock(const ise::result<http_answer>& answer);
+link_outcome outcome_of_rockblock(const ise::result<http_answer>& answer);
 
 } // namespace atirma

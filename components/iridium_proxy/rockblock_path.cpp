@@ -9,20 +9,12 @@ namespace {
 
 constexpr ise::duration post_time = std::chrono::seconds(20);
 
-mt_outcome outcome(mt_outcome::kind what, std::string text, std::string reference = {}) {
-    mt_outcome made;
-    made.what = what;
-    made.text = std::move(text);
-    made.reference = std::move(reference);
-    return made;
-}
-
 class rockblock_path final : public mt_path {
 public:
     rockblock_path(std::shared_ptr<http_client> client, rockblock_account account)
         : client_(std::move(client)), account_(std::move(account)) {}
 
-    ise::task<mt_outcome> give(mt_message what) override {
+    ise::task<link_outcome> give(mt_message what) override {
         iridium::mt_submission submission;
         submission.imei = std::move(what.imei);
         submission.username = account_.username;
@@ -46,28 +38,28 @@ private:
 
 } // namespace
 
-mt_outcome outcome_of_rockblock(const ise::result<http_answer>& answer) {
-    using kind = mt_outcome::kind;
+link_outcome outcome_of_rockblock(const ise::result<http_answer>& answer) {
+    using kind = link_outcome::kind;
     if (!answer) {
         auto code = answer.error().code();
         bool sent_nothing = code == ise::errc::unreachable || code == ise::errc::invalid_argument;
-        return outcome(sent_nothing ? kind::later : kind::unknown,
-                       "the gateway was not reached: " + answer.error().message());
+        return make_outcome(sent_nothing ? kind::later : kind::unknown,
+                            "the gateway was not reached: " + answer.error().message());
     }
     auto reply = iridium::parse_mt_reply(answer->body);
     if (!reply) {
         auto text = fmt::format("HTTP {}: {}", answer->status, reply.error().message());
         // A 5xx may stand before a gateway that had taken it; a 4xx says that it was not let in.
         bool nothing = answer->status >= 300 && answer->status < 500;
-        return outcome(nothing ? kind::later : kind::unknown, std::move(text));
+        return make_outcome(nothing ? kind::later : kind::unknown, std::move(text));
     }
     if (reply->accepted) {
         auto text = reply->reference.empty() ? std::string("queued at the gateway")
                                              : "queued at the gateway as " + reply->reference;
-        return outcome(kind::accepted, std::move(text), reply->reference);
+        return make_outcome(kind::accepted, std::move(text), reply->reference);
     }
     auto text = fmt::format("{} (FAILED {}: {})", iridium::explain_mt_failure(reply->code), reply->code, reply->text);
-    return outcome(iridium::mt_failure_passes(reply->code) ? kind::later : kind::refused, std::move(text));
+    return make_outcome(iridium::mt_failure_passes(reply->code) ? kind::later : kind::refused, std::move(text));
 }
 
 std::unique_ptr<mt_path> make_rockblock_path(std::shared_ptr<http_client> client, rockblock_account account) {

@@ -113,14 +113,14 @@ ise::result<void> sbd_store::published(std::int64_t row) {
     return {};
 }
 
-ise::result<std::vector<mt_entry>> sbd_store::load() {
+ise::result<std::vector<tracked_telecommand>> sbd_store::load() {
     auto rows = db_.query("SELECT id, command, ordinal, stage, may_have_left, text, result, value, reference, "
                           "attempts, asked_at, expires_at,"
                           " changed_at, next_try, authority, boat_obeys FROM mt ORDER BY changed_at DESC LIMIT 1000");
     if (!rows) return rows.error();
-    std::vector<mt_entry> out;
+    std::vector<tracked_telecommand> out;
     for (const auto& row : *rows) {
-        mt_entry e;
+        tracked_telecommand e;
         e.id = static_cast<std::uint32_t>(row.integer(0));
         try {
             e.command = ise::from_json<boat_command>(row.text(1));
@@ -129,7 +129,7 @@ ise::result<std::vector<mt_entry>> sbd_store::load() {
                                 fmt::format("{}: telecommand {} cannot be read: {}", db_.file(), e.id, why.what()));
         }
         e.order = static_cast<std::uint64_t>(row.integer(2));
-        e.stage = static_cast<iridium_stage>(row.integer(3));
+        e.stage = static_cast<link_stage>(row.integer(3));
         e.may_have_left = row.integer(4) != 0;
         e.text = row.text(5);
         if (!row.is_null(6)) e.result = static_cast<ack_code>(row.integer(6));
@@ -137,9 +137,9 @@ ise::result<std::vector<mt_entry>> sbd_store::load() {
         e.reference = row.text(8);
         e.attempts = static_cast<std::uint32_t>(row.integer(9));
         e.asked_at = time_of(row.integer(10));
-        e.expires_at = time_of(row.integer(11));
+        e.expires_at = civil_tracker_time(time_of(row.integer(11))).now;
         e.changed_at = time_of(row.integer(12));
-        e.next_try = time_of(row.integer(13));
+        e.next_try = civil_tracker_time(time_of(row.integer(13))).now;
         e.authority = static_cast<std::uint32_t>(row.integer(14));
         if (!row.is_null(15)) e.boat_obeys = static_cast<std::uint32_t>(row.integer(15));
         out.push_back(std::move(e));
@@ -147,19 +147,20 @@ ise::result<std::vector<mt_entry>> sbd_store::load() {
     return out;
 }
 
-ise::result<void> sbd_store::save(const mt_entry& e) {
+ise::result<void> sbd_store::save(const tracked_telecommand& e) {
     database_value result, value, boat_obeys;
     if (e.result) result = static_cast<std::int64_t>(*e.result);
     if (e.value) value = static_cast<double>(*e.value);
     if (e.boat_obeys) boat_obeys = std::int64_t{*e.boat_obeys};
-    auto done = db_.execute("INSERT OR REPLACE INTO mt(id, command, ordinal, stage, may_have_left, text, result, "
-                            "value, reference, attempts, asked_at,"
-                            " expires_at, changed_at, next_try, authority, boat_obeys)"
-                            " VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                            {std::int64_t{e.id}, ise::to_json(e.command), static_cast<std::int64_t>(e.order),
-                             static_cast<std::int64_t>(e.stage), std::int64_t{e.may_have_left}, e.text, result, value,
-                             e.reference, std::int64_t{e.attempts}, number(e.asked_at), number(e.expires_at),
-                             number(e.changed_at), number(e.next_try), std::int64_t{e.authority}, boat_obeys});
+    auto done =
+        db_.execute("INSERT OR REPLACE INTO mt(id, command, ordinal, stage, may_have_left, text, result, "
+                    "value, reference, attempts, asked_at,"
+                    " expires_at, changed_at, next_try, authority, boat_obeys)"
+                    " VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                    {std::int64_t{e.id}, ise::to_json(e.command), static_cast<std::int64_t>(e.order),
+                     static_cast<std::int64_t>(e.stage), std::int64_t{e.may_have_left}, e.text, result, value,
+                     e.reference, std::int64_t{e.attempts}, number(e.asked_at), number(civil_time_of(e.expires_at)),
+                     number(e.changed_at), number(civil_time_of(e.next_try)), std::int64_t{e.authority}, boat_obeys});
     if (!done) return done.error();
     return {};
 }
@@ -176,7 +177,7 @@ ise::result<void> sbd_store::keep_clock_ahead(std::chrono::milliseconds ahead) {
     return {};
 }
 
-ise::result<void> sbd_store::begin_attempt(const mt_entry& entry, utc_time now, std::size_t bytes,
+ise::result<void> sbd_store::begin_attempt(const tracked_telecommand& entry, utc_time now, std::size_t bytes,
                                            std::uint64_t credits) {
     if (auto begun = db_.begin(); !begun) return begun;
     auto saved = save(entry);
@@ -229,7 +230,7 @@ ise::result<void> sbd_store::forget_before(utc_time then) {
     auto messages = db_.execute("DELETE FROM mo WHERE published = 1 AND received_at < ?", {number(then)});
     if (!messages) return messages.error();
     auto commands = db_.execute("DELETE FROM mt WHERE stage >= ? AND changed_at < ?",
-                                {static_cast<std::int64_t>(iridium_stage::acknowledged), number(then)});
+                                {static_cast<std::int64_t>(link_stage::acknowledged), number(then)});
     if (!commands) return commands.error();
     return {};
 }

@@ -1,6 +1,6 @@
 #pragma once
+#include <components/boat/telecommand_tracker.hpp>
 #include <components/iridium/message.hpp>
-#include <components/iridium_proxy/mt_queue.hpp>
 #include <components/iridium_proxy/services.hpp>
 #include <components/storage/database.hpp>
 
@@ -26,13 +26,14 @@ public:
     ise::result<std::uint64_t> count_unpublished();
     ise::result<void> published(std::int64_t row);
 
-    ise::result<std::vector<mt_entry>> load();
-    ise::result<void> save(const mt_entry& entry);
+    ise::result<std::vector<tracked_telecommand>> load();
+    ise::result<void> save(const tracked_telecommand& entry);
     /// How far the queue's civil time was ahead of the steady clock; milliseconds::min() where it was never kept.
     ise::result<std::chrono::milliseconds> clock_ahead();
     ise::result<void> keep_clock_ahead(std::chrono::milliseconds ahead);
     /// An attempt is about to be made: the entry as it is now, and what it will cost, at once.
-    ise::result<void> begin_attempt(const mt_entry& entry, utc_time now, std::size_t bytes, std::uint64_t credits);
+    ise::result<void> begin_attempt(const tracked_telecommand& entry, utc_time now, std::size_t bytes,
+                                    std::uint64_t credits);
     /// It certainly cost nothing.
     ise::result<void> refund(utc_time charged_at, std::size_t bytes, std::uint64_t credits);
 

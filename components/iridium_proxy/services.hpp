@@ -1,4 +1,5 @@
 #pragma once
+#include <components/boat/link_stage.hpp>
 #include <components/boat/services.hpp>
 
 #include <cstdint>
@@ -6,18 +7,6 @@
 
 // What the Iridium proxy provides besides telemetry, telecommand and telecommand_state.
 namespace atirma {
-
-/// Where a telecommand is on its way; `telecommand_state` tells the same in words that fit every link.
-enum class iridium_stage : std::uint8_t {
-    waiting = 0,      ///< on the shore: for its turn, the gateway, or tomorrow's budget
-    sending = 1,      ///< it is being given to the gateway
-    at_gateway = 2,   ///< queued there until the boat opens a session
-    delivered = 3,    ///< a session took it along to the boat's modem
-    acknowledged = 4, ///< the boat's word
-    failed = 5,       ///< the gateway will not take it
-    expired = 6,      ///< its validity is over
-};
-constexpr bool is_final(iridium_stage stage) noexcept { return stage >= iridium_stage::acknowledged; }
 
 /// Of some time, both ways. A credit is what is paid for `bytes_per_credit` bytes, and for each message at least.
 struct iridium_spending {
@@ -33,7 +22,7 @@ struct iridium_spending {
 struct iridium_queued {
     std::uint32_t id = 0;
     command_kind kind = command_kind::ping;
-    iridium_stage stage = iridium_stage::waiting;
+    link_stage stage = link_stage::waiting;
     std::uint8_t priority = 0; ///< 0 goes first
     std::uint32_t attempts = 0;
     std::string reference; ///< the gateway's number, once it has it

@@ -49,7 +49,7 @@ unsigned checksum(std::string_view content) noexcept {
 
 std::string sentence(std::string_view content) { return fmt::format("${}*{:02X}\r\n", content, checksum(content)); }
 
-std::string position(const dated<location>& at) {
+std::string position(const heard<location>& at) {
     const auto& l = at.value;
     double knots = l.speed_over_ground_mps * knots_per_mps, course = direction(l.course_over_ground_deg);
     char mode = l.quality == fix_quality::simulated ? 'S' : l.quality == fix_quality::differential ? 'D' : 'A';
@@ -66,14 +66,14 @@ std::string no_position(utc_time now) {
            sentence(fmt::format("GPGGA,{},,,,,0,00,,,M,,M,,", time_of_day(now)));
 }
 
-std::string attitude(const dated<navigation>& how) {
+std::string attitude(const heard<navigation>& how) {
     const auto& n = how.value;
     return sentence(fmt::format("IIHDT,{:.1f},T", direction(n.heading_deg))) +
            sentence(fmt::format("IIRSA,{:.1f},A,,V", n.rudder_measured_deg)) +
            sentence(fmt::format("IIXDR,A,{:.1f},D,ROLL,A,{:.1f},D,PTCH", n.heel_deg, n.pitch_deg));
 }
 
-std::string wind_of(const dated<wind>& what, const std::optional<dated<navigation>>& heading) {
+std::string wind_of(const heard<wind>& what, const std::optional<heard<navigation>>& heading) {
     const auto& w = what.value;
     auto made = sentence(fmt::format("IIMWV,{:.1f},R,{:.2f},N,A", direction(w.apparent_angle_deg),
                                      w.apparent_speed_mps * knots_per_mps));
@@ -84,7 +84,7 @@ std::string wind_of(const dated<wind>& what, const std::optional<dated<navigatio
     return made;
 }
 
-std::string battery(const dated<power>& what) {
+std::string battery(const heard<power>& what) {
     return sentence(
         fmt::format("IIXDR,U,{:.2f},V,BATTERY,I,{:.2f},A,BATTERY", what.value.battery_v, what.value.battery_a));
 }

@@ -13,14 +13,14 @@ std::string sentence(std::string_view content);
 unsigned checksum(std::string_view content) noexcept;
 
 /// RMC, GGA and VTG of a fix, with the time of its measurement.
-std::string position(const dated<location>& at);
+std::string position(const heard<location>& at);
 /// RMC with status V and GGA without a fix: there is no position that holds now.
 std::string no_position(utc_time now);
 /// HDT, RSA (to starboard positive) and XDR with heel and pitch.
-std::string attitude(const dated<navigation>& how);
+std::string attitude(const heard<navigation>& how);
 /// MWV apparent; true too where the heading is known, from the bow as the sentence wants it.
-std::string wind_of(const dated<wind>& what, const std::optional<dated<navigation>>& heading);
+std::string wind_of(const heard<wind>& what, const std::optional<heard<navigation>>& heading);
 /// XDR of the battery: volts and amperes, out of it positive.
-std::string battery(const dated<power>& what);
+std::string battery(const heard<power>& what);
 
 } // namespace atirma::nmea

@@ -106,7 +106,7 @@ std::string about(const std::string& name, utc_time now) {
     return made.dump() + "\n";
 }
 
-std::string position(const dated<location>& at) {
+std::string position(const heard<location>& at) {
     const auto& l = at.value;
     return delta(at.measured_at, name_of(at.link))
         .set("navigation.position",
@@ -119,7 +119,7 @@ std::string position(const dated<location>& at) {
 
 std::string no_position(utc_time now) { return delta(now, "bridge").set("navigation.position", nullptr).line(); }
 
-std::string attitude(const dated<navigation>& how) {
+std::string attitude(const heard<navigation>& how) {
     const auto& n = how.value;
     return delta(how.measured_at, name_of(how.link))
         .set("navigation.headingTrue", direction(n.heading_deg))
@@ -129,7 +129,7 @@ std::string attitude(const dated<navigation>& how) {
         .line();
 }
 
-std::string wind_of(const dated<wind>& what, const std::optional<dated<navigation>>& heading) {
+std::string wind_of(const heard<wind>& what, const std::optional<heard<navigation>>& heading) {
     const auto& w = what.value;
     delta made(what.measured_at, name_of(what.link));
     made.set("environment.wind.angleApparent", angle(w.apparent_angle_deg))
@@ -140,7 +140,7 @@ std::string wind_of(const dated<wind>& what, const std::optional<dated<navigatio
     return made.line();
 }
 
-std::string battery(const dated<power>& what) {
+std::string battery(const heard<power>& what) {
     const auto& p = what.value;
     return delta(what.measured_at, name_of(what.link))
         .set("electrical.batteries.main.voltage", rounded(p.battery_v, 0.001))
@@ -149,7 +149,7 @@ std::string battery(const dated<power>& what) {
         .line();
 }
 
-std::string link_of(const dated<link_status>& how) {
+std::string link_of(const heard<link_status>& how) {
     const auto& s = how.value;
     auto below = fmt::format("communication.links.{}.", name_of(s.link));
     delta made(how.measured_at, name_of(how.link));

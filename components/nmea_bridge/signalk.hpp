@@ -16,12 +16,12 @@ std::string hello(const std::string& identity, utc_time now);
 /// The vessel's name, and units and meaning of the paths that the specification does not define.
 std::string about(const std::string& name, utc_time now);
 
-std::string position(const dated<location>& at);
-std::string attitude(const dated<navigation>& how);
-std::string wind_of(const dated<wind>& what, const std::optional<dated<navigation>>& heading);
-std::string battery(const dated<power>& what);
+std::string position(const heard<location>& at);
+std::string attitude(const heard<navigation>& how);
+std::string wind_of(const heard<wind>& what, const std::optional<heard<navigation>>& heading);
+std::string battery(const heard<power>& what);
 /// A link as the boat sees it, below `communication.links`, with the names that the packet has.
-std::string link_of(const dated<link_status>& how);
+std::string link_of(const heard<link_status>& how);
 /// The position is not known any more: null.
 std::string no_position(utc_time now);
 

@@ -23,7 +23,7 @@ struct xbee_link_emulator::side {
     const xbee_link_options::end& options;
     xbee::modem device;
     std::unique_ptr<ise::stream> line;
-    ise::bytes unwritten;
+    outgoing unwritten;
     std::array<std::byte, 1024> buffer{};
 };
 
@@ -145,10 +145,9 @@ void xbee_link_emulator::turn() {
     auto next = ise::time_point::max();
     for (auto& s : sides_) {
         auto more = s->device.take_serial();
-        if (s->unwritten.size() + more.size() <= max_unwritten_bytes)
-            s->unwritten.insert(s->unwritten.end(), more.begin(), more.end());
-        write(*s);
-        if (!s->unwritten.empty()) next = std::min(next, ise::saturating_add(now(), write_again));
+        if (s->unwritten.size() + more.size() <= max_unwritten_bytes) s->unwritten.add(more);
+        if (!s->line || s->unwritten.write(*s->line)) s->unwritten.clear();
+        if (s->unwritten.size() > 0) next = std::min(next, ise::saturating_add(now(), write_again));
     }
     if (auto event = air_->next_event(); event != xbee::never) {
         auto after_s = std::chrono::duration<double>(event - model_now()).count() / options_.speedup;
@@ -160,19 +159,6 @@ void xbee_link_emulator::turn() {
     }
     if (next == ise::time_point::max()) due_->disarm();
     else due_->arm(next);
-}
-
-void xbee_link_emulator::write(side& of) {
-    while (of.line && !of.unwritten.empty()) {
-        asio::const_buffer rest(of.unwritten.data(), of.unwritten.size());
-        auto moved = of.line->try_write(std::span(&rest, 1));
-        if (moved.bytes == 0) {
-            if (moved.problem && moved.problem != asio::error::would_block) of.unwritten.clear();
-            return;
-        }
-        of.unwritten.erase(of.unwritten.begin(), of.unwritten.begin() + static_cast<std::ptrdiff_t>(moved.bytes));
-    }
-    if (!of.line) of.unwritten.clear();
 }
 
 xbee_air xbee_link_emulator::control(const xbee_air_request& request) {

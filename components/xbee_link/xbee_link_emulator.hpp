@@ -1,5 +1,6 @@
 #pragma once
 #include <components/boat/telemetry.hpp>
+#include <components/byte_stream/outgoing.hpp>
 #include <components/xbee/ether.hpp>
 #include <components/xbee_link/services.hpp>
 
@@ -50,7 +51,6 @@ private:
     ise::task<> read(std::size_t which);
     void listen_to_boat();
     void turn();
-    void write(side& of);
     void move_boat(double latitude_deg, double longitude_deg);
     xbee_air control(const xbee_air_request& request);
     xbee_air state();

@@ -5,8 +5,8 @@
 #include <components/boat/receipt.hpp>
 #include <components/boat/remote_telemetry_store.hpp>
 #include <components/boat/telecommand_service.hpp>
+#include <components/boat/telemetry_keeper.hpp>
 
-#include <ise/core/task_scope.hpp>
 #include <ise/core/waiter.hpp>
 
 #include <asio/error.hpp>
@@ -24,12 +24,11 @@ constexpr std::size_t max_unkept = 8192;  // what a boat keeps at most
 constexpr std::size_t max_receipts = 8192;
 constexpr ise::duration receipt_time = 4s;  // to be sent in; then the boat has sent the packets again
 constexpr ise::duration boat_is_near = 30s; // since it was heard; receipts would be sent into the void
-constexpr ise::duration min_keep_pause = 250ms, max_keep_pause = 10s;
 } // namespace
 
 struct xbee_proxy::radio {
     radio(xbee_proxy& self, const xbee_proxy_options& options)
-        : port(self.on(), self.log(), options.port), modem(self.on(), port), desk(self, options.book),
+        : port(self.on(), self.log(), options.port), modem(self.on(), port), commands(self, options.policy),
           hand_on_soon(self.on(), [this] { hand_on(); }), stored(!options.store_at.empty()),
           more(self.on(), [this] { more.resume(asio::error::operation_aborted); }) {}
 
@@ -45,7 +44,7 @@ struct xbee_proxy::radio {
 
     xbee::modem_port port;
     local_modem modem;
-    telecommand_service desk;
+    telecommand_service commands;
     ise::timer hand_on_soon;
     std::deque<telemetry_packet> unheard; // oldest first
     bool full = false;
@@ -55,7 +54,7 @@ struct xbee_proxy::radio {
     std::set<packet_name> unsafe;        // the names of these
     std::set<packet_name> receipts;      // to be given
     ise::waiter<std::error_code> more;
-    std::string store_trouble;
+    std::optional<telemetry_keeper> keeper;
     ise::time_point heard_at{};
     std::map<xbee::token, std::uint32_t> under_way; // telecommands at the modem
     std::uint64_t heard_from = 0;
@@ -65,7 +64,7 @@ struct xbee_proxy::radio {
 };
 
 xbee_proxy::xbee_proxy(xbee_proxy_options options) : options_(std::move(options)) {
-    options_.book.link = link_id::xbee;
+    options_.policy.link = link_id::xbee;
 }
 xbee_proxy::~xbee_proxy() = default;
 
@@ -91,29 +90,14 @@ ise::task<> xbee_proxy::run() {
 ise::task<> xbee_proxy::keep() {
     auto& r = *radio_;
     require(services::telemetry_store);
-    remote_telemetry_store store(find_component(*this, options_.store_at));
-    auto pause = min_keep_pause;
+    r.keeper.emplace(*this, std::make_shared<remote_telemetry_store>(find_component(*this, options_.store_at)),
+                     "the boat gets no receipts");
     for (;;) {
         if (r.unkept.empty()) co_await r.more.wait(); // throws what it was resumed with
         auto many = std::min(r.unkept.size(), keep_request::max_packets);
         std::vector<telemetry_packet> packets(r.unkept.begin(), r.unkept.begin() + static_cast<std::ptrdiff_t>(many));
-        std::string trouble;
-        try {
-            auto keeping = store.keep(packets);
-            co_await std::move(keeping);
-        } catch (...) {
-            auto thrown = std::current_exception();
-            if (ise::is_cancellation(thrown)) throw;
-            trouble = "telemetry cannot be kept, the boat gets no receipts: " + ise::describe(thrown);
-        }
-        if (trouble != r.store_trouble && !trouble.empty()) log().error(trouble); // once, not with every attempt
-        r.store_trouble = trouble;
-        if (!trouble.empty()) {
-            co_await sleep(pause);
-            pause = std::min(2 * pause, max_keep_pause);
-            continue;
-        }
-        pause = min_keep_pause;
+        auto keeping = r.keeper->keep(packets);
+        co_await std::move(keeping);
         for (const auto& packet : packets) {
             packet_name name(packet.boot, packet.sequence);
             r.unsafe.erase(name);
@@ -146,11 +130,11 @@ void xbee_proxy::provide_all() {
     };
     r.telemetry = publish(services::telemetry, std::move(arrivals));
     r.local = publish(services::xb_local);
-    r.desk.give = [this] {
+    r.commands.give = [this] {
         give();
         return true;
     };
-    r.desk.provide();
+    r.commands.provide();
     provide_exclusive(services::xb_local_param,
                       [this](xbee_param_request request) { return radio_->modem.parameter(std::move(request)); });
     publish_local();
@@ -161,7 +145,7 @@ void xbee_proxy::on_radio_event(const xbee::client_event& event) {
     if (const auto* packet = std::get_if<xbee::packet_received>(&event)) on_packet(*packet);
     else if (const auto* outcome = std::get_if<xbee::send_outcome>(&event)) on_sent(*outcome);
     else if (std::holds_alternative<xbee::radio_ready>(event)) radio_->modem.refresh();
-    if (!std::holds_alternative<xbee::at_outcome>(event)) radio_->desk.work();
+    if (!std::holds_alternative<xbee::at_outcome>(event)) radio_->commands.work();
 }
 
 void xbee_proxy::on_packet(const xbee::packet_received& packet) {
@@ -179,7 +163,7 @@ void xbee_proxy::on_packet(const xbee::packet_received& packet) {
             return;
         }
         r.heard_from = packet.source;
-        if (r.desk.book().on_acknowledgement(clock(), *ack)) ++r.counts.telecommands_acknowledged;
+        if (r.commands.tracker().on_acknowledgement(r.commands.now(), *ack)) ++r.counts.telecommands_acknowledged;
         return;
     }
     auto message = parse_telemetry(packet.payload);
@@ -224,27 +208,32 @@ void xbee_proxy::on_sent(const xbee::send_outcome& outcome) {
     if (found == r.under_way.end()) return;
     auto id = found->second;
     r.under_way.erase(found);
-    r.desk.book().on_outcome(now(), clock(), id, outcome.delivered, outcome.executed == ise::execution::not_executed,
-                             outcome.reason);
+    using kind = link_outcome::kind;
+    bool stayed = outcome.executed == ise::execution::not_executed;
+    auto text = outcome.delivered && outcome.reason.empty() ? "arrived at the boat's modem" : outcome.reason;
+    r.commands.tracker().on_outcome(r.commands.now(), id,
+                                    make_outcome(outcome.delivered ? kind::delivered
+                                                 : stayed          ? kind::later
+                                                                   : kind::unknown,
+                                                 std::move(text)));
 }
 
 void xbee_proxy::give() {
     auto& r = *radio_;
-    auto& book = r.desk.book();
+    auto& tracker = r.commands.tracker();
     auto to = options_.boat_address != 0 ? options_.boat_address : r.heard_from;
-    while (auto due = book.next_due(now(), clock())) {
-        if (to == 0) {
-            book.on_outcome(now(), clock(), due->id, false, true,
-                            "the boat's modem was not heard yet, and no --boat-address was given");
-            continue;
+    while (auto due = tracker.next_due(r.commands.now())) {
+        std::string trouble = "the boat's modem was not heard yet, and no --boat-address was given";
+        if (to != 0) {
+            auto sent = r.port.send(to, std::move(due->raw), std::min(due->remaining, options_.send_time));
+            if (sent) {
+                r.under_way[*sent] = due->id;
+                ++r.counts.telecommands_sent;
+                continue;
+            }
+            trouble = sent.error().message();
         }
-        auto sent = r.port.send(to, std::move(due->raw), std::min(due->remaining, options_.send_time));
-        if (sent) {
-            r.under_way[*sent] = due->id;
-            ++r.counts.telecommands_sent;
-        } else {
-            book.on_outcome(now(), clock(), due->id, false, true, sent.error().message());
-        }
+        tracker.on_outcome(r.commands.now(), due->id, make_outcome(link_outcome::kind::later, std::move(trouble)));
     }
 }
 
@@ -254,10 +243,10 @@ void xbee_proxy::publish_local() {
     told.port_open = r.port.is_open();
     told.modem_ready = r.port.modem_ready();
     told.device = r.port.options().device;
-    told.trouble = !r.port.trouble().empty() ? r.port.trouble() : r.store_trouble;
+    told.trouble = !r.port.trouble().empty() ? r.port.trouble() : r.keeper ? r.keeper->trouble() : std::string();
     told.api_mode = told.modem_ready ? static_cast<std::uint8_t>(r.port.mode()) : std::uint8_t{0};
     told.port_openings = r.port.openings();
-    told.telecommands_open = r.desk.book().open_count();
+    told.telecommands_open = r.commands.tracker().open_count();
     const auto& line = r.port.counters();
     told.frames = line.frames;
     told.frames_refused = line.refused_frames;

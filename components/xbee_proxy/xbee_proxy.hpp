@@ -1,5 +1,5 @@
 #pragma once
-#include <components/boat/command_book.hpp>
+#include <components/boat/telecommand_tracker.hpp>
 #include <components/xbee/modem_port.hpp>
 #include <components/xbee_proxy/local_modem.hpp>
 #include <components/xbee_proxy/services.hpp>
@@ -16,7 +16,7 @@ struct xbee_proxy_options {
     ise::duration local_period = std::chrono::seconds(2);   ///< of xb_local
     ise::duration send_time = std::chrono::seconds(30);     ///< that one attempt may take; then it is tried again
     ise::duration receipt_period = std::chrono::seconds(5); ///< of receipts for telemetry that is safe
-    book_options book;
+    link_policy policy;
     /// Path or role of the store that keeps telemetry before the boat gets a receipt: `atirma/communication`; empty: no
     /// receipts.
     std::string store_at;

@@ -47,24 +47,19 @@ acknowledgement boat_at_sea::execute(ise::bytes_view raw, link_id from) {
     return ack;
 }
 
-book_options scripted_proxy::terms(link_id link) {
-    book_options made;
-    made.link = link;
-    return made;
-}
-
 ise::task<> scripted_proxy::run() {
     telemetry_ = publish(services::telemetry);
-    ise::publication_callbacks<std::decay_t<decltype(services::telecommand_state)>> follow;
-    follow.on_subscribe = [this](const follow_telecommand&,
-                                 const ise::subscriber_info&) -> ise::result<followed_telecommands> {
-        followed_telecommands made;
-        made.now = book_.open();
-        return made;
-    };
-    states_ = publish(services::telecommand_state, std::move(follow));
+    audience_.emplace(*this);
+    audience_->provide([this](std::uint32_t) {
+        std::vector<telecommand_status> open;
+        for (const auto* each : tracker_.open()) open.push_back(status_of(*each, link_));
+        return open;
+    });
     provide(services::telecommand, [this](telecommand_request request, const ise::call_context& context) {
-        return command(std::move(request), context.deadline);
+        auto chosen = static_cast<std::uint32_t>(env().random()) | 1u;
+        auto taken = tracker_.submit(at_now(), request, chosen);
+        if (!taken) throw ise::error(ise::errc::refused, taken.error().message());
+        return audience_->reply(status_of(*tracker_.find(*taken), link_), context.deadline);
     });
     if (boat_.over(link_).acknowledges) spawn("acknowledge", acknowledge());
     for (;;) {
@@ -85,11 +80,14 @@ void scripted_proxy::pass() {
     } else if (!link.acknowledges) {
         link.waiting.clear(); // sent into the air
     }
-    while (auto due = book_.next_due(now(), clock())) {
-        book_.on_outcome(now(), clock(), due->id, link.up, true, "the boat is out of range");
-        if (link.up) book_.on_acknowledgement(clock(), boat_.execute(due->raw, link_));
+    using kind = link_outcome::kind;
+    while (auto due = tracker_.next_due(at_now())) {
+        tracker_.on_outcome(at_now(), due->id,
+                            link.up ? make_outcome(kind::delivered, "")
+                                    : make_outcome(kind::later, "the boat is out of range"));
+        if (link.up) tracker_.on_acknowledgement(at_now(), boat_.execute(due->raw, link_));
     }
-    for (const auto& change : book_.take_changes()) states_(change);
+    for (const auto& change : tracker_.take_changes()) audience_->tell(status_of(change, link_));
 }
 
 // As the GPRS proxy: the boat is acknowledged what is on disk.
@@ -111,21 +109,6 @@ ise::task<> scripted_proxy::acknowledge() {
         }
         co_await sleep(200ms);
     }
-}
-
-ise::task<telecommand_reply> scripted_proxy::command(telecommand_request request, ise::time_point deadline) {
-    auto taken = book_.submit(now(), clock(), request, static_cast<std::uint32_t>(env().random()) | 1u);
-    if (!taken) throw ise::error(ise::errc::refused, taken.error().message());
-    auto id = *taken;
-    while (!is_final(book_.find(id)->state) && now() + 300ms < deadline) co_await sleep(100ms);
-    telecommand_reply reply;
-    const auto& status = *book_.find(id);
-    reply.id = id;
-    reply.state = is_final(status.state) ? status.state : telecommand_stage::pending;
-    reply.result = status.result;
-    reply.value = status.value;
-    reply.text = status.text;
-    co_return reply;
 }
 
 shore::shore(std::uint64_t seed, bool two_nodes) : names(true, seed), two_(two_nodes) {

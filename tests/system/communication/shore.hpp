@@ -1,7 +1,8 @@
 // The shore of a boat on the virtual world: name server, two communication nodes with a disk each, a scripted proxy for
 // each link, operators and a subscriber of the role.
 #pragma once
-#include <components/boat/command_book.hpp>
+#include <components/boat/telecommand_audience.hpp>
+#include <components/boat/telecommand_tracker.hpp>
 #include <components/boat/telemetry_follower.hpp>
 #include <components/boat_simulator/simulated_boat.hpp>
 #include <components/communication_node/communication_node.hpp>
@@ -47,25 +48,29 @@ struct boat_at_sea {
     std::vector<std::uint32_t> epochs; ///< of what it obeyed, in order
 };
 
-/// A proxy that does what proxies do, over a link that the test switches.
+/// A proxy that does what proxies do, over a link that the test switches; nothing can be called back there.
 class scripted_proxy final : public ise::component {
 public:
-    scripted_proxy(link_id link, boat_at_sea& boat) : link_(link), boat_(boat), book_(terms(link)) {}
+    scripted_proxy(link_id link, boat_at_sea& boat) : link_(link), boat_(boat) {}
 
 private:
-    static book_options terms(link_id link);
     ise::task<> run() override;
     ise::task<> acknowledge();
     void pass();
-    ise::task<telecommand_reply> command(telecommand_request request, ise::time_point deadline);
+    tracker_time at_now() const {
+        tracker_time made;
+        made.now = now();
+        made.wall = clock();
+        return made;
+    }
     utc_time clock() const { return std::chrono::floor<std::chrono::milliseconds>(wall()); }
 
     link_id link_;
     boat_at_sea& boat_;
-    command_book book_;
+    telecommand_tracker tracker_;
+    std::optional<telecommand_audience> audience_;
     std::set<packet_key> told_;
     ise::publication<ise::subscription<telemetry_packet>> telemetry_;
-    ise::publication<std::decay_t<decltype(services::telecommand_state)>> states_;
 };
 
 /// Who subscribes to the role.

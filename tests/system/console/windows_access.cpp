@@ -168,7 +168,7 @@ TEST_CASE("console windows: each link tells what only its kind has, and what is 
     account.budget_left = 46;
     iridium_queued waiting;
     waiting.kind = command_kind::set_mode;
-    waiting.stage = iridium_stage::at_gateway;
+    waiting.stage = link_stage::at_gateway;
     account.queue = {waiting};
     it.state.on_account(iridium_path, account, it.now);
     it.show();

@@ -150,7 +150,7 @@ TEST_CASE("iridium: a gateway that is down for hours costs no telecommand and no
     CHECK_FALSE(is_decided(seen, 8, telecommand_stage::acknowledged));
     CHECK_FALSE(seen.account->trouble.empty());
     REQUIRE(seen.account->queue.size() == 1);
-    CHECK(seen.account->queue[0].stage == iridium_stage::waiting);
+    CHECK(seen.account->queue[0].stage == link_stage::waiting);
     it.set_gateway(gateway_up(true));
     REQUIRE(it.until([&] { return is_decided(seen, 8, telecommand_stage::acknowledged); }, 1h));
     CHECK(it.boat().pilot().mode() == sailing_mode::station_keep);

@@ -1,5 +1,4 @@
 #include <components/communication_node/command_router.hpp>
-#include <components/communication_node/newest_by_kind.hpp>
 #include <components/communication_node/peer_watch.hpp>
 
 #include <support/catch.hpp>
@@ -305,30 +304,6 @@ TEST_CASE("peer watch: packets are shown when both disks have them, or the other
     CHECK_FALSE(it.lives(begin + 5s));
     CHECK_FALSE(it.silent(begin + 5s));
     CHECK(it.shown(10, begin + 5s) == 10);
-}
-
-TEST_CASE("newest by kind: what comes late over a slower link is history, each kind by itself") {
-    newest_by_kind it;
-    utc_time at{std::chrono::hours(400'000)};
-    auto packet = [&](std::uint8_t kind, std::chrono::seconds later, std::chrono::seconds received = 0s) {
-        telemetry_packet made;
-        made.measured_at = at + later;
-        made.received_at = at + (received > 0s ? received : later);
-        made.raw = {std::byte{1}, std::byte{kind}};
-        return made;
-    };
-    CHECK_FALSE(it.is_history(packet(1, 10s)));
-    CHECK_FALSE(it.is_history(packet(1, 10s))); // the same over another link
-    CHECK(it.is_history(packet(1, 9s)));
-    CHECK_FALSE(it.is_history(packet(3, 9s)));
-    auto said = packet(1, 20s);
-    said.history = true;
-    CHECK(it.is_history(said));
-    CHECK_FALSE(it.is_history(packet(1, 11s)));
-    CHECK_FALSE(it.is_history(packet(1, 1000000s, 30s))); // a clock that is days ahead, or four minutes
-    CHECK_FALSE(it.is_history(packet(1, 31s + 4min, 31s)));
-    CHECK_FALSE(it.is_history(packet(1, 32s))); // makes nothing history that is measured after it came
-    CHECK(it.is_history(packet(1, 30s, 33s)));
 }
 
 } // namespace command_desk_test

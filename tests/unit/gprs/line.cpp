@@ -1,6 +1,5 @@
 #include "packets.hpp"
 
-#include <components/gprs/freshness.hpp>
 #include <components/gprs/line_reader.hpp>
 #include <components/gprs/number_set.hpp>
 
@@ -226,19 +225,6 @@ TEST_CASE("gprs: a set with too many holes takes what closes them, and no more")
     CHECK(set.skip_to(4'294'967'295u) == 4'294'967'295u - 2 - 5);
     CHECK(set.complete() == 4'294'967'295u);
     CHECK(set.contains(50));
-}
-
-TEST_CASE("gprs: only what was measured after the newest is news, of each type by itself, and of the newest boot") {
-    freshness fresh;
-    CHECK_FALSE(fresh.is_history(false, 3, 1, 100));
-    CHECK(fresh.is_history(false, 3, 1, 99));
-    CHECK_FALSE(fresh.is_history(false, 3, 2, 99)); // of another type it is the newest
-    CHECK(fresh.is_history(true, 3, 1, 200));       // the boat says so
-    CHECK_FALSE(fresh.is_history(false, 3, 1, 150));
-    CHECK_FALSE(fresh.is_history(false, 4, 1, 0)); // it has started again
-    CHECK(fresh.is_history(false, 3, 1, 300));     // late, from before
-    CHECK_FALSE(fresh.is_history(false, 4, 1, 4'294'967'295u));
-    CHECK(fresh.is_history(false, 4, 1, 4'294'967'295u));
 }
 
 } // namespace line_test

@@ -1,7 +1,7 @@
 #pragma once
 #include "packets.hpp"
 
-#include <components/gprs/freshness.hpp>
+#include <components/boat/newest_by_kind.hpp>
 #include <components/gprs/shore.hpp>
 #include <components/gprs/uplink.hpp>
 
@@ -26,7 +26,7 @@ public:
     atirma::gprs::uplink_options boat_options;
     std::unique_ptr<atirma::gprs::uplink> boat;
     atirma::gprs::shore shore;
-    atirma::gprs::freshness fresh;
+    std::map<std::uint64_t, atirma::newest_by_kind> news; // as the proxy, by the life of the boat
 
     ise::time_point now{std::chrono::hours(1)};
     ise::duration delay = std::chrono::milliseconds(100);
@@ -224,7 +224,11 @@ private:
             if (cut->whom.channel == door_ && open_) hang_up();
         } else if (const auto* came = std::get_if<record_came>(&event)) {
             auto header = atirma::parse_telemetry(came->raw).value().header;
-            arrived.push_back({header.sequence, fresh.is_history(came->history, header.boot, 1, header.sequence)});
+            atirma::telemetry_packet packet;
+            packet.measured_at = header.measured_at;
+            packet.history = came->history;
+            packet.raw = came->raw;
+            arrived.push_back({header.sequence, news[came->life].is_history(packet)});
             unsafe.emplace_back(came->life, came->number);
             if (safe_at_once) {
                 auto all = std::exchange(unsafe, {});

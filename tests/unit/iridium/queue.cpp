@@ -1,5 +1,5 @@
 #include <components/iridium_proxy/mt_path.hpp>
-#include <components/iridium_proxy/mt_queue.hpp>
+#include <components/iridium_proxy/sbd_policy.hpp>
 #include <components/iridium_proxy/sbd_store.hpp>
 
 #include <support/catch.hpp>
@@ -24,12 +24,8 @@ telecommand_request request(std::uint32_t id, command_kind kind, float valid_s =
     return made;
 }
 
-mt_outcome outcome(mt_outcome::kind what, std::string text = "text") {
-    mt_outcome made;
-    made.what = what;
-    made.text = std::move(text);
-    made.reference = "4114651";
-    return made;
+link_outcome outcome(link_outcome::kind what, std::string text = "text") {
+    return make_outcome(what, std::move(text), "4114651");
 }
 
 acknowledgement answer(std::uint32_t id, command_kind kind) {
@@ -47,6 +43,34 @@ ise::result<http_answer> answered(int status, std::string body) {
     return made;
 }
 
+/// The tracker as the proxy uses it: on civil time, within a budget.
+struct queue_of_sbd {
+    telecommand_tracker tracker;
+
+    explicit queue_of_sbd(link_policy policy = sbd_policy()) : tracker(std::move(policy)) {}
+    void restore(utc_time now, std::vector<tracked_telecommand> kept) {
+        tracker.restore(civil_tracker_time(now), std::move(kept));
+    }
+    ise::result<std::uint32_t> submit(utc_time now, const telecommand_request& asked, std::uint32_t chosen) {
+        return tracker.submit(civil_tracker_time(now), asked, chosen);
+    }
+    std::optional<telecommand_tracker::due> next_due(utc_time now, std::optional<std::uint64_t> credits) {
+        return next_within_budget(tracker, now, credits, 50);
+    }
+    void on_outcome(utc_time now, std::uint32_t id, const link_outcome& what) {
+        tracker.on_outcome(civil_tracker_time(now), id, what);
+    }
+    bool on_acknowledgement(utc_time now, const acknowledgement& ack) {
+        return tracker.on_acknowledgement(civil_tracker_time(now), ack);
+    }
+    bool recall(utc_time now, std::uint32_t id, const std::string& why) {
+        return tracker.recall(civil_tracker_time(now), id, why);
+    }
+    const tracked_telecommand* find(std::uint32_t id) const { return tracker.find(id); }
+    telecommand_stage stage(std::uint32_t id) const { return status_of(*find(id), link_id::iridium).state; }
+    utc_time next_event() const { return civil_time_of(tracker.next_event()); }
+};
+
 sbd_store opened(const std::string& name) { return std::move(sbd_store::open("memory:" + name).value()); }
 
 } // namespace
@@ -55,10 +79,10 @@ TEST_CASE("iridium: a telecommand goes under the epoch of authority that it was 
     auto steer = request(7, command_kind::tack_now);
     steer.authority = 6;
     auto store = opened("authority");
-    mt_queue queue;
+    queue_of_sbd queue;
     queue.submit(start, steer, 0).value();
     store.save(*queue.find(7)).value();
-    mt_queue again;
+    queue_of_sbd again;
     again.restore(start, store.load().value());
     for (auto* one : {&queue, &again}) {
         auto due = one->next_due(start, {});
@@ -68,7 +92,7 @@ TEST_CASE("iridium: a telecommand goes under the epoch of authority that it was 
         CHECK(sent->authority == 6);
     }
     // Asked for again once the authority was taken anew.
-    mt_queue waits;
+    queue_of_sbd waits;
     waits.submit(start, steer, 0).value();
     steer.authority = 8;
     waits.submit(start, steer, 0).value();
@@ -78,16 +102,16 @@ TEST_CASE("iridium: a telecommand goes under the epoch of authority that it was 
 TEST_CASE("iridium: an answer to what was sent under authority names its epoch, another one is nobody's, also after a "
           "restart") {
     auto store = opened("epochs");
-    mt_queue queue;
+    queue_of_sbd queue;
     auto steer = request(7, command_kind::tack_now);
     steer.authority = 6;
     queue.submit(start, steer, 0).value();
     REQUIRE(queue.next_due(start, {}));
-    queue.on_outcome(start, 7, outcome(mt_outcome::kind::accepted));
+    queue.on_outcome(start, 7, outcome(link_outcome::kind::accepted));
     steer.authority = 8; // asked for again: the gateway has it under the old one
     queue.submit(start, steer, 0).value();
     store.save(*queue.find(7)).value();
-    mt_queue again;
+    queue_of_sbd again;
     again.restore(start, store.load().value());
     for (auto* one : {&queue, &again}) {
         auto ack = answer(7, command_kind::tack_now);
@@ -96,7 +120,7 @@ TEST_CASE("iridium: an answer to what was sent under authority names its epoch, 
             ack.authority = forged;
             CHECK_FALSE(one->on_acknowledgement(start, ack));
         }
-        CHECK(one->find(7)->stage == iridium_stage::at_gateway);
+        CHECK(one->find(7)->stage == link_stage::at_gateway);
         ack.authority = 6;
         CHECK(one->on_acknowledgement(start, ack));
         CHECK(one->find(7)->boat_obeys == 6u);
@@ -111,31 +135,31 @@ TEST_CASE("iridium: an answer to what was sent under authority names its epoch, 
 }
 
 TEST_CASE("iridium: what the boat has answered over another link is called back while it waits, and only then") {
-    mt_queue queue;
+    queue_of_sbd queue;
     queue.submit(start, request(1, command_kind::ping), 0).value();
     queue.submit(start, request(2, command_kind::set_mode), 0).value();
     auto due = queue.next_due(start, {});
     REQUIRE(due);
     REQUIRE(due->id == 2);
     CHECK(queue.recall(start, 1, "acknowledged over gprs"));
-    CHECK(status_of(*queue.find(1)).state == telecommand_stage::failed);
-    CHECK(status_of(*queue.find(1)).asked_at == start);
+    CHECK(queue.stage(1) == telecommand_stage::failed);
+    CHECK(queue.find(1)->asked_at == start);
     CHECK_FALSE(queue.recall(start, 1, "again"));
     CHECK_FALSE(queue.recall(start, 2, "it is being given")); // to the gateway
-    queue.on_outcome(start, 2, outcome(mt_outcome::kind::accepted));
+    queue.on_outcome(start, 2, outcome(link_outcome::kind::accepted));
     CHECK_FALSE(queue.recall(start, 2, "the gateway has it"));
     CHECK_FALSE(queue.recall(start, 3, "nobody knows it"));
     CHECK_FALSE(queue.next_due(start + 1h, {}));
     // One whose attempt ended in the dark may be on its way.
     queue.submit(start, request(4, command_kind::ping), 0).value();
     REQUIRE(queue.next_due(start, {}));
-    queue.on_outcome(start, 4, outcome(mt_outcome::kind::unknown));
+    queue.on_outcome(start, 4, outcome(link_outcome::kind::unknown));
     CHECK(queue.recall(start + 1s, 4, "acknowledged over xbee"));
-    CHECK(status_of(*queue.find(4)).state == telecommand_stage::expired);
+    CHECK(queue.stage(4) == telecommand_stage::expired);
 }
 
 TEST_CASE("iridium: telecommands go by priority, then by age, one at a time") {
-    mt_queue queue;
+    queue_of_sbd queue;
     queue.submit(start, request(1, command_kind::ping), 0).value();
     queue.submit(start, request(2, command_kind::waypoint_clear), 0).value();
     queue.submit(start, request(3, command_kind::set_mode), 0).value();
@@ -146,47 +170,47 @@ TEST_CASE("iridium: telecommands go by priority, then by age, one at a time") {
         REQUIRE(due);
         CHECK_FALSE(queue.next_due(start, {}));
         order.push_back(due->id);
-        queue.on_outcome(start, due->id, outcome(mt_outcome::kind::accepted));
+        queue.on_outcome(start, due->id, outcome(link_outcome::kind::accepted));
     }
     CHECK(order == std::vector<std::uint32_t>{3, 2, 4, 1});
     CHECK_FALSE(queue.next_due(start + 30min, {})); // what the gateway has is not sent again
-    CHECK(queue.find(3)->stage == iridium_stage::at_gateway);
-    CHECK(status_of(*queue.find(3)).state == telecommand_stage::sent);
+    CHECK(queue.find(3)->stage == link_stage::at_gateway);
+    CHECK(queue.stage(3) == telecommand_stage::sent);
 }
 
 TEST_CASE("iridium: a telecommand is followed from the shore to the boat's answer") {
-    mt_queue queue;
+    queue_of_sbd queue;
     queue.submit(start, request(7, command_kind::set_mode), 0).value();
-    std::vector<iridium_stage> stages;
+    std::vector<link_stage> stages;
     auto note = [&] {
-        for (const auto& change : queue.take_changes()) stages.push_back(change.stage);
+        for (const auto& change : queue.tracker.take_changes()) stages.push_back(change.stage);
     };
     note();
     auto due = queue.next_due(start, {});
     note();
-    queue.on_outcome(start, 7, outcome(mt_outcome::kind::accepted));
+    queue.on_outcome(start, 7, outcome(link_outcome::kind::accepted));
     note();
-    queue.on_delivered(start + 10min);
+    queue.tracker.on_delivered(civil_tracker_time(start + 10min));
     note();
     CHECK_FALSE(queue.on_acknowledgement(start + 11min, answer(7, command_kind::ping)));
     CHECK_FALSE(queue.on_acknowledgement(start + 11min, answer(8, command_kind::set_mode)));
     CHECK(queue.on_acknowledgement(start + 11min, answer(7, command_kind::set_mode)));
     note();
-    using enum iridium_stage;
+    using enum link_stage;
     CHECK(stages == std::vector{waiting, sending, at_gateway, delivered, acknowledged});
-    CHECK(queue.open().empty());
+    CHECK(queue.tracker.open().empty());
     CHECK(queue.find(7)->text == "hold");
 }
 
 TEST_CASE("iridium: what may pass is tried again with growing pauses, what cannot is failed") {
-    mt_queue queue;
+    queue_of_sbd queue;
     queue.submit(start, request(1, command_kind::ping, 80000), 0).value();
     auto now = start;
     std::vector<seconds> pauses;
     for (int i = 0; i < 10; ++i) {
         REQUIRE(queue.next_due(now, {}));
-        queue.on_outcome(now, 1, outcome(mt_outcome::kind::later));
-        CHECK(status_of(*queue.find(1)).state == telecommand_stage::queued);
+        queue.on_outcome(now, 1, outcome(link_outcome::kind::later));
+        CHECK(queue.stage(1) == telecommand_stage::queued);
         CHECK_FALSE(queue.next_due(now, {}));
         auto next = queue.next_event();
         pauses.push_back(duration_cast<seconds>(next - now));
@@ -196,18 +220,18 @@ TEST_CASE("iridium: what may pass is tried again with growing pauses, what canno
     CHECK(pauses[3] == 40s);
     CHECK(pauses.back() == 900s);
     REQUIRE(queue.next_due(now, {}));
-    queue.on_outcome(now, 1, outcome(mt_outcome::kind::unknown));
-    CHECK(status_of(*queue.find(1)).state == telecommand_stage::sent); // it may have left
+    queue.on_outcome(now, 1, outcome(link_outcome::kind::unknown));
+    CHECK(queue.stage(1) == telecommand_stage::sent); // it may have left
     now = queue.next_event();
     REQUIRE(queue.next_due(now, {}));
-    queue.on_outcome(now, 1, outcome(mt_outcome::kind::refused, "no credit"));
-    CHECK(queue.find(1)->stage == iridium_stage::failed);
+    queue.on_outcome(now, 1, outcome(link_outcome::kind::refused, "no credit"));
+    CHECK(queue.find(1)->stage == link_stage::failed);
     CHECK(queue.find(1)->text == "no credit");
-    CHECK(queue.next_event() == utc_time::max());
+    CHECK(queue.tracker.next_event() == ise::time_point::max());
 }
 
 TEST_CASE("iridium: a budget that is spent holds the queue until midnight UTC") {
-    mt_queue queue;
+    queue_of_sbd queue;
     queue.submit(start, request(1, command_kind::ping, 80000), 0).value();
     queue.submit(start, request(2, command_kind::set_mode, 80000), 0).value();
     CHECK_FALSE(queue.next_due(start, 0));
@@ -216,7 +240,6 @@ TEST_CASE("iridium: a budget that is spent holds the queue until midnight UTC") 
     auto due = queue.next_due(sys_days(2026y / 11 / 22), 1);
     REQUIRE(due);
     CHECK(due->id == 2);
-    CHECK(due->credits == 1);
     CHECK(credits_of(0, 50) == 1);
     CHECK(credits_of(50, 50) == 1);
     CHECK(credits_of(51, 50) == 2);
@@ -224,24 +247,24 @@ TEST_CASE("iridium: a budget that is spent holds the queue until midnight UTC") 
 }
 
 TEST_CASE("iridium: validity ends waiting, and says what may have happened, and an answer after that still counts") {
-    mt_queue queue;
+    queue_of_sbd queue;
     queue.submit(start, request(1, command_kind::ping, 60), 0).value();
     queue.submit(start, request(2, command_kind::set_mode, 60), 0).value();
     REQUIRE(queue.next_due(start, {})->id == 2);
-    queue.on_outcome(start, 2, outcome(mt_outcome::kind::accepted));
+    queue.on_outcome(start, 2, outcome(link_outcome::kind::accepted));
     CHECK(queue.next_event() <= start + 60s);
-    queue.on_time(start + 60s);
-    CHECK(queue.find(1)->stage == iridium_stage::expired);
+    queue.tracker.on_time(civil_tracker_time(start + 60s));
+    CHECK(queue.find(1)->stage == link_stage::expired);
     CHECK(queue.find(1)->text.find("before it could be sent") != std::string::npos);
     CHECK(queue.find(2)->text.find("gateway") != std::string::npos);
     CHECK(queue.on_acknowledgement(start + 2h, answer(2, command_kind::set_mode)));
-    CHECK(queue.find(2)->stage == iridium_stage::acknowledged);
+    CHECK(queue.find(2)->stage == link_stage::acknowledged);
 }
 
 TEST_CASE("iridium: the same id is the same telecommand, and nonsense and too many are refused") {
-    mt_queue_options options;
+    auto options = sbd_policy();
     options.max_open = 2;
-    mt_queue queue(options);
+    queue_of_sbd queue(options);
     CHECK(queue.submit(start, request(5, command_kind::ping), 0).value() == 5);
     CHECK(queue.submit(start, request(5, command_kind::ping), 0).value() == 5);
     CHECK(queue.submit(start, request(5, command_kind::reboot), 0).error().code() == ise::errc::invalid_argument);
@@ -250,12 +273,12 @@ TEST_CASE("iridium: the same id is the same telecommand, and nonsense and too ma
           ise::errc::invalid_argument);
     CHECK(queue.submit(start, request(0, command_kind::ping), 77).value() == 77);
     CHECK(queue.submit(start, request(8, command_kind::ping), 0).error().code() == ise::errc::overloaded);
-    queue.forget(77);
+    queue.tracker.forget(77);
     CHECK(queue.submit(start, request(8, command_kind::ping), 0));
 }
 
 TEST_CASE("iridium: RockBLOCK's answers are told apart: taken, never, later, unknown") {
-    using kind = mt_outcome::kind;
+    using kind = link_outcome::kind;
     CHECK(outcome_of_rockblock(answered(200, "OK,4114651")).what == kind::accepted);
     CHECK(outcome_of_rockblock(answered(200, "OK,4114651")).reference == "4114651");
     for (int code : {10, 11, 12, 13, 14, 15, 16}) {
@@ -276,35 +299,35 @@ TEST_CASE("iridium: RockBLOCK's answers are told apart: taken, never, later, unk
 TEST_CASE("iridium: the queue on disk comes back as it was, and what was being sent is sent again") {
     auto store = opened("queue_restart");
     {
-        mt_queue queue;
+        queue_of_sbd queue;
         auto insert = request(3, command_kind::waypoint_insert, 7200);
         insert.command = commands::waypoint_insert{2, {28.1534567891234, -15.4480000000001}};
         queue.submit(start, request(1, command_kind::set_mode), 0).value();
         queue.submit(start, request(2, command_kind::set_mode), 0).value();
         queue.submit(start, insert, 0).value();
         REQUIRE(queue.next_due(start, {})->id == 1);
-        queue.on_outcome(start, 1, outcome(mt_outcome::kind::accepted));
+        queue.on_outcome(start, 1, outcome(link_outcome::kind::accepted));
         REQUIRE(queue.next_due(start, {})->id == 2);
-        for (const auto& entry : queue.take_changes()) store.save(entry).value();
+        for (const auto& entry : queue.tracker.take_changes()) store.save(entry).value();
     }
-    mt_queue again;
+    queue_of_sbd again;
     auto kept = store.load().value();
     REQUIRE(kept.size() == 3);
     again.restore(start + 1min, std::move(kept));
-    CHECK(again.find(1)->stage == iridium_stage::at_gateway);
+    CHECK(again.find(1)->stage == link_stage::at_gateway);
     CHECK(again.find(1)->reference == "4114651");
-    CHECK(again.find(2)->stage == iridium_stage::waiting);
+    CHECK(again.find(2)->stage == link_stage::waiting);
     CHECK(again.find(2)->may_have_left);
     CHECK(again.find(3)->command == boat_command(commands::waypoint_insert{2, {28.1534567891234, -15.4480000000001}}));
-    CHECK(again.find(3)->expires_at == start + 2h);
+    CHECK(again.find(3)->expires_at == civil_tracker_time(start + 2h).now);
     CHECK(again.next_due(start + 1min, {})->id == 2);
     auto other = request(3, command_kind::waypoint_insert, 7200);
     CHECK_FALSE(again.submit(start, other, 0)); // the id stands for another place
     // Later than its validity: it comes back expired.
-    mt_queue late;
+    queue_of_sbd late;
     late.restore(start + 10h, store.load().value());
-    CHECK(late.open().empty());
-    CHECK(late.find(3)->stage == iridium_stage::expired);
+    CHECK(late.tracker.open().empty());
+    CHECK(late.find(3)->stage == link_stage::expired);
 }
 
 TEST_CASE(
@@ -334,7 +357,7 @@ TEST_CASE(
 
 TEST_CASE("iridium: spending is summed by day and month, and a refund takes it back") {
     auto store = opened("spending");
-    mt_entry entry;
+    tracked_telecommand entry;
     entry.id = 1;
     store.begin_attempt(entry, start, 30, 1).value();
     store.begin_attempt(entry, start + 1h, 70, 2).value();

@@ -14,8 +14,8 @@ namespace {
 constexpr utc_time moment = std::chrono::sys_days(std::chrono::year(2017) / 9 / 4) + 8h + 5min + 6s + 789ms;
 
 template <class P>
-dated<P> measured(P value) {
-    return dated<P>{std::move(value), moment, moment + 1s, link_id::xbee};
+heard<P> measured(P value) {
+    return heard<P>{std::move(value), moment, moment + 1s, link_id::xbee};
 }
 
 location somewhere() {
@@ -158,7 +158,9 @@ TEST_CASE("the newest report of each kind is what is known, whatever came when a
     CHECK(known.location()->link == link_id::gprs);
     CHECK_FALSE(known.wind());
     // A clock a day ahead does not stop those that go right.
-    REQUIRE(known.take(packet(first, moment + 24h, 7)) == std::nullopt);
+    auto ahead = packet(first, moment + 24h, 7);
+    ahead.received_at = moment - 1s;
+    REQUIRE(known.take(ahead) == std::nullopt);
     auto later = packet(first, moment + 4s, 8);
     later.received_at = moment + 5s;
     CHECK(known.take(later));

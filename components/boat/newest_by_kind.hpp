@@ -1,6 +1,7 @@
 #pragma once
 #include <components/boat/services.hpp>
 
+#include <algorithm>
 #include <map>
 
 namespace atirma {

@@ -1,8 +1,8 @@
-#include <components/gprs/outgoing.hpp>
+#include <components/byte_stream/outgoing.hpp>
 
 #include <asio/error.hpp>
 
-namespace atirma::gprs {
+namespace atirma {
 
 std::error_code outgoing::write(ise::stream& to) {
     while (!bytes_.empty()) {
@@ -16,4 +16,4 @@ std::error_code outgoing::write(ise::stream& to) {
     return {};
 }
 
-} // namespace atirma::gprs
+} // namespace atirma

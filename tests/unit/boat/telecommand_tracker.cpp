@@ -1,11 +1,12 @@
-#include <components/boat/command_book.hpp>
 #include <components/boat/duplicate_filter.hpp>
+#include <components/boat/newest_by_kind.hpp>
+#include <components/boat/telecommand_tracker.hpp>
 
 #include <ise/packet/json.hpp>
 
 #include <support/catch.hpp>
 
-namespace command_book_test {
+namespace telecommand_tracker_test {
 
 using namespace std::chrono_literals;
 using namespace atirma;
@@ -13,11 +14,17 @@ using namespace atirma;
 namespace {
 
 struct desk {
-    command_book book;
+    telecommand_tracker book;
     ise::time_point now{1h};
     utc_time wall{std::chrono::hours(400'000)};
 
-    explicit desk(book_options options = book_options()) : book(options) {}
+    explicit desk(link_policy policy = link_policy()) : book(policy) {}
+    tracker_time at() const {
+        tracker_time made;
+        made.now = now;
+        made.wall = wall;
+        return made;
+    }
     void pass(ise::duration time) {
         now += time;
         wall += std::chrono::duration_cast<std::chrono::milliseconds>(time);
@@ -27,21 +34,23 @@ struct desk {
         request.id = id;
         request.command = boat_command(kind);
         request.valid_s = valid_s;
-        return book.submit(now, wall, request, 77).value();
+        return book.submit(at(), request, 77).value();
     }
-    std::optional<command_book::due> due() { return book.next_due(now, wall); }
-    telecommand_stage stage(std::uint32_t id) { return book.find(id)->state; }
+    std::optional<telecommand_tracker::due> due() { return book.next_due(at()); }
+    void outcome(std::uint32_t id, link_outcome::kind what) { book.on_outcome(at(), id, make_outcome(what, "text")); }
+    telecommand_stage stage(std::uint32_t id) { return status_of(*book.find(id), link_id::xbee).state; }
     bool acknowledge(std::uint32_t id, command_kind kind = command_kind::ping) {
         acknowledgement ack;
         ack.id = id;
         ack.kind = kind;
-        return book.on_acknowledgement(wall, ack);
+        return book.on_acknowledgement(at(), ack);
     }
 };
 
 } // namespace
 
-TEST_CASE("command book: a telecommand goes from queued over sent to acknowledged, and each change is told once") {
+TEST_CASE(
+    "telecommand tracker: a telecommand goes from queued over sent to acknowledged, and each change is told once") {
     desk it;
     auto asked_at = it.wall;
     it.ask(5, command_kind::tack_now);
@@ -53,11 +62,12 @@ TEST_CASE("command book: a telecommand goes from queued over sent to acknowledge
     CHECK(command->id == 5);
     CHECK(command->command == boat_command(commands::tack_now()));
     CHECK_FALSE(it.due());
-    it.book.on_outcome(it.now, it.wall, 5, true, false, "");
+    it.outcome(5, link_outcome::kind::delivered);
     CHECK(it.stage(5) == telecommand_stage::sent);
     CHECK(it.acknowledge(5, command_kind::tack_now));
     CHECK_FALSE(it.acknowledge(5, command_kind::tack_now));
-    auto told = it.book.take_changes();
+    std::vector<telecommand_status> told;
+    for (const auto& each : it.book.take_changes()) told.push_back(status_of(each, link_id::xbee));
     REQUIRE(told.size() == 3);
     for (const auto& each : told) CHECK(each.asked_at == asked_at); // whoever comes later is told no 1970
     CHECK(told[2].at == asked_at + 3s);
@@ -68,7 +78,7 @@ TEST_CASE("command book: a telecommand goes from queued over sent to acknowledge
     CHECK(it.book.next_event() == ise::time_point::max());
 }
 
-TEST_CASE("command book: without an answer it is sent again until its time is over, with pauses that grow") {
+TEST_CASE("telecommand tracker: without an answer it is sent again until its time is over, with pauses that grow") {
     desk it;
     it.ask(6, command_kind::ping, 100);
     std::vector<ise::duration> at;
@@ -76,11 +86,11 @@ TEST_CASE("command book: without an answer it is sent again until its time is ov
     while (!is_final(it.stage(6))) {
         if (it.due()) {
             at.push_back(it.now - begun);
-            it.book.on_outcome(it.now, it.wall, 6, false, true, "no modem");
+            it.outcome(6, link_outcome::kind::later);
         }
         REQUIRE(it.book.next_event() > it.now);
         it.pass(it.book.next_event() - it.now);
-        it.book.on_time(it.now, it.wall);
+        it.book.on_time(it.at());
     }
     CHECK(it.stage(6) == telecommand_stage::expired);
     CHECK(it.now - begun == 100s);
@@ -88,59 +98,59 @@ TEST_CASE("command book: without an answer it is sent again until its time is ov
     CHECK(it.book.open_count() == 0);
 }
 
-TEST_CASE("command book: what the boat has answered over another link is called back, and not sent any more") {
+TEST_CASE("telecommand tracker: what the boat has answered over another link is called back, and not sent any more") {
     desk it;
     it.ask(5);
     it.ask(6);
     REQUIRE(it.due());
-    it.book.on_outcome(it.now, it.wall, 5, true, false, "");
-    CHECK(it.book.recall(it.wall, 5, "acknowledged over xbee"));
+    it.outcome(5, link_outcome::kind::delivered);
+    CHECK(it.book.recall(it.at(), 5, "acknowledged over xbee"));
     CHECK(it.stage(5) == telecommand_stage::expired); // it may have arrived here as well
-    CHECK(it.book.recall(it.wall, 6, "acknowledged over xbee"));
+    CHECK(it.book.recall(it.at(), 6, "acknowledged over xbee"));
     CHECK(it.stage(6) == telecommand_stage::failed); // it never left
-    CHECK_FALSE(it.book.recall(it.wall, 5, "again"));
-    CHECK_FALSE(it.book.recall(it.wall, 7, "nobody knows it"));
+    CHECK_FALSE(it.book.recall(it.at(), 5, "again"));
+    CHECK_FALSE(it.book.recall(it.at(), 7, "nobody knows it"));
     it.pass(1h);
     CHECK_FALSE(it.due());
     CHECK(it.acknowledge(5)); // the boat's word is the last one
     CHECK(it.stage(5) == telecommand_stage::acknowledged);
 }
 
-TEST_CASE("command book: what may have left the shore never becomes queued again") {
+TEST_CASE("telecommand tracker: what may have left the shore never becomes queued again") {
     desk it;
     it.ask(8);
     REQUIRE(it.due());
-    it.book.on_outcome(it.now, it.wall, 8, false, false, "no acknowledgement by the modem");
+    it.outcome(8, link_outcome::kind::unknown);
     CHECK(it.stage(8) == telecommand_stage::sent);
     it.pass(10s);
     REQUIRE(it.due());
-    it.book.on_outcome(it.now, it.wall, 8, false, true, "duty cycle");
+    it.outcome(8, link_outcome::kind::later);
     CHECK(it.stage(8) == telecommand_stage::sent);
 }
 
-TEST_CASE("command book: an answer that comes after the time is over corrects what was said") {
+TEST_CASE("telecommand tracker: an answer that comes after the time is over corrects what was said") {
     desk it;
     it.ask(9, command_kind::ping, 1);
     REQUIRE(it.due());
     it.pass(2s);
-    it.book.on_time(it.now, it.wall);
+    it.book.on_time(it.at());
     CHECK(it.stage(9) == telecommand_stage::expired);
     CHECK(it.acknowledge(9));
     CHECK(it.stage(9) == telecommand_stage::acknowledged);
-    it.book.on_outcome(it.now, it.wall, 9, true, false, ""); // the link's word comes last
+    it.outcome(9, link_outcome::kind::delivered); // the link's word comes last
     CHECK(it.stage(9) == telecommand_stage::acknowledged);
     CHECK(it.book.open_count() == 0);
 }
 
-TEST_CASE("command book: it is bounded in what is open and in what is remembered") {
-    book_options few;
+TEST_CASE("telecommand tracker: it is bounded in what is open and in what is remembered") {
+    link_policy few;
     few.max_open = 3;
     few.max_remembered = 2;
     desk it(few);
     for (std::uint32_t id = 1; id <= 3; ++id) it.ask(id);
     telecommand_request more;
     more.id = 4;
-    auto refused = it.book.submit(it.now, it.wall, more, 0);
+    auto refused = it.book.submit(it.at(), more, 0);
     REQUIRE_FALSE(refused);
     CHECK(refused.error().code() == ise::errc::overloaded);
     for (std::uint32_t id = 1; id <= 3; ++id) CHECK(it.acknowledge(id));
@@ -150,7 +160,7 @@ TEST_CASE("command book: it is bounded in what is open and in what is remembered
     CHECK(it.book.open_count() == 1);
 }
 
-TEST_CASE("command book: acknowledgements of nobody, and of another kind, change nothing") {
+TEST_CASE("telecommand tracker: acknowledgements of nobody, and of another kind, change nothing") {
     desk it;
     it.ask(5, command_kind::tack_now);
     CHECK_FALSE(it.acknowledge(6));
@@ -158,7 +168,7 @@ TEST_CASE("command book: acknowledgements of nobody, and of another kind, change
     CHECK(it.stage(5) == telecommand_stage::queued);
 }
 
-TEST_CASE("command book: a request without an id gets the one that was chosen for it") {
+TEST_CASE("telecommand tracker: a request without an id gets the one that was chosen for it") {
     desk it;
     CHECK(it.ask(0) == 77);
 }
@@ -209,17 +219,17 @@ TEST_CASE("a duplicate filter's window belongs to all boots, and history cannot 
     CHECK_FALSE(seen.first_time(9, half - 1, raw));
 }
 
-TEST_CASE("command book: the epoch of authority travels, and the boat's refusal tells the one that holds") {
+TEST_CASE("telecommand tracker: the epoch of authority travels, and the boat's refusal tells the one that holds") {
     desk it;
     telecommand_request request;
     request.id = 8;
     request.authority = 5;
     request.command = commands::tack_now();
-    it.book.submit(it.now, it.wall, request, 1).value();
+    it.book.submit(it.at(), request, 1).value();
     CHECK(parse_telecommand(it.due()->raw)->authority == 5);
-    it.book.on_outcome(it.now, it.wall, 8, false, true, "no modem");
+    it.outcome(8, link_outcome::kind::later);
     request.authority = 7; // the same telecommand, asked for again by who has taken the authority anew
-    CHECK(it.book.submit(it.now, it.wall, request, 1).value() == 8);
+    CHECK(it.book.submit(it.at(), request, 1).value() == 8);
     it.pass(5s);
     CHECK(parse_telecommand(it.due()->raw)->authority == 7);
     acknowledgement no;
@@ -227,21 +237,21 @@ TEST_CASE("command book: the epoch of authority travels, and the boat's refusal 
     no.kind = command_kind::tack_now;
     no.code = ack_code::no_authority;
     no.authority = 16'777'217; // 2^24 + 1: no float holds it
-    CHECK(it.book.on_acknowledgement(it.wall, no));
+    CHECK(it.book.on_acknowledgement(it.at(), no));
     CHECK(it.book.find(8)->result == ack_code::no_authority);
     CHECK(it.book.find(8)->boat_obeys == 16'777'217u);
 }
 
-TEST_CASE("command book: an answer to what was sent under authority names its epoch, another one is nobody's") {
+TEST_CASE("telecommand tracker: an answer to what was sent under authority names its epoch, another one is nobody's") {
     desk it;
     telecommand_request request;
     request.authority = 6;
     auto send = [&](std::uint32_t id, command_kind kind) {
         request.id = id;
         request.command = boat_command(kind);
-        it.book.submit(it.now, it.wall, request, 1).value();
+        it.book.submit(it.at(), request, 1).value();
         REQUIRE(it.due());
-        it.book.on_outcome(it.now, it.wall, id, true, true, "");
+        it.outcome(id, link_outcome::kind::delivered);
     };
     auto answer = [&](std::uint32_t id, command_kind kind, std::optional<std::uint32_t> epoch,
                       ack_code code = ack_code::done) {
@@ -250,7 +260,7 @@ TEST_CASE("command book: an answer to what was sent under authority names its ep
         ack.kind = kind;
         ack.code = code;
         ack.authority = epoch;
-        return it.book.on_acknowledgement(it.wall, ack);
+        return it.book.on_acknowledgement(it.at(), ack);
     };
     send(8, command_kind::tack_now);
     for (auto code : {ack_code::done, ack_code::refused, ack_code::unknown_command})
@@ -259,7 +269,7 @@ TEST_CASE("command book: an answer to what was sent under authority names its ep
     CHECK(it.stage(8) == telecommand_stage::sent);
     CHECK_FALSE(it.book.find(8)->boat_obeys);
     request.authority = 8; // asked for again while it is under way: the boat answers what it got
-    it.book.submit(it.now, it.wall, request, 1).value();
+    it.book.submit(it.at(), request, 1).value();
     CHECK(answer(8, command_kind::tack_now, 6));
     CHECK(it.stage(8) == telecommand_stage::acknowledged);
     // The boat refuses under its own epoch, and answers questions under any.
@@ -274,4 +284,39 @@ TEST_CASE("command book: an answer to what was sent under authority names its ep
     CHECK(answer(11, command_kind::tack_now, {}));
 }
 
-} // namespace command_book_test
+TEST_CASE("newest by kind: what comes late over a slower link is history, each kind by itself") {
+    newest_by_kind it;
+    utc_time at{std::chrono::hours(400'000)};
+    auto packet = [&](std::uint8_t kind, std::chrono::seconds later, std::chrono::seconds received = 0s) {
+        telemetry_packet made;
+        made.measured_at = at + later;
+        made.received_at = at + (received > 0s ? received : later);
+        made.raw = {std::byte{1}, std::byte{kind}};
+        return made;
+    };
+    CHECK_FALSE(it.is_history(packet(1, 10s)));
+    CHECK_FALSE(it.is_history(packet(1, 10s))); // the same over another link
+    CHECK(it.is_history(packet(1, 9s)));
+    CHECK_FALSE(it.is_history(packet(3, 9s)));
+    auto said = packet(1, 20s);
+    said.history = true;
+    CHECK(it.is_history(said));
+    CHECK_FALSE(it.is_history(packet(1, 11s)));
+    CHECK_FALSE(it.is_history(packet(1, 1000000s, 30s))); // a clock that is days ahead, or four minutes
+    CHECK_FALSE(it.is_history(packet(1, 31s + 4min, 31s)));
+    CHECK_FALSE(it.is_history(packet(1, 32s))); // makes nothing history that is measured after it came
+    CHECK(it.is_history(packet(1, 30s, 33s)));
+}
+
+TEST_CASE("telecommand tracker: what a link has in its hand when the validity ends may have been executed") {
+    desk it;
+    it.ask(1, command_kind::ping, 10);
+    it.ask(2, command_kind::ping, 10);
+    REQUIRE(it.due()->id == 1);
+    it.pass(10s);
+    it.book.on_time(it.at());
+    CHECK_THAT(it.book.find(1)->text, Catch::Contains("may have been executed"));
+    CHECK_THAT(it.book.find(2)->text, Catch::Contains("before it could be sent"));
+}
+
+} // namespace telecommand_tracker_test

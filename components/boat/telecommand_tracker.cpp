@@ -1,0 +1,263 @@
+#include <components/boat/telecommand_tracker.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <tuple>
+
+namespace atirma {
+namespace {
+
+ise::duration pause_after(std::uint32_t failures, const link_policy& policy) {
+    auto pause = policy.min_pause;
+    for (std::uint32_t i = 1; i < failures && pause < policy.max_pause; ++i) pause *= 2;
+    return std::min(pause, policy.max_pause);
+}
+
+} // namespace
+
+link_outcome make_outcome(link_outcome::kind what, std::string text, std::string reference) {
+    link_outcome made;
+    made.what = what;
+    made.text = std::move(text);
+    made.reference = std::move(reference);
+    return made;
+}
+
+telecommand_status status_of(const tracked_telecommand& entry, link_id link) {
+    telecommand_status told;
+    told.id = entry.id;
+    told.link = link;
+    told.kind = entry.command.kind();
+    switch (entry.stage) {
+        case link_stage::waiting:
+        case link_stage::sending:
+            told.state = entry.may_have_left ? telecommand_stage::sent : telecommand_stage::queued;
+            break;
+        case link_stage::at_gateway:
+        case link_stage::delivered: told.state = telecommand_stage::sent; break;
+        case link_stage::acknowledged: told.state = telecommand_stage::acknowledged; break;
+        case link_stage::failed: told.state = telecommand_stage::failed; break;
+        case link_stage::expired: told.state = telecommand_stage::expired; break;
+    }
+    told.result = entry.result;
+    told.value = entry.value;
+    told.boat_obeys = entry.boat_obeys;
+    told.text = entry.text;
+    told.at = entry.changed_at;
+    told.asked_at = entry.asked_at;
+    told.attempts = entry.attempts;
+    return told;
+}
+
+bool is_answer(const acknowledgement& ack, command_kind kind, std::uint32_t sent_under) noexcept {
+    if (ack.kind != kind) return false; // of another shore's telecommand with that number
+    if (sent_under == 0 || ack.code == ack_code::no_authority) return true;
+    return ack.authority && (!traits_of(kind).needs_authority || *ack.authority == sent_under);
+}
+
+void telecommand_tracker::restore(tracker_time at, std::vector<tracked_telecommand> kept) {
+    std::ranges::sort(kept, {}, &tracked_telecommand::changed_at);
+    for (auto& entry : kept) {
+        next_order_ = std::max(next_order_, entry.order + 1);
+        entry.failures = entry.attempts;
+        bool was_sending = entry.stage == link_stage::sending, decided = is_final(entry.stage);
+        auto id = entry.id;
+        auto& mine = table_.add(id, std::move(entry), decided);
+        if (!was_sending) continue;
+        mine.may_have_left = true;
+        mine.next_try = at.now;
+        change(mine, at, link_stage::waiting, "was being given to the link when the proxy ended; is sent again");
+    }
+    on_time(at);
+}
+
+ise::result<std::uint32_t> telecommand_tracker::submit(tracker_time at, const telecommand_request& request,
+                                                       std::uint32_t chosen) {
+    auto id = request.id != 0 ? request.id : chosen;
+    if (auto* known = table_.find(id)) {
+        if (known->command != request.command)
+            return ise::failure(
+                ise::errc::invalid_argument,
+                fmt::format("telecommand {} is {} already; choose another id", id, name_of(known->command.kind())));
+        bool here = known->stage == link_stage::waiting &&
+                    !known->may_have_left; // else its answer names the epoch that it left with
+        if (here) known->authority = std::max(known->authority, request.authority); // taken anew meanwhile
+        return id;
+    }
+    if (auto good = check_request(request); !good) return good.error();
+    if (open_count() >= policy_.max_open)
+        return ise::failure(ise::errc::overloaded,
+                            fmt::format("{} telecommands wait for the boat already", open_count()));
+    tracked_telecommand made;
+    made.id = id;
+    made.command = request.command;
+    made.authority = request.authority;
+    made.order = next_order_++;
+    made.asked_at = at.wall;
+    made.next_try = at.now;
+    made.expires_at = ise::saturating_add(
+        at.now, std::chrono::round<std::chrono::milliseconds>(std::chrono::duration<double>(request.valid_s)));
+    change(table_.add(id, std::move(made)), at, link_stage::waiting, std::string(policy_.waits));
+    return id;
+}
+
+void telecommand_tracker::forget(std::uint32_t id) {
+    std::erase_if(changes_, [id](const tracked_telecommand& e) { return e.id == id; });
+    table_.forget(id);
+}
+
+bool telecommand_tracker::may_be_sent(const tracked_telecommand& e) const {
+    if (e.stage == link_stage::waiting) return true;
+    return policy_.answer_time && (e.stage == link_stage::at_gateway || e.stage == link_stage::delivered);
+}
+
+bool telecommand_tracker::link_is_taken() const {
+    return policy_.one_at_a_time && std::ranges::any_of(table_.open(), [this](std::uint32_t id) {
+               return table_.at(id).stage == link_stage::sending;
+           });
+}
+
+const tracked_telecommand* telecommand_tracker::first_due(tracker_time at) {
+    on_time(at);
+    if (link_is_taken()) return nullptr;
+    for (const auto* e : open())
+        if (may_be_sent(*e) && e->next_try <= at.now) return e;
+    return nullptr;
+}
+
+std::optional<telecommand_tracker::due> telecommand_tracker::next_due(tracker_time at) {
+    const auto* first = first_due(at);
+    if (!first) return std::nullopt;
+    auto& e = table_.at(first->id);
+    held_until_ = {};
+    ++e.attempts;
+    if (e.stage != link_stage::waiting) e.may_have_left = true;
+    if (policy_.is_given.empty()) e.stage = link_stage::sending;
+    else change(e, at, link_stage::sending, std::string(policy_.is_given));
+    due made;
+    made.id = e.id;
+    made.raw = encode_telecommand({e.id, at.wall, e.command, e.authority});
+    made.remaining = e.expires_at - at.now;
+    return made;
+}
+
+void telecommand_tracker::hold(tracker_time at, ise::time_point until, const std::string& why) {
+    held_until_ = until;
+    const auto* first = first_due(at);
+    if (first && first->text != why) change(table_.at(first->id), at, first->stage, why);
+}
+
+void telecommand_tracker::on_outcome(tracker_time at, std::uint32_t id, const link_outcome& outcome) {
+    auto* e = table_.find(id);
+    if (!e || e->stage != link_stage::sending) return;
+    using kind = link_outcome::kind;
+    switch (outcome.what) {
+        case kind::delivered:
+        case kind::accepted:
+            e->failures = 0;
+            e->reference = outcome.reference;
+            e->next_try = ise::saturating_add(at.now, policy_.answer_time.value_or(ise::duration()));
+            return change(*e, at, outcome.what == kind::delivered ? link_stage::delivered : link_stage::at_gateway,
+                          outcome.text);
+        case kind::refused: return change(*e, at, link_stage::failed, outcome.text);
+        case kind::unknown: e->may_have_left = true; [[fallthrough]];
+        case kind::later:
+            e->next_try = ise::saturating_add(at.now, pause_after(++e->failures, policy_));
+            change(*e, at, link_stage::waiting, outcome.text + "; is tried again");
+    }
+}
+
+void telecommand_tracker::on_delivered(tracker_time at) {
+    tracked_telecommand* oldest = nullptr;
+    for (auto id : table_.open()) {
+        auto& e = table_.at(id);
+        if (e.stage == link_stage::at_gateway && (!oldest || e.changed_at < oldest->changed_at)) oldest = &e;
+    }
+    if (oldest) change(*oldest, at, link_stage::delivered, "delivered to the boat's modem");
+}
+
+void telecommand_tracker::on_gateway_word(tracker_time at, std::uint32_t id, bool kept, const std::string& text) {
+    auto* e = table_.find(id);
+    if (!e || is_final(e->stage)) return;
+    change(*e, at, kept ? std::max(e->stage, link_stage::at_gateway) : link_stage::failed, text);
+}
+
+bool telecommand_tracker::on_acknowledgement(tracker_time at, const acknowledgement& ack) {
+    auto* e = table_.find(ack.id);
+    if (!e || e->stage == link_stage::acknowledged || !is_answer(ack, e->command.kind(), e->authority)) return false;
+    e->result = ack.code;
+    if (traits_of(ack.kind).returns_value) e->value = ack.value;
+    e->boat_obeys = ack.authority;
+    change(*e, at, link_stage::acknowledged, ack.text);
+    return true;
+}
+
+void telecommand_tracker::on_link_up(tracker_time at) {
+    for (auto id : table_.open()) {
+        auto& e = table_.at(id);
+        e.failures = 0;
+        e.next_try = at.now;
+    }
+}
+
+bool telecommand_tracker::recall(tracker_time at, std::uint32_t id, const std::string& why) {
+    auto* e = table_.find(id);
+    if (!e || is_final(e->stage)) return false;
+    bool waits = e->stage == link_stage::waiting;
+    if (!waits && !policy_.answer_time) return false; // it is the link's now
+    if (waits && !e->may_have_left)
+        change(*e, at, link_stage::failed, fmt::format("called back before it was sent ({})", why));
+    else change(*e, at, link_stage::expired, fmt::format("called back ({}): it may have arrived here as well", why));
+    return true;
+}
+
+void telecommand_tracker::on_time(tracker_time at) {
+    for (auto id : std::vector(table_.open())) {
+        auto& e = table_.at(id);
+        if (e.expires_at > at.now) continue;
+        bool never_left = e.stage == link_stage::waiting && !e.may_have_left;
+        change(e, at, link_stage::expired,
+               never_left ? "its time was over before it could be sent"
+               : e.stage == link_stage::at_gateway
+                   ? "its time was over while it waited at the gateway: the boat may still get it"
+                   : "its time was over without the boat's answer: it may have been executed");
+    }
+}
+
+ise::time_point telecommand_tracker::next_event() const {
+    auto next = next_expiry();
+    if (link_is_taken()) return next;
+    for (auto id : table_.open()) {
+        const auto& e = table_.at(id);
+        if (may_be_sent(e)) next = std::min(next, std::max(e.next_try, held_until_));
+    }
+    return next;
+}
+
+ise::time_point telecommand_tracker::next_expiry() const {
+    auto next = ise::time_point::max();
+    for (auto id : table_.open()) next = std::min(next, table_.at(id).expires_at);
+    return next;
+}
+
+std::vector<const tracked_telecommand*> telecommand_tracker::open() const {
+    std::vector<const tracked_telecommand*> all;
+    for (auto id : table_.open()) all.push_back(&table_.at(id));
+    std::ranges::sort(all, {}, [this](const tracked_telecommand* e) {
+        auto priority = policy_.one_at_a_time ? traits_of(e->command.kind()).priority : command_priority();
+        return std::tuple(priority, e->order);
+    });
+    return all;
+}
+
+void telecommand_tracker::change(tracked_telecommand& e, tracker_time at, link_stage stage, std::string text) {
+    bool was_final = is_final(e.stage);
+    e.stage = stage;
+    e.text = std::move(text);
+    e.changed_at = at.wall;
+    changes_.push_back(e);
+    if (!was_final && is_final(stage)) table_.decide(e.id); // an answer after expiry corrects what was said
+}
+
+} // namespace atirma

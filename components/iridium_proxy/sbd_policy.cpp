@@ -1,0 +1,37 @@
+#include <components/iridium_proxy/sbd_policy.hpp>
+
+#include <algorithm>
+
+namespace atirma {
+
+link_policy sbd_policy() {
+    link_policy made;
+    made.link = link_id::iridium;
+    made.answer_time.reset();
+    made.min_pause = std::chrono::seconds(5);
+    made.max_pause = std::chrono::minutes(15);
+    made.one_at_a_time = true;
+    made.waits = "waits for its turn at the gateway";
+    made.is_given = "is being given to the gateway";
+    return made;
+}
+
+std::uint64_t credits_of(std::size_t bytes, std::uint32_t bytes_per_credit) noexcept {
+    auto each = std::max<std::uint64_t>(1, bytes_per_credit);
+    return std::max<std::uint64_t>(1, (bytes + each - 1) / each);
+}
+
+std::optional<telecommand_tracker::due> next_within_budget(telecommand_tracker& of, utc_time now,
+                                                           std::optional<std::uint64_t> credits_left,
+                                                           std::uint32_t bytes_per_credit) {
+    auto at = civil_tracker_time(now);
+    const auto* first = of.first_due(at);
+    if (!first) return std::nullopt;
+    auto bytes = encode_telecommand({first->id, now, first->command, first->authority}).size();
+    if (!credits_left || credits_of(bytes, bytes_per_credit) <= *credits_left) return of.next_due(at);
+    auto midnight = std::chrono::floor<std::chrono::days>(now) + std::chrono::days(1);
+    of.hold(at, civil_tracker_time(midnight).now, "today's budget is spent: it goes on at 00:00 UTC");
+    return std::nullopt;
+}
+
+} // namespace atirma
