@@ -30,19 +30,19 @@ void compare(activity& made, const surveyed& then, const surveyed& now) {
     auto [in_before, out_before] = bytes_of(*then.about);
     // A session that ended took its bytes along: nobody knows what came over it meanwhile.
     if (in >= in_before && out >= out_before) {
-        made.in_bps = rate(in, in_before);
-        made.out_bps = rate(out, out_before);
+        made.in_bytes_per_s = rate(in, in_before);
+        made.out_bytes_per_s = rate(out, out_before);
     }
-    made.dropped = grown(now.about->packets_dropped, then.about->packets_dropped);
+    made.dropped_too_slow_now = grown(now.about->packets_dropped, then.about->packets_dropped);
     if (!now.health || !then.health) return;
-    made.refused = grown(now.health->calls_refused, then.health->calls_refused);
+    made.calls_refused_now = grown(now.health->calls_refused, then.health->calls_refused);
     made.services = service_activities(*then.health, *now.health, seconds);
 }
 
-std::vector<service_activity::loss> losses_of(const service_load& before, const service_load& now) {
-    std::vector<service_activity::loss> made;
+json_object<loss_count> losses_of(const service_load& before, const service_load& now) {
+    json_object<loss_count> made;
     auto add = [&](const std::string& reason, std::uint64_t ever, std::uint64_t then) {
-        if (ever > 0) made.push_back({reason, ever, grown(ever, then)});
+        if (ever > 0) made.emplace_back(reason, loss_count{ever, grown(ever, then)});
     };
     add("overloaded", now.overloaded, before.overloaded);
     add("expired", now.expired, before.expired);
@@ -58,7 +58,21 @@ std::vector<service_activity::loss> losses_of(const service_load& before, const 
 std::uint64_t grown(std::uint64_t now, std::uint64_t before) { return now - std::min(now, before); }
 
 bool service_activity::loses() const noexcept {
-    return std::ranges::any_of(losses, [](const loss& one) { return one.meanwhile > 0; });
+    return std::ranges::any_of(losses, [](const auto& one) { return one.second.now > 0; });
+}
+
+std::variant<service_activity::answered, service_activity::published> service_activity::json() const {
+    if (publishes)
+        return published{.name = name, .hz = hz, .waiting = waiting, .subscribers = subscribers, .not_sent = losses};
+    return answered{.name = name,
+                    .hz = hz,
+                    .waiting = waiting,
+                    .running = running,
+                    .handled_p50_s = handled_p50,
+                    .handled_p99_s = handled_p99,
+                    .waited_p50_s = waited_p50,
+                    .waited_p99_s = waited_p99,
+                    .refused = losses};
 }
 
 std::optional<duration> percentile(const std::vector<duration_count>& before, const std::vector<duration_count>& now,
@@ -122,17 +136,19 @@ std::vector<activity> activities(const std::vector<surveyed>& before, const std:
             for (const auto& session : one.about->sessions) {
                 if (peer_of(session.peer).looks_only()) continue;
                 ++made.sessions;
-                made.round_trip = std::max(made.round_trip, duration(session.round_trip_ns));
+                if (session.round_trip_ns > 0)
+                    made.round_trip_s =
+                        std::max(made.round_trip_s.value_or(duration{}), duration(session.round_trip_ns));
             }
-            made.dropped_ever = one.about->packets_dropped;
+            made.dropped_too_slow = one.about->packets_dropped;
             if (auto then = lives.find(one.about->incarnation); then != lives.end()) compare(made, *then->second, one);
         }
         if (one.health) {
-            made.has_health = true;
-            made.refused_ever = one.health->calls_refused;
+            made.running = made.unsent_bytes = 0;
+            made.calls_refused = one.health->calls_refused;
             for (const auto& service : one.health->services)
-                if (!is_own_service(service.name)) made.running += service.running;
-            for (const auto& session : one.health->sessions) made.unsent_bytes += session.unsent_bytes;
+                if (!is_own_service(service.name)) *made.running += service.running;
+            for (const auto& session : one.health->sessions) *made.unsent_bytes += session.unsent_bytes;
         }
         all.push_back(std::move(made));
     }

@@ -1,7 +1,6 @@
 #include "command.hpp"
 
 #include "json.hpp"
-#include "survey.hpp"
 #include "text.hpp"
 
 #include <ise/component/node.hpp>

@@ -60,6 +60,9 @@ struct context {
     duration left() const { return std::max(duration(std::chrono::milliseconds(1)), until - self.now()); }
 };
 
+/// Commands that look at everything call themselves so, in order not to see themselves.
+inline constexpr std::string_view looker_prefix = "ise/cli/";
+
 /// A command line that was read: what is to be done.
 struct parsed_command {
     settings set;

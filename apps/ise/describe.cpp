@@ -84,30 +84,29 @@ described_service describe_one(const service_text& one) {
 }
 
 description description_of(const component_info& about, const std::string& name, const resolution& who) {
-    description made;
+    description made{.path = about.path,
+                     .state = about.state,
+                     .host = about.host_name,
+                     .process_id = about.process_id,
+                     .incarnation = hex(about.incarnation),
+                     .epoch = std::to_string(about.epoch),
+                     .confirmed = about.confirmed,
+                     .roles = about.roles,
+                     .endpoints = about.endpoints,
+                     .calls_served = about.calls_served,
+                     .packets_published = about.packets_published,
+                     .packets_dropped = about.packets_dropped,
+                     .ended_subscriptions = about.ended_subscriptions};
     if (who.role) {
         made.role = name;
         made.members.emplace();
         for (const auto& one : who.members)
             made.members->push_back({one.path, one.priority, one.ready, &one == &who.members.front()});
     }
-    made.path = about.path;
-    made.state = about.state;
-    made.host = about.host_name;
-    made.process_id = about.process_id;
-    made.incarnation = hex(about.incarnation);
-    made.epoch = std::to_string(about.epoch);
-    made.confirmed = about.confirmed;
-    made.roles = about.roles;
-    made.endpoints = about.endpoints;
     for (const auto& one : about.services) made.services.push_back(describe_one(one));
     for (const auto& one : about.sessions)
         made.sessions.push_back(
             {one.peer, one.bytes_in, one.bytes_out, one.peer_stalled, one.uses, duration(one.round_trip_ns)});
-    made.calls_served = about.calls_served;
-    made.packets_published = about.packets_published;
-    made.packets_dropped = about.packets_dropped;
-    made.ended_subscriptions = about.ended_subscriptions;
     for (const auto& one : about.waits) {
         made.waits.push_back({one.target, {}, one.stage, show_wall(one.since), one.cause, one.waited});
         if (!one.service.empty()) made.waits.back().service = one.service;

@@ -233,10 +233,10 @@ private:
         std::string text;
         if (then == before_.end()) return text;
         for (const auto& service : service_activities(*then->second, now, 1))
-            for (const auto& loss : service.losses)
-                if (service.publishes == publications && loss.meanwhile > 0)
-                    text += fmt::format("{}{} of '{}' ({})", text.empty() ? ": " : ", ", loss.meanwhile, service.name,
-                                        loss.reason);
+            for (const auto& [reason, count] : service.losses)
+                if (service.publishes == publications && count.now > 0)
+                    text +=
+                        fmt::format("{}{} of '{}' ({})", text.empty() ? ": " : ", ", count.now, service.name, reason);
         return text;
     }
 

@@ -173,28 +173,26 @@ std::string_view name_of(instantiation::instance_state state) {
 }
 
 instance_line line_of(const std::string& host, const instantiation::instance_info& what) {
-    instance_line made;
-    made.host = host;
-    made.path = what.path;
-    made.type = what.type;
-    made.program = what.program;
-    made.state = name_of(what.state);
-    made.reason = what.reason;
-    made.process_id = what.process_id;
-    made.process = what.process;
-    made.since_s = what.since.time_since_epoch();
-    made.restarts = what.restarts;
-    made.adopted = what.adopted;
-    made.arguments = what.arguments;
-    made.roles = what.roles;
-    made.deployment = what.deployment;
-    made.limits = what.limits;
-    made.output_dropped = what.output_dropped;
-    made.output_trouble = what.output_trouble;
-    made.probe = what.terms.probe;
-    made.probe_trouble = what.probe_trouble;
-    made.rebuilt = what.rebuilt;
-    return made;
+    return {.host = host,
+            .path = what.path,
+            .type = what.type,
+            .program = what.program,
+            .state = name_of(what.state),
+            .reason = what.reason,
+            .process_id = what.process_id,
+            .process = what.process,
+            .since_s = what.since.time_since_epoch(),
+            .restarts = what.restarts,
+            .adopted = what.adopted,
+            .arguments = what.arguments,
+            .roles = what.roles,
+            .deployment = what.deployment,
+            .limits = what.limits,
+            .output_dropped = what.output_dropped,
+            .output_trouble = what.output_trouble,
+            .probe = what.terms.probe,
+            .probe_trouble = what.probe_trouble,
+            .rebuilt = what.rebuilt};
 }
 
 task<> print_instance(context& in, std::string host, instantiation::instance_info what) {

@@ -15,7 +15,8 @@
 #include <vector>
 
 /// What `--json` prints: each answer is a plain struct whose fields, by reflection, are those of its JSON. Unlike packets
-/// (ise/packet/json.hpp) such a struct may contain itself, leave fields out and list values of several types.
+/// (ise/packet/json.hpp) such a struct may contain itself, leave fields out and list values of several types;
+/// one with `json()` is printed as what that returns.
 namespace ise::cli {
 
 /// A field that is left out where there is nothing; a std::optional is `null` there.
@@ -27,6 +28,11 @@ struct if_any : std::optional<T> {
 /// An object whose keys are data, in their order.
 template <class T>
 using json_object = std::vector<std::pair<std::string, T>>;
+
+/// A value that is JSON already, such as that of a packet.
+struct json_text {
+    std::string text;
+};
 
 namespace json_detail {
 
@@ -72,17 +78,28 @@ void append_field(std::string& to, char& before, std::string_view name, const T&
     }
 }
 
-// Numbers, texts and times as packets have them; a length of time is a number, however long.
+// "2.0": whatever the value, a reader sees what kind of number it is.
+inline void append_floating(std::string& to, double value) {
+    auto from = to.size();
+    ise::detail::append_json_number(to, value);
+    if (to.find_first_not_of("-0123456789", from) == to.npos) to += ".0";
+}
+
+// A length of time is a number of seconds.
 template <class T>
 void append(std::string& to, const T& value) {
-    if constexpr (std::same_as<T, bool>) {
+    if constexpr (requires { value.json(); }) {
+        append(to, value.json());
+    } else if constexpr (std::same_as<T, bool>) {
         to += value ? "true" : "false";
     } else if constexpr (std::integral<T>) {
         to += std::to_string(value);
     } else if constexpr (std::floating_point<T>) {
-        ise::detail::append_json_number(to, value);
+        append_floating(to, value);
     } else if constexpr (is_length_of_time<T>) {
-        ise::detail::append_json_number(to, std::chrono::duration<double>(value).count());
+        append_floating(to, std::chrono::duration<double>(value).count());
+    } else if constexpr (std::same_as<T, json_text>) {
+        to += value.text;
     } else if constexpr (std::is_enum_v<T>) {
         for (const auto& one : enumerators<T>())
             if (one.value == static_cast<std::int64_t>(value)) return ise::detail::append_json_string(to, one.name);

@@ -54,18 +54,17 @@ std::vector<listed_component> listed_components(const std::vector<naming::listed
                                                 const role_lists& roles) {
     std::vector<listed_component> all;
     for (const auto& one : names) {
-        listed_component made;
-        made.path = one.path;
-        made.state = one.state;
-        made.type = one.type;
-        made.host = one.host_name;
-        made.process_id = one.process_id;
-        made.node = one.node;
-        made.epoch = std::to_string(one.epoch);
-        made.incarnation = fmt::format("{:016x}", one.incarnation);
-        made.lease_age_s = one.lease_age;
-        made.endpoints = one.endpoints;
-        made.services_provided = one.services_provided;
+        listed_component made{.path = one.path,
+                              .state = one.state,
+                              .type = one.type,
+                              .host = one.host_name,
+                              .process_id = one.process_id,
+                              .node = one.node,
+                              .epoch = std::to_string(one.epoch),
+                              .incarnation = fmt::format("{:016x}", one.incarnation),
+                              .lease_age_s = one.lease_age,
+                              .endpoints = one.endpoints,
+                              .services_provided = one.services_provided};
         if (!one.waits_for.empty()) made.waits_for = one.waits_for;
         for (const auto& [role, priority] : one.roles)
             made.roles.push_back({role, priority, roles.at(role).front().path == one.path});

@@ -31,7 +31,7 @@ struct param_line {
     std::string description;
 };
 
-param_line line_of(const parameter_text& of) {
+param_line parameter_line(const parameter_text& of) {
     return {of.about.name,   of.values,           ise::name_of(of.about.kind), allowed_values(of.about),
             of.about.preset, of.about.changeable, of.about.description};
 }
@@ -131,10 +131,10 @@ task<> param(context& in, param_options options) {
     } else if (options.act != "list") {
         for (const auto& value : all.front().values)
             if (!in.set.json) text += printable(value) + "\n";
-        if (in.set.json) text = json_line(line_of(all.front()));
+        if (in.set.json) text = json_line(parameter_line(all.front()));
     } else if (in.set.json) {
         std::vector<param_line> lines;
-        for (const auto& one : all) lines.push_back(line_of(one));
+        for (const auto& one : all) lines.push_back(parameter_line(one));
         text = json_line(lines);
     } else {
         text = parameter_table(in, all);

@@ -1,6 +1,5 @@
 #include "plan_executor.hpp"
 
-#include "json.hpp"
 #include "text.hpp"
 
 #include <asio/this_coro.hpp>
@@ -20,7 +19,7 @@ using instantiation::start_request;
 // Beside what a component may take by its own terms: a name that has to come free, another try as before.
 constexpr duration besides = 30s;
 constexpr duration max_stop = 90s;
-constexpr std::size_t at_once = 8; // an instantiation server bounds how many are started within a short time
+constexpr std::size_t steps_at_once = 8; // an instantiation server bounds how many are started within a short time
 
 // Of what was asked of an instantiation server. One that is lost meanwhile says neither that it is done nor that it is
 // not.
@@ -34,18 +33,10 @@ problem failed_at(action what, const std::string& path, const std::string& serve
                         server)};
 }
 
-struct step_line {
-    std::string_view action;
-    std::string path, host, reason;
-    std::vector<instantiation::difference> differences;
-    std::uint64_t step = 0, of = 0;
-    std::string state, outcome;
-};
-
 } // namespace
 
 planned_step planned_step_of(const deployment::step& of) {
-    return {deployment::name_of(of.what), of.path, of.server, of.reason, of.differences};
+    return {deployment::name_of(of.what), of.path, of.server, of.reason, of.differences, {}, {}, {}, {}};
 }
 
 plan_executor::plan_executor(context& in, fleet& there)
@@ -93,7 +84,7 @@ bool plan_executor::may_begin(const job& one) const {
 bool plan_executor::begin_some() {
     if (interrupted_ || (why_ && !how_.all)) return false;
     bool some = false;
-    for (std::size_t number = 0; number < jobs_.size() && begun_ < at_once; ++number) {
+    for (std::size_t number = 0; number < jobs_.size() && begun_ < steps_at_once; ++number) {
         auto& one = jobs_[number];
         if (!may_begin(one)) continue;
         one.now = phase::begun;
@@ -287,16 +278,11 @@ task<> plan_executor::tell(std::size_t number, std::string state, std::string ou
     const auto& what = jobs_[number].what;
     std::string text;
     if (in_.set.json) {
-        auto planned = planned_step_of(what);
-        step_line line{std::move(planned.action),
-                       std::move(planned.path),
-                       std::move(planned.host),
-                       std::move(planned.reason),
-                       std::move(planned.differences),
-                       number + 1,
-                       jobs_.size(),
-                       state,
-                       outcome};
+        auto line = planned_step_of(what);
+        line.step = number + 1;
+        line.of = jobs_.size();
+        line.state = state;
+        line.outcome = outcome;
         text = json_line(line);
     } else if (state == "begun") {
         text = printable(fmt::format("[{}/{}] {}", number + 1, jobs_.size(), deployment::as_text(what, true)), true) +

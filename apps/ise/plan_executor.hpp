@@ -1,5 +1,6 @@
 #pragma once
 #include "deployments.hpp"
+#include "json.hpp"
 
 #include <ise/core/task_scope.hpp>
 
@@ -16,6 +17,8 @@ struct planned_step {
     std::string_view action; ///< "start", "change", "restart" or "stop"
     std::string path, host, reason;
     std::vector<instantiation::difference> differences;
+    if_any<std::uint64_t> step, of;     ///< its number among how many; only while the plan is executed, as what follows
+    if_any<std::string> state, outcome; ///< "begun", "done", "failed", "undone" or "not undone", and how
 };
 planned_step planned_step_of(const deployment::step& of);
 

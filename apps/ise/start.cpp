@@ -5,6 +5,7 @@
 #include "text.hpp"
 
 #include <ise/component/component_type.hpp>
+#include <ise/packet/json.hpp>
 
 #include <fmt/format.h>
 
@@ -26,10 +27,18 @@ struct start_options {
 
 struct startable_type {
     std::string host, type, description, path, program;
-    std::vector<parameter> parameters;
+    std::vector<json_text> parameters;
     std::vector<type_service> services;
     std::vector<std::string> variables;
 };
+
+startable_type startable(const std::string& host, const instantiation::catalogue_type& type) {
+    const auto& about = type.about;
+    startable_type made{host,         about.name, about.description, about.path,
+                        type.program, {},         about.services,    about.variables};
+    for (const auto& one : about.parameters) made.parameters.push_back({ise::to_json(one)});
+    return made;
+}
 
 std::string type_page(const std::string& host, const instantiation::catalogue_type& type, std::size_t width) {
     const auto& about = type.about;
@@ -66,9 +75,7 @@ task<> show_types(context& in, start_options options) {
             if (!options.type.empty() && type.about.name != options.type) continue;
             found = true;
             if (options.names) text += printable(type.about.name) + "\n";
-            else if (in.set.json)
-                listed.push_back({host.name, type.about.name, type.about.description, type.about.path, type.program,
-                                  type.about.parameters, type.about.services, type.about.variables});
+            else if (in.set.json) listed.push_back(startable(host.name, type));
             else text += type_page(host.name, type, in.out.width());
         }
         for (const auto& trouble : told->problems)

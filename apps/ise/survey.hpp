@@ -27,9 +27,6 @@ struct surveyed {
     duration clock_doubt{};    ///< half of that round trip
 };
 
-/// Commands that look at everything call themselves so, in order not to see themselves.
-inline constexpr std::string_view looker_prefix = "ise/cli/";
-
 /// The other end of a session, as a component tells it: "atirma/boat (tcp://10.0.0.2:4711)", or only an address.
 struct session_peer {
     std::string path; ///< empty: anonymous

@@ -15,7 +15,6 @@
 #include <memory>
 #include <string_view>
 #include <utility>
-#include <variant>
 
 namespace ise::cli {
 namespace {
@@ -27,33 +26,6 @@ struct top_options {
     bool once = false;
 };
 
-struct top_loss {
-    std::uint64_t ever = 0, now = 0;
-};
-struct top_publication {
-    std::string name, kind = "subscription";
-    double hz = 0;
-    std::uint64_t waiting = 0, subscribers = 0;
-    json_object<top_loss> not_sent; ///< by reason
-};
-struct top_calls {
-    std::string name, kind = "request-response";
-    double hz = 0;
-    std::uint64_t waiting = 0, running = 0;
-    std::optional<duration> handled_p50_s, handled_p99_s, waited_p50_s, waited_p99_s;
-    json_object<top_loss> refused; ///< by reason
-};
-struct top_component {
-    std::string path, state, host;
-    bool answered = false;
-    std::uint64_t sessions = 0;
-    std::optional<double> calls_hz, packets_hz, in_bytes_per_s, out_bytes_per_s;
-    std::optional<std::uint64_t> running, unsent_bytes;
-    std::uint64_t dropped_too_slow = 0;
-    std::optional<std::uint64_t> dropped_too_slow_now, calls_refused, calls_refused_now;
-    std::optional<duration> round_trip_s;
-    std::vector<std::variant<top_calls, top_publication>> services;
-};
 struct top_connection {
     std::string a;
     std::optional<std::string> b;
@@ -63,7 +35,7 @@ struct top_connection {
 };
 struct top_table {
     std::string asked_at;
-    std::vector<top_component> components;
+    std::vector<activity> components;
     std::vector<top_connection> connections;
 };
 
@@ -88,11 +60,12 @@ std::string activity_table(const std::vector<activity>& all, std::size_t width) 
             continue;
         }
         rows.add({one.state, std::to_string(one.sessions), show_rate(one.calls_hz), show_rate(one.packets_hz),
-                  show_bytes_rate(one.in_bps), show_bytes_rate(one.out_bps),
-                  one.has_health ? std::to_string(one.running) : "-",
-                  one.has_health ? show_bytes(one.unsent_bytes) : "-", show_count(one.dropped_ever, one.dropped),
-                  one.has_health ? show_count(one.refused_ever, one.refused) : "-",
-                  one.round_trip > duration{} ? show_duration(one.round_trip) : "-", one.path});
+                  show_bytes_rate(one.in_bytes_per_s), show_bytes_rate(one.out_bytes_per_s),
+                  one.running ? std::to_string(*one.running) : "-",
+                  one.unsent_bytes ? show_bytes(*one.unsent_bytes) : "-",
+                  show_count(one.dropped_too_slow, one.dropped_too_slow_now),
+                  one.calls_refused ? show_count(*one.calls_refused, one.calls_refused_now) : "-",
+                  one.round_trip_s ? show_duration(*one.round_trip_s) : "-", one.path});
     }
     return rows.text(width, {}, {"SESSIONS", "UNSENT", "RUNNING", "ROUND TRIP", "IN/S", "OUT/S"});
 }
@@ -123,9 +96,9 @@ std::string show_took(const std::optional<duration>& took) { return took ? show_
 
 std::string show_service_losses(const service_activity& of) {
     std::string text;
-    for (const auto& one : of.losses)
-        text += fmt::format("{}{} {}{}", text.empty() ? "" : ", ", one.ever,
-                            one.meanwhile > 0 ? fmt::format("+{} ", one.meanwhile) : "", one.reason);
+    for (const auto& [reason, count] : of.losses)
+        text += fmt::format("{}{} {}{}", text.empty() ? "" : ", ", count.ever,
+                            count.now > 0 ? fmt::format("+{} ", count.now) : "", reason);
     return text.empty() ? "-" : text;
 }
 
@@ -163,61 +136,12 @@ std::string services_table(const std::vector<activity>& all, std::size_t width, 
     return text;
 }
 
-std::variant<top_calls, top_publication> top_service(const service_activity& of) {
-    json_object<top_loss> losses;
-    for (const auto& loss : of.losses) losses.emplace_back(loss.reason, top_loss{loss.ever, loss.meanwhile});
-    if (of.publishes) {
-        top_publication made;
-        made.name = of.name;
-        made.hz = of.hz;
-        made.waiting = of.waiting;
-        made.subscribers = of.subscribers;
-        made.not_sent = std::move(losses);
-        return made;
-    }
-    top_calls made;
-    made.name = of.name;
-    made.hz = of.hz;
-    made.waiting = of.waiting;
-    made.running = of.running;
-    made.handled_p50_s = of.handled_p50;
-    made.handled_p99_s = of.handled_p99;
-    made.waited_p50_s = of.waited_p50;
-    made.waited_p99_s = of.waited_p99;
-    made.refused = std::move(losses);
-    return made;
-}
-
-top_table top_of(const std::vector<activity>& all, const std::vector<connection_line>& lines, wall_time at) {
-    auto measured = [](duration length) { return length > duration{} ? std::optional(length) : std::nullopt; };
-    top_table made;
-    made.asked_at = show_wall(at);
-    for (const auto& one : all) {
-        top_component row;
-        row.path = one.path;
-        row.state = one.state;
-        row.host = one.host;
-        row.answered = one.answered;
-        row.sessions = one.sessions;
-        row.calls_hz = one.calls_hz;
-        row.packets_hz = one.packets_hz;
-        row.in_bytes_per_s = one.in_bps;
-        row.out_bytes_per_s = one.out_bps;
-        if (one.has_health) {
-            row.running = one.running;
-            row.unsent_bytes = one.unsent_bytes;
-            row.calls_refused = one.refused_ever;
-        }
-        row.dropped_too_slow = one.dropped_ever;
-        row.dropped_too_slow_now = one.dropped;
-        row.calls_refused_now = one.refused;
-        row.round_trip_s = measured(one.round_trip);
-        for (const auto& service : one.services) row.services.push_back(top_service(service));
-        made.components.push_back(std::move(row));
-    }
+top_table top_of(std::vector<activity> all, const std::vector<connection_line>& lines, wall_time at) {
+    top_table made{show_wall(at), std::move(all), {}};
     for (const auto& one : lines) {
-        top_connection row{one.a, {}, one.address, one.over, measured(one.round_trip), one.bytes_to_a, one.bytes_to_b};
+        top_connection row{one.a, {}, one.address, one.over, {}, one.bytes_to_a, one.bytes_to_b};
         if (!one.b.empty()) row.b = one.b;
+        if (one.round_trip > duration{}) row.round_trip_s = one.round_trip;
         made.connections.push_back(std::move(row));
     }
     return made;
@@ -252,14 +176,16 @@ public:
     task<std::string> take(duration, bool last) override {
         in_.until = saturating_add(in_.self.now(), in_.set.timeout);
         auto now = co_await survey(in_, what_);
-        auto seen = activities(std::exchange(before_, now), now);
+        auto seen = activities(before_, now);
         auto lines = connections_of(now);
-        if (in_.set.json) co_return json_line(top_of(seen, lines, in_.self.wall()));
+        auto age = show_age(in_, now);
+        before_ = std::move(now);
+        if (in_.set.json) co_return json_line(top_of(std::move(seen), lines, in_.self.wall()));
         auto ending = on_.live() ? "TOO SLOW: packets that slow subscribers did not take, ever and now; q ends\n"
                       : last     ? ""
                                  : "\n";
         auto width = in_.out.width();
-        co_return on_.page(as_page(seen, lines, show_age(in_, now) + ending, width, on_.height()), width);
+        co_return on_.page(as_page(seen, lines, age + ending, width, on_.height()), width);
     }
     bool has_keys() const override { return on_.live(); }
     bool quit() const override { return on_.quit(); }

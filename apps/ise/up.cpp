@@ -65,10 +65,10 @@ std::string server_that_is_missing(const deployment::deployment& of, const fleet
 task<> up(context& in, deployment_options options) {
     auto made = co_await prepare(in, options, true);
     auto steps = made.plan.steps.size();
-    plan_executor plan_steps(in, made.there);
+    plan_executor executor(in, made.there);
     plan_executor::manner how;
     how.undo = !options.keep;
-    co_await plan_steps.execute(std::move(made.plan.steps), how);
+    co_await executor.execute(std::move(made.plan.steps), how);
     auto components = options.only.empty() ? made.wanted.components.size() : made.plan.kept.size() + steps;
     auto text = show_deployment(made.wanted, "up", components, steps, in.set.json);
     co_await in.out.write(in.self, std::move(text));
@@ -80,14 +80,14 @@ task<> down(context& in, deployment_options options) {
     auto plan = deployment::plan_down(wanted, there.hosts, options.only);
     refuse(options.file, plan.problems);
     auto steps = plan.steps.size();
-    plan_executor plan_steps(in, there);
+    plan_executor executor(in, there);
     std::optional<problem> why;
     plan_executor::manner how; // what is to end ends even where something else does not
     how.undo = false;
     how.all = true;
     how.forget = true;
     try {
-        co_await plan_steps.execute(std::move(plan.steps), how);
+        co_await executor.execute(std::move(plan.steps), how);
     } catch (const problem& thrown) {
         why = thrown;
     }

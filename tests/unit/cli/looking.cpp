@@ -219,7 +219,7 @@ TEST_CASE("percentiles are those of what came between two looks, also where a co
     CHECK(seen[0].hz == 10.0);
     CHECK(seen[0].handled_p99 == ise::duration(2000));
     CHECK(seen[0].loses());
-    CHECK(seen[0].losses.front().reason == "overloaded");
+    CHECK(seen[0].losses.front().first == "overloaded");
     CHECK(service_activities(then, later, 0).empty());
 }
 
@@ -305,7 +305,7 @@ TEST_CASE("rates are of one life, without our own questions") {
     auto seen = activities({before}, {now}).front();
     CHECK(seen.calls_hz == 3.0);
     CHECK(seen.packets_hz == 50.0);
-    CHECK(seen.in_bps == 1000.0);
+    CHECK(seen.in_bytes_per_s == 1000.0);
     CHECK(seen.sessions == 1);
     now.about->incarnation += 2;
     CHECK_FALSE(activities({before}, {now}).front().calls_hz);
