@@ -1,12 +1,10 @@
-#include "look.hpp"
-
-#include "description.hpp"
+// ise bench: calls a service for a while, as fast as it answers.
+#include "json.hpp"
+#include "options.hpp"
 #include "target.hpp"
 #include "text.hpp"
 
 #include <ise/component/health.hpp>
-
-#include <nlohmann/json.hpp>
 
 #include <fmt/format.h>
 
@@ -17,7 +15,19 @@
 namespace ise::cli {
 namespace {
 
-using nlohmann::ordered_json;
+struct bench_options {
+    std::string name, service, json; ///< without a service: ISE's own question how it is
+    std::uint32_t concurrent = 1;    ///< calls at once
+    duration length = std::chrono::seconds(5);
+};
+
+struct bench_summary {
+    std::uint64_t answered = 0, failed = 0;
+    duration length_s{};
+    double calls_hz = 0;
+    std::optional<duration> min_s, p50_s, p90_s, p99_s, max_s;
+    std::map<std::string, std::uint64_t> failures; ///< by message
+};
 
 constexpr std::size_t max_kept = 1'000'000; // of more, only the first count for the quantiles
 
@@ -79,52 +89,44 @@ task<> call_on(context& in, std::shared_ptr<const target_call> what, time_point 
     }
 }
 
-std::string shown(context& in, tally& of, duration length) {
+bench_summary summary_of(tally& of, duration length) {
+    bench_summary made;
+    made.answered = of.answered;
+    for (const auto& [why, count] : of.failures) made.failed += count;
+    made.length_s = length;
+    made.calls_hz = static_cast<double>(of.answered) / std::chrono::duration<double>(length).count();
+    made.failures = of.failures;
+    if (of.took.empty()) return made;
     std::ranges::sort(of.took);
     auto at = [&](double share) {
-        return of
-            .took[std::min(of.took.size() - 1, static_cast<std::size_t>(static_cast<double>(of.took.size()) * share))];
+        auto size = of.took.size();
+        return of.took[std::min(size - 1, static_cast<std::size_t>(static_cast<double>(size) * share))];
     };
-    auto seconds = std::chrono::duration<double>(length).count();
-    auto rate = static_cast<double>(of.answered) / seconds;
-    std::uint64_t failed = 0;
-    for (const auto& [why, count] : of.failures) failed += count;
-    if (in.set.json) {
-        auto exact = [](duration one) { return std::chrono::duration<double>(one).count(); };
-        ordered_json told;
-        told["answered"] = of.answered;
-        told["failed"] = failed;
-        told["length_s"] = seconds;
-        told["calls_hz"] = rate;
-        constexpr std::pair<const char*, double> shares[] = {
-            {"min_s", 0.0}, {"p50_s", 0.5}, {"p90_s", 0.9}, {"p99_s", 0.99}, {"max_s", 1.0}};
-        for (auto [name, share] : shares)
-            told[name] = of.took.empty() ? ordered_json() : ordered_json(exact(at(share)));
-        told["failures"] = of.failures;
-        return told.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
-    }
-    auto text = fmt::format("{} calls answered in {}: {:.0f} a second\n", of.answered, show_duration(length), rate);
-    if (!of.took.empty())
-        text += fmt::format("min {}, p50 {}, p90 {}, p99 {}, max {}\n", show_duration(at(0)), show_duration(at(0.5)),
-                            show_duration(at(0.9)), show_duration(at(0.99)), show_duration(at(1)));
+    made.min_s = at(0);
+    made.p50_s = at(0.5);
+    made.p90_s = at(0.9);
+    made.p99_s = at(0.99);
+    made.max_s = at(1);
+    return made;
+}
+
+std::string as_text(const bench_summary& of) {
+    auto text =
+        fmt::format("{} calls answered in {}: {:.0f} a second\n", of.answered, show_duration(of.length_s), of.calls_hz);
+    if (of.min_s)
+        text +=
+            fmt::format("min {}, p50 {}, p90 {}, p99 {}, max {}\n", show_duration(*of.min_s), show_duration(*of.p50_s),
+                        show_duration(*of.p90_s), show_duration(*of.p99_s), show_duration(*of.max_s));
     for (const auto& [why, count] : of.failures) text += fmt::format("{} failed: {}\n", count, printable(why));
     return text;
 }
-
-} // namespace
 
 task<> bench(context& in, bench_options options) {
     auto what = std::make_shared<target_call>();
     what->who = co_await reach(in, options.name);
     if (!options.service.empty()) {
         what->service = co_await find_service(in, what->who, options.service, service_kind::request_response);
-        const auto& asked = what->service->packet(role::request);
-        if (options.json.empty() && !asked.type().members.empty())
-            throw problem(exit_code::usage, "usage",
-                          fmt::format("the request of '{}' has fields, and none was given", options.service),
-                          example(options.name, *what->service));
-        if (options.json.empty()) options.json = "{}";
-        auto request = co_await packet_from(in, asked, options.json, "request");
+        auto request = co_await request_from(in, *what->service, options.name, options.json);
         what->request = std::move(request);
     }
     auto first = co_await call_once(*what, in.left()); // makes the connection, and what fails always fails here
@@ -142,10 +144,34 @@ task<> bench(context& in, bench_options options) {
     for (std::uint32_t count = 0; count < options.concurrent; ++count)
         in.self.spawn("bench", call_on(in, what, until, seen));
     while (seen->callers > 0) co_await done.wait();
-    auto length = in.self.env().now() - began;
-    auto text = shown(in, *seen, length);
+    auto summary = summary_of(*seen, in.self.env().now() - began);
+    auto text = in.set.json ? json_line(summary) : as_text(summary);
     co_await in.out.write(in.self, std::move(text));
     if (seen->answered == 0 && seen->last) throw problem(*seen->last, "is it busy or stopped? ise doctor looks at all");
 }
+
+void declare_bench(CLI::App& app, parsed_command& made) {
+    auto given = std::make_shared<bench_options>();
+    add_component(app, given->name);
+    app.add_option("SERVICE", given->service,
+                   "a request-response service; every call has its effects (default: ise.health)");
+    app.add_option("JSON", given->json, "the request; - reads it from standard input");
+    app.add_option("--concurrent,-c", given->concurrent, "calls at once (default: 1)")
+        ->type_name("N")
+        ->check(CLI::Range(1u, 1024u));
+    add_time(app, "--for", given->length, "how long (default: 5s)");
+    app.callback([&made, given] {
+        if (!given->json.empty()) given->json = json_given(given->json);
+        made.looks = true;
+        made.work = [given](context& in) { return bench(in, *given); };
+    });
+}
+
+} // namespace
+
+extern const command bench_command{
+    "bench", measure_group, "measures calls per second of a service, and their latency",
+    "  ise bench atirma/boat --for 3s\n  ise bench atirma/boat helm {} -c 8       really calls helm each time\n",
+    declare_bench};
 
 } // namespace ise::cli

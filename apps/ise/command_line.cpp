@@ -1,19 +1,34 @@
-#include "command_line.hpp"
+// The command line: the table of all commands, what is common to their help, and the parse.
+#include "command.hpp"
+#include "options.hpp"
+#include "text.hpp"
 
-#include "arguments.hpp"
-#include "commands.hpp"
-#include "completion.hpp"
-#include "deployment_commands.hpp"
-#include "help.hpp"
-#include "instance_commands.hpp"
-#include "look_commands.hpp"
+#include <apps/wrapped_help.hpp>
 
-#include <CLI/CLI.hpp>
+#include <fmt/format.h>
 
 #include <algorithm>
+#include <memory>
+#include <sstream>
+#include <vector>
 
 namespace ise::cli {
+
+// Each is defined in its file, which no other needs to know.
+extern const command list_command, describe_command, call_command, echo_command, hz_command, start_command,
+    stop_command, restart_command, kill_command, logs_command, ps_command, up_command, down_command, diff_command,
+    validate_command, param_command, doctor_command, graph_command, top_command, ping_command, bench_command,
+    bw_command, delay_command, tree_command, services_command, types_command, type_command, completion_command,
+    version_command;
+
 namespace {
+
+constexpr const command* all_commands[] = {
+    &list_command,     &describe_command, &call_command,     &echo_command,       &hz_command,     &start_command,
+    &stop_command,     &restart_command,  &kill_command,     &logs_command,       &ps_command,     &up_command,
+    &down_command,     &diff_command,     &validate_command, &param_command,      &doctor_command, &graph_command,
+    &top_command,      &ping_command,     &bench_command,    &bw_command,         &delay_command,  &tree_command,
+    &services_command, &types_command,    &type_command,     &completion_command, &version_command};
 
 constexpr const char* exit_codes = R"(Exit codes:
   0    the answer is complete; also when Ctrl-C ended echo, hz, bw, delay or top, or a reader such as head ended
@@ -25,51 +40,54 @@ constexpr const char* exit_codes = R"(Exit codes:
   130  Ctrl-C before the answer
 Answers go to standard output, everything else to standard error.)";
 
-// CLI11's own places for what is read; they outlive the parse.
-struct places {
-    wish made;
-    std::string timeout = "5s";
-    std::string json;
-    list_options list;
-    describe_options describe;
-    call_options call;
-    echo_options echo;
-    hz_options hz;
-    instance_places instances;
-    deployment_places deployments;
-    look_places look;
-    std::string every, length, window;
-    std::uint64_t echo_count = 0, hz_count = 0;
-    std::string shell;
+/// Says no more of an option than its value, and no more of a place than its name.
+class help_format final : public wrapped_help {
+public:
+    help_format() {
+        column_width(28);
+        label("Positionals", "Arguments");
+        label("SUBCOMMAND", "COMMAND");
+    }
+    std::string make_option_opts(const CLI::Option* of) const override {
+        if (of->get_positional() || of->get_type_size() == 0) return {};
+        auto type = of->get_type_name();
+        if (auto choices = type.find('{'); choices != type.npos) {
+            type.erase(0, choices);
+            std::ranges::replace(type, ',', '|');
+        }
+        return " " + type.substr(0, type.find(':')); // behind it is what checks it
+    }
+    std::string make_subcommand(const CLI::App* one) const override {
+        std::ostringstream line;
+        CLI::detail::format_help(line, one->get_name(), one->get_description(), 14);
+        return line.str();
+    }
+    // The commands before the options.
+    std::string make_help(const CLI::App* app, std::string name, CLI::AppFormatMode mode) const override {
+        return ise::wrapped(fmt::format("{}{}{}{}{}\n{}", make_description(app), make_usage(app, std::move(name)),
+                                        make_subcommands(app, mode), make_positionals(app), make_groups(app, mode),
+                                        make_footer(app)));
+    }
 };
 
-command_info describe_command(const CLI::App& app) {
-    command_info made;
-    made.name = app.get_name();
-    made.description = app.get_description();
-    for (const auto* one : app.get_options()) {
-        option_info info;
-        info.description = one->get_description();
-        info.takes_value = one->get_items_expected_max() > 0;
-        auto type = one->get_type_name(); // "TEXT:{bash,fish,zsh}"
-        if (auto from = type.find('{'), to = type.find('}'); from != std::string::npos && to > from)
-            info.choices = CLI::detail::split(type.substr(from + 1, to - from - 1), ',');
-        if (one->get_positional()) {
-            info.names.push_back(one->get_name());
-            made.places.push_back(std::move(info));
-        } else {
-            for (const auto& name : one->get_lnames()) info.names.push_back("--" + name);
-            for (const auto& name : one->get_snames()) info.names.push_back("-" + name);
-            made.options.push_back(std::move(info));
-        }
+// All that is known of `app` before its commands are added is common to them.
+void add_commands(CLI::App& app, parsed_command& made) {
+    auto format = std::make_shared<help_format>();
+    app.formatter(format);
+    std::string of_every = "Options of every command:\n";
+    for (const auto* one : app.get_options())
+        if (one != app.get_help_ptr() && one->check_lname("version") == false)
+            of_every += format->make_option(one, false);
+    for (const auto* one : all_commands) {
+        auto* added = app.add_subcommand(std::string(one->name), std::string(one->summary));
+        added->formatter(format);
+        added->group(std::string(one->group));
+        added->footer(fmt::format("Examples:\n{}\n{}\nExit codes: ise --help", one->examples, of_every));
+        one->declare(*added, made);
     }
-    for (const auto* below : app.get_subcommands([](const CLI::App*) { return true; }))
-        made.commands.push_back(describe_command(*below));
-    return made;
 }
 
-void build(CLI::App& app, places& to) {
-    auto& set = to.made.set;
+void add_common_options(CLI::App& app, settings& set) {
     app.require_subcommand(1);
     app.fallthrough();
     app.set_version_flag("--version", "ise " ISE_VERSION);
@@ -85,115 +103,85 @@ void build(CLI::App& app, places& to) {
     app.add_option("--as", set.as,
                    "the path under which this command appears to components, such as an operator's; not checked")
         ->type_name("PATH");
-    app.add_option("--timeout", to.timeout, "for the whole command, or its first answer (default: 5s)")
-        ->type_name("TIME");
+    add_time(app, "--timeout", set.timeout, "for the whole command, or its first answer (default: 5s)");
     app.add_flag("--wait", set.wait, "wait for a component that is not there yet, until the timeout");
     app.add_flag("--json", set.json, "answers, errors and notes as one line of JSON each");
     app.add_flag("--pretty", set.pretty, "JSON over several lines");
     app.add_flag("--verbose", set.verbose, "log to standard error");
+}
 
-    auto* list_command = app.add_subcommand("list", "lists the components that the name server knows");
-    list_command->add_option("PREFIX", to.list.prefix, "only this path and what is below it");
-    list_command->add_flag("--names", to.list.names, "only the paths");
-    list_command->callback(
-        [&to] { to.made.talk.body = [options = to.list](context& in) { return list(in, options); }; });
+// Before the parse, whose own words about an unknown command say less.
+void refuse_unknown_command(const CLI::App& app, int count, const char* const* arguments) {
+    for (int at = 1; at < count; ++at) {
+        std::string word = arguments[at];
+        if (word.starts_with('-') && word.size() > 1) {
+            const auto* option = app.get_option_no_throw(word);
+            if (option && option->get_items_expected_max() > 0) ++at; // its value
+            continue;
+        }
+        std::vector<std::string> known;
+        for (const auto* one : app.get_subcommands([](const CLI::App*) { return true; }))
+            known.push_back(one->get_name());
+        if (std::ranges::find(known, word) != known.end()) return;
+        auto near = nearest(word, known);
+        if (near.empty())
+            throw problem(exit_code::usage, "usage", fmt::format("no command '{}'", printable(word)),
+                          "ise --help lists them");
+        throw problem(exit_code::usage, "usage",
+                      fmt::format("no command '{}', did you mean '{}'?", printable(word), near.front()),
+                      "ise --help lists them all");
+    }
+}
 
-    auto* describe_command =
-        app.add_subcommand("describe", "shows endpoints, services, packets and sessions of a component");
-    describe_command
-        ->add_option("NAME", to.describe.name, "path of a component, or endpoint such as tcp://127.0.0.1:7411")
-        ->required();
-    describe_command->add_flag("--all", to.describe.all, "ISE's own services too");
-    describe_command->add_flag("--names", to.describe.names, "only the names of its services");
-    describe_command->callback(
-        [&to] { to.made.talk.body = [options = to.describe](context& in) { return describe(in, options); }; });
-
-    auto* call_command = app.add_subcommand("call", "calls a service and prints the response as JSON");
-    call_command->add_option("NAME", to.call.name, "path of a component, or endpoint such as tcp://127.0.0.1:7411")
-        ->required();
-    call_command->add_option("SERVICE", to.call.service, "name of a request-response service")->required();
-    call_command->add_option("JSON", to.json,
-                             "request; - reads standard input; {} uses the defaults (required if it has fields)");
-    call_command->callback([&to] {
-        if (!to.json.empty()) to.call.json = json_given(to.json);
-        to.made.talk.body = [options = to.call](context& in) { return call(in, options); };
-    });
-
-    auto* echo_command = app.add_subcommand("echo", "subscribes and prints each packet as a line of JSON");
-    add_subscription(*echo_command, to.echo.what, to.json);
-    auto* count = echo_command->add_option("--count,-n", to.echo_count, "end after N packets")
-                      ->type_name("N")
-                      ->check(positive_count());
-    echo_command
-        ->add_option("--for", to.length, "end after this time; with --count: exit code 3 if fewer packets arrived")
-        ->type_name("TIME");
-    echo_command->add_option("--every", to.every, "at most one packet in this time; others are skipped")
-        ->type_name("TIME");
-    echo_command->add_flag("--no-last", to.echo.no_last_value, "without the packet that was published last before");
-    echo_command->add_flag("--losses", to.echo.losses,
-                           R"(each line is {"lost_before":N,"packet":{...}}; null: unknown)");
-    echo_command->callback([&to, count] {
-        to.echo.what.json = json_given(to.json);
-        if (count->count() > 0) to.echo.count = to.echo_count;
-        if (!to.length.empty()) to.echo.length = positive_time(to.length, "--for");
-        if (!to.every.empty()) to.echo.every = positive_time(to.every, "--every");
-        to.made.talk.endless = !to.echo.count;
-        to.made.talk.body = [options = to.echo](context& in) { return echo(in, options); };
-    });
-
-    auto* hz_command = app.add_subcommand("hz", "rate, jitter and losses of a subscription's packets");
-    add_subscription(*hz_command, to.hz.what, to.json);
-    hz_command->add_option("--window", to.window, "time of one line (default: 1s)")->type_name("TIME");
-    auto* lines =
-        hz_command->add_option("--count,-n", to.hz_count, "end after N lines")->type_name("N")->check(positive_count());
-    hz_command->callback([&to, lines] {
-        to.hz.what.json = json_given(to.json);
-        if (lines->count() > 0) to.hz.count = to.hz_count;
-        if (!to.window.empty()) to.hz.window = positive_time(to.window, "--window");
-        to.made.talk.endless = !to.hz.count;
-        to.made.talk.body = [options = to.hz](context& in) { return hz(in, options); };
-    });
-
-    add_instance_commands(app, to.instances, to.made);
-    add_deployment_commands(app, to.deployments, to.made);
-    add_look_commands(app, to.look, to.made);
-
-    auto* completion_command = app.add_subcommand("completion", "prints a completion script for a shell");
-    completion_command->add_option("SHELL", to.shell, "bash, zsh or fish")
-        ->required()
-        ->check(one_of({"bash", "zsh", "fish"}));
-    completion_command->callback(
-        [&to, &app] { to.made.text = completion_script(cli::describe_command(app), to.shell); });
-
-    auto* version_command = app.add_subcommand("version", "prints the version");
-    version_command->callback([&to] { to.made.text = "ise " ISE_VERSION "\n"; });
+// What CLI11 refused, with the usage of the command.
+problem unfit(const CLI::App& app, const CLI::ParseError& wrong) {
+    auto chosen = app.get_subcommands();
+    if (chosen.empty() && dynamic_cast<const CLI::RequiredError*>(&wrong))
+        return problem(exit_code::usage, "usage", "a command is missing",
+                       "ise --help lists them; ise list shows the components that there are");
+    const auto& command = chosen.empty() ? app : *chosen.back();
+    auto name = chosen.empty() ? std::string("ise") : "ise " + command.get_name();
+    auto usage = help_format().make_usage(&command, name);
+    auto advice = fmt::format("usage:{}\n{} --help says more",
+                              usage.substr(usage.find(' '), usage.find('\n') - usage.find(' ')), name);
+    auto rest = app.remaining(true);
+    if (!dynamic_cast<const CLI::ExtrasError*>(&wrong) || rest.empty())
+        return problem(exit_code::usage, "usage", wrong.what(), advice);
+    auto word = rest.front();
+    if (!word.starts_with('-'))
+        return problem(exit_code::usage, "usage", fmt::format("'{}' is one argument too many", word), advice);
+    std::vector<std::string> known;
+    for (const auto* of : {&app, &command})
+        for (const auto* one : of->get_options())
+            for (const auto& long_name : one->get_lnames()) known.push_back("--" + long_name);
+    auto near = nearest(word, known);
+    return problem(exit_code::usage, "usage",
+                   fmt::format("'{}' has no option '{}'{}", name, word,
+                               near.empty() ? "" : fmt::format(", did you mean '{}'?", near.front())),
+                   advice);
 }
 
 } // namespace
 
-wish read_command_line(int count, const char* const* arguments) {
-    places to;
+parsed_command read_command_line(int count, const char* const* arguments) {
+    parsed_command made;
     CLI::App app("Lists, describes, calls, listens to, looks after and starts components.", "ise");
-    build(app, to);
-    complete_help(app);
+    add_common_options(app, made.set);
+    add_commands(app, made);
     refuse_unknown_command(app, count, arguments);
     try {
         app.parse(count, arguments);
     } catch (const CLI::CallForHelp&) {
-        to.made.talk = {};
-        to.made.text = app.help();
-        return to.made;
+        made.text = app.help();
+        return made;
     } catch (const CLI::CallForVersion& version) {
-        to.made.talk = {};
-        to.made.text = std::string(version.what()) + "\n";
-        return to.made;
+        made.text = std::string(version.what()) + "\n";
+        return made;
     } catch (const CLI::ParseError& wrong) {
         throw unfit(app, wrong);
     }
-    to.made.set.timeout = positive_time(to.timeout, "--timeout");
-    auto patience = std::max(to.instances.patience, to.deployments.patience);
-    if (patience > duration{} && app.get_option("--timeout")->count() == 0) to.made.set.timeout = patience;
-    return to.made;
+    if (made.patience && app.get_option("--timeout")->count() == 0) made.set.timeout = *made.patience;
+    return made;
 }
 
 } // namespace ise::cli

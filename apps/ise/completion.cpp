@@ -1,15 +1,59 @@
-#include "completion.hpp"
-
+// ise completion: the script that completes `ise` in a shell, made from its commands. Names of components and services are
+// completed by asking the running ones, quietly and for a second at most.
 #include "completion_scripts.hpp"
+#include "options.hpp"
 
 #include <fmt/format.h>
 
+#include <memory>
 #include <set>
 #include <string_view>
 #include <utility>
 
 namespace ise::cli {
 namespace {
+
+// An option or a place of the command line, as completion scripts need it.
+struct option_info {
+    std::vector<std::string> names; //< "--json", "-n"; of a place one: "NAME"
+    std::string description;
+    bool takes_value = false;
+    std::vector<std::string> choices;
+};
+
+// A command with everything below it.
+struct command_info {
+    std::string name;
+    std::string description;
+    std::vector<option_info> options;
+    std::vector<option_info> places;
+    std::vector<command_info> commands;
+};
+
+command_info info_of(const CLI::App& app) {
+    command_info made;
+    made.name = app.get_name();
+    made.description = app.get_description();
+    for (const auto* one : app.get_options()) {
+        option_info info;
+        info.description = one->get_description();
+        info.takes_value = one->get_items_expected_max() > 0;
+        auto type = one->get_type_name(); // "TEXT:{bash,fish,zsh}"
+        if (auto from = type.find('{'), to = type.find('}'); from != std::string::npos && to > from)
+            info.choices = CLI::detail::split(type.substr(from + 1, to - from - 1), ',');
+        if (one->get_positional()) {
+            info.names.push_back(one->get_name());
+            made.places.push_back(std::move(info));
+        } else {
+            for (const auto& name : one->get_lnames()) info.names.push_back("--" + name);
+            for (const auto& name : one->get_snames()) info.names.push_back("-" + name);
+            made.options.push_back(std::move(info));
+        }
+    }
+    for (const auto* below : app.get_subcommands([](const CLI::App*) { return true; }))
+        made.commands.push_back(info_of(*below));
+    return made;
+}
 
 std::string filled(std::string script, std::string_view place, const std::string& text) {
     if (auto at = script.find(place); at != std::string::npos) script.replace(at, place.size(), text);
@@ -127,8 +171,6 @@ std::string fish_lines(const command_info& program) {
     return lines;
 }
 
-} // namespace
-
 std::string completion_script(const command_info& program, const std::string& shell) {
     auto values = options_with_values(program);
     if (shell == "fish")
@@ -140,5 +182,17 @@ std::string completion_script(const command_info& program, const std::string& sh
         filled(shell == "zsh" ? zsh_script : bash_script, "@VALUES@", joined(values, shell == "zsh" ? "|" : " | ")),
         "@CASES@", cases);
 }
+
+void declare_completion(CLI::App& app, parsed_command& made) {
+    auto shell = std::make_shared<std::string>();
+    app.add_option("SHELL", *shell, "bash, zsh or fish")->required()->check(one_of({"bash", "zsh", "fish"}));
+    app.callback([&app, &made, shell] { made.text = completion_script(info_of(*app.get_parent()), *shell); });
+}
+
+} // namespace
+
+extern const command completion_command{"completion", shell_group, "prints a completion script for a shell",
+                                        "  eval \"$(ise completion bash)\"\n  ise completion fish | source\n",
+                                        declare_completion};
 
 } // namespace ise::cli

@@ -1,5 +1,5 @@
 #pragma once
-#include "surveyed.hpp"
+#include "survey.hpp"
 
 #include <string>
 #include <vector>

@@ -1,12 +1,9 @@
-#include "look.hpp"
-
+// ise delay: how old a subscription's packets are when they come.
+#include "json.hpp"
 #include "metering.hpp"
 #include "spread.hpp"
 #include "survey.hpp"
-#include "target.hpp"
 #include "text.hpp"
-
-#include <nlohmann/json.hpp>
 
 #include <fmt/format.h>
 
@@ -18,26 +15,33 @@
 namespace ise::cli {
 namespace {
 
-using nlohmann::ordered_json;
+struct delay_options {
+    metering_options from;
+    std::string field; ///< a time in the packets; empty: the one that is called so
+};
+
+struct delay_line {
+    std::string field;
+    std::optional<duration> youngest_s, median_s, oldest_s;
+    std::uint64_t packets = 0, without_time = 0, from_the_future = 0;
+    bool connected = false;
+    std::uint64_t lost_at_provider = 0, lost_here = 0, restarts = 0;
+};
 
 class ages final : public gauge {
 public:
     ages(component& self, std::string field) : self_(self), field_(std::move(field)) {}
 
-    void see(const dynamic_packet& packet) override {
-        ++packets_;
+    void see(const dynamic_packet& packet, time_point) override {
+        ++now_.packets;
         double at = packet.field(field_).as_double(); // seconds since 1970
-        if (!std::isfinite(at) || at <= 0) {
-            ++unset_;
-            return;
-        }
         double age = std::chrono::duration<double>(self_.wall().time_since_epoch()).count() - at;
         constexpr double most = 9e9; // centuries: what does not fit a duration is no age
-        if (std::abs(age) > most) {
-            ++unset_;
+        if (!std::isfinite(at) || at <= 0 || std::abs(age) > most) {
+            ++now_.without_time;
             return;
         }
-        if (age < 0) ++ahead_;
+        if (age < 0) ++now_.from_the_future;
         seen_.add(std::chrono::duration_cast<duration>(std::chrono::duration<double>(age)));
     }
 
@@ -47,45 +51,36 @@ public:
     }
 
     std::string row(duration, const dynamic_stream& stream) override {
-        auto age = [&](duration length) { return seen_.count() == 0 ? std::string("-") : show_duration(length); };
-        auto text = fmt::format("{:>9}  {:>9}  {:>9}  {:>8}  {:>9}  {:>8}", age(seen_.shortest()),
-                                seen_.count() == 0 ? "-" : show_duration(seen_.median()), age(seen_.longest()),
-                                packets_, unset_, show_losses(stream));
-        if (ahead_ > 0) text += "  from the future: the clock that set it is ahead of ours";
-        clear();
-        return text + "\n";
+        auto of = take(stream);
+        auto age = [](const std::optional<duration>& length) { return length ? show_duration(*length) : "-"; };
+        return fmt::format("{:>9}  {:>9}  {:>9}  {:>8}  {:>9}  {:>8}{}\n", age(of.youngest_s), age(of.median_s),
+                           age(of.oldest_s), of.packets, of.without_time, show_losses(stream),
+                           of.from_the_future > 0 ? "  from the future: the clock that set it is ahead of ours" : "");
     }
 
-    std::string json(duration, const dynamic_stream& stream) override {
-        auto age = [&](auto&& length) {
-            return seen_.count() == 0 ? ordered_json() : ordered_json(std::chrono::duration<double>(length()).count());
-        };
-        ordered_json told;
-        told["field"] = field_;
-        told["youngest_s"] = age([&] { return seen_.shortest(); });
-        told["median_s"] = age([&] { return seen_.median(); });
-        told["oldest_s"] = age([&] { return seen_.longest(); });
-        told["packets"] = packets_;
-        told["without_time"] = unset_;
-        told["from_the_future"] = ahead_;
-        told["connected"] = stream.connected();
-        told["lost_at_provider"] = stream.counts().lost_at_provider;
-        told["lost_here"] = stream.counts().lost_here;
-        told["restarts"] = stream.counts().restarts;
-        clear();
-        return told.dump() + "\n";
-    }
+    std::string json(duration, const dynamic_stream& stream) override { return json_line(take(stream)); }
 
 private:
-    void clear() {
-        seen_ = spread();
-        packets_ = unset_ = ahead_ = 0;
+    delay_line take(const dynamic_stream& stream) {
+        auto made = std::exchange(now_, delay_line());
+        auto seen = std::exchange(seen_, spread());
+        made.field = field_;
+        if (seen.count() > 0) {
+            made.youngest_s = seen.shortest();
+            made.median_s = seen.median();
+            made.oldest_s = seen.longest();
+        }
+        made.connected = stream.connected();
+        made.lost_at_provider = stream.counts().lost_at_provider;
+        made.lost_here = stream.counts().lost_here;
+        made.restarts = stream.counts().restarts;
+        return made;
     }
 
     component& self_;
     std::string field_;
     spread seen_;
-    std::uint64_t packets_ = 0, unset_ = 0, ahead_ = 0;
+    delay_line now_;
 };
 
 // Times at any depth of structs: "fix.measured_at".
@@ -131,8 +126,6 @@ task<> tell_skew(context& in, remote who, std::string name) {
                              show_duration(asked->round_trip / 2)));
 }
 
-} // namespace
-
 task<> delay(context& in, delay_options options) {
     auto who = co_await reach(in, options.from.what.name);
     auto service = co_await find_service(in, who, options.from.what.service, service_kind::subscription);
@@ -141,5 +134,22 @@ task<> delay(context& in, delay_options options) {
     auto by = std::make_shared<ages>(in.self, field);
     co_await measure(in, std::move(options.from), by);
 }
+
+void declare_delay(CLI::App& app, parsed_command& made) {
+    auto given = std::make_shared<delay_options>();
+    add_metering(app, given->from);
+    app.add_option("--field", given->field,
+                   "a time in the packets (default: measured_at, else received_at, else the only one)")
+        ->type_name("FIELD");
+    app.callback([&made, given] {
+        complete_metering(given->from, made);
+        made.work = [given](context& in) { return delay(in, *given); };
+    });
+}
+
+} // namespace
+
+extern const command delay_command{"delay", measure_group, "how old a subscription's packets are when they come",
+                                   "  ise delay atirma/boat position --field measured_at\n", declare_delay};
 
 } // namespace ise::cli

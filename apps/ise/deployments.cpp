@@ -1,8 +1,7 @@
 #include "deployments.hpp"
 
+#include "options.hpp"
 #include "text.hpp"
-
-#include <nlohmann/json.hpp>
 
 #include <fmt/format.h>
 
@@ -36,7 +35,7 @@ bool unsettled(const deployment::deployment& of, const std::vector<deployment::h
     return false;
 }
 
-task<result<deployment::host_state>> ask(context& in, host_server host) {
+task<result<deployment::host_state>> ask_host(context& in, host_server host) {
     deployment::host_state made;
     made.server = host.name;
     instantiation::types_request what;
@@ -55,12 +54,7 @@ task<result<deployment::host_state>> ask(context& in, host_server host) {
 
 deployment::reading read_what_there_is(context& in, const deployment_options& options) {
     deployment::settings given;
-    for (const auto& text : options.set) {
-        auto equals = text.find('=');
-        if (equals == 0 || equals == std::string::npos)
-            throw problem(exit_code::usage, "usage", fmt::format("--set takes NAME=VALUE, not '{}'", text));
-        given.emplace_back(text.substr(0, equals), text.substr(equals + 1));
-    }
+    for (const auto& text : options.set) given.push_back(name_and_value(text, "--set"));
     auto read = [&](const std::string& path) { return in.self.env().read_file(path, max_file_bytes); };
     return deployment::read_deployment(options.file, read, given);
 }
@@ -88,7 +82,7 @@ task<fleet> ask_hosts(context& in, const deployment::deployment& of, bool settle
         fleet made;
         auto there = co_await hosts_there(in, "");
         for (auto& host : there) {
-            auto told = co_await ask(in, host);
+            auto told = co_await ask_host(in, host);
             if (told) {
                 made.hosts.push_back(std::move(*told));
                 made.servers.emplace(host.name, host.server);
@@ -128,23 +122,9 @@ task<> check_starts(context& in, const deployment::deployment& wanted, fleet& of
     }
 }
 
-std::string as_json(const deployment::step& of) {
-    nlohmann::ordered_json told;
-    told["action"] = deployment::name_of(of.what);
-    told["path"] = of.path;
-    told["host"] = of.server;
-    told["reason"] = of.reason;
-    auto all = nlohmann::ordered_json::array();
-    for (const auto& one : of.differences) {
-        nlohmann::ordered_json each;
-        each["what"] = one.what;
-        each["is"] = one.is;
-        each["wanted"] = one.wanted;
-        each["in_place"] = one.in_place;
-        all.push_back(std::move(each));
-    }
-    told["differences"] = std::move(all);
-    return told.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+void add_file(CLI::App& app, deployment_options& into) {
+    app.add_option("FILE", into.file, "a deployment file (docs/deployment.md)")->required();
+    add_each(app, "--set,-s", into.set, "a variable of the file; several are allowed");
 }
 
 } // namespace ise::cli

@@ -1,5 +1,4 @@
 #pragma once
-#include "commands.hpp"
 #include "hosts.hpp"
 
 #include <ise/deployment/planning.hpp>
@@ -10,6 +9,17 @@
 #include <vector>
 
 namespace ise::cli {
+
+/// What all commands about a deployment are told.
+struct deployment_options {
+    std::string file;
+    std::vector<std::string> only; ///< components of the file; none: all
+    std::vector<std::string> set;  ///< variables of the file: NAME=VALUE
+    bool keep = false;             ///< of an `up` that fails: what it did is not undone
+    bool offline = false;          ///< nobody is asked
+};
+/// FILE and `--set`.
+void add_file(CLI::App& app, deployment_options& into);
 
 /// The instantiation servers that are there, with what they tell.
 struct fleet {
@@ -34,8 +44,5 @@ task<> check_starts(context& in, const deployment::deployment& wanted, fleet& of
 
 /// problem(usage) if there are any.
 void refuse(const std::string& file, const std::vector<deployment::problem>& problems);
-
-/// One line of JSON, without its end.
-std::string as_json(const deployment::step& of);
 
 } // namespace ise::cli

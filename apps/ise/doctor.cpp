@@ -1,47 +1,37 @@
-#include "look.hpp"
-
+// ise doctor: what is wrong with the system, and what to do about it.
 #include "findings.hpp"
 #include "hosts.hpp"
+#include "json.hpp"
+#include "options.hpp"
 #include "survey.hpp"
 #include "text.hpp"
-
-#include <nlohmann/json.hpp>
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <memory>
 #include <tuple>
 
 namespace ise::cli {
 namespace {
 
-using nlohmann::ordered_json;
+struct doctor_options {
+    duration interval = std::chrono::seconds(1); ///< between its two looks
+};
 
-std::string as_json(const std::vector<finding>& found, std::size_t components, bool healthy, wall_time at) {
-    ordered_json told;
-    told["healthy"] = healthy;
-    told["asked_at"] = show_wall(at);
-    told["components"] = components;
-    auto all = ordered_json::array();
-    for (const auto& one : found) {
-        ordered_json entry;
-        entry["severity"] = name_of(one.weight);
-        entry["kind"] = one.kind;
-        entry["component"] = one.component;
-        entry["message"] = one.message;
-        entry["advice"] = one.advice;
-        all.push_back(std::move(entry));
-    }
-    told["findings"] = std::move(all);
-    return told.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
-}
+struct diagnosis {
+    bool healthy = false;
+    std::string asked_at;
+    std::uint64_t components = 0;
+    std::vector<finding> findings;
+};
 
 std::string as_text(const std::vector<finding>& found) {
     std::string text;
     for (const auto& one : found) {
         auto message = one.message;
         while (message.ends_with('\n')) message.pop_back();
-        text += fmt::format("{:<8} {}{}{}\n", name_of(one.weight), printable(one.component),
+        text += fmt::format("{:<8} {}{}{}\n", name_of(one.severity), printable(one.component),
                             one.component.empty() ? "" : ": ", printable(message, true));
         text += fmt::format("         -> {}\n", printable(one.advice));
     }
@@ -52,32 +42,32 @@ void examine(const found_instance& of, std::vector<finding>& found) {
     const auto& what = of.instance;
     const auto& host = of.host.name;
     const auto& path = what.path;
-    auto add = [&](severity weight, const char* kind, std::string message, std::string advice) {
-        found.push_back({weight, kind, path, std::move(message), std::move(advice)});
+    auto add = [&](severity_level severity, const char* kind, std::string message, std::string advice) {
+        found.push_back({severity, kind, path, std::move(message), std::move(advice)});
     };
     if (what.state == instantiation::instance_state::failed)
-        add(what.deployment.empty() ? severity::warning
-                                    : severity::error, // what was started by hand may not be needed any more
+        add(what.deployment.empty() ? severity_level::warning
+                                    : severity_level::error, // what was started by hand may not be needed any more
             "failed", fmt::format("it has failed on {} and is not started again: {}", host, what.reason),
             fmt::format("ise logs {0} shows its last output; then ise restart {0}, or ise up, or ise stop {0} if it is "
                         "not needed any more",
                         path));
     if (what.state == instantiation::instance_state::waiting)
-        add(severity::warning, "waiting",
+        add(severity_level::warning, "waiting",
             fmt::format("it ended on {} and is about to be started again ({} times so far): {}", host, what.restarts,
                         what.reason),
             fmt::format("ise logs {} shows its last output", path));
     if (!what.probe_trouble.empty())
-        add(severity::error, "probe_failed", fmt::format("it runs on {}, but {}", host, what.probe_trouble),
+        add(severity_level::error, "probe_failed", fmt::format("it runs on {}, but {}", host, what.probe_trouble),
             fmt::format("ise logs {0} shows its output; ise restart {0} starts it again, and its `restart` policy does "
                         "so by itself",
                         path));
     if (!what.output_trouble.empty())
-        add(severity::warning, "output_dropped",
+        add(severity_level::warning, "output_dropped",
             fmt::format("its output on {} is dropped: {}", host, what.output_trouble),
             "make room on the disk of the instantiation server's --state");
     if (what.rebuilt)
-        add(severity::note, "rebuilt",
+        add(severity_level::note, "rebuilt",
             fmt::format("it runs a program that was rebuilt on {} since it was started", host),
             what.process.empty() ? fmt::format("ise up, or ise restart {}", path)
                                  : std::string("ise up, which starts its process again with all that runs in it"));
@@ -121,10 +111,11 @@ task<std::vector<finding>> examine_lost_servers(context& in) {
 
 task<> conclude(context& in, std::vector<finding> found, std::vector<surveyed> all) {
     auto bad = static_cast<std::size_t>(
-        std::ranges::count_if(found, [](const finding& one) { return one.weight != severity::note; }));
+        std::ranges::count_if(found, [](const finding& one) { return one.severity != severity_level::note; }));
     std::string text;
     if (in.set.json) {
-        text = as_json(found, all.size(), bad == 0, in.self.wall());
+        diagnosis told{bad == 0, show_wall(in.self.wall()), all.size(), std::move(found)};
+        text = json_line(told);
     } else {
         text = as_text(found);
         if (bad == 0) text += all.empty() ? "nothing is wrong: no component is registered\n" : "nothing is wrong\n";
@@ -133,8 +124,6 @@ task<> conclude(context& in, std::vector<finding> found, std::vector<surveyed> a
     co_await in.out.write(in.self, std::move(text));
     if (bad > 0) throw problem(exit_code::failed, "findings", fmt::format("{} finding{}", bad, bad == 1 ? "" : "s"));
 }
-
-} // namespace
 
 task<> doctor(context& in, doctor_options options) {
     survey_options what;
@@ -151,13 +140,28 @@ task<> doctor(context& in, doctor_options options) {
         found.insert(found.end(), lost.begin(), lost.end());
         auto ended = co_await examine_instances(in);
         found.insert(found.end(), ended.begin(), ended.end());
-        std::ranges::stable_sort(found, {}, [](const finding& one) { return std::tie(one.weight, one.component); });
+        std::ranges::stable_sort(found, {}, [](const finding& one) { return std::tie(one.severity, one.component); });
     } catch (const problem& why) {
         if (why.code() != exit_code::not_reached) throw;
-        finding lost{severity::error, "no_name_server", {}, why.what(), why.advice()};
+        finding lost{severity_level::error, "no_name_server", {}, why.what(), why.advice()};
         found.push_back(std::move(lost));
     }
     co_await conclude(in, std::move(found), std::move(now));
 }
+
+void declare_doctor(CLI::App& app, parsed_command& made) {
+    auto given = std::make_shared<doctor_options>();
+    add_time(app, "--interval", given->interval, "time between its two inspections (default: 1s)");
+    app.callback([&made, given] {
+        made.looks = true;
+        made.work = [given](context& in) { return doctor(in, *given); };
+    });
+}
+
+} // namespace
+
+extern const command doctor_command{
+    "doctor", measure_group, "finds problems and remedies; exit code 1 if there are any",
+    "  ise doctor\n  ise doctor && echo healthy               exit code 1: something is wrong\n", declare_doctor};
 
 } // namespace ise::cli

@@ -1,60 +1,59 @@
-#include "look.hpp"
-
+// ise graph: the connections between components.
 #include "connections.hpp"
+#include "json.hpp"
+#include "options.hpp"
 #include "survey.hpp"
 #include "text.hpp"
 
-#include <nlohmann/json.hpp>
-
-#include <algorithm>
+#include <memory>
 
 namespace ise::cli {
 namespace {
 
-using nlohmann::ordered_json;
+struct graph_options {
+    std::string prefix; ///< these components, and whoever is connected to them
+    bool dot = false;   ///< for Graphviz
+};
 
-std::string as_json(const std::vector<surveyed>& all, const std::vector<connection_line>& lines, wall_time at) {
-    ordered_json told;
-    told["asked_at"] = show_wall(at);
-    auto components = ordered_json::array();
-    for (const auto& one : all) {
-        ordered_json component;
-        component["path"] = one.name.path;
-        component["state"] = one.about ? one.about->state : one.name.state;
-        component["host"] = one.name.host_name;
-        component["answered"] = one.about.has_value();
-        components.push_back(std::move(component));
-    }
-    told["components"] = std::move(components);
-    auto connections = ordered_json::array();
+struct graph_component {
+    std::string path, state, host;
+    bool answered = false;
+};
+struct graph_service {
+    std::string service, provider;
+};
+struct graph_connection {
+    std::string a;
+    std::optional<std::string> b; ///< null: a peer without a name, at `address`
+    std::string address, over;
+    std::uint64_t sessions = 0, bytes_to_a = 0, bytes_to_b = 0;
+    std::optional<duration> round_trip_s;
+    bool stalled = false;
+    std::vector<graph_service> services; ///< used over these sessions
+};
+struct connection_graph {
+    std::string asked_at;
+    std::vector<graph_component> components;
+    std::vector<graph_connection> connections;
+};
+
+connection_graph graph_of(const std::vector<surveyed>& all, const std::vector<connection_line>& lines, wall_time at) {
+    connection_graph made;
+    made.asked_at = show_wall(at);
+    for (const auto& one : all)
+        made.components.push_back(
+            {one.name.path, one.about ? one.about->state : one.name.state, one.name.host_name, one.about.has_value()});
     for (const auto& one : lines) {
-        ordered_json connection;
-        connection["a"] = one.a;
-        connection["b"] = one.b.empty() ? ordered_json() : ordered_json(one.b);
-        connection["address"] = one.address;
-        connection["over"] = one.over;
-        connection["sessions"] = one.sessions;
-        connection["bytes_to_a"] = one.bytes_to_a;
-        connection["bytes_to_b"] = one.bytes_to_b;
-        connection["round_trip_s"] = one.round_trip > duration{}
-                                         ? ordered_json(std::chrono::duration<double>(one.round_trip).count())
-                                         : ordered_json();
-        connection["stalled"] = one.stalled;
-        auto used = ordered_json::array();
-        for (const auto& service : one.services) {
-            ordered_json use;
-            use["service"] = service.service;
-            use["provider"] = service.a_provides ? one.a : one.b;
-            used.push_back(std::move(use));
-        }
-        connection["services"] = std::move(used);
-        connections.push_back(std::move(connection));
+        graph_connection line{one.a,          {}, one.address, one.over, one.sessions, one.bytes_to_a,
+                              one.bytes_to_b, {}, one.stalled, {}};
+        if (!one.b.empty()) line.b = one.b;
+        if (one.round_trip > duration{}) line.round_trip_s = one.round_trip;
+        for (const auto& service : one.services)
+            line.services.push_back({service.service, service.a_provides ? one.a : one.b});
+        made.connections.push_back(std::move(line));
     }
-    told["connections"] = std::move(connections);
-    return told.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
+    return made;
 }
-
-} // namespace
 
 task<> graph(context& in, graph_options options) {
     survey_options what;
@@ -63,7 +62,7 @@ task<> graph(context& in, graph_options options) {
     auto lines = connections_of(all);
     std::string text;
     if (in.set.json) {
-        text = as_json(all, lines, in.self.wall());
+        text = json_line(graph_of(all, lines, in.self.wall()));
     } else if (options.dot) {
         text = connections_as_dot(all, lines);
     } else {
@@ -74,5 +73,21 @@ task<> graph(context& in, graph_options options) {
     for (const auto& one : all)
         if (!one.about) note(in.set, one.name.path + ": " + one.trouble);
 }
+
+void declare_graph(CLI::App& app, parsed_command& made) {
+    auto given = std::make_shared<graph_options>();
+    add_prefix(app, given->prefix);
+    app.add_flag("--dot", given->dot, "for Graphviz: ise graph --dot | dot -Tsvg");
+    app.callback([&made, given] {
+        check_prefix(given->prefix);
+        made.looks = true;
+        made.work = [given](context& in) { return graph(in, *given); };
+    });
+}
+
+} // namespace
+
+extern const command graph_command{"graph", see_group, "shows the connections between components",
+                                   "  ise graph\n  ise graph --dot | dot -Tsvg > graph.svg\n", declare_graph};
 
 } // namespace ise::cli

@@ -1,8 +1,8 @@
 #include "hosts.hpp"
 
+#include "json.hpp"
+#include "options.hpp"
 #include "text.hpp"
-
-#include <nlohmann/json.hpp>
 
 #include <fmt/format.h>
 
@@ -42,6 +42,14 @@ task<std::vector<naming::listed_name>> listed_hosts(context& in) {
     if (learned) co_await in.self.sleep(std::min(in.left(), until_newcomers_ask_again));
     auto listed = co_await listed_names(in, std::string(hosts_path));
     co_return listed;
+}
+
+// "atirma/boat is ready on shore, as process 4711"
+std::string as_sentence(const std::string& host, const instantiation::instance_info& what) {
+    auto text = fmt::format("{} is {} on {}", what.path, name_of(what.state), host);
+    if (what.process_id != 0) text += fmt::format(", as process {}", what.process_id);
+    if (!what.reason.empty()) text += fmt::format(": {}", what.reason);
+    return printable(text);
 }
 
 } // namespace
@@ -164,38 +172,38 @@ std::string_view name_of(instantiation::instance_state state) {
     return "?";
 }
 
-std::string as_json(const std::string& host, const instantiation::instance_info& what) {
-    nlohmann::ordered_json told;
-    told["host"] = host;
-    told["path"] = what.path;
-    told["type"] = what.type;
-    told["program"] = what.program;
-    told["state"] = name_of(what.state);
-    told["reason"] = what.reason;
-    told["process_id"] = what.process_id;
-    told["process"] = what.process;
-    told["since_s"] = std::chrono::duration<double>(what.since.time_since_epoch()).count();
-    told["restarts"] = what.restarts;
-    told["adopted"] = what.adopted;
-    auto given = nlohmann::ordered_json::array();
-    for (const auto& one : what.arguments) given.push_back({{"name", one.name}, {"value", one.value}});
-    told["arguments"] = given;
-    told["roles"] = what.roles;
-    told["deployment"] = what.deployment;
-    told["limits"] = {{"pids", what.limits.pids}, {"memory", what.limits.memory}, {"cpus", what.limits.cpus}};
-    told["output_dropped"] = what.output_dropped;
-    told["output_trouble"] = what.output_trouble;
-    told["probe"] = what.terms.probe;
-    told["probe_trouble"] = what.probe_trouble;
-    told["rebuilt"] = what.rebuilt;
-    return told.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+instance_line line_of(const std::string& host, const instantiation::instance_info& what) {
+    return {.host = host,
+            .path = what.path,
+            .type = what.type,
+            .program = what.program,
+            .state = name_of(what.state),
+            .reason = what.reason,
+            .process_id = what.process_id,
+            .process = what.process,
+            .since_s = what.since.time_since_epoch(),
+            .restarts = what.restarts,
+            .adopted = what.adopted,
+            .arguments = what.arguments,
+            .roles = what.roles,
+            .deployment = what.deployment,
+            .limits = what.limits,
+            .output_dropped = what.output_dropped,
+            .output_trouble = what.output_trouble,
+            .probe = what.terms.probe,
+            .probe_trouble = what.probe_trouble,
+            .rebuilt = what.rebuilt};
 }
 
-std::string as_sentence(const std::string& host, const instantiation::instance_info& what) {
-    auto text = fmt::format("{} is {} on {}", what.path, name_of(what.state), host);
-    if (what.process_id != 0) text += fmt::format(", as process {}", what.process_id);
-    if (!what.reason.empty()) text += fmt::format(": {}", what.reason);
-    return printable(text);
+task<> print_instance(context& in, std::string host, instantiation::instance_info what) {
+    std::string text;
+    if (in.set.json) text = json_line(line_of(host, what));
+    else text = as_sentence(host, what) + "\n";
+    co_await in.out.write(in.self, std::move(text));
+}
+
+void add_host(CLI::App& app, std::string& host) {
+    app.add_option("--host", host, "name of the host (default: the one that runs it)")->type_name("HOST");
 }
 
 } // namespace ise::cli

@@ -3,7 +3,10 @@
 
 #include <ise/instantiation/services.hpp>
 
+#include <chrono>
+#include <map>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace ise::cli {
@@ -31,10 +34,33 @@ task<found_instance> find_instance(context& in, std::string host, std::string pa
 /// The instance that was started; a problem that tells why not, with its last output.
 instantiation::instance_info started(const instantiation::start_response& told);
 
-/// One line of JSON, without its end.
-std::string as_json(const std::string& host, const instantiation::instance_info& what);
+/// What `--json` prints of an instance.
+struct instance_line {
+    std::string host, path, type, program;
+    std::string_view state;
+    std::string reason;
+    std::int32_t process_id = 0;
+    std::string process;
+    std::chrono::duration<double> since_s{};
+    std::uint32_t restarts = 0;
+    bool adopted = false;
+    std::vector<instantiation::argument> arguments;
+    std::map<std::string, std::int32_t> roles;
+    std::string deployment;
+    instantiation::resource_limits limits;
+    std::uint64_t output_dropped = 0;
+    std::string output_trouble, probe, probe_trouble;
+    bool rebuilt = false;
+};
+instance_line line_of(const std::string& host, const instantiation::instance_info& what);
 std::string_view name_of(instantiation::instance_state state);
-/// "atirma/boat is ready on shore, as process 4711"
-std::string as_sentence(const std::string& host, const instantiation::instance_info& what);
+/// Prints it: "atirma/boat is ready on shore, as process 4711", or with --json its line.
+task<> print_instance(context& in, std::string host, instantiation::instance_info what);
+
+/// The option `--host` of commands about an instance.
+void add_host(CLI::App& app, std::string& host);
+
+/// Beside what a component may take by its own terms: a name that has to come free, and the way there and back.
+inline constexpr duration besides_own_terms = std::chrono::seconds(15);
 
 } // namespace ise::cli

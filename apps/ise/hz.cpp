@@ -1,90 +1,105 @@
-#include "subscribing.hpp"
-
-#include "arrivals.hpp"
+// ise hz: rate, jitter and losses of a subscription's packets.
+#include "json.hpp"
+#include "metering.hpp"
 #include "text.hpp"
-
-#include <nlohmann/json.hpp>
 
 #include <fmt/format.h>
 
-#include <memory>
+#include <algorithm>
+#include <cmath>
+#include <utility>
 
 namespace ise::cli {
 namespace {
 
-// Shared by the coroutine that receives and the one that reports.
-struct meter {
-    explicit meter(dynamic_stream from) : stream(std::move(from)) {}
-
-    dynamic_stream stream;
-    arrivals seen;
+struct hz_line {
+    double rate_hz = 0;
+    std::uint64_t packets = 0;
+    std::optional<duration> mean_s, jitter_s, shortest_s, longest_s;
+    bool connected = false;
+    std::uint64_t received = 0, lost_at_provider = 0, lost_here = 0, restarts = 0;
 };
 
-task<> receive(component& self, std::shared_ptr<meter> into) {
-    for (;;) {
-        auto packet = co_await into->stream.next();
-        if (!packet) break;
-        auto now = self.now();
-        for (; packet; packet = into->stream.try_next()) into->seen.add(now);
+// When packets arrive: rate and evenness over one window after the other. An interval belongs to the window in which it
+// ends.
+class arrivals final : public gauge {
+public:
+    void see(const dynamic_packet&, time_point at) override {
+        ++packets_;
+        auto before = std::exchange(last_, at);
+        if (!before) return;
+        auto interval = at - *before;
+        ++intervals_;
+        // Welford: one pass, no loss of digits.
+        double seconds = std::chrono::duration<double>(interval).count();
+        double off = seconds - mean_s_;
+        mean_s_ += off / static_cast<double>(intervals_);
+        squares_ += off * (seconds - mean_s_);
+        shortest_ = std::min(shortest_, interval);
+        longest_ = std::max(longest_, interval);
     }
-}
 
-std::string show(const subscription_counts& counts) {
-    return fmt::format("{}{}", counts.lost_at_provider + counts.lost_here, counts.restarts != 0 ? " and more" : "");
-}
+    std::string heading() const override {
+        return fmt::format("{:>10}  {:>9}  {:>9}  {:>9}  {:>9}  {:>8}  {:>8}\n", "RATE", "MEAN", "JITTER", "SHORTEST",
+                           "LONGEST", "PACKETS", "LOST");
+    }
 
-std::string heading() {
-    return fmt::format("{:>10}  {:>9}  {:>9}  {:>9}  {:>9}  {:>8}  {:>8}\n", "RATE", "MEAN", "JITTER", "SHORTEST",
-                       "LONGEST", "PACKETS", "LOST");
-}
+    std::string row(duration window, const dynamic_stream& stream) override {
+        auto of = take(window, stream);
+        auto interval = [](const std::optional<duration>& length) { return length ? show_duration(*length) : "-"; };
+        return fmt::format("{:>7.2f} Hz  {:>9}  {:>9}  {:>9}  {:>9}  {:>8}  {:>8}\n", of.rate_hz, interval(of.mean_s),
+                           interval(of.jitter_s), interval(of.shortest_s), interval(of.longest_s), of.packets,
+                           show_losses(stream));
+    }
 
-std::string row(const arrivals::summary& of, const dynamic_stream& stream) {
-    auto interval = [&](duration length) { return of.intervals == 0 ? std::string("-") : show_duration(length); };
-    return fmt::format("{:>7.2f} Hz  {:>9}  {:>9}  {:>9}  {:>9}  {:>8}  {:>8}{}\n", of.rate_hz, interval(of.mean),
-                       interval(of.jitter), interval(of.shortest), interval(of.longest), of.packets,
-                       show(stream.counts()), stream.connected() ? "" : "  not connected");
-}
+    std::string json(duration window, const dynamic_stream& stream) override { return json_line(take(window, stream)); }
 
-std::string line(const arrivals::summary& of, const dynamic_stream& stream) {
-    auto seconds = [&](duration length) {
-        return of.intervals == 0 ? nlohmann::ordered_json()
-                                 : nlohmann::ordered_json(std::chrono::duration<double>(length).count());
-    };
-    const auto& counts = stream.counts();
-    nlohmann::ordered_json told;
-    told["rate_hz"] = of.rate_hz;
-    told["packets"] = of.packets;
-    told["mean_s"] = seconds(of.mean);
-    told["jitter_s"] = seconds(of.jitter);
-    told["shortest_s"] = seconds(of.shortest);
-    told["longest_s"] = seconds(of.longest);
-    told["connected"] = stream.connected();
-    told["received"] = counts.received;
-    told["lost_at_provider"] = counts.lost_at_provider;
-    told["lost_here"] = counts.lost_here;
-    told["restarts"] = counts.restarts;
-    return told.dump() + "\n";
+private:
+    hz_line take(duration window, const dynamic_stream& stream) {
+        hz_line made;
+        made.packets = packets_;
+        made.rate_hz = static_cast<double>(packets_) / std::chrono::duration<double>(window).count();
+        if (intervals_ != 0) {
+            auto length = [](double seconds) {
+                return std::chrono::duration_cast<duration>(std::chrono::duration<double>(seconds));
+            };
+            made.mean_s = length(mean_s_);
+            made.jitter_s = length(std::sqrt(squares_ / static_cast<double>(intervals_)));
+            made.shortest_s = shortest_;
+            made.longest_s = longest_;
+        }
+        made.connected = stream.connected();
+        made.received = stream.counts().received;
+        made.lost_at_provider = stream.counts().lost_at_provider;
+        made.lost_here = stream.counts().lost_here;
+        made.restarts = stream.counts().restarts;
+        auto last = last_;
+        *this = arrivals();
+        last_ = last;
+        return made;
+    }
+
+    std::optional<time_point> last_;
+    std::uint64_t packets_ = 0;
+    std::uint64_t intervals_ = 0;
+    double mean_s_ = 0;
+    double squares_ = 0; // sum of squared distances from the mean
+    duration shortest_ = duration::max();
+    duration longest_{};
+};
+
+void declare_hz(CLI::App& app, parsed_command& made) {
+    auto given = std::make_shared<metering_options>();
+    add_metering(app, *given);
+    app.callback([&made, given] {
+        complete_metering(*given, made);
+        made.work = [given](context& in) { return measure(in, *given, std::make_shared<arrivals>()); };
+    });
 }
 
 } // namespace
 
-task<> hz(context& in, hz_options options) {
-    subscribe_options terms;
-    terms.last_value = false;
-    auto stream = co_await open_stream(in, options.what, terms);
-    auto shared = std::make_shared<meter>(std::move(stream));
-    in.self.spawn("meter", receive(in.self, shared));
-    if (!in.set.json) co_await in.out.write(in.self, heading());
-    auto at = in.self.now();
-    for (std::uint64_t windows = 0; !options.count || windows < *options.count; ++windows) {
-        at = saturating_add(at, options.window);
-        co_await in.self.sleep_till(at);
-        auto seen = shared->seen.take(options.window);
-        auto text = in.set.json ? line(seen, shared->stream) : row(seen, shared->stream);
-        co_await in.out.write(in.self, std::move(text));
-        if (shared->stream.ended()) throw problem(shared->stream.cause());
-    }
-    shared->stream.leave();
-}
+extern const command hz_command{"hz", measure_group, "rate, jitter and losses of a subscription's packets",
+                                "  ise hz atirma/boat position\n", declare_hz};
 
 } // namespace ise::cli

@@ -1,21 +1,43 @@
-#include "commands.hpp"
-
+// ise list: the components that the name server knows.
+#include "json.hpp"
+#include "options.hpp"
 #include "table.hpp"
 #include "target.hpp"
 #include "text.hpp"
-
-#include <nlohmann/json.hpp>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include <algorithm>
 #include <map>
+#include <memory>
 
 namespace ise::cli {
 namespace {
 
-using nlohmann::ordered_json;
+struct list_options {
+    std::string prefix;
+    bool names = false; ///< nothing but the paths
+};
+
+struct listed_role {
+    std::string role;
+    std::int32_t priority = 0;
+    bool taken = false; ///< clients that look for the role now get this component
+};
+struct listed_component {
+    std::string path, state, type, host;
+    std::uint64_t process_id = 0;
+    std::string node;
+    std::string epoch; ///< beyond 2^53 a JSON number is not exact
+    std::string incarnation;
+    duration lease_age_s{};
+    std::vector<std::string> endpoints;
+    std::uint64_t services_provided = 0;
+    std::optional<std::string> waits_for;
+    std::vector<listed_role> roles;
+};
+
 using role_lists = std::map<std::string, std::vector<naming::listed_name>>; // who serves each role, best first
 
 role_lists roles_of(const std::vector<naming::listed_name>& names) {
@@ -28,37 +50,30 @@ role_lists roles_of(const std::vector<naming::listed_name>& names) {
     return all;
 }
 
-std::string as_json(const std::vector<naming::listed_name>& names, const role_lists& roles) {
-    auto all = ordered_json::array();
+std::vector<listed_component> listed_components(const std::vector<naming::listed_name>& names,
+                                                const role_lists& roles) {
+    std::vector<listed_component> all;
     for (const auto& one : names) {
-        ordered_json told;
-        told["path"] = one.path;
-        told["state"] = one.state;
-        told["type"] = one.type;
-        told["host"] = one.host_name;
-        told["process_id"] = one.process_id;
-        told["node"] = one.node;
-        told["epoch"] = std::to_string(one.epoch); // beyond 2^53 a JSON number is not exact
-        told["incarnation"] = fmt::format("{:016x}", one.incarnation);
-        told["lease_age_s"] = std::chrono::duration<double>(one.lease_age).count();
-        told["endpoints"] = one.endpoints;
-        told["services_provided"] = one.services_provided;
-        told["waits_for"] = one.waits_for.empty() ? ordered_json() : ordered_json(one.waits_for);
-        auto served = ordered_json::array();
-        for (const auto& [role, priority] : one.roles) {
-            ordered_json membership;
-            membership["role"] = role;
-            membership["priority"] = priority;
-            membership["taken"] = roles.at(role).front().path == one.path;
-            served.push_back(std::move(membership));
-        }
-        told["roles"] = std::move(served);
-        all.push_back(std::move(told));
+        listed_component made{.path = one.path,
+                              .state = one.state,
+                              .type = one.type,
+                              .host = one.host_name,
+                              .process_id = one.process_id,
+                              .node = one.node,
+                              .epoch = std::to_string(one.epoch),
+                              .incarnation = fmt::format("{:016x}", one.incarnation),
+                              .lease_age_s = one.lease_age,
+                              .endpoints = one.endpoints,
+                              .services_provided = one.services_provided};
+        if (!one.waits_for.empty()) made.waits_for = one.waits_for;
+        for (const auto& [role, priority] : one.roles)
+            made.roles.push_back({role, priority, roles.at(role).front().path == one.path});
+        all.push_back(std::move(made));
     }
-    return all.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
+    return all;
 }
 
-std::string as_table(const std::vector<naming::listed_name>& names, std::size_t width) {
+std::string component_table(const std::vector<naming::listed_name>& names, std::size_t width) {
     table rows({"PATH", "STATE", "HOST", "PROCESS", "LEASE AGE", "SERVICES", "ENDPOINTS"});
     std::size_t longest = 0;
     for (const auto& one : names) {
@@ -73,7 +88,7 @@ std::string as_table(const std::vector<naming::listed_name>& names, std::size_t 
 }
 
 // Who is found under a role is marked: the handles of others may be with another member.
-std::string as_table(const role_lists& roles, const std::string& prefix, std::size_t width) {
+std::string role_table(const role_lists& roles, const std::string& prefix, std::size_t width) {
     table rows({"ROLE", "TAKEN", "PRIORITY", "STATE", "HOST", "MEMBER"});
     std::size_t shown = 0;
     for (const auto& [role, members] : roles) {
@@ -86,8 +101,6 @@ std::string as_table(const role_lists& roles, const std::string& prefix, std::si
     }
     return shown == 0 ? std::string() : rows.text(width);
 }
-
-} // namespace
 
 task<> list(context& in, list_options options) {
     check_prefix(options.prefix);
@@ -102,10 +115,10 @@ task<> list(context& in, list_options options) {
         for (const auto& [role, members] : roles)
             if (naming::lies_below(role, options.prefix)) text += printable(role) + "\n";
     } else if (in.set.json) {
-        text = as_json(names, roles);
+        text = json_line(listed_components(names, roles));
     } else {
-        served = as_table(roles, options.prefix, in.out.width());
-        if (!names.empty() || served.empty()) text = as_table(names, in.out.width());
+        served = role_table(roles, options.prefix, in.out.width());
+        if (!names.empty() || served.empty()) text = component_table(names, in.out.width());
         if (!served.empty()) text += (text.empty() ? "" : "\n") + served;
     }
     co_await in.out.write(in.self, std::move(text));
@@ -115,5 +128,17 @@ task<> list(context& in, list_options options) {
     for (const auto& [role, members] : roles) known.push_back(role);
     note_nothing(in, options.prefix, known);
 }
+
+void declare_list(CLI::App& app, parsed_command& made) {
+    auto given = std::make_shared<list_options>();
+    add_prefix(app, given->prefix);
+    app.add_flag("--names", given->names, "only the paths");
+    app.callback([&made, given] { made.work = [given](context& in) { return list(in, *given); }; });
+}
+
+} // namespace
+
+extern const command list_command{"list", see_group, "lists the components that the name server knows",
+                                  "  ise list\n  ise list atirma/shore\n", declare_list};
 
 } // namespace ise::cli

@@ -1,23 +1,33 @@
-#include "commands.hpp"
-
+// ise logs: what an instance has printed.
 #include "hosts.hpp"
+#include "json.hpp"
+#include "options.hpp"
 #include "text.hpp"
 
-#include <nlohmann/json.hpp>
-
 #include <fmt/format.h>
+
+#include <memory>
 
 namespace ise::cli {
 namespace {
 
 using instantiation::output_piece;
 
-std::string shown(const context& in, const output_piece& piece) {
+struct logs_options {
+    std::string name, host;
+    bool follow = false;
+    std::optional<std::size_t> lines;
+};
+
+struct log_line {
+    std::uint64_t offset = 0;
+    std::string text;
+};
+
+std::string show_piece(const context& in, const output_piece& piece) {
     if (in.set.json) {
-        nlohmann::ordered_json told;
-        told["offset"] = piece.offset;
-        told["text"] = piece.text;
-        return told.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+        log_line line{piece.offset, piece.text};
+        return json_line(line);
     }
     // What a program printed is not for the terminal to obey.
     return in.out.is_terminal() ? printable(piece.text, true) : piece.text;
@@ -32,8 +42,6 @@ void keep_last_lines(output_piece& piece, std::size_t lines) {
     piece.text.erase(0, from + 1);
     piece.offset += from + 1;
 }
-
-} // namespace
 
 task<> logs(context& in, logs_options options) {
     auto found = co_await find_instance(in, options.host, options.name);
@@ -50,7 +58,7 @@ task<> logs(context& in, logs_options options) {
     auto& last = *told;
     auto end = last.offset + last.text.size();
     if (options.lines) keep_last_lines(last, *options.lines);
-    if (!last.text.empty()) co_await in.out.write(in.self, shown(in, last));
+    if (!last.text.empty()) co_await in.out.write(in.self, show_piece(in, last));
     while (options.follow) {
         auto packet = co_await follow.next();
         if (!packet) throw problem(follow.cause());
@@ -60,8 +68,25 @@ task<> logs(context& in, logs_options options) {
         else if (piece.offset > end)
             note(in.set, fmt::format("{} bytes were lost: it prints faster than they are read", piece.offset - end));
         end = packet->offset + packet->text.size();
-        co_await in.out.write(in.self, shown(in, piece));
+        co_await in.out.write(in.self, show_piece(in, piece));
     }
 }
+
+void declare_logs(CLI::App& app, parsed_command& made) {
+    auto given = std::make_shared<logs_options>();
+    app.add_option("INSTANCE", given->name, "its path: ise ps")->required();
+    add_host(app, given->host);
+    app.add_flag("--follow,-f", given->follow, "continue with new output");
+    app.add_option("--lines,-n", given->lines, "only the last N lines")->type_name("N");
+    app.callback([&made, given] {
+        made.endless = given->follow;
+        made.work = [given](context& in) { return logs(in, *given); };
+    });
+}
+
+} // namespace
+
+extern const command logs_command{"logs", run_group, "shows the output of a component",
+                                  "  ise logs sea/wind -n 20\n  ise logs sea/wind --follow\n", declare_logs};
 
 } // namespace ise::cli

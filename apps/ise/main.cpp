@@ -1,5 +1,5 @@
 // ise: lists, describes, calls and listens to running components, without their headers.
-#include "command_line.hpp"
+#include "command.hpp"
 
 #include <unistd.h>
 
@@ -34,8 +34,7 @@ int main(int count, char** arguments) {
         std::any_of(arguments, arguments + count, [](const char* one) { return std::string_view(one) == "--json"; });
     try {
         auto wanted = read_command_line(count, arguments);
-        if (!wanted.talk.body) return static_cast<int>(print(wanted.text));
-        return static_cast<int>(run(wanted.set, wanted.talk));
+        return static_cast<int>(wanted.work ? run(wanted) : print(wanted.text));
     } catch (const problem& why) {
         report(why, json);
         return static_cast<int>(why.code());

@@ -1,40 +1,42 @@
-#include "commands.hpp"
-
+// ise param: the parameters of a running component.
 #include "hosts.hpp"
+#include "json.hpp"
+#include "options.hpp"
 #include "table.hpp"
 #include "text.hpp"
 
 #include <ise/component/parameter_services.hpp>
 
-#include <nlohmann/json.hpp>
-
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <memory>
 
 namespace ise::cli {
 namespace {
 
-using nlohmann::ordered_json;
+struct param_options {
+    std::string act, name, parameter;
+    std::optional<std::string> value;
+    bool names = false; ///< nothing but their names
+};
 
-ordered_json as_json(const parameter_text& of) {
-    ordered_json told;
-    told["name"] = of.about.name;
-    told["values"] = of.values;
-    told["kind"] = ise::name_of(of.about.kind);
-    told["allowed"] = allowed_values(of.about);
-    told["preset"] = of.about.preset;
-    told["changeable"] = of.about.changeable;
-    told["description"] = of.about.description;
-    return told;
+struct param_line {
+    std::string name;
+    std::vector<std::string> values;
+    std::string_view kind;
+    std::string allowed, preset;
+    bool changeable = false;
+    std::string description;
+};
+
+param_line parameter_line(const parameter_text& of) {
+    return {of.about.name,   of.values,           ise::name_of(of.about.kind), allowed_values(of.about),
+            of.about.preset, of.about.changeable, of.about.description};
 }
 
-std::string line(const ordered_json& told) {
-    return told.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
-}
-
-std::string as_page(const context& in, const std::vector<parameter_text>& all) {
+std::string parameter_table(const context& in, const std::vector<parameter_text>& all) {
     table rows({"PARAMETER", "VALUE", "CHANGEABLE", "ALLOWED", "WHAT"});
     for (const auto& one : all)
         rows.add({one.about.name, fmt::format("{}", fmt::join(one.values, ",")),
@@ -57,7 +59,8 @@ problem without_parameters(const std::string& name, const failure& why) {
             "those of programs built on ise::main do, and what was launched with component_type::live()"};
 }
 
-task<std::vector<parameter_text>> ask(context& in, remote who, std::string name, std::vector<std::string> which) {
+task<std::vector<parameter_text>> ask_parameters(context& in, remote who, std::string name,
+                                                 std::vector<std::string> which) {
     parameters_request question;
     question.names = std::move(which);
     auto told = co_await who.try_call(parameters_service, std::move(question), in.left());
@@ -78,7 +81,7 @@ task<std::optional<host_server>> starter_of(context& in, std::string path) {
     co_return std::nullopt;
 }
 
-task<> set(context& in, remote who, param_options options) {
+task<> set_parameter(context& in, remote who, param_options options) {
     std::optional<host_server> starter;
     std::string path;
     if (options.name.find("://") == std::string::npos) {
@@ -115,30 +118,49 @@ void check_words(const param_options& options) {
     else refuse(options.value.has_value(), "VALUE");
 }
 
-} // namespace
-
 task<> param(context& in, param_options options) {
     check_words(options);
     auto who = co_await reach(in, options.name);
-    if (options.act == "set") co_await set(in, who, options);
+    if (options.act == "set") co_await set_parameter(in, who, options);
     std::vector<std::string> which;
     if (!options.parameter.empty()) which.push_back(options.parameter);
-    auto all = co_await ask(in, who, options.name, std::move(which));
+    auto all = co_await ask_parameters(in, who, options.name, std::move(which));
     std::string text;
     if (options.names) {
         for (const auto& one : all) text += printable(one.about.name) + "\n";
     } else if (options.act != "list") {
         for (const auto& value : all.front().values)
             if (!in.set.json) text += printable(value) + "\n";
-        if (in.set.json) text = line(as_json(all.front()));
+        if (in.set.json) text = json_line(parameter_line(all.front()));
     } else if (in.set.json) {
-        auto told = ordered_json::array();
-        for (const auto& one : all) told.push_back(as_json(one));
-        text = line(told);
+        std::vector<param_line> lines;
+        for (const auto& one : all) lines.push_back(parameter_line(one));
+        text = json_line(lines);
     } else {
-        text = as_page(in, all);
+        text = parameter_table(in, all);
     }
     co_await in.out.write(in.self, std::move(text));
 }
+
+void declare_param(CLI::App& app, parsed_command& made) {
+    auto given = std::make_shared<param_options>();
+    app.add_option("ACTION", given->act, "list, get or set")->required()->check(one_of({"get", "list", "set"}));
+    add_component(app, given->name);
+    app.add_option("PARAMETER", given->parameter, "of get and set: its name");
+    auto read_value = [given](const std::string& text) { given->value = text; };
+    app.add_option_function<std::string>("VALUE", read_value, "of set: the new value");
+    app.add_flag("--names", given->names, "of list: only the names");
+    app.callback([&made, given] {
+        made.patience = std::chrono::seconds(15);
+        made.work = [given](context& in) { return param(in, *given); };
+    });
+}
+
+} // namespace
+
+extern const command param_command{
+    "param", talk_group, "lists, reads or sets parameters of a running component",
+    "  ise param list atirma/wind\n  ise param get atirma/wind speed\n  ise param set atirma/wind speed 8\n",
+    declare_param};
 
 } // namespace ise::cli

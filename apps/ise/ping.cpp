@@ -1,25 +1,40 @@
-#include "look.hpp"
-
+// ise ping: round trips to a component and its clock offset.
+#include "json.hpp"
+#include "options.hpp"
 #include "spread.hpp"
 #include "survey.hpp"
 #include "text.hpp"
 
-#include <nlohmann/json.hpp>
-
 #include <fmt/format.h>
+
+#include <memory>
 
 namespace ise::cli {
 namespace {
 
-using nlohmann::ordered_json;
+struct ping_options {
+    std::string name;
+    std::uint64_t count = 5;
+    duration every = std::chrono::milliseconds(200);
+};
 
-double seconds(duration length) { return std::chrono::duration<double>(length).count(); }
+struct ping_line {
+    std::uint64_t number = 0;
+    std::optional<duration> round_trip_s, clock_ahead_s;
+    if_any<std::string> error; ///< if there was no answer
+};
+struct ping_summary {
+    std::uint64_t sent = 0, answered = 0;
+    std::optional<duration> min_s, median_s, max_s;
+    std::string_view service; ///< that was asked
+};
 
 // One question: the figures of the component, or from a version without them its description.
 struct echoed {
     duration round_trip{};
     std::optional<duration> clock_ahead;
 };
+
 task<result<echoed>> ask_once(context& in, remote who, bool& by_health, duration limit) {
     echoed made;
     if (by_health) {
@@ -40,31 +55,36 @@ task<result<echoed>> ask_once(context& in, remote who, bool& by_health, duration
     co_return made;
 }
 
-std::string line(context& in, std::uint64_t number, const std::string& name, const result<echoed>& got) {
+std::string show_answer(context& in, std::uint64_t number, const std::string& name, const result<echoed>& got) {
     if (in.set.json) {
-        ordered_json told;
-        told["number"] = number;
-        told["round_trip_s"] = got ? ordered_json(seconds(got->round_trip)) : ordered_json();
-        told["clock_ahead_s"] = got && got->clock_ahead ? ordered_json(seconds(*got->clock_ahead)) : ordered_json();
-        if (!got) told["error"] = got.error().message();
-        return told.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
+        ping_line line;
+        line.number = number;
+        if (got) {
+            line.round_trip_s = got->round_trip;
+            line.clock_ahead_s = got->clock_ahead;
+        } else {
+            line.error = got.error().message();
+        }
+        return json_line(line);
     }
     if (!got) return fmt::format("{}: {}\n", number, printable(got.error().message()));
     return fmt::format("{}: {} answered after {}\n", number, printable(name), show_duration(got->round_trip));
 }
 
-std::string summary(context& in, std::uint64_t sent, const spread& of, const std::optional<duration>& ahead,
-                    bool by_health) {
+std::string show_summary(context& in, std::uint64_t sent, const spread& of, const std::optional<duration>& ahead,
+                         bool by_health) {
     bool any = of.count() > 0;
     if (in.set.json) {
-        ordered_json told;
-        told["sent"] = sent;
-        told["answered"] = of.count();
-        told["min_s"] = any ? ordered_json(seconds(of.shortest())) : ordered_json();
-        told["median_s"] = any ? ordered_json(seconds(of.median())) : ordered_json();
-        told["max_s"] = any ? ordered_json(seconds(of.longest())) : ordered_json();
-        told["service"] = by_health ? health_service.name() : describe_service.name();
-        return told.dump() + "\n";
+        ping_summary told;
+        told.sent = sent;
+        told.answered = of.count();
+        if (any) {
+            told.min_s = of.shortest();
+            told.median_s = of.median();
+            told.max_s = of.longest();
+        }
+        told.service = by_health ? health_service.name() : describe_service.name();
+        return json_line(told);
     }
     auto text = fmt::format("{} of {} answered", of.count(), sent);
     if (any)
@@ -76,8 +96,6 @@ std::string summary(context& in, std::uint64_t sent, const spread& of, const std
                         *ahead < duration{} ? "behind" : "ahead of", show_duration(of.shortest() / 2));
     return text + "\n";
 }
-
-} // namespace
 
 task<> ping(context& in, ping_options options) {
     auto who = co_await reach(in, options.name);
@@ -94,12 +112,30 @@ task<> ping(context& in, ping_options options) {
         } else {
             why = got.error();
         }
-        auto text = line(in, number, options.name, got);
+        auto text = show_answer(in, number, options.name, got);
         co_await in.out.write(in.self, std::move(text));
     }
-    auto text = summary(in, options.count, seen, ahead, by_health);
+    auto text = show_summary(in, options.count, seen, ahead, by_health);
     co_await in.out.write(in.self, std::move(text));
     if (seen.count() == 0 && why) throw problem(*why, "is it busy or stopped? ise doctor looks at all");
 }
+
+void declare_ping(CLI::App& app, parsed_command& made) {
+    auto given = std::make_shared<ping_options>();
+    add_component(app, given->name);
+    app.add_option("--count,-n", given->count, "number of requests (default: 5)")
+        ->type_name("N")
+        ->check(CLI::Range(1u, 1'000'000u));
+    add_time(app, "--every", given->every, "time between them (default: 200ms)");
+    app.callback([&made, given] {
+        made.looks = true;
+        made.work = [given](context& in) { return ping(in, *given); };
+    });
+}
+
+} // namespace
+
+extern const command ping_command{"ping", measure_group, "measures round trips to a component and its clock offset",
+                                  "  ise ping atirma/boat -n 10\n", declare_ping};
 
 } // namespace ise::cli

@@ -1,29 +1,39 @@
-#include "look.hpp"
-
+// ise services, ise types: the services and packet types of all components.
+#include "json.hpp"
+#include "options.hpp"
 #include "survey.hpp"
 #include "table.hpp"
 #include "text.hpp"
 
 #include <ise/component/discover.hpp>
 
-#include <nlohmann/json.hpp>
-
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include <map>
+#include <memory>
 
 namespace ise::cli {
 namespace {
 
-using nlohmann::ordered_json;
+struct services_options {
+    std::string prefix;
+    bool all = false; ///< ISE's own too
+};
 
-struct parties {
+struct service_line {
+    std::string name;
+    std::string_view kind;
     std::vector<std::string> providers, requirers;
 };
+struct type_line {
+    std::string name, fingerprint, schema;
+    std::vector<std::string> users; ///< "atirma/boat position (published packet)"
+};
+
 // By name and kind: others may use the same word for something else.
-std::map<std::pair<std::string, std::uint8_t>, parties> services_of(const std::vector<surveyed>& all, bool own) {
-    std::map<std::pair<std::string, std::uint8_t>, parties> found;
+std::vector<service_line> services_of(const std::vector<surveyed>& all, bool own) {
+    std::map<std::pair<std::string, std::uint8_t>, service_line> found;
     for (const auto& one : all) {
         if (!one.about) continue;
         for (const auto& service : one.about->services) {
@@ -32,19 +42,17 @@ std::map<std::pair<std::string, std::uint8_t>, parties> services_of(const std::v
             (service.provided ? who.providers : who.requirers).push_back(one.name.path);
         }
     }
-    return found;
+    std::vector<service_line> lines;
+    for (auto& [key, line] : found) {
+        line.name = key.first;
+        line.kind = ise::name_of(key.second == 0 ? service_kind::request_response : service_kind::subscription);
+        lines.push_back(std::move(line));
+    }
+    return lines;
 }
 
-std::string_view kind_name(std::uint8_t kind) {
-    return ise::name_of(kind == 0 ? service_kind::request_response : service_kind::subscription);
-}
-
-struct type_users {
-    schema of;
-    std::vector<std::string> users; ///< "atirma/boat position (published packet)"
-};
-std::map<std::pair<std::string, std::uint64_t>, type_users> types_of(const std::vector<surveyed>& all, bool own) {
-    std::map<std::pair<std::string, std::uint64_t>, type_users> found;
+std::vector<type_line> types_of(const std::vector<surveyed>& all, bool own) {
+    std::map<std::pair<std::string, std::uint64_t>, type_line> found;
     for (const auto& one : all) {
         if (!one.about) continue;
         for (const auto& service : one.about->services) {
@@ -55,13 +63,19 @@ std::map<std::pair<std::string, std::uint64_t>, type_users> types_of(const std::
                 const auto& packet = contract->packet(place);
                 if (!own && packet.type().members.empty()) continue; // says nothing
                 auto& into = found[{packet.name(), packet.fingerprint()}];
-                into.of = packet;
+                into.schema = packet.text();
                 into.users.push_back(
                     fmt::format("{} {} ({})", one.name.path, service.name, role::name(contract->kind(), place)));
             }
         }
     }
-    return found;
+    std::vector<type_line> lines;
+    for (auto& [key, line] : found) {
+        line.name = key.first;
+        line.fingerprint = fmt::format("{:016x}", key.second);
+        lines.push_back(std::move(line));
+    }
+    return lines;
 }
 
 void tell_silent(const context& in, const std::vector<surveyed>& all, const std::string& prefix) {
@@ -70,70 +84,53 @@ void tell_silent(const context& in, const std::vector<surveyed>& all, const std:
         if (!one.about) note(in.set, fmt::format("{} does not answer: {}", one.name.path, one.trouble));
 }
 
-std::string services_as_json(const std::vector<surveyed>& all, bool own) {
-    auto list = ordered_json::array();
-    for (const auto& [key, who] : services_of(all, own)) {
-        ordered_json told;
-        told["name"] = key.first;
-        told["kind"] = kind_name(key.second);
-        told["providers"] = who.providers;
-        told["requirers"] = who.requirers;
-        list.push_back(std::move(told));
-    }
-    return list.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
-}
-
-table services_as_table(const std::vector<surveyed>& all, bool own) {
+table table_of(const std::vector<service_line>& lines) {
     table rows({"SERVICE", "KIND", "PROVIDED BY", "NEEDED BY"});
-    for (const auto& [key, who] : services_of(all, own))
-        rows.add({key.first, std::string(kind_name(key.second)),
-                  who.providers.empty() ? "nobody" : fmt::format("{}", fmt::join(who.providers, " ")),
-                  fmt::format("{}", fmt::join(who.requirers, " "))});
+    for (const auto& one : lines)
+        rows.add({one.name, std::string(one.kind),
+                  one.providers.empty() ? "nobody" : fmt::format("{}", fmt::join(one.providers, " ")),
+                  fmt::format("{}", fmt::join(one.requirers, " "))});
     return rows;
 }
 
-std::string types_as_json(const std::vector<surveyed>& all, bool own) {
-    auto list = ordered_json::array();
-    for (const auto& [key, one] : types_of(all, own)) {
-        ordered_json told;
-        told["name"] = key.first;
-        told["fingerprint"] = fmt::format("{:016x}", key.second);
-        told["schema"] = one.of.text();
-        told["users"] = one.users;
-        list.push_back(std::move(told));
-    }
-    return list.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
-}
-
-table types_as_table(const std::vector<surveyed>& all, bool own) {
+table table_of(const std::vector<type_line>& lines) {
     table rows({"TYPE", "FINGERPRINT", "USED BY"});
-    for (const auto& [key, one] : types_of(all, own))
-        rows.add({key.first, fmt::format("{:016x}", key.second), fmt::format("{}", fmt::join(one.users, ", "))});
+    for (const auto& one : lines) rows.add({one.name, one.fingerprint, fmt::format("{}", fmt::join(one.users, ", "))});
     return rows;
 }
 
-using json_maker = std::string (*)(const std::vector<surveyed>&, bool own);
-using table_maker = table (*)(const std::vector<surveyed>&, bool own);
-
-task<> look_at_all(context& in, services_options options, json_maker as_json, table_maker as_table) {
+template <class Line>
+task<> look_at_all(context& in, services_options options,
+                   std::vector<Line> (*lines_of)(const std::vector<surveyed>&, bool)) {
     check_prefix(options.prefix);
     survey_options what;
     what.prefix = options.prefix;
     auto all = co_await survey(in, what);
+    auto lines = lines_of(all, options.all);
     std::string text;
-    if (in.set.json) text = as_json(all, options.all);
-    else text = as_table(all, options.all).text(in.out.width()) + show_age(in, all);
+    if (in.set.json) text = json_line(lines);
+    else text = table_of(lines).text(in.out.width()) + show_age(in, all);
     co_await in.out.write(in.self, std::move(text));
     tell_silent(in, all, options.prefix);
 }
 
+template <auto lines_of>
+void declare_for_all(CLI::App& app, parsed_command& made) {
+    auto given = std::make_shared<services_options>();
+    add_prefix(app, given->prefix);
+    app.add_flag("--all", given->all, "ISE's own services too");
+    app.callback([&made, given] {
+        made.looks = true;
+        made.work = [given](context& in) { return look_at_all(in, *given, lines_of); };
+    });
+}
+
 } // namespace
 
-task<> services(context& in, services_options options) {
-    return look_at_all(in, std::move(options), services_as_json, services_as_table);
-}
-task<> types(context& in, services_options options) {
-    return look_at_all(in, std::move(options), types_as_json, types_as_table);
-}
+extern const command services_command{"services", see_group, "lists services with their providers and users",
+                                      "  ise services\n", declare_for_all<services_of>};
+
+extern const command types_command{"types", see_group, "the packet types, and where they are used",
+                                   "  ise types atirma\n", declare_for_all<types_of>};
 
 } // namespace ise::cli

@@ -12,7 +12,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::size_t at_once = 32;
+constexpr std::size_t asked_at_once = 32;
 
 // Shared by the one who waits and those who ask.
 struct inquiry {
@@ -94,7 +94,7 @@ task<std::vector<surveyed>> survey(context& in, survey_options options) {
         ~listed() { of.waiting = nullptr; }
     } listing{*of};
     of->waiting = &done;
-    of->asking = std::min(at_once, of->all.size());
+    of->asking = std::min(asked_at_once, of->all.size());
     for (std::size_t count = of->asking; count > 0; --count) in.self.spawn("survey", ask_some(in, of, options.leases));
     while (of->asking > 0) co_await done.wait();
     co_return std::move(of->all);

@@ -1,8 +1,46 @@
 #pragma once
-#include "surveyed.hpp"
 #include "target.hpp"
 
+#include <ise/component/health.hpp>
+#include <ise/component/introspection.hpp>
+#include <ise/core/error.hpp>
+#include <ise/naming/services.hpp>
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
 namespace ise::cli {
+
+/// A registered component as it was found when it was asked.
+struct surveyed {
+    naming::listed_name name;            ///< as the name server knows it
+    duration lease{};                    ///< of its node; zero: not asked
+    std::optional<component_info> about; ///< nothing: it did not answer, and `why` and `trouble` say so
+    std::optional<health_report> health; ///< nothing too where it is of a version that has no such service
+    errc why{};
+    std::string trouble;
+    time_point answered_at{};
+    duration answered_after{}; ///< round trip of the last question
+    duration clock_ahead{};    ///< of its host's clock, against ours; only with `health`
+    duration clock_doubt{};    ///< half of that round trip
+};
+
+/// The other end of a session, as a component tells it: "atirma/boat (tcp://10.0.0.2:4711)", or only an address.
+struct session_peer {
+    std::string path; ///< empty: anonymous
+    std::string address;
+
+    bool looks_only() const { return path.starts_with(looker_prefix); }
+    /// "tcp"
+    std::string over() const { return address.substr(0, address.find("://")); }
+};
+inline session_peer peer_of(const std::string& told) {
+    auto from = told.rfind(" (");
+    if (from == told.npos || !told.ends_with(')')) return {{}, told};
+    return {told.substr(0, from), told.substr(from + 2, told.size() - from - 3)};
+}
 
 struct survey_options {
     std::string prefix;

@@ -1,12 +1,13 @@
 #include "target.hpp"
 
-#include "names.hpp"
 #include "text.hpp"
 
 #include <ise/service/service_host.hpp>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+
+#include <set>
 
 namespace ise::cli {
 namespace {
@@ -28,7 +29,17 @@ task<result<void>> connect(context& in, remote who) {
     }
 }
 
+// Fit for a shell, between single quotes.
+std::string shell_quoted(const std::string& text) {
+    std::string out = "'";
+    for (char letter : text) out += letter == '\'' ? std::string("'\\''") : std::string(1, letter);
+    return out + "'";
+}
+
 std::string in_quotes(const std::string& name) { return fmt::format("'{}'", name); }
+
+// "1 name is", "3 names are"
+std::string names_are(std::size_t count) { return fmt::format("{} name{}", count, count == 1 ? " is" : "s are"); }
 
 // For an error only: whatever goes wrong here, that one is told.
 task<std::string> advice_for_name(context& in, std::string name) {
@@ -57,11 +68,44 @@ std::string advice_for_endpoint(errc why) {
 std::string services_there(const component_info& about) {
     std::vector<std::string> names;
     for (const auto& one : about.services)
-        if (one.provided && !is_internal(one.name)) names.push_back(in_quotes(one.name));
+        if (one.provided && !is_own_service(one.name)) names.push_back(in_quotes(one.name));
     return names.empty() ? "it provides no service" : "it provides " + enumerate(names);
 }
 
 } // namespace
+
+void check_name(const std::string& name) {
+    if (name.size() <= naming::max_path && naming::is_path(name)) return;
+    std::string advice = "a path has letters, digits, '_', '-' and '.', with a '/' between its parts: atirma/boat";
+    if (name.find(':') != name.npos) advice += "; an endpoint is written tcp://127.0.0.1:7411";
+    if (name.size() > naming::max_path)
+        advice = fmt::format("it has {} bytes, at most {} are allowed", name.size(), naming::max_path);
+    throw problem(exit_code::usage, "usage", fmt::format("'{}' is not a name of a component", printable(cut(name, 80))),
+                  std::move(advice));
+}
+
+void check_prefix(const std::string& prefix) {
+    auto path = prefix;
+    while (path.ends_with('/')) path.pop_back();
+    if (!path.empty()) check_name(path);
+    else if (!prefix.empty())
+        throw problem(exit_code::usage, "usage", fmt::format("'{}' is not a prefix", prefix),
+                      "paths do not begin with '/': ise list atirma");
+}
+
+void note_nothing(const context& in, const std::string& prefix, const std::vector<std::string>& known) {
+    if (prefix.empty()) return note(in.set, "no component is registered");
+    std::set<std::string> prefixes; // whatever would have found something
+    for (const auto& path : known)
+        for (auto at = path.find('/');; at = path.find('/', at + 1)) {
+            prefixes.insert(path.substr(0, at));
+            if (at == path.npos) break;
+        }
+    auto near = nearest(prefix, std::vector<std::string>(prefixes.begin(), prefixes.end()));
+    for (auto& one : near) one = fmt::format("'{}'", one);
+    note(in.set, fmt::format("no component is registered under '{}'{}", prefix,
+                             near.empty() ? "" : fmt::format("; did you mean {}?", fmt::join(near, " or "))));
+}
 
 task<remote> reach_name_server(context& in) {
     auto at = name_server_of(in.set, in.self.env());
@@ -188,6 +232,32 @@ task<dynamic_packet> packet_from(context& in, schema of, std::string json, std::
     };
     auto packet = co_await in.self.offload(std::move(parse));
     co_return packet;
+}
+
+task<dynamic_packet> request_from(context& in, const dynamic_contract& service, std::string name, std::string json) {
+    const auto& asked = service.packet(role::request);
+    if (json.empty() && !asked.type().members.empty()) {
+        auto advice = fmt::format("it is {}\ngive what matters, or {{}} for the defaults:\n{}", asked.pretty(),
+                                  example(name, service));
+        while (advice.ends_with('\n')) advice.pop_back();
+        throw problem(exit_code::usage, "usage",
+                      fmt::format("the request of '{}' has fields, and none was given", service.name()),
+                      std::move(advice));
+    }
+    if (json.empty()) json = "{}";
+    auto request = co_await packet_from(in, asked, std::move(json), "request");
+    co_return request;
+}
+
+std::string example(const std::string& name, const dynamic_contract& service) {
+    bool calls = service.kind() == service_kind::request_response;
+    const auto& asked = service.packet(role::request);
+    std::string json;
+    constexpr std::size_t longest = 160;
+    bool small = asked.type().min_size <= longest;
+    if (small && !asked.type().members.empty()) json = " " + shell_quoted(printable(default_packet(asked).to_json()));
+    if (!small || json.size() > longest) json = calls ? " -" : "";
+    return fmt::format("    ise {} {} {}{}\n", calls ? "call" : "echo", name, printable(service.name()), json);
 }
 
 } // namespace ise::cli

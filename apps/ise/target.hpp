@@ -1,6 +1,5 @@
 #pragma once
-#include "conversation.hpp"
-#include "names.hpp"
+#include "command.hpp"
 
 #include <ise/component/discover.hpp>
 #include <ise/naming/services.hpp>
@@ -10,6 +9,14 @@
 #include <vector>
 
 namespace ise::cli {
+
+/// problem(usage) unless it can be a component's path, or a role's: nothing else is looked up.
+void check_name(const std::string& name);
+/// The same of a PREFIX, which may be empty or end in a slash.
+void check_prefix(const std::string& prefix);
+
+/// Says on standard error that nothing is registered under it, with the nearest of `known`.
+void note_nothing(const context& in, const std::string& prefix, const std::vector<std::string>& known = {});
 
 /// The name server, reached; problem(not_reached) says how to start one.
 task<remote> reach_name_server(context& in);
@@ -31,11 +38,17 @@ task<component_info> ask_about(context& in, remote who);
 /// is of the other kind.
 task<dynamic_contract> find_service(context& in, remote who, std::string service, service_kind wanted);
 
+/// A call's request; problem(usage) if it has fields and none was given: defaults by surprise could start a motor.
+task<dynamic_packet> request_from(context& in, const dynamic_contract& service, std::string name, std::string json);
+
 /// JSON as a packet: problem(mismatch) with the path of what is wrong, and the packet's schema. Read on another thread:
 /// a long text must not silence the heartbeats.
 task<dynamic_packet> packet_from(context& in, schema of, std::string json, std::string what);
 
+/// A line that a shell takes: how to call the service of `name`, or subscribe to it, with every field at its default.
+std::string example(const std::string& name, const dynamic_contract& service);
+
 /// ISE's own services, which nobody called for.
-inline bool is_internal(std::string_view service) { return service.starts_with("ise."); }
+inline bool is_own_service(std::string_view service) { return service.starts_with("ise."); }
 
 } // namespace ise::cli

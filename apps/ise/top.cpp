@@ -1,25 +1,43 @@
-#include "look.hpp"
-
+// ise top: what every component does, again and again.
+#include "activity.hpp"
 #include "connections.hpp"
-#include "rates.hpp"
+#include "json.hpp"
+#include "metering.hpp"
 #include "screen.hpp"
 #include "survey.hpp"
 #include "table.hpp"
 #include "text.hpp"
-#include "top_services.hpp"
-
-#include <nlohmann/json.hpp>
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <functional>
+#include <memory>
 #include <string_view>
+#include <utility>
 
 namespace ise::cli {
 namespace {
 
-using nlohmann::ordered_json;
+struct top_options {
+    std::string prefix;
+    duration every = std::chrono::seconds(1);
+    std::optional<std::uint64_t> count; ///< tables until it ends
+    bool once = false;
+};
+
+struct top_connection {
+    std::string a;
+    std::optional<std::string> b;
+    std::string address, over;
+    std::optional<duration> round_trip_s;
+    std::uint64_t bytes_to_a = 0, bytes_to_b = 0;
+};
+struct top_table {
+    std::string asked_at;
+    std::vector<activity> components;
+    std::vector<top_connection> connections;
+};
 
 constexpr std::size_t max_rows = 10; // of services: the busiest; of connections: the slowest
 
@@ -32,7 +50,7 @@ std::string show_count(std::uint64_t ever, const std::optional<std::uint64_t>& m
     return meanwhile.value_or(0) == 0 ? std::to_string(ever) : fmt::format("{} +{}", ever, *meanwhile);
 }
 
-std::string as_table(const std::vector<activity>& all, std::size_t width) {
+std::string activity_table(const std::vector<activity>& all, std::size_t width) {
     table rows({"STATE", "SESSIONS", "CALLS/S", "PACKETS/S", "IN/S", "OUT/S", "RUNNING", "UNSENT", "TOO SLOW",
                 "REFUSED", "ROUND TRIP", "PATH"});
     for (const auto& one : all) {
@@ -42,11 +60,12 @@ std::string as_table(const std::vector<activity>& all, std::size_t width) {
             continue;
         }
         rows.add({one.state, std::to_string(one.sessions), show_rate(one.calls_hz), show_rate(one.packets_hz),
-                  show_bytes_rate(one.in_bps), show_bytes_rate(one.out_bps),
-                  one.has_health ? std::to_string(one.running) : "-",
-                  one.has_health ? show_bytes(one.unsent_bytes) : "-", show_count(one.dropped_ever, one.dropped),
-                  one.has_health ? show_count(one.refused_ever, one.refused) : "-",
-                  one.round_trip > duration{} ? show_duration(one.round_trip) : "-", one.path});
+                  show_bytes_rate(one.in_bytes_per_s), show_bytes_rate(one.out_bytes_per_s),
+                  one.running ? std::to_string(*one.running) : "-",
+                  one.unsent_bytes ? show_bytes(*one.unsent_bytes) : "-",
+                  show_count(one.dropped_too_slow, one.dropped_too_slow_now),
+                  one.calls_refused ? show_count(*one.calls_refused, one.calls_refused_now) : "-",
+                  one.round_trip_s ? show_duration(*one.round_trip_s) : "-", one.path});
     }
     return rows.text(width, {}, {"SESSIONS", "UNSENT", "RUNNING", "ROUND TRIP", "IN/S", "OUT/S"});
 }
@@ -66,50 +85,66 @@ std::string connections_table(std::vector<connection_line> lines, std::size_t wi
     return fmt::format("\n{}", rows.text(width, {}, {"SENT BACK", "SENT"}));
 }
 
-std::string as_json(const std::vector<activity>& all, const std::vector<connection_line>& lines, wall_time at) {
-    auto seconds = [](duration length) {
-        return length > duration{} ? ordered_json(std::chrono::duration<double>(length).count()) : ordered_json();
-    };
-    auto number = [](const auto& value) { return value ? ordered_json(*value) : ordered_json(); };
-    ordered_json told;
-    told["asked_at"] = show_wall(at);
-    auto components = ordered_json::array();
-    for (const auto& one : all) {
-        ordered_json row;
-        row["path"] = one.path;
-        row["state"] = one.state;
-        row["host"] = one.host;
-        row["answered"] = one.answered;
-        row["sessions"] = one.sessions;
-        row["calls_hz"] = number(one.calls_hz);
-        row["packets_hz"] = number(one.packets_hz);
-        row["in_bytes_per_s"] = number(one.in_bps);
-        row["out_bytes_per_s"] = number(one.out_bps);
-        row["running"] = one.has_health ? ordered_json(one.running) : ordered_json();
-        row["unsent_bytes"] = one.has_health ? ordered_json(one.unsent_bytes) : ordered_json();
-        row["dropped_too_slow"] = one.dropped_ever;
-        row["dropped_too_slow_now"] = number(one.dropped);
-        row["calls_refused"] = one.has_health ? ordered_json(one.refused_ever) : ordered_json();
-        row["calls_refused_now"] = number(one.refused);
-        row["round_trip_s"] = seconds(one.round_trip);
-        row["services"] = services_json(one);
-        components.push_back(std::move(row));
+using busy_row = std::pair<const activity*, const service_activity*>;
+
+// Nearly every call finds a handler at once: "0" reads better than the first bucket's end.
+std::string show_wait(const std::optional<duration>& wait) {
+    if (!wait) return "-";
+    return *wait <= std::chrono::microseconds(2) ? "0" : show_duration(*wait);
+}
+std::string show_took(const std::optional<duration>& took) { return took ? show_duration(*took) : "-"; }
+
+std::string show_service_losses(const service_activity& of) {
+    std::string text;
+    for (const auto& [reason, count] : of.losses)
+        text += fmt::format("{}{} {}{}", text.empty() ? "" : ", ", count.ever,
+                            count.now > 0 ? fmt::format("+{} ", count.now) : "", reason);
+    return text.empty() ? "-" : text;
+}
+
+std::vector<busy_row> busiest(const std::vector<activity>& all, bool publish, std::size_t most) {
+    std::vector<busy_row> rows;
+    for (const auto& one : all)
+        for (const auto& service : one.services)
+            if (service.publishes == publish && service.at_work()) rows.emplace_back(&one, &service);
+    auto urgent = [](const busy_row& of) { return std::tuple(of.second->loses(), of.second->waiting, of.second->hz); };
+    std::ranges::stable_sort(rows, [&](const busy_row& a, const busy_row& b) { return urgent(a) > urgent(b); });
+    rows.resize(std::min(rows.size(), most));
+    return rows;
+}
+
+// The services and publications at work: those that lose something first, then by what waits and how busy they are,
+// `most` of each kind. Empty where none is.
+std::string services_table(const std::vector<activity>& all, std::size_t width, std::size_t most) {
+    std::string text;
+    if (auto rows = busiest(all, false, most); !rows.empty()) {
+        table calls({"CALLS/S", "P50", "P99", "WAIT P50", "WAIT P99", "RUNNING", "WAITING", "REFUSED", "SERVICE"});
+        for (const auto& [of, one] : rows)
+            calls.add({fmt::format("{:.1f}", one->hz), show_took(one->handled_p50), show_took(one->handled_p99),
+                       show_wait(one->waited_p50), show_wait(one->waited_p99), std::to_string(one->running),
+                       std::to_string(one->waiting), show_service_losses(*one),
+                       fmt::format("{} {}", of->path, one->name)});
+        text += fmt::format("\n{}", calls.text(width, {}, {"WAIT P50", "P50", "RUNNING", "WAITING", "WAIT P99"}));
     }
-    told["components"] = std::move(components);
-    auto connections = ordered_json::array();
+    if (auto rows = busiest(all, true, most); !rows.empty()) {
+        table packets({"PACKETS/S", "SUBSCRIBERS", "WAITING", "NOT SENT", "PUBLICATION"});
+        for (const auto& [of, one] : rows)
+            packets.add({fmt::format("{:.1f}", one->hz), std::to_string(one->subscribers), std::to_string(one->waiting),
+                         show_service_losses(*one), fmt::format("{} {}", of->path, one->name)});
+        text += fmt::format("\n{}", packets.text(width, {}, {"WAITING", "SUBSCRIBERS"}));
+    }
+    return text;
+}
+
+top_table top_of(std::vector<activity> all, const std::vector<connection_line>& lines, wall_time at) {
+    top_table made{show_wall(at), std::move(all), {}};
     for (const auto& one : lines) {
-        ordered_json row;
-        row["a"] = one.a;
-        row["b"] = one.b.empty() ? ordered_json() : ordered_json(one.b);
-        row["address"] = one.address;
-        row["over"] = one.over;
-        row["round_trip_s"] = seconds(one.round_trip);
-        row["bytes_to_a"] = one.bytes_to_a;
-        row["bytes_to_b"] = one.bytes_to_b;
-        connections.push_back(std::move(row));
+        top_connection row{one.a, {}, one.address, one.over, {}, one.bytes_to_a, one.bytes_to_b};
+        if (!one.b.empty()) row.b = one.b;
+        if (one.round_trip > duration{}) row.round_trip_s = one.round_trip;
+        made.connections.push_back(std::move(row));
     }
-    told["connections"] = std::move(connections);
-    return told.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
+    return made;
 }
 
 std::size_t lines_of(std::string_view text) { return static_cast<std::size_t>(std::ranges::count(text, '\n')); }
@@ -117,7 +152,7 @@ std::size_t lines_of(std::string_view text) { return static_cast<std::size_t>(st
 // All components, and of services and connections as many as there is room for in `height` lines; 0: any number.
 std::string as_page(const std::vector<activity>& seen, const std::vector<connection_line>& lines,
                     const std::string& ending, std::size_t width, std::size_t height) {
-    auto components = as_table(seen, width);
+    auto components = activity_table(seen, width);
     std::string below;
     for (auto most = max_rows; most > 0; --most) {
         below = services_table(seen, width, most) + connections_table(lines, width, most);
@@ -133,45 +168,61 @@ std::string as_page(const std::vector<activity>& seen, const std::vector<connect
                        components.substr(0, end), lines_of(components) - room, ending);
 }
 
-// Until then, or a key; false: it is to end.
-task<bool> wait_for(context& in, const screen& on, time_point at) {
-    constexpr duration look = std::chrono::milliseconds(50);
-    while (in.self.now() < at) {
-        if (on.quit()) co_return false;
-        auto next = on.live() ? std::min(at, in.self.now() + look) : at;
-        co_await in.self.sleep_till(next);
-    }
-    co_return !on.quit();
-}
+class activity_pages final : public window_printer {
+public:
+    activity_pages(context& in, survey_options what, std::vector<surveyed> first)
+        : in_(in), what_(std::move(what)), before_(std::move(first)) {}
 
-} // namespace
+    task<std::string> take(duration, bool last) override {
+        in_.until = saturating_add(in_.self.now(), in_.set.timeout);
+        auto now = co_await survey(in_, what_);
+        auto seen = activities(before_, now);
+        auto lines = connections_of(now);
+        auto age = show_age(in_, now);
+        before_ = std::move(now);
+        if (in_.set.json) co_return json_line(top_of(std::move(seen), lines, in_.self.wall()));
+        auto ending = on_.live() ? "TOO SLOW: packets that slow subscribers did not take, ever and now; q ends\n"
+                      : last     ? ""
+                                 : "\n";
+        auto width = in_.out.width();
+        co_return on_.page(as_page(seen, lines, age + ending, width, on_.height()), width);
+    }
+    bool has_keys() const override { return on_.live(); }
+    bool quit() const override { return on_.quit(); }
+
+private:
+    context& in_;
+    survey_options what_;
+    std::vector<surveyed> before_;
+    screen on_;
+};
 
 task<> top(context& in, top_options options) {
     survey_options what;
     what.prefix = options.prefix;
-    auto before = co_await survey(in, what);
-    screen on;
-    auto at = in.self.now();
-    for (std::uint64_t tables = 0; !options.count || tables < *options.count; ++tables) {
-        at = std::max(saturating_add(at, options.every), in.self.now());
-        bool goes_on = co_await wait_for(in, on, at);
-        if (!goes_on) break;
-        in.until = saturating_add(in.self.now(), in.set.timeout);
-        auto now = co_await survey(in, what);
-        auto seen = activities(before, now);
-        std::string text;
-        if (in.set.json) {
-            text = as_json(seen, connections_of(now), in.self.wall());
-        } else {
-            auto ending = on.live() ? "TOO SLOW: packets that slow subscribers did not take, ever and now; q ends\n"
-                          : tables + 1 == options.count ? ""
-                                                        : "\n";
-            text = on.page(as_page(seen, connections_of(now), show_age(in, now) + ending, in.out.width(), on.height()),
-                           in.out.width());
-        }
-        co_await in.out.write(in.self, std::move(text));
-        before = std::move(now);
-    }
+    auto first = co_await survey(in, what);
+    activity_pages pages(in, std::move(what), std::move(first));
+    co_await print_windows(in, options.every, options.count, pages);
 }
+
+void declare_top(CLI::App& app, parsed_command& made) {
+    auto given = std::make_shared<top_options>();
+    add_prefix(app, given->prefix);
+    add_time(app, "--every", given->every, "time between two tables (default: 1s)");
+    auto* once = app.add_flag("--once", given->once, "one table, after that time");
+    add_count(app, given->count, "end after N tables")->excludes(once);
+    app.callback([&made, given] {
+        check_prefix(given->prefix);
+        if (given->once) given->count = 1;
+        made.looks = true;
+        made.endless = !given->count;
+        made.work = [given](context& in) { return top(in, *given); };
+    });
+}
+
+} // namespace
+
+extern const command top_command{"top", measure_group, "shows the activity of every component; q or Ctrl-C ends",
+                                 "  ise top\n  ise top atirma --once\n", declare_top};
 
 } // namespace ise::cli

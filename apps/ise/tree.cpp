@@ -1,18 +1,30 @@
-#include "look.hpp"
-
+// ise tree: the components as a tree.
+#include "json.hpp"
+#include "options.hpp"
 #include "survey.hpp"
 #include "text.hpp"
-
-#include <nlohmann/json.hpp>
 
 #include <fmt/format.h>
 
 #include <map>
+#include <memory>
 
 namespace ise::cli {
 namespace {
 
-using nlohmann::ordered_json;
+struct tree_options {
+    std::string prefix;
+    bool services = false; ///< under each component
+};
+
+struct tree_entry {
+    std::string name, path;
+    if_any<std::string> state, host; ///< where there is a component
+    if_any<std::uint64_t> process_id;
+    if_any<duration> lease_age_s;
+    if_any<std::optional<std::vector<std::string>>> services; ///< null: it does not answer
+    std::vector<tree_entry> below;
+};
 
 struct branch {
     std::string path;
@@ -35,12 +47,12 @@ branch grow(const std::vector<surveyed>& all) {
     return root;
 }
 
-std::string about(const surveyed& one) {
+std::string about_component(const surveyed& one) {
     return fmt::format("  {}, {}, process {}, lease renewed {} ago", printable(one.name.state),
                        printable(one.name.host_name), one.name.process_id, show_duration(one.name.lease_age));
 }
 
-std::vector<std::string> services_of(const surveyed& one) {
+std::vector<std::string> service_leaves(const surveyed& one) {
     std::vector<std::string> lines;
     if (!one.about) return {"(does not answer)"};
     for (const auto& service : one.about->services)
@@ -53,7 +65,7 @@ std::vector<std::string> services_of(const surveyed& one) {
 
 void draw(const branch& of, const std::string& before, bool services, std::string& text) {
     std::vector<std::string> leaves;
-    if (services && of.component) leaves = services_of(*of.component);
+    if (services && of.component) leaves = service_leaves(*of.component);
     for (std::size_t at = 0; at < leaves.size(); ++at)
         text += before + (at + 1 == leaves.size() && of.below.empty() ? "└─ " : "├─ ") + leaves[at] + "\n";
     std::size_t left = of.below.size();
@@ -64,38 +76,35 @@ void draw(const branch& of, const std::string& before, bool services, std::strin
                             top    ? ""
                             : last ? "└─ "
                                    : "├─ ",
-                            printable(name), one.component ? about(*one.component) : "/");
+                            printable(name), one.component ? about_component(*one.component) : "/");
         draw(one, top ? before : before + (last ? "   " : "│  "), services, text);
     }
 }
 
-ordered_json as_json(const branch& of, bool services) {
-    auto all = ordered_json::array();
+std::vector<tree_entry> entries_below(const branch& of, bool services) {
+    std::vector<tree_entry> all;
     for (const auto& [name, one] : of.below) {
-        ordered_json told;
-        told["name"] = name;
-        told["path"] = one.path;
+        tree_entry made;
+        made.name = name;
+        made.path = one.path;
         if (one.component) {
             const auto& listed = one.component->name;
-            told["state"] = listed.state;
-            told["host"] = listed.host_name;
-            told["process_id"] = listed.process_id;
-            told["lease_age_s"] = std::chrono::duration<double>(listed.lease_age).count();
-            if (services) {
-                auto names = ordered_json::array();
-                if (one.component->about)
-                    for (const auto& service : one.component->about->services)
-                        if (service.provided && !is_own_service(service.name)) names.push_back(service.name);
-                told["services"] = one.component->about ? std::move(names) : ordered_json();
+            made.state = listed.state;
+            made.host = listed.host_name;
+            made.process_id = listed.process_id;
+            made.lease_age_s = listed.lease_age;
+            if (services) made.services.emplace();
+            if (services && one.component->about) {
+                auto& names = made.services->emplace();
+                for (const auto& service : one.component->about->services)
+                    if (service.provided && !is_own_service(service.name)) names.push_back(service.name);
             }
         }
-        told["below"] = as_json(one, services);
-        all.push_back(std::move(told));
+        made.below = entries_below(one, services);
+        all.push_back(std::move(made));
     }
     return all;
 }
-
-} // namespace
 
 task<> tree(context& in, tree_options options) {
     check_prefix(options.prefix);
@@ -113,11 +122,25 @@ task<> tree(context& in, tree_options options) {
     }
     auto root = grow(all);
     std::string text;
-    if (in.set.json)
-        text = as_json(root, options.services).dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
+    if (in.set.json) text = json_line(entries_below(root, options.services));
     else draw(root, "", options.services, text);
     co_await in.out.write(in.self, std::move(text));
     if (all.empty()) note_nothing(in, options.prefix);
 }
+
+void declare_tree(CLI::App& app, parsed_command& made) {
+    auto given = std::make_shared<tree_options>();
+    add_prefix(app, given->prefix);
+    app.add_flag("--services", given->services, "their services too");
+    app.callback([&made, given] {
+        made.looks = given->services;
+        made.work = [given](context& in) { return tree(in, *given); };
+    });
+}
+
+} // namespace
+
+extern const command tree_command{"tree", see_group, "shows the components as a tree", "  ise tree --services\n",
+                                  declare_tree};
 
 } // namespace ise::cli

@@ -1,18 +1,24 @@
-#include "look.hpp"
-
+// ise type: the packets of a service, or how those of two differ.
+#include "json.hpp"
+#include "options.hpp"
 #include "target.hpp"
 #include "text.hpp"
 
 #include <ise/packet/compatibility.hpp>
-#include <ise/packet/json.hpp>
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <memory>
 
 namespace ise::cli {
 
-// What `--json` tells.
+namespace {
+
+struct type_options {
+    std::string act, name, service, other_name, other_service;
+};
+
 struct shown_packet {
     std::string role, name, fingerprint, schema;
 };
@@ -30,8 +36,6 @@ struct type_comparison {
     std::vector<packet_difference> packets;
 };
 
-namespace {
-
 // A service of either kind, provided or else needed.
 task<dynamic_contract> service_at(context& in, std::string name, std::string service) {
     auto who = co_await reach(in, name);
@@ -44,7 +48,7 @@ task<dynamic_contract> service_at(context& in, std::string name, std::string ser
     }
     if (!found) {
         auto near = nearest(service, names);
-        std::erase_if(names, [](const auto& one) { return is_internal(one); });
+        std::erase_if(names, [](const auto& one) { return is_own_service(one); });
         throw problem(exit_code::not_reached, "no_such_service",
                       fmt::format("{} neither provides nor needs a service '{}'", name, service),
                       near.empty() ? fmt::format("it has {}", names.empty() ? "none" : enumerate(names))
@@ -68,7 +72,7 @@ std::string as_text(const dynamic_contract& service) {
     return text;
 }
 
-std::string as_json(const std::string& component, const dynamic_contract& service) {
+shown_service shown_types(const std::string& component, const dynamic_contract& service) {
     shown_service told;
     told.component = component;
     told.service = service.name();
@@ -78,7 +82,7 @@ std::string as_json(const std::string& component, const dynamic_contract& servic
         told.packets.push_back({std::string(role::name(service.kind(), place)), packet.name(),
                                 fmt::format("{:016x}", packet.fingerprint()), packet.text()});
     }
-    return ise::to_json(told) + "\n";
+    return told;
 }
 
 type_comparison compare(const dynamic_contract& a, const dynamic_contract& b) {
@@ -112,12 +116,10 @@ std::string as_text(const type_comparison& of) {
     return text;
 }
 
-} // namespace
-
 task<> type(context& in, type_options options) {
     auto first = co_await service_at(in, options.name, options.service);
     if (options.act == "show") {
-        auto text = in.set.json ? as_json(options.name, first) : as_text(first);
+        auto text = in.set.json ? json_line(shown_types(options.name, first)) : as_text(first);
         co_await in.out.write(in.self, std::move(text));
         co_return;
     }
@@ -129,7 +131,7 @@ task<> type(context& in, type_options options) {
                                   ise::name_of(first.kind()), other_service, options.other_name,
                                   ise::name_of(other.kind())));
     auto told = compare(first, other);
-    auto text = in.set.json ? ise::to_json(told) + "\n" : as_text(told);
+    auto text = in.set.json ? json_line(told) : as_text(told);
     co_await in.out.write(in.self, std::move(text));
     if (!told.compatible)
         throw problem(
@@ -138,5 +140,32 @@ task<> type(context& in, type_options options) {
                         other_service, options.other_name),
             "fields, enumerators and alternatives may be appended; anything else takes a service of another name");
 }
+
+void declare_type(CLI::App& app, parsed_command& made) {
+    auto given = std::make_shared<type_options>();
+    app.add_option("ACTION", given->act, "show: the packets of a service; diff: compare those of two")
+        ->required()
+        ->check(one_of({"diff", "show"}));
+    add_component(app, given->name);
+    app.add_option("SERVICE", given->service, "name of a service that it provides or requires")->required();
+    app.add_option("OTHER_NAME", given->other_name, "of diff: the component to compare with");
+    app.add_option("OTHER_SERVICE", given->other_service, "of diff: its service (default: the same)");
+    app.callback([&made, given] {
+        bool two = given->act == "diff";
+        if (two == given->other_name.empty())
+            throw problem(
+                exit_code::usage, "usage",
+                two ? "with what is it to be compared?" : "'type show' takes one component and one service",
+                two ? fmt::format("ise type diff {} {} OTHER_NAME [OTHER_SERVICE]", given->name, given->service)
+                    : "to compare two: ise type diff");
+        made.work = [given](context& in) { return type(in, *given); };
+    });
+}
+
+} // namespace
+
+extern const command type_command{
+    "type", see_group, "shows the packets of a service, or compares those of two",
+    "  ise type show atirma/boat helm\n  ise type diff atirma/boat helm atirma/new_boat\n", declare_type};
 
 } // namespace ise::cli

@@ -1,16 +1,29 @@
-#include "commands.hpp"
-
-#include "carrier.hpp"
+// ise up, ise down, ise diff: bring the system to what a deployment file describes.
+#include "json.hpp"
+#include "options.hpp"
+#include "plan_executor.hpp"
 #include "text.hpp"
-
-#include <nlohmann/json.hpp>
 
 #include <fmt/format.h>
 
+#include <memory>
 #include <optional>
 
 namespace ise::cli {
 namespace {
+
+struct deployment_summary {
+    std::string deployment;
+    std::string_view state;
+    std::uint64_t components = 0, steps = 0;
+};
+struct deployment_difference {
+    std::string deployment;
+    std::vector<planned_step> steps;
+    std::vector<std::string> kept;
+};
+
+constexpr duration whole_deployment = std::chrono::hours(1); // each step has a limit of its own
 
 struct prepared {
     deployment::deployment wanted;
@@ -31,16 +44,10 @@ task<prepared> prepare(context& in, deployment_options options, bool settled) {
     co_return made;
 }
 
-std::string summary(const deployment::deployment& of, const char* word, std::size_t components, std::size_t steps,
-                    bool json) {
-    if (json) {
-        nlohmann::ordered_json told;
-        told["deployment"] = of.name.text;
-        told["state"] = word;
-        told["components"] = components;
-        told["steps"] = steps;
-        return told.dump() + "\n";
-    }
+std::string show_deployment(const deployment::deployment& of, const char* word, std::size_t components,
+                            std::size_t steps, bool json) {
+    deployment_summary told{of.name.text, word, components, steps};
+    if (json) return json_line(told);
     auto done = steps == 0 ? std::string("nothing to do") : fmt::format("{} step{}", steps, steps == 1 ? "" : "s");
     return fmt::format("{} is {}: {} component{}, {}\n", of.name.text, word, components, components == 1 ? "" : "s",
                        done);
@@ -55,17 +62,15 @@ std::string server_that_is_missing(const deployment::deployment& of, const fleet
     return {};
 }
 
-} // namespace
-
 task<> up(context& in, deployment_options options) {
     auto made = co_await prepare(in, options, true);
     auto steps = made.plan.steps.size();
-    carrier hands(in, made.there);
-    carrier::manner how;
+    plan_executor executor(in, made.there);
+    plan_executor::manner how;
     how.undo = !options.keep;
-    co_await hands.carry_out(std::move(made.plan.steps), how);
+    co_await executor.execute(std::move(made.plan.steps), how);
     auto components = options.only.empty() ? made.wanted.components.size() : made.plan.kept.size() + steps;
-    auto text = summary(made.wanted, "up", components, steps, in.set.json);
+    auto text = show_deployment(made.wanted, "up", components, steps, in.set.json);
     co_await in.out.write(in.self, std::move(text));
 }
 
@@ -75,14 +80,14 @@ task<> down(context& in, deployment_options options) {
     auto plan = deployment::plan_down(wanted, there.hosts, options.only);
     refuse(options.file, plan.problems);
     auto steps = plan.steps.size();
-    carrier hands(in, there);
+    plan_executor executor(in, there);
     std::optional<problem> why;
-    carrier::manner how; // what is to end ends even where something else does not
+    plan_executor::manner how; // what is to end ends even where something else does not
     how.undo = false;
     how.all = true;
     how.forget = true;
     try {
-        co_await hands.carry_out(std::move(plan.steps), how);
+        co_await executor.execute(std::move(plan.steps), how);
     } catch (const problem& thrown) {
         why = thrown;
     }
@@ -94,7 +99,7 @@ task<> down(context& in, deployment_options options) {
     if (why)
         throw problem(why->code(), why->name(), fmt::format("not all of {} is down: {}", wanted.name.text, why->what()),
                       "ise ps tells what runs; try again");
-    auto text = summary(wanted, "down", steps, steps, in.set.json);
+    auto text = show_deployment(wanted, "down", steps, steps, in.set.json);
     co_await in.out.write(in.self, std::move(text));
 }
 
@@ -102,13 +107,9 @@ task<> diff(context& in, deployment_options options) {
     auto made = co_await prepare(in, options, false);
     std::string text;
     if (in.set.json) {
-        nlohmann::ordered_json told;
-        told["deployment"] = made.wanted.name.text;
-        auto steps = nlohmann::ordered_json::array();
-        for (const auto& one : made.plan.steps) steps.push_back(nlohmann::ordered_json::parse(as_json(one)));
-        told["steps"] = std::move(steps);
-        told["kept"] = made.plan.kept;
-        text = told.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+        deployment_difference told{made.wanted.name.text, {}, made.plan.kept};
+        for (const auto& one : made.plan.steps) told.steps.push_back(planned_step_of(one));
+        text = json_line(told);
     } else {
         for (const auto& one : made.plan.steps) text += printable(deployment::as_text(one, true), true) + "\n";
         if (text.empty())
@@ -117,5 +118,46 @@ task<> diff(context& in, deployment_options options) {
     }
     co_await in.out.write(in.self, std::move(text));
 }
+
+void declare_up(CLI::App& app, parsed_command& made) {
+    auto given = std::make_shared<deployment_options>();
+    add_file(app, *given);
+    app.add_flag("--keep", given->keep, "after a failure or an interruption, do not undo the steps");
+    app.add_option("INSTANCE", given->only, "only these components of the file, and their dependencies");
+    app.callback([&made, given] {
+        made.patience = whole_deployment;
+        made.work = [given](context& in) { return up(in, *given); };
+    });
+}
+
+void declare_down(CLI::App& app, parsed_command& made) {
+    auto given = std::make_shared<deployment_options>();
+    add_file(app, *given);
+    app.add_option("INSTANCE", given->only, "only these components of the file");
+    app.callback([&made, given] {
+        made.patience = whole_deployment;
+        made.work = [given](context& in) { return down(in, *given); };
+    });
+}
+
+void declare_diff(CLI::App& app, parsed_command& made) {
+    auto given = std::make_shared<deployment_options>();
+    add_file(app, *given);
+    app.add_option("INSTANCE", given->only, "only these components of the file, and their dependencies");
+    app.callback([&made, given] { made.work = [given](context& in) { return diff(in, *given); }; });
+}
+
+} // namespace
+
+extern const command up_command{"up", deploy_group, "brings the system to what a deployment file describes",
+                                "  ise up atirma.toml\n  ise up atirma.toml --set boat=nina\n"
+                                "  ise up atirma.toml wind                  only this, and what it comes after\n",
+                                declare_up};
+
+extern const command down_command{"down", deploy_group, "stops all of a deployment, in the opposite order",
+                                  "  ise down atirma.toml\n", declare_down};
+
+extern const command diff_command{"diff", deploy_group, "what `ise up` would do", "  ise diff atirma.toml\n",
+                                  declare_diff};
 
 } // namespace ise::cli

@@ -1,28 +1,35 @@
-#include "commands.hpp"
-
+// ise validate: whether a deployment file can be used.
 #include "deployments.hpp"
+#include "json.hpp"
+#include "options.hpp"
 
 #include <ise/deployment/ordering.hpp>
-
-#include <nlohmann/json.hpp>
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <memory>
 #include <tuple>
 
 namespace ise::cli {
 namespace {
 
-struct asked {
+struct validated {
+    std::string deployment;
+    std::uint64_t components = 0, hosts = 0;
+    bool types_checked = false;
+    std::vector<std::string> order;
+};
+
+struct asked_hosts {
     bool answered = false;
     std::string why; ///< not
     fleet there;
 };
 
 // Whether somebody is there to ask is nothing that the file is to blame for.
-task<asked> ask_if_there(context& in, const deployment::deployment& of) {
-    asked made;
+task<asked_hosts> ask_if_there(context& in, const deployment::deployment& of) {
+    asked_hosts made;
     try {
         made.there = co_await ask_hosts(in, of, false);
         made.answered = true;
@@ -34,8 +41,6 @@ task<asked> ask_if_there(context& in, const deployment::deployment& of) {
 
 const char* many(std::size_t count) { return count == 1 ? "" : "s"; }
 
-} // namespace
-
 task<> validate(context& in, deployment_options options) {
     auto read = read_what_there_is(in, options);
     auto& wanted = read.made;
@@ -44,39 +49,33 @@ task<> validate(context& in, deployment_options options) {
     bool readable = wrong.empty();
     bool checked = false;
     std::vector<const type_text*> types(wanted.components.size(), nullptr);
-    asked told;
+    asked_hosts there;
     if (!options.offline) {
-        told = co_await ask_if_there(in, wanted);
-        checked = told.answered;
-        if (!checked) note(in.set, fmt::format("types and parameters were not checked: {}", told.why));
+        there = co_await ask_if_there(in, wanted);
+        checked = there.answered;
+        if (!checked) note(in.set, fmt::format("types and parameters were not checked: {}", there.why));
     }
     if (checked) {
-        deployment::complete(wanted, told.there.hosts, wrong);
+        deployment::complete(wanted, there.there.hosts, wrong);
         for (std::size_t at = 0; at < types.size(); ++at)
-            if (const auto* state = deployment::state_of(wanted, wanted.components[at].host.text, told.there.hosts))
+            if (const auto* state = deployment::state_of(wanted, wanted.components[at].host.text, there.there.hosts))
                 types[at] = state->type(wanted.components[at].type.text);
     }
     deployment::ordering sorted;
     if (readable) sorted = deployment::order_of(wanted, types);
     wrong.insert(wrong.end(), sorted.problems.begin(), sorted.problems.end());
     if (checked && wrong.empty()) {
-        co_await check_starts(in, wanted, told.there);
-        wrong = deployment::plan_up(wanted, told.there.hosts).problems;
+        co_await check_starts(in, wanted, there.there);
+        wrong = deployment::plan_up(wanted, there.there.hosts).problems;
     }
     std::ranges::stable_sort(
         wrong, {}, [](const deployment::problem& one) { return std::tuple(one.at.file, one.at.line, one.at.column); });
     refuse(options.file, wrong);
     std::string text;
     if (in.set.json) {
-        nlohmann::ordered_json made;
-        made["deployment"] = wanted.name.text;
-        made["components"] = wanted.components.size();
-        made["hosts"] = wanted.hosts.size();
-        made["types_checked"] = checked;
-        auto order = nlohmann::ordered_json::array();
-        for (auto which : sorted.order) order.push_back(wanted.components[which].request.path);
-        made["order"] = std::move(order);
-        text = made.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+        validated told{wanted.name.text, wanted.components.size(), wanted.hosts.size(), checked, {}};
+        for (auto which : sorted.order) told.order.push_back(wanted.components[which].request.path);
+        text = json_line(told);
     } else {
         text = fmt::format(
             "{} is well formed: {} with {} component{} on {} host{}{}\n", options.file, wanted.name.text,
@@ -85,5 +84,18 @@ task<> validate(context& in, deployment_options options) {
     }
     co_await in.out.write(in.self, std::move(text));
 }
+
+void declare_validate(CLI::App& app, parsed_command& made) {
+    auto given = std::make_shared<deployment_options>();
+    add_file(app, *given);
+    app.add_flag("--offline", given->offline, "do not query hosts for types and parameters");
+    app.callback([&made, given] { made.work = [given](context& in) { return validate(in, *given); }; });
+}
+
+} // namespace
+
+extern const command validate_command{"validate", deploy_group, "whether a deployment file can be used",
+                                      "  ise validate atirma.toml\n  ise validate atirma.toml --offline\n",
+                                      declare_validate};
 
 } // namespace ise::cli

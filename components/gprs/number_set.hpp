@@ -1,5 +1,5 @@
 #pragma once
-#include <ise/net/udp/interval_set.hpp>
+#include <ise/core/interval_set.hpp>
 
 #include <algorithm>
 #include <cstddef>

@@ -1,8 +1,7 @@
 // What the command line makes of a survey: findings, connections and rates.
+#include <apps/ise/activity.hpp>
 #include <apps/ise/connections.hpp>
 #include <apps/ise/findings.hpp>
-#include <apps/ise/rates.hpp>
-#include <apps/ise/service_activity.hpp>
 #include <apps/ise/spread.hpp>
 #include <apps/ise/table.hpp>
 #include <apps/ise/text.hpp>
@@ -103,11 +102,11 @@ TEST_CASE("a lease that is not renewed is found before it ends") {
 TEST_CASE("who has gone between the two looks is told, and whether it answered before") {
     auto one = well("a");
     CHECK(found({}, {one}) == list{"left"});
-    CHECK(examine({one}, {}, 1s, "shore").front().weight == severity::note);
+    CHECK(examine({one}, {}, 1s, "shore").front().severity == severity_level::note);
     one.about.reset();
     one.trouble = "no answer in time";
     CHECK(found({}, {one}) == list{"lost"});
-    CHECK(examine({one}, {}, 1s, "shore").front().weight == severity::error);
+    CHECK(examine({one}, {}, 1s, "shore").front().severity == severity_level::error);
 }
 
 TEST_CASE("who is silent is told apart: away, busy, stalled") {
@@ -147,7 +146,7 @@ TEST_CASE("a subscription that ended and was not made again is a warning") {
     one.about->ended_subscriptions.push_back({"position", "boat", "5 packets are lost"});
     auto seen = examine({}, {one}, 1s, "shore");
     CHECK(kinds(seen) == list{"subscription_ended"});
-    CHECK(seen.front().weight == severity::warning);
+    CHECK(seen.front().severity == severity_level::warning);
     CHECK_THAT(seen.front().message, Contains("'position' of boat") && Contains("5 packets are lost"));
 }
 
@@ -163,7 +162,7 @@ TEST_CASE("who waits for longer than what is logged is a warning, which says for
         one.about->waits = {wait};
         auto seen = examine({}, {one}, 1s, "shore");
         REQUIRE(kinds(seen) == list{"waits"});
-        CHECK(seen.front().weight == severity::warning);
+        CHECK(seen.front().severity == severity_level::warning);
         return seen.front().message;
     };
     one.about->waits = {wait};
@@ -192,7 +191,7 @@ TEST_CASE("what grows between two looks is a warning, what has happened before a
     CHECK_THAT(examine({before}, {now}, 1s, "shore").back().message, Contains("2 beyond its limits, 1 unknown"));
     auto notes = examine({now}, {now}, 1s, "shore");
     CHECK(kinds(notes) == list{"dropped_packets", "refused_calls"});
-    CHECK(std::ranges::all_of(notes, [](const auto& one) { return one.weight == severity::note; }));
+    CHECK(std::ranges::all_of(notes, [](const auto& one) { return one.severity == severity_level::note; }));
     now.health->sessions.push_back({"b (tcp://10.0.0.1:1)", 5'000'000});
     CHECK(found({now}, {now}) == list{"slow_peer", "dropped_packets", "refused_calls"});
 }
@@ -220,7 +219,7 @@ TEST_CASE("percentiles are those of what came between two looks, also where a co
     CHECK(seen[0].hz == 10.0);
     CHECK(seen[0].handled_p99 == ise::duration(2000));
     CHECK(seen[0].loses());
-    CHECK(seen[0].losses.front().reason == "overloaded");
+    CHECK(seen[0].losses.front().first == "overloaded");
     CHECK(service_activities(then, later, 0).empty());
 }
 
@@ -239,7 +238,7 @@ TEST_CASE("services are compared where they meet") {
     asks.about->sessions.push_back(with("strange (tcp://10.0.0.3:1)"));
     auto met = examine({}, {asks, gives, strange}, 1s, "shore");
     REQUIRE(kinds(met) == list{"schema_mismatch"});
-    CHECK(met.front().weight == severity::error);
+    CHECK(met.front().severity == severity_level::error);
     CHECK_THAT(met.front().message, Contains("heading_deg"));
     // Somebody who does not answer may provide it.
     auto silent = well("silent");
@@ -306,7 +305,7 @@ TEST_CASE("rates are of one life, without our own questions") {
     auto seen = activities({before}, {now}).front();
     CHECK(seen.calls_hz == 3.0);
     CHECK(seen.packets_hz == 50.0);
-    CHECK(seen.in_bps == 1000.0);
+    CHECK(seen.in_bytes_per_s == 1000.0);
     CHECK(seen.sessions == 1);
     now.about->incarnation += 2;
     CHECK_FALSE(activities({before}, {now}).front().calls_hz);

@@ -1,5 +1,5 @@
 // Sets of numbers as intervals, against sets of numbers.
-#include <ise/transport/udp/interval_set.hpp>
+#include <ise/core/interval_set.hpp>
 
 #include <support/catch.hpp>
 

@@ -1,23 +1,35 @@
 #pragma once
 #include "deployments.hpp"
+#include "json.hpp"
 
 #include <ise/core/task_scope.hpp>
 
 #include <cstddef>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace ise::cli {
 
-/// Carries the steps of a plan out, several at a time where none has to wait for the other, and tells what happens
+/// What `--json` prints of a step of a plan.
+struct planned_step {
+    std::string_view action; ///< "start", "change", "restart" or "stop"
+    std::string path, host, reason;
+    std::vector<instantiation::difference> differences;
+    if_any<std::uint64_t> step, of;     ///< its number among how many; only while the plan is executed, as what follows
+    if_any<std::string> state, outcome; ///< "begun", "done", "failed", "undone" or "not undone", and how
+};
+planned_step planned_step_of(const deployment::step& of);
+
+/// Executes the steps of a plan, several at a time where none has to wait for the other, and tells what happens
 /// while it happens.
-class carrier {
+class plan_executor {
 public:
-    carrier(context& in, fleet& there);
-    ~carrier();
-    carrier(const carrier&) = delete;
-    carrier& operator=(const carrier&) = delete;
+    plan_executor(context& in, fleet& there);
+    ~plan_executor();
+    plan_executor(const plan_executor&) = delete;
+    plan_executor& operator=(const plan_executor&) = delete;
 
     struct manner {
         bool undo = true;
@@ -28,7 +40,7 @@ public:
     /// undone, in the opposite order; then throws problem with the reason. With `all` the others are done even where
     /// some fail (all of them to their end: what has to wait for a failed one is done after it). With `forget` nothing
     /// is kept of what is stopped. Cancellation: terminal; what is being done is given up.
-    task<> carry_out(std::vector<deployment::step> steps, manner how);
+    task<> execute(std::vector<deployment::step> steps, manner how);
 
 private:
     enum class phase : std::uint8_t { waiting, begun, done, failed };
@@ -42,7 +54,7 @@ private:
 
     bool may_begin(const job& one) const;
     bool begin_some(); // whether there was any
-    task<> carry_out_one(std::size_t number);
+    task<> execute_one(std::size_t number);
     task<std::string> act(job& one);
     void on_interrupt();
     task<> wait_for_change();

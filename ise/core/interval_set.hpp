@@ -4,7 +4,7 @@
 #include <utility>
 #include <vector>
 
-namespace ise::net::udp {
+namespace ise {
 
 /// Numbers, kept as disjoint half-open intervals: [begin, end). Few of them: side by side, and no allocation as long as
 /// they do not become more than they were.
@@ -77,4 +77,4 @@ private:
     std::vector<interval> all_;
 };
 
-} // namespace ise::net::udp
+} // namespace ise

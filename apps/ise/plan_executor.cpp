@@ -1,4 +1,6 @@
-#include "carrier.hpp"
+#include "plan_executor.hpp"
+
+#include "text.hpp"
 
 #include <asio/this_coro.hpp>
 
@@ -17,7 +19,7 @@ using instantiation::start_request;
 // Beside what a component may take by its own terms: a name that has to come free, another try as before.
 constexpr duration besides = 30s;
 constexpr duration max_stop = 90s;
-constexpr std::size_t at_once = 8; // an instantiation server bounds how many are started within a short time
+constexpr std::size_t steps_at_once = 8; // an instantiation server bounds how many are started within a short time
 
 // Of what was asked of an instantiation server. One that is lost meanwhile says neither that it is done nor that it is
 // not.
@@ -33,14 +35,18 @@ problem failed_at(action what, const std::string& path, const std::string& serve
 
 } // namespace
 
-carrier::carrier(context& in, fleet& there)
+planned_step planned_step_of(const deployment::step& of) {
+    return {deployment::name_of(of.what), of.path, of.server, of.reason, of.differences, {}, {}, {}, {}};
+}
+
+plan_executor::plan_executor(context& in, fleet& there)
     : in_(in), there_(there), scope_(in.self.on(), [this](const std::string&, std::exception_ptr thrown) {
           if (!why_ && !is_cancellation(thrown)) why_.emplace(exit_code::failed, "unexpected", ise::describe(thrown));
       }) {}
 
-carrier::~carrier() { in_.ctrl_c.leave(); }
+plan_executor::~plan_executor() { in_.ctrl_c.leave(); }
 
-task<> carrier::carry_out(std::vector<deployment::step> steps, manner how) {
+task<> plan_executor::execute(std::vector<deployment::step> steps, manner how) {
     how_ = how;
     for (auto& one : steps) {
         jobs_.emplace_back();
@@ -67,7 +73,7 @@ task<> carrier::carry_out(std::vector<deployment::step> steps, manner how) {
     if (cancelled) std::rethrow_exception(cancelled);
 }
 
-bool carrier::may_begin(const job& one) const {
+bool plan_executor::may_begin(const job& one) const {
     if (one.now != phase::waiting) return false;
     return std::ranges::all_of(one.what.after, [&](std::size_t before) {
         auto now = jobs_[before].now;
@@ -75,26 +81,26 @@ bool carrier::may_begin(const job& one) const {
     });
 }
 
-bool carrier::begin_some() {
+bool plan_executor::begin_some() {
     if (interrupted_ || (why_ && !how_.all)) return false;
     bool some = false;
-    for (std::size_t number = 0; number < jobs_.size() && begun_ < at_once; ++number) {
+    for (std::size_t number = 0; number < jobs_.size() && begun_ < steps_at_once; ++number) {
         auto& one = jobs_[number];
         if (!may_begin(one)) continue;
         one.now = phase::begun;
         some = true;
         ++begun_;
-        one.cancel = scope_.spawn("step", carry_out_one(number));
+        one.cancel = scope_.spawn("step", execute_one(number));
     }
     return some;
 }
 
-task<> carrier::carry_out_one(std::size_t number) {
+task<> plan_executor::execute_one(std::size_t number) {
     auto& one = jobs_[number];
     std::optional<problem> why;
     std::string outcome;
     struct ending { // also where it is given up
-        carrier& of;
+        plan_executor& of;
         job& one;
         ~ending() {
             if (one.now == phase::begun) one.now = phase::failed; // it did not come to its end
@@ -125,7 +131,7 @@ task<> carrier::carry_out_one(std::size_t number) {
     if (why->code() != exit_code::no_output) co_await tell(number, "failed", told);
 }
 
-task<std::string> carrier::act(job& one) {
+task<std::string> plan_executor::act(job& one) {
     auto what = one.what;
     auto began = in_.self.now();
     if (what.what == action::stop) {
@@ -149,7 +155,7 @@ task<std::string> carrier::act(job& one) {
 }
 
 // What is being stopped or changed comes to its end; what is being started is given up, which ends it.
-void carrier::on_interrupt() {
+void plan_executor::on_interrupt() {
     interrupted_ = true;
     note(in_.set, how_.undo ? "interrupted: what was done is undone; Ctrl-C once more leaves it as it is"
                             : "interrupted: what was done stays");
@@ -159,17 +165,17 @@ void carrier::on_interrupt() {
     if (changed_) changed_->resume();
 }
 
-task<> carrier::wait_for_change() {
+task<> plan_executor::wait_for_change() {
     waiter<> told(in_.self.on(), [&told] { told.resume(); });
     struct listed {
-        carrier& of;
+        plan_executor& of;
         ~listed() { of.changed_ = nullptr; }
     } listing{*this};
     changed_ = &told;
     co_await told.wait();
 }
 
-task<> carrier::give_up() {
+task<> plan_executor::give_up() {
     if (interrupted_ && !why_) {
         auto left = std::ranges::count_if(jobs_, [](const job& one) { return one.now == phase::waiting; });
         why_.emplace(
@@ -193,7 +199,7 @@ task<> carrier::give_up() {
     throw problem(why_->code(), why_->name(), text, why_->advice());
 }
 
-task<bool> carrier::undo(job& one) {
+task<bool> plan_executor::undo(job& one) {
     std::string trouble;
     try {
         co_await undo_one(one);
@@ -205,7 +211,7 @@ task<bool> carrier::undo(job& one) {
     co_return trouble.empty();
 }
 
-task<> carrier::undo_one(const job& one) {
+task<> plan_executor::undo_one(const job& one) {
     const auto& what = one.what;
     if (what.what == action::start) {
         auto ended = co_await stop(what.server, what.path, true);
@@ -225,7 +231,8 @@ task<> carrier::undo_one(const job& one) {
     }
 }
 
-task<instantiation::change_response> carrier::change_to(std::string server, start_request to, std::uint64_t undo) {
+task<instantiation::change_response> plan_executor::change_to(std::string server, start_request to,
+                                                              std::uint64_t undo) {
     auto who = there_.servers.at(server);
     instantiation::change_request request;
     auto limit = 4 * to.terms.ready_within + to.terms.grace + besides;
@@ -237,7 +244,7 @@ task<instantiation::change_response> carrier::change_to(std::string server, star
     co_return std::move(*told);
 }
 
-task<instantiation::ended_response> carrier::stop(std::string server, std::string path, bool forget) {
+task<instantiation::ended_response> plan_executor::stop(std::string server, std::string path, bool forget) {
     auto who = there_.servers.at(server);
     instantiation::stop_request request;
     request.path = path;
@@ -248,7 +255,7 @@ task<instantiation::ended_response> carrier::stop(std::string server, std::strin
 }
 
 /// Of what has ended, and is not needed to undo anything any more.
-task<> carrier::forget(const deployment::step& what) {
+task<> plan_executor::forget(const deployment::step& what) {
     std::string trouble;
     try {
         auto ended = co_await stop(what.server, what.path, true);
@@ -259,8 +266,52 @@ task<> carrier::forget(const deployment::step& what) {
         note(in_.set, fmt::format("{} on {} is not forgotten: {}", what.path, what.server, trouble));
 }
 
-duration carrier::limit_of(const deployment::step& what) const {
+duration plan_executor::limit_of(const deployment::step& what) const {
     return std::min(3 * what.request.terms.ready_within + what.request.terms.grace + besides, in_.left());
+}
+
+std::string plan_executor::ready_text(const instantiation::instance_info& what, time_point began) const {
+    return fmt::format("ready after {}, process {}", show_duration(in_.self.now() - began), what.process_id);
+}
+
+task<> plan_executor::tell(std::size_t number, std::string state, std::string outcome) {
+    const auto& what = jobs_[number].what;
+    std::string text;
+    if (in_.set.json) {
+        auto line = planned_step_of(what);
+        line.step = number + 1;
+        line.of = jobs_.size();
+        line.state = state;
+        line.outcome = outcome;
+        text = json_line(line);
+    } else if (state == "begun") {
+        text = printable(fmt::format("[{}/{}] {}", number + 1, jobs_.size(), deployment::as_text(what, true)), true) +
+               "\n";
+    } else {
+        auto line = fmt::format("[{}/{}] {} {} on {}: {}", number + 1, jobs_.size(), deployment::name_of(what.what),
+                                what.path, what.server, state == "done" && !outcome.empty() ? "" : state);
+        if (!outcome.empty()) line += (state == "done" ? "" : ": ") + outcome;
+        text = printable(line) + "\n";
+    }
+    co_await say(std::move(text));
+}
+
+// One writer: what others say meanwhile comes after it. Whoever does not read any more gets no account, but its deed.
+task<> plan_executor::say(std::string text) {
+    unsaid_ += text;
+    if (std::exchange(saying_, true)) co_return;
+    struct ending {
+        bool& flag;
+        ~ending() { flag = false; }
+    } guard{saying_};
+    try {
+        while (!unsaid_.empty()) {
+            auto now = std::exchange(unsaid_, {});
+            co_await in_.out.write(in_.self, std::move(now));
+        }
+    } catch (const reader_gone&) {
+        unsaid_.clear();
+    }
 }
 
 } // namespace ise::cli

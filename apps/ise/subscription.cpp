@@ -1,8 +1,19 @@
-#include "subscribing.hpp"
-
-#include <fmt/format.h>
+#include "subscription.hpp"
 
 namespace ise::cli {
+
+void add_subscription(CLI::App& app, subscribe_choice& what) {
+    add_component(app, what.name);
+    app.add_option("SERVICE", what.service, "name of a subscription service")->required();
+    app.add_option("JSON", what.json, "subscribe request; - reads standard input (default: {})");
+    auto* latest = app.add_flag("--latest", what.latest, "keep only the latest packet");
+    app.add_flag("--lossless", what.lossless,
+                 "every packet, with flow control; a subscription that falls too far behind ends")
+        ->excludes(latest);
+    app.add_option("--depth", what.depth, "packets queued at either end, 1 to 65536 (default: 1024)")
+        ->check(CLI::Range(1u, 65536u))
+        ->type_name("N");
+}
 
 task<dynamic_stream> open_stream(context& in, subscribe_choice choice, subscribe_options terms) {
     auto who = co_await reach(in, choice.name);
@@ -14,11 +25,6 @@ task<dynamic_stream> open_stream(context& in, subscribe_choice choice, subscribe
     auto stream = co_await subscribe_dynamic(who, service, std::move(request), terms);
     if (!stream) throw problem(stream.error());
     co_return std::move(*stream);
-}
-
-std::string show_loss(std::optional<std::uint64_t> lost) {
-    if (!lost) return "the provider restarted: it is unknown how many packets were lost";
-    return fmt::format("{} packet{} lost", *lost, *lost == 1 ? " was" : "s were");
 }
 
 } // namespace ise::cli

@@ -1,6 +1,6 @@
-#include "conversation.hpp"
+#include "command.hpp"
 
-#include "surveyed.hpp"
+#include "json.hpp"
 #include "text.hpp"
 
 #include <ise/component/node.hpp>
@@ -11,29 +11,36 @@
 #include <asio/io_context.hpp>
 #include <asio/signal_set.hpp>
 
-#include <nlohmann/json.hpp>
-
 #include <fmt/format.h>
 
 #include <csignal>
-#include <functional>
-#include <optional>
 #include <thread>
+#include <utility>
 
 namespace ise::cli {
 namespace {
 
-// What the command's end was, written on its component's thread and read when that has stopped.
+struct error_line {
+    std::string error;
+    int exit_code = 0;
+    std::string message;
+    if_any<std::string> executed, advice;
+};
+struct note_line {
+    std::string note;
+};
+
+// How the command ended, written on its component's thread and read when that has stopped.
 struct ending {
     std::optional<exit_code> code;
     std::optional<problem> why;
 };
 
-task<> converse(component& self, const settings& set, const conversation& what, interrupt& ctrl_c, ending& end) {
+task<> run_on(component& self, const parsed_command& what, interrupt& ctrl_c, ending& end) {
     output out;
-    context in{self, set, out, saturating_add(self.now(), set.timeout), ctrl_c};
+    context in{self, what.set, out, saturating_add(self.now(), what.set.timeout), ctrl_c};
     try {
-        co_await what.body(in);
+        co_await what.work(in);
         end.code = exit_code::ok;
     } catch (const reader_gone&) {
         end.code = exit_code::ok;
@@ -69,6 +76,29 @@ void run_until_interrupted(node& running, interrupt& ctrl_c, asio::io_context& c
 
 } // namespace
 
+void interrupt::care(loop& on, std::function<void()> first) {
+    std::lock_guard lock(mutex_);
+    gate_ = on.gate();
+    first_ = std::move(first);
+}
+
+void interrupt::leave() {
+    std::lock_guard lock(mutex_);
+    first_ = nullptr;
+    gate_.reset();
+    *valid_ = false;
+    valid_ = std::make_shared<bool>(true);
+}
+
+bool interrupt::raise() {
+    std::lock_guard lock(mutex_);
+    if (!first_) return false;
+    gate_->post([first = std::exchange(first_, nullptr), valid = valid_] {
+        if (*valid) first();
+    });
+    return true;
+}
+
 endpoint name_server_of(const settings& set, const environment& env) {
     auto text = set.name_server;
     std::string from = "--name-server";
@@ -83,7 +113,8 @@ endpoint name_server_of(const settings& set, const environment& env) {
     return *parsed;
 }
 
-exit_code run(const settings& set, const conversation& what) {
+exit_code run(const parsed_command& what) {
+    const auto& set = what.set;
     ending end;
     interrupt ctrl_c;
     try {
@@ -106,7 +137,7 @@ exit_code run(const settings& set, const conversation& what) {
         asio::io_context context(1);
         asio::signal_set signals(context, SIGINT, SIGTERM);
         running.start(
-            path, [&](component& self) { return converse(self, set, what, ctrl_c, end); }, mine);
+            path, [&](component& self) { return run_on(self, what, ctrl_c, end); }, mine);
         run_until_interrupted(running, ctrl_c, context, signals);
     } catch (const problem& why) {
         end.why = why;
@@ -122,14 +153,10 @@ exit_code run(const settings& set, const conversation& what) {
 
 void report(const problem& why, bool json) {
     if (json) {
-        nlohmann::ordered_json told;
-        told["error"] = why.name();
-        told["exit_code"] = static_cast<int>(why.code());
-        told["message"] = why.what();
-        if (!why.executed().empty()) told["executed"] = why.executed();
-        if (!why.advice().empty()) told["advice"] = why.advice();
-        complain(told.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
-        return;
+        error_line line{why.name(), static_cast<int>(why.code()), why.what(), {}, {}};
+        if (!why.executed().empty()) line.executed = why.executed();
+        if (!why.advice().empty()) line.advice = why.advice();
+        return complain(json_line(line));
     }
     auto text = fmt::format("ise: {}\n", printable(why.what(), true));
     if (why.executed() == "unknown") text += "     it may have run there all the same\n";
@@ -140,9 +167,8 @@ void report(const problem& why, bool json) {
 
 void note(const settings& set, const std::string& text) {
     if (set.json) {
-        nlohmann::ordered_json told;
-        told["note"] = text;
-        complain(told.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+        note_line line{text};
+        complain(json_line(line));
     } else {
         complain(fmt::format("ise: {}\n", printable(text)));
     }

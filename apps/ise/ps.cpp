@@ -1,20 +1,22 @@
-#include "commands.hpp"
-
+// ise ps: what instantiation servers have started.
 #include "hosts.hpp"
+#include "json.hpp"
+#include "options.hpp"
 #include "table.hpp"
 #include "text.hpp"
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <memory>
+
 namespace ise::cli {
 namespace {
 
-namespace host_services = instantiation::services;
-
-task<> tell(context& in, std::string host, instantiation::instance_info what) {
-    auto text = in.set.json ? as_json(host, what) : as_sentence(host, what);
-    co_await in.out.write(in.self, text + "\n");
-}
+struct ps_options {
+    std::string prefix, host;
+    bool names = false;
+};
 
 // "4711", and where others run in it too "4711 (main)".
 std::string process_of(const instantiation::instance_info& what) {
@@ -34,16 +36,15 @@ std::string remarks(const instantiation::instance_info& what) {
     return text;
 }
 
-} // namespace
-
 task<> ps(context& in, ps_options options) {
     auto all = co_await instances_there(in, options.host, options.prefix);
     std::string text;
     if (options.names) {
         for (const auto& one : all) text += printable(one.instance.path) + "\n";
     } else if (in.set.json) {
-        for (const auto& one : all) text += (text.empty() ? "" : ",") + as_json(one.host.name, one.instance);
-        text = "[" + text + "]\n";
+        std::vector<instance_line> lines;
+        for (const auto& one : all) lines.push_back(line_of(one.host.name, one.instance));
+        text = json_line(lines);
     } else {
         table rows({"PATH", "STATE", "HOST", "PROCESS", "FOR", "RESTARTS", "DEPLOYMENT", "TYPE", "WHY"});
         for (const auto& one : all) {
@@ -61,29 +62,16 @@ task<> ps(context& in, ps_options options) {
         note(in.set, "nothing was started by an instantiation server: ise start --types tells what could be");
 }
 
-task<> stop(context& in, instance_options options) {
-    auto found = co_await find_instance(in, options.host, options.name);
-    instantiation::stop_request request{options.name, options.grace};
-    auto told = co_await found.host.server.try_call(host_services::stop, std::move(request), in.left());
-    if (!told) throw problem(told.error());
-    co_await tell(in, found.host.name, std::move(told->ended));
+void declare_ps(CLI::App& app, parsed_command& made) {
+    auto given = std::make_shared<ps_options>();
+    add_prefix(app, given->prefix);
+    add_host(app, given->host);
+    app.add_flag("--names", given->names, "only the paths");
+    app.callback([&made, given] { made.work = [given](context& in) { return ps(in, *given); }; });
 }
 
-task<> kill(context& in, instance_options options) {
-    auto found = co_await find_instance(in, options.host, options.name);
-    instantiation::kill_request request{options.name};
-    auto told = co_await found.host.server.try_call(host_services::kill, std::move(request), in.left());
-    if (!told) throw problem(told.error());
-    co_await tell(in, found.host.name, std::move(told->ended));
-}
+} // namespace
 
-task<> restart(context& in, instance_options options) {
-    auto found = co_await find_instance(in, options.host, options.name);
-    instantiation::restart_request request{options.name};
-    auto told = co_await found.host.server.try_call(host_services::restart, std::move(request), in.left());
-    if (!told) throw problem(told.error());
-    auto what = started(*told);
-    co_await tell(in, found.host.name, std::move(what));
-}
+extern const command ps_command{"ps", run_group, "lists started components with their state", "  ise ps\n", declare_ps};
 
 } // namespace ise::cli
