@@ -35,6 +35,8 @@ public:
     void on_gprs(const std::string& path, const gprs_state& told, utc_time now);
     void on_account(const std::string& path, const iridium_account& account, utc_time now);
     void on_lost(const std::string& path, std::uint64_t packets);
+    /// A proxy is followed from now on. False: there are `max_links` already.
+    bool add_link(const std::string& path) { return link_at(path) != nullptr; }
     /// A proxy is reached, or not and why.
     void on_link(const std::string& path, bool connected, std::string trouble, utc_time now);
     void takes_commands(const std::string& path);
