@@ -7,6 +7,7 @@
 #include <ise/component/node.hpp>
 #include <ise/core/complain.hpp>
 #include <ise/core/real/environment.hpp>
+#include <ise/naming/services.hpp>
 
 #include <CLI/CLI.hpp>
 #include <QApplication>
