@@ -1,12 +1,14 @@
 #pragma once
 #include <components/boat/duplicate_filter.hpp>
 #include <components/gui_client/alarm.hpp>
+#include <components/gui_client/boat_record.hpp>
 #include <components/gui_client/command_log.hpp>
 #include <components/gui_client/mission.hpp>
+#include <components/gui_client/packet_log.hpp>
+#include <components/gui_client/parameter_book.hpp>
 #include <components/gui_client/track_store.hpp>
 #include <components/gui_client/view.hpp>
 
-#include <deque>
 #include <map>
 #include <memory>
 
@@ -65,7 +67,7 @@ public:
     void on_time(utc_time now);
     std::shared_ptr<const snapshot> view(utc_time now);
 
-    const boat_view& boat() const noexcept { return boat_; }
+    const boat_view& boat() const noexcept { return boat_.view(); }
     const mission_parts& mission() const noexcept { return mission_; }
     const command_log& commands() const noexcept { return commands_; }
     const std::map<std::string, link_view>& links() const noexcept { return links_; }
@@ -74,23 +76,16 @@ public:
 
 private:
     link_view* link_at(const std::string& path);
+    void count(link_view& link, const telemetry_packet& packet, bool first, utc_time now);
+    void count_recorded(link_view& role, const telemetry_packet& packet, utc_time now);
     void take(const telemetry_message& message, const telemetry_packet& packet, utc_time now);
-    void take_location(const location& told, const telemetry_packet& packet, utc_time now);
-    void take_settings(const configuration& told, utc_time now);
-    void rebooted(const telemetry_packet& packet, utc_time now);
-    void settle_parameter(std::uint32_t id, command_phase phase, std::optional<float> value, const std::string& text,
-                          utc_time now);
-    void watch_boat(utc_time now);
-    void watch_links(utc_time now);
-    void watch_nodes(utc_time now);
 
     state_options options_;
     finding_view finding_;
-    boat_view boat_;
+    boat_record boat_;
     mission_parts mission_;
     upload_view upload_;
-    std::vector<parameter_view> parameters_;
-    std::map<std::uint32_t, parameter_id> parameter_commands_; ///< own ones that are not over
+    parameter_book parameters_;
     std::map<std::string, link_view> links_;
     std::map<std::string, node_view> nodes_;
     authority_view authority_;
@@ -99,12 +94,9 @@ private:
     alarm_book alarms_;
     track_store track_;
     command_log commands_;
-    std::deque<std::shared_ptr<const raw_packet>> packets_;
-    std::shared_ptr<const std::vector<std::shared_ptr<const raw_packet>>> shared_packets_;
+    packet_log packets_;
     std::shared_ptr<const std::vector<present_component>> present_;
-    std::optional<std::uint16_t> boot_;
-    utc_time boot_measured_{};
-    std::uint64_t packet_count_ = 0, snapshot_count_ = 0;
+    std::uint64_t snapshot_count_ = 0;
 };
 
 } // namespace atirma::console
