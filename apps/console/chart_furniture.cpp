@@ -85,7 +85,7 @@ void paint_legend(QPainter& to, const chart_projection& projection, const chart_
     for (auto& [link, one] : parts) one.line = t.of(link);
     to.setFont(font_of(11));
     QFontMetricsF metrics(to.font());
-    auto later = QObject::tr("told later");
+    auto later = QObject::tr("received later");
     double wide = 8;
     for (const auto& [link, one] : parts)
         wide += 24 + metrics.horizontalAdvance(one.name) + metrics.horizontalAdvance(one.age) + 5 + 14;
@@ -144,9 +144,9 @@ void paint_empty(QPainter& to, const chart_projection& projection, const chart_s
         if (!f.where.empty()) what += QObject::tr(" at %1").arg(text(f.where));
         if (f.uses_names && !f.reached)
             more = f.trouble.empty() ? QObject::tr("Asking the name server…")
-                                     : QObject::tr("The name server is not reached; it is tried again");
+                                     : QObject::tr("The name server is not reached; retrying");
         else if (scene.seen->links.empty())
-            more = QObject::tr("No link to a boat is running yet; it is found as soon as it starts");
+            more = QObject::tr("No link to a boat is running yet; the console finds it as soon as it starts");
         else
             more = QObject::tr("%n link(s) found; waiting for the first packet", nullptr,
                                static_cast<int>(scene.seen->links.size()));

@@ -67,7 +67,7 @@ bool radio_backlog::put(ise::time_point now, const ise::bytes& raw) {
 
 ise::bytes radio_backlog::next(ise::time_point now) {
     if (!alive(now) || duty_percent_ >= max_duty_percent) return {};
-    // What was held goes to any shore that hears it; what was sent, again only while receipts come.
+    // Held packets are sent to any shore that hears the boat; sent ones are repeated only while receipts arrive.
     std::optional<packet_name> which;
     if (!held_.empty()) which = *held_.begin();
     else if (receipts_ && now - receipted_at_ < 2 * alive_for && !due_.empty() && due_.begin()->first <= now) {
@@ -93,7 +93,7 @@ std::vector<packet_name> radio_backlog::on_receipt(ise::time_point now, const te
     std::vector<packet_name> made;
     for (const auto& name : told.packets) {
         auto found = kept_.find(name);
-        if (found == kept_.end() || held_.contains(name)) continue; // no shore has what was never sent
+        if (found == kept_.end() || held_.contains(name)) continue; // never sent, so no shore can have it
         forget(found);
         made.push_back(name);
     }

@@ -30,7 +30,7 @@ void watch_boat(alarm_book& alarms, const alarm_causes& causes, utc_time now) {
         const auto& p = boat.supply->value;
         const auto* low = alarms.find("battery");
         bool was_low = low && !low->over_at;
-        bool is_low = p.battery_percent < limits.battery_low_percent + (was_low ? 5 : 0); // no to and fro at the limit
+        bool is_low = p.battery_percent < limits.battery_low_percent + (was_low ? 5 : 0); // hysteresis
         auto how = p.battery_percent < limits.battery_critical_percent ? severity::critical : severity::warning;
         alarms.set("battery", is_low, how,
                    fmt::format("The battery is low: {} %, {:.1f} V", p.battery_percent, p.battery_v), now);
@@ -40,7 +40,7 @@ void watch_boat(alarm_book& alarms, const alarm_causes& causes, utc_time now) {
     if (boat.sailing) {
         const auto& n = boat.sailing->value;
         alarms.set("irons", n.in_irons, severity::critical,
-                   "In irons: head to wind without way; it does not get out by itself", now);
+                   "In irons: head to wind without speed; the boat does not get out by itself", now);
         alarms.set("beacon", n.beacon, severity::critical, "The emergency beacon is on", now);
         alarms.set("remote_control", n.remote_control, severity::notice, "The remote control has the helm", now);
         bool follows =
@@ -64,11 +64,12 @@ void watch_links(alarm_book& alarms, const alarm_causes& causes, utc_time now) {
         fmt::format("The name server at {} is not reached; components found before stay connected", finding.where),
         now);
     for (const auto& [path, link] : causes.links) {
-        if (link.all_links) continue; // the nodes tell of themselves
+        if (link.all_links) continue; // the nodes have rules of their own
         auto name = label(link);
         bool lost = !link.connected && link.since != utc_time() && age_s(now, link.since) > limits.proxy_lost_s;
         alarms.set("proxy:" + path, lost, severity::warning, fmt::format("{}: {} is not reached", name, path), now);
-        // A boat that does not call is told by its silence; one that calls and is not kept is told here.
+        // For a boat that does not call, the rule "silent" is enough; this one is for a boat that calls and a proxy
+        // that fails.
         auto trouble = link.xbee                           ? link.xbee->trouble
                        : link.gprs && link.gprs->connected ? link.gprs->trouble
                        : link.account                      ? link.account->trouble
@@ -83,16 +84,17 @@ void watch_links(alarm_book& alarms, const alarm_causes& causes, utc_time now) {
             silent = !off && age_s(now, *link.last_heard) > std::max(limits.link_silent_s, 5 * period);
         }
         alarms.set("silent:" + path, silent, severity::warning,
-                   fmt::format("{}: the boat is not heard since {}", name,
+                   fmt::format("{}: the boat has not been heard since {}", name,
                                link.last_heard ? clock_text(*link.last_heard) : ""),
                    now);
         if (!link.xbee) continue;
-        alarms.set("hot:" + path, link.xbee->temperature_c.value_or(0) >= limits.modem_hot_c, severity::warning,
-                   fmt::format("{}: the modem is at {} °C and holds back", name, link.xbee->temperature_c.value_or(0)),
-                   now);
+        alarms.set(
+            "hot:" + path, link.xbee->temperature_c.value_or(0) >= limits.modem_hot_c, severity::warning,
+            fmt::format("{}: the modem is at {} °C and transmits less", name, link.xbee->temperature_c.value_or(0)),
+            now);
         alarms.set("duty:" + path, link.xbee->duty_cycle_percent.value_or(0) >= limits.duty_percent, severity::warning,
-                   fmt::format("{}: {} % of the allowed duty cycle is used; at 100 % it falls silent", name,
-                               link.xbee->duty_cycle_percent.value_or(0)),
+                   fmt::format("{}: {} % of the allowed duty cycle is used; at 100 % the modem stops transmitting",
+                               name, link.xbee->duty_cycle_percent.value_or(0)),
                    now);
     }
 }
@@ -112,7 +114,7 @@ void watch_nodes(alarm_book& alarms, const alarm_causes& causes, utc_time now) {
                    fmt::format("{}: {}", path, befell ? node.state->store_notice : std::string()), now);
     }
     alarms.set("nodes", !causes.nodes.empty() && reached == 0, severity::critical,
-               "No communication node is reached: nothing is recorded, and commands wait", now);
+               "No communication node is reached: nothing is recorded, and telecommands wait", now);
 }
 
 } // namespace

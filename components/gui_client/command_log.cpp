@@ -6,7 +6,7 @@
 
 namespace atirma::console {
 namespace {
-// An answer of the boat is the last word; what is over otherwise may still be corrected by it.
+// An answer of the boat is final; any other end may still be corrected by it.
 bool may_follow(command_phase now, command_phase next) {
     if (now == command_phase::done || now == command_phase::refused)
         return next == command_phase::done || next == command_phase::refused;
@@ -31,7 +31,7 @@ command_phase command_log::phase_of(telecommand_stage stage, const std::optional
 
 void command_log::asked(command_entry entry) {
     shared_.reset();
-    if (auto* known = seek(entry.id)) { // the proxy was quicker
+    if (auto* known = seek(entry.id)) { // the proxy reported it first
         known->own = true;
         known->what = std::move(entry.what);
         return;
@@ -41,7 +41,7 @@ void command_log::asked(command_entry entry) {
 
 const command_entry& command_log::on_status(const std::string& path, const telecommand_status& status, utc_time now) {
     shared_.reset();
-    bool from_record = status.asked_at != utc_time(); // who tells it knows when it was given
+    bool from_record = status.asked_at != utc_time(); // a record knows when it was given
     auto* known = seek(status.id);
     if (!known) {
         command_entry entry;

@@ -26,7 +26,7 @@ void console_state::on_telemetry(const std::string& path, const telemetry_packet
     if (!link) return;
     auto message = parse_telemetry(packet.raw);
     bool first = message && seen_.first_time(packet.boot, packet.sequence, packet.raw);
-    if (link->all_links) { // its record goes back for hours, and what is new comes from the proxies as well
+    if (link->all_links) { // its record covers hours, and new packets come from the proxies as well
         if (!first) return;
         count_recorded(*link, packet, now);
     }
@@ -47,13 +47,13 @@ void console_state::count_recorded(link_view& role, const telemetry_packet& pack
     role.last_heard = boat_.view().last_heard;
     role.link = packet.link;
     ++role.packets;
-    for (auto& [at, proxy] : links_) // it came over one of them, also before this console looked
+    for (auto& [at, proxy] : links_) // it came over one of them, possibly before this console started
         if (!proxy.all_links && proxy.link == packet.link)
             proxy.last_heard = std::max(came, proxy.last_heard.value_or(utc_time()));
 }
 
 void console_state::count(link_view& link, const telemetry_packet& packet, bool first, utc_time now) {
-    // The last packet comes again with each new subscription: that is no sign of life.
+    // Each new subscription repeats the last packet: that is no sign of life.
     if (!heard_over_[link.path].first_time(packet.boot, packet.sequence, packet.raw)) return;
     ++link.packets;
     link.link = packet.link;
@@ -66,7 +66,7 @@ void console_state::count(link_view& link, const telemetry_packet& packet, bool 
 
 void console_state::take(const telemetry_message& message, const telemetry_packet& packet, utc_time now) {
     auto boot_before = boat_.on_boot(packet);
-    if (boot_before && now != packet.received_at) // else it is what the record tells of long ago
+    if (boot_before && now != packet.received_at) // else it is old, and comes from the record
         alarms_.tell("boot", severity::warning,
                      fmt::format("The boat has started again (boot {}, before {})", packet.boot, *boot_before), now);
     bool newest = boat_.on_message(message, packet, now);
@@ -95,7 +95,7 @@ void console_state::on_status(const std::string& path, const telecommand_status&
     auto attempts = before ? before->attempts : 0;
     const auto& entry = commands_.on_status(path, status, now);
     if (!link->all_links && status.link == link_id::iridium && entry.attempts > attempts)
-        link->credits += entry.attempts - attempts; // a telecommand is short
+        link->credits += entry.attempts - attempts; // a telecommand is shorter than a credit's bytes
     if (is_over(entry.phase)) parameters_.on_settled(entry.id, entry.phase, entry.value, entry.text, now);
 }
 

@@ -20,16 +20,16 @@ struct state_options {
     std::size_t max_packets = 500;
     std::size_t max_notices = 50;
     std::size_t max_commands = 300;
-    std::size_t max_links = 32; ///< proxies that are followed
+    std::size_t max_links = 32; ///< the number of proxies that are followed
 };
 
-/// All that the console knows, without I/O: what came is told to it with the console's time, and it makes snapshots.
-/// Bounded in everything. Not thread safe.
+/// The complete state of the console, without I/O: it is given events with the console's time, and makes snapshots.
+/// Bounded. Not thread-safe.
 class console_state {
 public:
     explicit console_state(state_options options = state_options());
 
-    // What came.
+    // Events of the system.
     void on_telemetry(const std::string& path, const telemetry_packet& packet, utc_time now);
     void on_status(const std::string& path, const telecommand_status& status, utc_time now);
     void on_xbee(const std::string& path, const xbee_local& local, utc_time now);
@@ -42,19 +42,19 @@ public:
     /// A proxy is reached, or not and why.
     void on_link(const std::string& path, bool connected, std::string trouble, utc_time now);
     void takes_commands(const std::string& path);
-    /// `path` is the role of the communication nodes: what comes from there came over any link, at any time before.
+    /// `path` is the role of the communication nodes: its packets came over any link, at any time in the past.
     void stands_for_all(const std::string& path);
-    /// A communication node tells of itself; `told` null: whether it is reached has changed.
+    /// A communication node reports its state; `told` null: only whether it is reached.
     void on_node(const std::string& path, bool connected, std::string trouble, const communication_state* told,
                  utc_time now);
     void on_authority(const authority_state& told, utc_time now);
     void on_finding(finding_view finding) { finding_ = std::move(finding); }
     void on_present(std::vector<present_component> all);
 
-    // What the operator does.
+    // Actions of the operator.
     void asked(std::uint32_t id, const std::string& path, const boat_command& command, utc_time now);
     void on_outcome(std::uint32_t id, command_phase phase, std::optional<float> value, std::string text, utc_time now);
-    /// A change of the authority was asked for; or it is decided, with a problem where it was refused.
+    /// A change of the authority was requested, or is decided; `problem`: why it was refused.
     void asks_authority(bool under_way, std::string problem);
     void set_self(std::string path) { authority_.self = std::move(path); }
     void set_limits(const alarm_limits& limits) { options_.limits = limits; }
@@ -63,7 +63,7 @@ public:
     void acknowledge(const std::string& key) { alarms_.acknowledge(key); }
     void clear_track() { track_.clear(); }
 
-    /// Looks at what time alone changes: the alarms.
+    /// Applies the rules of the alarms, which depend on the time.
     void on_time(utc_time now);
     std::shared_ptr<const snapshot> view(utc_time now);
 
@@ -89,7 +89,7 @@ private:
     std::map<std::string, link_view> links_;
     std::map<std::string, node_view> nodes_;
     authority_view authority_;
-    std::map<std::string, duplicate_filter> heard_over_; ///< what came over one link is counted once there
+    std::map<std::string, duplicate_filter> heard_over_; ///< by path: a packet is counted once on each link
     duplicate_filter seen_;
     alarm_book alarms_;
     track_store track_;

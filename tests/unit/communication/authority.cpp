@@ -51,7 +51,7 @@ TEST_CASE("authority: who takes what nobody holds may command, the others are to
                Contains("ana holds the authority over the boat since 2017-09-04 08:00:00 UTC, not bea") &&
                    Contains("action ask"));
     CHECK(it.ask("ana", take)->epoch == 2); // holds it already
-    CHECK_THAT(it.refusal("bea", take), Contains("ana holds") && Contains("ask for it") && Contains("confirmed true"));
+    CHECK_THAT(it.refusal("bea", take), Contains("ana holds") && Contains("request it") && Contains("confirmed true"));
     CHECK(it.book.now().holder == "ana");
 }
 
@@ -100,11 +100,11 @@ TEST_CASE("authority: nodes that do not see each other never give the same epoch
     CHECK(primary.book.is_newer(primary.book.now(), primary.book.change() + 1));
 }
 
-TEST_CASE("authority: a boat that obeys a higher epoch makes the holder take it anew, above that one") {
+TEST_CASE("authority: a boat that obeys a higher epoch makes the holder take it again, above that one") {
     helm it;
     REQUIRE(it.ask("ana", take));
     it.book.boat_obeys(7, 2);
-    CHECK_THAT(*it.book.refusal("ana"), Contains("epoch 7") && Contains("take it anew"));
+    CHECK_THAT(*it.book.refusal("ana"), Contains("epoch 7") && Contains("take it again"));
     auto anew = it.ask("ana", take);
     REQUIRE(anew);
     CHECK(anew->epoch == 8);
@@ -126,7 +126,7 @@ TEST_CASE("authority: a forged answer of the boat costs the operators two takes 
             CAPTURE(odd, forged);
             auto before = it.book.now();
             it.book.boat_obeys(forged, before.boat_epoch);
-            CHECK_THAT(*it.book.refusal("ana"), Contains("take it anew"));
+            CHECK_THAT(*it.book.refusal("ana"), Contains("take it again"));
             auto follows = it.ask("ana", take);
             REQUIRE(follows);
             CHECK(follows->boat_epoch != 0);
