@@ -8,6 +8,7 @@
 #include <components/gui_client/mission.hpp>
 #include <components/gui_client/words.hpp>
 
+#include <QObject>
 #include <QPainter>
 #include <QPainterPath>
 

@@ -3,6 +3,7 @@
 #include "chart_scene.hpp"
 
 #include <QColor>
+#include <QRectF>
 #include <QString>
 
 #include <optional>

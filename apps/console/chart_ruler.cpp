@@ -6,6 +6,7 @@
 
 #include <components/gui_client/mission.hpp>
 
+#include <QObject>
 #include <QPainter>
 
 namespace atirma::console {

@@ -14,6 +14,9 @@
 #include <QPainter>
 #include <QPainterPath>
 
+#include <cmath>
+#include <utility>
+
 namespace atirma::console {
 
 chart_view::chart_view(mission_draft& draft, QWidget* parent)

@@ -5,6 +5,9 @@
 
 #include <QPainter>
 
+#include <cmath>
+#include <utility>
+
 namespace atirma::console {
 
 std::optional<std::size_t> waypoint_editor::waypoint_at(QPointF pixel) const {

@@ -1,6 +1,7 @@
 #include <components/gui_client/boat_record.hpp>
 
 #include <algorithm>
+#include <utility>
 
 namespace atirma::console {
 namespace {
