@@ -63,7 +63,7 @@ TEST_CASE("authority: it is asked for, handed over, taken by force and released,
     CHECK(it.book.now().epoch == 2);
     CHECK_THAT(it.refusal("bea", hand_over, false, "bea"), Contains("only the holder"));
     CHECK_THAT(it.refusal("ana", hand_over), Contains("`to`"));
-    CHECK_THAT(it.refusal("ana", hand_over, false, "ana"), Contains("another one than the holder"));
+    CHECK_THAT(it.refusal("ana", hand_over, false, "ana"), Contains("other than the holder"));
     auto handed = it.ask("ana", hand_over, false, "bea");
     REQUIRE(handed);
     CHECK(handed->holder == "bea");
@@ -210,7 +210,7 @@ TEST_CASE("authority: names and questions are bounded") {
     helm it;
     REQUIRE(it.ask("ana", take));
     for (std::size_t i = 0; i < authority_book::max_asking; ++i) REQUIRE(it.ask("operator" + std::to_string(i), ask));
-    CHECK_THAT(it.refusal("one-more", ask), Contains("16 operators ask"));
+    CHECK_THAT(it.refusal("one-more", ask), Contains("16 operators have requested"));
     CHECK_FALSE(it.ask("", take, true));
     CHECK_FALSE(it.ask(std::string(201, 'x'), take, true));
     CHECK_FALSE(it.ask("ana", hand_over, false, std::string(201, 'x')));
