@@ -42,7 +42,9 @@ ise::component_type communication_node_type() {
     set.add("secondary", options.secondary, "secondary node: the other one is preferred");
     set.add("proxy", chosen->proxies, "a link and the path of its proxy: xbee=atirma/shore/xbee");
     set.add("serves", options.role, "role under which operators and page find the nodes");
-    set.add("silence", chosen->silence_s, "after which the other node counts as lost").range(1, 3600).unit("s");
+    set.add("silence", chosen->silence_s, "time without a message after which the other node counts as lost")
+        .range(1, 3600)
+        .unit("s");
     type.provides(services::telemetry)
         .provides(services::telemetry_store)
         .provides(services::track)

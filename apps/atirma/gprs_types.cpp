@@ -50,11 +50,11 @@ component_type gprs_link_type(const std::function<void(const std::string&)>& ann
     set.add("proxy-tcp", options->proxy_tcp, "where connections are relayed: tcp://host:port")
         .kind(parameter_kind::url);
     set.add("proxy-udp", options->proxy_udp, "where datagrams are relayed: udp://host:port").kind(parameter_kind::url);
-    set.add("delay", options->delay_s, "each way").range(0, 600).unit("s");
-    set.add("jitter", options->jitter_s, "added to it at most").range(0, 600).unit("s");
+    set.add("delay", options->delay_s, "mean delay in each direction").range(0, 600).unit("s");
+    set.add("jitter", options->jitter_s, "maximum that is added to the delay").range(0, 600).unit("s");
     set.add("loss", options->loss, "fraction of datagrams lost").range(0, 1);
-    set.add("outage", options->outages, "START+LENGTH in seconds: when it is down, and how long");
-    set.add("seed", options->seed, "of delay and loss");
+    set.add("outage", options->outages, "outages of the network: START+LENGTH in seconds");
+    set.add("seed", options->seed, "random seed of delay and loss");
     type.provides(services::carrier_control).provides(services::carrier);
     type.make = [options] { return std::make_unique<gprs_link_emulator>(*options); };
     return type;

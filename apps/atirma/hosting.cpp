@@ -33,7 +33,7 @@ void add_parameter(CLI::App& to, const ise::parameter& declared, std::vector<std
     auto about = declared.description;
     if (!declared.preset.empty()) about += fmt::format(" (default: {})", declared.preset);
     if (declared.kind == ise::parameter_kind::boolean) {
-        // Both "--gusts" and "--gusts=false", and the other way round "--no-gusts".
+        // Accepts "--gusts", "--gusts=false" and "--no-gusts".
         to.add_flag(name + ",!--no-" + declared.name, given, about)->check(fits(declared));
         return;
     }
@@ -53,11 +53,11 @@ void add_components(CLI::App& run, std::vector<hosted>& into, std::vector<ise::c
         one->made.make = one->type.make;
         sub->add_option("--path", one->made.path, "its name in the system")->capture_default_str();
         sub->add_option("--listen", one->made.listen,
-                        "endpoints it listens on, such as tcp://0.0.0.0:7411 (default: in-process, local, loopback)")
+                        "endpoints to listen on, such as tcp://0.0.0.0:7411 (default: in-process, local, loopback)")
             ->allow_extra_args(false);
-        sub->add_option("--advertise", one->made.advertise, "further endpoints it is reached by")
+        sub->add_option("--advertise", one->made.advertise, "further endpoints at which it can be reached")
             ->allow_extra_args(false);
-        sub->add_option("--role", one->made.roles, "a role it serves, and its priority there, such as atirma/gateway=5")
+        sub->add_option("--role", one->made.roles, "a role to serve, and the priority in it, such as atirma/gateway=5")
             ->type_name("ROLE=PRIORITY")
             ->allow_extra_args(false);
         for (const auto& declared : one->type.parameters.all())

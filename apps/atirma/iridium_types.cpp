@@ -29,7 +29,7 @@ component_type proxy_type() {
     auto settings = std::make_shared<proxy_settings>();
     auto* options = &settings->options;
     auto& set = type.parameters;
-    set.add("imei", options->imei, "of the boat's modem, 15 digits");
+    set.add("imei", options->imei, "IMEI of the boat's modem, 15 digits");
     set.add("database", options->database, "file for messages, telecommands and cost (SQLite)")
         .kind(parameter_kind::path);
     set.add("store", options->store_at,
@@ -37,7 +37,8 @@ component_type proxy_type() {
     set.add("webhook", options->webhook, "endpoint for the gateway's posts, tcp://address:port; empty: none")
         .kind(parameter_kind::endpoint);
     set.add("webhook-path", options->webhook_path, "path of the web hook");
-    set.add("jwt-key", options->jwt_key_file, "public key or certificate (PEM): each post must carry a token of it")
+    set.add("jwt-key", options->jwt_key_file,
+            "public key or certificate (PEM): each post must carry a token signed with it")
         .kind(parameter_kind::path);
     set.add("gateway-addresses", options->gateway_addresses,
             "addresses and networks of the gateway, 12.47.179.11,192.0.2.0/24: other addresses are refused at webhook "
@@ -46,9 +47,10 @@ component_type proxy_type() {
         .kind(parameter_kind::endpoint);
     set.add("send-by", options->send_by, "interface for telecommands to the gateway")
         .one_of({"http", "directip", "mail", "none"});
-    set.add("url", options->rockblock.url, "of the gateway's web service for telecommands").kind(parameter_kind::url);
+    set.add("url", options->rockblock.url, "URL of the gateway's web service for telecommands")
+        .kind(parameter_kind::url);
     set.add("user", options->rockblock.username,
-            "of the gateway's account; its password stands in ATIRMA_ROCKBLOCK_PASSWORD");
+            "user of the gateway's account; the password is in ATIRMA_ROCKBLOCK_PASSWORD");
     set.add("send-directip", options->send_directip, "tcp://host:port of the gateway's DirectIP")
         .kind(parameter_kind::url);
     set.add("imap", settings->imap_server, "imaps://server of the mailbox for the gateway's mails; empty: none")
@@ -113,11 +115,11 @@ component_type modem_type() {
     set.add("port", options->port, "link to its serial port").kind(parameter_kind::path);
     set.add("imei", options->imei, "15 digits");
     set.add("gateway", options->gateway, "component to open sessions with; empty: no network service");
-    set.add("min-session", options->min_session_s, "time of a session").range(0, 600).unit("s");
-    set.add("max-session", options->max_session_s, "time of a session").range(0, 600).unit("s");
+    set.add("min-session", options->min_session_s, "duration of a session").range(0, 600).unit("s");
+    set.add("max-session", options->max_session_s, "duration of a session").range(0, 600).unit("s");
     set.add("failures", options->failures, "fraction of sessions that fail on the radio link").range(0, 1);
     set.add("sky", options->sky_free, "free, or none at first");
-    set.add("seed", options->seed, "of lengths and failures");
+    set.add("seed", options->seed, "random seed of durations and failures");
     type.provides(services::iridium_sky_control).provides(services::iridium_sky);
     type.requires_(services::sbd_session).requires_(services::sbd_ring);
     type.make = [options] { return std::make_unique<iridium_modem>(*options); };
@@ -130,16 +132,16 @@ component_type gateway_type() {
     auto& options = settings->options;
     settings->imeis = {iridium_modem_options().imei};
     auto& set = type.parameters;
-    set.add("imei", settings->imeis, "of a modem on its account");
-    set.add("user", options.model.username, "of the account");
-    set.add("password", options.model.password, "of the account");
+    set.add("imei", settings->imeis, "IMEI of a modem of its account");
+    set.add("user", options.model.username, "user of the gateway's account");
+    set.add("password", options.model.password, "password of the gateway's account");
     set.add("listen-http", options.listen, "endpoint for POST /rockblock/MT, tcp://address:port; empty: none")
         .kind(parameter_kind::endpoint);
     set.add("listen-directip", options.directip_listen, "endpoint for DirectIP, tcp://address:port; empty: none")
         .kind(parameter_kind::endpoint);
     set.add("post-to", options.post_to, "URL of the web hook that gets the boat's messages; empty: none")
         .kind(parameter_kind::url);
-    set.add("post-json", options.post_json, "JSON instead of forms");
+    set.add("post-json", options.post_json, "post JSON instead of forms");
     set.add("sign-with", options.sign_with, "private key (PEM) for the tokens of posts").kind(parameter_kind::path);
     set.add("directip-to", options.directip_to, "tcp://host:port that gets the boat's messages; empty: none")
         .kind(parameter_kind::url);
@@ -149,7 +151,7 @@ component_type gateway_type() {
         .unit("s");
     set.add("failures", options.session_failures, "fraction of sessions that fail").range(0, 1);
     set.add("duplicates", options.duplicates, "fraction of posts sent twice").range(0, 1);
-    set.add("seed", options.model.seed, "of delays, failures and duplicates");
+    set.add("seed", options.model.seed, "random seed of delays, failures and duplicates");
     type.provides(services::sbd_session).provides(services::sbd_ring);
     type.provides(services::iridium_gateway_control).provides(services::iridium_gateway_status);
     type.make = [settings] {

@@ -152,7 +152,7 @@ int obey(int count, char** words) {
                  "prints component types and their parameters as JSON, for instantiation servers");
     app.footer(
         "A parameter that is not given is taken from the environment: ISE_PARAMETER_WIND_SPEED for --wind-speed.\n"
-        "Exit codes: 0 ended as asked, 1 something failed, 2 wrong arguments.\n"
+        "Exit codes: 0 success, 1 failure, 2 wrong arguments.\n"
         "Example: atirma run boat-simulator --serial /tmp/xbee-boat xbee-link xbee-proxy --serial /tmp/xbee-shore "
         "web-server");
 
@@ -166,9 +166,10 @@ int obey(int count, char** words) {
     atirma::observer_options observer;
     double length_s = 30;
     std::string page;
-    auto* observes = app.add_subcommand("observe", "look at telemetry, telecommands and page for a while, then sum up");
+    auto* observes = app.add_subcommand(
+        "observe", "observe telemetry, telecommands and the page for some time, then print a summary");
     add_common(*observes, common);
-    observes->add_option("--proxy", observer.proxy, "whose services are used")->capture_default_str();
+    observes->add_option("--proxy", observer.proxy, "path of the proxy whose services are used")->capture_default_str();
     observes
         ->add_option("--telemetry", observer.telemetry,
                      "paths of the proxies whose telemetry is counted (default: that proxy)")
@@ -177,12 +178,12 @@ int obey(int count, char** words) {
     observes->add_option("--for", length_s, "seconds")->check(CLI::Range(1.0, 86400.0))->capture_default_str();
 
     std::string file;
-    auto* store = app.add_subcommand("store", "look at the file of a communication node");
+    auto* store = app.add_subcommand("store", "examine the file of a communication node");
     store->require_subcommand(1);
     auto* checks =
         store->add_subcommand("check", "read everything in it and compare checksums; the node may be running");
-    checks->add_option("file", file, "its --file")->required();
-    checks->footer("Exit codes: 0 the file is sound, 1 it is damaged or cannot be read, 2 wrong arguments.\n"
+    checks->add_option("file", file, "the node's --file")->required();
+    checks->footer("Exit codes: 0 the file is valid, 1 it is damaged or cannot be read, 2 wrong arguments.\n"
                    "Example: atirma store check /var/lib/atirma/node.db");
 
     auto* decodes = app.add_subcommand(
@@ -206,7 +207,7 @@ int obey(int count, char** words) {
                 return 2;
             }
         }
-        return app.exit(why) == 0 ? 0 : 2; // prints help, or what is wrong
+        return app.exit(why) == 0 ? 0 : 2; // prints help or the error
     }
     try {
         if (!common.name_server.empty()) ise::endpoint::parse(common.name_server).value();

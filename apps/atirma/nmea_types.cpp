@@ -18,8 +18,9 @@ struct outlet_words {
 ise::endpoint read(const std::string& text, ise::protocol kind) {
     auto parsed = ise::endpoint::parse(text).value();
     if (parsed.kind != kind)
-        throw ise::error(ise::errc::invalid_argument,
-                         fmt::format("{} is no {} endpoint: {}://127.0.0.1:10110", text, name_of(kind), name_of(kind)));
+        throw ise::error(
+            ise::errc::invalid_argument,
+            fmt::format("'{}' is not a {} endpoint such as {}://127.0.0.1:10110", text, name_of(kind), name_of(kind)));
     return parsed;
 }
 
@@ -46,9 +47,9 @@ ise::component_type nmea_bridge_type(std::function<void(const std::string&)> ann
     set.add("signalk-tcp", signalk->tcp, "endpoint for Signal K clients; empty: none")
         .kind(ise::parameter_kind::endpoint);
     set.add("signalk-udp", signalk->udp, "destinations of Signal K deltas").kind(ise::parameter_kind::url);
-    set.add("vessel-name", options->vessel, "of the boat, for Signal K");
+    set.add("vessel-name", options->vessel, "name of the boat, for Signal K");
     set.add("vessel-uuid", options->vessel_uuid,
-            "of the boat, for Signal K: a UUID of version 4; empty: made from its name");
+            "UUID (version 4) of the boat, for Signal K; empty: derived from its name");
     type.requires_(services::telemetry).provides(services::bridge);
     type.make = [options, nmea, signalk] {
         fill(options->nmea, *nmea);

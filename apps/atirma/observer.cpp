@@ -185,9 +185,9 @@ ise::task<std::string> observer::read_stream(ise::endpoint from) {
                 told.find("\"position\"") != std::string_view::npos)
                 ++seen_->page_updates;
         }
-        if (text.size() > max_line) co_return "the page's stream makes no sense";
+        if (text.size() > max_line) co_return "the page's event stream is malformed";
         if (got.problem == asio::error::operation_aborted) co_return std::string(); // our time is over
-        if (got.problem) co_return "the page's stream ended: " + got.problem.message();
+        if (got.problem) co_return "the page's event stream ended: " + got.problem.message();
     }
 }
 

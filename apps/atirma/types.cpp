@@ -27,7 +27,7 @@ void add_address(ise::parameter_set& to, const std::string& name, std::uint64_t&
 
 void add_port(ise::parameter_set& to, xbee::port_options& port) {
     to.add("serial", port.device, "serial port of the modem").kind(parameter_kind::path);
-    to.add("baud", port.baud, "of that port").range(1200, 921600);
+    to.add("baud", port.baud, "baud rate of that port").range(1200, 921600);
     to.add("rts-cts", port.hardware_flow_control, "hardware flow control");
 }
 
@@ -37,27 +37,31 @@ component_type boat_simulator_type() {
     options->port.device.clear();
     auto& set = type.parameters;
     add_port(set, options->port);
-    add_address(set, "shore-address", options->shore_address, "of the shore's modem");
+    add_address(set, "shore-address", options->shore_address, "address of the shore's modem");
     set.add("course", options->course, "the course to sail").one_of({"T1", "T2", "none"});
     set.add("wind", options->wind_file,
             "recorded wind (CSV with t_s, tws_mps or tws_kn, twd_deg) instead of the one below")
         .kind(parameter_kind::path);
-    set.add("wind-speed", options->wind_speed_mps, "of the wind").range(0, 40).unit("m/s").changeable();
-    set.add("wind-from", options->wind_from_deg, "true direction of its origin")
+    set.add("wind-speed", options->wind_speed_mps, "mean speed of the wind").range(0, 40).unit("m/s").changeable();
+    set.add("wind-from", options->wind_from_deg, "true direction from which the wind blows")
         .range(0, 360)
         .unit("degrees")
         .changeable();
-    set.add("gusts", options->gusts, "gusts and shifts, or none");
+    set.add("gusts", options->gusts, "gusts and shifts of the wind");
     set.add("iridium-serial", options->iridium.port.device, "serial port of its Iridium modem; empty: none")
         .kind(parameter_kind::path);
-    set.add("iridium-period", options->iridium.period_s, "of its telemetry over Iridium").range(0.5, 86400).unit("s");
-    set.add("speedup", options->speedup, "of the boat's model time").range(0.1, 1000);
-    set.add("seed", options->seed, "of gusts and instruments");
+    set.add("iridium-period", options->iridium.period_s, "period of its telemetry over Iridium")
+        .range(0.5, 86400)
+        .unit("s");
+    set.add("speedup", options->speedup, "factor of the boat's model time").range(0.1, 1000);
+    set.add("seed", options->seed, "random seed of gusts and instruments");
     set.add("gprs", options->gprs, "GPRS proxy or carrier to connect to, tcp:// or udp:// (default: none)")
         .kind(parameter_kind::url);
-    set.add("gprs-id", options->uplink.id, "its id there");
-    set.add("gprs-period", options->gprs_period_s, "of telemetry there, 0: none").range(0, 86400).unit("s");
-    set.add("gprs-memory", options->uplink.capacity, "packets that it keeps until they are acknowledged").range(1, 1e6);
+    set.add("gprs-id", options->uplink.id, "its id at the GPRS proxy");
+    set.add("gprs-period", options->gprs_period_s, "period of its telemetry over GPRS; 0: none")
+        .range(0, 86400)
+        .unit("s");
+    set.add("gprs-memory", options->uplink.capacity, "capacity of its memory for unacknowledged packets").range(1, 1e6);
     set.add("memory", options->memory_file, "file with its state over a loss of power (SQLite); empty: no memory")
         .kind(parameter_kind::path);
     set.add("boot", options->boot, "number of this boot; 0: random, or the last one plus one if it has a memory");
@@ -76,10 +80,12 @@ component_type xbee_link_type() {
     set.add("shore-api", options->shore.api_mode, "the shore modem's API mode").range(0, 2);
     set.add("boat-api", options->boat.api_mode, "the boat modem's API mode").range(0, 2);
     set.add("boat", options->boat_path, "component whose ground_truth has the boat's position");
-    set.add("distance", options->distance_m, "until the position is known").range(1, 100000).unit("m");
+    set.add("distance", options->distance_m, "distance between the modems until the boat's position is known")
+        .range(1, 100000)
+        .unit("m");
     set.add("loss", options->extra_loss, "fraction of packets lost at any distance").range(0, 1).changeable();
-    set.add("speedup", options->speedup, "of the air's model time").range(0.1, 1000);
-    set.add("seed", options->seed, "of loss and back-off");
+    set.add("speedup", options->speedup, "factor of the air's model time").range(0.1, 1000);
+    set.add("seed", options->seed, "random seed of loss and back-off");
     type.provides(services::air_control).provides(services::air).requires_(services::truth);
     type.makes<xbee_link_emulator>(options);
     return type;
@@ -89,7 +95,7 @@ component_type xbee_proxy_type() {
     component_type type("xbee-proxy", "the boat over the XBee radio", "atirma/shore/xbee");
     auto options = std::make_shared<xbee_proxy_options>();
     add_port(type.parameters, options->port);
-    add_address(type.parameters, "boat-address", options->boat_address, "of the boat's modem; 0: any modem");
+    add_address(type.parameters, "boat-address", options->boat_address, "address of the boat's modem; 0: any modem");
     type.parameters.add(
         "store", options->store_at,
         "store that must have telemetry before the boat gets a receipt: atirma/communication; empty: no receipts");
@@ -109,13 +115,13 @@ component_type web_server_type(std::function<void(const std::string&)> announce)
     options->telemetry = {"atirma/shore/xbee", "atirma/shore/gprs"};
     options->on_listening = [announce](const std::string& url) { announce("ready: " + url); };
     auto& set = type.parameters;
-    set.add("address", options->http.address, "to listen on, numeric").kind(parameter_kind::address);
-    set.add("port", options->http.port, "to listen on; 0: any free one").port_at("address");
+    set.add("address", options->http.address, "numeric address to listen on").kind(parameter_kind::address);
+    set.add("port", options->http.port, "port to listen on; 0: any free one").port_at("address");
     set.add("telemetry", options->telemetry,
             "sources of telemetry: paths of proxies, or the role atirma/communication");
-    set.add("boat-name", options->track.boat, "on the page");
+    set.add("boat-name", options->track.boat, "name of the boat on the page");
     set.add("more-boats", options->more_boats, "further boats, each NAME=PATH[,PATH], such as Vela=vela/communication");
-    set.add("archive", options->archive.file, "SQLite file that keeps track and telemetry over a restart; empty: none")
+    set.add("archive", options->archive.file, "SQLite file for track and telemetry, kept over a restart; empty: none")
         .kind(parameter_kind::path);
     type.requires_(services::telemetry);
     type.makes<web_server>(options);

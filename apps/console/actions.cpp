@@ -29,7 +29,7 @@ std::optional<taking> operator_actions::authority_for(const QString& what) {
     if (!authority_.known || authority_.mine()) return taking::no;
     QMessageBox box(window_);
     box.setObjectName("authority");
-    box.setWindowTitle(tr("Who commands?"));
+    box.setWindowTitle(tr("Authority over the boat"));
     box.setIcon(QMessageBox::Question);
     const auto& holder = authority_.state.holder;
     auto name = text(operator_label(holder));
@@ -37,13 +37,13 @@ std::optional<taking> operator_actions::authority_for(const QString& what) {
     box.setEscapeButton(stay);
     QPushButton *take = nullptr, *ask = nullptr;
     if (holder.empty()) {
-        box.setText(tr("Nobody commands the boat. Take the command, and tell it: %1?").arg(what));
-        box.setInformativeText(tr("The others at a console see that you have it, until you give it up."));
+        box.setText(tr("Nobody has the authority over the boat. Take it and send: %1?").arg(what));
+        box.setInformativeText(tr("The other operators see that you have it until you give it up."));
         take = box.addButton(tr("Take it and send"), QMessageBox::AcceptRole);
         box.setDefaultButton(take);
     } else {
-        box.setText(tr("%1 commands the boat. Nothing was sent: %2").arg(name, what));
-        box.setInformativeText(tr("Ask for the command; or take it, and what %1 does at this moment ends.").arg(name));
+        box.setText(tr("%1 has the authority over the boat. Not sent: %2").arg(name, what));
+        box.setInformativeText(tr("Request the authority, or take it: then %1 cannot continue.").arg(name));
         ask = box.addButton(tr("Ask %1").arg(name), QMessageBox::ActionRole);
         take = box.addButton(tr("Take it and send"), QMessageBox::DestructiveRole);
         box.setDefaultButton(stay);
@@ -61,7 +61,7 @@ std::optional<taking> operator_actions::authority_for(const QString& what) {
 
 bool operator_actions::act(action what) {
     if (to_(std::move(what))) return true;
-    Q_EMIT said(tr("Nothing was given: the console's connection has ended or is overloaded"));
+    Q_EMIT said(tr("Not sent: the console's connection has ended or is overloaded"));
     return false;
 }
 
@@ -70,7 +70,7 @@ bool operator_actions::give(boat_command command) {
     if (auto why = danger(command); !why.empty() && !confirmed(tr("Tell the boat: %1?").arg(what), text(why)))
         return false;
     give_command one;
-    one.confirmed = !command.danger().empty(); // it was asked for above
+    one.confirmed = !command.danger().empty(); // above
     if (traits_of(command.kind()).needs_authority) {
         auto take = authority_for(what);
         if (!take) return false;
@@ -90,8 +90,8 @@ bool operator_actions::upload(std::vector<waypoint> points, const std::vector<wa
     auto what = many == 0
                     ? tr("Clear the boat's list of waypoints?")
                     : tr("Upload %n waypoint(s) to the boat?", nullptr, many).replace("(s)", many == 1 ? "" : "s");
-    auto why = tr("The list of %1 that the boat has now is replaced, one telecommand after the other. "
-                  "Meanwhile, in Auto, it sails what has arrived.")
+    auto why = tr("This replaces the boat's present list of %1, one telecommand after the other. "
+                  "In Auto, the boat meanwhile sails the waypoints that have arrived.")
                    .arg(on_boat.size());
     if (!confirmed(what, why)) return false;
     auto take = authority_for(tr("the new list of waypoints"));
@@ -106,7 +106,7 @@ bool operator_actions::upload(std::vector<waypoint> points, const std::vector<wa
 bool operator_actions::sail_there(const waypoint& point) {
     auto where = place_text(point);
     if (!confirmed(tr("Sail to %1?").arg(where),
-                   tr("The place becomes the next waypoint; after it the boat goes on with its list, in Auto.")))
+                   tr("The place becomes the next waypoint; the boat then continues with its list, in Auto.")))
         return false;
     auto take = authority_for(tr("sail to %1").arg(where));
     if (!take) return false;
@@ -115,7 +115,7 @@ bool operator_actions::sail_there(const waypoint& point) {
     there.via = via_;
     there.authority = *take;
     if (!act(std::move(there))) return false;
-    Q_EMIT said(tr("Given: sail to %1").arg(where));
+    Q_EMIT said(tr("Sent: sail to %1").arg(where));
     return true;
 }
 

@@ -10,23 +10,23 @@ class QWidget;
 
 namespace atirma::console {
 
-/// What the windows do goes through here: dangerous commands are confirmed, and it is said where nothing could be
-/// given.
+/// All actions of the windows pass here: dangerous commands are confirmed, and a failure to pass one on is shown.
 class operator_actions : public QObject {
     Q_OBJECT
 public:
     using sink = std::function<bool(action)>;
     operator_actions(sink to, QWidget* window) : to_(std::move(to)), window_(window) {}
 
-    /// Over the link that was chosen for commands. False where the operator changed his mind, or nothing took it.
+    /// Sends it over the link that was chosen for commands. Returns false if the operator cancelled, or the component
+    /// does not accept it.
     bool give(boat_command command);
     bool set_mode(sailing_mode mode);
     bool upload(std::vector<waypoint> points, const std::vector<waypoint>& on_boat);
     bool sail_there(const waypoint& point);
     bool act(action what);
-    /// A question that Enter answers with no.
+    /// Asks for a confirmation; Enter cancels.
     bool confirmed(const QString& what, const QString& why);
-    /// Who has the authority now: commands offer to take it first.
+    /// The authority now: without it, commands offer to take it first.
     void know(const authority_view& authority) { authority_ = authority; }
 
     /// The path of a proxy; empty: the console chooses.
@@ -37,7 +37,7 @@ Q_SIGNALS:
     void said(const QString& text);
 
 private:
-    /// Asks where this console does not command the boat. Nothing: the operator changed his mind, or asks the holder.
+    /// Asks the operator if this console does not have the authority. Empty: the operator cancelled, or requests it.
     std::optional<taking> authority_for(const QString& what);
 
     sink to_;

@@ -192,7 +192,7 @@ void boat_panel::show_snapshot(const snapshot& seen, utc_time now) {
         QString words;
         if (is.pending)
             words = QStringLiteral("<span style='color:%1'>● %2</span>")
-                        .arg(t.warn.name(), tr("%1 is under way").arg(in_units(*is.pending, info->unit)));
+                        .arg(t.warn.name(), tr("%1 is pending").arg(in_units(*is.pending, info->unit)));
         else if (!is.problem.empty())
             words = QStringLiteral("<span style='color:%1'>● %2</span>")
                         .arg(t.bad.name(), text(is.problem).toHtmlEscaped());
@@ -216,7 +216,7 @@ void boat_panel::show_snapshot(const snapshot& seen, utc_time now) {
                                                 : tr("<span style='color:%1'>faults %2</span>")
                                                       .arg(t.bad.name(), QString::number(p.faults, 16).toUpper())));
     } else {
-        health_->setText(tr("Nothing is known of battery and faults yet"));
+        health_->setText(tr("Battery and faults are not known yet"));
     }
     beacon_on_ = seen.boat.sailing && seen.boat.sailing->value.beacon;
     beacon_->setText(beacon_on_ ? tr("Beacon off…") : tr("Beacon on…"));

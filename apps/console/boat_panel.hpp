@@ -15,8 +15,8 @@ class QPushButton;
 
 namespace atirma::console {
 
-/// The boat's parameters, what is confirmed and what is under way; telemetry periods; what is done rarely: status,
-/// beacon, reboot; what the boat says in words.
+/// The boat's parameters, confirmed and pending; telemetry periods; rare telecommands: status, beacon, reboot; the
+/// boat's notices.
 class boat_panel : public QWidget {
     Q_OBJECT
 public:

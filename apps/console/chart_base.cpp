@@ -1,4 +1,5 @@
-#include "chart_view.hpp"
+#include "chart_base.hpp"
+
 #include "theme.hpp"
 
 #include <components/coast/coast.hpp>
@@ -8,7 +9,6 @@
 
 #include <array>
 
-// What changes only when the chart is moved: sea, coast, graticule, names.
 namespace atirma::console {
 namespace {
 
@@ -40,20 +40,27 @@ void haloed_text(QPainter& to, QPointF at, const QString& text, const QColor& in
 
 } // namespace
 
-void chart_view::paint_base() {
-    auto ratio = devicePixelRatioF();
-    base_ = QPixmap(size() * ratio);
-    base_.setDevicePixelRatio(ratio);
-    const auto& t = colours();
-    base_.fill(t.sea);
-    QPainter to(&base_);
+const QPixmap& chart_base::picture(const chart_projection& projection, double pixel_ratio) {
+    if (painted_ == projection && picture_.devicePixelRatio() == pixel_ratio) return picture_;
+    painted_ = projection;
+    picture_ = QPixmap((projection.size * pixel_ratio).toSize());
+    picture_.setDevicePixelRatio(pixel_ratio);
+    picture_.fill(colours().sea);
+    QPainter to(&picture_);
     to.setRenderHint(QPainter::Antialiasing);
+    paint_land(to, projection);
+    paint_places(to, projection);
+    return picture_;
+}
+
+void chart_base::paint_land(QPainter& to, const chart_projection& projection) {
+    const auto& t = colours();
     QPainterPath land;
-    QRectF near(-400, -400, width() + 800, height() + 800);
+    QRectF near = QRectF(QPointF(), projection.size).adjusted(-400, -400, 400, 400);
     for (const auto& ring : coast_rings()) {
         QPolygonF outline;
         outline.reserve(static_cast<int>(ring.points.size()));
-        for (const auto& p : ring.points) outline << projection_.to_pixels({p.latitude_deg, p.longitude_deg});
+        for (const auto& p : ring.points) outline << projection.to_pixels({p.latitude_deg, p.longitude_deg});
         if (!outline.boundingRect().intersects(near)) continue;
         land.addPolygon(outline);
         land.closeSubpath();
@@ -63,44 +70,48 @@ void chart_view::paint_base() {
         to.setPen(QPen(colour, wide, Qt::SolidLine, Qt::RoundCap, Qt::RoundJoin));
         to.drawPath(land);
     }
-    paint_graticule(to, false);
+    paint_graticule(to, projection, false);
     to.setPen(QPen(t.coast, 1.3));
     to.setBrush(t.land);
     to.drawPath(land);
-    paint_graticule(to, true);
+    paint_graticule(to, projection, true);
+}
+
+void chart_base::paint_places(QPainter& to, const chart_projection& projection) {
+    const auto& t = colours();
     for (const auto& place : coast_places()) {
-        if (place.name == "Gran Canaria" ? projection_.metres_per_pixel < 25 : projection_.metres_per_pixel > 30)
+        if (place.name == "Gran Canaria" ? projection.metres_per_pixel < 25 : projection.metres_per_pixel > 30)
             continue;
         auto font = font_of(place.sea ? 13 : 12, QFont::Medium);
         font.setItalic(place.sea);
         font.setLetterSpacing(QFont::AbsoluteSpacing, place.sea ? 1.6 : 0.4);
         to.setFont(font);
         auto label = text(place.name);
-        auto at = projection_.to_pixels({place.at.latitude_deg, place.at.longitude_deg});
+        auto at = projection.to_pixels({place.at.latitude_deg, place.at.longitude_deg});
         at.rx() -= QFontMetricsF(font).horizontalAdvance(label) / 2;
         haloed_text(to, at, label, place.sea ? t.sea_text : t.place, place.sea ? t.sea : t.land);
     }
-    base_valid_ = true;
 }
 
-void chart_view::paint_graticule(QPainter& to, bool numbers) const {
+void chart_base::paint_graticule(QPainter& to, const chart_projection& projection, bool numbers) {
     const auto& t = colours();
-    double minutes = graticule_minutes(projection_.pixels_per_degree());
+    double width = projection.size.width(), height = projection.size.height();
+    double minutes = graticule_minutes(projection.pixels_per_degree());
     double step = minutes / 60;
-    auto corner = projection_.to_place({0, static_cast<double>(height())});
-    auto other = projection_.to_place({static_cast<double>(width()), 0});
+    auto corner = projection.to_place({0, height});
+    auto other = projection.to_place({width, 0});
     to.setFont(font_of(10));
     to.setPen(numbers ? QPen(t.sea_text) : QPen(t.graticule, 1));
     for (double lon = std::ceil(corner.longitude_deg / step) * step; lon < other.longitude_deg; lon += step) {
-        double x = std::round(projection_.to_pixels({corner.latitude_deg, lon}).x()) + 0.5;
-        if (!numbers) to.drawLine(QPointF(x, 0), QPointF(x, height()));
-        else if (x < width() - 80) to.drawText(QPointF(x + 4, 12), line_text(lon, 'E', 'W', minutes));
+        double x = std::round(projection.to_pixels({corner.latitude_deg, lon}).x()) + 0.5;
+        if (!numbers) to.drawLine(QPointF(x, 0), QPointF(x, height));
+        else if (x < width - 80) to.drawText(QPointF(x + 4, 12), line_text(lon, 'E', 'W', minutes));
     }
     for (double lat = std::ceil(corner.latitude_deg / step) * step; lat < other.latitude_deg; lat += step) {
-        double y = std::round(projection_.to_pixels({lat, corner.longitude_deg}).y()) + 0.5;
-        if (!numbers) to.drawLine(QPointF(0, y), QPointF(width(), y));
-        else if (y > 60 && y < height() - 60) // legend and scale lie beyond
-            to.drawText(QRectF(0, y - 16, width() - 7, 14), Qt::AlignRight | Qt::AlignBottom,
+        double y = std::round(projection.to_pixels({lat, corner.longitude_deg}).y()) + 0.5;
+        if (!numbers) to.drawLine(QPointF(0, y), QPointF(width, y));
+        else if (y > 60 && y < height - 60) // legend and scale lie beyond
+            to.drawText(QRectF(0, y - 16, width - 7, 14), Qt::AlignRight | Qt::AlignBottom,
                         line_text(lat, 'N', 'S', minutes));
     }
 }

@@ -1,4 +1,5 @@
-#include "chart_view.hpp"
+#include "chart_layers.hpp"
+
 #include "theme.hpp"
 
 #include <components/gui_client/freshness.hpp>
@@ -7,7 +8,6 @@
 #include <QPainter>
 #include <QPainterPath>
 
-// What lies on the chart: track, waypoints, boat.
 namespace atirma::console {
 namespace {
 
@@ -21,29 +21,40 @@ QPainterPath hull(double length) {
     return path;
 }
 
-void mark(QPainter& to, QPointF at, const QString& text, const QColor& fill, const QColor& ink, double radius) {
-    to.setPen(QPen(colours().card, 2));
-    to.setBrush(fill);
-    to.drawEllipse(at, radius, radius);
-    to.setFont(font_of(11, QFont::Bold));
-    to.setPen(ink);
-    to.drawText(QRectF(at.x() - 14, at.y() - 9, 28, 18), Qt::AlignCenter, text);
-}
-
 } // namespace
 
-void chart_view::paint_track(QPainter& to) const {
-    if (!seen_ || seen_->track->empty()) return;
-    const auto& track = *seen_->track;
+QPolygonF paint_route(QPainter& to, const chart_projection& projection, const std::vector<waypoint>& points,
+                      const QPen& pen) {
+    QPolygonF line;
+    for (const auto& p : points) line << projection.to_pixels(p);
+    to.setPen(pen);
+    to.setBrush(Qt::NoBrush);
+    if (points.size() > 2) to.drawPolygon(line);
+    else to.drawPolyline(line);
+    return line;
+}
+
+void paint_waypoint(QPainter& to, QPointF at, int number, const waypoint_look& look) {
+    to.setPen(QPen(look.edge, 2));
+    to.setBrush(look.fill);
+    to.drawEllipse(at, look.radius, look.radius);
+    to.setFont(font_of(11, QFont::Bold));
+    to.setPen(look.ink);
+    to.drawText(QRectF(at.x() - 14, at.y() - 9, 28, 18), Qt::AlignCenter, QString::number(number));
+}
+
+void paint_track(QPainter& to, const chart_projection& projection, const chart_scene& scene) {
+    if (!scene.seen || scene.seen->track->empty()) return;
+    const auto& track = *scene.seen->track;
     const auto& t = colours();
     to.setBrush(Qt::NoBrush);
     QPolygonF run;
     std::size_t begin = 0;
-    if (tail_s_ > 0)
-        while (begin < track.size() && age_s(now_, track[begin].at) > tail_s_) ++begin;
+    if (scene.tail_s > 0)
+        while (begin < track.size() && age_s(scene.now, track[begin].at) > scene.tail_s) ++begin;
     // Older parts are paler: in three steps, so that a run stays one line.
     auto shade_of = [&](const track_point& p) {
-        double age = age_s(now_, p.at);
+        double age = age_s(scene.now, p.at);
         return age < 300 ? 255 : age < 1800 ? 170 : 110;
     };
     auto flush = [&](const track_point& as, int shade) {
@@ -59,7 +70,7 @@ void chart_view::paint_track(QPainter& to) const {
         return last;
     };
     for (std::size_t i = begin; i < track.size(); ++i) {
-        auto pixel = projection_.to_pixels({track[i].latitude_deg, track[i].longitude_deg});
+        auto pixel = projection.to_pixels({track[i].latitude_deg, track[i].longitude_deg});
         if (i > begin) {
             const auto& before = track[i - 1];
             bool gap = track[i].at - before.at > std::chrono::minutes(10);
@@ -74,25 +85,20 @@ void chart_view::paint_track(QPainter& to) const {
     flush(track.back(), shade_of(track.back()));
 }
 
-void chart_view::paint_mission(QPainter& to) const {
-    if (!seen_ || seen_->mission.points.empty()) return;
+void paint_mission(QPainter& to, const chart_projection& projection, const chart_scene& scene) {
+    if (!scene.seen || scene.seen->mission.points.empty()) return;
     const auto& t = colours();
-    const auto& points = seen_->mission.points;
-    QPolygonF line;
-    for (const auto& p : points) line << projection_.to_pixels(p);
-    bool closed = points.size() > 2;
-    to.setPen(QPen(t.route, 1.4, Qt::DashLine));
-    to.setBrush(Qt::NoBrush);
-    if (closed) to.drawPolygon(line);
-    else to.drawPolyline(line);
-    std::size_t active = seen_->boat.sailing ? seen_->boat.sailing->value.waypoint_index : seen_->mission.active;
-    bool sails = seen_->boat.sailing && (seen_->boat.sailing->value.mode == sailing_mode::automatic);
+    const auto& points = scene.seen->mission.points;
+    auto line = paint_route(to, projection, points, QPen(t.route, 1.4, Qt::DashLine));
+    std::size_t active =
+        scene.seen->boat.sailing ? scene.seen->boat.sailing->value.waypoint_index : scene.seen->mission.active;
+    bool sails = scene.seen->boat.sailing && (scene.seen->boat.sailing->value.mode == sailing_mode::automatic);
     if (active < points.size() && sails) {
-        auto at = boat_place();
+        auto at = scene.boat();
         auto from = active > 0 ? active - 1 : points.size() - 1;
         auto goal = line[static_cast<int>(active)];
         bool on_leg = points.size() > 1 && (!at || lies_on_leg(points[from], points[active], *at,
-                                                               seen_->boat.sailing->value.cross_track_error_m));
+                                                               scene.seen->boat.sailing->value.cross_track_error_m));
         if (on_leg) {
             to.setPen(QPen(t.leg, 2));
             to.drawLine(line[static_cast<int>(from)], goal);
@@ -101,48 +107,20 @@ void chart_view::paint_mission(QPainter& to) const {
             QColor thin = t.leg;
             thin.setAlpha(on_leg ? 140 : 255);
             to.setPen(on_leg ? QPen(thin, 1.2, Qt::DotLine) : QPen(thin, 2));
-            to.drawLine(projection_.to_pixels(*at), goal);
+            to.drawLine(projection.to_pixels(*at), goal);
         }
     }
     for (std::size_t i = 0; i < points.size(); ++i) {
         bool goal = sails && i == active;
-        mark(to, line[static_cast<int>(i)], QString::number(i + 1), goal ? t.leg : t.route, t.card, goal ? 10.5 : 9.5);
+        paint_waypoint(to, line[static_cast<int>(i)], static_cast<int>(i) + 1,
+                       waypoint_look{goal ? t.leg : t.route, t.card, t.card, goal ? 10.5 : 9.5});
     }
 }
 
-void chart_view::paint_draft(QPainter& to) const {
-    const auto& t = colours();
-    const auto& points = draft_.points();
-    QPolygonF line;
-    for (const auto& p : points) line << projection_.to_pixels(p);
-    to.setPen(QPen(t.draft, 1.8, Qt::DashLine));
-    to.setBrush(Qt::NoBrush);
-    if (points.size() > 2) to.drawPolygon(line);
-    else to.drawPolyline(line);
-    for (std::size_t i = 0; i < points.size(); ++i) {
-        auto at = line[static_cast<int>(i)];
-        bool chosen = static_cast<int>(i) == draft_.selected();
-        if (chosen) {
-            QColor ring = t.draft;
-            ring.setAlpha(70);
-            to.setPen(Qt::NoPen);
-            to.setBrush(ring);
-            to.drawEllipse(at, 17, 17);
-        }
-        to.setPen(QPen(t.draft, 2));
-        to.setBrush(chosen ? t.draft : t.card);
-        to.drawEllipse(at, 10, 10);
-        to.setFont(font_of(11, QFont::Bold));
-        to.setPen(chosen ? t.card : t.draft);
-        to.drawText(QRectF(at.x() - 14, at.y() - 9, 28, 18), Qt::AlignCenter, QString::number(i + 1));
-    }
-}
-
-void chart_view::paint_asked(QPainter& to) const {
-    if (!asked_) return;
-    auto at = projection_.to_pixels(*asked_);
+void paint_target(QPainter& to, const chart_projection& projection, const chart_scene& scene, const waypoint& target) {
+    auto at = projection.to_pixels(target);
     to.setPen(QPen(colours().draft, 2, Qt::DashLine));
-    if (auto from = boat_place()) to.drawLine(projection_.to_pixels(*from), at);
+    if (auto from = scene.boat()) to.drawLine(projection.to_pixels(*from), at);
     to.setPen(QPen(colours().draft, 2.5));
     to.setBrush(colours().card);
     to.drawEllipse(at, 9, 9);
@@ -150,17 +128,17 @@ void chart_view::paint_asked(QPainter& to) const {
     to.drawEllipse(at, 3, 3);
 }
 
-void chart_view::paint_boat(QPainter& to) const {
-    auto at = boat_place();
+void paint_boat(QPainter& to, const chart_projection& projection, const chart_scene& scene) {
+    auto at = scene.boat();
     if (!at) return;
     const auto& t = colours();
-    const auto& fix = *seen_->boat.position;
-    auto how = freshness_of(seen_->boat.position, value_kind::position, seen_->boat, now_);
-    auto pixel = projection_.to_pixels(*at);
-    double heading = static_cast<double>(seen_->boat.sailing ? seen_->boat.sailing->value.heading_deg
-                                                             : fix.value.course_over_ground_deg);
+    const auto& fix = *scene.seen->boat.position;
+    auto how = freshness_of(scene.seen->boat.position, value_kind::position, scene.seen->boat, scene.now);
+    auto pixel = projection.to_pixels(*at);
+    double heading = static_cast<double>(scene.seen->boat.sailing ? scene.seen->boat.sailing->value.heading_deg
+                                                                  : fix.value.course_over_ground_deg);
     // Where it goes in the next two minutes.
-    double ahead = static_cast<double>(fix.value.speed_over_ground_mps) * 120 / projection_.metres_per_pixel;
+    double ahead = static_cast<double>(fix.value.speed_over_ground_mps) * 120 / projection.metres_per_pixel;
     if (how != freshness::stale && ahead > 6) {
         double course = static_cast<double>(fix.value.course_over_ground_deg) * std::numbers::pi / 180;
         QPointF tip = pixel + QPointF(std::sin(course), -std::cos(course)) * ahead;
@@ -171,9 +149,9 @@ void chart_view::paint_boat(QPainter& to) const {
         to.drawEllipse(tip, 2.5, 2.5);
     }
     if (how != freshness::fresh) { // it is no longer there: the ring grows with what it may have sailed
-        double grown = std::clamp(age_s(now_, fix.measured_at) *
+        double grown = std::clamp(age_s(scene.now, fix.measured_at) *
                                       std::max(0.5, static_cast<double>(fix.value.speed_over_ground_mps)) /
-                                      projection_.metres_per_pixel,
+                                      projection.metres_per_pixel,
                                   20.0, 4000.0);
         QColor ring = t.of(how);
         ring.setAlpha(170);
@@ -192,10 +170,10 @@ void chart_view::paint_boat(QPainter& to) const {
     to.setPen(Qt::NoPen);
     to.setBrush(t.deck);
     to.drawPath(hull(17));
-    if (seen_->boat.sailing) { // the boom
+    if (scene.seen->boat.sailing) { // the boom
         to.setPen(QPen(t.ink, 2, Qt::SolidLine, Qt::RoundCap));
         to.translate(0, -5);
-        to.rotate(-static_cast<double>(seen_->boat.sailing->value.sail_measured_deg));
+        to.rotate(-static_cast<double>(scene.seen->boat.sailing->value.sail_measured_deg));
         to.drawLine(QPointF(0, 0), QPointF(0, 18));
     }
     to.restore();

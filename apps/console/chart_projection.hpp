@@ -19,6 +19,7 @@ public:
     waypoint centre{28.152, -15.452};
     double metres_per_pixel = 3;
     QSizeF size{600, 400};
+    bool operator==(const chart_projection&) const = default;
 
     QPointF to_pixels(const waypoint& at) const {
         double scale = pixels_per_degree();

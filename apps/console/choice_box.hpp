@@ -7,8 +7,8 @@
 
 namespace atirma::console {
 
-/// A combo box with a quiet arrow, in the colours of the theme. The wheel scrolls what it lies in: it never changes a
-/// choice.
+/// A combo box with a small arrow, in the colours of the theme. The wheel scrolls the list around it and never changes
+/// a choice.
 class choice_box : public QComboBox {
 public:
     using QComboBox::QComboBox;

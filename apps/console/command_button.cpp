@@ -37,7 +37,7 @@ void command_button::fill_menu() {
     auto name = console::text(operator_label(holder));
     if (seen_.mine()) {
         for (const auto& who : seen_.state.asked_by)
-            connect(to->addAction(tr("Hand over to %1, who asks for it").arg(console::text(operator_label(who)))),
+            connect(to->addAction(tr("Hand over to %1, who requests it").arg(console::text(operator_label(who)))),
                     &QAction::triggered, this, [this, who] { ask_for(authority_action::hand_over, who); });
         for (const auto& who : others_)
             if (std::ranges::count(seen_.state.asked_by, who) == 0)
@@ -47,19 +47,17 @@ void command_button::fill_menu() {
         connect(to->addAction(tr("Give it up")), &QAction::triggered, this,
                 [this] { ask_for(authority_action::release); });
     } else if (holder.empty()) {
-        connect(to->addAction(tr("Take the command over the boat")), &QAction::triggered, this,
+        connect(to->addAction(tr("Take the authority over the boat")), &QAction::triggered, this,
                 [this] { ask_for(authority_action::take); });
     } else {
-        auto* ask = to->addAction(tr("Ask %1 for it").arg(name));
+        auto* ask = to->addAction(tr("Request it from %1").arg(name));
         ask->setEnabled(std::ranges::count(seen_.state.asked_by, seen_.self) == 0);
         connect(ask, &QAction::triggered, this, [this] { ask_for(authority_action::ask); });
-        connect(to->addAction(tr("Take it against the will of %1…").arg(name)), &QAction::triggered, this,
-                [this, name] {
-                    if (actions_.confirmed(
-                            tr("Take the command from %1?").arg(name),
-                            tr("Whatever %1 does at this moment ends. Ask first where there is time.").arg(name)))
-                        ask_for(authority_action::take, {}, true);
-                });
+        connect(to->addAction(tr("Take it from %1…").arg(name)), &QAction::triggered, this, [this, name] {
+            if (actions_.confirmed(tr("Take the authority from %1?").arg(name),
+                                   tr("%1 cannot continue then. If there is time, request it first.").arg(name)))
+                ask_for(authority_action::take, {}, true);
+        });
     }
     if (seen_.state.since != utc_time()) {
         to->addSeparator();
@@ -80,20 +78,20 @@ void command_button::show_snapshot(const snapshot& seen) {
     if (!seen_.known) return;
     const auto& holder = seen_.state.holder;
     QColor ink = t.ink2, back = t.field;
-    QString words = tr("nobody commands");
+    QString words = tr("no authority held");
     if (seen_.changing) words = tr("asking…");
     else if (seen_.mine() && !seen_.state.asked_by.empty()) {
-        words = tr("%1 asks for the command").arg(console::text(operator_label(seen_.state.asked_by.front())));
+        words = tr("%1 requests the authority").arg(console::text(operator_label(seen_.state.asked_by.front())));
         ink = t.warn, back = t.warn_back;
     } else if (seen_.mine()) {
-        words = tr("you command");
+        words = tr("you have the authority");
         ink = t.good;
     } else if (!holder.empty()) {
-        words = tr("%1 commands").arg(console::text(operator_label(holder)));
+        words = tr("%1 has the authority").arg(console::text(operator_label(holder)));
         ink = t.warn, back = t.warn_back;
     }
     setText(words);
-    setToolTip(seen_.problem.empty() ? tr("Who may tell the boat what to do; click to change that")
+    setToolTip(seen_.problem.empty() ? tr("The operator whose telecommands the boat accepts; click to change")
                                      : console::text(seen_.problem));
     auto sheet =
         QStringLiteral("QToolButton { color: %1; background: %2; border: 0; border-radius: 10px; padding: 2px 10px; "

@@ -7,8 +7,8 @@
 
 namespace atirma::console {
 
-/// Who commands the boat, and what can be done about it: take, ask, hand over, give up. Hidden where no communication
-/// node is there to say.
+/// The holder of the authority over the boat, with a menu: take, request, hand over, give up. Hidden without a
+/// communication node.
 class command_button : public QToolButton {
     Q_OBJECT
 public:

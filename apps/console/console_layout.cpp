@@ -84,7 +84,7 @@ void console_window::show_head(utc_time at) {
     record_mark_->setStyleSheet(pill(t.bad, t.bad_back));
     clock_->setText(text(iso_time(at).substr(11, 8)) + " UTC");
     auto* corner = clock_->parentWidget();
-    if (corner->minimumWidth() != corner->sizeHint().width()) { // the menu bar does not ask again by itself
+    if (corner->minimumWidth() != corner->sizeHint().width()) { // the menu bar does not update by itself
         corner->setMinimumWidth(corner->sizeHint().width());
         menuBar()->setCornerWidget(corner, Qt::TopRightCorner);
     }
@@ -123,7 +123,7 @@ void console_window::show_alarm_strip() {
     tabs_->setTabText(place, all.empty() ? tr("Alarms") : tr("Alarms %1").arg(all.size()));
     tabs_->tabBar()->setTabTextColor(place, open > 0 ? t.bad : QColor());
     if (open == 0) return;
-    const auto& first = all.front(); // to be acknowledged first come first
+    const auto& first = all.front(); // unacknowledged ones come first
     auto ink = first.how == severity::critical ? t.bad : first.how == severity::warning ? t.warn : t.accent;
     auto back = first.how == severity::critical  ? t.bad_back
                 : first.how == severity::warning ? t.warn_back
@@ -161,12 +161,12 @@ QWidget* console_window::make_side() {
     present_ = new present_list(tabs_);
     const std::tuple<QWidget*, const char*, QString, QString> all[] = {
         {mission_, "mission", tr("Mission"), tr("Waypoints: edit, upload, read back, compare (F1)")},
-        {links_, "links", tr("Links"), tr("The ways to the boat, and the modem (F2)")},
+        {links_, "links", tr("Links"), tr("The links to the boat, and the modem (F2)")},
         {boat_, "boat", tr("Boat"), tr("Parameters, periods, beacon, reboot (F3)")},
-        {log_, "log", tr("Log"), tr("Everybody's telecommands (F4)")},
-        {alarms_, "alarms", tr("Alarms"), tr("What calls the operator (F5)")},
-        {packets_, "packets", tr("Packets"), tr("Packets as they came (F6)")},
-        {present_, "who", tr("Who"), tr("Components, and who else sits at a console (F7)")},
+        {log_, "log", tr("Log"), tr("Telecommands of all operators (F4)")},
+        {alarms_, "alarms", tr("Alarms"), tr("Active alarms (F5)")},
+        {packets_, "packets", tr("Packets"), tr("Received packets (F6)")},
+        {present_, "who", tr("Who"), tr("Components and other operators (F7)")},
     };
     for (const auto& [widget, name, label, tip] : all) {
         widget->setProperty("tab", name);
@@ -187,7 +187,7 @@ void console_window::make_chart_tools() {
         auto* made = new QToolButton(chart_);
         made->setText(words);
         made->setToolTip(tip);
-        made->setAccessibleName(tip); // the words are a sign
+        made->setAccessibleName(tip); // the text is a symbol
         made->setFixedSize(32, 30);
         made->setCursor(Qt::ArrowCursor);
         made->setStyleSheet("padding: 0; font-size: 15px;");

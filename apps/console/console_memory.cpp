@@ -10,13 +10,13 @@
 
 #include <algorithm>
 
-// What the window keeps over a start.
+// The part of the window's state that outlives a restart.
 namespace atirma::console {
 
 void console_window::recall() {
     const auto& kept = remembered_;
     began_ = now();
-    if (!kept.geometry.isEmpty()) restoreGeometry(kept.geometry); // brings it back onto a screen that is there
+    if (!kept.geometry.isEmpty()) restoreGeometry(kept.geometry); // moves it onto an existing screen
     if (!kept.split.isEmpty()) split_->restoreState(kept.split);
     if (!kept.tab.isEmpty()) show_tab(kept.tab);
     if (kept.draft_edited) draft_.restore(kept.draft);
@@ -31,7 +31,7 @@ console_memory console_window::memory() const {
     made.night = options_.night;
     made.shown = shown_units();
     if (told_component_) {
-        bool settled = now() - began_ > std::chrono::minutes(10); // before, the cause may only not be known yet
+        bool settled = now() - began_ > std::chrono::minutes(10); // before that, the cause may not be known yet
         std::erase_if(made.acknowledged, [&](const auto& kept) {
             return settled || std::ranges::any_of(seen_->alarms, [&](const auto& it) { return it.key == kept.key; });
         });
@@ -55,7 +55,7 @@ console_memory console_window::memory() const {
 
 void console_window::keep() {
     auto trouble = settings_.save(memory());
-    if (!trouble.isEmpty() && !std::exchange(settings_failed_, true)) say(trouble); // once is enough
+    if (!trouble.isEmpty() && !std::exchange(settings_failed_, true)) say(trouble); // reported once
     if (trouble.isEmpty()) settings_failed_ = false;
 }
 
@@ -74,7 +74,7 @@ void console_window::edit_limits() {
     limits_dialog dialog(remembered_.limits, this);
     if (dialog.exec() != QDialog::Accepted) return;
     remembered_.limits = dialog.limits();
-    if (actions_.act(set_limits{dialog.limits()})) say(tr("The console calls by the new limits"));
+    if (actions_.act(set_limits{dialog.limits()})) say(tr("The alarms use the new limits"));
 }
 
 } // namespace atirma::console

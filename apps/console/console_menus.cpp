@@ -121,7 +121,7 @@ void console_window::make_menus() {
     add(help, tr("&Keys and mouse"), QKeySequence("Shift+F1"), [this] { show_keys(); });
 }
 
-// Made of the menus themselves: no key is forgotten.
+// Generated from the menus, so that it is complete.
 void console_window::show_keys() {
     auto row = [](const QString& key, const QString& does) {
         return QStringLiteral("<tr><td><b>%1</b></td><td>%2</td></tr>")
@@ -141,7 +141,7 @@ void console_window::show_keys() {
     auto more =
         table(tr("Chart"), row(tr("Arrows, drag"), tr("move")) + row(tr("Wheel"), tr("nearer, farther")) +
                                row(tr("Right click"), tr("sail here, measure")) + row(tr("Menu key"), tr("the same")) +
-                               row(tr("Editing"), tr("click, drag, Del")) + row(tr("Tab"), tr("to the next part")));
+                               row(tr("Editing"), tr("click, drag, Del")) + row(tr("Tab"), tr("to the next control")));
     QList<QMenu*> menus;
     for (const auto* entry : menuBar()->actions())
         if (entry->menu()) menus << entry->menu();

@@ -34,7 +34,7 @@ console_window::console_window(operator_actions::sink act, window_options option
     options_.night = options_.night || remembered_.night.value_or(false);
     use_units(remembered_.shown);
     use_theme(options_.night);
-    // Made in the order in which Tab comes by: Qt 6.4 loses parts where one within another is put in order later.
+    // Created in tab order: Qt 6.4 loses nested widgets if the order is set later.
     auto* strip = make_alarm_strip();
     chart_ = new chart_view(draft_, this);
     instruments_ = new instrument_panel(this);
@@ -67,7 +67,7 @@ console_window::console_window(operator_actions::sink act, window_options option
     connect(chart_, &chart_view::sail_wanted, &actions_, &operator_actions::sail_there);
     connect(chart_, &chart_view::follow_changed, follow_, &QAction::setChecked);
     connect(mission_, &mission_panel::edit_wanted, edit_, &QAction::setChecked);
-    auto* ticking = new QTimer(this); // ages grow, also when nothing comes
+    auto* ticking = new QTimer(this); // ages grow without packets, too
     connect(ticking, &QTimer::timeout, this, &console_window::refresh);
     ticking->start(1000);
     auto* keeping = new QTimer(this);
@@ -86,7 +86,7 @@ void console_window::attach(std::shared_ptr<operator_port> port) {
     if (port_) port_->on_snapshot({});
     port_ = std::move(port);
     port_->on_snapshot([this] {
-        if (news_posted_.exchange(true)) return; // one is under way, and takes the newest
+        if (news_posted_.exchange(true)) return; // one is pending, and will take the newest
         QMetaObject::invokeMethod(
             this,
             [this] {
@@ -106,7 +106,7 @@ utc_time console_window::now() const {
 
 void console_window::show_snapshot(std::shared_ptr<const snapshot> seen) {
     seen_ = std::move(seen);
-    if (seen_->number > 0 && !told_component_) // it runs: it learns what was kept
+    if (seen_->number > 0 && !told_component_) // it runs now: pass the saved state on
         told_component_ =
             (remembered_.acknowledged.empty() || actions_.act(remember_alarms{remembered_.acknowledged})) &&
             (remembered_.limits == alarm_limits() || actions_.act(set_limits{remembered_.limits}));

@@ -38,32 +38,32 @@ class present_list;
 struct window_options {
     bool night = false;
     QString boat_name = "A-Tirma";
-    QString settings;                ///< the file that keeps the window, units, limits…; empty: nothing is kept
+    QString settings;                ///< the file for window, units, limits…; empty: nothing is saved
     std::function<utc_time()> clock; ///< civil time; empty: this machine's
 };
 
-/// The operator's console: everything that is known, how old it is, and what can be done. Never waits for anybody.
+/// The operator's console: all known values with their ages, and all actions. Never waits for another component.
 class console_window : public QMainWindow {
     Q_OBJECT
 public:
     console_window(operator_actions::sink act, window_options options);
     ~console_window() override;
 
-    /// Shows the port's snapshots as they come, until the window goes.
+    /// Shows the port's snapshots as they arrive, for the lifetime of the window.
     void attach(std::shared_ptr<operator_port> port);
     void show_snapshot(std::shared_ptr<const snapshot> seen);
     void set_night(bool on);
     /// "mission", "links"…
     bool show_tab(const QString& name);
-    /// A line at the bottom, for a while.
+    /// Shows a line at the bottom for some seconds.
     void say(const QString& words);
 
     chart_view& chart() noexcept { return *chart_; }
     mission_draft& draft() noexcept { return draft_; }
 
-    /// Whether the settings know where it stood.
+    /// Whether the settings contain its position.
     bool was_here() const noexcept { return !remembered_.geometry.isEmpty(); }
-    /// What is kept over a start, as it is now.
+    /// The state that is saved for the next start.
     console_memory memory() const;
 
 protected:
@@ -99,7 +99,7 @@ private:
     std::atomic<bool> news_posted_{false};
     std::shared_ptr<const snapshot> seen_;
     settings_file settings_{QString()};
-    console_memory remembered_; ///< what is not looked up in a widget
+    console_memory remembered_; ///< the part that no widget holds
     bool told_component_ = false, settings_failed_ = false;
     utc_time began_{};
     QSplitter* split_;

@@ -19,10 +19,10 @@ helm_bar::helm_bar(operator_actions& actions, QWidget* parent) : QWidget(parent)
     row->setSpacing(4);
     const std::pair<sailing_mode, QString> modes[] = {
         {sailing_mode::automatic, tr("Sails the waypoints (Ctrl+1)")},
-        {sailing_mode::hold, tr("Keeps the heading that it has (Ctrl+2)")},
-        {sailing_mode::station_keep, tr("Stays where it is (Ctrl+3)")},
+        {sailing_mode::hold, tr("Keeps its heading (Ctrl+2)")},
+        {sailing_mode::station_keep, tr("Keeps its position (Ctrl+3)")},
         {sailing_mode::return_home, tr("Sails home and stays there (Ctrl+4)")},
-        {sailing_mode::manual, tr("The remote control steers (Ctrl+5); asks first")},
+        {sailing_mode::manual, tr("Steered by the remote control (Ctrl+5); asks for confirmation")},
     };
     for (const auto& [mode, tip] : modes) {
         auto* button = new QPushButton(text(label(mode)), this);
@@ -30,7 +30,7 @@ helm_bar::helm_bar(operator_actions& actions, QWidget* parent) : QWidget(parent)
         button->setToolTip(tip);
         button->setObjectName(QStringLiteral("mode_%1").arg(static_cast<int>(mode)));
         connect(button, &QPushButton::clicked, this, [this, button, which = mode] {
-            button->setChecked(!button->isChecked()); // only the boat's word switches it
+            button->setChecked(!button->isChecked()); // only a report of the boat switches it
             actions_.set_mode(which);
         });
         row->addWidget(button);
@@ -44,9 +44,9 @@ helm_bar::helm_bar(operator_actions& actions, QWidget* parent) : QWidget(parent)
         connect(button, &QPushButton::clicked, this, [this, command] { actions_.give(command); });
         row->addWidget(button);
     };
-    add(tr("Tack"), tr("Through the wind now (Ctrl+T)"), commands::tack_now());
-    add(tr("Gybe"), tr("Round before the wind now (Ctrl+G)"), commands::gybe_now());
-    add(tr("Ping"), tr("Asks the boat for an answer (Ctrl+P)"), commands::ping());
+    add(tr("Tack"), tr("Turns through the wind now (Ctrl+T)"), commands::tack_now());
+    add(tr("Gybe"), tr("Turns away from the wind and round now (Ctrl+G)"), commands::gybe_now());
+    add(tr("Ping"), tr("Requests an answer from the boat (Ctrl+P)"), commands::ping());
     last_ = rich_label(this);
     last_->setObjectName("last_command");
     last_->setMinimumWidth(60);

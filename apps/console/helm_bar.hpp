@@ -13,7 +13,7 @@ class QPushButton;
 
 namespace atirma::console {
 
-/// Modes, turns and the link for commands: always at hand, below the chart.
+/// Modes, turns and the link for commands: always visible, below the chart.
 class helm_bar : public QWidget {
     Q_OBJECT
 public:

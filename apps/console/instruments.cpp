@@ -84,7 +84,7 @@ void value_tile::paintEvent(QPaintEvent*) {
 
 actuator_gauge::actuator_gauge(const QString& label, double low, double high, QWidget* parent)
     : QWidget(parent), label_(label), low_(low), high_(high) {
-    setToolTip(tr("%1: the bar is where it stands, the mark what was commanded").arg(label));
+    setToolTip(tr("%1: the bar shows the measured angle, the mark the commanded one").arg(label));
     setAccessibleName(label);
     setSizePolicy(QSizePolicy::Expanding, QSizePolicy::Fixed);
 }
@@ -144,15 +144,15 @@ instrument_panel::instrument_panel(QWidget* parent) : QWidget(parent) {
     dial_ = new wind_dial(this);
     sog_ = add("sog", tr("SOG"), tr("Speed over ground"));
     cog_ = add("cog", tr("COG"), tr("Course over ground, true"));
-    heading_ = add("heading", tr("HDG"), tr("Where the bow points, true"));
+    heading_ = add("heading", tr("HDG"), tr("Heading of the bow, true"));
     heel_ = add("heel", tr("HEEL"), tr("Positive: starboard side down"));
     dtw_ = add("dtw", tr("DTW"), tr("Distance to the waypoint"));
     btw_ = add("btw", tr("BTW"), tr("Bearing to the waypoint, true"));
     xte_ = add("xte", tr("XTE"), tr("Cross-track error: R right of the leg, L left"));
-    eta_ = add("eta", tr("TTG"),
-               tr("Time to the waypoint at the speed made good towards it, and when that will be (UTC)"));
-    wind_ = add("wind", tr("WIND"), tr("Where the true wind comes from, and its speed"));
-    battery_ = add("battery", tr("BATTERY"), tr("Charge, voltage, current out of the battery"));
+    eta_ =
+        add("eta", tr("TTG"), tr("Time to the waypoint at the speed made good towards it, and time of arrival (UTC)"));
+    wind_ = add("wind", tr("WIND"), tr("Direction and speed of the true wind"));
+    battery_ = add("battery", tr("BATTERY"), tr("Charge, voltage, discharge current"));
     rudder_ = new actuator_gauge(tr("RUDDER"), -50, 50, this);
     sail_ = new actuator_gauge(tr("SAIL"), -90, 90, this);
     grid->addWidget(dial_, 0, 0, 3, 1);
@@ -177,7 +177,7 @@ instrument_panel::instrument_panel(QWidget* parent) : QWidget(parent) {
 void instrument_panel::resizeEvent(QResizeEvent* event) {
     QWidget::resizeEvent(event);
     auto* grid = static_cast<QGridLayout*>(layout());
-    grid->setColumnMinimumWidth(0, width() > 440 ? 182 : 126); // the dial is the first to grow
+    grid->setColumnMinimumWidth(0, width() > 440 ? 182 : 126); // the dial grows first
 }
 
 value_tile* instrument_panel::add(const QString& name, const QString& label, const QString& tip) {
@@ -227,7 +227,7 @@ void instrument_panel::show_boat(const boat_view& boat, utc_time now) {
                          power_how, boat.supply ? age_s(now, boat.supply->measured_at) : 0);
     rudder_->show_values(static_cast<double>(nav.rudder_commanded_deg), static_cast<double>(nav.rudder_measured_deg),
                          nav_how, nav_age);
-    // The sheet only limits: the boom goes so far to the lee side.
+    // The sheet is a limit: the boom swings to leeward up to it.
     double sheet = static_cast<double>(nav.sail_commanded_deg) * (nav.sail_measured_deg < 0 ? -1 : 1);
     sail_->show_values(sheet, static_cast<double>(nav.sail_measured_deg), nav_how, nav_age);
 }

@@ -8,12 +8,12 @@
 
 namespace atirma::console {
 
-/// One value, large, with its unit, and how old it is.
+/// One value in large figures, with its unit and age.
 class value_tile : public QWidget {
     Q_OBJECT
 public:
     value_tile(const QString& label, const QString& tip, QWidget* parent = nullptr);
-    /// An empty value shows that nothing is known.
+    /// An empty value is shown as unknown.
     void show_value(const QString& value, const QString& unit, freshness how, double age_seconds);
     const QString& value() const noexcept { return value_; }
     freshness how() const noexcept { return how_; }
@@ -28,8 +28,8 @@ private:
     freshness how_ = freshness::none;
 };
 
-/// Wind and courses around the boat, whose bow is up: the sectors that it does not sail, the true and the apparent
-/// wind, the way to the waypoint, the course over ground.
+/// Wind and courses around the boat, with the bow up: the sectors that it does not sail, the true and the apparent
+/// wind, the direction of the waypoint, the course over ground.
 class wind_dial : public QWidget {
     Q_OBJECT
 public:
@@ -53,7 +53,7 @@ private:
     freshness wind_how_ = freshness::none, sailing_how_ = freshness::none;
 };
 
-/// What was commanded against what is: a bar and a mark.
+/// A measured angle against the commanded one: a bar and a mark.
 class actuator_gauge : public QWidget {
     Q_OBJECT
 public:

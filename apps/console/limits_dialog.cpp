@@ -12,7 +12,7 @@ namespace atirma::console {
 
 limits_dialog::limits_dialog(const alarm_limits& now, QWidget* parent) : QDialog(parent) {
     setObjectName("limits");
-    setWindowTitle(tr("When this console calls you"));
+    setWindowTitle(tr("Alarm limits"));
     auto* column = new QVBoxLayout(this);
     auto* form = new QFormLayout;
     form->setHorizontalSpacing(18);
@@ -34,17 +34,17 @@ limits_dialog::limits_dialog(const alarm_limits& now, QWidget* parent) : QDialog
     no_data_ = add("limit_no_data", tr("Nothing heard from the boat for"),
                    tr("Over any link; at least five periods of its telemetry"), 5, 86400, tr("s"));
     link_silent_ = add("limit_link_silent", tr("One link silent for"),
-                       tr("While others go on; at least five periods of its telemetry"), 5, 86400, tr("s"));
+                       tr("While other links work; at least five periods of its telemetry"), 5, 86400, tr("s"));
     proxy_lost_ =
         add("limit_proxy_lost", tr("A link's proxy not reached for"), tr("On the shore's network"), 1, 3600, tr("s"));
     battery_low_ = add("limit_battery_low", tr("Battery low below"), tr("A warning"), 0, 100, "%");
     battery_critical_ =
-        add("limit_battery_critical", tr("Battery critical below"), tr("Not above the limit before"), 0, 100, "%");
+        add("limit_battery_critical", tr("Battery critical below"), tr("At most the limit above"), 0, 100, "%");
     off_track_ = add("limit_off_track", tr("Off track by"), tr("In Auto and Return, to either side of the leg"), 5,
                      10000, tr("m"));
-    modem_hot_ = add("limit_modem_hot", tr("Modem on shore warmer than"),
-                     tr("At 60 °C it begins to hold back what it sends"), 20, 100, tr("°C"));
-    duty_ = add("limit_duty", tr("Duty cycle used up to"), tr("At 100 % the modem falls silent"), 1, 100, "%");
+    modem_hot_ = add("limit_modem_hot", tr("Modem on shore warmer than"), tr("At 60 °C it begins to transmit less"), 20,
+                     100, tr("°C"));
+    duty_ = add("limit_duty", tr("Duty cycle used up to"), tr("At 100 % the modem stops transmitting"), 1, 100, "%");
     column->addLayout(form);
     trouble_ = new QLabel(this);
     trouble_->setObjectName("limits_trouble");
@@ -77,7 +77,8 @@ void limits_dialog::show_limits(const alarm_limits& all) {
 
 void limits_dialog::check() {
     bool good = battery_critical_->value() <= battery_low_->value();
-    trouble_->setText(good ? QString() : tr("Critical lies above low: the battery would never be only low"));
+    trouble_->setText(good ? QString()
+                           : tr("The critical limit is above the low one: the battery would never be only low"));
     trouble_->setVisible(!good);
     accept_->setEnabled(good);
 }

@@ -9,7 +9,7 @@ class QPushButton;
 
 namespace atirma::console {
 
-/// When the operator is called. Figures that contradict each other cannot be accepted.
+/// The limits of the alarms. Contradictory figures cannot be accepted.
 class limits_dialog : public QDialog {
     Q_OBJECT
 public:

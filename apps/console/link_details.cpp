@@ -18,7 +18,7 @@ QString ago(const std::optional<utc_time>& then, utc_time now) {
     return age == "now" ? age : QLabel::tr("%1 ago").arg(age);
 }
 
-/// What the proxy told before it was lost is old, and says so.
+/// Marks a report from before the proxy was lost as old.
 QString old_mark(const link_view& link, utc_time now) {
     if (!link.told_at || age_s(now, *link.told_at) < 30) return {};
     return QStringLiteral(" <span style='color:%1'>· %2</span>")
@@ -27,10 +27,10 @@ QString old_mark(const link_view& link, utc_time now) {
 
 QString in_words(link_stage stage) {
     switch (stage) {
-        case link_stage::waiting: return QLabel::tr("waits ashore");
-        case link_stage::sending: return QLabel::tr("goes to the gateway");
+        case link_stage::waiting: return QLabel::tr("waiting on shore");
+        case link_stage::sending: return QLabel::tr("on its way to the gateway");
         case link_stage::at_gateway: return QLabel::tr("at the gateway, until the boat's next session");
-        case link_stage::delivered: return QLabel::tr("with the boat, not answered yet");
+        case link_stage::delivered: return QLabel::tr("delivered, not answered yet");
         case link_stage::acknowledged: return QLabel::tr("acknowledged");
         case link_stage::failed: return QLabel::tr("failed");
         case link_stage::expired: return QLabel::tr("expired");
@@ -78,19 +78,21 @@ link_details* link_details::make(const link_view& link, operator_actions& action
 
 gprs_details::gprs_details(QWidget* parent) : link_details(parent) {
     value_grid values(this);
-    way_ = values.add(tr("Boat calls from"), tr("Its address in the carrier's network, and since when"), true);
+    way_ = values.add(tr("Boat connects from"), tr("Its address in the carrier's network, and since when"), true);
     way_->setObjectName("gprs_way");
-    safe_ = values.add(tr("Acknowledged"), tr("The boat sends again what is not acknowledged; that is done once it is "
-                                              "safe on shore"));
+    safe_ = values.add(tr("Acknowledged"),
+                       tr("The boat resends unacknowledged packets; a packet is acknowledged once it is "
+                          "stored on shore"));
     safe_->setObjectName("gprs_safe");
-    behind_ = values.add(tr("Behind"), tr("Packets that the boat has told of and that are not acknowledged; in "
-                                          "brackets those that came and are not safe on shore yet"));
+    behind_ = values.add(tr("Behind"), tr("Packets that the boat announced and that are not acknowledged yet; in "
+                                          "brackets those received and not stored on shore yet"));
     behind_->setObjectName("gprs_behind");
-    again_ = values.add(tr("Sent again"), tr("Packets that came a second time, and were dropped"));
-    given_up_ = values.add(tr("Given up"), tr("Packets that the boat had no room for any more: lost on this link"));
-    calls_ = values.add(tr("Calls"), tr("How often the boat has called; in brackets how often from another address "
-                                        "while it was still there by one"));
-    half_open_ = values.add(tr("Half open"), tr("Ways that were given up since the boat was silent there"));
+    again_ = values.add(tr("Sent again"), tr("Packets received a second time, and dropped"));
+    given_up_ = values.add(tr("Given up"),
+                           tr("Packets that the boat discarded because its memory was full: lost on this link"));
+    calls_ = values.add(tr("Calls"), tr("How often the boat has connected; in brackets how often from a new address "
+                                        "while the old connection existed"));
+    half_open_ = values.add(tr("Half open"), tr("Connections closed because the boat was silent on them"));
     setLayout(values.layout());
 }
 
@@ -99,7 +101,7 @@ void gprs_details::show_link(const link_view& link, utc_time now) {
     const auto& t = colours();
     const auto& g = *link.gprs;
     auto from = text(g.from).replace("://", " ").toHtmlEscaped();
-    QString way = tr("it has not called yet");
+    QString way = tr("it has not connected yet");
     if (g.connected) way = from + (g.connected_since ? tr(", since %1").arg(clock_of(*g.connected_since)) : QString());
     else if (!g.from.empty())
         way = tr("<span style='color:%1'>not there</span>; last %2, heard %3")
@@ -120,16 +122,17 @@ void gprs_details::show_link(const link_view& link, utc_time now) {
 
 iridium_details::iridium_details(QWidget* parent) : link_details(parent) {
     value_grid values(this);
-    session_ = values.add(tr("Last session"), tr("Of the boat with the gateway, as that tells"));
+    session_ = values.add(tr("Last session"), tr("Between the boat and the gateway, by the gateway's report"));
     session_->setObjectName("iridium_session");
-    place_ = values.add(tr("Seen there"), tr("How exactly the gateway knew then where the boat was"));
+    place_ = values.add(tr("Seen there"), tr("Accuracy of the boat's position at the gateway then"));
     today_ = values.add(tr("Credits today"), tr("From the boat + to the boat; one for each 50 bytes begun"));
     today_->setObjectName("iridium_today");
     month_ = values.add(tr("This month"), tr("Credits, both ways"));
-    budget_ = values.add(tr("Budget left"), tr("Of today, for telecommands: beyond it they wait for tomorrow"));
+    budget_ =
+        values.add(tr("Budget left"), tr("Today's remainder for telecommands: beyond it they wait until tomorrow"));
     budget_->setObjectName("iridium_budget");
-    again_ = values.add(tr("Came again"), tr("Messages that the gateway told twice, and that were dropped"));
-    queue_ = values.add(tr("Telecommands"), tr("Those that are not decided, in the order in which they go"), true);
+    again_ = values.add(tr("Duplicates"), tr("Messages that the gateway delivered twice, and that were dropped"));
+    queue_ = values.add(tr("Telecommands"), tr("Undecided ones, in the order of sending"), true);
     queue_->setObjectName("iridium_queue");
     setLayout(values.layout());
 }
@@ -154,7 +157,7 @@ void iridium_details::show_link(const link_view& link, utc_time now) {
         waiting << tr("%1: %2").arg(text(std::string(name_of(one.kind))).replace('_', ' '), in_words(one.stage));
     }
     if (a.queue.size() > most) waiting << tr("and %1 more").arg(a.queue.size() - most);
-    queue_->setText(waiting.isEmpty() ? tr("none waits") : waiting.join(QStringLiteral("<br>")));
+    queue_->setText(waiting.isEmpty() ? tr("none waiting") : waiting.join(QStringLiteral("<br>")));
 }
 
 } // namespace atirma::console

@@ -15,11 +15,11 @@ class QProgressBar;
 
 namespace atirma::console {
 
-/// Names of values beside their values, two to a line; a screen reader hears both.
+/// Values with their names, two to a line; screen readers get both.
 class value_grid {
 public:
     explicit value_grid(QWidget* of);
-    /// A value of its own name; `wide`: it has the line for itself.
+    /// Adds a value with its name; `wide`: on a line of its own.
     QLabel* add(const QString& name, const QString& tip, bool wide = false);
     QGridLayout* layout() const noexcept { return grid_; }
     static QLabel* small(const QString& words, QWidget* parent);
@@ -30,16 +30,16 @@ private:
     int row_ = 0, column_ = 0;
 };
 
-/// What only one kind of link has, below what all have.
+/// The values that only one kind of link has, below those of all links.
 class link_details : public QWidget {
 public:
     using QWidget::QWidget;
     virtual void show_link(const link_view& link, utc_time now) = 0;
-    /// For what the proxy of `link` tells; nothing where it tells nothing of its own yet.
+    /// For the reports of the proxy of `link`; null if it has none of its own yet.
     static link_details* make(const link_view& link, operator_actions& actions, QWidget* parent);
 };
 
-/// The modem on shore: power, duty cycle, heat, what failed.
+/// The modem on shore: power, duty cycle, temperature, failures.
 class xbee_details final : public link_details {
 public:
     xbee_details(std::string path, operator_actions& actions, QWidget* parent);
@@ -51,7 +51,7 @@ private:
     QLabel *temperature_, *failed_, *retries_, *answer_;
 };
 
-/// The carrier's network: by which way the boat calls, what it waits for.
+/// The mobile network: the boat's connection and unacknowledged packets.
 class gprs_details final : public link_details {
 public:
     explicit gprs_details(QWidget* parent);
@@ -61,7 +61,7 @@ private:
     QLabel *way_, *safe_, *behind_, *again_, *given_up_, *calls_, *half_open_;
 };
 
-/// The satellites: when there was a session, what waits, what it costs.
+/// The satellite link: the last session, waiting telecommands, costs.
 class iridium_details final : public link_details {
 public:
     explicit iridium_details(QWidget* parent);

@@ -42,14 +42,14 @@ link_card::link_card(std::string path, operator_actions& actions, QWidget* paren
     value_grid values(this);
     heard_ = values.add(tr("Boat heard"), tr("The last packet of the boat over this link"));
     signal_ = values.add(tr("Signal"), tr("Here / at the boat: strength of the last packet"));
-    packets_ = values.add(tr("Packets"), tr("Telemetry over this link; in brackets what came over another before"));
-    lost_ = values.add(tr("Lost, bad"), tr("Not received here though published; damaged"));
+    packets_ = values.add(tr("Packets"),
+                          tr("Telemetry over this link; in brackets packets received over another link before"));
+    lost_ = values.add(tr("Lost, bad"), tr("Published but not received here; damaged"));
     queue_ = values.add(tr("Boat's queue"),
-                        tr("Waiting at the boat for this link; in brackets never sent since it was full"));
-    commands_ = values.add(tr("Commands open"), tr("Not answered by the boat yet"));
-    traffic_ =
-        values.add(tr("Traffic"), tr("Bytes heard; of Iridium the credits that it cost, one for each 50 bytes begun"));
-    boat_side_ = values.add(tr("Boat sent, failed"), tr("As the boat counts it"));
+                        tr("Waiting at the boat for this link; in brackets dropped because the queue was full"));
+    commands_ = values.add(tr("Commands open"), tr("Telecommands that the boat has not answered yet"));
+    traffic_ = values.add(tr("Traffic"), tr("Bytes received; for Iridium the credits, one for each 50 bytes begun"));
+    boat_side_ = values.add(tr("Boat sent, failed"), tr("By the boat's own counters"));
     column->addLayout(values.layout());
     column_ = column;
 }
@@ -86,9 +86,9 @@ bool link_card::show_link(const link_view& link, const boat_view& boat, utc_time
         return value ? QStringLiteral("%1").arg(value).replace('-', QChar(0x2212)) : QStringLiteral("–");
     };
     auto here = link.xbee ? link.xbee->rssi_dbm.value_or(0) : 0, at_boat = there ? there->value.rssi_dbm : 0;
-    // A carrier's and a satellite's modem do not tell it, unless the boat does.
+    // GPRS and Iridium modems do not report it, unless the boat does.
     signal_->setText(link.xbee || here || at_boat ? QStringLiteral("%1 / %2 dBm").arg(dbm(here), dbm(at_boat))
-                                                  : tr("not told"));
+                                                  : tr("not reported"));
     packets_->setText(QStringLiteral("%1 (%2)").arg(link.packets).arg(link.duplicates));
     lost_->setText(QStringLiteral("%1, %2").arg(link.lost).arg(link.malformed));
     queue_->setText(there ? QStringLiteral("%1 (%2)").arg(there->value.queued).arg(there->value.dropped) : "–");
@@ -118,7 +118,8 @@ bool link_card::show_link(const link_view& link, const boat_view& boat, utc_time
 
 QWidget* link_card::follow_in_tab_order(QWidget* before) {
     for (auto* each : findChildren<QWidget*>()) {
-        if (!(each->focusPolicy() & Qt::TabFocus) || each->window() != window()) continue; // a box's list is a window
+        if (!(each->focusPolicy() & Qt::TabFocus) || each->window() != window())
+            continue; // the list of a combo box is a window
         setTabOrder(before, each);
         before = each;
     }
@@ -159,7 +160,7 @@ void links_panel::show_snapshot(const snapshot& seen, utc_time now) {
     for (const auto& link : seen.links)
         if (!link.all_links) links.push_back(&link);
     std::ranges::stable_sort(links, {}, [](const auto* of) { return of->link ? static_cast<int>(*of->link) : 100; });
-    int place = 1; // below the words where there is none
+    int place = 1; // below the text that is shown without links
     bool grown = false;
     for (const auto* each : links) {
         const auto& link = *each;
@@ -172,7 +173,7 @@ void links_panel::show_snapshot(const snapshot& seen, utc_time now) {
         grown |= card->show_link(link, seen.boat, now);
     }
     if (!grown) return;
-    // What is made later comes last by itself, behind all other lists.
+    // A widget created later is last in the tab order, behind all other lists.
     QWidget* before = area_;
     for (const auto* each : links) before = cards_[each->path]->follow_in_tab_order(before);
 }

@@ -17,14 +17,14 @@ namespace atirma::console {
 
 class link_details;
 
-/// One way to the boat: when it was heard, how well, what it costs; and what only its kind of link has.
+/// One link to the boat: last heard, signal, costs, and the details of its kind of link.
 class link_card : public QFrame {
     Q_OBJECT
 public:
     link_card(std::string path, operator_actions& actions, QWidget* parent = nullptr);
-    /// True when it has got more to it than before.
+    /// Returns whether it has got new controls.
     bool show_link(const link_view& link, const boat_view& boat, utc_time now);
-    /// Has Tab come by what takes keys here after `before`; gives the last of it.
+    /// Puts its controls behind `before` in the tab order; returns the last one.
     QWidget* follow_in_tab_order(QWidget* before);
 
 private:
@@ -33,10 +33,10 @@ private:
     QVBoxLayout* column_;
     QLabel *head_, *state_;
     QLabel *heard_, *signal_, *packets_, *lost_, *queue_, *traffic_, *boat_side_, *commands_;
-    link_details* details_ = nullptr; ///< once its proxy has told
+    link_details* details_ = nullptr; ///< after the first report of its proxy
 };
 
-/// A communication node: whether it keeps what comes, and who backs it.
+/// A communication node: whether it stores packets, and its peer.
 class node_card : public QFrame {
     Q_OBJECT
 public:

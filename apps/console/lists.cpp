@@ -32,7 +32,7 @@ command_list::command_list(QWidget* parent) : QWidget(parent) {
     table_->setColumnWidth(3, 84);
     table_->setColumnWidth(4, 50);
     table_->setAccessibleName(tr("Telecommands"));
-    empty_ = new QLabel(tr("Nobody has told the boat anything yet"), this);
+    empty_ = new QLabel(tr("No telecommand yet"), this);
     empty_->setAlignment(Qt::AlignCenter);
     empty_->setProperty("role", "small");
     auto* column = column_of(this);
@@ -59,7 +59,7 @@ void command_list::show_snapshot(const snapshot& seen, utc_time) {
         set_cell(table_, row, 2, "● " + text(std::string(name_of(it->phase))), colour_of(it->phase), tip);
         auto who = it->asked_by.empty() ? tr("other") : text(operator_label(it->asked_by));
         set_cell(table_, row, 3, it->own ? tr("here") : who, it->own ? t.ink2 : t.accent,
-                 it->own ? tr("given at this console") : tr("given elsewhere: %1").arg(text(it->asked_by)));
+                 it->own ? tr("sent from this console") : tr("sent by: %1").arg(text(it->asked_by)));
         set_cell(table_, row, 4, it->link ? text(label(*it->link)) : QStringLiteral("–"),
                  it->link ? t.of(*it->link) : t.ink3, text(it->path));
         set_cell(table_, row, 5, text(it->text), t.ink2);
@@ -94,15 +94,15 @@ void present_list::show_snapshot(const snapshot& seen, utc_time now) {
                   ? tr("Name server: %1").arg(where)
                   : tr("<span style='color:%1'>● The name server at %2 is not reached</span>").arg(t.bad.name(), where)
             : tr("Without a name server: %1").arg(where);
-    head_->setText((others.isEmpty() ? tr("Nobody else sits at a console")
-                                     : tr("Also at a console: <b>%1</b>").arg(others.join(", ").toHtmlEscaped())) +
+    head_->setText((others.isEmpty() ? tr("No other operator")
+                                     : tr("Other operators: <b>%1</b>").arg(others.join(", ").toHtmlEscaped())) +
                    "<br>" + names);
     table_->setRowCount(static_cast<int>(seen.present->size()));
     int row = 0;
     for (const auto& one : *seen.present) {
         bool commands = seen.authority.known && one.path == seen.authority.state.holder;
-        auto name =
-            text(one.path) + (one.self ? tr("  (this one)") : QString()) + (commands ? tr("  ⚑ commands") : QString());
+        auto name = text(one.path) + (one.self ? tr("  (this one)") : QString()) +
+                    (commands ? tr("  ⚑ has the authority") : QString());
         set_cell(table_, row, 0, name, one.console ? t.accent : t.ink,
                  text(one.path + (one.type.empty() ? "" : "\n" + one.type)));
         set_cell(table_, row, 1, "● " + text(one.state), one.state == "ready" ? t.good : t.warn);
@@ -173,7 +173,7 @@ void alarm_list::show_snapshot(const snapshot& seen, utc_time) {
         keys_.push_back(one.key);
         ++row;
     }
-    table_->resizeRowsToContents(); // an alarm is read in full
+    table_->resizeRowsToContents(); // shows the full text of an alarm
 }
 
 } // namespace atirma::console

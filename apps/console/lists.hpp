@@ -12,7 +12,7 @@ class QLabel;
 
 namespace atirma::console {
 
-/// Everybody's telecommands, the newest first.
+/// The telecommands of all operators, the newest first.
 class command_list : public QWidget {
     Q_OBJECT
 public:
@@ -26,7 +26,7 @@ private:
     std::shared_ptr<const std::vector<command_entry>> shown_;
 };
 
-/// The packets as they came, decoded field by field and byte by byte.
+/// The received packets, decoded field by field and byte by byte.
 class packet_list : public QWidget {
     Q_OBJECT
 public:
@@ -43,7 +43,7 @@ private:
     std::uint64_t chosen_ = 0;
 };
 
-/// The components of the system, and who else sits at a console.
+/// The components of the system, and the other operators.
 class present_list : public QWidget {
     Q_OBJECT
 public:
@@ -55,7 +55,7 @@ private:
     QLabel* head_;
 };
 
-/// What calls the operator, the gravest first; each can be acknowledged.
+/// The alarms, the most severe first; each can be acknowledged.
 class alarm_list : public QWidget {
     Q_OBJECT
 public:

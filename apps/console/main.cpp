@@ -7,6 +7,7 @@
 #include <ise/component/node.hpp>
 #include <ise/core/complain.hpp>
 #include <ise/core/real/environment.hpp>
+#include <ise/naming/services.hpp>
 
 #include <CLI/CLI.hpp>
 #include <QApplication>
@@ -17,7 +18,7 @@
 #include <cstdlib>
 #include <string_view>
 
-// g++ 12 takes alternatives that an action does not hold for uninitialised.
+// g++ 12 reports alternatives that an action does not hold as uninitialised.
 #if defined(__GNUC__) && !defined(__clang__)
     #pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
 #endif
@@ -61,7 +62,7 @@ int run(const arguments& given, int count, char** words) {
     bool pictures = !given.screenshot.empty();
     if (pictures && variable("QT_QPA_PLATFORM").empty()) qputenv("QT_QPA_PLATFORM", "offscreen");
     if (variable("QT_QPA_PLATFORM").empty() && variable("DISPLAY").empty() && variable("WAYLAND_DISPLAY").empty()) {
-        complain("there is no display here: log in to a desktop, set DISPLAY, or serve it over the network with "
+        complain("no display: log in to a desktop, set DISPLAY, or serve it over the network with "
                  "QT_QPA_PLATFORM=vnc");
         return 1;
     }
@@ -94,7 +95,7 @@ int run(const arguments& given, int count, char** words) {
     atirma::console::window_options look;
     look.night = given.night;
     look.boat_name = QString::fromStdString(given.boat);
-    if (given.settings != "none" && !(pictures && given.settings.empty())) // a picture is of nobody's desk
+    if (given.settings != "none" && !(pictures && given.settings.empty())) // a picture does not use personal settings
         look.settings =
             given.settings.empty() ? atirma::console::settings_file::usual() : QString::fromStdString(given.settings);
     int code = 0;
@@ -110,7 +111,7 @@ int run(const arguments& given, int count, char** words) {
         QTimer watching;
         bool told = false;
         QObject::connect(&watching, &QTimer::timeout, &window, [&] {
-            if (asked_to_end) QApplication::quit(); // closes the window first, which keeps its settings
+            if (asked_to_end) QApplication::quit(); // closes the window first, which saves its settings
             if (told || !node.all_stopped()) return;
             told = true;
             for (const auto& report : node.reports())
@@ -144,26 +145,26 @@ int main(int count, char** words) {
                    "its endpoint, or none (default: ISE_NAME_SERVER, else that of this machine)");
     app.add_option("--namespace", given.space, "namespace of the components to show")->capture_default_str();
     app.add_option("--proxies", given.proxies, "further proxies: paths or endpoints")->delimiter(',');
-    app.add_option("--name", given.operator_name, "yours, for the other operators (default: the user's)");
-    app.add_option("--boat-name", given.boat, "on the window")->capture_default_str();
+    app.add_option("--name", given.operator_name, "your name, shown to the other operators (default: the user name)");
+    app.add_option("--boat-name", given.boat, "name of the boat in the window's title")->capture_default_str();
     app.add_flag("--night", given.night, "start with night colours");
-    app.add_option("--size", given.size, "of the window (default: as it was left, else 1280x800)");
-    app.add_option("--tab", given.tab, "shown first: mission, links, boat, log, alarms, packets, who")
+    app.add_option("--size", given.size, "size of the window (default: the last one, else 1280x800)");
+    app.add_option("--tab", given.tab, "the list shown first: mission, links, boat, log, alarms, packets, who")
         ->check(CLI::IsMember({"mission", "links", "boat", "log", "alarms", "packets", "who"}));
     app.add_option("--settings", given.settings,
-                   "the file that keeps window, units, alarm limits and the list that is edited, or none "
-                   "(default: atirma/console.ini where this user's programs keep such things)");
+                   "file for window, units, alarm limits and the edited list, or none "
+                   "(default: atirma/console.ini in the user's configuration folder)");
     app.add_option("--screenshot", given.screenshot,
-                   "write a picture of the window to this file (PNG), then end; needs no display");
+                   "write a picture of the window to this file (PNG), then exit; needs no display");
     app.add_option("--after", given.after_s, "seconds until the picture")
         ->check(CLI::Range(0.1, 86400.0))
         ->capture_default_str();
-    app.footer("Exit codes: 0 ended as asked, 1 something failed, 2 wrong arguments.\n"
+    app.footer("Exit codes: 0 success, 1 failure, 2 wrong arguments.\n"
                "Example: atirma_console --name-server tcp://shore:7400 --night");
     try {
         app.parse(count, words);
     } catch (const CLI::ParseError& why) {
-        return app.exit(why) == 0 ? 0 : 2; // prints help, or what is wrong
+        return app.exit(why) == 0 ? 0 : 2; // prints help or the error
     }
     try {
         for (const auto& at : {given.name_server, variable("ISE_NAME_SERVER")})
@@ -180,7 +181,7 @@ int main(int count, char** words) {
         return 2;
     }
     if (!given.size.empty() && !size_of(given.size)) {
-        complain("--size is like 1280x800, at least 640x400");
+        complain("--size: expected WIDTHxHEIGHT such as 1280x800, at least 640x400");
         return 2;
     }
     try {

@@ -8,22 +8,21 @@
 
 namespace atirma::console {
 
-/// The list of waypoints that is edited here: shared by chart and table. Until somebody edits it, it is what the boat
-/// told.
+/// The list of waypoints that is edited here, shared by chart and table. Until the first edit it is the boat's list.
 class mission_draft : public QObject {
     Q_OBJECT
 public:
-    static constexpr std::size_t most = 100; ///< that a boat takes
+    static constexpr std::size_t most = 100; ///< of a boat's list
 
     const std::vector<waypoint>& points() const noexcept { return points_; }
     bool edited() const noexcept { return edited_; }
     int selected() const noexcept { return selected_; }
     bool can_undo() const noexcept { return !before_.empty(); }
 
-    /// False where the list is full.
+    /// Returns false if the list is full.
     bool insert(std::size_t before, waypoint at);
     void move(std::size_t index, waypoint to);
-    /// Moves without a step of its own to undo: while the mouse drags.
+    /// Moves without a new undo step, while the mouse drags.
     void drag(std::size_t index, waypoint to);
     void begin_drag() { remember(); }
     void remove(std::size_t index);
@@ -31,11 +30,11 @@ public:
     void clear();
     void undo();
     void select(int index);
-    /// The boat's list: taken over unless it is edited here.
+    /// The boat's list: replaces this one unless it is edited.
     void follow(const std::vector<waypoint>& on_boat);
-    /// What was edited before the console was started again.
+    /// The edited list from before a restart of the console.
     void restore(std::vector<waypoint> points);
-    /// Forgets what was edited.
+    /// Discards the edits.
     void take_over(const std::vector<waypoint>& on_boat);
 
 Q_SIGNALS:

@@ -43,16 +43,16 @@ mission_panel::mission_panel(mission_draft& draft, operator_actions& actions, QW
     edit_ = button("edit", tr("Edit on chart"),
                    tr("Click on the chart adds, drag moves, right click or Del removes (Ctrl+E)"));
     edit_->setCheckable(true);
-    remove_ = button("remove", tr("Delete"), tr("Takes the chosen waypoint out"));
+    remove_ = button("remove", tr("Delete"), tr("Removes the selected waypoint"));
     up_ = button("up", "↑", tr("Earlier in the list"));
     down_ = button("down", "↓", tr("Later in the list"));
-    undo_ = button("undo", tr("Undo"), tr("Takes the last change back (Ctrl+Z)"));
+    undo_ = button("undo", tr("Undo"), tr("Reverts the last change (Ctrl+Z)"));
     upload_ = button("upload", tr("Upload…"), tr("Sends this list to the boat, reads it back and compares (Ctrl+U)"));
     upload_->setProperty("role", "primary");
-    auto* read = button("read_back", tr("Read back"), tr("Asks the boat for its list (Ctrl+B)"));
-    take_over_ = button("take_over", tr("As on boat"), tr("Forgets what was edited here"));
-    go_ = button("go", tr("Sail to"), tr("The boat goes to the chosen waypoint of its own list"));
-    cancel_ = button("cancel_upload", tr("Stop"), tr("Stops the upload after the telecommand that is under way"));
+    auto* read = button("read_back", tr("Read back"), tr("Requests the boat's list (Ctrl+B)"));
+    take_over_ = button("take_over", tr("As on boat"), tr("Discards the edits"));
+    go_ = button("go", tr("Sail to"), tr("The boat sails to the selected waypoint of its own list"));
+    cancel_ = button("cancel_upload", tr("Stop"), tr("Stops the upload after the telecommand in transit"));
     rows->addWidget(edit_, 0, 0, 1, 2);
     rows->addWidget(remove_, 0, 2);
     rows->addWidget(up_, 0, 3);
@@ -118,7 +118,7 @@ void mission_panel::show_snapshot(std::shared_ptr<const snapshot> seen, utc_time
     seen_ = std::move(seen);
     now_ = now;
     if (seen_->mission.complete) draft_.follow(seen_->mission.points);
-    // What was uploaded and came back is the boat's list again.
+    // After a verified upload this is the boat's list again.
     if (was != seen_->upload.phase && seen_->upload.phase == upload_phase::verified &&
         same(seen_->mission.points, draft_.points()))
         draft_.take_over(seen_->mission.points);
@@ -176,7 +176,7 @@ void mission_panel::fill_state() {
         words = dot(t.ink3) + tr("The boat's list is not known yet");
     } else {
         auto age = text(age_text(age_s(now_, *seen_->mission.told_at)));
-        auto told = tr("the boat told its list of %1: %2")
+        auto told = tr("the boat reported its list of %1: %2")
                         .arg(seen_->mission.points.size())
                         .arg(age == "now" ? age : tr("%1 ago").arg(age));
         bool equal = same(seen_->mission.points, draft_.points());
@@ -220,7 +220,7 @@ void mission_panel::cell_edited(int row, int column) {
     }
     auto to = draft_.points()[static_cast<std::size_t>(row)];
     (column == 0 ? to.latitude_deg : to.longitude_deg) = value;
-    // The editor of the cell still holds the table: later.
+    // Later: the editor of the cell still uses the table.
     QMetaObject::invokeMethod(
         this, [this, row, to] { draft_.move(static_cast<std::size_t>(row), to); }, Qt::QueuedConnection);
 }

@@ -15,8 +15,7 @@ class QTableWidget;
 
 namespace atirma::console {
 
-/// The mission editor: the list as it is edited here, place by place beside what the boat has; upload, read back,
-/// compare.
+/// The mission editor: the edited list beside the boat's list, place by place; upload, read back, compare.
 class mission_panel : public QWidget {
     Q_OBJECT
 public:

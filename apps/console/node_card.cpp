@@ -18,8 +18,8 @@ node_card::node_card(const std::string& path, QWidget* parent) : QFrame(parent) 
     auto* top = new QHBoxLayout;
     auto* head = new QLabel(tr("Node %1").arg(text(operator_label(path))), this);
     head->setFont(font_of(13, QFont::DemiBold));
-    head->setToolTip(
-        tr("%1: a communication node. It keeps every packet, and gives the telecommands to the links").arg(text(path)));
+    head->setToolTip(tr("%1: a communication node. It stores every packet, and sends the telecommands over the links")
+                         .arg(text(path)));
     state_ = rich_label(this);
     state_->setAlignment(Qt::AlignRight | Qt::AlignVCenter);
     state_->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);
@@ -45,12 +45,12 @@ void node_card::show_node(const node_view& node, utc_time now) {
     state_->setToolTip(text(node.trouble));
     if (!node.state) return words_->setText(text(node.trouble).toHtmlEscaped());
     const auto& s = *node.state;
-    auto words = tr("%1 packets kept · %2 again").arg(s.packets).arg(s.duplicates);
-    if (s.held) words += tr(" · %1 wait for the disk").arg(s.held);
+    auto words = tr("%1 packets stored · %2 duplicates").arg(s.packets).arg(s.duplicates);
+    if (s.held) words += tr(" · %1 waiting for the disk").arg(s.held);
     if (s.telecommands_open) words += tr(" · %1 commands open").arg(s.telecommands_open);
     if (!s.peer.empty())
         words += !s.peer_lives        ? tr(" · <span style='color:%1'>alone</span>").arg(t.warn.name())
-                 : s.peer_misses > 20 ? tr(" · the other one lacks %1").arg(s.peer_misses)
+                 : s.peer_misses > 20 ? tr(" · its peer lacks %1").arg(s.peer_misses)
                                       : tr(" · backed");
     if (!s.trouble.empty())
         words +=

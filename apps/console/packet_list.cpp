@@ -27,7 +27,7 @@ packet_list::packet_list(QWidget* parent) : QWidget(parent) {
     details_->setTabChangesFocus(true);
     details_->setAccessibleName(tr("Fields and bytes of the packet"));
     details_->setLineWrapMode(QPlainTextEdit::NoWrap);
-    details_->setPlaceholderText(tr("Choose a packet to see its fields and bytes"));
+    details_->setPlaceholderText(tr("Select a packet to see its fields and bytes"));
     QFont fixed("DejaVu Sans Mono");
     fixed.setPixelSize(10);
     fixed.setStyleHint(QFont::Monospace);

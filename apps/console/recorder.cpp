@@ -15,7 +15,7 @@ QString recorder::start(const QString& path) {
     stop();
     file_.setFileName(path);
     if (!file_.open(QIODevice::WriteOnly | QIODevice::Truncate | QIODevice::Text))
-        return QObject::tr("%1 cannot be written: %2").arg(path, file_.errorString());
+        return QObject::tr("cannot write %1: %2").arg(path, file_.errorString());
     last_ = written_ = missed_ = 0;
     file_.write("number,arrived,measured,received,proxy,link,boot,sequence,history,kind,raw\n");
     return {};
@@ -45,7 +45,7 @@ QString recorder::take(const snapshot& seen) {
     bool good = file_.write(lines.data(), static_cast<qint64>(lines.size())) == static_cast<qint64>(lines.size()) &&
                 file_.flush();
     if (good) return {};
-    auto why = QObject::tr("the recording has stopped: %1: %2").arg(path(), file_.errorString());
+    auto why = QObject::tr("the recording has stopped: cannot write %1: %2").arg(path(), file_.errorString());
     stop();
     return why;
 }
@@ -56,7 +56,7 @@ QString write_file(const QString& path, const std::string& content) {
         file.open(QIODevice::WriteOnly) &&
         file.write(content.data(), static_cast<qint64>(content.size())) == static_cast<qint64>(content.size()) &&
         file.commit();
-    return good ? QString() : QObject::tr("%1 cannot be written: %2").arg(path, file.errorString());
+    return good ? QString() : QObject::tr("cannot write %1: %2").arg(path, file.errorString());
 }
 
 } // namespace atirma::console

@@ -8,19 +8,18 @@
 
 namespace atirma::console {
 
-/// Writes every packet as it came into a CSV file: number, times, proxy, link, boot, sequence, history, kind, bytes
-/// in hex.
+/// Writes every received packet to a CSV file: number, times, proxy, link, boot, sequence, history, kind, bytes in hex.
 class recorder {
 public:
-    /// Empty, or why it cannot be written.
+    /// Returns why it cannot be written, or an empty string.
     QString start(const QString& path);
     void stop();
     bool running() const { return file_.isOpen(); }
     QString path() const { return file_.fileName(); }
     std::uint64_t written() const noexcept { return written_; }
-    /// Packets that came and went between two snapshots.
+    /// The number of packets that were dropped between two snapshots.
     std::uint64_t missed() const noexcept { return missed_; }
-    /// Writes what is new. Empty, or what went wrong: then it has stopped.
+    /// Writes the new packets. Returns an error, after which it has stopped, or an empty string.
     QString take(const snapshot& seen);
 
 private:
@@ -28,7 +27,7 @@ private:
     std::uint64_t last_ = 0, written_ = 0, missed_ = 0;
 };
 
-/// Writes a whole file, by way of a new one beside it. Empty, or why not.
+/// Writes a whole file atomically, through a temporary one beside it. Returns an error, or an empty string.
 QString write_file(const QString& path, const std::string& content);
 
 } // namespace atirma::console

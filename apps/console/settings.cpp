@@ -16,7 +16,7 @@ namespace {
 
 constexpr int format_version = 1;
 
-/// A number within its range, or what was there before.
+/// Sets a number if it is within its range.
 template <class Number>
 void read(const QSettings& from, const QString& key, Number& into, double low, double high) {
     bool good = false;
@@ -71,12 +71,13 @@ console_memory settings_file::load(QString& trouble) const {
     console_memory made;
     if (path_.isEmpty() || !QFile::exists(path_)) return made;
     if (QFile file(path_); !file.open(QIODevice::ReadOnly)) {
-        trouble = QObject::tr("%1 cannot be read (%2): the console begins as new").arg(path_, file.errorString());
+        trouble = QObject::tr("cannot read the settings %1 (%2): the console starts with defaults")
+                      .arg(path_, file.errorString());
         return made;
     }
     QSettings from(path_, QSettings::IniFormat);
     if (from.status() != QSettings::NoError || from.value("version").toInt() != format_version) {
-        trouble = QObject::tr("%1 is not the settings of this console: it begins as new").arg(path_);
+        trouble = QObject::tr("%1 is not a settings file of this console: it starts with defaults").arg(path_);
         return made;
     }
     if (from.contains("look/night")) made.night = from.value("look/night").toBool();
@@ -106,7 +107,7 @@ console_memory settings_file::load(QString& trouble) const {
 QString settings_file::save(const console_memory& memory) {
     if (path_.isEmpty() || saved_ == memory) return {};
     if (auto folder = QFileInfo(path_).absolutePath(); !QDir().mkpath(folder))
-        return QObject::tr("The settings cannot be kept: there is no folder %1").arg(folder);
+        return QObject::tr("cannot save the settings: there is no folder %1").arg(folder);
     QSettings to(path_, QSettings::IniFormat);
     to.setValue("version", format_version);
     if (memory.night) to.setValue("look/night", *memory.night);
@@ -136,9 +137,8 @@ QString settings_file::save(const console_memory& memory) {
     to.setValue("chart/tail_s", memory.tail_s);
     if (memory.chart_centre) to.setValue("chart/centre", words_of(*memory.chart_centre));
     to.setValue("chart/metres_per_pixel", memory.metres_per_pixel);
-    to.sync(); // by way of a new file beside it
-    if (to.status() != QSettings::NoError)
-        return QObject::tr("The settings cannot be kept: %1 cannot be written").arg(path_);
+    to.sync(); // through a temporary file beside it
+    if (to.status() != QSettings::NoError) return QObject::tr("cannot save the settings: cannot write %1").arg(path_);
     saved_ = memory;
     return {};
 }

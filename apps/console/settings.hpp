@@ -11,13 +11,13 @@
 
 namespace atirma::console {
 
-/// What the console keeps over a start. What the boat said is not among it: that is asked for anew.
+/// The settings of the console. Data of the boat are not among them: they are requested again.
 struct console_memory {
     std::optional<bool> night;
     units shown;
     alarm_limits limits;
     std::vector<acknowledged_alarm> acknowledged;
-    bool draft_edited = false; ///< the list of waypoints was changed here, and not uploaded
+    bool draft_edited = false; ///< the list of waypoints was edited and not uploaded
     std::vector<waypoint> draft;
     QByteArray geometry, split; ///< as Qt writes them
     QString tab;
@@ -28,17 +28,17 @@ struct console_memory {
     bool operator==(const console_memory&) const = default;
 };
 
-/// The file of it (INI). A file that is damaged, or written by hand, gives what is in it and makes sense.
+/// The settings file (INI). Of a damaged or hand-written file, the valid values are used.
 class settings_file {
 public:
-    /// Empty: nothing is kept.
+    /// Empty: nothing is saved.
     explicit settings_file(QString path) : path_(std::move(path)) {}
     const QString& path() const noexcept { return path_; }
-    /// What was kept; `trouble` says what was wrong with the file, else it is empty.
+    /// Returns the saved settings; sets `trouble` to the file's error, or to an empty string.
     console_memory load(QString& trouble) const;
-    /// Empty, or why it cannot be kept.
+    /// Returns why it cannot be saved, or an empty string.
     QString save(const console_memory& memory);
-    /// The one of this user, where programs keep such things.
+    /// The file in the user's configuration folder.
     static QString usual();
 
 private:

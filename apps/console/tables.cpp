@@ -25,7 +25,7 @@ QTableWidget* make_table(const QStringList& heads, const QString& name, QWidget*
     made->setSelectionBehavior(QAbstractItemView::SelectRows);
     made->setSelectionMode(QAbstractItemView::SingleSelection);
     made->setWordWrap(false);
-    made->setHorizontalScrollBarPolicy(Qt::ScrollBarAlwaysOff); // what is cut off is told by the tip
+    made->setHorizontalScrollBarPolicy(Qt::ScrollBarAlwaysOff); // the tooltip shows truncated text
     return made;
 }
 

@@ -9,12 +9,12 @@ class QTableWidget;
 class QVBoxLayout;
 class QWidget;
 
-// What all lists have in common.
+// Functions for all lists.
 namespace atirma::console {
 
-/// A table of whole rows, which nobody edits.
+/// A read-only table that is selected by rows.
 QTableWidget* make_table(const QStringList& heads, const QString& name, QWidget* parent);
-/// The tip is the text itself unless it is given: what is cut off can be read.
+/// Default tooltip: the text, so that a truncated one can be read.
 void set_cell(QTableWidget* table, int row, int column, const QString& words, const QColor& ink,
               const QString& tip = QString());
 /// "17:30:05".

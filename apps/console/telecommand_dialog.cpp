@@ -69,7 +69,7 @@ void telecommand_dialog::add_editor(const QString& name, T& value) {
         });
     } else {
         constexpr bool whole = std::is_integral_v<T>;
-        // Places in a list are shown from 1 on.
+        // Places in a list are shown starting with 1.
         double first =
             traits_of(command_.kind()).words.find((name + "+1").toStdString()) == std::string_view::npos ? 0 : 1;
         auto* box = add(new QDoubleSpinBox(this));

@@ -11,8 +11,8 @@ class QPushButton;
 
 namespace atirma::console {
 
-/// The arguments of a telecommand, whichever it is: a row for each field of its struct. One that the boat would refuse
-/// cannot be accepted.
+/// The arguments of any telecommand: a row for each field of its struct. Values that the boat would refuse cannot be
+/// accepted.
 class telecommand_dialog : public QDialog {
     Q_OBJECT
 public:
@@ -21,7 +21,7 @@ public:
     const boat_command& command() const noexcept { return command_; }
 
 private:
-    // One editor for each type of argument; it writes where the argument is.
+    // One editor for each type of argument; it writes to the argument.
     template <class T>
     void add_editor(const QString& name, T& value);
     void add_editor(const QString& name, waypoint& value);

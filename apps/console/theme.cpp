@@ -143,7 +143,7 @@ QLabel* rich_label(QWidget* parent) {
 }
 
 void show_texts_plainly() {
-    // Qt guesses for each text whether it is markup. A tooltip is a label, too.
+    // Qt guesses for each text whether it is markup. A tooltip is also a label.
     struct plain : QObject {
         using QObject::QObject;
         bool eventFilter(QObject* what, QEvent* event) override {

@@ -10,7 +10,7 @@ class QWidget;
 
 namespace atirma::console {
 
-/// The colours of everything; one for daylight, one for the night.
+/// A palette: one for daylight, one for the night.
 struct theme {
     bool dark = false;
     QColor page, card, field, ink, ink2, ink3, line;
@@ -23,13 +23,13 @@ struct theme {
     const QColor& of(link_id link) const {
         return static_cast<std::size_t>(link) < link_count ? links[static_cast<std::size_t>(link)] : link_other;
     }
-    /// Of a mark that says how old a value is.
+    /// The colour of the mark for a value's age.
     const QColor& of(freshness how) const;
-    /// Of the value itself.
+    /// The colour of the value itself.
     const QColor& ink_of(freshness how) const;
 };
 
-/// The one that is used now. Windows only, on their thread.
+/// The present one. Windows only, on their thread.
 const theme& colours();
 /// Changes it, and the look of all widgets.
 void use_theme(bool dark);
@@ -38,10 +38,9 @@ void use_theme(bool dark);
 QFont font_of(int pixels, QFont::Weight weight = QFont::Normal);
 QString text(const std::string& utf8);
 
-/// A label for words with colours of ours; what others say is escaped (toHtmlEscaped) before it is put in.
+/// A label for markup of ours; text from outside must be escaped (toHtmlEscaped) before it is inserted.
 QLabel* rich_label(QWidget* parent);
-/// From now on all other labels, and all tooltips, show what they are given as it is: the boat, proxies and other
-/// operators cannot write markup into them.
+/// Makes all other labels and all tooltips show plain text: the boat, proxies and other operators cannot insert markup.
 void show_texts_plainly();
 
 } // namespace atirma::console

@@ -11,7 +11,7 @@ units& used_units() {
 }
 
 QString minutes_text(double degrees, QChar positive, QChar negative) {
-    auto all = std::llround(std::abs(degrees) * 60 * 1000); // rounded as a whole: no minute is 60
+    auto all = std::llround(std::abs(degrees) * 60 * 1000); // rounded before it is divided, so that no minute is 60
     return QStringLiteral("%1° %2.%3′ %4")
         .arg(all / 60'000)
         .arg(all / 1000 % 60, 2, 10, QLatin1Char('0'))

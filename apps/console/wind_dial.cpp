@@ -34,7 +34,7 @@ void arrow(QPainter& to, double radius, double at_deg, double length, const QCol
 
 wind_dial::wind_dial(QWidget* parent) : QWidget(parent) {
     setAccessibleName(tr("Wind dial"));
-    setToolTip(tr("The bow is up. T true wind, A apparent wind; shaded: what the boat does not sail; "
+    setToolTip(tr("The bow is up. T true wind, A apparent wind; shaded: headings that the boat does not sail; "
                   "green mark: the waypoint; line: course over ground"));
     setSizePolicy(QSizePolicy::Expanding, QSizePolicy::Expanding);
 }
@@ -109,7 +109,7 @@ void wind_dial::paint_ring(QPainter& to, double radius) const {
     }
 }
 
-// It was measured from the bow: with a newer heading it says nothing any more, while the true wind still does.
+// The apparent wind is relative to the bow: with a newer heading it is invalid, while the true wind is not.
 bool wind_dial::apparent_holds() const {
     if (!boat_.breeze || !boat_.sailing) return false;
     auto apart = boat_.sailing->measured_at - boat_.breeze->measured_at;
@@ -171,7 +171,7 @@ void wind_dial::paint_middle(QPainter& to, double radius) const {
     to.restore();
 }
 
-// In the corners below the dial, where no arrow comes.
+// In the corners below the dial, where no arrow is drawn.
 void wind_dial::paint_speeds(QPainter& to, double radius) const {
     if (!boat_.breeze || wind_how_ == freshness::none) return;
     const auto& t = colours();

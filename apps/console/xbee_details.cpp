@@ -40,7 +40,8 @@ xbee_details::xbee_details(std::string path, operator_actions& actions, QWidget*
     duty_->setRange(0, 100);
     duty_->setTextVisible(false);
     duty_->setAccessibleName(tr("Duty cycle"));
-    duty_->setToolTip(tr("Used part of the allowed duty cycle, over the last hour; at 100 % the modem falls silent"));
+    duty_->setToolTip(
+        tr("Used part of the allowed duty cycle over the last hour; at 100 % the modem stops transmitting"));
     temperature_ = rich_label(this);
     failed_ = new QLabel(this);
     retries_ = new QLabel(this);
@@ -60,7 +61,7 @@ xbee_details::xbee_details(std::string path, operator_actions& actions, QWidget*
     grid->setColumnStretch(1, 1);
     grid->setColumnStretch(3, 1);
     failed_->setToolTip(tr("Transmissions that exhausted their retries"));
-    retries_->setToolTip(tr("Acknowledgements that did not come; each cost a retry"));
+    retries_->setToolTip(tr("Missing acknowledgements; each caused a retry"));
 }
 
 void xbee_details::show_link(const link_view& link, utc_time now) {

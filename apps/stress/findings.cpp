@@ -35,7 +35,8 @@ std::map<std::string, std::uint64_t> findings::causes_of(const account& of, cons
         if (one.link != link) continue;
         auto cause = cause_of(of.episodes, link, one.sent, one.sent);
         if (cause.empty() && one.sent >= of.plan.length - silence_of(link, of.plan)) cause = "sent at the end";
-        if (cause.empty()) cause = one.heard() ? "lost ashore, no cause known" : "never came ashore, no cause known";
+        if (cause.empty())
+            cause = one.heard() ? "lost on shore, cause unknown" : "never received on shore, cause unknown";
         ++made[cause];
     }
     return made;

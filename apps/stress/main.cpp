@@ -32,7 +32,7 @@ void complain(std::string_view what) { ise::complain("atirma_stress", what); }
 
 std::string read(const std::string& file) {
     std::ifstream in(file, std::ios::binary);
-    if (!in) throw std::runtime_error(fmt::format("the wind file {} cannot be read", file));
+    if (!in) throw std::runtime_error(fmt::format("cannot read the wind file {}", file));
     return {std::istreambuf_iterator<char>(in), {}};
 }
 
@@ -72,15 +72,16 @@ public:
     }
     std::string text(double sailing_s) const {
         return fmt::format(
-            "# What this run cost here\nNot part of the report: it differs from machine to machine. The heap is "
+            "# Resources of this run\nNot part of the report: they differ between machines. The heap is "
             "without the "
-            "ledger and the text of events.log, which forget nothing; what is resident is with them, and with the "
+            "ledger and the text of events.log, which keep everything; resident memory includes them and the "
             "virtual disks.\n\n- heap blocks: "
             "{}\n- heap KiB, without the consoles' tracks: {}\n- consoles' tracks: {} KiB at most, of {} KiB that two "
             "full "
-            "ones may take: they grow until they are full\n- descriptors: {}\n\n{} Samples count as in the report. Two "
-            "things fill up to a bound, again whenever their component starts: 17 telemetry filters, 128 KiB each, in "
-            "about nine hours; and the telecommands that are remembered, 512 in each book and 300 at each "
+            "full ones need: they grow until they are full\n- descriptors: {}\n\n{} Samples count as in the report. "
+            "Two "
+            "structures grow to a bound after each start of their component: 17 telemetry filters, 128 KiB each, in "
+            "about nine hours; and the remembered telecommands, 512 in each book and 300 at each "
             "console.\n\n| virtual | processor s | heap blocks | heap "
             "KiB | tracks KiB | resident KiB | descriptors |\n|---|---:|---:|---:|---:|---:|---:|\n{}\nThe sailing "
             "took {:.1f} s "
@@ -105,19 +106,20 @@ private:
 } // namespace
 
 int main(int argc, char** argv) {
-    CLI::App app("The whole of A-Tirma at sea for some hours on the virtual clock, with faults by the seed, and a "
-                 "report that proves that nothing was lost that the shore had acknowledged.");
+    CLI::App app(
+        "Runs the whole of A-Tirma at sea for some hours on the virtual clock, with faults by the seed, and writes a "
+        "report that proves that nothing the shore had acknowledged was lost.");
     app.formatter(std::make_shared<wrapped_help>());
     std::uint64_t seed = 1;
     double hours = 10;
     std::string out, wind;
-    app.add_option("--seed", seed, "the same seed gives the same report")->capture_default_str();
-    app.add_option("--hours", hours, "virtual ones")->check(CLI::Range(0.25, 100.0))->capture_default_str();
+    app.add_option("--seed", seed, "random seed; the same seed gives the same report")->capture_default_str();
+    app.add_option("--hours", hours, "virtual hours")->check(CLI::Range(0.25, 100.0))->capture_default_str();
     app.add_option(
            "--out", out,
-           "folder for report.md, track.svg, track.gpx, events.log; machine.md has what only this machine knows")
+           "folder for report.md, track.svg, track.gpx, events.log, and machine.md with the resources of this machine")
         ->required();
-    app.add_option("--wind", wind, "a recorded series as CSV (t_s, tws_kn or tws_mps, twd_deg); else by the seed")
+    app.add_option("--wind", wind, "recorded wind as CSV (t_s, tws_kn or tws_mps, twd_deg); default: by the seed")
         ->check(CLI::ExistingFile);
     CLI11_PARSE(app, argc, argv);
     try {

@@ -61,7 +61,7 @@ ise::task<> operator_seat::follow() {
             co_await std::move(following);
         } catch (const ise::error& problem) {
             if (problem.code() == ise::errc::cancelled) throw;
-            log().debug("the nodes are not subscribed to", {{"cause", problem.what()}});
+            log().debug("cannot subscribe to the communication nodes", {{"cause", problem.what()}});
         }
         co_await sleep(1s);
     }

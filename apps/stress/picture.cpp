@@ -51,7 +51,7 @@ void draw_panel(drawing& to, const account& of, const findings& found) {
             std::ranges::count_if(who.commands, [](const auto& one) { return one.result == ack_code::done; }));
     }
     line(fmt::format("{} telecommands, {} done", given, done));
-    line(fmt::format("{} troubles by the script", of.plan.faults.size()));
+    line(fmt::format("{} faults by the script", of.plan.faults.size()));
     to.put("<text x=\"{:.0f}\" y=\"{:.0f}\" class=\"small\" text-anchor=\"end\">{}</text>", chart.right() - 8,
            chart.bottom() - 8, xml(coast_attribution()));
 }

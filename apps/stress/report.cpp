@@ -28,7 +28,7 @@ public:
 
 /// Of everything that was sent, also of what nobody promised to keep.
 void say_links(text& out, const account& of, const ledger::verdict& proof) {
-    out.line("\n| link | sent | came ashore | kept | still at the boat | lost | causes of the loss |");
+    out.line("\n| link | sent | received on shore | stored | still at the boat | lost | causes of the loss |");
     out.line("|---|---:|---:|---:|---:|---:|---|");
     for (std::size_t i = 0; i < link_count; ++i) {
         const auto& one = proof.links[i];
@@ -41,19 +41,19 @@ void say_links(text& out, const account& of, const ledger::verdict& proof) {
         out.line("| {} | {} | {} | {} | {} | {} | {} |", link_names[i], one.sent, one.heard, one.kept, one.waiting,
                  lost, causes);
     }
-    out.line(
-        "\nSent: given to the link's modem at least once. Came ashore: read by the XBee proxy, receipted over GPRS, "
-        "accepted by Iridium's gateway. Kept: on the disk of a communication node.");
+    out.line("\nSent: passed to the link's modem at least once. Received on shore: read by the XBee proxy, "
+             "acknowledged over GPRS, "
+             "accepted by Iridium's gateway. Stored: on the disk of a communication node.");
 }
 
 void say_proof(text& out, const account& of, const ledger::verdict& proof) {
     out.line("\n## The proof");
-    out.line(
-        "Read off the boat's own wires, not told by the components: XBee and GPRS by the shore's receipts, Iridium "
-        "by the sessions that the gateway accepted.");
-    out.line(
-        "*Owed* is what the shore had acknowledged by the end; all of it must be on the disks of both communication "
-        "nodes.\n");
+    out.line("Recorded on the boat's own wires, not reported by the components: XBee and GPRS by the shore's receipts, "
+             "Iridium "
+             "by the sessions that the gateway accepted.");
+    out.line("*Owed* are the packets that the shore had acknowledged by the end; all of them must be on the disks of "
+             "both communication "
+             "nodes.\n");
     out.line("| link | sent by the boat | acknowledged by the modem or the shore | owed | missing |");
     out.line("|---|---:|---:|---:|---:|");
     for (std::size_t i = 0; i < link_count; ++i) {
@@ -63,7 +63,7 @@ void say_proof(text& out, const account& of, const ledger::verdict& proof) {
         out.line("| {} | {} | {} | {} | {} |", link_names[i], one.sent, one.acknowledged, one.owed, missing);
     }
     out.line("\nOn one disk only: {}. On the disks and not seen on a wire: {}. After the end it took {} of calm until "
-             "nothing was owed any more.",
+             "no packet was owed.",
              proof.only_on_one, proof.unheard, length_text(of.calm));
     std::size_t told = 0;
     for (const auto& missing : proof.missing) {
@@ -82,8 +82,8 @@ void say_proof(text& out, const account& of, const ledger::verdict& proof) {
         out.line("| {} | {} | {} | {} | {} |", who, one.shown, one.twice, one.missed, one.unknown);
     out.line("| page | {} | {} | | |", of.page.received, of.page.duplicates);
     for (const auto& one : of.consoles)
-        out.line("\n{}'s console knew at the end {}, {} links, {} points of the track, {} telecommands, {} components.",
-                 one.name, one.fix ? "where the boat was" : "**not where the boat was**", one.links, one.track,
+        out.line("\nAt the end {}'s console knew {}, {} links, {} points of the track, {} telecommands, {} components.",
+                 one.name, one.fix ? "the boat's position" : "**no position of the boat**", one.links, one.track,
                  one.commands, one.present);
 }
 
@@ -101,9 +101,8 @@ void say_packets(text& out, const findings& found) {
     }
     out.line("| **all** | {} | {} | {} |", sum[0], sum[1], sum[2]);
     out.line("| of these history | {} | {} | {} |", found.history[0], found.history[1], found.history[2]);
-    out.line(
-        "\nHistory is what was older than the newest packet of its type when it came: nearly all of Iridium's, while "
-        "another link lives.");
+    out.line("\nHistory: packets older on arrival than the newest one of their type; nearly all of Iridium's, while "
+             "another link works.");
 }
 
 void say_gaps(text& out, const account& of, const findings& found) {
@@ -112,19 +111,19 @@ void say_gaps(text& out, const account& of, const findings& found) {
         const auto& all = found.gaps[i];
         ise::duration sum{};
         for (const auto& one : all) sum += one.until - one.from;
-        out.line("\n{}: {} silences of more than {}, {} together.\n", link_names[i], all.size(),
+        out.line("\n{}: {} silences of more than {}, {} in all.\n", link_names[i], all.size(),
                  length_text(findings::silence_of(static_cast<link_id>(i), of.plan)), length_text(sum));
         if (all.empty()) continue;
         out.line("| from | until | length | cause |");
         out.line("|---|---|---:|---|");
         for (const auto& one : all)
             out.line("| {} | {} | {} | {} |", clock_text(one.from), clock_text(one.until),
-                     length_text(one.until - one.from), one.cause.empty() ? "**not known**" : one.cause);
+                     length_text(one.until - one.from), one.cause.empty() ? "**unknown**" : one.cause);
     }
-    out.line("\nThe track, when everything had come: {} gaps of more than 20 s.", found.track_gaps.size());
+    out.line("\nThe track after the last packet had arrived: {} gaps of more than 20 s.", found.track_gaps.size());
     for (const auto& one : found.track_gaps)
         out.line("- {} to {}, {}: {}", clock_text(one.from), clock_text(one.until), length_text(one.until - one.from),
-                 one.cause.empty() ? "**not known**" : one.cause);
+                 one.cause.empty() ? "**unknown**" : one.cause);
 }
 
 std::string part(std::vector<ise::duration>& times, std::size_t percent) {
@@ -141,7 +140,7 @@ std::string outcome_of(const given_command& one) {
 
 void say_commands(text& out, const account& of) {
     out.line("\n## Telecommands");
-    out.line("| asked for over | given | acknowledged | done | median | 90 % | longest | otherwise |");
+    out.line("| requested link | sent | acknowledged | done | median | 90 % | longest | otherwise |");
     out.line("|---|---:|---:|---:|---:|---:|---:|---|");
     for (int way = -1; way < static_cast<int>(link_count); ++way) {
         std::vector<ise::duration> times;
@@ -163,10 +162,9 @@ void say_commands(text& out, const account& of) {
                  way < 0 ? "the best link" : link_names[static_cast<std::size_t>(way)], given, times.size(), done,
                  part(times, 50), part(times, 90), part(times, 100), otherwise);
     }
-    out.line(
-        "\nWhat was given at a console is seen there once a second, and so decided after whole seconds. The nodes' "
-        "record holds {} telecommands: these, and theirs that tell the boat of a new authority.",
-        of.recorded);
+    out.line("\nA console's telecommands are checked once a second, so the times are whole seconds. The nodes' "
+             "record contains {} telecommands: these, and the nodes' own, which set the boat's authority.",
+             of.recorded);
     out.line("\n| asked | by | id | what | over | until | outcome | words |");
     out.line("|---|---|---:|---|---|---:|---|---|");
     std::vector<std::pair<const given_command*, std::string>> all;
@@ -184,7 +182,7 @@ void say_commands(text& out, const account& of) {
 }
 
 void say_troubles(text& out, const account& of) {
-    out.line("\n## What was done to it");
+    out.line("\n## Injected faults");
     out.line("| at | for | what |");
     out.line("|---|---:|---|");
     for (const auto& one : of.episodes)
@@ -194,8 +192,8 @@ void say_troubles(text& out, const account& of) {
                                          : length_text(one.until - one.from),
                  one.what);
     if (of.virtual_clock)
-        out.line("\nA node's disk was that of a backup {} times when it came back; where the other node did not have "
-                 "everything of it yet, it kept its disk.",
+        out.line("\nA node returned {} times with a backup of its disk; if the other node did not have "
+                 "all of its packets yet, it kept its disk.",
                  of.set_back);
 }
 
@@ -220,29 +218,29 @@ void say_processes(text& out, const account& of) {
 void say_samples(text& out, const account& of) {
     out.line("\n## Over time");
     if (!of.virtual_clock) return say_processes(out, of);
-    out.line(
-        "Waiting: coroutines and timers in the world that wait for a time or have something under way, without the "
-        "script's own. Sessions: of all components.");
+    out.line("Waiting: coroutines and timers of the world that wait for a time or an operation, without the "
+             "script's own. Sessions: of all components.");
     out.line("Unacknowledged, queued, no receipt: at the boat. The nodes: packets on disk; what is not shown yet; "
              "telecommands "
              "that are open.\n");
     const auto& all = of.samples;
     out.line("- waiting: {}", change(all, &sample::waiting));
     out.line("- sessions: {}", change(all, &sample::sessions));
-    out.line("\n{} Samples while something was down, or while 256 packets or more had no receipt, do not count.",
-             meaning_of_flat());
+    out.line(
+        "\n{} Samples taken while a component was down, or while 256 packets or more had no receipt, do not count.",
+        meaning_of_flat());
     out.line("\n| at | waiting | sessions | GPRS unacknowledged | XBee queued | no receipt | node 1: packets | not "
              "shown | open | "
              "node 2: packets | not shown | open |");
     out.line("|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|");
     for (const auto& s : all)
         out.line("| {}{} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |", clock_text(s.at),
-                 s.whole ? "" : " (something is down)", s.waiting, s.sessions, s.gprs_waiting, s.xbee_queued,
+                 s.whole ? "" : " (a component is down)", s.waiting, s.sessions, s.gprs_waiting, s.xbee_queued,
                  s.xbee_waiting, s.packets[0], s.unseen[0], s.open[0], s.packets[1], s.unseen[1], s.open[1]);
 }
 
 void say_complaints(text& out, const account& of) {
-    out.line("\n## What the components complained of");
+    out.line("\n## Warnings and errors of the components");
     std::vector<std::pair<std::string, std::uint64_t>> all(of.complaints.begin(), of.complaints.end());
     std::ranges::stable_sort(all, std::greater<>(), &std::pair<std::string, std::uint64_t>::second);
     for (std::size_t i = 0; i < all.size() && i < 40; ++i) out.line("- {} × {}", all[i].second, all[i].first);
@@ -275,11 +273,11 @@ trend trend_of(const std::vector<std::pair<ise::duration, std::size_t>>& all) {
 
 std::string say(const trend& found) {
     return fmt::format("{:.1f} on average in the second half, {:+.2f} per hour: {}", found.mean, found.per_hour,
-                       found.flat() ? "flat" : "**it grows**");
+                       found.flat() ? "flat" : "**growing**");
 }
 
 std::string meaning_of_flat() {
-    return fmt::format("Per hour: the slope of the line by least squares through the second half. Flat: within that "
+    return fmt::format("Per hour: the slope of the least-squares line through the second half. Flat: within that "
                        "half the line rises by at most "
                        "{:.0f} % of the average.",
                        trend::max_rise * 100);
@@ -301,10 +299,9 @@ std::string make_report(const account& of, const findings& found, const ledger::
     out.line("\nFrom the bay of El Confital on the {} clock: the boat sailed T1 and then T2, {:.1f} km.",
              of.virtual_clock ? "virtual" : "real", of.sailed_m / 1000);
     out.line("The wind: {}.", of.wind);
-    out.line("\n**{}**",
-             holds(of, proof)
-                 ? "The proof holds: nothing that the shore had acknowledged is missing, and nothing was shown twice."
-                 : "THE PROOF DOES NOT HOLD; see below.");
+    out.line("\n**{}**", holds(of, proof)
+                             ? "The proof holds: no acknowledged packet is missing, and none was shown twice."
+                             : "THE PROOF DOES NOT HOLD; see below.");
     say_links(out, of, proof);
     say_proof(out, of, proof);
     say_packets(out, found);
@@ -322,7 +319,7 @@ void write_file(const std::filesystem::path& file, std::string_view content) {
     out.close();
     if (!out)
         throw std::runtime_error(
-            fmt::format("{} cannot be written: is the disk full, or the folder read-only?", file.string()));
+            fmt::format("cannot write {}: is the disk full, or the folder read-only?", file.string()));
 }
 
 } // namespace atirma::stress

@@ -54,19 +54,19 @@ std::string_view describe(trouble what) noexcept {
         case trouble::carrier_drops: return "the carrier drops its connections";
         case trouble::carrier_half_open: return "the carrier leaves its connections half open";
         case trouble::carrier_moves: return "the boat gets another address";
-        case trouble::carrier_slow: return "the carrier takes seconds";
+        case trouble::carrier_slow: return "the carrier delays by seconds";
         case trouble::air_noise: return "noise on the XBee's band";
         case trouble::air_off: return "the XBee is switched off";
         case trouble::sky_closed: return "no satellite in sight";
         case trouble::sky_fails: return "most Iridium sessions break off";
         case trouble::gateway_down: return "Iridium's gateway is down";
-        case trouble::nodes_parted: return "the communication nodes do not see each other";
+        case trouble::nodes_parted: return "the communication nodes cannot reach each other";
         case trouble::primary_killed: return "the primary communication node is killed";
         case trouble::secondary_killed: return "the secondary communication node is killed";
         case trouble::primary_set_back:
-            return "the primary communication node is killed, and comes back with a backup of its disk";
+            return "the primary communication node is killed, and returns with a backup of its disk";
         case trouble::secondary_set_back:
-            return "the secondary communication node is killed, and comes back with a backup of its disk";
+            return "the secondary communication node is killed, and returns with a backup of its disk";
         case trouble::names_restarted: return "the name server is killed";
         case trouble::xbee_proxy_crashed: return "the XBee proxy crashes";
         case trouble::gprs_proxy_crashed: return "the GPRS proxy crashes";

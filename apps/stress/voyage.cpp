@@ -149,7 +149,7 @@ void voyage::watch_range() {
     auto at = world_.elapsed();
     if (out) {
         range_episode_ = told_.episodes.size();
-        told_.episodes.push_back({at, -1ns, "out of the XBee's range", link_id::xbee});
+        told_.episodes.push_back({at, -1ns, "out of range of the XBee", link_id::xbee});
     } else {
         told_.episodes[range_episode_].until = at;
     }
@@ -177,7 +177,7 @@ void voyage::set_back(std::size_t node) {
     for (const auto* sql : {"SELECT boot || ' ' || sequence FROM packets", "SELECT id || '' FROM commands",
                             "SELECT max(epoch) || '' FROM authority"}) {
         if (std::ranges::includes(texts_on(other, sql), texts_on(here, sql))) continue;
-        log_ += fmt::format("node {} keeps its disk: it has what the other one does not have yet\n", node + 1);
+        log_ += fmt::format("node {} keeps its disk: it has packets that the other one does not have yet\n", node + 1);
         return;
     }
     database::copy(backups_.at(node).file(), here.file()).value();

@@ -6,8 +6,8 @@ namespace atirma::simulator {
 namespace {
 constexpr double mark_radius_m = 15;
 constexpr double station_radius_m = 12;
-constexpr double station_reach_m = 40; // it goes to and fro across the wind, so far to each side
-constexpr double forced_turn_s = 45;   // a commanded tack holds at least so long
+constexpr double station_reach_m = 40; // it sails back and forth across the wind, this far to each side
+constexpr double forced_turn_s = 45;   // a commanded tack is held for at least this time
 } // namespace
 
 autopilot::autopilot(waypoint home) : chart_(home) {
@@ -64,7 +64,7 @@ ise::result<void> autopilot::insert(std::size_t before, waypoint point, const bo
                             fmt::format("no place {} in a list of {}", before, list_.size()));
     bool keeps_active = !list_.empty();
     list_.insert(list_.begin() + static_cast<std::ptrdiff_t>(before), point);
-    if (keeps_active && before <= active_) ++active_; // it goes on to where it was going
+    if (keeps_active && before <= active_) ++active_; // its destination stays the same
     ++revision_;
     laps_ = 0;
     if (mode_ == sailing_mode::automatic && !has_target_) aim_at_active(state.position_m);

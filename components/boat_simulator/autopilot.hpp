@@ -7,8 +7,8 @@
 
 namespace atirma::simulator {
 
-/// The program on board that sails: modes, the list of waypoints, the parameters. Decides without I/O; `update` is
-/// called at a fixed step. Refusals carry a text for the operator.
+/// The steering program on board: modes, the list of waypoints, the parameters. Without I/O; `update` is called at a
+/// fixed step. Refusals have a message for the operator.
 class autopilot {
 public:
     static constexpr std::size_t max_waypoints = 100;
@@ -34,7 +34,7 @@ public:
     float parameter(parameter_id id) const; ///< 0 for a number without a name
     ise::result<void> set_parameter(parameter_id id, float value);
 
-    /// Goes to the other side of the wind now; refused where the boat is not beating (`tack`) or zigzagging downwind
+    /// Turns to the other side of the wind now; refused if the boat is not beating (`tack`) or not zigzagging downwind
     /// (`gybe`).
     ise::result<void> tack_now();
     ise::result<void> gybe_now();

@@ -30,14 +30,14 @@ acknowledgement simulated_boat::execute(const telecommand& command, link_id from
         if (command.command.get_if<commands::waypoint_read_back>())
             schedule_.request(packet_type::waypoints, from); // may have been lost
         auto again = *known;
-        again.header = next_header(); // another packet that says the same
-        // What was done names the epoch under which it was done, whatever has been heard since.
+        again.header = next_header(); // a new packet with the same contents
+        // The answer names the epoch at the time of execution, not the present one.
         if (command.authority != 0 && !needs_authority) again.authority = authority_;
         return again;
     }
     bool obeyed = obeys(command.authority);
     if (needs_authority && !obeyed) {
-        acknowledgement no; // not remembered: nothing was done, and the id may come again under the epoch that holds
+        acknowledgement no; // not remembered: nothing was executed, and the id may come again under the valid epoch
         no.header = next_header();
         no.id = command.id;
         no.kind = kind;
@@ -55,15 +55,15 @@ acknowledgement simulated_boat::execute(const telecommand& command, link_id from
     return ack;
 }
 
-/// An epoch counts up to `max_epoch_step` above the boat's, so that a forged one never takes all that are left from the
-/// operators. After the last one come 1, 2, 3….
+/// An epoch is accepted up to `max_epoch_step` above the boat's, so that a forged one cannot use up all epochs. They
+/// wrap around to 1, 2, 3….
 bool simulated_boat::obeys(std::uint32_t epoch) const {
     if (epoch == 0) return authority_ == 0;
     return epoch - authority_ <= max_epoch_step;
 }
 
-/// What the boat does for each telecommand: the words of its answer, or why not (invalid_argument: the argument is
-/// wrong). Its arguments are in their ranges.
+/// Executes each telecommand: returns the text of the answer, or an error (invalid_argument: the argument is wrong).
+/// The arguments are in their ranges.
 struct simulated_boat::command_handlers {
     simulated_boat& boat;
     link_id from;
@@ -124,15 +124,15 @@ struct simulated_boat::command_handlers {
         boat.schedule_.request(packet_type::configuration);
         bool also_parameter = to.link == link_id::xbee && check_parameter(parameter_id::telemetry_period, to.period_s);
         if (!also_parameter) return std::string();
-        return nothing_to_say(
-            boat.pilot_.set_parameter(parameter_id::telemetry_period, to.period_s)); // the same thing by its other name
+        return nothing_to_say(boat.pilot_.set_parameter(parameter_id::telemetry_period,
+                                                        to.period_s)); // the parameter is the same setting
     }
     outcome operator()(const commands::request_status&) {
         boat.schedule_.request_all(from);
         return std::string();
     }
     outcome operator()(const commands::reboot&) {
-        // The list, the parameters and what was acknowledged are kept in memory that survives.
+        // The list, the parameters and the acknowledgements are in memory that survives.
         boat.up_again_s_ = boat.now_s_ + reboot_s;
         boat.booted_s_ = boat.up_again_s_;
         boat.last_reset_ = reset_cause::commanded;
@@ -147,10 +147,10 @@ struct simulated_boat::command_handlers {
         boat.schedule_.request(packet_type::navigation);
         return std::string(to.on ? "beacon on" : "beacon off");
     }
-    outcome operator()(const commands::unknown&) { return std::string(); } // was answered before
+    outcome operator()(const commands::unknown&) { return std::string(); } // answered earlier
 };
 
-/// What holds now, for telecommands that return a value: also where they were refused.
+/// The present value, for telecommands that return one, also if they were refused.
 struct simulated_boat::command_values {
     const simulated_boat& boat;
 

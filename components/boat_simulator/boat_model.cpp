@@ -23,7 +23,8 @@ boat_state rate(const boat_state& s, const actuators& set, wind_vector w, const 
         ((p.sail_offset - p.mast_offset * std::cos(sail)) * sail_force -
          p.rudder_offset * std::cos(set.rudder_rad) * rudder_force - p.angular_friction * s.turn_rate_rps * v) /
         p.moment_of_inertia;
-    // The sail's sideways force to port heels to port; sails stand to leeward, so the sign is that of the force.
+    // A sideways force of the sail to port heels the boat to port; the sail is to leeward, so the sign is that of the
+    // force.
     d.heel_rad = s.heel_rate_rps;
     d.heel_rate_rps =
         (-p.heel_damping * s.heel_rate_rps + sail_force * p.sail_height_m * std::cos(sail) * std::cos(s.heel_rad) -

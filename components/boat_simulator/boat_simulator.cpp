@@ -11,14 +11,14 @@
 namespace atirma {
 namespace {
 using namespace std::chrono_literals;
-// So few at the modem at a time that what is sent is never much older than the queue it came from.
+// Only a few at the modem at a time, so that packets do not age there.
 constexpr std::size_t in_hand_at_most = 3;
 constexpr std::size_t max_wind_file_bytes = 64u << 20;
 constexpr ise::duration send_time = 30s;
 constexpr ise::duration duty_period = 10s;
 
 double in_range(const char* what, double value, double low, double high) {
-    if (value >= low && value <= high) return value; // not a number fails
+    if (value >= low && value <= high) return value; // fails for NaN
     throw ise::error(ise::errc::refused, fmt::format("{} is {:g} to {:g}, not {:g}", what, low, high, value));
 }
 } // namespace
@@ -53,8 +53,8 @@ void boat_simulator::change(const boat_simulator_options& now) {
     }
 }
 
-/// A boat counts its starts, where it has a memory. One that has none draws a number, never 0 nor that of its life
-/// before: the clock's second would be the same again where it is started again at once.
+/// A boat with a memory counts its boots. One without draws a random number, never 0 nor the previous one: the clock's
+/// second could be the same after an immediate restart.
 std::uint16_t boat_simulator::drawn_boot() {
     for (;;) {
         auto number = static_cast<std::uint16_t>(env().random());
@@ -122,7 +122,7 @@ ise::task<> boat_simulator::run() {
         sail();
         return truth();
     });
-    // A step of the model, but not more often than a hundred times a second: then several steps at once.
+    // A step of the model, at most a hundred times a second; beyond that several steps at once.
     auto pace = std::max<ise::duration>(
         10ms, std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(0.1 / options_.speedup)));
     log().info("the boat sails", {{"course", options_.course},
@@ -147,10 +147,10 @@ void boat_simulator::sail() {
 
 void boat_simulator::send_uplink() {
     if (!uplink_) {
-        boat_->take_packets(link_id::gprs); // a period was set for a link that it does not have
+        boat_->take_packets(link_id::gprs); // a period may be set for a link that it does not have
         return;
     }
-    // The model's time may be faster than the link's.
+    // The model's time may pass faster than the link's.
     uplink_->set_period(std::chrono::duration_cast<ise::duration>(
         std::chrono::duration<double>(boat_->telemetry_period_s(link_id::gprs) / options_.speedup)));
     for (;;) {
@@ -176,7 +176,7 @@ void boat_simulator::send() {
         auto raw = boat_->take_packet(link_id::xbee);
         bool telemetry = raw.empty() || classify(raw) == packet_class::telemetry;
         if (raw.empty()) {
-            if (port_->in_hand() > 0) return; // what is new overtakes
+            if (port_->in_hand() > 0) return; // new packets go first
             raw = backlog_->next(now());
             if (raw.empty()) return;
         } else if (telemetry) {
@@ -228,7 +228,7 @@ void boat_simulator::on_radio_event(const xbee::client_event& event) {
         auto percent = used->status == xbee::at_status::ok ? xbee::at_number(used->value) : std::nullopt;
         if (percent) backlog_->on_duty(static_cast<unsigned>(*percent));
     }
-    // The next packets go with the boat's next step: sending from within an event could go on for ever.
+    // The next packets are sent with the boat's next step: sending from within an event could recurse without end.
 }
 
 void boat_simulator::heard(link_id link, ise::bytes_view raw) {

@@ -16,41 +16,40 @@
 namespace atirma {
 
 struct boat_simulator_options {
-    std::string course = "T1"; ///< T1, T2, or "none": it stays where it starts
+    std::string course = "T1"; ///< T1, T2, or "none": it stays at its start
     std::string wind_file;     ///< a recorded series (CSV); empty: the wind below
     double wind_speed_mps = 6;
     double wind_from_deg = 45;
-    bool gusts = true; ///< about that wind, by the seed
+    bool gusts = true; ///< around that wind, by the seed
     std::uint64_t seed = 1;
     double speedup = 1;                               ///< 0.1 … 1000: of the boat's model time, never of deadlines
-    std::uint16_t boot = 0;                           ///< 0: drawn, so that it differs each time it starts
+    std::uint16_t boot = 0;                           ///< 0: random, different at each start
     xbee::port_options port;                          ///< the boat's own modem; an empty device: it has no radio
     std::uint64_t shore_address = 0x0013A20040000001; ///< of the shore's modem
     iridium_uplink_options iridium;                   ///< the boat's 9602; an empty device: it has none
-    std::string gprs;            ///< whom it calls over GPRS, tcp or udp endpoint; empty: it does not
+    std::string gprs;            ///< where it connects over GPRS, tcp or udp endpoint; empty: it does not
     gprs::uplink_options uplink; ///< of that link
     double gprs_period_s = 5;    ///< of telemetry there, at the start; 0 is off
-    /// What its computer keeps over a loss of power (boat_memory.hpp): then it goes on where it was. Empty: it begins
-    /// anew.
+    /// File with its state over a loss of power (boat_memory.hpp): it then continues at its position. Empty: no memory.
     std::string memory_file;
     ise::duration truth_period = std::chrono::milliseconds(500);
 };
 
-/// A boat that sails in real time (times `speedup`), with its own modem on a serial port and its own call over GPRS:
-/// telemetry goes out, telecommands come in, whichever way each is done once. Services: `ground_truth`, `scene`
-/// (services.hpp). A wind file that cannot be read, an unknown course and numbers out of range end `run()` with an
-/// error that says so.
+/// A boat that sails in real time (times `speedup`), with its own modem on a serial port and its own connection over
+/// GPRS. It sends telemetry and executes each telecommand once, over whichever link it arrives. Services:
+/// `ground_truth`, `scene` (services.hpp). An unreadable wind file, an unknown course and numbers out of range end
+/// `run()` with an error.
 class boat_simulator final : public ise::component {
 public:
     explicit boat_simulator(boat_simulator_options options = boat_simulator_options()) : options_(std::move(options)) {}
 
-    /// Takes over the wind's mean speed and direction of `now` while it sails; a scene (services.hpp) stands above it.
-    /// Throws errc::refused while a recorded wind blows.
+    /// Applies the mean speed and direction of the wind in `now` while it sails; a scene (services.hpp) has precedence.
+    /// Throws errc::refused if a recorded wind is used.
     void change(const boat_simulator_options& now);
 
-    /// Where the boat is now; nothing before it was started. On the component's loop.
+    /// The position of the boat; empty before its start. On the component's loop.
     const simulator::simulated_boat* boat() const noexcept { return boat_.get(); }
-    /// Telemetry that the shore has not receipted over the radio; the same.
+    /// The number of packets without a receipt of the shore over the radio. On the component's loop.
     std::size_t radio_waiting() const noexcept { return backlog_ ? backlog_->waiting() : 0; }
 
 private:
@@ -79,15 +78,15 @@ private:
     std::unique_ptr<simulator::simulated_boat> boat_;
     std::unique_ptr<xbee::modem_port> port_;
     std::optional<simulator::radio_backlog> backlog_; // of the radio
-    std::vector<ise::bytes> not_receipted_;           // in the life before
+    std::vector<ise::bytes> not_receipted_;           // before the restart
     std::optional<xbee::token> asked_duty_;
     ise::time_point ask_duty_at_{};
     std::unique_ptr<iridium_uplink> iridium_;
     std::unique_ptr<gprs::uplink_port> uplink_;
     std::optional<boat_memory> memory_;
-    bool memory_is_new_ = false; ///< its file was damaged, and begun anew
+    bool memory_is_new_ = false; ///< its file was damaged and replaced
     std::string memory_trouble_;
-    std::vector<ise::bytes> not_acknowledged_; // in the life before
+    std::vector<ise::bytes> not_acknowledged_; // before the restart
     ise::time_point remember_at_{};
     std::uint64_t commands_kept_ = 0;
     std::uint32_t forgotten_ = 0; // of the uplink's numbers

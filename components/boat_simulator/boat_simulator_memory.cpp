@@ -1,4 +1,4 @@
-// What the boat keeps over the loss of its power.
+// The boat's memory over a loss of power.
 #include <components/boat_simulator/boat_simulator.hpp>
 
 #include <utility>
@@ -8,8 +8,8 @@ namespace {
 constexpr ise::duration remember_period = std::chrono::seconds(10);
 }
 
-/// A memory that cannot be opened is an error: going on without it would send a boat on its way from the beginning. Of
-/// a damaged one the boat goes on with what can be read.
+/// A memory that cannot be opened is an error: without it the boat would start its mission from the beginning. From a
+/// damaged one the boat uses the readable part.
 void boat_simulator::open_memory(simulator::boat_options& made) {
     memory_.reset();
     when_damaged how(log(), [this] { return std::chrono::floor<std::chrono::system_clock::duration>(wall()); });
@@ -29,7 +29,7 @@ void boat_simulator::open_memory(simulator::boat_options& made) {
 }
 
 void boat_simulator::remember() {
-    if (std::exchange(memory_is_new_, false)) { // all that is known goes there
+    if (std::exchange(memory_is_new_, false)) { // store the complete state
         commands_kept_ = 0;
         remember_at_ = {};
     }
@@ -51,7 +51,7 @@ void boat_simulator::remember() {
     kept(memory_->keep(boat_->remember()));
 }
 
-/// A boat whose memory fails sails on.
+/// The boat continues to sail if its memory fails.
 void boat_simulator::kept(const ise::result<void>& outcome) {
     auto trouble = outcome ? std::string() : outcome.error().message();
     if (trouble != memory_trouble_ && !trouble.empty())

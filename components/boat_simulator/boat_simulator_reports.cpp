@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-// What is told of the boat: how its links do, as it sees them, and the truth.
+// Reports about the boat: the state of its links from its side, and the ground truth.
 namespace atirma {
 
 link_status boat_simulator::radio_status() const {

@@ -7,13 +7,13 @@
 
 namespace atirma::simulator {
 
-/// A course of waypoints, sailed round and round.
+/// A course of waypoints, sailed in laps.
 struct course {
     std::string_view name;
     std::vector<waypoint> marks;
 };
 
-/// "T1" or "T2", triangles in the bay of El Confital; nothing for another name.
+/// "T1" or "T2", triangles in the bay of El Confital; empty for any other name.
 std::optional<course> find_course(std::string_view name);
 
 } // namespace atirma::simulator

@@ -15,7 +15,7 @@ iridium_uplink::iridium_uplink(ise::loop& on, ise::logger log, iridium_uplink_op
 
 ise::task<> iridium_uplink::run(simulator::simulated_boat& boat) {
     boat_ = &boat;
-    telecommand begin; // as if the shore had asked for it; what it answers is not sent
+    telecommand begin; // as if the shore had sent it; the answer is not sent
     begin.command = commands::set_telemetry_period{link_id::iridium, static_cast<float>(options_.period_s)};
     boat.execute(begin, link_id::iridium);
     auto serving = port_.run();
@@ -48,7 +48,7 @@ void iridium_uplink::send() {
     auto message = iridium::bundle(packets, iridium::max_mo_bytes, taken);
     acknowledgements_in_hand_ = std::min(taken, acknowledgements_.size());
     if (taken > acknowledgements_in_hand_)
-        telemetry_.clear(); // the newest go, the others are too old for a session of their own
+        telemetry_.clear(); // the newest are sent, the others are too old for a session of their own
     auto given = port_.send(std::move(message));
     if (!given) log_.warning("a message was not taken", {{"cause", given.error().message()}});
 }
@@ -61,7 +61,7 @@ void iridium_uplink::on_event(const iridium::sbd_event& event) {
                                     static_cast<std::ptrdiff_t>(std::exchange(acknowledgements_in_hand_, 0)));
     } else if (const auto* lost = std::get_if<iridium::sbd_gave_up>(&event)) {
         if (lost->message) ++failed_;
-        acknowledgements_in_hand_ = 0; // they go with the next message
+        acknowledgements_in_hand_ = 0; // they are sent with the next message
     } else if (const auto* attempt = std::get_if<iridium::sbd_attempt>(&event)) {
         if (attempt->told.mo_arrived()) last_session_ = loop_.now();
     } else if (const auto* received = std::get_if<iridium::sbd_received>(&event)) {
@@ -83,7 +83,7 @@ void iridium_uplink::on_event(const iridium::sbd_event& event) {
                                       {"result", std::string(name_of(done->code))}});
         }
     }
-    // The next message goes with the boat's next step: sending from within an event could go on for ever.
+    // The next message is sent with the boat's next step: sending from within an event could recurse without end.
 }
 
 link_status iridium_uplink::status() const {

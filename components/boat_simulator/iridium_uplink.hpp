@@ -13,20 +13,19 @@ namespace atirma {
 struct iridium_uplink_options {
     iridium::sbd_port_options port;                        ///< of the boat's 9602; an empty device: it has none
     double period_s = 600;                                 ///< of its telemetry, until a telecommand changes it
-    ise::duration check_period = std::chrono::minutes(30); ///< it looks for mail when nothing was sent for so long
+    ise::duration check_period = std::chrono::minutes(30); ///< after this time without a session it checks its mailbox
 };
 
-/// The boat's side of Iridium: sends what the boat has for it, the newest first and as much as one message holds, and
-/// hands it the telecommands that come. Acknowledgements go before telemetry and are kept until they are through;
-/// telemetry that is older than what was sent is not worth a session any more. Used on the boat's loop; outlives
-/// `run()`.
+/// The boat's side of Iridium: sends its packets, the newest first and as many as one message holds, and passes
+/// received telecommands on. Acknowledgements have precedence over telemetry and are kept until they are delivered;
+/// telemetry older than that sent is discarded. Used on the boat's loop; outlives `run()`.
 class iridium_uplink {
 public:
-    /// `sail` lets the boat's time pass before it hears a packet.
+    /// `sail` advances the boat's time before it receives a packet.
     iridium_uplink(ise::loop& on, ise::logger log, iridium_uplink_options options, std::function<void()> sail);
 
     ise::task<> run(simulator::simulated_boat& boat);
-    /// Takes what the boat has for this link; after each step of the boat.
+    /// Takes the boat's packets for this link; called after each step of the boat.
     void carry();
     link_status status() const;
     std::uint64_t telecommands_heard() const noexcept { return heard_; }
@@ -44,7 +43,7 @@ private:
     iridium::sbd_port port_;
     simulator::simulated_boat* boat_ = nullptr;
     std::deque<ise::bytes> acknowledgements_, telemetry_; // oldest first
-    std::size_t acknowledgements_in_hand_ = 0;            // the first of them are in the message under way
+    std::size_t acknowledgements_in_hand_ = 0;            // the first of them are in the message in transit
     ise::time_point last_session_{};
     std::uint64_t sent_ = 0, failed_ = 0, heard_ = 0;
 };

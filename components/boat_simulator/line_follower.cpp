@@ -24,7 +24,7 @@ actuators steer_to(double course_rad, const boat_state& state, wind_vector wind,
 }
 
 double nearest_feasible_rad(double course_rad, wind_vector wind, double side, const follower_settings& s) {
-    double off = wrap_rad(course_rad - (wind.towards_rad + pi)); // from the eye of the wind
+    double off = wrap_rad(course_rad - (wind.towards_rad + pi)); // from the direction of the wind
     if (std::abs(off) < s.forbidden_upwind_rad)
         return wind.towards_rad + pi + (off == 0 ? -side : sign(off)) * s.forbidden_upwind_rad;
     double run = wrap_rad(course_rad - wind.towards_rad);

@@ -14,7 +14,7 @@ std::optional<packet_name> name_in(ise::bytes_view raw) {
 
 } // namespace
 
-void radio_backlog::sent(ise::time_point now, packet_name name, payload& packet) {
+void radio_backlog::sent(ise::time_point now, packet_name name, kept_packet& packet) {
     held_.erase(name);
     due_.erase({packet.due, name});
     packet.pause = packet.pause.count() == 0 ? first_pause : std::min(packet.pause * 2, max_pause);
@@ -22,13 +22,13 @@ void radio_backlog::sent(ise::time_point now, packet_name name, payload& packet)
     due_.emplace(packet.due, name);
 }
 
-void radio_backlog::hold(packet_name name, payload& packet) {
+void radio_backlog::hold(packet_name name, kept_packet& packet) {
     due_.erase({packet.due, name});
     packet.pause = {};
     held_.insert(name);
 }
 
-radio_backlog::payload& radio_backlog::keep(packet_name name, ise::bytes raw) {
+radio_backlog::kept_packet& radio_backlog::keep(packet_name name, ise::bytes raw) {
     while (kept_.size() >= capacity) {
         auto oldest = kept_.find(order_.front());
         order_.pop_front();
@@ -44,7 +44,7 @@ radio_backlog::payload& radio_backlog::keep(packet_name name, ise::bytes raw) {
     return made;
 }
 
-void radio_backlog::forget(std::map<packet_name, payload>::iterator which) {
+void radio_backlog::forget(std::map<packet_name, kept_packet>::iterator which) {
     held_.erase(which->first);
     due_.erase({which->second.due, which->first});
     kept_.erase(which);
@@ -67,7 +67,7 @@ bool radio_backlog::put(ise::time_point now, const ise::bytes& raw) {
 
 ise::bytes radio_backlog::next(ise::time_point now) {
     if (!alive(now) || duty_percent_ >= max_duty_percent) return {};
-    // What was held goes to any shore that hears it; what was sent, again only while receipts come.
+    // Held packets are sent to any shore that hears the boat; sent ones are repeated only while receipts arrive.
     std::optional<packet_name> which;
     if (!held_.empty()) which = *held_.begin();
     else if (receipts_ && now - receipted_at_ < 2 * alive_for && !due_.empty() && due_.begin()->first <= now) {
@@ -93,7 +93,7 @@ std::vector<packet_name> radio_backlog::on_receipt(ise::time_point now, const te
     std::vector<packet_name> made;
     for (const auto& name : told.packets) {
         auto found = kept_.find(name);
-        if (found == kept_.end() || held_.contains(name)) continue; // no shore has what was never sent
+        if (found == kept_.end() || held_.contains(name)) continue; // never sent, so no shore can have it
         forget(found);
         made.push_back(name);
     }

@@ -6,20 +6,19 @@
 
 namespace atirma::simulator {
 
-/// A wind that somebody may take into their own hands from some time on. Changes count from their time only, so that
-/// the past stays as it was.
+/// A wind that can be overridden from a given time on. A change applies from its time only: the past does not change.
 class scene_wind final : public wind_source {
 public:
     static constexpr std::size_t max_changes = 1000;
 
     explicit scene_wind(std::shared_ptr<const wind_source> original) : original_(std::move(original)) {}
 
-    /// From `time_s` on this wind, or the original one. Beyond max_changes the oldest are forgotten.
+    /// Uses this wind from `time_s` on, or the original one. Beyond max_changes the oldest changes are discarded.
     void change(double time_s, std::optional<wind_sample> to) {
         if (changes_.size() >= max_changes) changes_.erase(changes_.begin());
         changes_.emplace_back(time_s, to);
     }
-    /// From `time_s` on another one is the original.
+    /// Replaces the original wind from `time_s` on.
     void replace_original(double time_s, std::shared_ptr<const wind_source> by) {
         if (originals_.size() >= max_changes) originals_.erase(originals_.begin());
         originals_.emplace_back(time_s, std::move(by));
@@ -40,7 +39,8 @@ private:
     }
 
     std::shared_ptr<const wind_source> original_;
-    std::vector<std::pair<double, std::shared_ptr<const wind_source>>> originals_; // since when
+    std::vector<std::pair<double, std::shared_ptr<const wind_source>>>
+        originals_; // with the time from which they apply
     std::vector<std::pair<double, std::optional<wind_sample>>> changes_;
 };
 

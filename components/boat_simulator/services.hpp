@@ -5,13 +5,13 @@
 
 #include <optional>
 
-// What the simulator tells and takes besides being a boat: for tests, the link emulator and reports; no boat has this.
+// The services of the simulator itself, for tests, the link emulator and reports; a real boat has none of them.
 namespace atirma {
 
-/// How things are, without instruments and radio in between.
+/// The ground truth, without instruments and radio in between.
 struct ground_truth {
-    utc_time at{};           ///< by the simulator's host
-    double model_time_s = 0; ///< since the boat was made; runs `speedup` times as fast as the clock
+    utc_time at{};           ///< by the clock of the simulator's host
+    double model_time_s = 0; ///< since its start; passes `speedup` times as fast as the clock
     double latitude_deg = 0;
     double longitude_deg = 0;
     float speed_over_ground_mps = 0;
@@ -29,25 +29,25 @@ struct ground_truth {
     std::uint16_t boot = 0;
     bool modem_ready = false;
     std::uint64_t packets_sent = 0;   ///< acknowledged by the shore's modem
-    std::uint64_t packets_failed = 0; ///< given to the modem, and not
+    std::uint64_t packets_failed = 0; ///< passed to the modem, and not acknowledged
     std::uint64_t packets_queued = 0;
-    std::uint64_t radio_waiting = 0; ///< telemetry that the shore has not receipted over the radio
+    std::uint64_t radio_waiting = 0; ///< telemetry packets without a receipt of the shore over the radio
     std::uint64_t radio_sent_again = 0;
     std::uint64_t telecommands_heard = 0;
-    std::uint64_t packets_refused = 0; ///< heard, and no telecommand
-    bool gprs_connected = false;       ///< the shore has acknowledged something by this connection
+    std::uint64_t packets_refused = 0; ///< received, and not a telecommand
+    bool gprs_connected = false;       ///< the shore has acknowledged a packet on this connection
     std::uint64_t gprs_waiting = 0;    ///< packets without the shore's acknowledgement
     std::uint64_t gprs_acknowledged = 0;
     std::uint64_t gprs_resent = 0;
-    std::uint64_t gprs_dropped = 0; ///< given up: the memory was full
+    std::uint64_t gprs_dropped = 0; ///< discarded because the memory was full
 };
 
-/// Changes the scene while the boat sails; what is missing stays. An empty one only asks.
+/// Changes the scene while the boat sails; missing fields do not change. An empty one only returns the scene.
 struct scene_request {
     std::optional<double> wind_speed_mps; ///< 0 … 40, constant from now on
-    std::optional<double> wind_from_deg;  ///< true direction it comes from
-    bool original_wind = false;           ///< back to the wind that the simulator was started with
-    std::optional<bool> radio_on;         ///< false: the boat neither sends nor hears
+    std::optional<double> wind_from_deg;  ///< true direction of its origin
+    bool original_wind = false;           ///< back to the wind of the start
+    std::optional<bool> radio_on;         ///< false: the boat neither sends nor receives
 };
 struct scene {
     double wind_speed_mps = 0;

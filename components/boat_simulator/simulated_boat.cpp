@@ -51,7 +51,7 @@ void simulated_boat::resume(const remembered_boat& from) {
     state_.speed_mps = from.speed_mps;
     for (const auto& mark : from.list)
         if (auto put = pilot_.insert(pilot_.list().size(), mark, state_); !put) throw ise::error(put.error());
-    // What was right when it was kept is right now; a parameter of another program's file keeps its preset.
+    // A stored value that was valid is valid now; a parameter that the file does not have keeps its preset.
     for (std::size_t i = 0; i < parameter_count; ++i)
         (void)pilot_.set_parameter(static_cast<parameter_id>(i), from.parameters[i]);
     if (from.active < from.list.size()) (void)pilot_.select(from.active, state_);

@@ -11,10 +11,10 @@
 
 namespace atirma::simulator {
 
-/// Time of the model since the boat was made. Who drives it decides how it passes.
+/// Time of the model since its start. The caller decides how fast it passes.
 using model_time = std::chrono::nanoseconds;
 
-/// What a boat keeps over the loss of its power, and where it lies in the water then.
+/// The state of a boat over a loss of power, and its position then.
 struct remembered_boat {
     std::uint16_t boot = 0;
     std::uint32_t authority = 0;
@@ -29,32 +29,32 @@ struct remembered_boat {
 };
 
 struct boat_options {
-    std::vector<waypoint> course;      ///< sailed round and round; empty: it stays where it is
+    std::vector<waypoint> course;      ///< sailed in laps; empty: it stays at its position
     std::optional<waypoint> start;     ///< also home; else half-way along the last leg of the course
-    std::optional<double> heading_deg; ///< else on a reach: a boat at rest head to wind never moves
-    utc_time epoch{};                  ///< the UTC of model time 0
+    std::optional<double> heading_deg; ///< default: on a reach, because a boat at rest head to wind never moves
+    utc_time epoch{};                  ///< UTC at model time 0
     double clock_rate = 1;             ///< UTC that passes per model time; 1/speedup keeps the boat's clock right
     std::uint16_t boot = 1;
     std::array<double, link_count> telemetry_period_s{2, 0, 0}; ///< at the start, by link_id; 0 is off
-    std::optional<remembered_boat> resumed; ///< goes on from there, in the boot after that one; `course`, `start` and
-                                            ///< `boot` count for nothing then
-    std::vector<acknowledgement> executed;  ///< before, oldest first: repeated, they change nothing
-    std::uint64_t seed = 1;                 ///< of the noise of the instruments
+    std::optional<remembered_boat> resumed; ///< continues from there, in the next boot; `course`, `start` and
+                                            ///< `boot` are ignored then
+    std::vector<acknowledgement> executed; ///< telecommands of before, oldest first: repetitions of them change nothing
+    std::uint64_t seed = 1;                ///< for the noise of the instruments
     boat_parameters model = small_boat_parameters();
 };
 
-/// A packet for a link, ready to be sent.
+/// A packet for a link, ready to send.
 struct outgoing_packet {
     link_id link = link_id::xbee;
     ise::bytes raw;
 };
 
-/// The boat: hull, wind, autopilot, telemetry and telecommands. It reads no clock and draws no random number but its
-/// own: the same options, commands and times give the same packets. Not thread safe.
+/// The boat: hull, wind, autopilot, telemetry and telecommands. It uses no clock, and random numbers only from its
+/// seed: the same options, commands and times give the same packets. Not thread-safe.
 class simulated_boat {
 public:
     static constexpr std::size_t max_queued = 128; ///< packets a link; the oldest is dropped and counted
-    static constexpr std::size_t max_answers = 32; ///< acknowledgements a link; the same
+    static constexpr std::size_t max_answers = 32; ///< acknowledgements a link; the oldest is dropped and counted
     static constexpr std::size_t remembered_commands = 256;
     static constexpr std::uint32_t max_epoch_step =
         1024; ///< an epoch of authority further above the boat's does not count
@@ -62,14 +62,14 @@ public:
     /// Throws `ise::error` (invalid_argument) without a wind.
     simulated_boat(boat_options options, std::shared_ptr<const wind_source> wind);
 
-    /// Sails until `now` in steps of 0.1 s and puts the telemetry that falls due into the queues. Time never goes back.
+    /// Sails until `now` in steps of 0.1 s and queues the telemetry that is due. Time never goes back.
     void advance(model_time now);
-    /// When it next has something to send, or a step to make; call `advance` then (or later, or more often).
+    /// The time of its next step or packet; call `advance` then (or later, or more often).
     model_time next_event() const;
 
-    /// The packets for one link: acknowledgements, for which somebody waits, then telemetry; each oldest first.
+    /// The packets for one link: acknowledgements, then telemetry; each oldest first.
     std::vector<ise::bytes> take_packets(link_id link);
-    /// The same one by one, for a sender that goes at its own pace. Empty bytes if there is none.
+    /// The same one by one, for a sender with its own pace. Empty bytes if there is none.
     ise::bytes take_packet(link_id link);
     double telemetry_period_s(link_id link) const { return schedule_.period_s(link); } ///< 0 is off
     std::size_t queued(link_id link) const {
@@ -77,13 +77,13 @@ public:
         return waiting.answers.size() + waiting.telemetry.size();
     }
 
-    /// A packet that arrived over a link: a telecommand is executed and its acknowledgement queued on the same link.
-    /// Anything else is `malformed`, and counted. A boat that is starting hears nothing.
+    /// Processes a packet that arrived over a link: executes a telecommand and queues its acknowledgement on the same
+    /// link. Anything else is `malformed`, and counted. A boat that is starting ignores packets.
     ise::result<acknowledgement> on_packet(link_id link, ise::bytes_view raw);
-    /// The same without the bytes. A repeated id is answered as the first time and changes nothing.
+    /// The same for a decoded telecommand. A repeated id gets the first answer again and changes nothing.
     acknowledgement execute(const telecommand& command, link_id from = link_id::xbee);
 
-    /// What the link's own driver knows; told in the next link_status packet.
+    /// The state reported by the link's driver; sent in the next link_status packet.
     void set_link_status(const link_status& status);
 
     location location_now() const;
@@ -99,11 +99,11 @@ public:
     wind_sample true_wind() const { return wind_->at(now_s_); }
     std::uint16_t boot() const { return boot_; }
     std::uint64_t refused_packets() const { return refused_; }
-    /// To be kept, and given as `boat_options::resumed` and `executed` to the next one.
+    /// The state to store, and to pass as `boat_options::resumed` and `executed` to the next boat.
     remembered_boat remember() const;
     const std::deque<acknowledgement>& executed() const { return acknowledged_; }
-    std::uint64_t executed_count() const { return executed_count_; } ///< so many ever were added to `executed()`
-    std::uint32_t authority() const { return authority_; }           ///< the epoch that it obeys; 0: anybody
+    std::uint64_t executed_count() const { return executed_count_; } ///< the number ever added to `executed()`
+    std::uint32_t authority() const { return authority_; }           ///< the epoch that it obeys; 0: any
 
 private:
     void resume(const remembered_boat& from);

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-// What the boat tells of itself: the bodies of its telemetry; power stands where the charge is kept.
+// The bodies of the boat's telemetry; that of power is where the charge is.
 namespace atirma::simulator {
 namespace {
 

@@ -6,8 +6,8 @@
 
 namespace atirma::simulator {
 namespace {
-// Every how many periods a type goes. Iridium is paid by the byte: only where the boat is and how it sails, unless
-// asked.
+// The number of periods between two packets of a type. Iridium costs by the byte: only position and navigation, unless
+// others are requested.
 constexpr std::array<std::uint64_t, packet_type_count> radio_turns{1, 1, 2, 10, 30, 30, 15};
 constexpr std::array<std::uint64_t, packet_type_count> satellite_turns{1, 1, 0, 0, 0, 0, 0};
 } // namespace
@@ -41,8 +41,8 @@ std::vector<packet_type> telemetry_schedule::take_due(link_id link, double now_s
     }
     if (due) {
         ++e.turn;
-        e.next_s += e.period_s *
-                    std::max(1.0, std::ceil((now_s - e.next_s) / e.period_s + 1e-9)); // missed turns are not made up
+        e.next_s +=
+            e.period_s * std::max(1.0, std::ceil((now_s - e.next_s) / e.period_s + 1e-9)); // missed ones are skipped
     }
     return out;
 }

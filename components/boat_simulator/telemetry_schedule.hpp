@@ -10,23 +10,23 @@ namespace atirma::simulator {
 enum class packet_type : std::uint8_t { location, navigation, wind, power, waypoints, configuration, link_status };
 inline constexpr std::size_t packet_type_count = 7;
 
-/// Which packet is due on which link. Each link has a period; location and navigation go once a period, the others
-/// every so many; what has changed goes at once.
+/// Schedules the packets on each link. Each link has a period: location and navigation are due once a period, others
+/// every few periods, and changed ones at once.
 class telemetry_schedule {
 public:
     void set_period(link_id link, double period_s,
-                    double now_s); ///< 0 switches the link's telemetry off, as it is at first
+                    double now_s); ///< 0 (default): no telemetry on the link
     double period_s(link_id link) const { return links_[index(link)].period_s; }
 
-    /// Due at the next look, on every link that is not off.
+    /// Makes it due now, on every link that is not off.
     void request(packet_type type);
     /// The same on one link, even if that one is off.
     void request(packet_type type, link_id link);
     void request_all(link_id link);
 
-    /// What is due at `now_s`, each once, whatever was missed.
+    /// The packets due at `now_s`, each once, even if several were missed.
     std::vector<packet_type> take_due(link_id link, double now_s);
-    /// When `take_due` gives something next; infinity if never.
+    /// The time of the next due packet; infinity if there is none.
     double next_s() const;
 
 private:

@@ -71,7 +71,7 @@ ise::result<std::unique_ptr<recorded_wind>> parse_wind_csv(std::string_view csv,
         if (fields.size() <= std::max({*time, *speed, *direction}))
             return wrong(line_number, fmt::format("{} columns, {} are needed", fields.size(),
                                                   std::max({*time, *speed, *direction}) + 1));
-        if (fields[*speed].empty() || fields[*direction].empty()) continue; // the instrument gave nothing
+        if (fields[*speed].empty() || fields[*direction].empty()) continue; // no measurement
         auto t = number(fields[*time]), v = number(fields[*speed]), d = number(fields[*direction]);
         if (!t) return wrong(line_number, fmt::format("time \"{}\" is not a number", fields[*time]));
         if (!v) return wrong(line_number, fmt::format("wind speed \"{}\" is not a number", fields[*speed]));

@@ -18,7 +18,7 @@ private:
     wind_sample wind_;
 };
 
-// A sum of sines with random phases and periods: smooth, without memory, so any time can be asked for.
+// A sum of sines with random phases and periods: smooth and stateless, so it can be evaluated at any time.
 class gusting final : public wind_source {
     struct wave {
         double rate_rps = 0;

@@ -7,37 +7,37 @@
 
 namespace atirma {
 
-/// The operator behind a caller ("PATH (ADDRESS)", or "ADDRESS"): the path that it claims. Without one, or where what
-/// it claims is no path: "anonymous@ADDRESS", which is no path either and belongs to that session only.
+/// The operator behind a caller ("PATH (ADDRESS)", or "ADDRESS"): the path that it claims. Without a valid path:
+/// "anonymous@ADDRESS", which is not a path, and identifies that session only.
 std::string operator_of(std::string_view caller);
 
-/// Who holds the authority over the boat: what may be done with it, without I/O. Two nodes that cannot see each other
-/// never give the same epoch: one gives even ones, the other odd ones. Where they meet again the higher one wins.
-/// Only a path holds the authority; what is none is nobody that would be known again.
+/// The authority over the boat: its holder, and which changes are permitted; without I/O. Two nodes that cannot reach
+/// each other never grant the same epoch: one grants even ones, the other odd ones; when they meet again, the higher
+/// one wins. Only a path can hold the authority, because other callers cannot be recognised.
 class authority_book {
 public:
     static constexpr std::size_t max_asking = 16;
     static constexpr std::size_t max_name = 200;
-    /// The boat's word moves the epoch of the nodes by this much at most.
+    /// A report of the boat moves the epoch of the nodes by at most this much.
     static constexpr std::uint32_t max_step = 1024;
 
     explicit authority_book(bool odd) : odd_(odd) {}
 
     const authority_state& now() const noexcept { return state_; }
-    std::uint64_t change() const noexcept { return change_; } ///< counts what happened within the epoch
+    std::uint64_t change() const noexcept { return change_; } ///< counts the changes within the epoch
 
-    /// What would hold after that request of `who`; the same as `now()` where it changes nothing. To be put to disk and
-    /// then applied. Errors: refused, with who holds it and what to do; also where the epochs are used up.
+    /// Returns the state after that request of `who`; `now()` if it changes nothing. The caller stores it on disk, then
+    /// applies it. Errors: refused (the message names the holder and what to do), also if the epochs are used up.
     ise::result<authority_state> decide(const authority_request& request, const std::string& who, utc_time wall) const;
     void apply(authority_state state, std::uint64_t change);
-    /// What the other node says; true where it is newer than what is known here.
+    /// Whether the state of the other node is newer than this one.
     bool is_newer(const authority_state& theirs, std::uint64_t change) const noexcept;
-    /// The boat answered a telecommand that was sent under `sent_under`: it obeys `epoch`. That may have been given by
-    /// a node that is not seen, or be forged: it is followed by the next change of the authority, and decides nothing
+    /// The boat answered a telecommand that was sent under `sent_under`: it obeys `epoch`. A node out of reach may have
+    /// granted that epoch, or it is forged: the next change of the authority goes beyond it, and it decides nothing
     /// between the nodes beyond `max_step`.
     void boat_obeys(std::uint32_t epoch, std::uint32_t sent_under) noexcept;
 
-    /// Why `who` may not command the boat; nothing where he may.
+    /// Why `who` may not command the boat; empty if it may.
     std::optional<std::string> refusal(const std::string& who) const;
 
 private:
@@ -47,7 +47,7 @@ private:
 
     authority_state state_;
     std::uint64_t change_ = 0;
-    std::optional<std::uint32_t> boat_; // obeys this one and not ours
+    std::optional<std::uint32_t> boat_; // the epoch that it obeys, if that is not ours
     bool odd_;
 };
 

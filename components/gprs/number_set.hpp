@@ -35,7 +35,7 @@ public:
 
 private:
     std::size_t max_ranges_;
-    ise::net::udp::interval_set there_; // the first one begins with 0
+    ise::interval_set there_; // the first one begins with 0
 };
 
 } // namespace atirma::gprs

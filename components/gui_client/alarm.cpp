@@ -7,7 +7,7 @@ namespace atirma::console {
 void alarm_book::raise(const std::string& key, severity how, std::string text, utc_time now) {
     auto found = alarms_.find(key);
     if (found == alarms_.end()) {
-        if (alarms_.size() >= max_alarms) { // the least of what is over gives way
+        if (alarms_.size() >= max_alarms) { // the least severe of those that are over is removed
             auto least = alarms_.end();
             for (auto it = alarms_.begin(); it != alarms_.end(); ++it)
                 if (it->second.over_at && it->second.how <= how &&

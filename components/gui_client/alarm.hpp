@@ -10,27 +10,28 @@ namespace atirma::console {
 
 enum class severity : std::uint8_t { notice, warning, critical };
 
-/// When the operator is called.
+/// The limits beyond which an alarm is raised.
 struct alarm_limits {
-    double no_data_s = 60;     ///< nothing heard over any link; five periods where the boat tells more rarely
-    double link_silent_s = 60; ///< nothing over a link that was heard before; five periods if that is longer
+    double no_data_s = 60; ///< nothing received over any link; five telemetry periods if that is longer
+    double link_silent_s =
+        60; ///< nothing received over one link that worked before; five telemetry periods if that is longer
     double proxy_lost_s = 5;
     unsigned battery_low_percent = 20;
     unsigned battery_critical_percent = 10;
     double off_track_m = 60;
-    int modem_hot_c = 60;       ///< the modem then holds its duty cycle over a second
+    int modem_hot_c = 60;       ///< the modem then limits its duty cycle
     unsigned duty_percent = 90; ///< of what is allowed
     bool operator==(const alarm_limits&) const = default;
 };
 
-/// An alarm that was acknowledged before the console was started again.
+/// An alarm that was acknowledged before the console was restarted.
 struct acknowledged_alarm {
     std::string key;
     severity how = severity::warning;
     bool operator==(const acknowledged_alarm&) const = default;
 };
 
-/// Something that the operator must see. It stays until it is over *and* was acknowledged.
+/// An alarm stays until its cause is gone and it has been acknowledged.
 struct alarm_entry {
     std::string key; ///< "battery", "link:atirma/shore/xbee"
     severity how = severity::warning;
@@ -45,25 +46,24 @@ class alarm_book {
 public:
     static constexpr std::size_t max_alarms = 64;
 
-    /// A cause is there: raises it, or brings its text up to date. One that was over, or has become graver, is to be
-    /// acknowledged again.
+    /// Raises an alarm or updates its text. If it was over, or becomes more severe, it must be acknowledged again.
     void raise(const std::string& key, severity how, std::string text, utc_time now);
-    /// The cause is gone. What was acknowledged goes; the rest waits for its acknowledgement.
+    /// The cause is gone: removes the alarm if it was acknowledged; else it waits for that.
     void clear(const std::string& key, utc_time now);
     /// `raise` or `clear`.
     void set(const std::string& key, bool there, severity how, const std::string& text, utc_time now);
-    /// Something that happened once: it is over at once, and waits to be acknowledged.
+    /// Reports a single event: it is over at once, and waits to be acknowledged.
     void tell(const std::string& key, severity how, std::string text, utc_time now);
-    /// Empty: all. True if there was such a one.
+    /// Empty: all. Returns whether there was one.
     bool acknowledge(const std::string& key);
-    /// These were acknowledged in another life of the console: one that is raised before `until`, and is no graver
-    /// than it was then, does not call again. At most max_alarms.
+    /// Alarms that were acknowledged before a restart: if one is raised again before `until`, and is not more severe
+    /// than then, it counts as acknowledged. At most max_alarms.
     void remember(const std::vector<acknowledged_alarm>& before, utc_time until);
 
     const alarm_entry* find(const std::string& key) const;
-    /// To be acknowledged first, then the gravest, then the newest.
+    /// Sorted: unacknowledged first, then by severity, then the newest.
     std::vector<alarm_entry> list() const;
-    /// That were not kept since there are too many.
+    /// The number of alarms that were discarded because there were too many.
     std::uint64_t dropped() const noexcept { return dropped_; }
 
 private:

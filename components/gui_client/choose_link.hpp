@@ -6,8 +6,8 @@
 
 namespace atirma::console {
 
-/// The proxy for a telecommand that names none: the cheapest link over which the boat was heard lately, of those that
-/// are reached; else the one heard last; else any that is reached; else any. Empty: there is none at all.
+/// Returns the proxy for a telecommand that names none: of the reachable ones the cheapest over which the boat was
+/// heard recently; else the one heard last; else any reachable one; else any. Empty: there is none.
 std::string choose_link(const std::map<std::string, link_view>& links,
                         const std::optional<heard<configuration>>& settings, utc_time now);
 

@@ -6,7 +6,7 @@
 
 namespace atirma::console {
 namespace {
-// As weight_of(telecommand_stage): an answer of the boat is the last word; what is over otherwise may be corrected.
+// As weight_of(telecommand_stage): an answer of the boat is final; any other end may still be corrected by it.
 int weight_of(command_phase phase) {
     if (phase == command_phase::done || phase == command_phase::refused) return 2;
     return is_over(phase) ? 1 : 0;
@@ -32,7 +32,7 @@ command_phase command_log::phase_of(telecommand_stage stage, const std::optional
 
 void command_log::asked(command_entry entry) {
     shared_.reset();
-    if (auto* known = seek(entry.id)) { // the proxy was quicker
+    if (auto* known = seek(entry.id)) { // the proxy reported it first
         known->own = true;
         known->what = std::move(entry.what);
         return;
@@ -42,7 +42,7 @@ void command_log::asked(command_entry entry) {
 
 const command_entry& command_log::on_status(const std::string& path, const telecommand_status& status, utc_time now) {
     shared_.reset();
-    bool from_record = status.asked_at != utc_time(); // who tells it knows when it was given
+    bool from_record = status.asked_at != utc_time(); // a record knows when it was given
     auto* known = seek(status.id);
     if (!known) {
         command_entry entry;

@@ -7,20 +7,21 @@
 
 namespace atirma::console {
 
-/// Everybody's telecommands, as far as they were heard of: those given here, and those that the proxies tell of. Pure,
-/// bounded: the oldest that is over gives way, then the oldest.
+/// The telecommands of all operators, as far as they are known: those given here, and those that the proxies report.
+/// Pure, bounded: the oldest one that is over is removed first, then the oldest.
 class command_log {
 public:
     explicit command_log(std::size_t most = 300) : most_(most) {}
 
-    /// One that is given here.
+    /// A telecommand is given here.
     void asked(command_entry entry);
-    /// A proxy tells of a change; also of a command that nobody here gave. Gives the entry as it is now.
+    /// A proxy reports a change, also of a telecommand of another console. Returns the updated entry.
     const command_entry& on_status(const std::string& path, const telecommand_status& status, utc_time now);
-    /// What became of one that was given here. What is over stays so, unless the boat answers after all.
+    /// The outcome of a telecommand given here. One that is over does not change any more, unless the boat answers
+    /// late.
     void on_outcome(std::uint32_t id, command_phase phase, std::optional<float> value, std::string text, utc_time now);
     const command_entry* find(std::uint32_t id) const;
-    /// Not over yet, over that proxy.
+    /// The number of telecommands over that proxy that are not over yet.
     std::size_t open(const std::string& path) const;
     /// The same object until something changes. Oldest first.
     std::shared_ptr<const std::vector<command_entry>> entries();

@@ -1,12 +1,14 @@
 #pragma once
 #include <components/boat/duplicate_filter.hpp>
 #include <components/gui_client/alarm.hpp>
+#include <components/gui_client/boat_record.hpp>
 #include <components/gui_client/command_log.hpp>
 #include <components/gui_client/mission.hpp>
+#include <components/gui_client/packet_log.hpp>
+#include <components/gui_client/parameter_book.hpp>
 #include <components/gui_client/track_store.hpp>
 #include <components/gui_client/view.hpp>
 
-#include <deque>
 #include <map>
 #include <memory>
 
@@ -18,16 +20,16 @@ struct state_options {
     std::size_t max_packets = 500;
     std::size_t max_notices = 50;
     std::size_t max_commands = 300;
-    std::size_t max_links = 32; ///< proxies that are followed
+    std::size_t max_links = 32; ///< the number of proxies that are followed
 };
 
-/// All that the console knows, without I/O: what came is told to it with the console's time, and it makes snapshots.
-/// Bounded in everything. Not thread safe.
+/// The complete state of the console, without I/O: it is given events with the console's time, and makes snapshots.
+/// Bounded. Not thread-safe.
 class console_state {
 public:
     explicit console_state(state_options options = state_options());
 
-    // What came.
+    // Events of the system.
     void on_telemetry(const std::string& path, const telemetry_packet& packet, utc_time now);
     void on_status(const std::string& path, const telecommand_status& status, utc_time now);
     void on_xbee(const std::string& path, const xbee_local& local, utc_time now);
@@ -35,22 +37,24 @@ public:
     void on_gprs(const std::string& path, const gprs_state& told, utc_time now);
     void on_account(const std::string& path, const iridium_account& account, utc_time now);
     void on_lost(const std::string& path, std::uint64_t packets);
+    /// A proxy is followed from now on. False: there are `max_links` already.
+    bool add_link(const std::string& path) { return link_at(path) != nullptr; }
     /// A proxy is reached, or not and why.
     void on_link(const std::string& path, bool connected, std::string trouble, utc_time now);
     void takes_commands(const std::string& path);
-    /// `path` is the role of the communication nodes: what comes from there came over any link, at any time before.
+    /// `path` is the role of the communication nodes: its packets came over any link, at any time in the past.
     void stands_for_all(const std::string& path);
-    /// A communication node tells of itself; `told` null: whether it is reached has changed.
+    /// A communication node reports its state; `told` null: only whether it is reached.
     void on_node(const std::string& path, bool connected, std::string trouble, const communication_state* told,
                  utc_time now);
     void on_authority(const authority_state& told, utc_time now);
     void on_finding(finding_view finding) { finding_ = std::move(finding); }
     void on_present(std::vector<present_component> all);
 
-    // What the operator does.
+    // Actions of the operator.
     void asked(std::uint32_t id, const std::string& path, const boat_command& command, utc_time now);
     void on_outcome(std::uint32_t id, command_phase phase, std::optional<float> value, std::string text, utc_time now);
-    /// A change of the authority was asked for; or it is decided, with a problem where it was refused.
+    /// A change of the authority was requested, or is decided; `problem`: why it was refused.
     void asks_authority(bool under_way, std::string problem);
     void set_self(std::string path) { authority_.self = std::move(path); }
     void set_limits(const alarm_limits& limits) { options_.limits = limits; }
@@ -59,11 +63,11 @@ public:
     void acknowledge(const std::string& key) { alarms_.acknowledge(key); }
     void clear_track() { track_.clear(); }
 
-    /// Looks at what time alone changes: the alarms.
+    /// Applies the rules of the alarms, which depend on the time.
     void on_time(utc_time now);
     std::shared_ptr<const snapshot> view(utc_time now);
 
-    const boat_view& boat() const noexcept { return boat_; }
+    const boat_view& boat() const noexcept { return boat_.view(); }
     const mission_parts& mission() const noexcept { return mission_; }
     const command_log& commands() const noexcept { return commands_; }
     const std::map<std::string, link_view>& links() const noexcept { return links_; }
@@ -72,37 +76,27 @@ public:
 
 private:
     link_view* link_at(const std::string& path);
+    void count(link_view& link, const telemetry_packet& packet, bool first, utc_time now);
+    void count_recorded(link_view& role, const telemetry_packet& packet, utc_time now);
     void take(const telemetry_message& message, const telemetry_packet& packet, utc_time now);
-    void take_location(const location& told, const telemetry_packet& packet, utc_time now);
-    void take_settings(const configuration& told, utc_time now);
-    void rebooted(const telemetry_packet& packet, utc_time now);
-    void settle_parameter(std::uint32_t id, command_phase phase, std::optional<float> value, const std::string& text,
-                          utc_time now);
-    void watch_boat(utc_time now);
-    void watch_links(utc_time now);
-    void watch_nodes(utc_time now);
 
     state_options options_;
     finding_view finding_;
-    boat_view boat_;
+    boat_record boat_;
     mission_parts mission_;
     upload_view upload_;
-    std::vector<parameter_view> parameters_;
-    std::map<std::uint32_t, parameter_id> parameter_commands_; ///< own ones that are not over
+    parameter_book parameters_;
     std::map<std::string, link_view> links_;
     std::map<std::string, node_view> nodes_;
     authority_view authority_;
-    std::map<std::string, duplicate_filter> heard_over_; ///< what came over one link is counted once there
+    std::map<std::string, duplicate_filter> heard_over_; ///< by path: a packet is counted once on each link
     duplicate_filter seen_;
     alarm_book alarms_;
     track_store track_;
     command_log commands_;
-    std::deque<std::shared_ptr<const raw_packet>> packets_;
-    std::shared_ptr<const std::vector<std::shared_ptr<const raw_packet>>> shared_packets_;
+    packet_log packets_;
     std::shared_ptr<const std::vector<present_component>> present_;
-    std::optional<std::uint16_t> boot_;
-    utc_time boot_measured_{};
-    std::uint64_t packet_count_ = 0, snapshot_count_ = 0;
+    std::uint64_t snapshot_count_ = 0;
 };
 
 } // namespace atirma::console

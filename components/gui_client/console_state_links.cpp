@@ -4,7 +4,7 @@
 
 #include <fmt/format.h>
 
-// What is known of the ways to the boat: proxies, communication nodes, and who has the authority.
+// The links to the boat: proxies, communication nodes, and the authority.
 namespace atirma::console {
 
 link_view* console_state::link_at(const std::string& path) {
@@ -73,7 +73,7 @@ void console_state::on_node(const std::string& path, bool connected, std::string
         if (nodes_.size() >= options_.max_links) return;
         known = nodes_.emplace(path, node_view()).first;
         known->second.path = path;
-        known->second.told_at = now; // from now on it is waited for
+        known->second.told_at = now; // its alarm is due from now on
     }
     auto& node = known->second;
     node.connected = connected;
@@ -84,17 +84,17 @@ void console_state::on_node(const std::string& path, bool connected, std::string
 }
 
 void console_state::on_authority(const authority_state& told, utc_time now) {
-    // After a fail-over the other node may not have heard of the newest change yet.
+    // After a fail-over the other node may not know the newest change yet.
     if (authority_.known && told.epoch < authority_.state.epoch) return;
     bool was_mine = authority_.mine();
     authority_.known = true;
     authority_.state = told;
     if (was_mine && !authority_.mine() && !authority_.changing)
         alarms_.tell("authority:lost", severity::warning,
-                     fmt::format("The command over the boat was given up here: {}", told.how), now);
+                     fmt::format("This console has lost the authority over the boat: {}", told.how), now);
     auto waiting = authority_.mine() && !told.asked_by.empty();
     alarms_.set("authority:asked", waiting, severity::notice,
-                waiting ? fmt::format("{} asks for the command over the boat", operator_label(told.asked_by.front()))
+                waiting ? fmt::format("{} requests the authority over the boat", operator_label(told.asked_by.front()))
                         : std::string(),
                 now);
 }

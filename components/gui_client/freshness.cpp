@@ -19,7 +19,7 @@ double expected_period_s(value_kind kind, link_id link, const std::optional<hear
     double period = usual[place];
     if (settings && settings->value.telemetry_period_s[place] > 0)
         period = static_cast<double>(settings->value.telemetry_period_s[place]);
-    switch (kind) { // every how many periods the boat tells it
+    switch (kind) { // the boat reports it every so many periods
         case value_kind::position:
         case value_kind::sailing: return period;
         case value_kind::breeze: return 2 * period;

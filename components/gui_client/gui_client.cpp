@@ -1,36 +1,116 @@
 #include <components/gui_client/gui_client.hpp>
 
+#include <components/boat/find_component.hpp>
+#include <components/gui_client/mission_control.hpp>
+#include <components/gui_client/node_follower.hpp>
+#include <components/gui_client/provider_search.hpp>
+#include <components/gui_client/proxy_follower.hpp>
+
+#include <fmt/format.h>
+
 namespace atirma::console {
 namespace {
-constexpr ise::duration settles = std::chrono::seconds(10);
+using namespace std::chrono_literals;
+constexpr ise::duration settles = 10s, parameter_deadline = 15s;
+constexpr auto remembers_alarms = 10min;
 } // namespace
 
+struct gui_client::parts {
+    parts(ise::component& self, const gui_client_options& options)
+        : state(options.state), context{self, state, std::string(), false}, proxies(context),
+          nodes(context, options.communication, options.look_back, options.state.max_links),
+          search(context, options.space, options.name_server,
+                 [this](const auto& path, const auto& services) { follow(path, services); }),
+          authority(context), sender(context, authority), mission(context, sender, options.tick) {}
+
+    void start(const gui_client_options& options);
+    void report(const gui_client_options& options);
+
+    // What the operator does.
+    void act(give_command what) { spawn("telecommand", give(std::move(what))); }
+    void act(sail_to what) { spawn("sail to a place", mission.sail(std::move(what))); }
+    void act(change_authority what) { spawn("authority", authority.change(std::move(what))); }
+    void act(upload_mission what) { mission.upload(std::move(what)); }
+    void act(cancel_upload) { mission.cancel(); }
+    void act(set_xbee_parameter what) { spawn("modem parameter", set_modem(std::move(what))); }
+    void act(const acknowledge_alarm& what) { state.acknowledge(what.key); }
+    void act(const remember_alarms& what) { state.remember(what.before, context.clock() + remembers_alarms); }
+    void act(const set_limits& what) { state.set_limits(what.limits); }
+    void act(forget_track) { state.clear_track(); }
+
+    void follow(const std::string& path, const std::set<std::string>& services);
+    void spawn(std::string name, ise::task<> body) { context.self.spawn(std::move(name), std::move(body)); }
+    ise::task<> give(give_command what) { co_await sender.execute(std::move(what)); }
+    ise::task<> set_modem(set_xbee_parameter what);
+
+    console_state state;
+    client_context context;
+    proxy_follower proxies;
+    node_follower nodes;
+    provider_search search;
+    authority_client authority;
+    telecommand_sender sender;
+    mission_control mission;
+};
+
+void gui_client::parts::start(const gui_client_options& options) {
+    state.set_self(context.self.path());
+    for (const auto& path : options.proxies) proxies.follow(path, proxy_follower::followed_services());
+    search.start();
+}
+
+void gui_client::parts::follow(const std::string& path, const std::set<std::string>& services) {
+    // A node has what all proxies have: the role is followed, not each node.
+    bool is_node = services.contains(std::string(services::communication.name()));
+    if (is_node) nodes.follow(path);
+    else proxies.follow(path, services);
+}
+
+void gui_client::parts::report(const gui_client_options& options) {
+    proxies.report();
+    nodes.report();
+    finding_view finding;
+    finding.uses_names = search.uses_names();
+    finding.where = options.name_server ? options.name_server->text() : std::string();
+    for (const auto& path : options.proxies) finding.where += (finding.where.empty() ? "" : ", ") + path;
+    finding.looking_for = "telemetry below " + options.space;
+    finding.reached = search.health().reached();
+    finding.trouble = search.health().trouble();
+    state.on_finding(std::move(finding));
+}
+
+ise::task<> gui_client::parts::set_modem(set_xbee_parameter what) {
+    xbee_param_request request;
+    request.name = what.name;
+    request.value = what.value;
+    auto show = [&](std::string text) {
+        state.on_xbee_answer(what.path, std::move(text));
+        context.news();
+    };
+    show(fmt::format("sets {} to {}…", what.name, what.value));
+    auto proxy = find_component(context.self, what.path);
+    auto answer = co_await proxy.try_call(services::xb_local_param, request, parameter_deadline);
+    show(answer ? fmt::format("{} is {} now", answer->meaning, answer->value) : answer.error().message());
+}
+
 gui_client::gui_client(gui_client_options options)
-    : options_(std::move(options)), state_(std::make_unique<console_state>(options_.state)) {
+    : options_(std::move(options)), parts_(std::make_unique<parts>(*this, options_)) {
     if (!options_.port) options_.port = std::make_shared<operator_port>();
 }
 gui_client::~gui_client() { options_.port->close(); }
 
-utc_time gui_client::clock() const { return std::chrono::floor<std::chrono::milliseconds>(wall()); }
+const console_state& gui_client::state() const noexcept { return parts_->state; }
 
 ise::task<> gui_client::run() {
-    state_ = std::make_unique<console_state>(options_.state);
-    followed_.clear();
-    connected_.clear();
-    trouble_.clear();
-    present_.clear();
-    looked_at_.clear();
-    nodes_.clear();
-    recorded_.clear();
-    role_followed_ = false;
-    state_->set_self(path());
-    commands_in_hand_ = 0;
-    uploading_ = cancel_upload_ = false;
+    parts_ = std::make_unique<parts>(*this, options_);
     struct closing {
-        gui_client& self;
-        ~closing() { self.options_.port->close(); }
-    } guard{*this};
-    options_.port->open(on().gate(), [this] { carry_out(); });
+        operator_port& port;
+        ~closing() { port.close(); }
+    } guard{*options_.port};
+    options_.port->open(on().gate(), [this] {
+        for (auto& what : options_.port->take()) std::visit([this](auto& one) { parts_->act(std::move(one)); }, what);
+        parts_->context.news();
+    });
     require(services::telemetry);
     require(services::telecommand);
     require(services::telecommand_state);
@@ -38,55 +118,22 @@ ise::task<> gui_client::run() {
     require(services::xb_local_param);
     require(services::authority);
     require(services::communication);
-    for (const auto& path : options_.proxies)
-        follow(path, {"telemetry", "telecommand", "telecommand_state", "xb_local", "gprs_state", "iridium_account"});
-    if (options_.name_server) spawn("names", watch_names());
-    // At first only some of what is there has been heard: nobody is called for the rest.
+    parts_->start(options_);
+    // At first only some of what is there has been heard: no alarm is raised for the rest.
     for (auto settled = now() + settles;;) {
-        if (now() >= settled) state_->on_time(clock());
+        if (now() >= settled) parts_->state.on_time(parts_->context.clock());
         publish_snapshot();
         co_await sleep(options_.tick);
     }
 }
 
 void gui_client::publish_snapshot() {
-    watch_streams();
-    if (!dirty_ && now() - published_ < options_.max_quiet && published_ != ise::time_point{}) return;
-    dirty_ = false;
+    parts_->report(options_);
+    auto& context = parts_->context;
+    if (!context.changed && now() - published_ < options_.max_quiet && published_ != ise::time_point{}) return;
+    context.changed = false;
     published_ = now();
-    options_.port->publish(state_->view(clock()));
-}
-
-void gui_client::watch_streams() {
-    for (const auto& [path, services] : followed_) {
-        if (!services.contains("telemetry")) continue;
-        auto found = connected_.find(path);
-        bool is = found != connected_.end() && found->second();
-        const auto& links = state_->links();
-        auto known = links.find(path);
-        bool was = known != links.end() && known->second.connected;
-        if (is != was) news();
-        state_->on_link(path, is,
-                        is                          ? std::string()
-                        : found != connected_.end() ? std::string("its proxy is not reached")
-                                                    : trouble_[path],
-                        clock());
-    }
-    for (const auto& path : nodes_) {
-        auto found = connected_.find(path);
-        bool is = found != connected_.end() && found->second();
-        state_->on_node(path, is, is ? std::string() : trouble_[path], nullptr, clock());
-    }
-    finding_view finding;
-    finding.uses_names = options_.name_server.has_value();
-    finding.where = options_.name_server ? options_.name_server->text() : std::string();
-    for (const auto& path : options_.proxies) finding.where += (finding.where.empty() ? "" : ", ") + path;
-    finding.looking_for = "telemetry below " + options_.space;
-    finding.reached = names_connected_ && names_connected_();
-    finding.trouble = finding.reached    ? std::string()
-                      : names_connected_ ? std::string("it is not reached")
-                                         : names_trouble_;
-    state_->on_finding(std::move(finding));
+    options_.port->publish(parts_->state.view(context.clock()));
 }
 
 } // namespace atirma::console

@@ -30,7 +30,7 @@ double bearing_deg(const waypoint& a, const waypoint& b) noexcept {
 }
 
 bool lies_on_leg(const waypoint& from, const waypoint& to, const waypoint& boat, float cross_track_error_m) noexcept {
-    constexpr double tolerance_m = 40; // place and error come in packets of their own
+    constexpr double tolerance_m = 40; // place and error come in different packets
     double off = (bearing_deg(from, boat) - bearing_deg(from, to)) * radians;
     double across = distance_m(from, boat) * std::sin(off);
     return std::abs(across - static_cast<double>(cross_track_error_m)) <= tolerance_m;
@@ -61,7 +61,8 @@ std::string describe_differences(const std::vector<waypoint>& on_boat, const std
     auto all = compare(on_boat, here);
     auto moved = std::count_if(all.begin(), all.end(), [](const auto& one) { return one.what == difference::moved; });
     std::string text;
-    if (on_boat.size() != here.size()) text = fmt::format("the boat has {}, here are {}", on_boat.size(), here.size());
+    if (on_boat.size() != here.size())
+        text = fmt::format("the boat has {}, the list here has {}", on_boat.size(), here.size());
     if (moved > 0) text += fmt::format("{}{} {}", text.empty() ? "" : "; ", moved, moved == 1 ? "differs" : "differ");
     return text.empty() ? "no difference" : text;
 }

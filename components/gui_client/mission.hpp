@@ -11,8 +11,8 @@ double distance_m(const waypoint& a, const waypoint& b) noexcept;
 /// True bearing from `a` to `b`, 0 <= x < 360.
 double bearing_deg(const waypoint& a, const waypoint& b) noexcept;
 
-/// Whether a boat that tells this cross-track error (right of the leg is positive) may be sailing from `from` to `to`:
-/// one that was sent to a waypoint from the middle of the sea sails another leg.
+/// Whether a boat with this cross-track error (positive: right of the leg) may be sailing from `from` to `to`. A boat
+/// that was sent to a waypoint from elsewhere sails another leg.
 bool lies_on_leg(const waypoint& from, const waypoint& to, const waypoint& boat, float cross_track_error_m) noexcept;
 
 enum class difference : std::uint8_t { same, moved, only_here, only_on_boat };
@@ -23,21 +23,21 @@ struct mission_difference {
     double moved_m = 0;
 };
 
-/// Place by place, as long as the longer list. Places that differ by less than what goes on air are the same.
+/// Place by place, as long as the longer list. Places that differ by less than the resolution on air are the same.
 std::vector<mission_difference> compare(const std::vector<waypoint>& on_boat, const std::vector<waypoint>& here);
 /// Whether nothing differs.
 bool same(const std::vector<waypoint>& on_boat, const std::vector<waypoint>& here);
 /// "2 differ", "the boat has 3, here are 4; 1 differs"; "no difference".
 std::string describe_differences(const std::vector<waypoint>& on_boat, const std::vector<waypoint>& here);
 
-/// Puts the list of waypoints together from the parts that the boat tells. Parts of two revisions, or of two lives of
-/// the boat, do not mix. Pure.
+/// Assembles the list of waypoints from the parts that the boat reports. Parts of two revisions, or from before and
+/// after a restart of the boat, are not mixed. Pure.
 class mission_parts {
 public:
     /// True if the view has changed.
     bool take(std::uint16_t boot, const waypoints& part, utc_time now);
     const mission_view& view() const noexcept { return view_; }
-    /// Whether the whole list has been told again since then.
+    /// Whether the whole list has been reported again since then.
     bool complete_since(utc_time then) const noexcept {
         return view_.complete && view_.told_at && *view_.told_at >= then;
     }

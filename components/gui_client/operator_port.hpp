@@ -12,33 +12,33 @@
 
 namespace atirma::console {
 
-/// Whether the authority over the boat is taken first, where this console does not have it.
+/// Whether to take the authority over the boat first, if this console does not have it.
 enum class taking : std::uint8_t { no, if_free, from_holder };
 
 /// Sends a telecommand. `via` is the path of a proxy; empty: over the best link, which the communication nodes choose,
-/// or the console where there are none.
+/// or without them the console.
 struct give_command {
     boat_command command;
     std::string via;
     float valid_s = 300;
-    bool confirmed = false; ///< the operator was asked, where it is dangerous
+    bool confirmed = false; ///< the operator has confirmed it, if it is dangerous
     taking authority = taking::no;
 };
-/// Clears the boat's list, adds these, reads the list back and compares. The operator was asked.
+/// Clears the boat's list, adds these, reads the list back and compares. The operator has confirmed it.
 struct upload_mission {
     std::vector<waypoint> points;
     std::string via;
     taking authority = taking::no;
 };
-/// Puts a waypoint before the active one and sails to it; the list goes on after it.
+/// Inserts a waypoint before the active one and sails to it; the boat then continues with its list.
 struct sail_to {
     waypoint point;
     std::string via;
     taking authority = taking::no;
 };
-/// Stops an upload at once. The telecommand that is under way may still arrive.
+/// Stops an upload at once. The telecommand in transit may still arrive.
 struct cancel_upload {};
-/// Takes the authority over the boat, asks for it, hands it over, gives it up.
+/// Takes, requests, hands over or gives up the authority over the boat.
 struct change_authority {
     authority_request request;
 };
@@ -52,7 +52,7 @@ struct set_xbee_parameter {
 struct acknowledge_alarm {
     std::string key;
 };
-/// That were acknowledged before this console was started.
+/// Alarms that were acknowledged before this console was started.
 struct remember_alarms {
     std::vector<acknowledged_alarm> before;
 };
@@ -61,22 +61,23 @@ struct set_limits {
 };
 struct forget_track {};
 
-/// What an operator does.
+/// An action of an operator.
 using action = std::variant<give_command, upload_mission, cancel_upload, set_xbee_parameter, acknowledge_alarm,
                             forget_track, sail_to, change_authority, remember_alarms, set_limits>;
 
-/// What lies between windows and the component, which live on threads of their own: snapshots one way, actions the
-/// other. Neither side waits for the other. Thread-safe; shared by both, and outlives either.
+/// Connects the windows and the component, which run on different threads: snapshots one way, actions the other.
+/// Neither side waits for the other. Thread-safe; shared by both, and outlives either.
 class operator_port {
 public:
-    static constexpr std::size_t max_actions = 256; ///< that nobody has taken yet
+    static constexpr std::size_t max_actions = 256; ///< that the component has not taken yet
 
     /// The newest snapshot; never null.
     std::shared_ptr<const snapshot> latest() const;
-    /// False, and nothing happens, where the component does not run or is too far behind.
+    /// Returns false, and does nothing, if the component does not run or its queue is full.
     bool act(action what);
-    /// Called for each new snapshot on the component's thread: it must return soon, and not call back into the port
-    /// but for `latest()`. Replaces the one before; an empty one ends it, and once that returns none runs any more.
+    /// Sets a callback for each new snapshot, on the component's thread: it must return soon, and may call only
+    /// `latest()` of the port. Replaces the one before. Once a call with an empty one returns, no callback runs any
+    /// more.
     void on_snapshot(std::function<void()> tell);
 
     // For the component, on its loop.
@@ -91,7 +92,7 @@ private:
     std::shared_ptr<const snapshot> latest_ = empty();
     std::vector<action> actions_;
     std::shared_ptr<ise::loop_gate> gate_;
-    std::shared_ptr<std::function<void()>> wake_; ///< looked at on the loop only
+    std::shared_ptr<std::function<void()>> wake_; ///< called on the loop only
     std::function<void()> tell_;
 
     static std::shared_ptr<const snapshot> empty();

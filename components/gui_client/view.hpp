@@ -12,11 +12,11 @@
 #include <string>
 #include <vector>
 
-// What the console knows at one instant: plain values, immutable once published, without any window.
+// The state of the console at one instant: plain values, immutable once published, independent of windows.
 namespace atirma::console {
 
 struct boat_view {
-    std::optional<heard<location>> position; ///< the last with a fix
+    std::optional<heard<location>> position; ///< the last one with a fix
     std::optional<heard<navigation>> sailing;
     std::optional<heard<wind>> breeze;
     std::optional<heard<power>> supply;
@@ -33,46 +33,46 @@ struct track_point {
     double longitude_deg = 0;
     float speed_mps = 0;
     link_id link = link_id::xbee;
-    bool history = false; ///< told later than it happened
+    bool history = false; ///< reported later than measured
     std::uint16_t boot = 0;
 };
 
-/// The list of waypoints that the boat told, as far as it is known.
+/// The list of waypoints that the boat reported, as far as it is known.
 struct mission_view {
     std::uint16_t revision = 0;
     std::uint8_t active = 0;
     std::size_t count = 0;           ///< of the whole list
     bool complete = false;           ///< all of it is in `points`
     std::vector<waypoint> points;    ///< empty unless complete
-    std::optional<utc_time> told_at; ///< when its oldest part arrived; nothing: never heard
+    std::optional<utc_time> told_at; ///< when its oldest part arrived; empty: never
 };
 
-/// One way to the boat: a component that provides telemetry and takes telecommands.
+/// One link to the boat: a component that provides telemetry and accepts telecommands.
 struct link_view {
     std::string path;                   ///< of the proxy
     bool all_links = false;             ///< the communication nodes' role: all links together
-    std::optional<link_id> link;        ///< nothing until a packet tells it, where its name does not
+    std::optional<link_id> link;        ///< by its path, else by its first packet; empty until then
     bool connected = false;             ///< its proxy is reached
     std::string trouble;                ///< why not, or why nothing can be sent
     utc_time since{};                   ///< of `connected`
     std::optional<utc_time> last_heard; ///< the boat, over this link
-    std::uint64_t packets = 0;          ///< telemetry, also what came over another link before
-    std::uint64_t duplicates = 0;       ///< of these, came over another link before
+    std::uint64_t packets = 0;          ///< telemetry, including duplicates
+    std::uint64_t duplicates = 0;       ///< of these, received over another link before
     std::uint64_t malformed = 0;
     std::uint64_t lost = 0;    ///< published by the proxy, not received here
     std::uint64_t bytes = 0;   ///< of the packets
-    std::uint64_t credits = 0; ///< Iridium: one for each 50 bytes begun, of what was heard and sent from here
+    std::uint64_t credits = 0; ///< Iridium: one for each 50 bytes begun, received and sent here
     std::size_t open_commands = 0;
     bool takes_commands = false;
     std::optional<xbee_local> xbee;
     std::optional<utc_time> xbee_at;
     std::string xbee_answer;                ///< to the last change of its modem's parameters
-    std::optional<gprs_state> gprs;         ///< of a GPRS proxy: by which way the boat is there
-    std::optional<iridium_account> account; ///< of an Iridium proxy: what it costs
-    std::optional<utc_time> told_at;        ///< `gprs` or `account`
+    std::optional<gprs_state> gprs;         ///< of a GPRS proxy: how the boat is connected
+    std::optional<iridium_account> account; ///< of an Iridium proxy: its costs
+    std::optional<utc_time> told_at;        ///< of `gprs` or `account`
 };
 
-/// A communication node, as it tells of itself.
+/// A communication node, by its own report.
 struct node_view {
     std::string path;
     bool connected = false;
@@ -81,49 +81,49 @@ struct node_view {
     std::optional<utc_time> told_at;
 };
 
-/// Who may tell the boat what to do, as the communication nodes say.
+/// Which operator may send telecommands, according to the communication nodes.
 struct authority_view {
-    bool known = false; ///< a node has said so
+    bool known = false; ///< a node has reported it
     authority_state state;
     std::string self;      ///< this console's path
-    bool changing = false; ///< asked for, not answered yet
+    bool changing = false; ///< requested, not answered yet
     std::string problem;   ///< why the last change did not happen
     bool mine() const noexcept { return known && !self.empty() && state.holder == self; }
 };
 
 struct parameter_view {
     parameter_id id{};
-    std::optional<float> confirmed; ///< the boat said so
+    std::optional<float> confirmed; ///< by the boat
     std::optional<utc_time> confirmed_at;
-    std::optional<float> pending; ///< asked for, not answered yet
+    std::optional<float> pending; ///< requested, not answered yet
     std::string problem;          ///< why the last change did not happen
 };
 
 enum class command_phase : std::uint8_t {
     asking,  ///< the proxy has not answered yet
-    queued,  ///< waits for the link
+    queued,  ///< waiting for the link
     sent,    ///< left the shore
-    done,    ///< the boat did it
-    refused, ///< the boat or the proxy said no
+    done,    ///< executed by the boat
+    refused, ///< by the boat or the proxy
     failed,  ///< cannot be sent
-    expired, ///< its time is over: it may have been executed
+    expired, ///< not decided in time: it may have been executed
 };
 constexpr bool is_over(command_phase phase) noexcept { return phase >= command_phase::done; }
 /// "asking", "queued"…
 std::string_view name_of(command_phase phase) noexcept;
 
-/// A telecommand of anybody's.
+/// A telecommand of any operator.
 struct command_entry {
     std::uint32_t id = 0;
     std::string path; ///< of the proxy
     std::optional<link_id> link;
-    std::string what;     ///< in words; of another console's only the kind
+    std::string what;     ///< in words; for another console's only the kind
     bool own = false;     ///< given here
-    std::string asked_by; ///< the operator's path, where a communication node tells it
+    std::string asked_by; ///< the operator's path, if a communication node reports it
     command_phase phase = command_phase::asking;
     std::optional<float> value;
-    std::string text;    ///< the last word about it
-    utc_time asked_at{}; ///< or first heard of
+    std::string text;    ///< the newest report about it
+    utc_time asked_at{}; ///< or first reported
     utc_time changed_at{};
     std::uint32_t attempts = 0;
 };
@@ -136,14 +136,14 @@ struct raw_packet {
     telemetry_packet packet;
 };
 
-/// A component of the system, as the name server tells.
+/// A component of the system, according to the name server.
 struct present_component {
     std::string path;
     std::string type;
     std::string state;
     std::string host;
     std::uint64_t process_id = 0;
-    utc_time since{};     ///< seen by this console
+    utc_time since{};     ///< first seen by this console
     bool console = false; ///< another operator, or this one
     bool self = false;
 };
@@ -160,7 +160,7 @@ struct upload_view {
     utc_time at{};    ///< of the last change
 };
 
-/// Whether the console finds its way: the name server, or the proxies that it was told.
+/// How proxies are found: by the name server, or by configuration.
 struct finding_view {
     bool uses_names = true;
     bool reached = false;
@@ -180,11 +180,11 @@ struct snapshot {
     std::vector<link_view> links;           ///< by path
     std::vector<node_view> nodes;           ///< by path
     authority_view authority;
-    std::vector<alarm_entry> alarms; ///< the gravest first
+    std::vector<alarm_entry> alarms; ///< the most severe first
     alarm_limits limits;
-    // Shared with the snapshots before, as long as nothing has changed.
+    // Shared with earlier snapshots as long as nothing has changed.
     std::shared_ptr<const std::vector<track_point>> track;      ///< in the order of time
-    std::size_t track_bytes = 0;                                ///< that it takes in memory, here and where it is kept
+    std::size_t track_bytes = 0;                                ///< its memory, here and in the store
     std::shared_ptr<const std::vector<command_entry>> commands; ///< oldest first
     std::shared_ptr<const std::vector<std::shared_ptr<const raw_packet>>> packets; ///< oldest first
     std::shared_ptr<const std::vector<present_component>> present;                 ///< by path

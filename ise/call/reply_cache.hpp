@@ -88,7 +88,7 @@ private:
         std::uint64_t key;       // the upper bits of its numbers
         bool unsure;             // there may have been one of this key before
         std::uint64_t floor = 0; // numbers below it count as seen
-        net::udp::interval_set seen;
+        interval_set seen;
     };
     static std::uint64_t key_of(std::uint64_t number) noexcept { return number >> range_bits; }
     void note(std::uint64_t number);

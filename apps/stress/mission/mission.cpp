@@ -142,7 +142,7 @@ bool mission::work() {
         std::unique_lock lock(mutex_);
         while (tasks_.empty()) {
             if (has_stopped({script_path})) { // it asks for its end, but where it failed
-                trouble_ = "the script failed before its time; the log says why";
+                trouble_ = "the script failed early; the reason is in the log";
                 return false;
             }
             asked_.wait_for(lock, 200ms);

@@ -27,40 +27,41 @@ stress::mission_options::line line_of(const std::string& text) {
     auto first = text.find('='), second = text.find('=', first + 1);
     stress::mission_options::line made;
     if (first == std::string::npos || second == std::string::npos)
-        throw CLI::ValidationError("--line takes WHICH=LINK=DEVICE, not " + text);
+        throw CLI::ValidationError("--line: expected WHICH=LINK=DEVICE, not " + text);
     made.which = text.substr(0, first);
     made.link = text.substr(first + 1, second - first - 1);
     made.device = text.substr(second + 1);
     if (made.which != "boat" && made.which != "shore" && made.which != "iridium")
-        throw CLI::ValidationError("--line is of boat, shore or iridium, not of " + made.which);
+        throw CLI::ValidationError("--line: expected boat, shore or iridium, not " + made.which);
     return made;
 }
 
 } // namespace
 
 int main(int argc, char** argv) {
-    CLI::App app("The script, the operators and the report of a mission on the real clock; who starts the processes of "
-                 "the deployment kills and starts them as the lines on standard output say.");
+    CLI::App app("Runs the script and the operators of a mission on the real clock and writes its report. The caller, "
+                 "which starts the processes of "
+                 "the deployment, kills and starts them by the lines on standard output.");
     app.formatter(std::make_shared<wrapped_help>());
     stress::mission_options options;
     double length_s = 600;
     std::string out, names;
     std::vector<std::string> lines;
-    app.add_option("--seed", options.seed, "of the plan")->capture_default_str();
-    app.add_option("--for", length_s, "seconds, once the deployment is up")
+    app.add_option("--seed", options.seed, "random seed of the plan")->capture_default_str();
+    app.add_option("--for", length_s, "length in seconds, once the deployment is up")
         ->check(CLI::Range(60.0, 86400.0))
         ->capture_default_str();
     app.add_option("--out", out, "folder for report.md, track.svg and track.gpx")->required();
     app.add_option("--name-server", names, "its endpoint (default: ISE_NAME_SERVER)")->envname("ISE_NAME_SERVER");
-    app.add_option("--line", lines, "WHICH=LINK=DEVICE: a serial line that is read along (boat, shore, iridium)");
-    app.add_option("--carrier-tcp", options.carrier_tcp, "where the boat's connections go on to");
-    app.add_option("--carrier-udp", options.carrier_udp, "where the boat's datagrams go on to");
-    app.add_option("--store", options.stores, "the files of the communication nodes, the primary's first")
+    app.add_option("--line", lines, "WHICH=LINK=DEVICE: a serial line that is recorded (boat, shore, iridium)");
+    app.add_option("--carrier-tcp", options.carrier_tcp, "where the boat's connections are relayed");
+    app.add_option("--carrier-udp", options.carrier_udp, "where the boat's datagrams are relayed");
+    app.add_option("--store", options.stores, "files of the communication nodes, the primary's first")
         ->expected(2)
         ->required();
-    app.add_option("--boat-memory", options.boat_memory, "the file of the boat's computer")->required();
+    app.add_option("--boat-memory", options.boat_memory, "file of the boat's computer")->required();
     app.add_option("--page", options.page, "host:port of the page");
-    app.add_option("--wind", options.wind, "in words, for the report");
+    app.add_option("--wind", options.wind, "description of the wind, for the report");
     CLI11_PARSE(app, argc, argv);
     try {
         for (const auto& text : lines) options.lines.push_back(line_of(text));

@@ -26,7 +26,7 @@ ise::task<> mission::script::run() {
     listen(at("atirma/boat"), services::truth, sailed);
     bool there = co_await see_the_boat();
     if (!there) {
-        of_.trouble_ = "no telemetry reached the operators: the deployment did not come up";
+        of_.trouble_ = "no telemetry reached the operators: the deployment did not start";
         of_.ask(task::over);
         co_return;
     }
@@ -73,7 +73,7 @@ ise::task<> mission::script::learn() {
     auto answer = co_await client.exchange(ask, 20s);
     auto told = nlohmann::json::parse(answer ? answer->body : std::string(), nullptr, false);
     if (told.is_discarded() || !told.contains("packets")) {
-        of_.trouble_ = "the page does not tell what it has shown";
+        of_.trouble_ = "the page does not report what it has shown";
         co_return;
     }
     const auto& packets = told["packets"];

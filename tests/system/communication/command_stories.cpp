@@ -181,7 +181,7 @@ TEST_CASE("communication: where the nodes are cut off from each other the boat o
     CHECK(it.waypoints() == 0);
     auto told = it.command("ana", adds_waypoint(6), 20s, one);
     REQUIRE_FALSE(told);
-    CHECK_THAT(told.error().message(), Contains("the boat obeys epoch 3") && Contains("take it anew"));
+    CHECK_THAT(told.error().message(), Contains("the boat obeys epoch 3") && Contains("take it again"));
     CHECK(it.command("bea", adds_waypoint(7), 20s, two)->result == ack_code::done);
     it.world.net().heal("one", "two");
     REQUIRE(it.until([&] { return it.state(one).authority.holder == "test/bea"; }, 30s));
@@ -214,7 +214,7 @@ TEST_CASE(
     it.boat.boat.execute(forged);
     CHECK(it.command("ana", adds_waypoint(6))->result == ack_code::no_authority);
     CHECK_THAT(it.command("ana", adds_waypoint(7)).error().message(),
-               Contains("the boat obeys epoch 1026") && Contains("take it anew"));
+               Contains("the boat obeys epoch 1026") && Contains("take it again"));
     auto anew = it.authority("ana", take);
     REQUIRE(anew);
     CHECK(anew->boat_epoch > 1026);

@@ -110,7 +110,7 @@ TEST_CASE("console windows: waypoints are edited by mouse, taken back, and uploa
     REQUIRE(table.rowCount() == 4);
     CHECK(table.item(0, 3)->text() == "same");
     CHECK(table.item(3, 3)->text() == "only here");
-    CHECK(it.find<QLabel>("mission_state").text().contains("the boat has 3, here are 4"));
+    CHECK(it.find<QLabel>("mission_state").text().contains("the boat has 3, the list here has 4"));
     it.picture("mission");
     // A snapshot never overwrites what is edited.
     it.show();

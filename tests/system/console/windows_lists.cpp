@@ -51,7 +51,7 @@ TEST_CASE("console windows: an alarm is shown until it is acknowledged") {
     CHECK(it.find<QTableWidget>("alarm_table").item(0, 2)->text() == "acknowledged");
 }
 
-TEST_CASE("console windows: a parameter shows what is confirmed, what is under way and what was refused") {
+TEST_CASE("console windows: a parameter shows confirmed, pending and refused values") {
     desk it;
     it.window->show_tab("boat");
     it.find<QDoubleSpinBox>("wanted_forbidden_angle_upwind").setValue(48);
@@ -62,7 +62,7 @@ TEST_CASE("console windows: a parameter shows what is confirmed, what is under w
     it.state.asked(77, xbee_path, command, it.now);
     it.show();
     CHECK(it.find<QLabel>("confirmed_forbidden_angle_upwind").text().contains("55"));
-    CHECK(it.find<QLabel>("state_forbidden_angle_upwind").text().contains("under way"));
+    CHECK(it.find<QLabel>("state_forbidden_angle_upwind").text().contains("pending"));
     it.picture("boat");
     it.state.on_outcome(77, command_phase::refused, std::nullopt, "not now", it.now);
     it.show();
@@ -208,7 +208,7 @@ TEST_CASE("console windows: a click that nobody takes is said") {
     desk it;
     it.takes = false;
     it.find("do_ping").click();
-    CHECK(it.window->statusBar()->currentMessage().contains("Nothing was given"));
+    CHECK(it.window->statusBar()->currentMessage().contains("Not sent"));
 }
 
 TEST_CASE("console windows: nothing that boat, proxies, nodes or operators say is taken for markup") {

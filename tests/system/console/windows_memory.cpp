@@ -1,4 +1,4 @@
-// What the console keeps over a start, the limits of its alarms, its units, and who commands the boat.
+// What the console keeps over a start, the limits of its alarms, its units, and the authority over the boat.
 #include "desk.hpp"
 
 #include <apps/console/command_button.hpp>
@@ -172,7 +172,7 @@ TEST_CASE("console windows: settings that are damaged, hostile or cannot be writ
     write("");
     desk it(true, {1280, 800}, folder.filePath("console.ini/no/folder.ini"));
     CHECK(
-        settings_file(folder.filePath("console.ini/no/folder.ini")).save(console_memory()).contains("cannot be kept"));
+        settings_file(folder.filePath("console.ini/no/folder.ini")).save(console_memory()).contains("cannot save the settings"));
 }
 
 TEST_CASE("console windows: an alarm that was acknowledged before the start does not call again, unless it is graver") {
@@ -210,7 +210,7 @@ TEST_CASE("console windows: limits that contradict each other cannot be accepted
     CHECK(dialog.limits().battery_critical_percent == 15);
 }
 
-TEST_CASE("console windows: it is plain who commands the boat, and a command offers to take it first") {
+TEST_CASE("console windows: the holder of the authority is shown, and a command offers to take it first") {
     desk it;
     auto& button = it.find<command_button>("command");
     CHECK_FALSE(button.isVisible()); // no communication node, no authority
@@ -221,11 +221,11 @@ TEST_CASE("console windows: it is plain who commands the boat, and a command off
 
     in_command(it, "");
     CHECK(button.isVisible());
-    CHECK(button.text() == "nobody commands");
+    CHECK(button.text() == "no authority held");
     it.answer_next("Cancel");
     it.find("do_tack").click();
     CHECK(it.actions.empty());
-    CHECK(it.asked.contains("Nobody commands the boat"));
+    CHECK(it.asked.contains("Nobody has the authority over the boat"));
     it.find("do_ping").click(); // needs none
     REQUIRE(it.last<give_command>());
     it.answer_next("Take it and send");
@@ -235,7 +235,7 @@ TEST_CASE("console windows: it is plain who commands the boat, and a command off
     it.picture("nobody-commands");
 
     in_command(it, "atirma/console/ben");
-    CHECK(button.text() == "ben commands");
+    CHECK(button.text() == "ben has the authority");
     it.actions.clear();
     it.answer_next("");
     it.find("do_tack").click(); // Enter does no harm
@@ -244,14 +244,14 @@ TEST_CASE("console windows: it is plain who commands the boat, and a command off
     it.find("do_tack").click();
     REQUIRE(it.last<change_authority>());
     CHECK(it.last<change_authority>()->request.action == authority_action::ask);
-    auto* force = entry(*button.menu(), "against the will");
+    auto* force = entry(*button.menu(), "Take it from");
     REQUIRE(force);
     it.answer_next("Send it");
     force->trigger();
     CHECK(it.last<change_authority>()->request.confirmed);
 
     in_command(it, "atirma/console/anna", {"atirma/console/ben"});
-    CHECK(button.text().contains("ben asks"));
+    CHECK(button.text().contains("ben requests"));
     auto* hand = entry(*button.menu(), "Hand over to ben");
     REQUIRE(hand);
     hand->trigger();
@@ -262,8 +262,8 @@ TEST_CASE("console windows: it is plain who commands the boat, and a command off
     it.picture("you-command");
     it.window->show_tab("who");
     it.show();
-    CHECK(it.find<QTableWidget>("present_table").item(1, 0)->text().contains("commands"));
+    CHECK(it.find<QTableWidget>("present_table").item(1, 0)->text().contains("authority"));
 
     in_command(it, "atirma/console/ben");
-    CHECK(it.find<QLabel>("alarm_text").text().contains("given up here")); // taken by somebody else
+    CHECK(it.find<QLabel>("alarm_text").text().contains("lost the authority")); // taken by somebody else
 }

@@ -51,7 +51,7 @@ TEST_CASE("authority: who takes what nobody holds may command, the others are to
                Contains("ana holds the authority over the boat since 2017-09-04 08:00:00 UTC, not bea") &&
                    Contains("action ask"));
     CHECK(it.ask("ana", take)->epoch == 2); // holds it already
-    CHECK_THAT(it.refusal("bea", take), Contains("ana holds") && Contains("ask for it") && Contains("confirmed true"));
+    CHECK_THAT(it.refusal("bea", take), Contains("ana holds") && Contains("request it") && Contains("confirmed true"));
     CHECK(it.book.now().holder == "ana");
 }
 
@@ -63,7 +63,7 @@ TEST_CASE("authority: it is asked for, handed over, taken by force and released,
     CHECK(it.book.now().epoch == 2);
     CHECK_THAT(it.refusal("bea", hand_over, false, "bea"), Contains("only the holder"));
     CHECK_THAT(it.refusal("ana", hand_over), Contains("`to`"));
-    CHECK_THAT(it.refusal("ana", hand_over, false, "ana"), Contains("another one than the holder"));
+    CHECK_THAT(it.refusal("ana", hand_over, false, "ana"), Contains("other than the holder"));
     auto handed = it.ask("ana", hand_over, false, "bea");
     REQUIRE(handed);
     CHECK(handed->holder == "bea");
@@ -100,11 +100,11 @@ TEST_CASE("authority: nodes that do not see each other never give the same epoch
     CHECK(primary.book.is_newer(primary.book.now(), primary.book.change() + 1));
 }
 
-TEST_CASE("authority: a boat that obeys a higher epoch makes the holder take it anew, above that one") {
+TEST_CASE("authority: a boat that obeys a higher epoch makes the holder take it again, above that one") {
     helm it;
     REQUIRE(it.ask("ana", take));
     it.book.boat_obeys(7, 2);
-    CHECK_THAT(*it.book.refusal("ana"), Contains("epoch 7") && Contains("take it anew"));
+    CHECK_THAT(*it.book.refusal("ana"), Contains("epoch 7") && Contains("take it again"));
     auto anew = it.ask("ana", take);
     REQUIRE(anew);
     CHECK(anew->epoch == 8);
@@ -126,7 +126,7 @@ TEST_CASE("authority: a forged answer of the boat costs the operators two takes 
             CAPTURE(odd, forged);
             auto before = it.book.now();
             it.book.boat_obeys(forged, before.boat_epoch);
-            CHECK_THAT(*it.book.refusal("ana"), Contains("take it anew"));
+            CHECK_THAT(*it.book.refusal("ana"), Contains("take it again"));
             auto follows = it.ask("ana", take);
             REQUIRE(follows);
             CHECK(follows->boat_epoch != 0);
@@ -210,7 +210,7 @@ TEST_CASE("authority: names and questions are bounded") {
     helm it;
     REQUIRE(it.ask("ana", take));
     for (std::size_t i = 0; i < authority_book::max_asking; ++i) REQUIRE(it.ask("operator" + std::to_string(i), ask));
-    CHECK_THAT(it.refusal("one-more", ask), Contains("16 operators ask"));
+    CHECK_THAT(it.refusal("one-more", ask), Contains("16 operators have requested"));
     CHECK_FALSE(it.ask("", take, true));
     CHECK_FALSE(it.ask(std::string(201, 'x'), take, true));
     CHECK_FALSE(it.ask("ana", hand_over, false, std::string(201, 'x')));

@@ -140,7 +140,7 @@ TEST_CASE("console: two lists are compared place by place") {
     CHECK(all[1].moved_m == Approx(111.2).margin(0.5));
     CHECK(all[2].what == difference::only_here);
     CHECK(compare(here, on_boat)[2].what == difference::only_on_boat);
-    CHECK(describe_differences(on_boat, here) == "the boat has 2, here are 3; 1 differs");
+    CHECK(describe_differences(on_boat, here) == "the boat has 2, the list here has 3; 1 differs");
     CHECK(bearing_deg({28, -15}, {29, -15}) == Approx(0).margin(1e-9));
     CHECK(bearing_deg({0, 0}, {0, 1}) == Approx(90));
     CHECK(bearing_deg({0, 0}, {0, -1}) == Approx(270));

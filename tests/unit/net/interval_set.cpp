@@ -8,7 +8,7 @@
 
 namespace interval_set_test {
 
-using ise::net::udp::interval_set;
+using ise::interval_set;
 
 namespace {
 

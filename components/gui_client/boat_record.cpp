@@ -1,0 +1,45 @@
+#include <components/gui_client/boat_record.hpp>
+
+#include <algorithm>
+#include <utility>
+
+namespace atirma::console {
+bool boat_record::on_message(const telemetry_message& message, const telemetry_packet& packet, utc_time now) {
+    const auto& body = message.body;
+    if (const auto* l = std::get_if<location>(&body)) return take(*l, packet, now);
+    if (const auto* n = std::get_if<navigation>(&body)) return take_newer(view_.sailing, *n, packet, now);
+    if (const auto* w = std::get_if<wind>(&body)) return take_newer(view_.breeze, *w, packet, now);
+    if (const auto* p = std::get_if<power>(&body)) return take_newer(view_.supply, *p, packet, now);
+    if (const auto* c = std::get_if<configuration>(&body)) return take_newer(view_.settings, *c, packet, now);
+    if (const auto* s = std::get_if<link_status>(&body)) return take(*s, packet, now);
+    if (const auto* text = std::get_if<notice>(&body)) return take(*text, packet, now);
+    return false;
+}
+
+bool boat_record::take(const location& told, const telemetry_packet& packet, utc_time now) {
+    bool fix = has_fix(told);
+    bool newest = !packet.history && (!view_.position || plausible_time(packet) >= view_.position->measured_at);
+    if (newest) view_.has_fix = fix;
+    return fix && take_newer(view_.position, told, packet, now);
+}
+
+bool boat_record::take(const link_status& told, const telemetry_packet& packet, utc_time now) {
+    auto place = static_cast<std::size_t>(told.link);
+    return place < link_count && take_newer(view_.links[place], told, packet, now);
+}
+
+bool boat_record::take(const notice& told, const telemetry_packet& packet, utc_time now) {
+    view_.notices.push_back(heard<notice>{told, packet.measured_at, now, packet.link, packet.boot});
+    if (view_.notices.size() > max_notices_) view_.notices.erase(view_.notices.begin());
+    return true;
+}
+
+std::optional<std::uint16_t> boat_record::on_boot(const telemetry_packet& packet) {
+    if (packet.history || boot_ == packet.boot || packet.measured_at < boot_measured_) return std::nullopt;
+    boot_measured_ = packet.measured_at;
+    return std::exchange(boot_, packet.boot);
+}
+
+void boat_record::on_heard(utc_time at) { view_.last_heard = std::max(at, view_.last_heard.value_or(utc_time())); }
+
+} // namespace atirma::console

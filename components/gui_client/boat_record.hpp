@@ -1,0 +1,33 @@
+#pragma once
+#include <components/gui_client/view.hpp>
+
+#include <optional>
+
+namespace atirma::console {
+
+/// The newest values that the boat reported, by its own clock: what comes late over a slow link never replaces a newer
+/// value. Pure, bounded.
+class boat_record {
+public:
+    explicit boat_record(std::size_t max_notices) : max_notices_(max_notices) {}
+
+    /// True if it replaced the newest value of its kind.
+    bool on_message(const telemetry_message& message, const telemetry_packet& packet, utc_time now);
+    /// The boot number before, where the packet shows that the boat has started again.
+    std::optional<std::uint16_t> on_boot(const telemetry_packet& packet);
+    /// Something came from the boat at that time.
+    void on_heard(utc_time at);
+    const boat_view& view() const noexcept { return view_; }
+
+private:
+    bool take(const location& told, const telemetry_packet& packet, utc_time now);
+    bool take(const link_status& told, const telemetry_packet& packet, utc_time now);
+    bool take(const notice& told, const telemetry_packet& packet, utc_time now);
+
+    std::size_t max_notices_;
+    boat_view view_;
+    std::optional<std::uint16_t> boot_;
+    utc_time boot_measured_{};
+};
+
+} // namespace atirma::console

@@ -1,0 +1,100 @@
+#include <components/gui_client/telecommand_sender.hpp>
+
+#include <components/boat/find_component.hpp>
+#include <components/gui_client/choose_link.hpp>
+
+#include <fmt/format.h>
+
+namespace atirma::console {
+namespace {
+using namespace std::chrono_literals;
+constexpr ise::duration max_call = 30s, try_again = 2s;
+constexpr ise::duration max_call_with_stop = 2s, try_again_with_stop = 100ms; // so soon it can be given up
+constexpr std::size_t max_open = 64;
+
+/// Another attempt would be answered alike.
+bool is_refusal(ise::errc code) {
+    using enum ise::errc;
+    return code == refused || code == no_such_service || code == type_mismatch || code == invalid_argument ||
+           code == malformed || code == unauthorized;
+}
+} // namespace
+
+ise::task<command_phase> telecommand_sender::execute(give_command what, const bool* stop) {
+    telecommand_request request;
+    request.id = static_cast<std::uint32_t>(context_.self.env().random()) | 1u; // never 0
+    request.command = what.command;
+    request.confirmed = what.confirmed;
+    auto to = route(what.via, request);
+    context_.state.asked(request.id, to, what.command, context_.clock());
+    context_.news();
+    if (to.empty()) co_return settle(request.id, command_phase::failed, "no link to the boat was found yet");
+    if (open_ >= max_open)
+        co_return settle(request.id, command_phase::failed, fmt::format("{} telecommands wait already", open_));
+    struct counted {
+        std::size_t& count;
+        explicit counted(std::size_t& in) : count(in) { ++count; }
+        ~counted() { --count; }
+    } open(open_);
+    bool needs_authority = traits_of(what.command.kind()).needs_authority;
+    auto refusal = co_await authority_.acquire(needs_authority ? what.authority : taking::no);
+    if (!refusal.empty()) co_return settle(request.id, command_phase::refused, refusal);
+    auto valid = std::chrono::duration_cast<ise::duration>(std::chrono::duration<float>(what.valid_s));
+    auto expires = ise::saturating_add(context_.self.now(), valid);
+    co_return co_await repeat(std::move(to), std::move(request), expires, stop);
+}
+
+std::string telecommand_sender::route(const std::string& via, telecommand_request& request) const {
+    const auto& links = context_.state.links();
+    if (context_.role.empty())
+        return via.empty() ? choose_link(links, context_.state.boat().settings, context_.clock()) : via;
+    // The nodes record it, and know the links. The role itself stands for all of them: its link is only that of the
+    // newest packet.
+    auto chosen = links.find(via);
+    if (chosen != links.end() && !chosen->second.all_links) request.via = chosen->second.link;
+    return context_.role;
+}
+
+ise::task<command_phase> telecommand_sender::repeat(std::string to, telecommand_request request,
+                                                    ise::time_point expires, const bool* stop) {
+    auto& self = context_.self;
+    auto provider = find_component(self, to);
+    auto max_deadline = stop ? max_call_with_stop : max_call;
+    bool may_be_executed = false;
+    for (;;) {
+        auto left = expires - self.now();
+        if (left <= ise::duration()) break;
+        if (stop && *stop) co_return command_phase::sent;
+        request.valid_s = std::max(1.0f, std::chrono::duration<float>(left).count());
+        auto deadline = std::min<ise::duration>(left + 1s, max_deadline);
+        auto answer = co_await provider.try_call(services::telecommand, request, deadline);
+        if (answer) {
+            if (is_final(answer->state))
+                co_return settle(request.id, command_log::phase_of(answer->state, answer->result), answer->text,
+                                 answer->value);
+            may_be_executed = true;
+        } else {
+            const auto& why = answer.error();
+            if (why.executed() == ise::execution::unknown) may_be_executed = true;
+            bool refused = is_refusal(why.code());
+            settle(request.id, refused ? command_phase::refused : command_phase::asking, why.message());
+            if (refused) co_return command_phase::refused;
+        }
+        if (stop && *stop) co_return command_phase::sent;
+        co_await self.sleep(stop ? try_again_with_stop : try_again);
+    }
+    if (may_be_executed)
+        co_return settle(request.id, command_phase::expired,
+                         "its time is over without an answer: it may have been executed");
+    co_return settle(request.id, command_phase::failed,
+                     "its time is over, and the proxy was not reached: it was not executed");
+}
+
+command_phase telecommand_sender::settle(std::uint32_t id, command_phase phase, std::string text,
+                                         std::optional<float> value) {
+    context_.state.on_outcome(id, phase, value, std::move(text), context_.clock());
+    context_.news();
+    return phase;
+}
+
+} // namespace atirma::console

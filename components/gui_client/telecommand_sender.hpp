@@ -1,0 +1,35 @@
+#pragma once
+#include <components/gui_client/authority_client.hpp>
+#include <components/gui_client/client_context.hpp>
+#include <components/gui_client/operator_port.hpp>
+
+#include <optional>
+#include <string>
+
+namespace atirma::console {
+
+/// Sends telecommands, and repeats each under its id until it is decided or its time is over. The boat executes an id
+/// once: repeating is safe, also after a proxy was lost.
+class telecommand_sender {
+public:
+    telecommand_sender(client_context& context, authority_client& authority)
+        : context_(context), authority_(authority) {}
+
+    /// Sends one, and returns what became of it. `stop`: once that is true it is given up, and may still be executed;
+    /// returns within two seconds then. Cancellation: terminal.
+    ise::task<command_phase> execute(give_command what, const bool* stop = nullptr);
+
+private:
+    /// The component that gets it; sets `request.via` where the communication nodes choose the link.
+    std::string route(const std::string& via, telecommand_request& request) const;
+    ise::task<command_phase> repeat(std::string to, telecommand_request request, ise::time_point expires,
+                                    const bool* stop);
+    command_phase settle(std::uint32_t id, command_phase phase, std::string text,
+                         std::optional<float> value = std::nullopt);
+
+    client_context& context_;
+    authority_client& authority_;
+    std::size_t open_ = 0; ///< not decided yet
+};
+
+} // namespace atirma::console
