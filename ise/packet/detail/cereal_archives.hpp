@@ -5,6 +5,10 @@
 
 #include <cereal/cereal.hpp>
 
+#include <cstring>
+#include <optional>
+#include <utility>
+
 /// ISE's wire archive as a pair of cereal archives. Users' own `serialize`, `save` and `load` run on them; packets pass
 /// through to the codec, so that the layout is the same on both ways.
 namespace ise {

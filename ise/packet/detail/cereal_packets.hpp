@@ -17,7 +17,11 @@
 #include <cereal/types/variant.hpp>
 #include <cereal/types/vector.hpp>
 
+#include <array>
+#include <cstdint>
+#include <string_view>
 #include <type_traits>
+#include <utility>
 
 /// Packets on any cereal archive: a plain struct is the list of its fields with their names, as a `serialize` written by
 /// hand would give it, and cereal's own functions serve what the fields are made of.
@@ -59,10 +63,13 @@ namespace cereal {
 
 /// Functions that an author placed here (or beside the type, for this archive only) win over reflection.
 template <class Archive, class T>
-concept has_functions_for_ise_packet = requires(Archive& archive, T& value, const T& fixed) {
+concept has_functions_for_ise_packet = requires(Archive& archive, const T& fixed) {
     CEREAL_SAVE_FUNCTION_NAME(archive, fixed);
 }
 || requires(Archive& archive, T& value) { CEREAL_LOAD_FUNCTION_NAME(archive, value); }
+|| requires(Archive& archive, T& value) { CEREAL_SERIALIZE_FUNCTION_NAME(archive, value, std::uint32_t{}); }
+|| requires(Archive& archive, const T& fixed) { CEREAL_SAVE_FUNCTION_NAME(archive, fixed, std::uint32_t{}); }
+|| requires(Archive& archive, T& value) { CEREAL_LOAD_FUNCTION_NAME(archive, value, std::uint32_t{}); }
 || requires(const Archive& archive, const T& fixed) { CEREAL_SAVE_MINIMAL_FUNCTION_NAME(archive, fixed); };
 
 template <class Archive, ise::detail::reflected T>

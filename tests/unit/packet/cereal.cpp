@@ -155,7 +155,26 @@ struct spelled { // its functions are in namespace cereal, where cereal's manual
 struct as_number {
     int number = 4;
 };
+struct befriending {
+    int number = 5;
+
+private:
+    friend class cereal::access;
+    template <class Archive>
+    void serialize(Archive& archive) {
+        archive(cereal::make_nvp("hidden", number));
+    }
+};
+struct versioned {
+    int number = 6;
+};
+struct at_once {
+    int number = 7;
+};
 struct guests {
+    befriending secret;
+    versioned old;
+    at_once whole;
     spelled first;
     as_number second;
     std::vector<as_number> more{{}, {}};
@@ -182,6 +201,14 @@ template <class Archive>
 void load_minimal(const Archive&, cereal_test::as_number& value, const std::string& text) {
     value.number = std::stoi(text.substr(1));
 }
+template <class Archive>
+void serialize(Archive& archive, cereal_test::versioned& value, std::uint32_t version) {
+    if (version == 0) archive(make_nvp("of_version_0", value.number));
+}
+template <class Archive>
+void serialize(Archive& archive, cereal_test::at_once& value) {
+    archive(make_nvp("at_once", value.number));
+}
 } // namespace cereal
 
 namespace cereal_test {
@@ -191,6 +218,8 @@ TEMPLATE_TEST_CASE("functions that an author wrote for cereal win over reflectio
     list.all = {{"a", 1, 2}, {"b", 3, 4}};
     CHECK(loaded<TestType, beside>(saved<TestType>(list)).all == list.all);
     guests sent;
+    sent.secret.number = 6;
+    sent.old.number = sent.whole.number = 8;
     sent.first.number = 21;
     sent.more[1].number = -5;
     check_round_trip<TestType>(sent);
@@ -199,7 +228,9 @@ TEMPLATE_TEST_CASE("functions that an author wrote for cereal win over reflectio
 TEST_CASE("the names of fields are those of the elements in XML, and an enum is its number") {
     const auto text = saved<xml>(filled());
     CHECK_THAT(text, Contains("<latitude_deg>28</latitude_deg>") && Contains("<helm>1</helm>"));
-    CHECK_THAT(saved<xml>(guests()), Contains("<doubled>6</doubled>") && Contains("<second>n4</second>"));
+    CHECK_THAT(saved<xml>(guests()), Contains("<hidden>5</hidden>") && Contains("<of_version_0>6</of_version_0>") &&
+                                         Contains("<at_once>7</at_once>") && Contains("<doubled>6</doubled>") &&
+                                         Contains("<second>n4</second>"));
 }
 
 TEST_CASE("XML that is cut or lacks a field is an exception that says so") {
