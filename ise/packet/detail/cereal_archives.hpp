@@ -108,6 +108,7 @@ private:
         if constexpr (detail::is_wrapper<T>) {
             one(value.value);
         } else if constexpr (packet<T>) {
+            if constexpr (detail::number<T>) value = {}; // g++ 12 fears that it may stay unset without an exception
             check<T>((*in_)(value));
         } else {
             check<T>(in_->enter());
