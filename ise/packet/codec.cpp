@@ -1,22 +1,8 @@
-#include <ise/core/error.hpp>
 #include <ise/packet/detail/codec_containers.hpp>
-
-#include <fmt/format.h>
 
 #include <algorithm>
 
 namespace ise::detail {
-
-void throw_too_many(std::size_t count) {
-    throw error(errc::too_large, fmt::format("a string or container of {} elements does not fit a packet, at most "
-                                             "4294967295 do: send it in parts",
-                                             count));
-}
-
-void throw_valueless() {
-    throw error(errc::invalid_argument,
-                "a variant that lost its value to an exception cannot be encoded: assign to it first");
-}
 
 void element_sorter::begin_element() {
     if (!elements_.empty()) elements_.back().end = out_.size();

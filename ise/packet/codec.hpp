@@ -17,7 +17,7 @@ namespace ise {
 /// Throws `too_large` for a container of 2^32 elements; the buffer then holds a part of the packet.
 template <class T>
 void encode(const T& value, buffer& out) {
-    if constexpr (check_packet<T>()) detail::write(out, value);
+    if constexpr (check_packet<T>()) detail::writer{out}(value);
 }
 
 /// A packet as its bytes (LAYOUT.md).
@@ -31,7 +31,7 @@ bytes encode(const T& value) {
 namespace detail {
 template <class T>
 bool read_whole(reader& in, T& value) {
-    return read(in, value) && in.finish();
+    return in(value) && in.finish();
 }
 /// Where memory and wire are the same bytes there is nothing to go wrong but the length, which the reader tells of.
 template <class T>

@@ -16,7 +16,7 @@ result<T> read_body(bytes_view body) {
     bool good = true;
     for_each_field(value, [&](std::string_view name, auto& field) {
         if (!good || in.left() == 0) return;
-        good = detail::read(in, field);
+        good = in(field);
         if (!good) in.in_field(name);
     });
     if (!good) return in.take_failure(type_name<T>);

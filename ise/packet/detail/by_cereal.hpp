@@ -1,5 +1,5 @@
 #pragma once
-#include <ise/packet/detail/archives.hpp>
+#include <ise/packet/detail/cereal_archives.hpp>
 #include <ise/packet/detail/codec_cereal.hpp>
 
 /// What `codec` needs of types that only their own cereal functions know.
@@ -38,10 +38,8 @@ public:
         } else if constexpr (packet<T>) {
             if (name.empty()) name = "field_" + std::to_string(into_->members.size());
             buffer preset;
-            detail::write(preset, value);
-            type_member member{std::move(name), codec<T>::describe(), {}};
-            if (!is_natural(member.type, preset.view())) member.preset = preset.to_bytes();
-            into_->members.push_back(std::move(member));
+            writer{preset}(value);
+            add_field(*into_, name, codec<T>::describe(), preset.view());
         } else {
             static_assert(std::is_base_of_v<cereal::traits::detail::BaseCastBase, T>,
                           "ise: the serialize of this type has no fixed sequence of fields (it hands over a pointer, a "
@@ -78,13 +76,12 @@ inline bool read_by_cereal(reader& in, T& value) {
         if constexpr (std::is_move_assignable_v<T> && std::is_default_constructible_v<T>) value = T{};
         input_archive archive(in);
         archive.by_cereal(value);
-    } catch (const input_archive::stopped&) {
-        return false;
-    } catch (const std::exception& why) { // cereal's, or the type's own opinion of its values
+    } catch (const std::exception&
+                 why) { // the reader's (which the reader knows), cereal's, or the type's own opinion of its values
         return in.fail(why.what());
     }
     in.leave();
-    return true;
+    return !in.failed(); // its own functions may have swallowed what was wrong
 }
 
 template <class T>

@@ -23,7 +23,7 @@ requires(!opaque<T> && !parts<T>::known) struct codec<T> {
     static constexpr bool fixed = false;
     static constexpr bool raw = false;
 
-    static void write(buffer& out, const T& value) { by_cereal<T>::write(out, value); }
+    static void write(writer to, const T& value) { by_cereal<T>::write(to.out(), value); }
     static bool read(reader& in, T& value) { return by_cereal<T>::read(in, value); }
     static type_description describe() { return by_cereal<T>::describe(); }
 };
@@ -36,12 +36,13 @@ struct codec<T> {
     static constexpr bool fixed = false;
     static constexpr bool raw = false;
 
-    static void write(buffer& out, const T& value) {
+    static void write(writer to, const T& value) {
+        buffer& out = to.out();
         std::size_t at = out.size();
         out.append(std::uint32_t{0});
         by_cereal<T>::write(out, value);
         std::size_t size = out.size() - at - 4;
-        if (size > std::numeric_limits<std::uint32_t>::max()) throw_too_many(size);
+        if (size > std::numeric_limits<std::uint32_t>::max()) writer::fail_count(size);
         out.patch_u32(at, static_cast<std::uint32_t>(size));
     }
     static bool read(reader& in, T& value) {

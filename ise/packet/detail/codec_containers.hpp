@@ -2,19 +2,9 @@
 #include <ise/packet/detail/codec_fixed.hpp>
 
 #include <algorithm>
-#include <limits>
 
 /// Types whose length is on the wire.
 namespace ise::detail {
-
-[[noreturn]] void throw_too_many(std::size_t count);
-[[noreturn]] void throw_valueless();
-
-inline void write_count(buffer& out, std::size_t count) {
-    if (count > std::numeric_limits<std::uint32_t>::max()) [[unlikely]]
-        throw_too_many(count);
-    out.append(static_cast<std::uint32_t>(count));
-}
 
 /// Fills a vector with elements that lie in the input as in memory, perhaps unaligned. resize() would zero them
 /// first, which costs more than the copy.
@@ -37,9 +27,9 @@ struct codec<std::basic_string<char, std::char_traits<char>, A>> {
     static constexpr bool fixed = false;
     static constexpr bool raw = false;
 
-    static void write(buffer& out, const text& value) {
-        write_count(out, value.size());
-        out.append(as_bytes(value));
+    static void write(writer to, const text& value) {
+        to.put_count(value.size());
+        to.put_raw(as_bytes(value));
     }
     static bool read(reader& in, text& value) {
         std::size_t size = 0;
@@ -62,19 +52,19 @@ struct codec<std::vector<T, A>> {
     static constexpr bool raw = false;
     static constexpr bool is_bits = std::is_same_v<T, bool>;
 
-    static void write(buffer& out, const std::vector<T, A>& values) {
-        write_count(out, values.size());
+    static void write(writer to, const std::vector<T, A>& values) {
+        to.put_count(values.size());
         if constexpr (codec<T>::raw) {
-            out.append(bytes_view(reinterpret_cast<const std::byte*>(values.data()), values.size() * sizeof(T)));
+            to.put_raw(bytes_view(reinterpret_cast<const std::byte*>(values.data()), values.size() * sizeof(T)));
         } else if constexpr (codec<T>::fixed) {
             constexpr std::size_t step = codec<T>::min_size;
-            std::byte* to = out.grow(values.size() * step);
+            std::byte* at = to.out().grow(values.size() * step);
             for (const auto& value : values) {
-                codec<T>::put(to, value);
-                to += step;
+                codec<T>::put(at, value);
+                at += step;
             }
         } else {
-            for (const auto& value : values) detail::write(out, value);
+            for (const auto& value : values) to(value);
         }
     }
     static bool read(reader& in, std::vector<T, A>& values) {
@@ -87,14 +77,14 @@ struct codec<std::vector<T, A>> {
             values.resize(count);
             for (std::size_t i = 0; i < count; ++i) {
                 bool value = false;
-                if (!detail::read(in, value)) [[unlikely]]
+                if (!in(value)) [[unlikely]]
                     return in.in_element(i);
                 values[i] = value;
             }
         } else {
             values.resize(count); // elements that are there already keep their own memory
             for (std::size_t i = 0; i < count; ++i)
-                if (!detail::read(in, values[i])) [[unlikely]]
+                if (!in(values[i])) [[unlikely]]
                     return in.in_element(i);
         }
         return true;
@@ -114,9 +104,9 @@ struct codec<std::optional<T>> {
     static constexpr bool fixed = false;
     static constexpr bool raw = false;
 
-    static void write(buffer& out, const std::optional<T>& value) {
-        *out.grow(1) = std::byte{value.has_value()};
-        if (value) detail::write(out, *value);
+    static void write(writer to, const std::optional<T>& value) {
+        to(value.has_value());
+        if (value) to(*value);
     }
     static bool read(reader& in, std::optional<T>& value) {
         const std::byte* flag = in.take(1);
@@ -128,7 +118,7 @@ struct codec<std::optional<T>> {
         }
         if (*flag != std::byte{1}) [[unlikely]]
             return in.fail_flag("the flag of an optional", std::to_integer<unsigned>(*flag));
-        return detail::read(in, value ? *value : value.emplace());
+        return in(value ? *value : value.emplace());
     }
     static type_description describe() {
         type_description type;
@@ -146,11 +136,11 @@ struct codec<std::variant<T...>> {
     static constexpr bool fixed = false;
     static constexpr bool raw = false;
 
-    static void write(buffer& out, const std::variant<T...>& value) {
+    static void write(writer to, const std::variant<T...>& value) {
         if (value.valueless_by_exception()) [[unlikely]]
-            throw_valueless();
-        out.append(static_cast<index>(value.index()));
-        std::visit([&out](const auto& held) { detail::write(out, held); }, value);
+            writer::fail_valueless();
+        to(static_cast<index>(value.index()));
+        std::visit([to](const auto& held) { to(held); }, value);
     }
     static bool read(reader& in, std::variant<T...>& value) {
         const std::byte* raw_index = in.take(sizeof(index));
@@ -175,7 +165,7 @@ private:
         bool done = false;
         auto one = [&]<std::size_t i>(std::integral_constant<std::size_t, i>) {
             if (which != i) return false;
-            done = detail::read(in, value.index() == i ? *std::get_if<i>(&value) : value.template emplace<i>());
+            done = in(value.index() == i ? *std::get_if<i>(&value) : value.template emplace<i>());
             return true;
         };
         (void)(one(std::integral_constant<std::size_t, I>()) || ...);
@@ -208,12 +198,12 @@ struct set_codec {
     static constexpr bool raw = false;
     static constexpr bool sorts = requires { typename Set::hasher; };
 
-    static void write(buffer& out, const Set& keys) {
-        write_count(out, keys.size());
-        element_sorter sorter(out);
+    static void write(writer to, const Set& keys) {
+        to.put_count(keys.size());
+        element_sorter sorter(to.out());
         for (const K& key : keys) {
             if constexpr (sorts) sorter.begin_element();
-            detail::write(out, key);
+            to(key);
             if constexpr (sorts) sorter.end_key();
         }
         if constexpr (sorts) sorter.sort();
@@ -225,7 +215,7 @@ struct set_codec {
         keys.clear();
         for (std::size_t i = 0; i < count; ++i) {
             K key{};
-            if (!detail::read(in, key)) [[unlikely]]
+            if (!in(key)) [[unlikely]]
                 return in.in_element(i);
             keys.emplace_hint(keys.end(), std::move(key));
             if (keys.size() == i) [[unlikely]]
@@ -251,14 +241,14 @@ struct map_codec {
     static constexpr bool raw = false;
     static constexpr bool sorts = requires { typename Map::hasher; };
 
-    static void write(buffer& out, const Map& values) {
-        write_count(out, values.size());
-        element_sorter sorter(out);
+    static void write(writer to, const Map& values) {
+        to.put_count(values.size());
+        element_sorter sorter(to.out());
         for (const auto& [key, value] : values) {
             if constexpr (sorts) sorter.begin_element();
-            detail::write(out, key);
+            to(key);
             if constexpr (sorts) sorter.end_key();
-            detail::write(out, value);
+            to(value);
         }
         if constexpr (sorts) sorter.sort();
     }
@@ -270,12 +260,12 @@ struct map_codec {
         values.clear();
         for (std::size_t i = 0; i < count; ++i) {
             K key{};
-            if (!detail::read(in, key)) [[unlikely]]
+            if (!in(key)) [[unlikely]]
                 return in.in_field("key"), in.in_element(i);
             auto at = values.emplace_hint(values.end(), std::move(key), V{});
             if (values.size() == i) [[unlikely]]
                 return in.fail("is there twice"), in.in_field("key"), in.in_element(i);
-            if (!detail::read(in, at->second)) [[unlikely]]
+            if (!in(at->second)) [[unlikely]]
                 return in.in_element(i);
         }
         return true;

@@ -28,12 +28,12 @@ struct array_codec {
         }
         return true;
     }
-    static void write(buffer& out, const Array& values) {
-        for (std::size_t i = 0; i < N; ++i) detail::write(out, values[i]);
+    static void write(writer to, const Array& values) {
+        for (std::size_t i = 0; i < N; ++i) to(values[i]);
     }
     static bool read(reader& in, Array& values) {
         for (std::size_t i = 0; i < N; ++i)
-            if (!detail::read(in, values[i])) [[unlikely]]
+            if (!in(values[i])) [[unlikely]]
                 return in.in_element(i);
         return true;
     }
@@ -67,10 +67,10 @@ struct sequence {
         return ((codec<F>::get(from, fields, in) ? (from += codec<F>::min_size, ++i, true) : in.in_field(names[i])) &&
                 ...);
     }
-    static void write([[maybe_unused]] buffer& out, const F&... fields) { (detail::write(out, fields), ...); }
+    static void write([[maybe_unused]] writer to, const F&... fields) { to(fields...); }
     static bool read([[maybe_unused]] reader& in, [[maybe_unused]] const std::string_view* names, F&... fields) {
         [[maybe_unused]] std::size_t i = 0;
-        return ((detail::read(in, fields) ? (++i, true) : in.in_field(names[i])) && ...);
+        return ((in(fields) ? (++i, true) : in.in_field(names[i])) && ...);
     }
 };
 
@@ -96,8 +96,8 @@ struct codec<T> {
         return apply_fields(value,
                             [&in, from](auto&... f) { return fields::get(from, in, field_names<T>.data(), f...); });
     }
-    static void write(buffer& out, const T& value) {
-        apply_fields(value, [&out](const auto&... f) { fields::write(out, f...); });
+    static void write(writer to, const T& value) {
+        apply_fields(value, [to](const auto&... f) { fields::write(to, f...); });
     }
     static bool read(reader& in, T& value) {
         return apply_fields(value, [&in](auto&... f) { return fields::read(in, field_names<T>.data(), f...); });
@@ -112,10 +112,11 @@ type_description codec<T>::describe() {
     type.kind = type_kind::structure;
     type.name = std::string(type_name<T>);
     buffer preset;
+    const writer to(preset);
     const T presets{};
     for_each_field(presets, [&]<class F>(std::string_view name, const F& field) {
         preset.clear();
-        detail::write(preset, field);
+        to(field);
         add_field(type, name, codec<std::remove_cv_t<F>>::describe(), preset.view());
     });
     type.complete();
@@ -144,8 +145,8 @@ struct tuple_codec {
         return std::apply([&in, from](auto&... f) { return fields::get(from, in, tuple_field_names.data(), f...); },
                           value);
     }
-    static void write(buffer& out, const Tuple& value) {
-        std::apply([&out](const auto&... f) { fields::write(out, f...); }, value);
+    static void write(writer to, const Tuple& value) {
+        std::apply([to](const auto&... f) { fields::write(to, f...); }, value);
     }
     static bool read(reader& in, Tuple& value) {
         return std::apply([&in](auto&... f) { return fields::read(in, tuple_field_names.data(), f...); }, value);

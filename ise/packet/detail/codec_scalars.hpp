@@ -1,14 +1,13 @@
 #pragma once
-#include <ise/core/buffer.hpp>
-#include <ise/packet/detail/reader.hpp>
 #include <ise/packet/detail/support.hpp>
+#include <ise/packet/detail/wire_archive.hpp>
 #include <ise/packet/type.hpp>
 
-/// How each type is written, read and described. A codec<T> has
+/// How the wire archive passes each type, and how the type is described. A codec<T> has
 ///   min_size, fixed   the fewest bytes of a value; whether every value takes as many
 ///   raw               whether memory and wire are the same bytes, so that many are one memcpy
 ///   put, get          (fixed) to and from min_size bytes that are there
-///   write, read       (not fixed) to the end of a buffer, from a reader
+///   write, read       (not fixed) by a writer, by a reader
 ///   describe          the type as data
 namespace ise::detail {
 
@@ -16,27 +15,27 @@ template <class T>
 struct codec;
 
 template <class T>
-inline void write(buffer& out, const T& value) {
+inline void writer::write(const T& value) const {
     if constexpr (codec<T>::fixed) {
-        codec<T>::put(out.grow(codec<T>::min_size), value);
+        codec<T>::put(out_->grow(codec<T>::min_size), value);
     } else {
-        codec<T>::write(out, value);
+        codec<T>::write(*this, value);
     }
 }
 
 template <class T>
-inline bool read(reader& in, T& value) {
+inline bool reader::operator()(T& value) {
     if constexpr (codec<T>::fixed) {
-        const std::byte* from = in.take(codec<T>::min_size);
+        const std::byte* from = take(codec<T>::min_size);
         if (from || codec<T>::min_size == 0) [[likely]]
-            return codec<T>::get(from, value, in);
-        if constexpr (requires { codec<T>::read(in, value); }) {
-            return codec<T>::read(in, value); // piece by piece, only to name the one that is cut
+            return codec<T>::get(from, value, *this);
+        if constexpr (requires { codec<T>::read(*this, value); }) {
+            return codec<T>::read(*this, value); // piece by piece, only to name the one that is cut
         } else {
-            return in.fail_short(codec<T>::min_size);
+            return fail_short(codec<T>::min_size);
         }
     } else {
-        return codec<T>::read(in, value);
+        return codec<T>::read(*this, value);
     }
 }
 

@@ -1,5 +1,5 @@
 #pragma once
-#include <ise/packet/detail/reader.hpp>
+#include <ise/packet/detail/wire_archive.hpp>
 #include <ise/packet/type.hpp>
 
 namespace ise::detail {

@@ -1,22 +1,61 @@
 #pragma once
+#include <ise/core/buffer.hpp>
 #include <ise/core/bytes.hpp>
 #include <ise/core/error.hpp>
 #include <ise/packet/limits.hpp>
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <string>
 #include <string_view>
 
+/// The two halves of ISE's wire archive. All packets are encoded and decoded by them; `codec` tells them how each type is
+/// passed. <ise/packet/archive.hpp> makes cereal archives of them, for types with cereal functions of their own: to
+/// construct a cereal archive costs more than to encode a small packet.
 namespace ise::detail {
 
-/// Bytes to decode, bounded. A read that fails says why once (`fail`), returns false, and every level on the way out
+/// Writes values to the end of a buffer, as LAYOUT.md defines. It only names the buffer: pass it by value.
+class writer {
+public:
+    explicit writer(buffer& out) noexcept : out_(&out) {}
+
+    template <class... T>
+    writer operator()(const T&... values) const {
+        (write(values), ...);
+        return *this;
+    }
+
+    /// The number of elements that follow. Throws `too_large` for 2^32.
+    void put_count(std::size_t count) const {
+        if (count > std::numeric_limits<std::uint32_t>::max()) [[unlikely]]
+            fail_count(count);
+        out_->append(static_cast<std::uint32_t>(count));
+    }
+    void put_raw(bytes_view raw) const { out_->append(raw); }
+    buffer& out() const noexcept { return *out_; }
+
+    [[noreturn]] static void fail_count(std::size_t count);
+    [[noreturn]] static void fail_valueless();
+
+private:
+    template <class T>
+    void write(const T& value) const;
+
+    buffer* out_;
+};
+
+/// Reads values out of bounded bytes, as LAYOUT.md defines. A read that fails says why once (`fail`), returns false, and every level on the way out
 /// puts its piece of the path in front: nothing is paid for the path until something is wrong.
 class reader {
 public:
     reader(bytes_view input, const decode_limits& limits) noexcept
         : at_(input.data()), left_(input.size()), budget_(limits.max_total_bytes),
           zero_size_budget_(limits.max_zero_size_elements), depth_left_(limits.max_depth), limits_(&limits) {}
+
+    /// Reads one value. False where it cannot: `take_failure` tells why.
+    template <class T>
+    bool operator()(T& value);
 
     std::size_t left() const noexcept { return left_; }
     /// The next byte; only what `left()` allows may be read behind it.
@@ -57,6 +96,7 @@ public:
     bool in_alternative(std::size_t index);
 
     bool failed() const noexcept { return trouble_ && !trouble_->text.empty(); }
+    /// The first failure; it stays.
     failure take_failure(std::string_view type);
     /// After the last field.
     bool finish() { return left_ == 0 || fail_surplus(); }

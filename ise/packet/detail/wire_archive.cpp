@@ -1,8 +1,19 @@
-#include <ise/packet/detail/reader.hpp>
+#include <ise/packet/detail/wire_archive.hpp>
 
 #include <fmt/format.h>
 
 namespace ise::detail {
+
+void writer::fail_count(std::size_t count) {
+    throw error(errc::too_large, fmt::format("a string or container of {} elements does not fit a packet, at most "
+                                             "4294967295 do: send it in parts",
+                                             count));
+}
+
+void writer::fail_valueless() {
+    throw error(errc::invalid_argument,
+                "a variant that lost its value to an exception cannot be encoded: assign to it first");
+}
 
 bool reader::accept_count(std::uint64_t count, std::size_t min_element_size, std::size_t element_memory,
                           std::string_view unit) {
