@@ -170,6 +170,7 @@ public:
     /// when `run()` first suspends.
     void announce_when_ready() noexcept { announce_when_ready_ = true; }
     /// Completes when the component can be found by name (at once if it has no name, or there is no name server now).
+    /// Cancellation: terminal, throws `operation_aborted`; the component is registered all the same.
     task<> ready();
     /// Asks the component to stop, and returns at once.
     void stop();

@@ -15,6 +15,7 @@ result<std::unique_ptr<listener>> listen(loop& on, const endpoint& at, std::shar
 
 /// environment::connect under a deadline, for udp a stream in datagrams and for tls one that has shaken hands:
 /// errc::timed_out when it passes, and nothing is left open. errc::unauthorized where certificates do not do.
+/// Cancellation: terminal, returns errc::cancelled and ends the attempt.
 task<result<std::unique_ptr<stream>>> connect_until(loop& on, endpoint to, time_point deadline,
                                                     std::shared_ptr<tls::identity> with = nullptr);
 

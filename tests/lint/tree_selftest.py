@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
-"""The lints of the tree on themselves: layering, cycles, environment, names of machines."""
+"""The lints of the tree on themselves: layering, cycles, environment, names of machines, comments of asynchronous functions."""
 
 import tempfile
 import unittest
 from pathlib import Path, PurePosixPath
 
+import async_docs
 import cycles
 import environment
 import machine_names
@@ -44,6 +45,37 @@ class Layering(unittest.TestCase):
             ("tests/unit/net/x.cpp", "ise/sim/world.hpp"),
         ]:
             self.assertIsNone(objection(PurePosixPath(file), PurePosixPath(target)), (file, target))
+
+
+class AsyncDocs(unittest.TestCase):
+    def lacks(self, text):
+        return [each.partition("lacks ")[2] for each in async_docs.findings(tokenize(text, "x.hpp"))]
+
+    def test_what_a_comment_lacks_is_found(self):
+        for text, lack in [
+            ("task<> f();", "a comment"),
+            ("/// Waits for it.\ntask<> f();", "what cancellation does"),
+            ("class x {\npublic:\n/// Waits for it.\nvirtual task<> f() = 0; };", "what cancellation does"),
+            ("/// Waits. Cancellation: terminal.\ntemplate <class T>\nrequires(T::x)\ntask<result<T>> f(T what);", "how it fails"),
+            ("/// Waits. Cancellation: terminal.\ntask<> f(std::size_t most);", "what the number 'most' counts"),
+            ("/// Waits. Cancellation: terminal.\ntask<> f(const thing& what);", "how long 'what' must live"),
+            ("namespace a { struct b { task<int> f(); }; }", "a comment"),
+        ]:
+            self.assertEqual(self.lacks(text), [lack], text)
+
+    def test_good_comments_and_what_is_not_public_pass(self):
+        for text in [
+            "/// Waits. Cancellation: terminal.\ntask<> f(duration at_most);",
+            "task<> f(); ///< waits for it. Cancellation: terminal",
+            "/// Waits. Cancellation: terminal.\ntask<> f();\n/// The same with another.\ntask<> f(int count);",
+            "/// Takes at most `most` bytes, or errc::io_failed. Cancellation: terminal.\ntask<result<int>> f(int most);",
+            "/// Waits; `what` outlives it. Cancellation: terminal.\ntask<> f(const thing& what);",
+            "class x { task<> f(); public: void g(); private: task<> h(); };",
+            "class x { public: task<> f() override; std::function<task<>()> make; };",
+            "namespace detail { task<> f(); }",
+            "inline void g() { task<> f(); }",
+        ]:
+            self.assertEqual(self.lacks(text), [], text)
 
 
 class Cycles(unittest.TestCase):

@@ -22,7 +22,8 @@ public:
 /// Of the side that was called: shakes hands in its first read.
 std::unique_ptr<secure_stream> answer(loop& on, std::unique_ptr<stream> below, std::shared_ptr<identity> with);
 
-/// Of the side that calls `to`: shakes hands at once. Errors as tls::connect.
+/// Of the side that calls `to`: shakes hands at once. Errors as tls::connect. Cancellation: terminal; the
+/// stream is closed.
 task<result<std::unique_ptr<stream>>> greet(loop& on, std::unique_ptr<stream> below, std::shared_ptr<identity> with,
                                             endpoint to);
 
