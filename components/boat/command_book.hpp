@@ -28,7 +28,7 @@ bool is_answer(const acknowledgement& ack, command_kind kind, std::uint32_t sent
 /// thread safe.
 ///
 ///     auto id = book.submit(now, wall, request, chosen_id);
-///     while (auto due = book.next_due(now, wall)) give due->raw to the link;     // after every call, and at next_event()
+///     while (auto due = book.next_due(now, wall)) give due->raw to the link;  // after every call, and at next_event()
 ///     book.on_outcome(now, wall, id, delivered, "…");                            // how the link fared
 ///     book.on_acknowledgement(wall, ack);
 ///     for (auto& change : book.take_changes()) publish it

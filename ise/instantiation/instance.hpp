@@ -23,8 +23,8 @@ struct instance {
     launch_plan plan;
     supervision watch;
     std::shared_ptr<output_file> output; ///< with others of the same process
-    std::string
-        mark; ///< of its processes: the same for all lives, so that the next server finds one that could not be recorded
+    /// Of its processes: the same for all lives, so that the next server finds one that could not be recorded.
+    std::string mark;
     bool mark_is_own = false;            ///< not that of a process that it shares
     std::string version;                 ///< of the program that it runs (machine::version_of)
     std::optional<start_request> former; ///< before the last change

@@ -71,8 +71,8 @@ public:
     /// Ends it now; a waiting `next()` returns an empty packet. The provider gets a default unsubscribe packet.
     void leave();
     /// The same with an unsubscribe packet, which is adapted to the service: returns the provider's response. See
-    /// `subscriber::leave`, also for the errors, and errc::invalid_argument for a packet that does not fit. Cancellation:
-    /// terminal; the subscription has ended.
+    /// `subscriber::leave`, also for the errors, and errc::invalid_argument for a packet that does not fit.
+    /// Cancellation: terminal; the subscription has ended.
     task<result<dynamic_packet>> leave(dynamic_packet request, duration deadline = duration());
 
     class core;

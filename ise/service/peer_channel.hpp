@@ -45,7 +45,8 @@ class peer_channel final : public std::enable_shared_from_this<peer_channel>,
 public:
     /// To whoever holds `path`, or to that component at `fixed`, where an empty path is whoever listens. Lifetime: `of`
     /// outlives it.
-    peer_channel(channel_context& of, std::string path, std::optional<endpoint> fixed, role_options how = role_options());
+    peer_channel(channel_context& of, std::string path, std::optional<endpoint> fixed,
+                 role_options how = role_options());
     /// Back to the peer of a session that it made.
     peer_channel(channel_context& of, const std::shared_ptr<session>& peer);
     ~peer_channel();

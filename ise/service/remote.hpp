@@ -129,8 +129,8 @@ public:
         return call(service, given::request(all), given::deadline(all));
     }
 
-    /// The same with a request object; errors and cancellation as above. With g++ 12 use a named variable: that compiler destroys a braced temporary
-    /// inside a `co_await` expression twice (docs/coroutines.md).
+    /// The same with a request object; errors and cancellation as above. With g++ 12 use a named variable: that
+    /// compiler destroys a braced temporary inside a `co_await` expression twice (docs/coroutines.md).
     template <class Contract>
     task<typename Contract::response_type> call(const Contract& service, typename Contract::request_type request,
                                                 duration deadline = duration()) const {

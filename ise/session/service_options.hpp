@@ -19,8 +19,8 @@ struct service_options {
     duration default_deadline = std::chrono::seconds(5); ///< for calls without a deadline
     duration linger = std::chrono::seconds(
         30); ///< how long a vanished subscriber is kept, and a udp call of a vanished client continues
-    std::size_t max_sessions =
-        20'000; ///< with other processes, after the handshake; beyond, the host with the most loses its oldest to one with fewer
+    /// With other processes, after the handshake; beyond, the host with the most loses its oldest to one with fewer.
+    std::size_t max_sessions = 20'000;
     std::size_t max_handshakes = 256;           ///< pending handshakes; beyond, the host with the most loses its oldest
     std::uint32_t max_calls_per_session = 4096; ///< running at once for one peer
     std::uint32_t max_subscriptions_per_session = 1024; ///< of one peer

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""The lints of the tree on themselves: layering, cycles, environment, names of machines, comments of asynchronous functions."""
+"""The lints of the tree on themselves: layering, cycles, environment, names of machines, formatting, comments of asynchronous
+functions."""
 
 import tempfile
 import unittest
@@ -8,6 +9,7 @@ from pathlib import Path, PurePosixPath
 import async_docs
 import cycles
 import environment
+import format as format_lint
 import machine_names
 from cpp_tokens import tokenize
 from layering import objection
@@ -76,6 +78,30 @@ class AsyncDocs(unittest.TestCase):
             "inline void g() { task<> f(); }",
         ]:
             self.assertEqual(self.lacks(text), [], text)
+
+
+class Format(unittest.TestCase):
+    def test_long_lines_are_found_but_for_strings(self):
+        for text, lines in [
+            ("int a;" + " " * 120 + "\n", [1]),
+            ("// " + "x" * 118 + "\nint a;\n", [1]),
+            ("// " + "ä" * 117 + "\n", []),
+            (f'auto a = "{"x" * 120}";\n', []),
+            ('auto a = R"(\n' + "x" * 121 + ')";\n', []),
+            ('auto a = "x";\n' + "// " + "x" * 118 + "\n", [2]),
+        ]:
+            found = [int(each.split(":")[1]) for each in format_lint.long_lines("x.cpp", text)]
+            self.assertEqual(found, lines, text)
+
+    @unittest.skipUnless(format_lint.clang_format(), "clang-format 14 is not installed")
+    def test_what_clang_format_would_write_otherwise_is_found(self):
+        with tempfile.TemporaryDirectory() as folder:
+            root = Path(folder)
+            (root / ".clang-format").write_text("BasedOnStyle: LLVM\n")
+            (root / "good.cpp").write_text("int a;\n")
+            (root / "bad.cpp").write_text("int  a ;\n")
+            found = format_lint.unformatted(format_lint.clang_format(), root, ["good.cpp", "bad.cpp"])
+            self.assertEqual([each.split(":")[0] for each in found], ["bad.cpp"])
 
 
 class Cycles(unittest.TestCase):
