@@ -7,6 +7,7 @@ import unittest
 from pathlib import Path, PurePosixPath
 
 import async_docs
+import component_names
 import cycles
 import environment
 import format as format_lint
@@ -78,6 +79,28 @@ class AsyncDocs(unittest.TestCase):
             "inline void g() { task<> f(); }",
         ]:
             self.assertEqual(self.lacks(text), [], text)
+
+
+class ComponentNames(unittest.TestCase):
+    def test_all_members_are_found(self):
+        text = """
+        class component;
+        class component : public runnable {
+        public:
+            component();
+            ~component() override;
+            const std::string& path() const noexcept;
+            template <class Contract, class Handler>
+            void provide(const Contract& service, Handler handler, options how = options()) { add(service); }
+            task<> run() override = 0;
+        private:
+            static void tick();
+            std::map<int, int> known_;
+            bool over_ = false;
+        };
+        void outside();
+        """
+        self.assertEqual(component_names.members(tokenize(text).tokens, "component"), {"path", "provide", "run", "tick", "known_", "over_"})
 
 
 class Format(unittest.TestCase):
