@@ -5,6 +5,7 @@
 #include <components/gui_client/freshness.hpp>
 #include <components/gui_client/mission.hpp>
 
+#include <QEvent>
 #include <QPainter>
 #include <QPainterPath>
 
