@@ -105,11 +105,11 @@ struct component_parts {
 /// are closed, and its name is withdrawn. An exception that escapes from `run()` or a spawned coroutine is logged with
 /// the component's path and follows the failure policy with which the component was started.
 ///
-/// A derived class sees these names of it, and no others but for two that end with an underscore; a member or a local
+/// A derived class sees these names of it, and no others but for two that end with an underscore. A member or a local
 /// variable with the same name hides it:
 /// - itself: `path`, `env`, `on`, `get_executor`, `log`, `state`, `services`, `stop`;
-/// - provided services: `provide`, `provide_exclusive`, `publish`, `publish_every`, `withdraw`, `require`, `serve_role`,
-///   `leave_role`, `name_confirmed`, `announce_when_ready`, `ready`;
+/// - provided services: `provide`, `provide_exclusive`, `publish`, `publish_every`, `withdraw`, `require`,
+///   `serve_role`, `leave_role`, `name_confirmed`, `announce_when_ready`, `ready`;
 /// - other components: `find`, `at`, `caller`, `listen`;
 /// - its flow: `spawn`, `sleep`, `sleep_till`, `now`, `wall`, `offload`, and `wait` from other threads;
 /// - to override: `run`, `on_name_lost`.
