@@ -30,14 +30,6 @@ asio::any_io_executor component::get_executor() const { return started(runner_).
 const logger& component::log() const noexcept { return runner_->log(); }
 component_state component::state() const noexcept { return runner_ ? runner_->state() : component_state::starting; }
 service_host& component::services() const noexcept { return runner_->services(); }
-service_runtime& component::service_parts() const noexcept { return runner_->services(); }
-
-void component::add(std::shared_ptr<call_service> service) { started(runner_).add(std::move(service)); }
-void component::add(std::shared_ptr<publication_core> service) { started(runner_).add(std::move(service)); }
-void component::withdraw_service(const std::string& name) { started(runner_).withdraw_service(name); }
-void component::declare_required(const std::string& name, const packet_types& types) {
-    started(runner_).declare_required(name, types);
-}
 
 void component::serve_role(const std::string& role, std::int32_t priority) {
     started(runner_).serve_role(role, priority);
@@ -77,6 +69,7 @@ void component::spawn(std::string name, task<> body) {
 task<> component::ready() { return started(runner_).ready(); }
 void component::stop() { started(runner_).stop(); }
 
+namespace detail {
 namespace {
 
 struct offloaded {
@@ -89,11 +82,25 @@ struct offloaded {
 
 } // namespace
 
-task<> component::run_elsewhere(unique_function<void()> job) {
-    auto& runner = started(runner_);
-    auto done = std::make_shared<offloaded>(on());
+service_runtime& component_parts::runtime(component& of) noexcept { return of.runner_->services(); }
+void component_parts::add(component& to, std::shared_ptr<call_service> service) {
+    started(to.runner_).add(std::move(service));
+}
+void component_parts::add(component& to, std::shared_ptr<publication_core> service) {
+    started(to.runner_).add(std::move(service));
+}
+void component_parts::withdraw(component& from, const std::string& name) {
+    started(from.runner_).withdraw_service(name);
+}
+void component_parts::declare_required(component& by, const std::string& name, const packet_types& types) {
+    started(by.runner_).declare_required(name, types);
+}
+
+task<> component_parts::run_elsewhere(component& self, unique_function<void()> job) {
+    auto& runner = started(self.runner_);
+    auto done = std::make_shared<offloaded>(runner.on());
     done->job = std::move(job);
-    env().offload([done, gate = on().gate(), running = runner.begin_job()]() mutable {
+    runner.env().offload([done, gate = runner.on().gate(), running = runner.begin_job()]() mutable {
         try {
             done->job();
         } catch (...) {
@@ -110,37 +117,38 @@ task<> component::run_elsewhere(unique_function<void()> job) {
     if (done->thrown) std::rethrow_exception(done->thrown);
 }
 
-void component::post_spawn(std::string name, task<> body) {
-    on().gate()->post([self = runner_->shared_from_this(), name = std::move(name), body = std::move(body)]() mutable {
-        auto taken = std::move(body);
-        self->flow().spawn(std::move(name), std::move(taken));
-    });
+void component_parts::post_spawn(component& on, std::string name, task<> body) {
+    on.on().gate()->post(
+        [self = on.runner_->shared_from_this(), name = std::move(name), body = std::move(body)]() mutable {
+            auto taken = std::move(body);
+            self->flow().spawn(std::move(name), std::move(taken));
+        });
 }
 
-void component::throw_outcome(const std::exception_ptr& thrown) const {
+void component_parts::throw_outcome(component& of, const std::exception_ptr& thrown) {
     bool gone = false;
     try {
         std::rethrow_exception(thrown);
     } catch (const outcome_dropped&) {
         gone = true; // destroyed before it ended
     } catch (const std::system_error& cancelled) {
-        gone = cancelled.code() == asio::error::operation_aborted && runner_->stop_asked();
+        gone = cancelled.code() == asio::error::operation_aborted && of.runner_->stop_asked();
         if (!gone) throw;
     }
-    throw error(errc::cancelled, fmt::format("'{}' was stopped while a thread waited for it", path()),
+    throw error(errc::cancelled, fmt::format("'{}' was stopped while a thread waited for it", of.path()),
                 execution::unknown);
 }
 
-void component::check_period(duration period) {
+void component_parts::check_period(duration period) {
     if (period <= duration{}) throw error(errc::invalid_argument, "a period must be longer than nothing");
 }
 
-bool component::keeps_trying(const failure& why) noexcept {
+bool component_parts::keeps_trying(const failure& why) noexcept {
     return why.code() == errc::timed_out || why.code() == errc::peer_lost || why.code() == errc::unreachable;
 }
 
-void component::check_may_block() const {
-    auto& runner = started(runner_);
+void component_parts::check_may_block(component& on) {
+    auto& runner = started(on.runner_);
     if (runner.state() == component_state::stopped || runner.state() == component_state::failed)
         throw error(errc::cancelled, fmt::format("'{}' has stopped", runner.path()));
     if (runner.env().is_virtual())
@@ -152,4 +160,5 @@ void component::check_may_block() const {
             fmt::format("a blocking wait on the own thread of '{}' would never end: co_await instead", runner.path()));
 }
 
+} // namespace detail
 } // namespace ise

@@ -48,7 +48,7 @@ public:
     service_host& services() noexcept { return *services_; }
     const logger& log() const noexcept { return log_; }
     task_scope& flow() noexcept { return *flow_; }
-    task<> ready();
+    task<> ready(); ///< see `component::ready`. Cancellation: terminal
     void add(std::shared_ptr<call_service> service);
     void add(std::shared_ptr<publication_core> service);
     void withdraw_service(const std::string& name);

@@ -70,7 +70,7 @@ public:
     /// destructor). Not allowed in the virtual world, nor on an executor of a component.
     void wait();
     /// Completes when every component has stopped. May be awaited on any executor of the virtual world or of the
-    /// program.
+    /// program. Cancellation: has no effect before it completes.
     task<> stopped();
     /// Reports of the components that have stopped so far.
     std::vector<stop_report> reports() const;

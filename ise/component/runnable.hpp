@@ -8,6 +8,9 @@
 namespace ise {
 
 class component_runner;
+namespace detail {
+struct component_parts;
+}
 
 /// Where a component is in its life.
 enum class component_state : std::uint8_t { starting, ready, stopping, stopped, failed };
@@ -35,6 +38,7 @@ public:
 private:
     friend class component;
     friend class component_runner;
+    friend struct detail::component_parts;
 
     virtual task<> run() = 0;
     virtual void on_name_lost(const failure& why) = 0;

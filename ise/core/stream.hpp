@@ -34,7 +34,8 @@ public:
     /// Writes as much as possible without waiting: `asio::error::would_block` if that is nothing.
     virtual transfer try_write(std::span<const asio::const_buffer> from) = 0;
 
-    /// Waits until `try_write` can write, or returns the error of the stream.
+    /// Waits until `try_write` can write, or returns the error of the stream. Cancellation: terminal, ends only the
+    /// wait.
     virtual task<std::error_code> wait_writable() = 0;
 
     /// Limits the unsent bytes: from now on writing blocks while this many wait in the system (tcp), or are in
@@ -60,7 +61,8 @@ public:
     virtual ~listener() = default;
 
     /// Waits for the next stream, for use on the listener's loop. After errors such as a lack of file descriptors
-    /// `accept` may be called again; `asio::error::operation_aborted` after `close`.
+    /// `accept` may be called again; `asio::error::operation_aborted` after `close`. Cancellation:
+    /// terminal; a stream that arrives later waits for the next `accept`.
     virtual task<std::pair<std::error_code, std::unique_ptr<stream>>> accept() = 0;
     /// Stops listening.
     virtual void close() = 0;
@@ -80,7 +82,7 @@ class datagram_socket {
 public:
     virtual ~datagram_socket() = default;
     /// Waits for the next datagram, which the socket owns: it is valid until the next call, or the end of the socket.
-    /// Cancellation: terminal, no data are lost. `operation_aborted` after `close`.
+    /// Cancellation: terminal, no data are lost. Errors: `operation_aborted` after `close`, else those of the system.
     virtual task<std::pair<std::error_code, const datagram*>> receive() = 0;
     /// Sends or drops; `asio::error::would_block` when the kernel has no room.
     virtual std::error_code try_send(const endpoint& to, bytes_view content) = 0;

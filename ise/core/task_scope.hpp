@@ -38,7 +38,7 @@ public:
 
     /// Completes when no child is left. One coroutine at a time. Cancellation: terminal, ends only the wait.
     task<> join();
-    /// The same until `at`; false if children are still running then.
+    /// The same until `at`; false if children are still running then. Cancellation: as `join`.
     task<bool> join_until(time_point at);
 
     std::size_t size() const noexcept { return roster_->children.size(); }

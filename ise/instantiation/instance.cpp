@@ -55,6 +55,13 @@ bool instance::other_environment(const start_request& wanted) const {
     return by_name(asked.variables) != by_name(wanted.variables);
 }
 
+process_end how_it_ended(process_end told, const std::string& mark, const output_file& printed) {
+    if (told.known) return told;
+    auto record = printed.status();
+    bool of_it = record && record->ended && record->mark == mark;
+    return of_it ? record->how : told;
+}
+
 task<> next_change(loop& on, std::shared_ptr<instance> of) {
     waiter<> told(on, [&told] { told.resume(); });
     struct listed { // whichever way this coroutine ends

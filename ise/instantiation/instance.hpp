@@ -23,8 +23,8 @@ struct instance {
     launch_plan plan;
     supervision watch;
     std::shared_ptr<output_file> output; ///< with others of the same process
-    std::string
-        mark; ///< of its processes: the same for all lives, so that the next server finds one that could not be recorded
+    /// Of its processes: the same for all lives, so that the next server finds one that could not be recorded.
+    std::string mark;
     bool mark_is_own = false;            ///< not that of a process that it shares
     std::string version;                 ///< of the program that it runs (machine::version_of)
     std::optional<start_request> former; ///< before the last change
@@ -46,6 +46,9 @@ struct instance {
     bool other_environment(const start_request& wanted) const;
     saved_instance saved() const;
 };
+
+/// What is known already, else what the keeper of the process with that mark recorded.
+process_end how_it_ended(process_end told, const std::string& mark, const output_file& printed);
 
 /// Suspends until something of the instance has changed. Cancellation: terminal.
 task<> next_change(loop& on, std::shared_ptr<instance> of);

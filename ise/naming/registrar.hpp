@@ -33,13 +33,17 @@ public:
 
     /// Completes when the name is granted, with its epoch. errc::name_taken says who holds it. While the name server
     /// does not answer, or has no room, it goes on trying, on its own, also after `deadline` (errc::name_server_lost).
+    /// Cancellation: terminal, ends only the wait: it goes on trying until `withdraw`.
     virtual task<result<std::uint64_t>> enroll(registration who, duration deadline) = 0;
     /// Services or state have changed.
     virtual void update(registration who) = 0;
     /// Its state for people: "ready", "stalled"…
     virtual void set_state(const std::string& path, std::string_view state) = 0;
+    /// Gives the name up; completes when the server knows, or does not answer. Cancellation: terminal, ends only the
+    /// wait.
     virtual task<> withdraw(std::string path) = 0;
     /// For the end of the node: completes when the server knows of all that were withdrawn, or does not answer.
+    /// Cancellation: terminal, ends only the wait.
     virtual task<> farewell() = 0;
     /// Whether the lease of the granted names holds now, as far as this side knows; from any thread.
     virtual bool confirmed() const noexcept = 0;

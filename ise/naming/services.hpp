@@ -38,8 +38,8 @@ struct node_identity {
     std::string process_key; ///< equal within one process and life
     /// On its host.
     std::uint64_t process_id = 0;
-    std::string
-        launch_mark; ///< of a process that an instantiation server started, as `ended_request` has it; told to nobody else
+    /// Of a process that an instantiation server started, as `ended_request` has it; told to nobody else.
+    std::string launch_mark;
 };
 
 /// The canonical text of a packet's schema.

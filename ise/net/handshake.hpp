@@ -24,7 +24,7 @@ task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<str
                                                    time_point deadline, const shared_key* key = nullptr);
 
 /// Answers one who connected; the gatekeeper is asked once he has proved the `key`. Errors as above; one that is not
-/// admitted was told so.
+/// admitted was told so. `gate` and `key` outlive it. Cancellation: terminal; the stream is closed.
 task<result<std::shared_ptr<connection>>> respond(loop& on, std::unique_ptr<stream> transport, gatekeeper& gate,
                                                   time_point deadline, const shared_key* key = nullptr);
 

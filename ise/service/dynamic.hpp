@@ -71,7 +71,8 @@ public:
     /// Ends it now; a waiting `next()` returns an empty packet. The provider gets a default unsubscribe packet.
     void leave();
     /// The same with an unsubscribe packet, which is adapted to the service: returns the provider's response. See
-    /// `subscriber::leave`.
+    /// `subscriber::leave`, also for the errors, and errc::invalid_argument for a packet that does not fit.
+    /// Cancellation: terminal; the subscription has ended.
     task<result<dynamic_packet>> leave(dynamic_packet request, duration deadline = duration());
 
     class core;
@@ -85,6 +86,7 @@ private:
 /// Subscribes with a subscribe packet; completes when the provider has committed. The failures are those of
 /// `remote::subscribe`, and errc::invalid_argument for a request-response service.
 /// The stream continues to adapt packets to `service` when the provider restarts with compatible packets.
+/// Cancellation: terminal, unsubscribes.
 task<result<dynamic_stream>> subscribe_dynamic(remote provider, dynamic_contract service, dynamic_packet request,
                                                subscribe_options options = subscribe_options());
 

@@ -73,6 +73,7 @@ public:
     void on_missed(const subscriber_core& subscriber) override;
 
     /// Makes a session without a call; completes when it is there. errc::timed_out names the last obstacle.
+    /// Cancellation: terminal, returns errc::cancelled.
     task<result<void>> connect(time_point deadline);
 
     /// Waits until somebody is found under its path, without a session; the resolver's failure at `deadline`.

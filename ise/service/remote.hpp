@@ -129,8 +129,8 @@ public:
         return call(service, given::request(all), given::deadline(all));
     }
 
-    /// The same with a request object. With g++ 12 use a named variable: that compiler destroys a braced temporary
-    /// inside a `co_await` expression twice (docs/coroutines.md).
+    /// The same with a request object; errors and cancellation as above. With g++ 12 use a named variable: that
+    /// compiler destroys a braced temporary inside a `co_await` expression twice (docs/coroutines.md).
     template <class Contract>
     task<typename Contract::response_type> call(const Contract& service, typename Contract::request_type request,
                                                 duration deadline = duration()) const {
@@ -149,7 +149,8 @@ public:
             asio::use_awaitable, link_, service.key(), std::move(request), deadline);
     }
 
-    /// The same as `call`, with the outcome as a value: `co_await boat.try_call(helm, "hold", 2s)`.
+    /// The same as `call`, with the outcome as a value: `co_await boat.try_call(helm, "hold", 2s)`. Cancellation:
+    /// terminal; the provider's handler is cancelled too.
     template <class Contract, class... Arguments>
     requires(!detail::is_request_itself<typename Contract::request_type, Arguments...>)
         task<result<typename Contract::response_type>> try_call(const Contract& service, Arguments&&... arguments)
@@ -158,6 +159,7 @@ public:
         typename given::all all(std::forward<Arguments>(arguments)...);
         return try_call(service, given::request(all), given::deadline(all));
     }
+    /// The same with a request object; see `call`.
     template <class Contract>
     task<result<typename Contract::response_type>> try_call(const Contract& service,
                                                             typename Contract::request_type request,
@@ -187,7 +189,8 @@ public:
                                          subscribe_options options = subscribe_options()) const {
         return begin<Contract>(link_, std::string(service.name()), options, bytes());
     }
-    /// With the user's own subscribe packet.
+    /// The same with the user's own subscribe packet, which is encoded at once: it need not live on. Cancellation:
+    /// terminal, unsubscribes.
     template <class Contract>
     task<subscriber<Contract>> subscribe(const Contract& service, const typename Contract::subscribe_request& request,
                                          subscribe_options options) const {
@@ -211,7 +214,8 @@ public:
             "ise: this service is a request-response, which is not subscribed to: co_await remote.call(service, …)");
     }
 
-    /// Waits until there is a session; for programs that want to know before they call.
+    /// Waits until there is a session; for programs that want to know before they call. errc::timed_out after
+    /// `deadline`, with the last obstacle. Cancellation: terminal, returns errc::cancelled.
     task<result<void>> connect(duration deadline) const;
 
 private:

@@ -35,7 +35,8 @@ public:
     /// errc::name_server_lost if nobody can say.
     /// Cancellation: terminal.
     virtual task<result<resolution>> resolve(std::string path) = 0;
-    /// The same, waiting until somebody is there, at most until `deadline`.
+    /// The same, waiting until somebody is there, at most until `deadline`. Errors as `resolve`. Cancellation:
+    /// terminal.
     virtual task<result<resolution>> resolve_when_present(std::string path, time_point deadline) = 0;
     /// Waits until another life than `than` is found under the path, at most until `deadline`: its incarnation, or 0
     /// where none was seen or nobody can say, perhaps at once. Cancellation: terminal.

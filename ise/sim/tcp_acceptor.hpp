@@ -49,7 +49,8 @@ tcp_acceptor* acceptor_for(const machine& there, const endpoint& to);
 /// Listens on a port or local path of the host of `owner`.
 result<std::unique_ptr<listener>> listen_tcp(socket_owner& owner, loop& on, const endpoint& at);
 
-/// Connects from the host of `owner`, over tcp or local.
+/// Connects from the host of `owner`, over tcp or local. errc::unreachable. Cancellation: terminal, returns
+/// errc::cancelled. `owner` outlives it.
 task<result<std::unique_ptr<stream>>> connect_tcp(socket_owner& owner, loop& on, endpoint to);
 
 } // namespace ise::sim

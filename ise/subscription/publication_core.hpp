@@ -47,7 +47,7 @@ public:
     void publish_to(published_packet packet, function_ref<bool(const subscriber_info&)> wants);
     /// Whether every lossless subscriber that is connected has room for one more packet.
     bool has_room() const noexcept;
-    /// Waits until it has.
+    /// Waits until it has, or a subscriber has been silent for too long. Cancellation: terminal.
     task<> wait_for_room();
 
     std::size_t subscribers() const noexcept;

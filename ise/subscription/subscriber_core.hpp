@@ -115,12 +115,12 @@ public:
                     subscribe_options options, bytes request);
     virtual ~subscriber_core();
 
-    /// Completes when the provider has committed, or refused.
+    /// Completes when the provider has committed, or refused. Cancellation: terminal, unsubscribes.
     task<result<void>> begin();
     /// Ends it from this side: unsubscribes. Waiting coroutines get the end.
     void leave();
     /// The same with the user's unsubscribe packet; gives the provider's answer. errc::peer_lost where the provider is
-    /// out of reach: it is left all the same.
+    /// out of reach: it is left all the same. Cancellation: terminal, ends only the wait for the answer.
     task<result<bytes>> leave_with(bytes request, duration deadline);
 
     const std::string& service() const noexcept { return service_; }

@@ -1,12 +1,16 @@
 #!/usr/bin/env python3
-"""The lints of the tree on themselves: layering, cycles, environment, names of machines."""
+"""The lints of the tree on themselves: layering, cycles, environment, names of machines, formatting, comments of asynchronous
+functions."""
 
 import tempfile
 import unittest
 from pathlib import Path, PurePosixPath
 
+import async_docs
+import component_names
 import cycles
 import environment
+import format as format_lint
 import machine_names
 from cpp_tokens import tokenize
 from layering import objection
@@ -44,6 +48,83 @@ class Layering(unittest.TestCase):
             ("tests/unit/net/x.cpp", "ise/sim/world.hpp"),
         ]:
             self.assertIsNone(objection(PurePosixPath(file), PurePosixPath(target)), (file, target))
+
+
+class AsyncDocs(unittest.TestCase):
+    def lacks(self, text):
+        return [each.partition("lacks ")[2] for each in async_docs.findings(tokenize(text, "x.hpp"))]
+
+    def test_what_a_comment_lacks_is_found(self):
+        for text, lack in [
+            ("task<> f();", "a comment"),
+            ("/// Waits for it.\ntask<> f();", "what cancellation does"),
+            ("class x {\npublic:\n/// Waits for it.\nvirtual task<> f() = 0; };", "what cancellation does"),
+            ("/// Waits. Cancellation: terminal.\ntemplate <class T>\nrequires(T::x)\ntask<result<T>> f(T what);", "how it fails"),
+            ("/// Waits. Cancellation: terminal.\ntask<> f(std::size_t most);", "what the number 'most' counts"),
+            ("/// Waits. Cancellation: terminal.\ntask<> f(const thing& what);", "how long 'what' must live"),
+            ("namespace a { struct b { task<int> f(); }; }", "a comment"),
+        ]:
+            self.assertEqual(self.lacks(text), [lack], text)
+
+    def test_good_comments_and_what_is_not_public_pass(self):
+        for text in [
+            "/// Waits. Cancellation: terminal.\ntask<> f(duration at_most);",
+            "task<> f(); ///< waits for it. Cancellation: terminal",
+            "/// Waits. Cancellation: terminal.\ntask<> f();\n/// The same with another.\ntask<> f(int count);",
+            "/// Takes at most `most` bytes, or errc::io_failed. Cancellation: terminal.\ntask<result<int>> f(int most);",
+            "/// Waits; `what` outlives it. Cancellation: terminal.\ntask<> f(const thing& what);",
+            "class x { task<> f(); public: void g(); private: task<> h(); };",
+            "class x { public: task<> f() override; std::function<task<>()> make; };",
+            "namespace detail { task<> f(); }",
+            "inline void g() { task<> f(); }",
+        ]:
+            self.assertEqual(self.lacks(text), [], text)
+
+
+class ComponentNames(unittest.TestCase):
+    def test_all_members_are_found(self):
+        text = """
+        class component;
+        class component : public runnable {
+        public:
+            component();
+            ~component() override;
+            const std::string& path() const noexcept;
+            template <class Contract, class Handler>
+            void provide(const Contract& service, Handler handler, options how = options()) { add(service); }
+            task<> run() override = 0;
+        private:
+            static void tick();
+            std::map<int, int> known_;
+            bool over_ = false;
+        };
+        void outside();
+        """
+        self.assertEqual(component_names.members(tokenize(text).tokens, "component"), {"path", "provide", "run", "tick", "known_", "over_"})
+
+
+class Format(unittest.TestCase):
+    def test_long_lines_are_found_but_for_strings(self):
+        for text, lines in [
+            ("int a;" + " " * 120 + "\n", [1]),
+            ("// " + "x" * 118 + "\nint a;\n", [1]),
+            ("// " + "ä" * 117 + "\n", []),
+            (f'auto a = "{"x" * 120}";\n', []),
+            ('auto a = R"(\n' + "x" * 121 + ')";\n', []),
+            ('auto a = "x";\n' + "// " + "x" * 118 + "\n", [2]),
+        ]:
+            found = [int(each.split(":")[1]) for each in format_lint.long_lines("x.cpp", text)]
+            self.assertEqual(found, lines, text)
+
+    @unittest.skipUnless(format_lint.clang_format(), "clang-format 14 is not installed")
+    def test_what_clang_format_would_write_otherwise_is_found(self):
+        with tempfile.TemporaryDirectory() as folder:
+            root = Path(folder)
+            (root / ".clang-format").write_text("BasedOnStyle: LLVM\n")
+            (root / "good.cpp").write_text("int a;\n")
+            (root / "bad.cpp").write_text("int  a ;\n")
+            found = format_lint.unformatted(format_lint.clang_format(), root, ["good.cpp", "bad.cpp"])
+            self.assertEqual([each.split(":")[0] for each in found], ["bad.cpp"])
 
 
 class Cycles(unittest.TestCase):

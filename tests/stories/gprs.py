@@ -1,4 +1,6 @@
 """The lines of components/gprs/README.md."""
+import base64
+import time
 
 
 def line(content: str) -> bytes:
@@ -11,3 +13,7 @@ def line(content: str) -> bytes:
 
 def login(boot: int, first_unacked: int = 1, last: int = 0, token: int = 1) -> bytes:
     return line(f"PATL,atirma,{boot},{first_unacked},{last},{token:016X}")
+
+
+def record(boot: int, number: int, packet: bytes) -> bytes:
+    return line(f"PATD,{boot},{number},{int(time.time())},L,{base64.b64encode(packet).decode()}")

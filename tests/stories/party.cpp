@@ -239,8 +239,8 @@ int run(const std::string& role, const std::string& log_file, const std::string&
         says = started.services().listening().front().text();
     } else {
         how.listens = false;
-        how.registers = false;
-        if (role == "requester") node.start<requester>("", std::move(how), log, set, where);
+        how.registers = set.values.contains("names");
+        if (role == "requester") node.start<requester>(set.text("path", ""), std::move(how), log, set, where);
         else if (role == "subscriber") node.start<subscriber>("", std::move(how), log, set, where);
         else throw std::runtime_error("no such role: " + role);
     }

@@ -2,29 +2,18 @@
 import itertools
 import os
 import struct
-import time
 import tty
 
+from boat import packet
 from world import Failed, Rules, World
 
 BOAT = 0x0013A20040000002  # the modem's address
 AUTHORISED, PING = 0x42, 0
 
 
-def crc16(raw: bytes) -> int:
-    made = 0xFFFF
-    for each in raw:
-        made ^= each << 8
-        for _ in range(8):
-            made = (made << 1 ^ 0x1021 if made & 0x8000 else made << 1) & 0xFFFF
-    return made
-
-
 def telecommand(id: int, kind: int, authority: int) -> bytes:
-    """components/boat/README.md: a telecommand without arguments."""
-    now = int(time.time() * 1000)
-    raw = struct.pack("<BBHIIHIB", 1, AUTHORISED, 0, id, now & 0xFFFFFFFF, now >> 32, authority, kind)
-    return raw + struct.pack("<H", crc16(raw))
+    """One without arguments."""
+    return packet(AUTHORISED, 0, id, struct.pack("<IB", authority, kind))
 
 
 def frame(payload: bytes) -> bytes:

@@ -5,6 +5,7 @@
 
 #include <ise/component/component_type.hpp>
 #include <ise/instantiation/instantiation_server.hpp>
+#include <ise/instantiation/services.hpp>
 
 namespace changing_test {
 

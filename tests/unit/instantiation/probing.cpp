@@ -6,6 +6,7 @@
 #include <ise/component/component_type.hpp>
 #include <ise/instantiation/instantiation_server.hpp>
 #include <ise/instantiation/probe.hpp>
+#include <ise/instantiation/services.hpp>
 
 #include <asio/buffer.hpp>
 

@@ -1,7 +1,5 @@
-// Health probes: a component that is ready proves again and again that its port answers.
-#include <ise/instantiation/instantiation_server.hpp>
-
 #include <ise/instantiation/probe.hpp>
+#include <ise/instantiation/prober.hpp>
 
 #include <fmt/format.h>
 
@@ -27,32 +25,31 @@ task<> attempt(component& self, probe_target target, duration limit, std::shared
 
 } // namespace
 
-/// To be called when it has become ready, or its terms have changed.
-void instantiation_server::begin_probing(const instance_ptr& one) {
+void prober::begin(const instance_ptr& one) {
     bool due =
         one->watch.state() == instance_state::ready && !one->asked.terms.probe.empty() && one->probed_life != one->life;
     if (!due) return;
     one->probed_life = one->life;
-    spawn("probe of " + one->plan.path, follow_probe(one, one->life));
+    here_.self.spawn("probe of " + one->plan.path, follow(one, one->life));
 }
 
-task<> instantiation_server::follow_probe(instance_ptr one, std::uint64_t life) {
+task<> prober::follow(instance_ptr one, std::uint64_t life) {
     auto lives = [&] {
         return life == one->life && one->watch.state() == instance_state::ready && !one->asked.terms.probe.empty();
     };
     std::uint32_t failures = 0;
     while (lives()) {
-        auto began = now();
+        auto began = here_.self.now();
         auto terms = one->asked.terms;
-        auto target = parse_probe(terms.probe, options_.rules.listen_addresses);
+        auto target = parse_probe(terms.probe, here_.options.rules.listen_addresses);
         auto limit = std::min(terms.probe_every, max_answer);
         auto state = std::make_shared<probe_attempt>();
-        if (target) spawn("probe", attempt(*this, *target, limit, state));
+        if (target) here_.self.spawn("probe", attempt(here_.self, *target, limit, state));
         else state->outcome = target.error();
         state->over = !target.has_value();
         // A connection may take the system minutes: then it has failed, and no other is tried meanwhile.
-        while (!state->over && now() < saturating_add(began, limit + probe_look_pause))
-            co_await sleep(probe_look_pause);
+        while (!state->over && here_.self.now() < saturating_add(began, limit + probe_look_pause))
+            co_await here_.self.sleep(probe_look_pause);
         if (!lives()) break;
         std::string why;
         if (!state->over) why = fmt::format("no answer within {:g} s", std::chrono::duration<double>(limit).count());
@@ -62,10 +59,11 @@ task<> instantiation_server::follow_probe(instance_ptr one, std::uint64_t life) 
                                  ? std::string()
                                  : fmt::format("its probe {} failed{}: {}", terms.probe,
                                                failures == 1 ? "" : fmt::format(" {} times on end", failures), why);
-        if (failures == 1) log().warning(fmt::format("{}: {}", one->plan.path, one->probe_trouble));
-        if (failures >= terms.probe_failures) carry_out(one, one->watch.unhealthy(now(), one->probe_trouble));
-        while (!state->over && lives()) co_await sleep(probe_look_pause);
-        if (lives()) co_await sleep_till(saturating_add(began, terms.probe_every));
+        if (failures == 1) here_.self.log().warning(fmt::format("{}: {}", one->plan.path, one->probe_trouble));
+        if (failures >= terms.probe_failures)
+            instances_.carry_out(one, one->watch.unhealthy(here_.self.now(), one->probe_trouble));
+        while (!state->over && lives()) co_await here_.self.sleep(probe_look_pause);
+        if (lives()) co_await here_.self.sleep_till(saturating_add(began, terms.probe_every));
     }
     if (life == one->life) {
         one->probe_trouble.clear();

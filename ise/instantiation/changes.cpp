@@ -1,6 +1,5 @@
-#include <ise/instantiation/instantiation_server.hpp>
-
 #include <ise/component/parameter_services.hpp>
+#include <ise/instantiation/changes.hpp>
 #include <ise/instantiation/differences.hpp>
 #include <ise/instantiation/refusal.hpp>
 
@@ -41,11 +40,11 @@ std::string said(const std::string& message, std::string_view service) {
 
 } // namespace
 
-task<change_response> instantiation_server::change_one(change_request what) {
+task<change_response> changes::change(change_request what) {
     change_response refused;
     auto to = std::move(what.to);
     if (what.undo != 0) {
-        auto one = find(to.path);
+        auto one = table_.at(to.path);
         if (!one->former || one->undo != what.undo)
             throw error(errc::refused,
                         fmt::format("the change of '{}' cannot be undone: it was changed again since", to.path));
@@ -61,12 +60,12 @@ task<change_response> instantiation_server::change_one(change_request what) {
     co_return refused;
 }
 
-task<change_response> instantiation_server::change_to(start_request to, bool only_in_place) {
-    check_wishes(to, options_.rules);
+task<change_response> changes::change_to(start_request to, bool only_in_place) {
+    check_wishes(to, here_.options.rules);
     auto wanted = to;
-    auto planned = co_await plan(std::move(wanted));
-    auto one = find(planned.path);
-    check_process(to.process, planned.program);
+    auto planned = co_await types_.plan(std::move(wanted));
+    auto one = table_.at(planned.path);
+    shared_.check(to.process, planned.program);
     if (!changing_.insert(planned.path).second)
         throw error(errc::refused, fmt::format("'{}' is being changed already: try again", planned.path));
     struct changing { // whichever way this coroutine ends
@@ -77,8 +76,9 @@ task<change_response> instantiation_server::change_to(start_request to, bool onl
     change_response made;
     made.former = one->asked;
     for (auto& variable : made.former.variables) variable.value.clear(); // secrets stay here
-    auto is = only_in_place ? one->text() : text_of(*one); // to set a parameter is no reason to run another program
-    auto others = differences(is, to, *catalogue_->find(to.type), one->other_environment(to));
+    auto is =
+        only_in_place ? one->text() : table_.info_of(*one); // to set a parameter is no reason to run another program
+    auto others = differences(is, to, *types_.known().find(to.type), one->other_environment(to));
     bool in_place = std::ranges::all_of(others, &difference::in_place);
     if (in_place && runs(one->watch)) {
         std::vector<argument> settings;
@@ -96,23 +96,23 @@ task<change_response> instantiation_server::change_to(start_request to, bool onl
         made.outcome.started = one->text();
         co_return made;
     }
-    if (only_in_place) refuse_restart(*one, others, *catalogue_->find(to.type));
-    check_rate();
+    if (only_in_place) refuse_restart(*one, others, *types_.known().find(to.type));
+    starting_.check_rate();
     made.way = change_way::restarted;
     auto asked = one->asked;
     auto former = one->plan;
     bool was_up = runs(one->watch);
     become(one, std::move(to), std::move(planned));
     made.undo = one->undo;
-    if (is.rebuilt) replace_process_of(*one);
-    carry_out(one, one->watch.restart(now()));
-    made.outcome = co_await until_ready(one);
+    if (is.rebuilt) shared_.replace_that_of(*one);
+    instances_.carry_out(one, one->watch.restart(here_.self.now()));
+    made.outcome = co_await starting_.until_ready(one);
     if (made.outcome.outcome == start_outcome::ready) co_return made;
     become(one, std::move(asked), std::move(former));
     made.undo = 0;
     if (was_up) { // what ran well goes on as it was
-        carry_out(one, one->watch.restart(now()));
-        auto back = co_await until_ready(one);
+        instances_.carry_out(one, one->watch.restart(here_.self.now()));
+        auto back = co_await starting_.until_ready(one);
         made.outcome.why += back.outcome == start_outcome::ready
                                 ? "; it runs again as before"
                                 : fmt::format("; nor does it start again as before: {}", back.why);
@@ -121,8 +121,8 @@ task<change_response> instantiation_server::change_to(start_request to, bool onl
     co_return made;
 }
 
-task<set_response> instantiation_server::set(set_request what) {
-    auto one = find(what.path);
+task<set_response> changes::set(set_request what) {
+    auto one = table_.at(what.path);
     auto to = one->asked;
     to.arguments = with_settings(std::move(to.arguments), what.settings);
     set_response made;
@@ -136,10 +136,10 @@ task<set_response> instantiation_server::set(set_request what) {
     co_return made;
 }
 
-task<result<void>> instantiation_server::set_parameters(instance_ptr one, std::vector<argument> settings) {
+task<result<void>> changes::set_parameters(instance_ptr one, std::vector<argument> settings) {
     change_parameters_request request;
     for (auto& [name, value] : settings) request.settings.push_back({std::move(name), std::move(value)});
-    auto who = at(one->plan.path);
+    auto who = here_.self.at(one->plan.path);
     auto told = co_await who.try_call(change_parameters_service, std::move(request), parameter_wait);
     if (told) co_return result<void>();
     bool its_own = told.error().code() == errc::handler_failed ||
@@ -149,27 +149,15 @@ task<result<void>> instantiation_server::set_parameters(instance_ptr one, std::v
                                                  said(told.error().message(), change_parameters_service.name())));
 }
 
-void instantiation_server::become(const instance_ptr& one, start_request asked, launch_plan plan) {
+void changes::become(const instance_ptr& one, start_request asked, launch_plan plan) {
     bool elsewhere = one->asked.process != asked.process;
-    if (elsewhere) one->output = output_of(plan.path, asked.process);
+    if (elsewhere) one->output = table_.output_of(plan.path, asked.process);
     one->former = std::exchange(one->asked, std::move(asked));
-    one->undo = env().random() | 1;
+    one->undo = here_.self.env().random() | 1;
     one->plan = std::move(plan);
     one->watch.use(one->asked.terms);
-    begin_probing(one);
-    save();
-    host_event event;
-    event.at = wall();
-    event.instance = one->text();
-    events_(event);
-}
-
-void instantiation_server::forget(const std::string& path) {
-    auto found = instances_.find(path);
-    if (prints_alone(*found->second)) found->second->output->remove();
-    told_.erase(path);
-    instances_.erase(found);
-    save();
+    probes_.begin(one);
+    instances_.announce(*one);
 }
 
 } // namespace ise::instantiation

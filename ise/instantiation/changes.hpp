@@ -1,0 +1,43 @@
+#pragma once
+#include <ise/instantiation/prober.hpp>
+#include <ise/instantiation/starts.hpp>
+
+#include <set>
+#include <string>
+#include <vector>
+
+namespace ise::instantiation {
+
+/// Makes running instances as they are wanted: in place where all that differs can be changed so, else by a restart,
+/// which is undone if it fails.
+class changes {
+public:
+    changes(server_context& here, installed_types& types, instance_table& table, supervisor& instances, prober& probes,
+            shared_processes& shared, starts& starting)
+        : here_(here), types_(types), table_(table), instances_(instances), probes_(probes), shared_(shared),
+          starting_(starting) {}
+
+    /// Returns how it was changed, or why it was not. errc::refused: there is no such instance, it has something
+    /// against it, or the change cannot be undone. Cancellation: terminal; an instance that was being restarted is
+    /// ended.
+    task<change_response> change(change_request what);
+    /// Sets parameters in place. errc::refused with what can be set. Cancellation: terminal; the parameters may have
+    /// been set.
+    task<set_response> set(set_request what);
+
+private:
+    task<change_response> change_to(start_request to, bool only_in_place);
+    task<result<void>> set_parameters(instance_ptr one, std::vector<argument> settings);
+    void become(const instance_ptr& one, start_request asked, launch_plan plan);
+
+    server_context& here_;
+    installed_types& types_;
+    instance_table& table_;
+    supervisor& instances_;
+    prober& probes_;
+    shared_processes& shared_;
+    starts& starting_;
+    std::set<std::string> changing_; // paths
+};
+
+} // namespace ise::instantiation

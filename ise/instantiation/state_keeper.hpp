@@ -1,0 +1,27 @@
+#pragma once
+#include <ise/instantiation/instance_table.hpp>
+#include <ise/instantiation/saved_state.hpp>
+
+#include <string>
+
+namespace ise::instantiation {
+
+/// Writes down what the next instantiation server must know, and reads what the last one wrote.
+class state_keeper {
+public:
+    state_keeper(server_context& here, const instance_table& table) : here_(here), table_(table) {}
+
+    /// The whole table goes to the disk. An error is logged, too.
+    result<void> try_save();
+    void save() { [[maybe_unused]] auto logged = try_save(); }
+    /// Empty where there is none, or where it cannot be read, which is logged.
+    saved_state load();
+
+private:
+    std::string file() const { return here_.options.state_folder + "/state.json"; }
+
+    server_context& here_;
+    const instance_table& table_;
+};
+
+} // namespace ise::instantiation
