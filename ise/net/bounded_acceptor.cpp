@@ -1,5 +1,6 @@
 #include <ise/net/bounded_acceptor.hpp>
 
+#include <ise/core/log_limiter.hpp>
 #include <ise/core/sleep.hpp>
 
 #include <asio/error.hpp>
@@ -42,6 +43,23 @@ task<admitted> bounded_acceptor::next() {
         }
         made.line = std::move(stranger);
         co_return made;
+    }
+}
+
+bounded_acceptor::reporter log_to(loop& on, logger log) {
+    return [&on, log = std::move(log), quiet = log_limiter()](const std::string& what, const std::string& at) mutable {
+        if (auto left_out = quiet.admit(on.now()))
+            log.warning(what, {{"at", at}, {"left_out", std::to_string(*left_out)}});
+    };
+}
+
+task<> accept_each(loop& on, std::shared_ptr<listener> from, fair_places* places, bounded_acceptor::reporter report,
+                   std::function<void(admitted)> take) {
+    bounded_acceptor entrance(on, std::move(from), places, std::move(report));
+    for (;;) {
+        auto who = co_await entrance.next();
+        if (!who.line) co_return;
+        take(std::move(who));
     }
 }
 

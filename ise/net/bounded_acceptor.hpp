@@ -1,4 +1,5 @@
 #pragma once
+#include <ise/core/log.hpp>
 #include <ise/core/loop.hpp>
 #include <ise/core/stream.hpp>
 #include <ise/core/task.hpp>
@@ -37,5 +38,13 @@ private:
     fair_places* places_;
     reporter report_;
 };
+
+/// Logs failures to accept as warnings, limited in rate. `on` outlives it.
+bounded_acceptor::reporter log_to(loop& on, logger log);
+
+/// Accepts until the listener is closed, and passes each connection to `take`. Parameters as of `bounded_acceptor`.
+/// Cancellation: terminal, ends it.
+task<> accept_each(loop& on, std::shared_ptr<listener> from, fair_places* places, bounded_acceptor::reporter report,
+                   std::function<void(admitted)> take);
 
 } // namespace ise::net
