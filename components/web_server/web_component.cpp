@@ -39,7 +39,6 @@ ise::endpoint endpoint_of(const page_address& at) {
                                      "or :: (--address)",
                                      at.address));
     ise::endpoint made;
-    made.kind = ise::protocol::tcp;
     made.host = address.to_string();
     made.port = at.port;
     return made;
