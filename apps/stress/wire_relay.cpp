@@ -1,5 +1,7 @@
 #include "wire_relay.hpp"
 
+#include <ise/net/bounded_acceptor.hpp>
+
 #include <asio/error.hpp>
 
 namespace atirma::stress {
@@ -13,17 +15,14 @@ ise::task<> wire_relay::run() {
     auto door = env().listen(on(), ise::endpoint::parse(listen_).value());
     auto at = std::move(door.value());
     if (on_listening_) on_listening_(at->where());
-    for (;;) {
-        auto [problem, near] = co_await at->accept();
-        if (problem) {
-            co_await sleep(pause);
-            continue;
-        }
+    auto take = [this](ise::net::admitted who) {
         auto made = std::make_shared<wire>();
-        made->near = std::move(near);
+        made->near = std::move(who.line);
         made->by = make_();
         spawn("line", connect(std::move(made)));
-    }
+    };
+    auto accepting = ise::net::accept_each(on(), std::move(at), nullptr, ise::net::log_to(on(), log()), take);
+    co_await std::move(accepting);
 }
 
 ise::task<> wire_relay::connect(std::shared_ptr<wire> what) {

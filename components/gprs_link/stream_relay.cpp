@@ -1,7 +1,6 @@
 #include <components/gprs_link/stream_relay.hpp>
 
 #include <ise/core/sleep.hpp>
-#include <ise/net/bounded_acceptor.hpp>
 #include <ise/net/connect.hpp>
 
 #include <asio/error.hpp>
@@ -20,28 +19,23 @@ ise::result<ise::endpoint> stream_relay::open(const ise::endpoint& at) {
     if (!made) return made.error();
     std::shared_ptr<ise::listener> listener = std::move(*made);
     auto where = listener->where();
-    spawn_("boats at " + where.text(), accept(std::move(listener)));
+    spawn_("boats at " + where.text(),
+           ise::net::accept_each(loop_, std::move(listener), &places_, ise::net::log_to(loop_, log_),
+                                 [this](ise::net::admitted who) { take(std::move(who)); }));
     return where;
 }
 
-ise::task<> stream_relay::accept(std::shared_ptr<ise::listener> at) {
-    ise::net::bounded_acceptor entrance(loop_, at, &places_, [this](const std::string& what, const std::string& where) {
-        log_.warning(what, {{"at", where}});
-    });
-    for (;;) {
-        auto who = co_await entrance.next();
-        if (!who.line) co_return;
-        if (!air_.up || who.refused) {
-            ++air_.turned_away;
-            continue;
-        }
-        auto made = std::make_shared<call>(*this);
-        made->boat = std::move(who.line);
-        made->place = std::move(who.place);
-        made->place->on_displaced([this, whose = made.get()] { end(*whose); });
-        calls_.push_back(made);
-        spawn_("connection", carry(std::move(made)));
+void stream_relay::take(ise::net::admitted who) {
+    if (!air_.up || who.refused) {
+        ++air_.turned_away;
+        return;
     }
+    auto made = std::make_shared<call>(*this);
+    made->boat = std::move(who.line);
+    made->place = std::move(who.place);
+    made->place->on_displaced([this, whose = made.get()] { end(*whose); });
+    calls_.push_back(made);
+    spawn_("connection", carry(std::move(made)));
 }
 
 ise::task<> stream_relay::carry(std::shared_ptr<call> of) {

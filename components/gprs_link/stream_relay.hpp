@@ -6,7 +6,7 @@
 #include <ise/core/log.hpp>
 #include <ise/core/loop.hpp>
 #include <ise/core/task.hpp>
-#include <ise/net/fair_places.hpp>
+#include <ise/net/bounded_acceptor.hpp>
 
 #include <array>
 #include <deque>
@@ -60,7 +60,7 @@ private:
         bool frozen = false, over = false;
     };
 
-    ise::task<> accept(std::shared_ptr<ise::listener> at);
+    void take(ise::net::admitted who);
     ise::task<> carry(std::shared_ptr<call> of);
     ise::task<> pump(std::shared_ptr<call> of, std::size_t which);
     void turn(call& of);

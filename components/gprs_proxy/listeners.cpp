@@ -19,7 +19,9 @@ ise::result<ise::endpoint> listeners::open(const ise::endpoint& at) {
         if (!made) return made.error();
         std::shared_ptr<ise::listener> listener = std::move(*made);
         auto where = listener->where();
-        spawn_("boats at " + where.text(), accept(std::move(listener)));
+        spawn_("boats at " + where.text(), // the shore bounds the connections: it knows who has logged in
+               ise::net::accept_each(loop_, std::move(listener), nullptr, ise::net::log_to(loop_, log_),
+                                     [this](ise::net::admitted who) { take(std::move(who.line)); }));
         return where;
     }
     if (at.kind == ise::protocol::udp) {
@@ -36,25 +38,16 @@ ise::result<ise::endpoint> listeners::open(const ise::endpoint& at) {
                         fmt::format("a boat calls over tcp or udp, not {}: such as tcp://0.0.0.0:7420", at.text()));
 }
 
-ise::task<> listeners::accept(std::shared_ptr<ise::listener> at) {
-    // The shore bounds the connections: it knows who has logged in.
-    ise::net::bounded_acceptor entrance(loop_, at, nullptr, [this](const std::string& what, const std::string& where) {
-        if (auto left_out = quiet_.admit(loop_.now()))
-            log_.warning(what, {{"at", where}, {"left_out", std::to_string(*left_out)}});
-    });
-    for (;;) {
-        auto who = co_await entrance.next();
-        if (!who.line) co_return;
-        auto made = std::make_shared<line>();
-        made->stream = std::move(who.line);
-        gprs::way by;
-        by.channel = ++last_channel_;
-        auto peer = ise::endpoint::parse(made->stream->peer());
-        if (peer) by.peer = *peer;
-        lines_[by.channel] = made;
-        on_connected(by);
-        spawn_("boat's connection", read(by.channel, std::move(made)));
-    }
+void listeners::take(std::unique_ptr<ise::stream> boat) {
+    auto made = std::make_shared<line>();
+    made->stream = std::move(boat);
+    gprs::way by;
+    by.channel = ++last_channel_;
+    auto peer = ise::endpoint::parse(made->stream->peer());
+    if (peer) by.peer = *peer;
+    lines_[by.channel] = made;
+    on_connected(by);
+    spawn_("boat's connection", read(by.channel, std::move(made)));
 }
 
 ise::task<> listeners::read(std::uint64_t channel, std::shared_ptr<line> from) {

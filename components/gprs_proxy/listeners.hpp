@@ -4,7 +4,6 @@
 
 #include <ise/core/environment.hpp>
 #include <ise/core/log.hpp>
-#include <ise/core/log_limiter.hpp>
 #include <ise/core/loop.hpp>
 #include <ise/core/task.hpp>
 
@@ -49,7 +48,7 @@ private:
         bool cut = false;
     };
 
-    ise::task<> accept(std::shared_ptr<ise::listener> at);
+    void take(std::unique_ptr<ise::stream> boat);
     ise::task<> read(std::uint64_t channel, std::shared_ptr<line> from);
     ise::task<> receive(std::uint64_t channel, std::shared_ptr<ise::datagram_socket> at);
     void write_again();
@@ -60,7 +59,6 @@ private:
     std::map<std::uint64_t, std::shared_ptr<line>> lines_;
     std::map<std::uint64_t, std::shared_ptr<ise::datagram_socket>> sockets_;
     ise::timer again_{loop_, [this] { write_again(); }};
-    ise::log_limiter quiet_;
     std::uint64_t last_channel_ = 0;
 };
 

@@ -29,14 +29,15 @@ struct http_reader::parser {
         wrong.reset();
     }
     /// What a callback returns: 0 goes on.
-    int fail(ise::errc code, std::string why) {
-        if (!wrong) wrong.emplace(code, std::move(why));
+    int too_large(int answered_with, std::string why) {
+        if (!wrong) wrong.emplace(ise::errc::too_large, std::move(why));
+        status = answered_with;
         return 1;
     }
     int head(std::size_t more) {
         head_bytes += more;
         if (head_bytes <= limits.max_head_bytes) return 0;
-        return fail(ise::errc::too_large, fmt::format("the headers have more than {} bytes", limits.max_head_bytes));
+        return too_large(431, fmt::format("the headers have more than {} bytes", limits.max_head_bytes));
     }
 
     static parser& of(http_parser* p) { return *static_cast<parser*>(p->data); }
@@ -46,16 +47,18 @@ struct http_reader::parser {
         http_parser_settings_init(&s);
         s.on_message_begin = [](http_parser* p) { return of(p).started = true, 0; };
         s.on_url = [](http_parser* p, const char* at, std::size_t size) {
-            of(p).now.target.append(at, size);
-            return of(p).head(size);
+            auto& self = of(p);
+            self.now.target.append(at, size);
+            if (self.now.target.size() > self.limits.max_url_bytes)
+                return self.too_large(414, fmt::format("the URL has more than {} bytes", self.limits.max_url_bytes));
+            return self.head(size);
         };
         s.on_header_field = [](http_parser* p, const char* at, std::size_t size) {
             auto& self = of(p);
             auto& headers = self.now.headers;
             if (self.in_value || headers.empty()) {
                 if (headers.size() >= self.limits.max_headers)
-                    return self.fail(ise::errc::too_large,
-                                     fmt::format("more than {} headers", self.limits.max_headers));
+                    return self.too_large(431, fmt::format("more than {} headers", self.limits.max_headers));
                 headers.emplace_back();
             }
             self.in_value = false;
@@ -73,8 +76,8 @@ struct http_reader::parser {
             auto& self = of(p);
             bool known = p->content_length != static_cast<std::uint64_t>(-1);
             if (known && p->content_length > self.limits.max_body_bytes)
-                return self.fail(ise::errc::too_large, fmt::format("the body has {} bytes, {} at most",
-                                                                   p->content_length, self.limits.max_body_bytes));
+                return self.too_large(413, fmt::format("the body has {} bytes, {} at most", p->content_length,
+                                                       self.limits.max_body_bytes));
             auto expects = self.now.header("expect");
             self.continues = expects.size() == 12 && (expects[0] == '1') && expects.substr(0, 4) == "100-";
             return 0;
@@ -82,8 +85,7 @@ struct http_reader::parser {
         s.on_body = [](http_parser* p, const char* at, std::size_t size) {
             auto& self = of(p);
             if (self.now.body.size() + size > self.limits.max_body_bytes)
-                return self.fail(ise::errc::too_large,
-                                 fmt::format("the body has more than {} bytes", self.limits.max_body_bytes));
+                return self.too_large(413, fmt::format("the body has more than {} bytes", self.limits.max_body_bytes));
             self.now.body.append(at, size);
             return 0;
         };
@@ -91,6 +93,7 @@ struct http_reader::parser {
             auto& self = of(p);
             self.whole = true;
             self.now.keep_alive = http_should_keep_alive(p) != 0;
+            self.now.takes_chunks = p->http_major > 1 || (p->http_major == 1 && p->http_minor >= 1);
             self.now.status = static_cast<int>(p->status_code);
             if (p->type == HTTP_REQUEST) self.now.method = http_method_str(static_cast<http_method>(p->method));
             http_parser_pause(p, 1); // what follows belongs to the next one
@@ -104,6 +107,7 @@ struct http_reader::parser {
     http_parser state{};
     http_message now;
     std::optional<ise::failure> wrong;
+    int status = 400; // of the answer to what is wrong
     std::size_t head_bytes = 0;
     bool whole = false, started = false, continues = false, in_value = false;
 };
@@ -140,6 +144,7 @@ ise::result<void> http_reader::end() {
     return {};
 }
 
+int http_reader::refusal() const noexcept { return parser_->status; }
 bool http_reader::begun() const noexcept { return parser_->started; }
 bool http_reader::complete() const noexcept { return parser_->whole; }
 bool http_reader::wants_continue() { return std::exchange(parser_->continues, false) && !parser_->whole; }

@@ -18,13 +18,15 @@ struct http_message {
     std::vector<std::pair<std::string, std::string>> headers; ///< names in lower case
     std::string body;
     bool keep_alive = false;
+    bool takes_chunks = false; ///< its sender speaks HTTP/1.1: an answer may come in chunks
 
     /// The value of a header by its name in lower case; empty if there is none.
     std::string_view header(std::string_view name) const noexcept;
 };
 
 struct http_reader_limits {
-    std::size_t max_head_bytes = 16 * 1024; ///< first line and headers
+    std::size_t max_url_bytes = 2048;
+    std::size_t max_head_bytes = 8 * 1024; ///< first line and headers
     std::size_t max_headers = 64;
     std::size_t max_body_bytes = 64 * 1024;
 };
@@ -39,11 +41,13 @@ public:
     http_reader& operator=(const http_reader&) = delete;
 
     /// Takes bytes until one message is whole; says how many. The rest belongs to the next one: `take()`, then feed it.
-    /// Errors: malformed, too_large (head or body: the message says which). After an error it is of no more use.
+    /// Errors: malformed, too_large (URL, head or body: the message says which). After an error it is of no more use.
     ise::result<std::size_t> feed(ise::bytes_view in);
     /// The stream has ended: completes an answer that has no length of its own. Error: malformed where it is cut off.
     ise::result<void> end();
 
+    /// The status that answers a request after an error of `feed`: 400, 413, 414 or 431.
+    int refusal() const noexcept;
     bool begun() const noexcept; ///< something of a message is there
     bool complete() const noexcept;
     /// The sender waits for `100 Continue` before it sends the body; said once a message.

@@ -6,25 +6,6 @@
 
 namespace atirma {
 
-std::string_view reason_of(int status) noexcept {
-    switch (status) {
-        case 200: return "OK";
-        case 304: return "Not Modified";
-        case 400: return "Bad Request";
-        case 401: return "Unauthorized";
-        case 403: return "Forbidden";
-        case 404: return "Not Found";
-        case 405: return "Method Not Allowed";
-        case 408: return "Request Timeout";
-        case 413: return "Payload Too Large";
-        case 414: return "URI Too Long";
-        case 431: return "Request Header Fields Too Large";
-        case 500: return "Internal Server Error";
-        case 503: return "Service Unavailable";
-        default: return "Status";
-    }
-}
-
 void http_requests::refuse(int status, std::string why) {
     auto& made = refused_.emplace();
     made.status = status;
@@ -40,15 +21,13 @@ ise::task<std::optional<http_message>> http_requests::next() {
             auto got = co_await line_.read_some(asio::buffer(buffer_));
             rest_ = ise::bytes_view(buffer_).first(got.bytes);
             if (got.problem && rest_.empty()) {
-                if (line_.late() && timed) refuse(0, "a request did not come to its end in time");
+                if (line_.late() && reader_.begun()) refuse(408, "the request did not come to its end in time");
                 co_return request; // closed, or nothing came
             }
         }
         auto used = reader_.feed(rest_);
         if (!used) {
-            bool big = used.error().code() == ise::errc::too_large;
-            bool head = used.error().message().find("header") != std::string::npos;
-            refuse(!big ? 400 : head ? 431 : 413, used.error().message());
+            refuse(reader_.refusal(), used.error().message());
             co_return request;
         }
         rest_ = rest_.subspan(*used);

@@ -5,20 +5,16 @@
 #include <array>
 #include <optional>
 #include <string>
-#include <string_view>
 
 namespace atirma {
 
-/// "Not Found"; "Status" for a number without a name here.
-std::string_view reason_of(int status) noexcept;
-
 struct http_times {
-    ise::duration request = std::chrono::seconds(10); ///< for a whole request, from its first byte to its last
+    ise::duration request = std::chrono::seconds(15); ///< for a whole request, from its first byte to its last
     ise::duration idle = std::chrono::seconds(30);    ///< before the first byte
 };
 
 struct http_refusal {
-    int status = 0; ///< to answer with; 0: the line is closed already
+    int status = 0; ///< to answer with; 408 comes too late for an answer, see `line_with_deadline::on_late`
     std::string why;
 };
 
@@ -34,6 +30,9 @@ public:
 
     /// Why the last request was no request, or none in time.
     const std::optional<http_refusal>& refused() const noexcept { return refused_; }
+
+    /// A request has begun and has not come to its end.
+    bool under_way() const noexcept { return reader_.begun(); }
 
     /// To answer over; it has the deadline of the request until another one is set.
     line_with_deadline& line() noexcept { return line_; }

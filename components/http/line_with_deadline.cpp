@@ -9,6 +9,7 @@ namespace atirma {
 
 line_with_deadline::line_with_deadline(ise::loop& on, std::unique_ptr<ise::stream> line)
     : line_(std::move(line)), alarm_(on, [this] {
+          if (last_words_) last_words_();
           late_ = true;
           line_->close();
       }) {}

@@ -3,6 +3,7 @@
 #include <ise/core/stream.hpp>
 
 #include <cstddef>
+#include <functional>
 #include <memory>
 #include <string_view>
 #include <vector>
@@ -29,11 +30,15 @@ public:
     /// that were not read may take back what it has written. Cancellation: terminal.
     ise::task<> drop_rest(std::size_t most);
 
+    /// Called at the deadline, before the stream is closed: what is written then without waiting still goes out.
+    void on_late(std::function<void()> last_words) { last_words_ = std::move(last_words); }
+
     bool late() const noexcept { return late_; }
     ise::stream& line() noexcept { return *line_; }
 
 private:
     std::unique_ptr<ise::stream> line_;
+    std::function<void()> last_words_;
     bool late_ = false;
     ise::timer alarm_;
 };

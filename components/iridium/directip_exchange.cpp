@@ -62,23 +62,18 @@ ise::result<void> directip_server::listen(const ise::endpoint& at) {
     auto made = loop_.env().listen(loop_, at);
     if (!made) return made.error();
     listener_ = std::move(*made);
+    spawn_("DirectIP", ise::net::accept_each(loop_, listener_, &places_, ise::net::log_to(loop_, log_),
+                                             [this](ise::net::admitted who) { take(std::move(who)); }));
     return {};
 }
 
-ise::task<> directip_server::run() {
-    ise::net::bounded_acceptor entrance(loop_, listener_, &places_,
-                                        [this](const std::string& what, const std::string& at) { note(what, at); });
-    for (;;) {
-        auto who = co_await entrance.next();
-        if (!who.line) co_return;
-        auto peer = who.line->peer();
-        if (who.refused)
-            note(fmt::format("{} connections are open (max_connections): another one is closed", places_.taken()),
-                 peer);
-        else if (!limits_.allowed.accepts(peer))
-            note("a connection is closed: its address is not on the list (--gateway-addresses)", peer);
-        else spawn_("directip " + peer, serve(std::move(who)));
-    }
+void directip_server::take(ise::net::admitted who) {
+    auto peer = who.line->peer();
+    if (who.refused)
+        note(fmt::format("{} connections are open (max_connections): another one is closed", places_.taken()), peer);
+    else if (!limits_.allowed.accepts(peer))
+        note("a connection is closed: its address is not on the list (--gateway-addresses)", peer);
+    else spawn_("directip " + peer, serve(std::move(who)));
 }
 
 ise::task<> directip_server::serve(ise::net::admitted who) {

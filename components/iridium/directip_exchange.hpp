@@ -31,16 +31,16 @@ class directip_server {
 public:
     /// The answer to a whole message; empty: the connection is closed without one. `peer` is for logs.
     using handler = std::function<ise::bytes(ise::bytes_view message, const std::string& peer)>;
-    using spawner = std::function<void(std::string name, ise::task<> body)>; ///< as webhook_server's
+    using spawner = std::function<void(std::string name, ise::task<> body)>; ///< as http_server's
 
     directip_server(ise::loop& on, ise::logger log, directip_limits limits, handler answer, spawner spawn);
 
-    /// Errors: address_in_use, invalid_argument, io_failed.
+    /// Listens and accepts connections. Errors: address_in_use, invalid_argument, io_failed.
     ise::result<void> listen(const ise::endpoint& at);
     ise::endpoint where() const { return listener_->where(); }
-    ise::task<> run(); ///< accepts until it is cancelled
 
 private:
+    void take(ise::net::admitted who);
     ise::task<> serve(ise::net::admitted who);
     void note(std::string_view what, const std::string& peer);
 

@@ -22,8 +22,8 @@ double in_range(const char* what, double value, double low, double high) {
     throw ise::error(ise::errc::refused, fmt::format("{} is {:g} to {:g}, not {:g}", what, low, high, value));
 }
 
-webhook_answer answer(int status, std::string body) {
-    webhook_answer made;
+http_response answer(int status, std::string body) {
+    http_response made;
     made.status = status;
     made.body = std::move(body);
     return made;
@@ -39,7 +39,7 @@ struct iridium_gateway::state {
     std::unique_ptr<http_client> http;
     std::unique_ptr<mail_sender> sender;
     std::unique_ptr<mailbox> mails;
-    std::unique_ptr<webhook_server> submissions;
+    std::unique_ptr<http_server> submissions;
     std::unique_ptr<iridium::directip_server> directip;
     std::string private_key;
     ise::publication<ise::subscription<sbd_ring_alert>> rings;
@@ -101,21 +101,17 @@ void iridium_gateway::open_doors() {
     auto& s = *state_;
     auto spawner = [this](std::string name, ise::task<> body) { spawn(std::move(name), std::move(body)); };
     if (!options_.listen.empty()) {
-        auto handler = [this](webhook_request request) -> ise::task<webhook_answer> {
-            co_return on_submission(request);
-        };
-        s.submissions = std::make_unique<webhook_server>(on(), log(), webhook_limits(), handler, spawner);
+        s.submissions = std::make_unique<http_server>(on(), log(), http_limits(), spawner);
+        s.submissions->otherwise([this](const http_request& request) { return on_submission(request); });
         s.submissions->listen(ise::endpoint::parse(options_.listen).value()).value();
         log().info("messages to modems may be submitted here",
                    {{"url", fmt::format("{}{}", s.submissions->where().text(), submit_path)}});
-        spawn("submissions", s.submissions->run());
     }
     if (!options_.directip_listen.empty()) {
         auto handler = [this](ise::bytes_view message, const std::string&) { return on_directip(message); };
         s.directip =
             std::make_unique<iridium::directip_server>(on(), log(), iridium::directip_limits(), handler, spawner);
         s.directip->listen(ise::endpoint::parse(options_.directip_listen).value()).value();
-        spawn("DirectIP", s.directip->run());
     }
     if (options_.open_mailbox) {
         s.mails = options_.open_mailbox(on());
@@ -146,16 +142,13 @@ sbd_session_reply iridium_gateway::session(const sbd_session_request& request) {
     return std::move(*reply);
 }
 
-webhook_answer iridium_gateway::on_submission(const webhook_request& request) {
+http_response iridium_gateway::on_submission(const http_request& request) {
     auto& s = *state_;
     if (!s.model.told.up) return answer(503, "the gateway is switched off\n");
-    const auto& target = request.message.target;
-    auto question = target.find('?');
-    if (target.substr(0, question) != submit_path) return answer(404, fmt::format("submit to {}\n", submit_path));
+    if (request.path != submit_path) return answer(404, fmt::format("submit to {}\n", submit_path));
     if (request.message.method != "POST") return answer(405, "only POST\n");
     const auto& body = request.message.body;
-    auto submission = iridium::parse_mt_submission(
-        !body.empty() || question == std::string::npos ? body : target.substr(question + 1));
+    auto submission = iridium::parse_mt_submission(body.empty() ? request.query : body);
     if (!submission) return answer(400, submission.error().message() + "\n");
     std::string alert;
     auto reply = s.model.submit(now(), *submission, alert);

@@ -1,6 +1,6 @@
 #pragma once
 #include <components/http/http_client.hpp>
-#include <components/http/webhook_server.hpp>
+#include <components/http/http_server.hpp>
 #include <components/iridium/directip_exchange.hpp>
 #include <components/iridium_gateway/gateway_model.hpp>
 #include <components/mail/mail.hpp>
@@ -57,7 +57,7 @@ private:
     void open_doors();
     iridium_gateway_state control(const iridium_gateway_request& request);
     sbd_session_reply session(const sbd_session_request& request);
-    webhook_answer on_submission(const webhook_request& request);
+    http_response on_submission(const http_request& request);
     ise::bytes on_directip(ise::bytes_view message);
     ise::task<> read_mails();
     ise::task<> answer_mail(mail_message mail);

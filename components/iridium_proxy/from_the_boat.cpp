@@ -13,8 +13,8 @@ namespace {
 using namespace std::chrono_literals;
 constexpr std::size_t mails_at_once = 16;
 
-webhook_answer answer(int status, std::string body) {
-    webhook_answer made;
+http_response answer(int status, std::string body) {
+    http_response made;
     made.status = status;
     made.body = std::move(body) + "\n";
     return made;
@@ -40,18 +40,14 @@ void iridium_proxy::refuse(std::string_view what, const std::string& peer, const
         log().warning(what, {{"peer", peer}, {"cause", why}, {"left_out", std::to_string(*left_out)}});
 }
 
-ise::task<webhook_answer> iridium_proxy::on_post(webhook_request request) { co_return judge_post(request); }
-
-webhook_answer iridium_proxy::judge_post(const webhook_request& request) {
+http_response iridium_proxy::on_post(const http_request& request) {
     auto refused = [&](int status, const std::string& why) {
         refuse(fmt::format("a post is refused ({})", status), request.peer, why);
         return answer(status, why);
     };
     if (!ise::within_host(state_->webhook->where()) && !state_->gateways.accepts(request.peer))
         return refused(403, "your address is not on the list of the gateway's (--gateway-addresses)");
-    const auto& target = request.message.target;
-    if (target.substr(0, target.find('?')) != options_.webhook_path)
-        return refused(404, "the web hook is " + options_.webhook_path);
+    if (request.path != options_.webhook_path) return refused(404, "the web hook is " + options_.webhook_path);
     if (request.message.method != "POST") return refused(405, "the web hook takes POST, not " + request.message.method);
     auto delivery = iridium::parse_mo_delivery(request.message.body);
     if (!delivery)

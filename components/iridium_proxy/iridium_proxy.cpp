@@ -161,12 +161,11 @@ void iridium_proxy::open_doors() {
     auto& s = *state_;
     auto spawner = [this](std::string name, ise::task<> body) { spawn(std::move(name), std::move(body)); };
     if (!options_.webhook.empty()) {
-        auto answer = [this](webhook_request request) { return on_post(std::move(request)); };
-        s.webhook = std::make_unique<webhook_server>(on(), log(), options_.http, answer, spawner);
+        s.webhook = std::make_unique<http_server>(on(), log(), options_.http, spawner);
+        s.webhook->otherwise([this](const http_request& request) { return on_post(request); });
         s.webhook->listen(ise::endpoint::parse(options_.webhook).value()).value();
         log().info("the gateway may post here",
                    {{"url", fmt::format("{}{}", s.webhook->where().text(), options_.webhook_path)}});
-        spawn("web hook", s.webhook->run());
     }
     if (!options_.directip.empty()) {
         auto answer = [this](ise::bytes_view message, const std::string& peer) { return on_directip(message, peer); };
@@ -176,7 +175,6 @@ void iridium_proxy::open_doors() {
         s.directip = std::make_unique<iridium::directip_server>(on(), log(), std::move(bounds), answer, spawner);
         s.directip->listen(at).value();
         log().info("the gateway may connect here", {{"directip", s.directip->where().text()}});
-        spawn("DirectIP", s.directip->run());
     }
     if (options_.open_mailbox) {
         s.mails = options_.open_mailbox(on());

@@ -2,7 +2,7 @@
 #include <components/boat/telecommand_tracker.hpp>
 #include <components/boat/telemetry_store.hpp>
 #include <components/http/http_client.hpp>
-#include <components/http/webhook_server.hpp>
+#include <components/http/http_server.hpp>
 #include <components/iridium/directip_exchange.hpp>
 #include <components/iridium/message.hpp>
 #include <components/iridium_proxy/mt_path.hpp>
@@ -32,7 +32,7 @@ struct iridium_proxy_options {
     /// Of the gateway, as iridium::address_list: at web hook and DirectIP connections from elsewhere are refused,
     /// unless these listen on loopback. Beyond it, DirectIP needs this list, and the web hook needs it or a key.
     std::string gateway_addresses;
-    webhook_limits http;
+    http_limits http;
     std::string directip; ///< where the gateway's DirectIP connects: "tcp://0.0.0.0:10800"
     iridium::directip_limits directip_bounds;
     std::function<std::unique_ptr<mailbox>(ise::loop&)> open_mailbox; ///< where the gateway's mails arrive
@@ -82,8 +82,7 @@ private:
     void provide_all();
 
     // From the boat.
-    ise::task<webhook_answer> on_post(webhook_request request);
-    webhook_answer judge_post(const webhook_request& request);
+    http_response on_post(const http_request& request);
     ise::bytes on_directip(ise::bytes_view message, const std::string& peer);
     ise::task<> read_mails();
     ise::result<void> on_mail(const mail_message& mail);

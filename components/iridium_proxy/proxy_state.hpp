@@ -3,7 +3,7 @@
 #include <components/boat/newest_by_kind.hpp>
 #include <components/boat/telecommand_service.hpp>
 #include <components/boat/telemetry_keeper.hpp>
-#include <components/http/webhook_server.hpp>
+#include <components/http/http_server.hpp>
 #include <components/iridium/directip_exchange.hpp>
 #include <components/iridium/jwt.hpp>
 #include <components/iridium_proxy/mt_path.hpp>
@@ -38,7 +38,7 @@ struct proxy_state {
     std::optional<iridium::jwt_key> key;
     iridium::address_list gateways;
     std::unique_ptr<mt_path> path;
-    std::unique_ptr<webhook_server> webhook;
+    std::unique_ptr<http_server> webhook;
     std::unique_ptr<iridium::directip_server> directip;
     std::unique_ptr<mailbox> mails;
     ise::waiter<std::error_code> wake_sender;

@@ -1,8 +1,5 @@
 #include <components/nmea_bridge/line_outlet.hpp>
 
-#include <ise/core/log_limiter.hpp>
-#include <ise/net/bounded_acceptor.hpp>
-
 #include <asio/error.hpp>
 
 #include <algorithm>
@@ -50,7 +47,6 @@ struct line_outlet::state {
     std::function<std::string()> greeting;
     std::shared_ptr<ise::listener> listener;
     ise::net::fair_places places; // before the clients, who hold them
-    ise::log_limiter quiet;
     std::unique_ptr<ise::datagram_socket> socket;
     std::list<std::shared_ptr<client>> clients;
     outlet_status counts;
@@ -67,7 +63,10 @@ line_outlet::line_outlet(ise::component& owner, outlet_options options, std::fun
     if (state_->options.tcp) {
         state_->listener = owner.env().listen(owner.on(), *state_->options.tcp).value();
         state_->counts.listens = state_->listener->where().text();
-        owner.spawn("clients", accept(state_));
+        owner.spawn("clients",
+                    ise::net::accept_each(owner.on(), state_->listener, &state_->places,
+                                          ise::net::log_to(owner.on(), owner.log()),
+                                          [self = state_](ise::net::admitted who) { take(self, std::move(who)); }));
     }
 }
 
@@ -90,26 +89,17 @@ outlet_status line_outlet::status() const {
     return told;
 }
 
-ise::task<> line_outlet::accept(std::shared_ptr<state> self) {
-    ise::net::bounded_acceptor entrance(
-        self->owner.on(), self->listener, &self->places, [self](const std::string& what, const std::string& at) {
-            if (auto left_out = self->quiet.admit(self->owner.now()))
-                self->owner.log().warning(what, {{"at", at}, {"left_out", std::to_string(*left_out)}});
-        });
-    for (;;) {
-        auto who = co_await entrance.next();
-        if (!who.line) co_return;
-        if (who.refused) {
-            ++self->counts.refused;
-            continue;
-        }
-        ++self->counts.accepted;
-        auto one = std::make_shared<client>(self->owner.on(), std::move(who));
-        self->clients.push_back(one);
-        self->add(*one, self->greeting());
-        self->owner.spawn("client", write(self, one));
-        self->owner.spawn("client's end", read(self, one));
+void line_outlet::take(const std::shared_ptr<state>& self, ise::net::admitted who) {
+    if (who.refused) {
+        ++self->counts.refused;
+        return;
     }
+    ++self->counts.accepted;
+    auto one = std::make_shared<client>(self->owner.on(), std::move(who));
+    self->clients.push_back(one);
+    self->add(*one, self->greeting());
+    self->owner.spawn("client", write(self, one));
+    self->owner.spawn("client's end", read(self, one));
 }
 
 ise::task<> line_outlet::write(std::shared_ptr<state> self, std::shared_ptr<client> whom) {

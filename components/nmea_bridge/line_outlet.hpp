@@ -3,6 +3,7 @@
 
 #include <ise/component/component.hpp>
 #include <ise/core/waiter.hpp>
+#include <ise/net/bounded_acceptor.hpp>
 
 #include <functional>
 #include <list>
@@ -37,7 +38,7 @@ public:
 private:
     struct client;
     struct state;
-    static ise::task<> accept(std::shared_ptr<state> self);
+    static void take(const std::shared_ptr<state>& self, ise::net::admitted who);
     static ise::task<> write(std::shared_ptr<state> self, std::shared_ptr<client> to);
     static ise::task<> read(std::shared_ptr<state> self, std::shared_ptr<client> from);
 

@@ -80,7 +80,7 @@ void boat_page::offer(http_server& server, bool first, std::vector<std::pair<std
     if (first) under("");
 }
 
-void boat_page::publish(const page_event& event) {
+void boat_page::publish(const sse_event& event) {
     ++events_;
     for (auto* stream : streams_) stream->publish(event);
 }

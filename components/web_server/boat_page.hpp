@@ -1,7 +1,7 @@
 #pragma once
 #include <components/boat/telemetry_follower.hpp>
+#include <components/http/http_server.hpp>
 #include <components/web_server/boat_source.hpp>
-#include <components/web_server/http_server.hpp>
 #include <components/web_server/telemetry_feed.hpp>
 #include <components/web_server/track_archive.hpp>
 
@@ -31,7 +31,7 @@ public:
     /// The streams of `offer` are gone.
     void withdraw() noexcept { streams_.clear(); }
 
-    void publish(const page_event& event);
+    void publish(const sse_event& event);
     /// Subscriptions heal by themselves: that one is cut off shows only when looked at, once a second.
     void watch();
     /// To the archive: how far its providers were followed. Before each commit.

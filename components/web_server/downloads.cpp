@@ -30,8 +30,12 @@ struct collected {
     std::vector<std::string> links;
 };
 
-http_reply refused(int status, std::string_view why) {
-    return {to_text({{"error", std::string(why)}}) + "\n", "application/json; charset=utf-8", status, ""};
+http_response refused(int status, std::string_view why) {
+    http_response made;
+    made.body = to_text({{"error", std::string(why)}}) + "\n";
+    made.content_type = "application/json; charset=utf-8";
+    made.status = status;
+    return made;
 }
 
 /// One boat's downloads, and the last ones that were made.
@@ -40,7 +44,7 @@ public:
     download_shelf(const track_state& state, track_archive* archive, std::function<utc_ms()> clock)
         : state_(state), archive_(archive), clock_(std::move(clock)) {}
 
-    http_reply take(const std::string& format, const std::string& type, const http_request& asked) {
+    http_response take(const std::string& format, const std::string& type, const http_request& asked) {
         auto now = clock_();
         std::erase_if(kept_, [&](const auto& one) { return now - one.second.at > kept_for || now < one.second.at; });
         auto key = format + "?" + asked.query;
@@ -89,10 +93,10 @@ private:
         return all;
     }
 
-    http_reply track(const std::string& format, span when) const {
+    http_response track(const std::string& format, span when) const {
         auto all = collect(when);
         const auto& boat = state_.options().boat;
-        http_reply made;
+        http_response made;
         if (format == "gpx") made.body = to_gpx(boat, all.points, state_.waypoints());
         else if (format == "kml") made.body = to_kml(boat, all.points, state_.waypoints());
         else if (format == "csv") made.body = to_csv(all.points, all.links);
@@ -101,25 +105,27 @@ private:
         return made;
     }
 
-    http_reply telemetry(span when) const {
+    http_response telemetry(span when) const {
+        std::string text;
         auto packets = archive_->telemetry(state_.options().id, when.from, when.until, max_packets);
         if (!packets) throw ise::error(packets.error());
-        http_reply made;
         for (const auto& packet : *packets) {
             auto message = parse_telemetry(packet.raw);
             if (!message) continue;
             auto body = std::visit([](const auto& one) { return ise::to_json(one); }, message->body);
-            made.body += fmt::format("{{\"measured_at\":\"{}\",\"received_at\":\"{}\",\"link\":\"{}\",\"boot\":{},"
-                                     "\"sequence\":{},\"history\":{},\"kind\":\"{}\",\"packet\":{}}}\n",
-                                     iso_8601(packet.measured_at), iso_8601(packet.received_at), name_of(packet.link),
-                                     packet.boot, packet.sequence, packet.history, name_of(message->body), body);
+            text += fmt::format("{{\"measured_at\":\"{}\",\"received_at\":\"{}\",\"link\":\"{}\",\"boot\":{},"
+                                "\"sequence\":{},\"history\":{},\"kind\":\"{}\",\"packet\":{}}}\n",
+                                iso_8601(packet.measured_at), iso_8601(packet.received_at), name_of(packet.link),
+                                packet.boot, packet.sequence, packet.history, name_of(message->body), body);
         }
+        http_response made;
+        made.body = std::move(text);
         made.download_as = file_name("ndjson");
         return made;
     }
 
     struct kept {
-        http_reply reply;
+        http_response reply; // shares its body with those who take it
         utc_ms at;
     };
     const track_state& state_;

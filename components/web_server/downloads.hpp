@@ -1,5 +1,5 @@
 #pragma once
-#include <components/web_server/http_server.hpp>
+#include <components/http/http_server.hpp>
 #include <components/web_server/track_archive.hpp>
 #include <components/web_server/track_state.hpp>
 

@@ -51,8 +51,8 @@ namespace {
 std::string_view view(const char* begin, const char* end) { return {begin, static_cast<std::size_t>(end - begin)}; }
 } // namespace
 
-std::span<const asset> page_assets() noexcept {
-    static const std::array<asset, ${count}> table = {{
+std::span<const static_file> page_assets() noexcept {
+    static const std::array<static_file, ${count}> table = {{
 ${table}    }};
     return table;
 }

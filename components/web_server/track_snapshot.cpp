@@ -11,13 +11,13 @@
 // What is known, as the page gets it.
 namespace atirma {
 
-std::optional<page_event> track_state_parts::event(utc_ms now, json state, const track_point* point) const {
+std::optional<sse_event> track_state_parts::event(utc_ms now, json state, const track_point* point) const {
     json data = {{"now", to_json(now)}, {"state", std::move(state)}};
     if (point) {
         data["points"] = json::array({to_json(*point)});
         data["state"]["sources"] = sources;
     }
-    return page_event{id(), "update", to_text(data)};
+    return sse_event{id(), "update", to_text(data)};
 }
 
 json track_state_parts::trip() const {
@@ -82,7 +82,7 @@ json track_state_parts::heard_json() const {
     return all;
 }
 
-page_event track_state::snapshot(utc_ms now, std::string_view last_event_id) const {
+sse_event track_state::snapshot(utc_ms now, std::string_view last_event_id) const {
     const auto& self = *self_;
     // An id of this epoch says what the client has; anything else (an older server's, a forged one) says nothing.
     std::uint64_t seen = 0;
@@ -120,7 +120,7 @@ page_event track_state::snapshot(utc_ms now, std::string_view last_event_id) con
     return {self.id(), "snapshot", to_text(data)};
 }
 
-page_event track_state::status(utc_ms now) const {
+sse_event track_state::status(utc_ms now) const {
     return {
         "", "status",
         to_text({{"now", to_json(now)}, {"state", {{"feeds", self_->feeds_json()}, {"heard", self_->heard_json()}}}})};

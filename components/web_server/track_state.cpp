@@ -70,7 +70,7 @@ track_state::~track_state() = default;
 track_state::track_state(track_state&&) noexcept = default;
 track_state& track_state::operator=(track_state&&) noexcept = default;
 
-std::optional<page_event> track_state::apply(const position_update& given, utc_ms now) {
+std::optional<sse_event> track_state::apply(const position_update& given, utc_ms now) {
     auto& self = *self_;
     auto update = given;
     if (!on_earth(update.latitude_deg, update.longitude_deg)) return ++self.statistics.refused, std::nullopt;
@@ -112,7 +112,7 @@ std::optional<page_event> track_state::apply(const position_update& given, utc_m
     return self.event(now, std::move(state), placed);
 }
 
-std::optional<page_event> track_state::apply(const navigation_update& given, utc_ms now) {
+std::optional<sse_event> track_state::apply(const navigation_update& given, utc_ms now) {
     auto& self = *self_;
     auto update = given;
     if (!self.accept(update.from) || !self.is_newer(self.navigation, update)) return std::nullopt;
@@ -135,7 +135,7 @@ std::optional<page_event> track_state::apply(const navigation_update& given, utc
     return self.event(now, std::move(state));
 }
 
-std::optional<page_event> track_state::apply(const wind_update& given, utc_ms now) {
+std::optional<sse_event> track_state::apply(const wind_update& given, utc_ms now) {
     auto& self = *self_;
     auto update = given;
     if (!self.accept(update.from)) return std::nullopt;
@@ -159,7 +159,7 @@ std::optional<page_event> track_state::apply(const wind_update& given, utc_ms no
     return self.event(now, std::move(state), point);
 }
 
-std::optional<page_event> track_state::apply(const power_update& given, utc_ms now) {
+std::optional<sse_event> track_state::apply(const power_update& given, utc_ms now) {
     auto& self = *self_;
     auto update = given;
     if (!self.accept(update.from) || !self.is_newer(self.power, update)) return std::nullopt;
@@ -171,7 +171,7 @@ std::optional<page_event> track_state::apply(const power_update& given, utc_ms n
     return self.event(now, {{"power", to_json(*self.power)}, {"heard", self.heard_json()}});
 }
 
-std::optional<page_event> track_state::apply(const waypoints_update& given, utc_ms now) {
+std::optional<sse_event> track_state::apply(const waypoints_update& given, utc_ms now) {
     auto& self = *self_;
     auto update = given;
     bool sound = update.points.size() <= self.options.max_waypoints &&
@@ -189,7 +189,7 @@ std::optional<page_event> track_state::apply(const waypoints_update& given, utc_
         now, {{"waypoints", to_json(*self.waypoints)}, {"next", self.next_waypoint()}, {"heard", self.heard_json()}});
 }
 
-std::optional<page_event> track_state::apply(const mode_update& given, utc_ms now) {
+std::optional<sse_event> track_state::apply(const mode_update& given, utc_ms now) {
     auto& self = *self_;
     auto update = given;
     if (!self.accept(update.from) || !self.is_newer(self.mode, update)) return std::nullopt;
@@ -199,7 +199,7 @@ std::optional<page_event> track_state::apply(const mode_update& given, utc_ms no
     return self.event(now, {{"mode", to_json(*self.mode)}, {"heard", self.heard_json()}});
 }
 
-std::optional<page_event> track_state::apply(const feed_update& given, utc_ms now) {
+std::optional<sse_event> track_state::apply(const feed_update& given, utc_ms now) {
     auto& self = *self_;
     auto update = given;
     update.source = bounded(update.source);

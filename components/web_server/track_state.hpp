@@ -1,5 +1,5 @@
 #pragma once
-#include <components/web_server/page_event.hpp>
+#include <components/http/sse_event.hpp>
 #include <components/web_server/track_line.hpp>
 #include <components/web_server/track_options.hpp>
 #include <components/web_server/track_updates.hpp>
@@ -28,18 +28,18 @@ public:
     track_state(track_state&&) noexcept;
     track_state& operator=(track_state&&) noexcept;
 
-    std::optional<page_event> apply(const position_update& update, utc_ms now);
-    std::optional<page_event> apply(const navigation_update& update, utc_ms now);
-    std::optional<page_event> apply(const wind_update& update, utc_ms now);
-    std::optional<page_event> apply(const power_update& update, utc_ms now);
-    std::optional<page_event> apply(const waypoints_update& update, utc_ms now);
-    std::optional<page_event> apply(const mode_update& update, utc_ms now);
-    std::optional<page_event> apply(const feed_update& update, utc_ms now);
+    std::optional<sse_event> apply(const position_update& update, utc_ms now);
+    std::optional<sse_event> apply(const navigation_update& update, utc_ms now);
+    std::optional<sse_event> apply(const wind_update& update, utc_ms now);
+    std::optional<sse_event> apply(const power_update& update, utc_ms now);
+    std::optional<sse_event> apply(const waypoints_update& update, utc_ms now);
+    std::optional<sse_event> apply(const mode_update& update, utc_ms now);
+    std::optional<sse_event> apply(const feed_update& update, utc_ms now);
 
     /// Everything, for a new client; only the track points since `last_event_id` where that is an id of this epoch.
-    page_event snapshot(utc_ms now, std::string_view last_event_id = {}) const;
+    sse_event snapshot(utc_ms now, std::string_view last_event_id = {}) const;
     /// The server is alive and this is its time. To be published every `status_period`.
-    page_event status(utc_ms now) const;
+    sse_event status(utc_ms now) const;
 
     // What was kept over a restart of the server; before anything is applied. No events are made.
     void restore(track_point fix, const std::string& link);

@@ -1,7 +1,10 @@
 #include <components/web_server/web_component.hpp>
 
+#include <components/http/http_answers.hpp>
+#include <components/web_server/assets.hpp>
 #include <components/web_server/track_json.hpp>
 
+#include <asio/ip/address.hpp>
 #include <fmt/format.h>
 
 namespace atirma {
@@ -9,7 +12,46 @@ namespace {
 using namespace std::chrono_literals;
 constexpr ise::duration tick_period = 10s; // of http_server's streams
 constexpr ise::duration watch_period = 1s; // of the links, and of the archive
+
+http_response page_error(int status, std::string_view what) {
+    http_response made;
+    made.content_type = "text/html; charset=utf-8";
+    made.body = fmt::format("<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" "
+                            "content=\"width=device-width\"><title>{0} {1}</title><h1>{0} {1}</h1><p>{2}</p>"
+                            "<p><a href=\"/\">To the boat's position</a></p></html>\n",
+                            status, reason_of(status), what);
+    return made;
+}
+
+http_response json_response(std::string text) {
+    http_response made;
+    made.content_type = "application/json; charset=utf-8";
+    made.body = std::move(text);
+    return made;
+}
+
+ise::endpoint endpoint_of(const page_address& at) {
+    std::error_code not_numeric;
+    auto address = asio::ip::make_address(at.address, not_numeric);
+    if (not_numeric)
+        throw ise::error(ise::errc::invalid_argument,
+                         fmt::format("web server: \"{}\" is not a numeric IP address; use such as 127.0.0.1, 0.0.0.0 "
+                                     "or :: (--address)",
+                                     at.address));
+    ise::endpoint made;
+    made.host = address.to_string();
+    made.port = at.port;
+    return made;
+}
 } // namespace
+
+http_limits page_limits() {
+    http_limits made;
+    made.max_connections = 4000;
+    made.message.max_body_bytes = 4096; // nothing there takes a body
+    made.times.idle = 15s;
+    return made;
+}
 
 web_server::web_server(web_server_options options) : options_(std::move(options)) { forget_boats(); }
 web_server::~web_server() = default;
@@ -113,16 +155,19 @@ void web_server::tick() {
 }
 
 void web_server::listen() {
-    auto http = options_.http;
-    if (!http.log) http.log = [this](std::string_view line) { log().warning(line); };
-    auto server = std::make_unique<http_server>(
-        on(), std::move(http), [this](std::string name, ise::task<> body) { spawn(std::move(name), std::move(body)); });
+    const auto& http = options_.http;
+    auto server = std::make_unique<http_server>(on(), log(), http.limits, [this](std::string name, ise::task<> body) {
+        spawn(std::move(name), std::move(body));
+    });
+    server->on_error(page_error);
     server->serve(page_assets());
     server->serve_as("/embed", "/index.html", true);
     for (auto& boat : boats_) boat->offer(*server, boat == boats_.front(), streams_);
-    server->get("/boats.json", [this](const http_request&) { return http_reply{fleet_json()}; });
-    server->get("/api/status", [this](const http_request&) { return http_reply{status_json()}; });
-    server->listen();
+    server->get("/boats.json", [this](const http_request&) { return json_response(fleet_json()); });
+    server->get("/api/status", [this](const http_request&) { return json_response(status_json()); });
+    if (auto listening = server->listen(endpoint_of(http)); !listening)
+        throw ise::error(listening.error().code(), fmt::format("web server: {} (--address {}, --port {})",
+                                                               listening.error().message(), http.address, http.port));
     server_ = std::move(server);
     log().info("the page is served", {{"url", server_->url()}});
 }
@@ -177,6 +222,7 @@ std::string web_server::status_json() const {
                         {"open_connections", http.open_connections},
                         {"refused", http.connections_refused},
                         {"displaced", http.connections_displaced},
+                        {"requests_refused", http.requests_refused},
                         {"failed", http.handlers_failed}};
     }
     for (const auto& [path, stream] : streams_) {

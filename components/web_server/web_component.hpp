@@ -1,6 +1,8 @@
 #pragma once
+#include <components/http/http_server.hpp>
 #include <components/web_server/boat_page.hpp>
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -8,8 +10,17 @@
 
 namespace atirma {
 
+/// The limits of a public page: many viewers, no posts.
+http_limits page_limits();
+
+struct page_address {
+    std::string address = "127.0.0.1"; ///< numeric, IPv4 or IPv6
+    std::uint16_t port = 8080;         ///< 0: the system chooses
+    http_limits limits = page_limits();
+};
+
 struct web_server_options {
-    http_options http;
+    page_address http;
     std::vector<std::string> telemetry;  ///< of the first boat, see `boat_source`; its name is `track.boat`
     std::vector<std::string> more_boats; ///< each as `parse_boat` reads it: "Vela=vela/communication"
     track_options track;                 ///< its `epoch` is chosen anew at each start, `id` from the name

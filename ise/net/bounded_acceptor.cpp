@@ -1,5 +1,6 @@
 #include <ise/net/bounded_acceptor.hpp>
 
+#include <ise/core/log_limiter.hpp>
 #include <ise/core/sleep.hpp>
 
 #include <asio/error.hpp>
@@ -19,29 +20,37 @@ bool out_of_memory(const std::error_code& why) { return why.value() == ENOMEM ||
 
 } // namespace
 
-task<admitted> bounded_acceptor::next() {
+accept_reporter log_to(loop& on, logger log) {
+    return [&on, log = std::move(log), quiet = log_limiter()](const std::string& what, const std::string& at) mutable {
+        if (auto left_out = quiet.admit(on.now()))
+            log.warning(what, {{"at", at}, {"left_out", std::to_string(*left_out)}});
+    };
+}
+
+task<> accept_each(loop& on, std::shared_ptr<listener> from, fair_places* places, accept_reporter report,
+                   std::function<void(admitted)> take) {
     for (;;) {
-        auto [problem, stranger] = co_await from_->accept();
-        admitted made;
-        if (problem == asio::error::operation_aborted) co_return made;
+        auto [problem, stranger] = co_await from->accept();
+        if (problem == asio::error::operation_aborted) co_return;
         if (problem) {
             bool scarce = out_of_descriptors(problem);
-            if (places_ && (scarce || out_of_memory(problem))) places_->make_way();
+            if (places && (scarce || out_of_memory(problem))) places->make_way();
             auto what = fmt::format(
                 "cannot accept: {}{}", problem.message(),
                 scarce ? "; sessions go on, new ones wait until some have ended or the limit is raised (ulimit -n)"
                        : "");
-            report_(what, from_->where().text());
-            co_await sleep_for(on_, accept_pause);
+            report(what, from->where().text());
+            co_await sleep_for(on, accept_pause);
             continue;
         }
-        if (places_) {
-            made.place = places_->take(stranger->peer());
+        admitted made;
+        if (places) {
+            made.place = places->take(stranger->peer());
             made.refused = !made.place;
             if (made.place) made.place->on_displaced([line = stranger.get()] { line->close(); });
         }
         made.line = std::move(stranger);
-        co_return made;
+        take(std::move(made));
     }
 }
 

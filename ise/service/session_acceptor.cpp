@@ -86,7 +86,13 @@ result<endpoint> session_acceptor::listen(const endpoint& at) {
 }
 
 void session_acceptor::accept_from(const std::shared_ptr<listener>& from) {
-    runtime_.scope().spawn("listener on " + from->where().text(), accept(from));
+    auto tell = [this](const std::string& what, const std::string& at) {
+        runtime_.tell(peer_trouble::accepting, what, at);
+    };
+    runtime_.scope().spawn(
+        "listener on " + from->where().text(),
+        net::accept_each(runtime_.on(), from, &handshakes_, tell,
+                         [this, raw = from.get()](net::admitted who) { take(std::move(who), raw->where()); }));
 }
 
 void session_acceptor::begin() {
@@ -100,39 +106,31 @@ std::vector<endpoint> session_acceptor::listening() const {
     return where;
 }
 
-task<> session_acceptor::accept(std::shared_ptr<listener> from) {
-    net::bounded_acceptor entrance(
-        runtime_.on(), from, &handshakes_,
-        [this](const std::string& what, const std::string& at) { runtime_.tell(peer_trouble::accepting, what, at); });
-    while (!runtime_.stopping()) {
-        auto who = co_await entrance.next();
-        if (runtime_.stopping() || !who.line) co_return;
-        if (who.refused ||
-            greeting_ >= 2 * runtime_.options().max_handshakes) { // those beyond are on their way out yet
-            ++runtime_.counts().sessions_rejected;
-            continue; // closes it
-        }
-        auto peer = who.line->peer();
-        auto reached = who.line->local().value_or(from->where());
-        handshake_place held = std::move(who.place); // it may be over at once
-        auto* cancel =
-            runtime_.scope().spawn("handshake with " + peer, greet(std::move(who.line), std::move(reached), held));
-        if (runtime_.scope().stopping()) co_return;
-        if (!cancel) continue;
-        held->on_displaced([this, cancel, host = net::host_of(peer)] {
-            bool full = handshakes_.taken() + 1 >=
-                        handshakes_.most(); // else there are no descriptors, which the listener has told
-            runtime_.tell(
-                peer_trouble::crowded,
-                fmt::format("{}, most from {}: the oldest of these make way",
-                            full ? fmt::format("{} handshakes at once (max_handshakes)", handshakes_.most())
-                                 : fmt::format("{} handshakes hold file descriptors of which none are left (ulimit -n)",
-                                               handshakes_.taken() + 1),
-                            host),
-                host);
-            cancel->emit(asio::cancellation_type::terminal);
-        });
+void session_acceptor::take(net::admitted who, const endpoint& at) {
+    if (runtime_.stopping()) return;
+    if (who.refused || greeting_ >= 2 * runtime_.options().max_handshakes) { // those beyond are on their way out yet
+        ++runtime_.counts().sessions_rejected;
+        return; // closes it
     }
+    auto peer = who.line->peer();
+    auto reached = who.line->local().value_or(at);
+    handshake_place held = std::move(who.place); // it may be over at once
+    auto* cancel =
+        runtime_.scope().spawn("handshake with " + peer, greet(std::move(who.line), std::move(reached), held));
+    if (runtime_.scope().stopping() || !cancel) return;
+    held->on_displaced([this, cancel, host = net::host_of(peer)] {
+        bool full =
+            handshakes_.taken() + 1 >= handshakes_.most(); // else there are no descriptors, which the listener has told
+        runtime_.tell(
+            peer_trouble::crowded,
+            fmt::format("{}, most from {}: the oldest of these make way",
+                        full ? fmt::format("{} handshakes at once (max_handshakes)", handshakes_.most())
+                             : fmt::format("{} handshakes hold file descriptors of which none are left (ulimit -n)",
+                                           handshakes_.taken() + 1),
+                        host),
+            host);
+        cancel->emit(asio::cancellation_type::terminal);
+    });
 }
 
 task<> session_acceptor::greet(std::unique_ptr<stream> stranger, endpoint reached, handshake_place place) {

@@ -1,6 +1,6 @@
 #pragma once
 #include <ise/core/environment.hpp>
-#include <ise/net/fair_places.hpp>
+#include <ise/net/bounded_acceptor.hpp>
 #include <ise/service/peer_sessions.hpp>
 
 #include <memory>
@@ -42,7 +42,7 @@ private:
     using handshake_place = std::shared_ptr<net::fair_places::place>;
 
     void accept_from(const std::shared_ptr<listener>& from);
-    task<> accept(std::shared_ptr<listener> from);
+    void take(net::admitted who, const endpoint& at);
     task<> greet(std::unique_ptr<stream> stranger, endpoint reached, handshake_place place);
     /// `into`: the places of the session that is to be made.
     result<wire::welcome> admit(const wire::hello& caller, const std::string& peer, protocol over,

@@ -2,9 +2,11 @@
 // page_preview [port [empty]]: prints "listening on URL", then obeys lines on stdin: silence, resume, receiver off,
 // receiver on, nodes off, nodes on, rough, estimate, close (the server stops listening), open,
 // quit. The end of stdin is quit too. A second boat, Vela, lies at anchor, unless `empty`.
+#include <components/http/http_server.hpp>
+#include <components/web_server/assets.hpp>
 #include <components/web_server/downloads.hpp>
-#include <components/web_server/http_server.hpp>
 #include <components/web_server/track_state.hpp>
+#include <components/web_server/web_component.hpp>
 
 #include <ise/core/real/environment.hpp>
 #include <ise/core/task_scope.hpp>
@@ -111,6 +113,10 @@ private:
     int tack_ = 1, on_tack_ = 0;
 };
 
+atirma::http_response json_text(std::string text) {
+    return atirma::http_response{std::move(text), "application/json; charset=utf-8"};
+}
+
 } // namespace
 
 int main(int argc, char** argv) {
@@ -124,8 +130,7 @@ int main(int argc, char** argv) {
     track.status_period = 1s;
     atirma::track_state state(track);
     auto port = static_cast<std::uint16_t>(argc > 1 ? std::atoi(argv[1]) : 0);
-    atirma::http_options options;
-    options.port = port;
+    ise::endpoint at{ise::protocol::tcp, "127.0.0.1", port, {}};
 
     std::unique_ptr<atirma::http_server> server;
     atirma::sse_channel *events = nullptr, *named = nullptr;
@@ -148,30 +153,30 @@ int main(int argc, char** argv) {
                            empty ? "" : ",", empty ? "" : one(vela));
     };
     auto open = [&] {
-        server = std::make_unique<atirma::http_server>(host->loop(), options, [&](std::string name, ise::task<> body) {
-            scope.spawn(std::move(name), std::move(body));
-        });
+        server = std::make_unique<atirma::http_server>(
+            host->loop(), ise::logger(), atirma::page_limits(),
+            [&](std::string name, ise::task<> body) { scope.spawn(std::move(name), std::move(body)); });
         server->serve(atirma::page_assets());
         server->serve_as("/embed", "/index.html", true);
         for (auto& [prefix, one] :
              {std::pair<std::string, atirma::track_state&>{"", state}, {"/a-tirma", state}, {"/vela", vela}})
             atirma::offer_downloads(*server, prefix, one, nullptr, wall_clock);
         for (auto name : {"/a-tirma", "/vela"}) server->serve_as(name, "/index.html");
-        server->get("/boats.json", [&](const auto&) { return atirma::http_reply{fleet()}; });
-        server->get("/state.json", [&](const auto&) { return atirma::http_reply{state.snapshot(wall_clock()).data}; });
+        server->get("/boats.json", [&](const auto&) { return json_text(fleet()); });
+        server->get("/state.json", [&](const auto&) { return json_text(state.snapshot(wall_clock()).data); });
         auto snapshot = [&](std::string_view last) { return state.snapshot(wall_clock(), last); };
         events = &server->events("/events", snapshot);
         named = &server->events("/a-tirma/events", snapshot);
         server->events("/vela/events", [&](std::string_view last) { return vela.snapshot(wall_clock(), last); });
-        server->listen();
-        options.port = server->port();
+        server->listen(at).value();
+        at = server->where();
     };
     auto close = [&] {
         events = named = nullptr;
         server.reset();
     };
     open();
-    auto publish = [&](std::optional<atirma::page_event> event) {
+    auto publish = [&](std::optional<atirma::sse_event> event) {
         for (auto* stream : {events, named})
             if (event && stream) stream->publish(*event);
     };
@@ -224,7 +229,7 @@ int main(int argc, char** argv) {
             }
             publish(state.status(wall_clock()));
             if (!empty) moor();
-            publish(atirma::page_event{"", "fleet", fleet()});
+            publish(atirma::sse_event{"", "fleet", fleet()});
             if (events) events->tick();
             tick();
         });

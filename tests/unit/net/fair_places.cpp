@@ -130,7 +130,7 @@ TEST_CASE("places: of hosts with one place each the oldest that waits makes way"
 TEST_CASE("acceptor: what passes does not end it, and out of descriptors whoever waits makes way") {
     std::size_t came = 0;
     std::vector<std::string> reports;
-    bool lost = false, over = false;
+    bool lost = false;
     ise::sim::world world;
     world.host("shore").start_process("channel", [&](ise::sim::process& here) -> std::shared_ptr<void> {
         struct party {
@@ -151,20 +151,14 @@ TEST_CASE("acceptor: what passes does not end it, and out of descriptors whoever
             at->coming.emplace_back(std::error_code(why, asio::error::get_system_category()), nullptr);
         at->coming.emplace_back(std::error_code(),
                                 ise::make_inproc_pair(all->host->loop(), all->host->loop(), "test").first);
-        all->scope.spawn(
-            "accepts",
-            [](party& mine, std::shared_ptr<troubled> from, auto& count, auto& told, bool& ended) -> ise::task<> {
-                ise::net::bounded_acceptor channel(
-                    mine.host->loop(), from, &mine.places,
-                    [&](const std::string& what, const std::string&) { told.push_back(what); });
-                for (;;) {
-                    auto who = co_await channel.next();
-                    if (!who.line) break;
-                    ++count;
-                    from->close();
-                }
-                ended = true;
-            }(*all, at, came, reports, over));
+        all->scope.spawn("accepts", ise::net::accept_each(
+                                        all->host->loop(), at, &all->places,
+                                        [&](const std::string& what, const std::string&) { reports.push_back(what); },
+                                        [&, at](ise::net::admitted who) {
+                                            REQUIRE(who.line);
+                                            ++came;
+                                            at->close();
+                                        }));
         return all;
     });
     REQUIRE(world.run_until([&] { return came == 1; }, 1min));

@@ -1,10 +1,11 @@
 #include <components/web_server/boat_source.hpp>
 #include <components/web_server/downloads.hpp>
 #include <components/web_server/track_export.hpp>
+#include <components/web_server/web_component.hpp>
 
 #include <ise/core/error.hpp>
 
-#include <unit/web_server/client.hpp>
+#include <unit/http/client.hpp>
 
 #include <support/catch.hpp>
 
@@ -51,17 +52,12 @@ track_state voyage(std::string boat = "A<b>&\"c\"") {
 }
 
 struct site : web_test::grounds {
-    explicit site(track_archive* archive = nullptr) : server(host->loop(), port_0(), spawner()) {
+    explicit site(track_archive* archive = nullptr) : server(host->loop(), log, page_limits(), spawner()) {
         offer_downloads(server, "/vela", state, archive, [this] { return now; });
-        server.listen();
-    }
-    static http_options port_0() {
-        http_options options;
-        options.port = 0;
-        return options;
+        server.listen(web_test::any_port()).value();
     }
     std::string get(std::string_view path) {
-        client one(context, server.port());
+        client one(context, server.where().port);
         one.get(path);
         return one.read_answer();
     }

@@ -1,7 +1,8 @@
-#include <components/web_server/http_server.hpp>
+#include <components/web_server/assets.hpp>
+#include <components/web_server/web_component.hpp>
 
 #include <ise/core/error.hpp>
-#include <unit/web_server/client.hpp>
+#include <unit/http/client.hpp>
 
 #include <support/catch.hpp>
 #include <support/no_descriptors.hpp>
@@ -15,23 +16,20 @@ using web_test::another_host;
 using web_test::client;
 
 namespace {
-atirma::http_options on_any_port() {
-    atirma::http_options options;
-    options.port = 0;
-    return options;
-}
-
 bool has(const std::string& text, std::string_view part) { return text.find(part) != std::string::npos; }
 
 struct site : web_test::grounds {
-    explicit site(atirma::http_options options = on_any_port()) : server(host->loop(), std::move(options), spawner()) {
+    explicit site(atirma::http_limits limits = atirma::page_limits(), const std::string& address = "127.0.0.1")
+        : server(host->loop(), log, limits, spawner()) {
         server.serve(atirma::page_assets());
         server.get("/hello", [](const atirma::http_request& asked) {
-            return atirma::http_reply{"hello " + asked.query, "text/plain"};
+            return atirma::http_response{"hello " + asked.query, "text/plain"};
         });
-        server.get("/file", [](const auto&) { return atirma::http_reply{"x", "text/plain", 200, "a\"\r\nX: y.txt"}; });
-        server.get("/broken", [](const auto&) -> atirma::http_reply { throw std::runtime_error("secret detail"); });
-        server.listen();
+        server.get("/file", [](const auto&) {
+            return atirma::http_response{"x", "text/plain", 200, "a\"\r\nX: y.txt"};
+        });
+        server.get("/broken", [](const auto&) -> atirma::http_response { throw std::runtime_error("secret detail"); });
+        server.listen(web_test::any_port(address)).value();
     }
     atirma::http_server server;
 };
@@ -39,8 +37,8 @@ struct site : web_test::grounds {
 
 TEST_CASE("the page and Leaflet are served from the binary with their types and with security headers") {
     site s;
-    REQUIRE(s.server.port() != 0);
-    client c(s.context, s.server.port());
+    REQUIRE(s.server.where().port != 0);
+    client c(s.context, s.server.where().port);
     c.get("/");
     auto& page = c.read_answer();
     CHECK(has(page, "HTTP/1.1 200 OK"));
@@ -56,7 +54,7 @@ TEST_CASE("the page and Leaflet are served from the binary with their types and 
 
 TEST_CASE("a file that the client has is not sent again, and compressed where the client takes it") {
     site s;
-    client c(s.context, s.server.port());
+    client c(s.context, s.server.where().port);
     c.get("/style.css", "Accept-Encoding: br, gzip\r\n");
     auto packed = c.read_answer();
     CHECK(has(packed, "Content-Encoding: gzip"));
@@ -77,7 +75,7 @@ TEST_CASE("a file that the client has is not sent again, and compressed where th
 
 TEST_CASE("HEAD answers as GET does, without the body") {
     site s;
-    client c(s.context, s.server.port());
+    client c(s.context, s.server.where().port);
     c.get("/hello", "", "HEAD");
     c.get("/hello?you");
     c.read_until("hello you");
@@ -87,14 +85,11 @@ TEST_CASE("HEAD answers as GET does, without the body") {
 }
 
 TEST_CASE("what is not there is 404, writing is 405, a handler that throws is 500 without its text") {
-    auto options = on_any_port();
-    std::string log;
-    options.log = [&](std::string_view line) { log += line; };
-    site s(std::move(options));
+    site s;
     for (auto [method, path, status] :
          {std::tuple("GET", "/../etc/passwd", "404"), std::tuple("GET", "/index.htm", "404"),
           std::tuple("DELETE", "/", "405"), std::tuple("GET", "/broken", "500")}) {
-        client c(s.context, s.server.port());
+        client c(s.context, s.server.where().port);
         c.get(path, "", method);
         auto& answer = c.read_answer();
         INFO(path);
@@ -102,16 +97,16 @@ TEST_CASE("what is not there is 404, writing is 405, a handler that throws is 50
         CHECK(has(answer, "Content-Security-Policy"));
         CHECK_FALSE(has(answer, "secret detail"));
     }
-    CHECK(has(log, "GET /broken failed: secret detail"));
+    CHECK(has(s.logged, "GET /broken failed: secret detail"));
     CHECK(s.server.statistics().handlers_failed == 1);
-    client c(s.context, s.server.port());
+    client c(s.context, s.server.where().port);
     c.send("POST / HTTP/1.1\r\nHost: test\r\nContent-Length: 2\r\n\r\nhi");
     CHECK(has(c.read_answer(), "Allow: GET, HEAD"));
 }
 
 TEST_CASE("a file name for download cannot forge a header") {
     site s;
-    client c(s.context, s.server.port());
+    client c(s.context, s.server.where().port);
     c.get("/file");
     CHECK(has(c.read_answer(), "Content-Disposition: attachment; filename=\"a___X__y.txt\"\r\n"));
 }
@@ -119,40 +114,26 @@ TEST_CASE("a file name for download cannot forge a header") {
 TEST_CASE("a port that is taken is a clear error that names it, and listening works later") {
     site s;
     web_test::grounds other;
-    auto options = on_any_port();
-    options.port = s.server.port();
-    atirma::http_server second(other.host->loop(), options, other.spawner());
-    try {
-        second.listen();
-        FAIL("it listened on a port that is taken");
-    } catch (const ise::error& why) {
-        INFO(why.what());
-        CHECK(why.code() == ise::errc::address_in_use);
-        CHECK(has(why.what(), std::to_string(options.port)));
-        CHECK(has(why.what(), "127.0.0.1"));
-    }
-    CHECK(second.port() == 0);
+    const auto taken = s.server.where();
+    atirma::http_server second(other.host->loop(), other.log, {}, other.spawner());
+    auto refused = second.listen(taken);
+    REQUIRE_FALSE(refused);
+    CHECK(refused.error().code() == ise::errc::address_in_use);
+    CHECK(has(refused.error().message(), "127.0.0.1:" + std::to_string(taken.port)));
+    CHECK(second.where().port == 0);
     s.server.stop();
-    second.listen();
-    CHECK(second.port() == options.port);
-
-    options.address = "localhost";
-    atirma::http_server named(other.host->loop(), options, other.spawner());
-    CHECK_THROWS_AS(named.listen(), ise::error);
+    second.listen(taken).value();
+    CHECK(second.where() == taken);
 }
 
 TEST_CASE("it listens on IPv6 and writes its address as browsers want it") {
-    auto options = on_any_port();
-    options.address = "::1";
     web_test::grounds here;
-    atirma::http_server server(here.host->loop(), options, here.spawner());
-    try {
-        server.listen();
-    } catch (const ise::error& why) {
-        WARN("no IPv6 on this machine, not tested: " << why.what());
+    atirma::http_server server(here.host->loop(), here.log, {}, here.spawner());
+    if (auto listening = server.listen(web_test::any_port("::1")); !listening) {
+        WARN("no IPv6 on this machine, not tested: " << listening.error().message());
         return;
     }
-    CHECK(server.url() == "http://[::1]:" + std::to_string(server.port()) + "/");
+    CHECK(server.url() == "http://[::1]:" + std::to_string(server.where().port) + "/");
 }
 
 TEST_CASE("too large headers, too many of them, and garbage end the connection") {
@@ -164,12 +145,12 @@ TEST_CASE("too large headers, too many of them, and garbage end the connection")
           "GET /" + std::string(5000, 'a') + " HTTP/1.1\r\n\r\n", "GET / HTTP/1.1\r\n" + many + "\r\n",
           std::string("\x16\x03\x01\x02\x00\x01\x00\x01\xfc", 9) + "\r\n\r\n",
           std::string("POST / HTTP/1.1\r\nContent-Length: 99999\r\n\r\n") + std::string(9000, 'b')}) {
-        client c(s.context, s.server.port());
+        client c(s.context, s.server.where().port);
         c.send(hostile);
         c.read_to_end();
         CHECK_FALSE(has(c.received, "200 OK"));
     }
-    client c(s.context, s.server.port()); // and nobody else noticed
+    client c(s.context, s.server.where().port); // and nobody else noticed
     c.get("/hello");
     CHECK(has(c.read_answer(), "200 OK"));
 }
@@ -178,16 +159,15 @@ TEST_CASE(
     "page: beyond the limit the oldest idle connection of the host with the most is closed, and never another host's") {
     const auto elsewhere = another_host();
     if (elsewhere.empty()) return;
-    auto options = on_any_port();
-    options.address = "0.0.0.0";
-    options.limits.max_connections = 3;
-    site s(options);
-    client viewer(s.context, s.server.port(), elsewhere);
+    auto limits = atirma::page_limits();
+    limits.max_connections = 3;
+    site s(limits, "0.0.0.0");
+    client viewer(s.context, s.server.where().port, elsewhere);
     viewer.get("/hello");
     viewer.read_answer();
     std::vector<std::unique_ptr<client>> crowd;
     for (int i = 0; i < 20; ++i) {
-        crowd.push_back(std::make_unique<client>(s.context, s.server.port()));
+        crowd.push_back(std::make_unique<client>(s.context, s.server.where().port));
         if (i % 2 == 0) crowd.back()->send("GET / HT"); // half of them begin and do not go on
         s.turn();
     }
@@ -197,7 +177,7 @@ TEST_CASE(
     viewer.received.clear();
     viewer.get("/hello");
     CHECK(has(viewer.read_answer(), "200 OK"));
-    client late(s.context, s.server.port(), elsewhere);
+    client late(s.context, s.server.where().port, elsewhere);
     late.get("/hello");
     CHECK(has(late.read_answer(), "200 OK"));
 }
@@ -208,29 +188,25 @@ TEST_CASE("page: out of descriptors it closes whoever waits, and answers again")
     return ise_test::skip("the sanitizer needs descriptors itself");
     #endif
 #endif
-    auto options = on_any_port();
-    std::string log;
-    options.log = [&](std::string_view line) { log += line; };
-    site s(options);
+    site s;
     auto crowd = std::make_unique<std::vector<std::unique_ptr<client>>>();
-    for (int i = 0; i < 5; ++i) crowd->push_back(std::make_unique<client>(s.context, s.server.port()));
-    client viewer(s.context, s.server.port()); // waits in the kernel, as the others do
+    for (int i = 0; i < 5; ++i) crowd->push_back(std::make_unique<client>(s.context, s.server.where().port));
+    client viewer(s.context, s.server.where().port); // waits in the kernel, as the others do
     ise_test::no_descriptors full;
     viewer.get("/hello");
-    while (!has(log, "ulimit -n")) s.context.restart(), s.context.run_one();
+    while (!has(s.logged, "ulimit -n")) s.context.restart(), s.context.run_one();
     CHECK(s.server.statistics().connections == 0);
     full.end();
     CHECK(has(viewer.read_answer(), "200 OK"));
 }
 
-TEST_CASE("a request that is never finished is cut off") {
-    auto options = on_any_port();
-    options.limits.request_timeout = std::chrono::seconds(1);
-    site s(options);
-    client c(s.context, s.server.port());
+TEST_CASE("a request that is never finished is told so and cut off") {
+    auto limits = atirma::page_limits();
+    limits.times.request = std::chrono::seconds(1);
+    site s(limits);
+    client c(s.context, s.server.where().port);
     c.send("GET / HTTP/1.1\r\nHost: te");
-    c.read_to_end();
-    CHECK(c.received.empty());
+    CHECK(has(c.read_to_end(), "HTTP/1.1 408 Request Timeout"));
 }
 
 } // namespace http_server_test

@@ -212,6 +212,23 @@ TEST_CASE("page: boats.json and the status name the link that the newest fix cam
     CHECK(status["boats"]["vela"]["position"]["link"] == "gprs");
 }
 
+TEST_CASE("page: an address that is a name is refused, and the error says what to give") {
+    std::string failure;
+    ise::sim::world world;
+    world.host("page").start_process("page", [&](ise::sim::process& here) -> std::shared_ptr<void> {
+        web_server_options options;
+        options.http.address = "localhost";
+        auto node = std::make_shared<ise::node>(here, nameless());
+        node->start<web_server>("atirma/page", without_endpoint(), options);
+        world.after(1s, [&failure, node = node.get()] {
+            for (const auto& report : node->reports()) failure = report.failure;
+        });
+        return node;
+    });
+    world.run_for(2s);
+    CHECK_THAT(failure, Catch::Contains("\"localhost\" is not a numeric IP address") && Catch::Contains("--address"));
+}
+
 TEST_CASE("page: where the Iridium gateway believes the boat to be is no history, and dates from the session") {
     followed at;
     auto session = std::chrono::floor<std::chrono::milliseconds>(at.world.wall_start) - 600s;

@@ -1,5 +1,5 @@
 #pragma once
-#include <components/web_server/page_event.hpp>
+#include <components/http/sse_event.hpp>
 
 #include <cstdint>
 #include <functional>
@@ -51,7 +51,7 @@ public:
     /// What a new client receives first. `last_event_id` is what it had seen (empty: nothing); the source may
     /// answer with only what came after. What stands before the id's last ':' names the life of the source: of another
     /// one nothing is known. Called on the server's thread, also for a client that fell behind.
-    using snapshot_source = std::function<page_event(std::string_view last_event_id)>;
+    using snapshot_source = std::function<sse_event(std::string_view last_event_id)>;
 
     explicit sse_channel(snapshot_source snapshot, sse_limits limits = sse_limits());
     ~sse_channel();
@@ -64,7 +64,7 @@ public:
     void remove(const sse_sink* sink) noexcept;
 
     /// Sends to every client. The text is built once.
-    void publish(const page_event& event);
+    void publish(const sse_event& event);
     /// Sends a comment to idle clients, so that dead ones are noticed, and drops those that are stuck: so many.
     /// To be called at a steady pace by the owner, such as every 10 s (an HTTP server closes streams that
     /// were silent for `http_limits::silent_stream_timeout`).
@@ -81,6 +81,6 @@ private:
 };
 
 /// The event as it stands on the wire (an `id:`, an `event:` and `data:` lines, and an empty line).
-std::string encode_event(const page_event& event);
+std::string encode_event(const sse_event& event);
 
 } // namespace atirma

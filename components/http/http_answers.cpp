@@ -1,13 +1,28 @@
-#include <components/web_server/http_answers.hpp>
-
-#include <components/http/http_requests.hpp>
-
-#include <fmt/format.h>
+#include <components/http/http_answers.hpp>
 
 #include <algorithm>
 #include <cctype>
 
 namespace atirma {
+
+std::string_view reason_of(int status) noexcept {
+    switch (status) {
+        case 200: return "OK";
+        case 304: return "Not Modified";
+        case 400: return "Bad Request";
+        case 401: return "Unauthorized";
+        case 403: return "Forbidden";
+        case 404: return "Not Found";
+        case 405: return "Method Not Allowed";
+        case 408: return "Request Timeout";
+        case 413: return "Payload Too Large";
+        case 414: return "URI Too Long";
+        case 431: return "Request Header Fields Too Large";
+        case 500: return "Internal Server Error";
+        case 503: return "Service Unavailable";
+        default: return "Status";
+    }
+}
 
 std::string content_security_policy(bool framed) {
     std::string policy = "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; "
@@ -21,13 +36,6 @@ std::vector<std::pair<std::string_view, std::string>> security_headers(bool fram
             {"Referrer-Policy", "no-referrer"},
             {"Cross-Origin-Opener-Policy", "same-origin"},
             {"Permissions-Policy", "geolocation=(), camera=(), microphone=()"}};
-}
-
-std::string error_page(int status, std::string_view what) {
-    return fmt::format("<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" "
-                       "content=\"width=device-width\"><title>{0} {1}</title><h1>{0} {1}</h1><p>{2}</p>"
-                       "<p><a href=\"/\">To the boat's position</a></p></html>\n",
-                       status, reason_of(status), what);
 }
 
 bool takes_gzip(std::string_view accepted) {

@@ -1,4 +1,4 @@
-#include <components/web_server/sse_channel.hpp>
+#include <components/http/sse_channel.hpp>
 
 #include <algorithm>
 #include <optional>
@@ -27,7 +27,7 @@ void append_field(std::string& out, std::string_view name, std::string_view valu
 }
 } // namespace
 
-std::string encode_event(const page_event& event) {
+std::string encode_event(const sse_event& event) {
     std::string out;
     out.reserve(event.data.size() + event.id.size() + event.name.size() + 32);
     if (!event.id.empty()) append_field(out, "id", event.id);
@@ -145,7 +145,7 @@ bool sse_channel::add(std::shared_ptr<sse_sink> sink, std::string_view last_even
     auto& self = *self_;
     auto first = self.common_snapshot(last_event_id);
     auto id = self.common_id;
-    std::optional<page_event> since;
+    std::optional<sse_event> since;
     if (!first) {
         auto own = self.snapshot(last_event_id);
         id = own.id;
@@ -171,7 +171,7 @@ void sse_channel::remove(const sse_sink* sink) noexcept {
     self_->forget(client, self_->statistics.left);
 }
 
-void sse_channel::publish(const page_event& event) {
+void sse_channel::publish(const sse_event& event) {
     ++self_->statistics.published;
     if (self_->clients.empty()) return;
     auto text = std::make_shared<const std::string>(encode_event(event));

@@ -1,5 +1,5 @@
 #pragma once
-#include <components/web_server/http_server.hpp>
+#include <components/http/http_server.hpp>
 
 #include <ise/core/real/environment.hpp>
 #include <ise/core/task_scope.hpp>
@@ -35,11 +35,18 @@ struct grounds {
         context.poll();
     }
 
+    std::string logged; ///< by a server that has `log`
     asio::io_context context;
     ise::real_environment env;
+    ise::logger log{env, "server", [this](const ise::log_record& told) { logged.append(told.message).append("\n"); }};
     std::unique_ptr<ise::loop_host> host = env.adopt(context.get_executor(), true);
     ise::task_scope scope{host->loop(), [](const std::string&, std::exception_ptr) {}};
 };
+
+/// Any free port of that address.
+inline ise::endpoint any_port(std::string address = "127.0.0.1") {
+    return ise::endpoint{ise::protocol::tcp, std::move(address), 0, {}};
+}
 
 /// An address of this machine that is no loopback address, and so another host to the server; empty: it has none.
 inline std::string another_host() {

@@ -7,14 +7,15 @@
 // What the HTTP server says, and how it reads what it is asked. Pure.
 namespace atirma {
 
+/// "Not Found"; "Status" for a number without a name here.
+std::string_view reason_of(int status) noexcept;
+
 /// Nothing of another host, no script or style within the page. `framed`: any site may show it in a frame.
 std::string content_security_policy(bool framed);
 
 /// Of every answer.
 std::vector<std::pair<std::string_view, std::string>> security_headers(bool framed);
 
-/// A small page in HTML; `what` is no HTML of others.
-std::string error_page(int status, std::string_view what);
 /// "gzip" stands in the list and is not forbidden by q=0.
 bool takes_gzip(std::string_view accepted);
 bool lists_etag(std::string_view if_none_match, std::string_view etag);

@@ -1,6 +1,6 @@
-#include <components/web_server/http_server.hpp>
+#include <components/http/http_server.hpp>
 
-#include <unit/web_server/client.hpp>
+#include <unit/http/client.hpp>
 
 #include <support/catch.hpp>
 
@@ -16,19 +16,15 @@ namespace {
 bool has(const std::string& text, std::string_view part) { return text.find(part) != std::string::npos; }
 
 struct stream_site : web_test::grounds {
-    explicit stream_site(atirma::http_options options = {})
-        : server(host->loop(), port_0(std::move(options)), spawner()) {
+    explicit stream_site(atirma::http_limits limits = {}, const std::string& address = "127.0.0.1")
+        : server(host->loop(), log, limits, spawner()) {
         events = &server.events("/events", [this](std::string_view last) {
-            return atirma::page_event{"e:" + std::to_string(++snapshots), "snapshot", "after " + std::string(last)};
+            return atirma::sse_event{"e:" + std::to_string(++snapshots), "snapshot", "after " + std::string(last)};
         });
-        server.listen();
-    }
-    static atirma::http_options port_0(atirma::http_options options) {
-        options.port = 0;
-        return options;
+        server.listen(web_test::any_port(address)).value();
     }
     std::unique_ptr<client> watcher(std::string_view headers = "", std::string_view path = "/events") {
-        auto c = std::make_unique<client>(context, server.port());
+        auto c = std::make_unique<client>(context, server.where().port);
         c->get(path, headers);
         c->read_until("event: snapshot");
         return c;
@@ -95,11 +91,11 @@ TEST_CASE("a client that leaves is forgotten at once") {
 }
 
 TEST_CASE("more watchers than allowed are told so and the others stay") {
-    atirma::http_options options;
-    options.limits.streams.max_clients = 1;
-    stream_site s(options);
+    atirma::http_limits limits;
+    limits.streams.max_clients = 1;
+    stream_site s(limits);
     auto c = s.watcher();
-    client second(s.context, s.server.port());
+    client second(s.context, s.server.where().port);
     second.get("/events");
     CHECK(has(second.read_answer(), "HTTP/1.1 503"));
     CHECK(has(second.received, "Retry-After"));
@@ -110,16 +106,15 @@ TEST_CASE("more watchers than allowed are told so and the others stay") {
 TEST_CASE("page: of too many streams the host with the most loses one to another host") {
     const auto elsewhere = another_host();
     if (elsewhere.empty()) return;
-    atirma::http_options options;
-    options.address = "0.0.0.0";
-    options.limits.streams.max_clients = 3;
-    stream_site s(options);
+    atirma::http_limits limits;
+    limits.streams.max_clients = 3;
+    stream_site s(limits, "0.0.0.0");
     std::vector<std::unique_ptr<client>> crowd;
     for (int i = 0; i < 3; ++i) crowd.push_back(s.watcher());
-    client own(s.context, s.server.port());
+    client own(s.context, s.server.where().port);
     own.get("/events");
     CHECK(has(own.read_answer(), "HTTP/1.1 503"));
-    client viewer(s.context, s.server.port(), elsewhere);
+    client viewer(s.context, s.server.where().port, elsewhere);
     viewer.get("/events");
     CHECK(has(viewer.read_until("event: snapshot"), "200 OK"));
     CHECK(has(crowd[0]->read_to_end(), "event: snapshot"));
@@ -139,30 +134,29 @@ TEST_CASE("a quiet stream receives a comment on each tick") {
 TEST_CASE("stopping ends streams and connections and leaves the port free") {
     stream_site s;
     auto c = s.watcher();
-    client idle(s.context, s.server.port());
+    client idle(s.context, s.server.where().port);
     idle.get("/nothing");
     idle.read_answer();
-    auto port = s.server.port();
+    auto at = s.server.where();
     s.server.stop();
     c->read_to_end();
     idle.read_to_end();
     CHECK(s.events->clients() == 0);
     CHECK(s.server.statistics().open_connections == 0);
     while (s.scope.size() > 0) s.turn(); // every coroutine ends by itself
-    atirma::http_options options;
-    options.port = port;
-    atirma::http_server next(s.host->loop(), options, s.spawner());
-    next.listen();
-    CHECK(next.port() == port);
+    atirma::http_server next(s.host->loop(), s.log, {}, s.spawner());
+    next.listen(at).value();
+    CHECK(next.where() == at);
 }
 
 TEST_CASE("a server that is destroyed under open connections leaves nothing behind") {
     web_test::grounds here;
     auto& context = here.context;
-    auto server = std::make_unique<atirma::http_server>(here.host->loop(), stream_site::port_0({}), here.spawner());
-    server->events("/events", [](std::string_view) { return atirma::page_event{"", "snapshot", "{}"}; });
-    server->listen();
-    client watching(context, server->port()), halfway(context, server->port());
+    auto server =
+        std::make_unique<atirma::http_server>(here.host->loop(), here.log, atirma::http_limits(), here.spawner());
+    server->events("/events", [](std::string_view) { return atirma::sse_event{"", "snapshot", "{}"}; });
+    server->listen(web_test::any_port()).value();
+    client watching(context, server->where().port), halfway(context, server->where().port);
     watching.get("/events");
     watching.read_until("event: snapshot");
     halfway.send("GET / HT");
@@ -174,9 +168,9 @@ TEST_CASE("a server that is destroyed under open connections leaves nothing behi
 }
 
 TEST_CASE("a real client that does not read holds a bounded amount and gets a fresh snapshot when it does") {
-    atirma::http_options options;
-    options.limits.streams.max_queued_bytes = 64 * 1024;
-    stream_site s(options);
+    atirma::http_limits limits;
+    limits.streams.max_queued_bytes = 64 * 1024;
+    stream_site s(limits);
     auto slow = s.watcher();
     auto quick = s.watcher();
     const std::string big(32 * 1024, 'x');
@@ -200,7 +194,7 @@ TEST_CASE("a slow client's queue gives way to one snapshot, and the skipped even
     limits.max_queued_bytes = 100;
     atirma::sse_channel channel(
         [&](std::string_view) {
-            return atirma::page_event{"", "snapshot", std::to_string(++snapshots)};
+            return atirma::sse_event{"", "snapshot", std::to_string(++snapshots)};
         },
         limits);
     auto sink = std::make_shared<slow_sink>();
@@ -217,7 +211,7 @@ TEST_CASE("a slow client's queue gives way to one snapshot, and the skipped even
 }
 
 TEST_CASE("events that fit the queue wait and arrive together, none lost") {
-    atirma::sse_channel channel([](std::string_view) { return atirma::page_event{"", "snapshot", ""}; });
+    atirma::sse_channel channel([](std::string_view) { return atirma::sse_event{"", "snapshot", ""}; });
     auto sink = std::make_shared<slow_sink>();
     channel.add(sink, "");
     channel.publish({"", "update", "one"});
@@ -231,7 +225,7 @@ TEST_CASE("clients that know nothing share one snapshot, and learn what came aft
     std::vector<std::string> asked;
     atirma::sse_channel channel([&](std::string_view last) {
         asked.emplace_back(last);
-        return atirma::page_event{"life:" + std::to_string(asked.size()), "snapshot", "since " + std::string(last)};
+        return atirma::sse_event{"life:" + std::to_string(asked.size()), "snapshot", "since " + std::string(last)};
     });
     std::vector<std::shared_ptr<slow_sink>> sinks;
     auto add = [&](std::string_view last) {
@@ -261,7 +255,7 @@ TEST_CASE("a client that fell behind is told what it lacks, not everything") {
     limits.max_queued_bytes = 60;
     atirma::sse_channel channel(
         [&](std::string_view last) {
-            return asked = last, atirma::page_event{"a:9", "snapshot", ""};
+            return asked = last, atirma::sse_event{"a:9", "snapshot", ""};
         },
         limits);
     auto sink = std::make_shared<slow_sink>();
@@ -277,7 +271,7 @@ TEST_CASE("a client that fell behind is told what it lacks, not everything") {
 TEST_CASE("a client that takes nothing for several ticks is dropped") {
     atirma::sse_limits limits;
     limits.max_stuck_ticks = 3;
-    atirma::sse_channel channel([](std::string_view) { return atirma::page_event{"", "snapshot", ""}; }, limits);
+    atirma::sse_channel channel([](std::string_view) { return atirma::sse_event{"", "snapshot", ""}; }, limits);
     auto stuck = std::make_shared<slow_sink>();
     channel.add(stuck, "");
     channel.tick();
@@ -292,7 +286,7 @@ TEST_CASE("a client that takes nothing for several ticks is dropped") {
 
 TEST_CASE("a client whose write fails is forgotten, also in the middle of publishing") {
     auto channel = std::make_unique<atirma::sse_channel>([](std::string_view) {
-        return atirma::page_event{"", "snapshot", ""};
+        return atirma::sse_event{"", "snapshot", ""};
     });
     auto broken = std::make_shared<slow_sink>(), fine = std::make_shared<slow_sink>();
     channel->add(broken, "");
