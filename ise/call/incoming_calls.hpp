@@ -1,8 +1,8 @@
 #pragma once
 #include <ise/call/call_service.hpp>
 #include <ise/call/reply_cache.hpp>
-#include <ise/core/loop.hpp>
 #include <ise/core/limits.hpp>
+#include <ise/core/loop.hpp>
 #include <ise/core/result.hpp>
 #include <ise/session/conversation.hpp>
 #include <ise/session/held_packets.hpp>

@@ -1,7 +1,7 @@
 #pragma once
 #include <ise/core/bytes.hpp>
-#include <ise/core/time.hpp>
 #include <ise/core/interval_set.hpp>
+#include <ise/core/time.hpp>
 
 #include <cstdint>
 #include <map>

@@ -1,8 +1,8 @@
 #pragma once
+#include <ise/core/interval_set.hpp>
 #include <ise/core/result.hpp>
 #include <ise/core/ring.hpp>
 #include <ise/transport/udp/congestion.hpp>
-#include <ise/core/interval_set.hpp>
 #include <ise/transport/udp/outgoing_messages.hpp>
 
 #include <array>

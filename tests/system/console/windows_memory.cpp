@@ -171,8 +171,9 @@ TEST_CASE("console windows: settings that are damaged, hostile or cannot be writ
     { desk it(true, {1280, 800}, file); } // and the window opens all the same
     write("");
     desk it(true, {1280, 800}, folder.filePath("console.ini/no/folder.ini"));
-    CHECK(
-        settings_file(folder.filePath("console.ini/no/folder.ini")).save(console_memory()).contains("cannot save the settings"));
+    CHECK(settings_file(folder.filePath("console.ini/no/folder.ini"))
+              .save(console_memory())
+              .contains("cannot save the settings"));
 }
 
 TEST_CASE("console windows: an alarm that was acknowledged before the start does not call again, unless it is graver") {
