@@ -13,11 +13,10 @@ namespace ise {
 /// `tcp://127.0.0.1:7400`, `tcp://[::1]:0`, `udp://…`, `tls://boat.local:7400`, `local:///run/ise/boat.sock`,
 /// `local://@abstract`, `inproc://name`. Port 0 asks for any free port.
 struct endpoint {
-    protocol kind =
-        protocol::tcp;      ///< its row in the table of transports: determines which of the fields below are used
-    std::string host;       ///< address_form::host_and_port: a name or an address, IPv6 without brackets
-    std::uint16_t port = 0; ///< address_form::host_and_port
-    std::string path;       ///< the other forms: file, `@name` or name
+    protocol kind = protocol::tcp; ///< its row in the table of transports
+    std::string host;              ///< address_form::host_and_port: a name or an address, IPv6 without brackets
+    std::uint16_t port = 0;        ///< address_form::host_and_port
+    std::string path;              ///< the other forms: file, `@name` or name
 
     /// Compares the kind, then the fields; names are not resolved.
     auto operator<=>(const endpoint&) const = default;

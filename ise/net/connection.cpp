@@ -103,7 +103,7 @@ bool connection::taken(const result<void>& state) {
 
 void connection::end_for_read(const std::error_code& problem) {
     std::string_view how = problem == asio::error::eof
-                               ? (state_ == state::finishing ? "has closed" : "closed the connection")
+                               ? (phase_ == phase::finishing ? "has closed" : "closed the connection")
                            : problem == asio::error::operation_aborted ? "was left: this side stopped"
                                                                        : "";
     close(failure(errc::peer_lost, how.empty() ? fmt::format("{}: {}", peer_name(), problem.message())
@@ -285,7 +285,7 @@ result<void> connection::take_own(const carried_frame& received, user* receiver)
 
 void connection::flush() {
     if (!open()) return;
-    if (datagrams_ && state_ == state::open) outbox_.feed_lane(); // packets beside the stream do not wait for it
+    if (datagrams_ && phase_ == phase::open) outbox_.feed_lane(); // packets beside the stream do not wait for it
     if (writer_ == writer::waiting) return;
     signs_->claim();
     if (signs_->broken())
@@ -302,7 +302,7 @@ void connection::flush() {
 
 // Within a process calls and replies that wait alone, as most do, need no batch. The rest is `write_out`'s matter.
 bool connection::pass_calls() {
-    if (!objects_ || batch_ || state_ != state::open || !outbox_.calls_alone(on_.now())) return false;
+    if (!objects_ || batch_ || phase_ != phase::open || !outbox_.calls_alone(on_.now())) return false;
     const auto passed = objects_->pass(outbox_.calls(), outbox_.beside_calls());
     if (passed.problem) {
         batch_ = on_.common<batch_pool>().lend();
@@ -321,7 +321,7 @@ void connection::write_out() {
     while (sent < flush_bytes) {
         if (farewell_ && outbox_.calls_drained()) say_goodbye();
         if (batch_->empty() && !outbox_.fill(*batch_, on_.now())) {
-            if (state_ == state::finishing) transport_->shutdown_write();
+            if (phase_ == phase::finishing) transport_->shutdown_write();
             return;
         }
         auto wrote = objects_ ? objects_->pass(batch_->whole(), batch_->attachments())
@@ -391,8 +391,8 @@ void connection::pulse() {
 }
 
 void connection::finish(failure why, duration grace) {
-    if (state_ != state::open) return;
-    state_ = state::finishing;
+    if (phase_ != phase::open) return;
+    phase_ = phase::finishing;
     farewell_ = std::make_unique<failure>(std::move(why));
     grace_ = std::make_unique<timer>(on_, [this] {
         close(failure(errc::peer_lost, fmt::format("{} did not accept the remaining data", peer_name())));
@@ -419,7 +419,7 @@ void connection::take_unwritten(const std::function<void(const carried_frame&)>&
 
 void connection::close(failure cause) {
     if (!open()) return;
-    state_ = state::closed;
+    phase_ = phase::closed;
     cause_ = std::make_unique<failure>(std::move(cause));
     heartbeat_.disarm();
     if (grace_) grace_->disarm();
@@ -429,8 +429,8 @@ void connection::close(failure cause) {
 }
 
 void connection::report_end() {
-    if (state_ != state::closed) return;
-    state_ = state::reported;
+    if (phase_ != phase::closed) return;
+    phase_ = phase::reported;
     if (auto receiver = user_.lock()) receiver->on_closed(*cause_);
 }
 

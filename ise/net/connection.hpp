@@ -114,7 +114,7 @@ public:
     void take_unwritten(const std::function<void(const carried_frame&)>& visit);
     /// Ends it now. The first cause stays.
     void close(failure cause);
-    bool open() const noexcept { return state_ < state::closed; }
+    bool open() const noexcept { return phase_ < phase::closed; }
     /// Packets may be lost and come late; everything else arrives, whole and in order.
     bool lossy() const noexcept { return datagrams_ != nullptr; }
     /// Whether both sides are in one process and agreed to hand packets over as they are.
@@ -137,7 +137,7 @@ public:
     const std::shared_ptr<heartbeat_sender>& signs() const noexcept { return signs_; }
 
 private:
-    enum class state : std::uint8_t {
+    enum class phase : std::uint8_t {
         open,
         finishing, // what waits is sent yet, and nothing new begins
         closed,
@@ -199,7 +199,7 @@ private:
     connection_counts counts_;
     liveness alive_;
     std::uint64_t stalled_sign_ = 0; // which frame it was
-    state state_ = state::open;
+    phase phase_ = phase::open;
     writer writer_ = writer::none;
     std::unique_ptr<failure> farewell_; // goodbye is to be said once everything else was sent
 };

@@ -7,9 +7,9 @@
 namespace ise::detail {
 
 namespace {
-class writer {
+class text_writer {
 public:
-    explicit writer(text_style style) : style_(style) {}
+    explicit text_writer(text_style style) : style_(style) {}
 
     void type(const type_description& t) {
         switch (t.kind) {
@@ -93,7 +93,7 @@ private:
 } // namespace
 
 std::string text_of(const type_description& type, text_style style) {
-    writer w(style);
+    text_writer w(style);
     w.type(type);
     return std::move(w.text);
 }
