@@ -1,6 +1,7 @@
 #include "iridium_types.hpp"
 #include "iridium_curl.hpp"
 
+#include <components/boat/recall.hpp>
 #include <components/iridium_gateway/iridium_gateway.hpp>
 #include <components/iridium_modem/iridium_modem.hpp>
 #include <components/iridium_proxy/iridium_proxy.hpp>
