@@ -118,8 +118,8 @@ bool link_card::show_link(const link_view& link, const boat_view& boat, utc_time
 
 QWidget* link_card::follow_in_tab_order(QWidget* before) {
     for (auto* each : findChildren<QWidget*>()) {
-        if (!(each->focusPolicy() & Qt::TabFocus) || each->window() != window())
-            continue; // the list of a combo box is a window
+        // The list of a combo box is a window.
+        if (!(each->focusPolicy() & Qt::TabFocus) || each->window() != window()) continue;
         setTabOrder(before, each);
         before = each;
     }

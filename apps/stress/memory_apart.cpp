@@ -8,8 +8,8 @@ namespace atirma::stress {
 std::pmr::memory_resource* memory_apart() {
     struct uncounted final : std::pmr::memory_resource {
         void* do_allocate(std::size_t bytes, std::size_t) override {
-            if (void* block = std::malloc(bytes))
-                return block; // of text, and maps and sets of plain values: aligned enough
+            // Of text, and maps and sets of plain values: aligned enough.
+            if (void* block = std::malloc(bytes)) return block;
             throw std::bad_alloc();
         }
         void do_deallocate(void* block, std::size_t, std::size_t) override { std::free(block); }

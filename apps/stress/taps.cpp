@@ -178,8 +178,8 @@ private:
             }
     }
     void answer(const std::string& line) {
-        if (line.find("ERROR") != std::string::npos && binary_left_ == asked_for_)
-            binary_left_ = 0; // not taken: no bytes follow
+        // Not taken: no bytes follow.
+        if (line.find("ERROR") != std::string::npos && binary_left_ == asked_for_) binary_left_ = 0;
         auto at = line.find("+SBDIX:");
         if (at == std::string::npos) return;
         auto told = iridium::parse_sbdix(std::string_view(line).substr(at));

@@ -11,8 +11,8 @@ template std::span<const enum_name<command_kind>> names_of() noexcept;
 
 namespace {
 
-constexpr command_traits unknown_traits{.kind = command_kind{},
-                                        .help = {}}; // the boat does not obey it without authority
+// The boat does not obey it without authority.
+constexpr command_traits unknown_traits{.kind = command_kind{}, .help = {}};
 
 template <class T>
 requires std::is_enum_v<T> ise::result<void> check_argument(std::string_view name, T value, const argument_range*) {

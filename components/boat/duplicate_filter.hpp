@@ -16,8 +16,8 @@ class duplicate_filter {
 public:
     static constexpr std::size_t max_boots = 8, max_pages = 64;
     static constexpr std::uint32_t page = 1024; ///< sequence numbers, 2 KiB
-    static constexpr std::uint32_t window =
-        max_pages * page; ///< seven hours of all links together at two packets and a half a second
+    /// Seven hours of all links together at two packets and a half a second.
+    static constexpr std::uint32_t window = max_pages * page;
 
     /// Whether it comes for the first time; remembers it. `raw`: as it came, its checksum is at its end.
     bool first_time(std::uint16_t boot, std::uint32_t sequence, ise::bytes_view raw);
@@ -25,8 +25,8 @@ public:
 private:
     struct life {
         std::uint16_t boot = 0;
-        std::map<std::uint32_t, std::array<std::uint16_t, page>>
-            pages; // checksum of the last one under each number; 0 for none
+        // Checksum of the last one under each number; 0 for none.
+        std::map<std::uint32_t, std::array<std::uint16_t, page>> pages;
     };
     void make_room();
     std::list<life> lives_; // the one that was heard last is first

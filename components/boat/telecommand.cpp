@@ -52,8 +52,8 @@ ise::result<telecommand> parse_telecommand(ise::bytes_view raw) {
     command.sent_at = in.header.measured_at;
     if (in.type == layout::authorised_type) command.authority = in.integer<std::uint32_t>();
     command.command = boat_command(in.any_enumerator<command_kind>());
-    if (in.ok() && command.command.get_if<commands::unknown>())
-        return command; // a newer shore: its arguments are not ours to read
+    // A newer shore: its arguments are not ours to read.
+    if (in.ok() && command.command.get_if<commands::unknown>()) return command;
     command.command.for_each_argument([&in](std::string_view name, auto& value) { take_argument(in, name, value); });
     if (auto done = in.finish(); !done) return done.error();
     return command;

@@ -23,8 +23,8 @@ struct acknowledgement {
     std::uint32_t id = 0;
     command_kind kind = command_kind::ping;
     ack_code code = ack_code::done;
-    float value =
-        0; ///< what holds now, of a telecommand that returns a value: the parameter, the period, how many waypoints
+    /// What holds now, of a telecommand that returns a value: the parameter, the period, how many waypoints.
+    float value = 0;
     std::string text; ///< for people; cut to max_text bytes when encoded
     /// The epoch that the boat obeys; in answers to what came under one, and with no_authority.
     std::optional<std::uint32_t> authority;

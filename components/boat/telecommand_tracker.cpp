@@ -80,8 +80,8 @@ ise::result<std::uint32_t> telecommand_tracker::submit(tracker_time at, const te
             return ise::failure(
                 ise::errc::invalid_argument,
                 fmt::format("telecommand {} is {} already; choose another id", id, name_of(known->command.kind())));
-        bool here = known->stage == link_stage::waiting &&
-                    !known->may_have_left; // else its answer names the epoch that it left with
+        // Else its answer names the epoch that it left with.
+        bool here = known->stage == link_stage::waiting && !known->may_have_left;
         if (here) known->authority = std::max(known->authority, request.authority); // taken anew meanwhile
         return id;
     }

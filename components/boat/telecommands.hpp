@@ -41,9 +41,9 @@ enum class command_priority : std::uint8_t { saves = 0, steers = 1, asks = 2 };
 struct command_traits {
     command_kind kind;
     std::string_view help; ///< what the boat does
-    std::string_view words =
-        {}; ///< as an operator reads it: {argument} stands for its value, {argument+1} for that of an
-            ///< index, which people count from 1; default: the name
+    /// As an operator reads it: {argument} stands for its value, {argument+1} for that of an index, which people count
+    /// from 1; default: the name.
+    std::string_view words = {};
     /// Whether the boat obeys it only under the highest epoch of authority that it has heard. Others ask, and change
     /// nothing.
     bool needs_authority = true;

@@ -27,8 +27,8 @@ acknowledgement simulated_boat::execute(const telecommand& command, link_id from
     auto known =
         std::find_if(acknowledged_.begin(), acknowledged_.end(), [&](auto& ack) { return ack.id == command.id; });
     if (known != acknowledged_.end()) {
-        if (command.command.get_if<commands::waypoint_read_back>())
-            schedule_.request(packet_type::waypoints, from); // may have been lost
+        // May have been lost.
+        if (command.command.get_if<commands::waypoint_read_back>()) schedule_.request(packet_type::waypoints, from);
         auto again = *known;
         again.header = next_header(); // a new packet with the same contents
         // The answer names the epoch at the time of execution, not the present one.
@@ -124,8 +124,8 @@ struct simulated_boat::command_handlers {
         boat.schedule_.request(packet_type::configuration);
         bool also_parameter = to.link == link_id::xbee && check_parameter(parameter_id::telemetry_period, to.period_s);
         if (!also_parameter) return std::string();
-        return nothing_to_say(boat.pilot_.set_parameter(parameter_id::telemetry_period,
-                                                        to.period_s)); // the parameter is the same setting
+        // The parameter is the same setting.
+        return nothing_to_say(boat.pilot_.set_parameter(parameter_id::telemetry_period, to.period_s));
     }
     outcome operator()(const commands::request_status&) {
         boat.schedule_.request_all(from);

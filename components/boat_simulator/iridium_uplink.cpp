@@ -47,8 +47,8 @@ void iridium_uplink::send() {
     std::size_t taken = 0;
     auto message = iridium::bundle(packets, iridium::max_mo_bytes, taken);
     acknowledgements_in_hand_ = std::min(taken, acknowledgements_.size());
-    if (taken > acknowledgements_in_hand_)
-        telemetry_.clear(); // the newest are sent, the others are too old for a session of their own
+    // The newest are sent, the others are too old for a session of their own.
+    if (taken > acknowledgements_in_hand_) telemetry_.clear();
     auto given = port_.send(std::move(message));
     if (!given) log_.warning("a message was not taken", {{"cause", given.error().message()}});
 }

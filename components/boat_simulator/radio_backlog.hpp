@@ -20,8 +20,8 @@ public:
     static constexpr std::size_t capacity = 8192; ///< packets; beyond that the oldest is discarded. Two hours
     static constexpr ise::duration alive_for = std::chrono::seconds(30), probe_period = std::chrono::seconds(15);
     static constexpr ise::duration first_pause = std::chrono::seconds(20), max_pause = std::chrono::minutes(5);
-    static constexpr unsigned max_duty_percent =
-        80; ///< of the allowed duty cycle; above that, only new packets are sent
+    /// Of the allowed duty cycle; above that, only new packets are sent.
+    static constexpr unsigned max_duty_percent = 80;
 
     explicit radio_backlog(ise::time_point now) : heard_at_(now), receipted_at_(now) {}
 

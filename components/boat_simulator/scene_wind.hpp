@@ -39,8 +39,8 @@ private:
     }
 
     std::shared_ptr<const wind_source> original_;
-    std::vector<std::pair<double, std::shared_ptr<const wind_source>>>
-        originals_; // with the time from which they apply
+    // With the time from which they apply.
+    std::vector<std::pair<double, std::shared_ptr<const wind_source>>> originals_;
     std::vector<std::pair<double, std::optional<wind_sample>>> changes_;
 };
 

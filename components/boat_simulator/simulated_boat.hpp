@@ -56,8 +56,8 @@ public:
     static constexpr std::size_t max_queued = 128; ///< packets a link; the oldest is dropped and counted
     static constexpr std::size_t max_answers = 32; ///< acknowledgements a link; the oldest is dropped and counted
     static constexpr std::size_t remembered_commands = 256;
-    static constexpr std::uint32_t max_epoch_step =
-        1024; ///< an epoch of authority further above the boat's does not count
+    /// An epoch of authority further above the boat's does not count.
+    static constexpr std::uint32_t max_epoch_step = 1024;
 
     /// Throws `ise::error` (invalid_argument) without a wind.
     simulated_boat(boat_options options, std::shared_ptr<const wind_source> wind);

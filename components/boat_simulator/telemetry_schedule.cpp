@@ -41,8 +41,8 @@ std::vector<packet_type> telemetry_schedule::take_due(link_id link, double now_s
     }
     if (due) {
         ++e.turn;
-        e.next_s +=
-            e.period_s * std::max(1.0, std::ceil((now_s - e.next_s) / e.period_s + 1e-9)); // missed ones are skipped
+        // Missed ones are skipped.
+        e.next_s += e.period_s * std::max(1.0, std::ceil((now_s - e.next_s) / e.period_s + 1e-9));
     }
     return out;
 }

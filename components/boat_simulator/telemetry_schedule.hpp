@@ -14,8 +14,8 @@ inline constexpr std::size_t packet_type_count = 7;
 /// every few periods, and changed ones at once.
 class telemetry_schedule {
 public:
-    void set_period(link_id link, double period_s,
-                    double now_s); ///< 0 (default): no telemetry on the link
+    /// 0 (default): no telemetry on the link.
+    void set_period(link_id link, double period_s, double now_s);
     double period_s(link_id link) const { return links_[index(link)].period_s; }
 
     /// Makes it due now, on every link that is not off.

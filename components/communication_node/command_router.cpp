@@ -230,8 +230,8 @@ void command_router::change(entry& e, utc_time wall, telecommand_stage stage, st
     bool was_final = is_final(e.record.status.state);
     e.record.status.state = stage;
     e.record.status.text = std::move(text);
-    e.record.status.at =
-        std::max(wall, e.record.status.at + std::chrono::milliseconds(1)); // each change is later than the last
+    // Each change is later than the last.
+    e.record.status.at = std::max(wall, e.record.status.at + std::chrono::milliseconds(1));
     changes_.push_back(e.record);
     if (!was_final && is_final(stage)) table_.decide(e.record.status.id);
 }

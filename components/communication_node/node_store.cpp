@@ -510,8 +510,8 @@ ise::result<replication_page> node_store::page_after(std::uint64_t asker, std::u
     for (auto& packet : *found) {
         auto& one = made.packets.emplace_back();
         one.position = packet.position;
-        if (packet.peer_store == asker)
-            one.yours = packet.peer_position; // its disk may be another one than the one that had it
+        // Its disk may be another one than the one that had it.
+        if (packet.peer_store == asker) one.yours = packet.peer_position;
         if (one.yours == 0) one.packet = std::move(packet);
     }
     static const auto sql =

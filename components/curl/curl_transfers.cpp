@@ -56,8 +56,8 @@ public:
     void remove(curl_easy& what) noexcept {
         auto found = transfers_.find(what.handle());
         if (found == transfers_.end()) return;
-        if (!found->second->code && open_.contains(what.socket))
-            ::shutdown(what.socket, SHUT_RDWR); // no goodbye that waits
+        // No goodbye that waits.
+        if (!found->second->code && open_.contains(what.socket)) ::shutdown(what.socket, SHUT_RDWR);
         transfers_.erase(found);
         curl_multi_remove_handle(multi_.get(), what.handle());
     }

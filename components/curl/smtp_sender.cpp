@@ -54,8 +54,8 @@ ise::task<ise::result<void>> smtp_sender::send(mail_message what) {
     }
     easy->set(CURLOPT_USE_SSL, static_cast<long>(options_.clear_text ? CURLUSESSL_TRY : CURLUSESSL_ALL));
     auto channel = co_await curl_channel::open(on_, std::move(easy), options_.within);
-    if (!channel)
-        co_return ise::failure(channel.error().code(), channel.error().message()); // nobody has heard of the mail yet
+    // Nobody has heard of the mail yet.
+    if (!channel) co_return ise::failure(channel.error().code(), channel.error().message());
     dialogue with(**channel, until);
     auto outcome = co_await with.hand_over(what, smtp_content(*text));
     co_return outcome;

@@ -30,8 +30,8 @@ struct shore_options {
 
 /// A way to the boat: a connection, or a socket for datagrams and who is at the other end.
 struct way {
-    std::uint64_t channel =
-        0; ///< names the connection or the socket; given by the shell, never reused for a connection
+    /// Names the connection or the socket; given by the shell, never reused for a connection.
+    std::uint64_t channel = 0;
     ise::endpoint peer;
     bool datagrams = false;
     bool operator==(const way&) const = default;

@@ -166,8 +166,8 @@ void uplink::on_time(ise::time_point now) {
     auto most = std::min(again_at_once, ring_.size());
     for (std::size_t i = 0; i < most; ++i)
         if (late(ring_[i])) again_.push_back(first_ + static_cast<std::uint32_t>(i));
-    if (!again_.empty() && holds(fix_) && late(at(fix_)) && fix_ > again_.back())
-        again_.push_front(fix_);            // where the boat is comes first
+    // Where the boat is comes first.
+    if (!again_.empty() && holds(fix_) && late(at(fix_)) && fix_ > again_.back()) again_.push_front(fix_);
     if (!again_.empty()) login_due_ = true; // the address may be another one by now
 }
 

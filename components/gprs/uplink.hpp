@@ -19,8 +19,8 @@ struct uplink_options {
 
 struct uplink_counters {
     std::uint64_t sessions = 0, half_open = 0;
-    std::uint64_t sent = 0, resent = 0, acknowledged = 0,
-                  dropped = 0; ///< packets; dropped: given up without acknowledgement
+    /// Packets; dropped: given up without acknowledgement.
+    std::uint64_t sent = 0, resent = 0, acknowledged = 0, dropped = 0;
     std::uint64_t malformed = 0;
 };
 

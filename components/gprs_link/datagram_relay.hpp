@@ -21,8 +21,8 @@ class datagram_relay {
 public:
     static constexpr std::size_t max_flows = 64; ///< beyond, the one that was idle longest goes
     static constexpr std::size_t max_held = 512; ///< datagrams under way of one flow; beyond: lost
-    static constexpr ise::duration max_idle =
-        std::chrono::minutes(5); ///< without a datagram either way; then the flow ends
+    /// Without a datagram either way; then the flow ends.
+    static constexpr ise::duration max_idle = std::chrono::minutes(5);
 
     datagram_relay(ise::loop& on, ise::logger log, carrier_air& air, ise::endpoint proxy,
                    std::function<void(std::string, ise::task<>)> spawn)

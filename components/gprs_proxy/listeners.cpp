@@ -102,8 +102,8 @@ void listeners::send(const gprs::way& to, std::string_view text) {
     auto found = lines_.find(to.channel);
     if (found == lines_.end() || found->second->cut) return;
     auto& over = *found->second;
-    if (over.unwritten.size() + text.size() > most_unwritten)
-        return; // acknowledgements are cumulative, telecommands come again
+    // Acknowledgements are cumulative, telecommands come again.
+    if (over.unwritten.size() + text.size() > most_unwritten) return;
     over.unwritten.add(text);
     if (over.unwritten.write(*over.stream)) over.unwritten.clear(); // the reader learns it, too
     if (over.unwritten.size() > 0 && !again_.armed()) again_.arm(ise::saturating_add(loop_.now(), write_pause));

@@ -19,8 +19,8 @@ namespace atirma {
 /// nothing; what comes is told, what is to go is written. Used on one loop; must outlive the coroutines that it spawns.
 class listeners {
 public:
-    static constexpr std::size_t most_unwritten =
-        64 * 1024; ///< of a connection; what is more is left out: all of it can be said again
+    /// Of a connection; what is more is left out: all of it can be said again.
+    static constexpr std::size_t most_unwritten = 64 * 1024;
     static constexpr std::size_t largest_datagram = 2048; ///< a longer one makes no sense
 
     /// `spawn` starts a coroutine that the component owns.

@@ -13,8 +13,8 @@ enum class severity : std::uint8_t { notice, warning, critical };
 /// The limits beyond which an alarm is raised.
 struct alarm_limits {
     double no_data_s = 60; ///< nothing received over any link; five telemetry periods if that is longer
-    double link_silent_s =
-        60; ///< nothing received over one link that worked before; five telemetry periods if that is longer
+    /// Nothing received over one link that worked before; five telemetry periods if that is longer.
+    double link_silent_s = 60;
     double proxy_lost_s = 5;
     unsigned battery_low_percent = 20;
     unsigned battery_critical_percent = 10;

@@ -31,8 +31,8 @@ ise::task<std::optional<http_message>> http_requests::next() {
             co_return request;
         }
         rest_ = rest_.subspan(*used);
-        if (!timed)
-            line_.until(ise::saturating_add(loop_.now(), times_.request)); // of the whole request, not of each byte
+        // Of the whole request, not of each byte.
+        if (!timed) line_.until(ise::saturating_add(loop_.now(), times_.request));
         timed = true;
         if (reader_.wants_continue()) {
             auto unsent = co_await line_.write_all("HTTP/1.1 100 Continue\r\n\r\n");

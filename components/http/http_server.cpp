@@ -342,8 +342,8 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
 
     /// A connection never takes the component down with it.
     static ise::task<> serve(std::shared_ptr<implementation> self, ise::net::admitted accepted) {
-        auto who =
-            std::move(accepted); // its place goes before the places; the order of parameters differs among compilers
+        // Its place goes before the places; the order of parameters differs among compilers.
+        auto who = std::move(accepted);
         struct listed {
             std::set<ise::stream*>& all;
             ise::stream* which;

@@ -21,8 +21,9 @@ struct sse_client {
 
 void append_field(std::string& out, std::string_view name, std::string_view value) {
     out.append(name).append(": ");
+    // A line break would forge another field.
     for (char c : value)
-        if (c != '\n' && c != '\r' && c != '\0') out += c; // a line break would forge another field
+        if (c != '\n' && c != '\r' && c != '\0') out += c;
     out += '\n';
 }
 } // namespace

@@ -95,8 +95,8 @@ ise::task<> directip_server::serve(ise::net::admitted who) {
     auto unsent = co_await line.write_all(ise::as_text(answer));
     if (unsent) note("the confirmation could not be sent: " + unsent.message(), peer);
     line.line().shutdown_write();
-    co_await line.drop_rest(
-        std::numeric_limits<std::size_t>::max()); // the other side reads it and closes, or the time is over
+    // The other side reads it and closes, or the time is over.
+    co_await line.drop_rest(std::numeric_limits<std::size_t>::max());
 }
 
 void directip_server::note(std::string_view what, const std::string& peer) {

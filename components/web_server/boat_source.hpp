@@ -9,8 +9,8 @@ namespace atirma {
 struct boat_source {
     std::string name;
     std::string id; ///< in its addresses: a-z, 0-9, '-'; see `address_of`
-    std::vector<std::string>
-        telemetry; ///< paths of the proxies whose `telemetry` is shown, or the role of the communication nodes
+    /// Paths of the proxies whose `telemetry` is shown, or the role of the communication nodes.
+    std::vector<std::string> telemetry;
 };
 
 /// "Vela II=vela/communication" or "Vela=vela/shore/xbee,vela/shore/gprs". Throws ise::error (invalid_argument) for a

@@ -28,8 +28,8 @@ instant duty_cycle::available_at(instant now, instant airtime, bool hot) {
     instant recent{0};
     for (auto e = entries_.rbegin(); e != entries_.rend() && e->start + hot_window > when; ++e) {
         recent += e->airtime;
-        if (recent + airtime > hot_budget)
-            return std::max(when, e->start + hot_window); // this one has to leave the second
+        // This one has to leave the second.
+        if (recent + airtime > hot_budget) return std::max(when, e->start + hot_window);
     }
     return when;
 }

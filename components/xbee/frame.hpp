@@ -14,8 +14,8 @@ namespace atirma::xbee {
 
 inline constexpr std::uint64_t broadcast_address = 0x000000000000FFFF;
 inline constexpr std::uint16_t unknown_network = 0xFFFE;
-inline constexpr std::uint8_t option_purge_if_delayed =
-    0x10; ///< TX option of the 868: drop rather than wait for duty cycle
+/// TX option of the 868: drop rather than wait for duty cycle.
+inline constexpr std::uint8_t option_purge_if_delayed = 0x10;
 
 /// Two letters, such as {'D', 'B'}.
 using at_name = std::array<char, 2>;

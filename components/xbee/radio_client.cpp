@@ -68,8 +68,8 @@ void radio_client::pump(instant now) {
 }
 
 void radio_client::write_request(instant, request r) {
-    while (next_frame_id_ == 0 || pending_.contains(next_frame_id_))
-        ++next_frame_id_; // window and limit are far below 255
+    // Window and limit are far below 255.
+    while (next_frame_id_ == 0 || pending_.contains(next_frame_id_)) ++next_frame_id_;
     std::uint8_t id = next_frame_id_++;
     std::visit(
         [id](auto& f) {
@@ -172,8 +172,8 @@ void radio_client::on_time(instant now) {
         }
         request late = std::move(p->second);
         p = pending_.erase(p);
-        if (!std::holds_alternative<remote_at_request>(late.content))
-            ++silent_requests_; // a far modem may be out of reach
+        // A far modem may be out of reach.
+        if (!std::holds_alternative<remote_at_request>(late.content)) ++silent_requests_;
         fail(late, true, "the modem gave no answer in time");
     }
     if (phase_ == phase::ready && silent_requests_ >= silent_limit)
@@ -268,12 +268,12 @@ void radio_client::settle(instant now, std::uint8_t frame_id, const frame& answe
 
     if (turned_away(status->outcome)) {
         ++counters_.delayed;
-        if (now >= hold_until_)
-            pause_ = std::min(max_pause, std::max(min_pause, 2 * pause_)); // once for a whole window
+        // Once for a whole window.
+        if (now >= hold_until_) pause_ = std::min(max_pause, std::max(min_pause, 2 * pause_));
         hold_until_ = now + pause_;
         if (hold_until_ < r.deadline && waiting_.size() < options_.max_queued + options_.window) {
-            auto place =
-                std::find_if(waiting_.begin(), waiting_.end(), [&](auto& w) { return w.id > r.id; }); // order of asking
+            // Order of asking.
+            auto place = std::find_if(waiting_.begin(), waiting_.end(), [&](auto& w) { return w.id > r.id; });
             waiting_.insert(place, std::move(r));
             return;
         }
@@ -286,8 +286,8 @@ void radio_client::settle(instant now, std::uint8_t frame_id, const frame& answe
     out.delivered = status->outcome == delivery::success;
     out.code = status->outcome;
     out.retries = status->retries;
-    bool maybe = status->outcome == delivery::no_ack ||
-                 status->outcome == delivery::network_ack_failure; // perhaps only the ACK was lost
+    // Perhaps only the ACK was lost.
+    bool maybe = status->outcome == delivery::no_ack || status->outcome == delivery::network_ack_failure;
     out.executed = out.delivered || maybe ? ise::execution::unknown : ise::execution::not_executed;
     if (!out.delivered)
         out.reason = fmt::format("the modem reports {} ({:02X}) after {} retries", name_of(status->outcome),

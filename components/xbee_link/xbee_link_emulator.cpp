@@ -11,8 +11,8 @@
 namespace atirma {
 namespace {
 using namespace std::chrono_literals;
-constexpr std::size_t max_unwritten_bytes =
-    64 * 1024; // nobody reads the port: a modem without flow control loses bytes, too
+// Nobody reads the port: a modem without flow control loses bytes, too.
+constexpr std::size_t max_unwritten_bytes = 64 * 1024;
 constexpr ise::duration write_again = 20ms;
 constexpr std::size_t shore = 0, boat = 1;
 constexpr double full_power_dbm = 25;

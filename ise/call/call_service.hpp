@@ -65,10 +65,10 @@ private:
 
 /// How a service is served.
 struct serve_options {
-    std::size_t concurrent =
-        256; ///< handlers at once; more wait. 1: exclusive. From 4 on, one session has three quarters at most
-    std::size_t waiting =
-        1024; ///< requests that may wait; beyond, the session that has most of them is refused as overloaded
+    /// Handlers at once; more wait. 1: exclusive. From 4 on, one session has three quarters at most.
+    std::size_t concurrent = 256;
+    /// Requests that may wait; beyond, the session that has most of them is refused as overloaded.
+    std::size_t waiting = 1024;
     std::size_t waiting_bytes = std::size_t{64} << 20; ///< of these requests together; the same
 };
 

@@ -22,8 +22,8 @@ struct call_context {
     std::string_view caller;                 ///< the caller's path, or its address if it has none
     time_point deadline = time_point::max(); ///< the deadline of the call, on the loop's clock
     trace_id trace;                          ///< the trace of the call
-    std::string_view
-        waiting; ///< for an exclusive service: the first caller whose request waits for this one. Otherwise empty
+    /// For an exclusive service: the first caller whose request waits for this one. Otherwise empty.
+    std::string_view waiting;
 };
 
 /// Text for a call that timed out inside `context`: that it may have waited for its own handler. Empty if it did not.

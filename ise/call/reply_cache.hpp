@@ -119,11 +119,11 @@ private:
 /// earlier versions, are known by their incarnation alone.
 class reply_windows {
 public:
-    static constexpr std::size_t max_idle_callers =
-        1024; ///< without a session or a call, of whom is known what they called
+    /// Without a session or a call, of whom is known what they called.
+    static constexpr std::size_t max_idle_callers = 1024;
     static constexpr duration idle_caller_life = std::chrono::minutes(5); ///< then their answers are forgotten
-    static constexpr std::size_t max_kept_bytes =
-        std::size_t{64} << 20; ///< of all; whose last call is longest ago forget their answers
+    /// Of all; whose last call is longest ago forget their answers.
+    static constexpr std::size_t max_kept_bytes = std::size_t{64} << 20;
 
     std::shared_ptr<reply_cache> of(std::uint64_t reply_key, std::uint64_t incarnation, time_point now);
     /// After each answer, since that is what takes room.
@@ -138,10 +138,10 @@ private:
     void sweep(time_point now);
     void make_room();
 
-    std::map<std::pair<std::uint64_t, std::uint64_t>, std::shared_ptr<reply_cache>>
-        all_; // by reply key and incarnation
-    std::shared_ptr<std::size_t> room_ =
-        std::make_shared<std::size_t>(0); // its windows outlive it where a session does
+    // By reply key and incarnation.
+    std::map<std::pair<std::uint64_t, std::uint64_t>, std::shared_ptr<reply_cache>> all_;
+    // Its windows outlive it where a session does.
+    std::shared_ptr<std::size_t> room_ = std::make_shared<std::size_t>(0);
     std::size_t sweep_at_ = max_idle_callers;
     time_point next_sweep_{};
     bool dropped_any_ = false;

@@ -52,8 +52,8 @@ task<> component_runner::restart() {
         co_return;
     }
     services_->pause(failure(errc::peer_lost, fmt::format("'{}' restarts after a failure", path_)), grace_ / 2);
-    co_await services_->peers().ended(saturating_add(
-        on().now(), grace_ / 2)); // subscribers shall not hear that the services have ended, which they have not
+    // Subscribers shall not hear that the services have ended, which they have not.
+    co_await services_->peers().ended(saturating_add(on().now(), grace_ / 2));
     for (const auto& name : std::vector(own_services_)) withdraw_service(name);
     if (on().now() - flow_began_ >= steady_flow) pause_.reset();
     auto pause = pause_.next();

@@ -110,8 +110,8 @@ public:
             made.preset = std::to_string(into);
             if constexpr (std::is_unsigned_v<T> || sizeof(T) < 8)
                 made.minimum = static_cast<double>(std::numeric_limits<T>::min());
-            if constexpr (sizeof(T) < 8)
-                made.maximum = static_cast<double>(std::numeric_limits<T>::max()); // exact as a double
+            // Exact as a double.
+            if constexpr (sizeof(T) < 8) made.maximum = static_cast<double>(std::numeric_limits<T>::max());
             using wide = std::conditional_t<std::is_signed_v<T>, std::int64_t, std::uint64_t>;
             return add(std::move(made),
                        [&into](const parameter& of, const std::string& text) { return read<wide>(of, text, into); });

@@ -25,8 +25,8 @@ inline constexpr std::size_t asked_schemas = 64;        ///< in one question of 
 inline constexpr std::size_t learnt_schemas = 4096;
 inline constexpr std::size_t learnt_schema_bytes = std::size_t{64} << 20; ///< memory of these
 inline constexpr std::size_t kept_services = 4096;                        ///< services learnt of at run time
-inline constexpr std::size_t used_services =
-    256; ///< services of others that a component is known to use, each at each target
+/// Services of others that a component is known to use, each at each target.
+inline constexpr std::size_t used_services = 256;
 inline constexpr std::size_t waiting_calls = 100'000;         ///< of this side, for a session with one peer
 inline constexpr std::uint32_t subscription_depth = 1u << 20; ///< packets held for one subscriber, whatever it asks for
 

@@ -55,8 +55,8 @@ log_sink log_to_stderr(log_level least) {
     return [least](const log_record& record) {
         if (record.level < least) return;
         auto line = format_line(record);
-        [[maybe_unused]] auto written =
-            ::write(STDERR_FILENO, line.data(), line.size()); // a full disk must not stop the boat
+        // A full disk must not stop the boat.
+        [[maybe_unused]] auto written = ::write(STDERR_FILENO, line.data(), line.size());
     };
 }
 

@@ -97,8 +97,8 @@ void complete(deployment& of, const std::vector<host_state>& hosts, std::vector<
         if (used.contains(host.name.text) && !state_of(of, host.name.text, hosts))
             problems.push_back({host.name.at, without_server(host.server, servers)});
     checker check(problems);
-    std::set<std::pair<std::string, std::string>>
-        missing; // host and type: one mistake, however many components meet it
+    // Host and type: one mistake, however many components meet it.
+    std::set<std::pair<std::string, std::string>> missing;
     for (auto& one : of.components) {
         const auto* state = state_of(of, one.host.text, hosts);
         if (!state) continue;

@@ -89,8 +89,8 @@ ordering order_of(const deployment& of, const std::vector<const type_text*>& typ
         for (const auto& wanted : types[then]->services) {
             if (wanted.provided) continue;
             for (std::size_t first = 0; first < components.size(); ++first) {
-                if (first == then || !types[first] || all.reaches(then, first))
-                    continue; // a circle is no matter: who is started first waits
+                // A circle is no matter: who is started first waits.
+                if (first == then || !types[first] || all.reaches(then, first)) continue;
                 if (types[first]->name == types[then]->name) continue; // equals, such as two that back each other
                 bool provides = std::ranges::any_of(
                     types[first]->services, [&](const auto& one) { return one.provided && one.name == wanted.name; });

@@ -76,8 +76,8 @@ task<change_response> changes::change_to(start_request to, bool only_in_place) {
     change_response made;
     made.former = one->asked;
     for (auto& variable : made.former.variables) variable.value.clear(); // secrets stay here
-    auto is =
-        only_in_place ? one->text() : table_.info_of(*one); // to set a parameter is no reason to run another program
+    // To set a parameter is no reason to run another program.
+    auto is = only_in_place ? one->text() : table_.info_of(*one);
     auto others = differences(is, to, *types_.known().find(to.type), one->other_environment(to));
     bool in_place = std::ranges::all_of(others, &difference::in_place);
     if (in_place && runs(one->watch)) {
@@ -142,8 +142,8 @@ task<result<void>> changes::set_parameters(instance_ptr one, std::vector<argumen
     auto who = here_.self.at(one->plan.path);
     auto told = co_await who.try_call(change_parameters_service, std::move(request), parameter_wait);
     if (told) co_return result<void>();
-    bool its_own = told.error().code() == errc::handler_failed ||
-                   told.error().code() == errc::refused; // it threw: that is a refusal, too
+    // It threw: that is a refusal, too.
+    bool its_own = told.error().code() == errc::handler_failed || told.error().code() == errc::refused;
     if (!its_own) co_return told.error();
     co_return failure(errc::refused, fmt::format("{} refuses it: {}", one->plan.path,
                                                  said(told.error().message(), change_parameters_service.name())));

@@ -122,8 +122,8 @@ private:
     void become_a_keeper() {
         ::prctl(PR_SET_NAME, "ise_keeper", 0, 0, 0);
         ::prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0);
-        for (int one : {SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGPIPE, SIGTSTP})
-            ::signal(one, SIG_IGN); // what is meant for the program ends that, and then this
+        // What is meant for the program ends that, and then this.
+        for (int one : {SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGPIPE, SIGTSTP}) ::signal(one, SIG_IGN);
         sigset_t children;
         ::sigemptyset(&children);
         ::sigaddset(&children, SIGCHLD);
@@ -274,8 +274,8 @@ private:
                     if (one.ended || !found.insert(one.stamp.pid).second) return true;
                     more = true;
                     groups.insert(one.group);
-                    if (stopped.insert(one.group).second)
-                        signal_group(one.group, SIGSTOP); // at once: thousands may run
+                    // At once: thousands may run.
+                    if (stopped.insert(one.group).second) signal_group(one.group, SIGSTOP);
                     return true;
                 });
             }

@@ -140,8 +140,8 @@ bool carries_mark(std::int32_t pid, const std::string& mark, const char* variabl
 std::vector<process_entry> members_of(const process_stamp& leader, const std::string& mark) {
     std::vector<process_entry> found;
     auto head = look_up(leader.pid);
-    bool group_is_its =
-        leader.pid > 1 && (!head || head->stamp == leader); // a number is not given away while its group has members
+    // A number is not given away while its group has members.
+    bool group_is_its = leader.pid > 1 && (!head || head->stamp == leader);
     for (auto pid : numbers_in_folder("/proc")) {
         if (pid <= 1 || pid == ::getpid()) continue;
         auto told = look_up(pid);

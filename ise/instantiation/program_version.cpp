@@ -66,8 +66,8 @@ std::string build_id_of(int file) {
 std::string real_machine::version_of(const std::string& program) const {
     file_handle file(::open(program.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
     struct stat about {};
-    bool there = file ? ::fstat(file.get(), &about) == 0
-                      : ::stat(program.c_str(), &about) == 0; // one may be run that may not be read
+    // One may be run that may not be read.
+    bool there = file ? ::fstat(file.get(), &about) == 0 : ::stat(program.c_str(), &about) == 0;
     if (!there || !S_ISREG(about.st_mode)) return {};
     auto id = file ? build_id_of(file.get()) : std::string();
     if (!id.empty()) return "build " + id;

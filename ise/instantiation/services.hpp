@@ -184,8 +184,8 @@ struct set_response {
 
 struct change_response {
     change_way way = change_way::nothing;
-    start_response
-        outcome; ///< where that is not `ready`, nothing has changed: it runs as before, unless `started` says otherwise
+    /// Where that is not `ready`, nothing has changed: it runs as before, unless `started` says otherwise.
+    start_response outcome;
     start_request former;   ///< what it was before, without the values of its environment variables
     std::uint64_t undo = 0; ///< undoes this change as long as no other follows; 0: nothing was changed
 };

@@ -12,8 +12,8 @@ namespace ise {
 /// there is no room now waits.
 struct registry_limits {
     std::size_t max_components = 100'000; ///< registered at once
-    std::size_t max_components_per_node =
-        50'000; ///< under one lease, so that no other is kept out by mistake; also lost ones, until it knows
+    /// Under one lease, so that no other is kept out by mistake; also lost ones, until it knows.
+    std::size_t max_components_per_node = 50'000;
     std::size_t max_services = 1'000'000;                  ///< of all components together
     std::size_t max_services_per_component = 1024;         ///< provided and required
     std::size_t max_claims_bytes = std::size_t{512} << 20; ///< memory of all claims together, without the schemas

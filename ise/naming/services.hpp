@@ -123,8 +123,8 @@ struct register_response {
     std::uint64_t server_incarnation = 0;
     duration lease{};          ///< granted; at most what was wanted. 0: none, as every claim was denied
     std::vector<grant> grants; ///< in the order of the claims
-    std::uint64_t lease_number =
-        0; ///< of the lease in this life of the server: another one knows nothing of what was told under the last
+    /// Of the lease in this life of the server: another one knows nothing of what was told under the last.
+    std::uint64_t lease_number = 0;
 };
 
 /// Renews a lease, and nothing else.

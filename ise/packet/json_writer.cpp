@@ -92,8 +92,9 @@ private:
         if (!detail::take_flag(in_, there)) return false;
         if (!there) return text += "null", true;
         if (inner.kind != type_kind::optional) return value(inner);
+        // There, whatever is inside.
         return list(
-            '[', ']', 1, [&](std::size_t) { return value(inner); }, true); // there, whatever is inside
+            '[', ']', 1, [&](std::size_t) { return value(inner); }, true);
     }
 
     bool elements(const type_description& type, std::size_t count) {

@@ -261,8 +261,8 @@ task<> peer_channel::wait_before_next_try(duration pause) {
         if (life != 0) {
             tried_life_ = life;
             pause_.reset();
-            until =
-                std::min(until, saturating_add(on.now(), pause_.after_loss(spread_))); // others have waited for it too
+            // Others have waited for it too.
+            until = std::min(until, saturating_add(on.now(), pause_.after_loss(spread_)));
         }
     }
     co_await sleep_until(on, until);

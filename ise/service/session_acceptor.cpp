@@ -119,8 +119,8 @@ void session_acceptor::take(net::admitted who, const endpoint& at) {
         runtime_.scope().spawn("handshake with " + peer, greet(std::move(who.line), std::move(reached), held));
     if (runtime_.scope().stopping() || !cancel) return;
     held->on_displaced([this, cancel, host = net::host_of(peer)] {
-        bool full =
-            handshakes_.taken() + 1 >= handshakes_.most(); // else there are no descriptors, which the listener has told
+        // Else there are no descriptors, which the listener has told.
+        bool full = handshakes_.taken() + 1 >= handshakes_.most();
         runtime_.tell(
             peer_trouble::crowded,
             fmt::format("{}, most from {}: the oldest of these make way",

@@ -37,8 +37,8 @@ public:
     // For the world's parts.
     bool is_me(const std::string& name_or_address) const;
     result<void> claim(endpoint& at, const endpoint& wanted, const std::vector<endpoint>& taken);
-    bool hears(const endpoint& at,
-               const endpoint& to) const; ///< whether something bound at `at` hears what is sent to `to`
+    /// Whether something bound at `at` hears what is sent to `to`.
+    bool hears(const endpoint& at, const endpoint& to) const;
     const std::map<std::string, std::string>& files() const noexcept { return files_; }
     std::vector<tcp_acceptor*> acceptors; ///< as they came
     std::vector<datagram_end*> datagrams;

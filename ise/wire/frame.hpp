@@ -53,8 +53,8 @@ inline constexpr std::uint8_t last = 1;      ///< piece: the message is complete
 inline constexpr std::uint8_t abandoned = 2; ///< piece: the sender gave the message up
 inline constexpr std::uint8_t stalled = 1;   ///< pong: the component is busy; its node answers for it
 inline constexpr std::uint8_t objects = 1;   ///< subscribe: packets may come beside (`feature::objects`)
-inline constexpr std::uint8_t attached =
-    128; ///< request, reply, packet: the packet comes beside the stream (`feature::objects`)
+/// Request, reply, packet: the packet comes beside the stream (`feature::objects`).
+inline constexpr std::uint8_t attached = 128;
 } // namespace flag
 
 /// Stands before every body: 16 bytes, little-endian.

@@ -19,8 +19,8 @@ inline constexpr std::uint64_t pieces = 1;  ///< big messages travel in pieces
 inline constexpr std::uint64_t schemas = 2; ///< schema texts are answered
 inline constexpr std::uint64_t resume = 4;  ///< subscriptions can be resumed by ticket
 inline constexpr std::uint64_t objects = 8; ///< within one process: packets as the objects that they are
-inline constexpr std::uint64_t clock =
-    16; ///< what a side's clock says is told, and deadlines are times of the provider's
+/// What a side's clock says is told, and deadlines are times of the provider's.
+inline constexpr std::uint64_t clock = 16;
 inline constexpr std::uint64_t first = pieces | schemas | resume; ///< those of every peer
 inline constexpr std::uint64_t all = first | clock;               ///< over every transport
 } // namespace feature

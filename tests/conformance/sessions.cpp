@@ -92,9 +92,10 @@ void nothing_passes(pair& at) {
         return found.size() == 2;
     });
     INFO(found[&at.boat] << " and " << found[&at.shore] << " heartbeats");
+    // The last sign came up to one before.
     for (auto& [who, beats] : found)
-        if (at.over.is_virtual()) CHECK((beats > 1.5 && beats < 3.5)); // the last sign came up to one before
-    CHECK(at.run(try_helm(at.there, "x", 10min)));                     // and it goes on over a new session
+        if (at.over.is_virtual()) CHECK((beats > 1.5 && beats < 3.5));
+    CHECK(at.run(try_helm(at.there, "x", 10min))); // and it goes on over a new session
 }
 
 void moving_peer(pair& at) {

@@ -63,8 +63,8 @@ void answer_first(pair& at) {
     for (int round = 1; round <= 10; ++round) {
         auto got = std::make_shared<ise::subscriber<watch>>(at.run(subscribe_watch(at.there)));
         CHECK(got->response().accepted);
-        CHECK(at.run(first_of(got)) ==
-              std::stod(got->response().reason) + 1); // the first one behind the answer came, or was counted
+        // The first one behind the answer came, or was counted.
+        CHECK(at.run(first_of(got)) == std::stod(got->response().reason) + 1);
     }
 }
 
@@ -80,8 +80,8 @@ void once(pair& at) {
         out(numbered(i));
         if (i % 10 == 0) at.run_until([&] { return got->last() == i; });
     }
-    CHECK(std::ranges::adjacent_find(got->packets, std::greater_equal<>()) ==
-          got->packets.end()); // each once, never backwards
+    // Each once, never backwards.
+    CHECK(std::ranges::adjacent_find(got->packets, std::greater_equal<>()) == got->packets.end());
     got->check_exact();
     CHECK(got->counts().received == got->packets.size());
     if (at.has.datagrams) CHECK(got->lost() > 0); // it was rough

@@ -141,8 +141,8 @@ void ledger::check_failure(std::uint64_t id, record& of, const ise::failure& why
                 of.terms.deadline - (calm && !of.terms.over_session ? uncertainty : uncertainty_in_storms))
                 return journal_.broken("{}, {:.6f} s before its deadline", told(),
                                        std::chrono::duration<double>(of.terms.deadline - world_.now()).count());
-            auto ready = no_names ? (of.runs > 0 ? of.ran : of.terms.deadline)
-                                  : of.began; // it may have waited for its name for long
+            // It may have waited for its name for long.
+            auto ready = no_names ? (of.runs > 0 ? of.ran : of.terms.deadline) : of.began;
             bool enough = of.terms.deadline - ready > of.terms.work + on_the_way && of.terms.service != "alone";
             if (calm && enough && !of.terms.over_session) journal_.broken("{}, and nothing was disturbed", told());
             return;

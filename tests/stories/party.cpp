@@ -52,8 +52,8 @@ public:
     template <class... A>
     void operator()(fmt::format_string<A...> form, A&&... arguments) const {
         auto line = fmt::format("{} {}\n", clock_ns(), fmt::format(form, std::forward<A>(arguments)...));
-        if (::write(file_, line.data(), line.size()) != static_cast<ssize_t>(line.size()))
-            std::abort(); // a story without a log proves nothing
+        // A story without a log proves nothing.
+        if (::write(file_, line.data(), line.size()) != static_cast<ssize_t>(line.size())) std::abort();
     }
 
 private:

@@ -71,8 +71,8 @@ public:
     void limit_unsent(std::size_t most) override {
         if constexpr (is_socket) {
             auto bytes_waiting = static_cast<int>(std::clamp<std::size_t>(most, 1, 1u << 30));
-            ::setsockopt(object_.native_handle(), IPPROTO_TCP, TCP_NOTSENT_LOWAT, &bytes_waiting,
-                         sizeof bytes_waiting); // a local socket has none
+            // A local socket has none.
+            ::setsockopt(object_.native_handle(), IPPROTO_TCP, TCP_NOTSENT_LOWAT, &bytes_waiting, sizeof bytes_waiting);
         }
     }
 

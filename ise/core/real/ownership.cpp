@@ -130,8 +130,8 @@ private:
         auto here = at_.empty() ? std::string("/") : at_;
         struct stat about {};
         if (::lstat(here.c_str(), &about) != 0) return trouble(here);
-        bool sticky = !itself && S_ISDIR(about.st_mode) &&
-                      (about.st_mode & S_ISVTX) != 0; // others cannot replace what is ours there
+        // Others cannot replace what is ours there.
+        bool sticky = !itself && S_ISDIR(about.st_mode) && (about.st_mode & S_ISVTX) != 0;
         if (!is_trusted(about.st_uid, itself))
             return refused(fmt::format("{} belongs to {}, who can replace {}", here, user_text(about.st_uid),
                                        S_ISDIR(about.st_mode) ? "what lies in it" : "it"),
@@ -140,8 +140,8 @@ private:
             return refused(
                 fmt::format("all users can write to {} (mode {:o}): chmod o-w {}", here, about.st_mode & 07777, here),
                 {});
-        bool group_writes =
-            (about.st_mode & S_IWGRP) != 0 && !sticky && about.st_uid != 0; // root knows whom it gave a group
+        // Root knows whom it gave a group.
+        bool group_writes = (about.st_mode & S_IWGRP) != 0 && !sticky && about.st_uid != 0;
         if (group_writes && !is_own_group(about.st_gid))
             return refused(
                 fmt::format("its group can write to {} (mode {:o}): chmod g-w {}", here, about.st_mode & 07777, here),

@@ -96,8 +96,8 @@ TEST_CASE(
     REQUIRE_FALSE(no);
     CHECK_THAT(no.error().message(),
                Contains("test/ana holds the authority") && Contains("not test/bea") && Contains("action ask"));
-    CHECK(it.command("bea", of_kind(6, command_kind::ping))->state ==
-          telecommand_stage::acknowledged); // who only asks needs none
+    // Who only asks needs none.
+    CHECK(it.command("bea", of_kind(6, command_kind::ping))->state == telecommand_stage::acknowledged);
     REQUIRE(it.authority("bea", ask));
     REQUIRE(it.until(
         [&] {

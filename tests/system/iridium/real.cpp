@@ -75,8 +75,8 @@ std::string exchange(const ise::endpoint& with, std::string_view text, bool fini
     socket.connect({asio::ip::make_address(with.host), with.port});
     asio::write(socket, asio::buffer(text));
     std::error_code ended;
-    if (finish)
-        socket.shutdown(asio::ip::tcp::socket::shutdown_send, ended); // nonsense may have been cut off before it
+    // Nonsense may have been cut off before it.
+    if (finish) socket.shutdown(asio::ip::tcp::socket::shutdown_send, ended);
     std::string answer;
     asio::read(socket, asio::dynamic_buffer(answer), ended);
     return answer;

@@ -552,8 +552,8 @@ TEST_CASE("iridium: a proxy whose file has a damaged page keeps all that can sti
     CHECK(it.world.run_until([&] { return answer && *answer && (*answer)->status == 200; }, 30s));
     REQUIRE(disk.set_aside().size() == 1);
     CHECK_THAT(it.log.errors, Catch::Contains(disk.set_aside().front()));
-    CHECK(it.world.run_until([&] { return seen.account && seen.account->ever.mo_messages > 100; },
-                             2min)); // what was spent
+    // What was spent.
+    CHECK(it.world.run_until([&] { return seen.account && seen.account->ever.mo_messages > 100; }, 2min));
     auto db = database::open_to_read(disk.file()).value();
     CHECK(db.query("SELECT count(*) FROM mo WHERE substr(data, 1, 1) = x'cd'").value().at(0).integer(0) > 10);
 }

@@ -93,8 +93,8 @@ TEST_CASE("stress: what grows is told by its slope over the second half, and fla
     CHECK(still.mean == Approx(5010).margin(1));
     CHECK(std::abs(still.per_hour) < 1);
     CHECK(say(still).find(": flat") != std::string::npos);
-    for (auto& [at, value] : all)
-        value += static_cast<std::size_t>(at / 1h) * 25; // what 25 % of growth over 40 hours once hid
+    // What 25 % of growth over 40 hours once hid.
+    for (auto& [at, value] : all) value += static_cast<std::size_t>(at / 1h) * 25;
     auto growing = trend_of(all);
     CHECK_FALSE(growing.flat());
     CHECK(growing.per_hour == Approx(25).margin(1));

@@ -163,8 +163,8 @@ TEST_CASE("command desk: a link that refuses makes way at once, and with no link
     it.desk.on_time(it.now, it.wall);
     CHECK(it.status(5).state == telecommand_stage::expired);
     CHECK_THAT(it.status(5).text, Contains("before it could be sent"));
-    it.desk.on_status(it.wall, gprs,
-                      it.says(5, telecommand_stage::acknowledged)); // a late answer corrects what was said
+    // A late answer corrects what was said.
+    it.desk.on_status(it.wall, gprs, it.says(5, telecommand_stage::acknowledged));
     CHECK(it.status(5).state == telecommand_stage::acknowledged);
 }
 

@@ -98,8 +98,8 @@ TEST_CASE(
                                   [](const auto& packet) { return packet.history; });
         CHECK(late > 40);
         auto first = it.seen.telemetry.begin() + static_cast<std::ptrdiff_t>(before);
-        CHECK(std::any_of(first, first + 15,
-                          [](const auto& packet) { return !packet.history; })); // not at the end of all that
+        // Not at the end of all that.
+        CHECK(std::any_of(first, first + 15, [](const auto& packet) { return !packet.history; }));
     }
 }
 

@@ -32,8 +32,8 @@ TEST_CASE("impostors: whoever says it is another client uses up none of its call
     for (std::uint32_t call = 0; call < calls; ++call)
         peer.numbered_request(call, 0, first_number + call, nothing_much);
     peer.finish();
-    REQUIRE(at.all.run_until(
-        [&] { return peer.count(frame_type::reply) == calls; }));   // the first one too: it got no answer of another's
+    // The first one too: it got no answer of another's.
+    REQUIRE(at.all.run_until([&] { return peer.count(frame_type::reply) == calls; }));
     for (int call = 0; call < 5; ++call) at.others_do_not_notice(); // each is answered by the helm, and not by the echo
 }
 

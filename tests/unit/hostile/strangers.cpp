@@ -121,8 +121,8 @@ TEST_CASE("hostile: a host that holds all sessions loses its oldest to another h
     INFO(at.channel);
     std::deque<std::unique_ptr<raw_peer>> crowd;
     auto comes = [&] {
-        for (auto& peer : crowd)
-            peer->say(frame_type::ping, 1, ise::bytes_view()); // who is silent loses its session anyway
+        // Who is silent loses its session anyway.
+        for (auto& peer : crowd) peer->say(frame_type::ping, 1, ise::bytes_view());
         crowd.push_back(std::make_unique<raw_peer>(at.all, at.sea, at.channel));
         crowd.back()->greet();
         return crowd.back()->count(frame_type::reject) == 0;

@@ -286,8 +286,8 @@ TEST_CASE("secrets do not leave the instantiation server") {
     auto told = in.instances().front();
     REQUIRE(told.variables.size() == 2);
     CHECK(told.variables[0].name == "WIND_USER");
-    for (const auto& one : told.variables)
-        CHECK(one.value.empty()); // not a mark either: who guesses would know when he is right
+    // Not a mark either: who guesses would know when he is right.
+    for (const auto& one : told.variables) CHECK(one.value.empty());
     auto changed = in.change(in.secretive("hunter3")).value();
     CHECK(changed.way == change_way::restarted);
     for (const auto& one : changed.former.variables) CHECK(one.value.empty());

@@ -93,8 +93,8 @@ struct world {
     bool holds(std::string_view path) { return names.resolve(path, now).has_value(); }
 
     ise::time_point now = start;
-    std::map<std::tuple<std::uint64_t, std::string, std::uint64_t>, std::uint64_t>
-        proofs; // of its grants, which their holders show
+    // Of its grants, which their holders show.
+    std::map<std::tuple<std::uint64_t, std::string, std::uint64_t>, std::uint64_t> proofs;
     ise::registry names;
 };
 

@@ -112,8 +112,8 @@ TEST_CASE("a later version that still speaks ours, with fields and features that
     at.finish(server);
     REQUIRE(server->get());
     CHECK((*server->get())->terms().version == 1);
-    CHECK((*server->get())->terms().features ==
-          (ise::wire::feature::first | ise::wire::feature::objects)); // what the gate says, within a process
+    // What the gate says, within a process.
+    CHECK((*server->get())->terms().features == (ise::wire::feature::first | ise::wire::feature::objects));
 }
 
 TEST_CASE("a stranger is turned away: garbage, another frame, a wrong mark, half a hello, much too much, silence") {

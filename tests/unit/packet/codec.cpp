@@ -70,8 +70,8 @@ TEST_CASE("a buffer keeps its room when it is cleared") {
 TEST_CASE("every prefix of a packet, and a byte too many, is refused") {
     ise::bytes whole = ise::encode(filled());
     for (std::size_t size = 0; size < whole.size(); ++size) {
-        ise::bytes cut(whole.begin(),
-                       whole.begin() + static_cast<std::ptrdiff_t>(size)); // its own memory: ASan watches the end
+        // Its own memory: ASan watches the end.
+        ise::bytes cut(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(size));
         auto got = ise::try_decode<everything>(cut);
         REQUIRE_FALSE(got.has_value());
         REQUIRE(got.error().code() == ise::errc::malformed);

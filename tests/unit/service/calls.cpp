@@ -294,8 +294,8 @@ TEST_CASE("an exclusive handler whose call leads back to itself: the error names
     auto& user = all.add("user");
     ise::serve_options exclusive;
     exclusive.concurrent = 1;
-    auto limit = GENERATE(ise::duration(1s),
-                          ise::duration(10s)); // of the call on the way: within the first call's time, or all of it
+    // Of the call on the way: within the first call's time, or all of it.
+    auto limit = GENERATE(ise::duration(1s), ise::duration(10s));
     boat.provide(
         helm,
         [&](set_mode request) -> ise::task<mode_set> {
@@ -530,8 +530,8 @@ TEST_CASE("requests of which no byte was written move to the next session") {
     at.boat.provide(echo, [](blob given) { return given; });
     REQUIRE(at.call("first"));
     at.all.world.net().partition("boat", "shore");
-    auto big =
-        start(at.shore.on, try_echo(at.there, 4 << 20, 60s)); // fills the socket, so that what follows is not written
+    // Fills the socket, so that what follows is not written.
+    auto big = start(at.shore.on, try_echo(at.there, 4 << 20, 60s));
     at.all.world.run_for(10ms);
     std::vector<std::shared_ptr<started<outcome>>> small;
     for (int i = 0; i < 5; ++i)

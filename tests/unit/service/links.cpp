@@ -137,8 +137,8 @@ TEST_CASE("links: over a link of 2 kB/s the latest is no older than the configur
     auto seen = std::make_shared<ages>();
     auto measuring = start(shore.on, measure(shore.on, shore.at("tcp://boat:7400"), seen));
     publish_the_time(all, boat, fixes, 120s);
-    auto bound = ise::duration(static_cast<std::int64_t>((unsent + 512) * 1'000'000'000 / slow)) +
-                 300ms; // and a piece that is being sent
+    // And a piece that is being sent.
+    auto bound = ise::duration(static_cast<std::int64_t>((unsent + 512) * 1'000'000'000 / slow)) + 300ms;
     if (std::getenv("ISE_TEST_FIGURES"))
         std::cout << "2 kB/s, unsent_bytes " << unsent << ": " << seen->packets << " packets, the oldest "
                   << seconds(seen->worst) << " s, bound " << seconds(bound) << " s\n";

@@ -386,8 +386,8 @@ TEST_CASE("objects: keep the latest, keep some, lose none, or the end of it") {
     REQUIRE(f.run_until([&] { return !in.connected(); }));
     for (int i = 1; i <= 10; ++i) out(fix{1.0 * i, 0, 0});
     if (policy == overflow::lossless || policy == overflow::disconnect) {
-        REQUIRE(f.run_until(
-            [&] { return in.connected() || in.ended(); })); // a new subscription, or the news that it is over
+        // A new subscription, or the news that it is over.
+        REQUIRE(f.run_until([&] { return in.connected() || in.ended(); }));
         CHECK(out.subscribers() <= 1);
         return;
     }

@@ -72,8 +72,8 @@ TEST_CASE("losses cost retries, duplicates are filtered, and out of reach ends w
     for (auto& o : outcomes) retries += o.retries;
     CHECK(retries > 20);
     auto got = b.all<packet_received>();
-    for (std::size_t i = 1; i < got.size(); ++i)
-        CHECK(got[i].payload[0] > got[i - 1].payload[0]); // in order, none twice
+    // In order, none twice.
+    for (std::size_t i = 1; i < got.size(); ++i) CHECK(got[i].payload[0] > got[i - 1].payload[0]);
     CHECK(got.size() >= 49);
     a.events.clear();
     a.client.send(sky.now, 3, hex("01")).value();
