@@ -275,6 +275,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
 
     /// Gives the reason before the end: a client that is still sending would lose it.
     ise::task<> refuse(http_requests& over, http_response why) {
+        over.line().on_late(nullptr); // one answer is enough
         auto sending = send(over, std::move(why), true, false);
         co_await std::move(sending);
         over.line().line().shutdown_write();
@@ -305,6 +306,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
                 co_await std::move(refusing);
                 co_return;
             }
+            if (stopped) co_return; // it had come before the connection was closed
             place.serve();
             ++statistics.requests;
             bool keep = message->keep_alive && served < limits.max_requests;
@@ -382,6 +384,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
     }
 
     void take(ise::net::admitted who) {
+        if (stopped) return; // accepted just before: it is closed
         ++statistics.connections;
         auto peer = who.line->peer();
         if (!who.refused) return spawn("http " + peer, serve(shared_from_this(), std::move(who)));

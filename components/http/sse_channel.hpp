@@ -17,7 +17,7 @@ public:
     using written = std::function<void(std::error_code)>;
 
     virtual ~sse_sink() = default;
-    /// Sends `text`; `done` is called once, possibly before `write` returns.
+    /// Sends `text`; `done` is called once, possibly before `write` returns; after `close`, perhaps never.
     virtual void write(std::shared_ptr<const std::string> text, written done) = 0;
     /// Ends the client's connection; a write under way may still call back.
     virtual void close() noexcept = 0;
@@ -45,12 +45,12 @@ struct sse_statistics {
 /// One stream of server-sent events to any number of clients. Each new client first receives a snapshot; a slow
 /// one never slows another, and holds a bounded amount of memory. Clients that know nothing share the text of one
 /// snapshot, made once a tick, and are then told what came since. No thread of its own: everything, the sinks'
-/// callbacks included, happens on the thread of the server's `io_context`.
+/// callbacks included, happens on the server's loop.
 class sse_channel {
 public:
     /// What a new client receives first. `last_event_id` is what it had seen (empty: nothing); the source may
     /// answer with only what came after. What stands before the id's last ':' names the life of the source: of another
-    /// one nothing is known. Called on the server's thread, also for a client that fell behind.
+    /// one nothing is known. Called on the server's loop, also for a client that fell behind.
     using snapshot_source = std::function<sse_event(std::string_view last_event_id)>;
 
     explicit sse_channel(snapshot_source snapshot, sse_limits limits = sse_limits());
@@ -67,7 +67,7 @@ public:
     void publish(const sse_event& event);
     /// Sends a comment to idle clients, so that dead ones are noticed, and drops those that are stuck: so many.
     /// To be called at a steady pace by the owner, such as every 10 s (an HTTP server closes streams that
-    /// were silent for `http_limits::silent_stream_timeout`).
+    /// were silent for `http_stream_times::silent`).
     std::size_t tick();
     /// Ends every client; later ones are refused.
     void close() noexcept;

@@ -254,7 +254,7 @@ void incoming_calls::on_cancel(std::uint64_t id) {
         service->withdraw(*this, id);
         return;
     }
-    if (held_.used == 0) return;
+    if (held_.packets == 0) return;
     for (auto& of : bindings_) of->held.drop([&](const request_head& head) { return head.id == id; });
 }
 

@@ -32,6 +32,8 @@ task<> accept_each(loop& on, std::shared_ptr<listener> from, fair_places* places
     for (;;) {
         auto [problem, stranger] = co_await from->accept();
         if (problem == asio::error::operation_aborted) co_return;
+        // A socket that was closed during the pause: Asio refuses to accept on it.
+        if (problem == asio::error::bad_descriptor) co_return;
         if (problem) {
             bool scarce = out_of_descriptors(problem);
             if (places && (scarce || out_of_memory(problem))) places->make_way();

@@ -7,10 +7,12 @@
 
 namespace ise {
 
-/// The bytes that packets of one session may take while they are held, in one direction. Outlives who holds them.
+/// The bytes that held packets may take: of one session in one direction, or of one subscriber. Outlives its
+/// `held_packets`.
 struct held_budget {
     std::size_t most;
     std::size_t used = 0;
+    std::size_t packets = 0; ///< held; those without bytes count too
 };
 
 /// Packets that came before it is known whether both sides' schemas of their service fit: held in their order, each with
@@ -31,17 +33,18 @@ public:
         if (all_.size() >= most_ || budget_.used + size > budget_.most) return false;
         all_.push_back({head, packet.keep()});
         budget_.used += size;
+        ++budget_.packets;
         return true;
     }
     /// Gives each to `take(head, packet)`, in their order; what `take` lets come meanwhile is not held here.
     template <class Take>
     void release(Take take) {
         auto all = std::exchange(all_, {});
-        for (auto& one : all) budget_.used -= one.packet.size();
+        for (const auto& one : all) give_back(one);
         for (auto& one : all) take(one.head, incoming_packet(one.packet));
     }
     void drop_oldest() noexcept {
-        budget_.used -= all_.front().packet.size();
+        give_back(all_.front());
         all_.pop_front();
     }
     /// Drops those whose head it is.
@@ -49,7 +52,7 @@ public:
     void drop(Is is) {
         std::erase_if(all_, [&](const held& one) {
             if (!is(one.head)) return false;
-            budget_.used -= one.packet.size();
+            give_back(one);
             return true;
         });
     }
@@ -62,6 +65,10 @@ private:
         Head head;
         payload packet;
     };
+    void give_back(const held& one) noexcept {
+        budget_.used -= one.packet.size();
+        --budget_.packets;
+    }
     std::size_t most_;
     held_budget& budget_;
     std::deque<held> all_;
