@@ -167,4 +167,32 @@ TEST_CASE("acceptor: what passes does not end it, and out of descriptors whoever
     CHECK(reports[4].find("ulimit -n") != std::string::npos);
 }
 
+TEST_CASE("acceptor: a socket that was closed while it paused ends it") {
+    std::size_t reports = 0;
+    bool ended = false;
+    ise::sim::world world;
+    world.host("shore").start_process("channel", [&](ise::sim::process& here) -> std::shared_ptr<void> {
+        struct party {
+            explicit party(ise::sim::process& of)
+                : host(of.make_loop("channel")), scope(host->loop(), [](const auto&, auto) {}) {}
+            std::unique_ptr<ise::loop_host> host;
+            ise::task_scope scope;
+        };
+        auto all = std::make_shared<party>(here);
+        auto at = std::make_shared<troubled>(all->host->loop());
+        at->coming.emplace_back(std::error_code(ENOMEM, asio::error::get_system_category()), nullptr);
+        at->coming.emplace_back(asio::error::bad_descriptor, nullptr); // what Asio answers then
+        auto accepts = [](ise::task<> body, bool& told) -> ise::task<> {
+            co_await std::move(body);
+            told = true;
+        };
+        auto report = [&](const std::string&, const std::string&) { ++reports; };
+        auto loop = ise::net::accept_each(all->host->loop(), at, nullptr, report, [](ise::net::admitted) {});
+        all->scope.spawn("accepts", accepts(std::move(loop), ended));
+        return all;
+    });
+    REQUIRE(world.run_until([&] { return ended; }, 1min));
+    CHECK(reports == 1);
+}
+
 } // namespace fair_places_test
