@@ -1,5 +1,5 @@
-// ise completion: the script that completes `ise` in a shell, made from its commands. Names of components and services are
-// completed by asking the running ones, quietly and for a second at most.
+// ise completion: the script that completes `ise` in a shell, made from its commands. Names of components and services
+// are completed by asking the running ones, quietly and for a second at most.
 #include "completion_scripts.hpp"
 #include "options.hpp"
 

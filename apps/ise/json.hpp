@@ -14,8 +14,8 @@
 #include <variant>
 #include <vector>
 
-/// What `--json` prints: each answer is a plain struct whose fields, by reflection, are those of its JSON. Unlike packets
-/// (ise/packet/json.hpp) such a struct may contain itself, leave fields out and list values of several types;
+/// What `--json` prints: each answer is a plain struct whose fields, by reflection, are those of its JSON. Unlike
+/// packets (ise/packet/json.hpp) such a struct may contain itself, leave fields out and list values of several types;
 /// one with `json()` is printed as what that returns.
 namespace ise::cli {
 

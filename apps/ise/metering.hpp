@@ -14,8 +14,8 @@ public:
     virtual ~window_printer() = default;
     /// Above the rows, for people.
     virtual std::string heading() const { return {}; }
-    /// The window that has just ended, `length` long: rows for people, with --json a line. Throws problem if there is no
-    /// answer.
+    /// The window that has just ended, `length` long: rows for people, with --json a line. Throws problem if there is
+    /// no answer.
     virtual task<std::string> take(duration length, bool last) = 0;
     /// Called when that was written. Throws problem if there is nothing more to measure.
     virtual void check() const {}

@@ -91,7 +91,8 @@ std::vector<protocol> all_transports();
 const transport* find_transport(std::string_view scheme) noexcept;
 /// The row of a text that begins with `scheme://`, such as the name of a peer; null: there is none. Thread-safe.
 const transport* transport_of(std::string_view text) noexcept;
-/// The schemes of those that lead to other processes, for options and errors: "tcp", "udp", "tls", "local". Thread-safe.
+/// The schemes of those that lead to other processes, for options and errors: "tcp", "udp", "tls", "local".
+/// Thread-safe.
 std::vector<std::string> schemes_between_processes();
 
 /// Adds a row, before any endpoint of it is parsed. Throws std::logic_error if the scheme is there already, or if 16

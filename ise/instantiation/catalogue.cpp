@@ -145,8 +145,8 @@ result<void> add_variables(launch_plan& to, const type_text& type, const start_r
     return {};
 }
 
-// Any free port or name; with certificates of an address that others know the host by, where one is allowed: certificates are seldom for
-// loopback.
+// Any free port or name; with certificates of an address that others know the host by, where one is allowed:
+// certificates are seldom for loopback.
 endpoint endpoint_for(protocol kind, const launch_rules& rules, std::uint64_t unique) {
     auto made = endpoint::any_of(kind, fmt::format("ise-{:016x}", unique));
     if (!kind->needs_certificates || !made.has_port()) return made;

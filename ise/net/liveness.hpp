@@ -3,8 +3,8 @@
 
 namespace ise::net {
 
-/// When each side of a connection was heard last: whether the peer is lost, and whether it is to be sent a ping. Decides
-/// by the times that it is told, without I/O.
+/// When each side of a connection was heard last: whether the peer is lost, and whether it is to be sent a ping.
+/// Decides by the times that it is told, without I/O.
 class liveness {
 public:
     /// `ours`: the period in which the peer promised to be heard.

@@ -15,8 +15,8 @@ struct held_budget {
     std::size_t packets = 0; ///< held; those without bytes count too
 };
 
-/// Packets that came before it is known whether both sides' schemas of their service fit: held in their order, each with
-/// what its receiver has to remember (`Head`), and bounded in number and bytes.
+/// Packets that came before it is known whether both sides' schemas of their service fit: held in their order, each
+/// with what its receiver has to remember (`Head`), and bounded in number and bytes.
 template <class Head>
 class held_packets {
 public:

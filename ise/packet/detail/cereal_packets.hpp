@@ -23,8 +23,8 @@
 #include <type_traits>
 #include <utility>
 
-/// Packets on any cereal archive: a plain struct is the list of its fields with their names, as a `serialize` written by
-/// hand would give it, and cereal's own functions serve what the fields are made of.
+/// Packets on any cereal archive: a plain struct is the list of its fields with their names, as a `serialize` written
+/// by hand would give it, and cereal's own functions serve what the fields are made of.
 namespace ise::detail {
 
 // cereal wants names that end with a zero.

@@ -10,8 +10,8 @@
 #include <string>
 #include <string_view>
 
-/// The two halves of ISE's wire archive. All packets are encoded and decoded by them; `codec` tells them how each type is
-/// passed. <ise/packet/archive.hpp> makes cereal archives of them, for types with cereal functions of their own: to
+/// The two halves of ISE's wire archive. All packets are encoded and decoded by them; `codec` tells them how each type
+/// is passed. <ise/packet/archive.hpp> makes cereal archives of them, for types with cereal functions of their own: to
 /// construct a cereal archive costs more than to encode a small packet.
 namespace ise::detail {
 
@@ -45,8 +45,9 @@ private:
     buffer* out_;
 };
 
-/// Reads values out of bounded bytes, as LAYOUT.md defines. A read that fails says why once (`fail`), returns false, and every level on the way out
-/// puts its piece of the path in front: nothing is paid for the path until something is wrong.
+/// Reads values out of bounded bytes, as LAYOUT.md defines. A read that fails says why once (`fail`), returns false,
+/// and every level on the way out puts its piece of the path in front: nothing is paid for the path until something is
+/// wrong.
 class reader {
 public:
     reader(bytes_view input, const decode_limits& limits) noexcept

@@ -16,8 +16,8 @@ namespace ise::net::tls {
 /// Of the side that was called: shakes hands in its first read.
 std::unique_ptr<stream> answer(loop& on, std::unique_ptr<stream> below, std::shared_ptr<identity> with);
 
-/// Of the side that calls `to`: shakes hands at once. Errors as transport::connect. Cancellation: terminal; the stream is
-/// closed.
+/// Of the side that calls `to`: shakes hands at once. Errors as transport::connect. Cancellation: terminal; the stream
+/// is closed.
 task<result<std::unique_ptr<stream>>> greet(loop& on, std::unique_ptr<stream> below, std::shared_ptr<identity> with,
                                             endpoint to);
 
