@@ -36,7 +36,9 @@ problem failed_at(action what, const std::string& path, const std::string& serve
 } // namespace
 
 planned_step planned_step_of(const deployment::step& of) {
-    return {deployment::name_of(of.what), of.path, of.server, of.reason, of.differences, {}, {}, {}, {}};
+    planned_step made{deployment::name_of(of.what), of.path, of.server, of.reason, {}, {}, {}, {}, {}};
+    for (const auto& one : of.differences) made.differences.push_back({one.what, one.is, one.wanted, one.in_place});
+    return made;
 }
 
 plan_executor::plan_executor(context& in, fleet& there)

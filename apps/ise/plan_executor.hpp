@@ -13,10 +13,14 @@
 namespace ise::cli {
 
 /// What `--json` prints of a step of a plan.
+struct planned_difference {
+    std::string what, is, wanted;
+    bool in_place = false;
+};
 struct planned_step {
     std::string_view action; ///< "start", "change", "restart" or "stop"
     std::string path, host, reason;
-    std::vector<instantiation::difference> differences;
+    std::vector<planned_difference> differences;
     if_any<std::uint64_t> step, of;     ///< its number among how many; only while the plan is executed, as what follows
     if_any<std::string> state, outcome; ///< "begun", "done", "failed", "undone" or "not undone", and how
 };

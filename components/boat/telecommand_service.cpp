@@ -67,8 +67,10 @@ ise::task<telecommand_reply> telecommand_service::command(telecommand_request re
         tracker_.forget(id);
         throw ise::error(ise::errc::refused, "the telecommand could not be kept on disk: " + kept.error().message());
     }
-    work();
     auto status = status_of(*tracker_.find(id), tracker_.policy().link);
+    work();
+    // One that was decided long ago may be forgotten by then.
+    if (const auto* here = tracker_.find(id)) status = status_of(*here, tracker_.policy().link);
     auto reply = audience_.reply(std::move(status), deadline);
     co_return co_await std::move(reply);
 }

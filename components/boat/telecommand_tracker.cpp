@@ -160,7 +160,7 @@ void telecommand_tracker::on_outcome(tracker_time at, std::uint32_t id, const li
             e->next_try = ise::saturating_add(at.now, policy_.answer_time.value_or(ise::duration()));
             return change(*e, at, outcome.what == kind::delivered ? link_stage::delivered : link_stage::at_gateway,
                           outcome.text);
-        case kind::refused: return change(*e, at, link_stage::failed, outcome.text);
+        case kind::refused: return give_up(*e, at, outcome.text);
         case kind::unknown: e->may_have_left = true; [[fallthrough]];
         case kind::later:
             e->next_try = ise::saturating_add(at.now, pause_after(++e->failures, policy_));
@@ -180,7 +180,8 @@ void telecommand_tracker::on_delivered(tracker_time at) {
 void telecommand_tracker::on_gateway_word(tracker_time at, std::uint32_t id, bool kept, const std::string& text) {
     auto* e = table_.find(id);
     if (!e || is_final(e->stage)) return;
-    change(*e, at, kept ? std::max(e->stage, link_stage::at_gateway) : link_stage::failed, text);
+    if (kept) change(*e, at, std::max(e->stage, link_stage::at_gateway), text);
+    else give_up(*e, at, text);
 }
 
 bool telecommand_tracker::on_acknowledgement(tracker_time at, const acknowledgement& ack) {
@@ -249,6 +250,13 @@ std::vector<const tracked_telecommand*> telecommand_tracker::open() const {
         return std::tuple(priority, e->order);
     });
     return all;
+}
+
+// `failed` promises that the boat has not executed it.
+void telecommand_tracker::give_up(tracked_telecommand& e, tracker_time at, const std::string& why) {
+    if (e.may_have_left)
+        change(e, at, link_stage::expired, why + "; an attempt before may have arrived: it may have been executed");
+    else change(e, at, link_stage::failed, why);
 }
 
 void telecommand_tracker::change(tracked_telecommand& e, tracker_time at, link_stage stage, std::string text) {

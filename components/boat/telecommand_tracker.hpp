@@ -29,7 +29,7 @@ struct link_outcome {
     enum class kind : std::uint8_t {
         delivered, ///< it arrived at the boat's modem, as far as the link can know
         accepted,  ///< a gateway has it, and goes on with it
-        refused,   ///< the link will never take it
+        refused,   ///< the link will never take it: failed, or expired where an attempt before may have arrived
         later,     ///< it certainly did not leave the shore
         unknown,   ///< it may have arrived
     };
@@ -138,6 +138,7 @@ public:
 
 private:
     void change(tracked_telecommand& e, tracker_time at, link_stage stage, std::string text);
+    void give_up(tracked_telecommand& e, tracker_time at, const std::string& why);
     bool may_be_sent(const tracked_telecommand& e) const;
     bool link_is_taken() const;
 

@@ -186,7 +186,10 @@ void command_router::on_refused(ise::time_point, utc_time wall, std::uint32_t id
     auto& e = *known;
     e.links[link].refused = true;
     auto text = fmt::format("{} refuses it: {}", name_of(link), why);
-    change(e, wall, e.record.via ? telecommand_stage::failed : e.record.status.state, text);
+    if (!e.record.via) return change(e, wall, e.record.status.state, text);
+    bool left = e.record.status.state == telecommand_stage::sent; // before the proxy forgot it, or under another node
+    if (left) text += "; it was sent before: it may have been executed";
+    change(e, wall, left ? telecommand_stage::expired : telecommand_stage::failed, text);
 }
 
 void command_router::on_time(ise::time_point now, utc_time wall) {

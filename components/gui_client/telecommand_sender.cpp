@@ -77,6 +77,9 @@ ise::task<command_phase> telecommand_sender::repeat(std::string to, telecommand_
             const auto& why = answer.error();
             if (why.executed() == ise::execution::unknown) may_be_executed = true;
             bool refused = is_refusal(why.code());
+            if (refused && may_be_executed)
+                co_return settle(request.id, command_phase::expired,
+                                 why.message() + "; it was taken before: it may have been executed");
             settle(request.id, refused ? command_phase::refused : command_phase::asking, why.message());
             if (refused) co_return command_phase::refused;
         }
