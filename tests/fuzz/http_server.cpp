@@ -24,8 +24,8 @@ void require(bool holds) {
 constexpr static_file page = {"/index.html", "text/html", "<p>page</p>", "", "\"1\""};
 
 struct party {
-    party(ise::sim::world& world, const std::string& host)
-        : host(world.host(host).start_process(host).make_loop("main")),
+    party(ise::sim::world& world, const std::string& named)
+        : host(world.host(named).start_process(named).make_loop("main")),
           scope(this->host->loop(), [](const auto&, auto) {}) {}
     std::unique_ptr<ise::loop_host> host;
     ise::task_scope scope;

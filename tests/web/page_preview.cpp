@@ -130,7 +130,7 @@ int main(int argc, char** argv) {
     track.status_period = 1s;
     atirma::track_state state(track);
     auto port = static_cast<std::uint16_t>(argc > 1 ? std::atoi(argv[1]) : 0);
-    ise::endpoint at{ise::protocol::tcp, "127.0.0.1", port, {}};
+    ise::endpoint address{ise::protocol::tcp, "127.0.0.1", port, {}};
 
     std::unique_ptr<atirma::http_server> server;
     atirma::sse_channel *events = nullptr, *named = nullptr;
@@ -168,8 +168,8 @@ int main(int argc, char** argv) {
         events = &server->events("/events", snapshot);
         named = &server->events("/a-tirma/events", snapshot);
         server->events("/vela/events", [&](std::string_view last) { return vela.snapshot(wall_clock(), last); });
-        server->listen(at).value();
-        at = server->where();
+        server->listen(address).value();
+        address = server->where();
     };
     auto close = [&] {
         events = named = nullptr;

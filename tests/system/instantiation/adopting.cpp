@@ -15,10 +15,10 @@ TEST_CASE("what an instantiation server had started goes on when it is killed, a
     CHECK(lives(pid));
     CHECK(here.told({"call", "sea/one", "ask"})["answer"] == 2);
     here.open();
-    auto state = here.state("sea/one");
-    CHECK(state["state"] == "ready");
-    CHECK(state["process_id"] == pid);
-    CHECK(state["adopted"] == true);
+    auto shown = here.state("sea/one");
+    CHECK(shown["state"] == "ready");
+    CHECK(shown["process_id"] == pid);
+    CHECK(shown["adopted"] == true);
     auto ended = here.told({"stop", "sea/one"});
     CHECK(ended["state"] == "stopped");
     CHECK_FALSE(lives(pid));
@@ -59,8 +59,8 @@ TEST_CASE("what was taken over is watched over as before") {
     here.open();
     ::kill(pid, SIGKILL);
     wait_until([&] {
-        auto state = here.state("sea/one");
-        return state["state"] == "ready" && state["process_id"] != pid;
+        auto shown = here.state("sea/one");
+        return shown["state"] == "ready" && shown["process_id"] != pid;
     });
     CHECK(here.state("sea/one")["restarts"] == 1);
 }
@@ -77,9 +77,9 @@ TEST_CASE("what ended while no instantiation server ran follows its policy, and 
     wait_until([&] { return marked().empty(); }); // also the children that they had
     here.open();
     wait_until([&] { return here.state("sea/again")["state"] == "ready"; });
-    auto state = here.state("sea/never");
-    CHECK(state["state"] == "failed");
-    CHECK_THAT(state["reason"].get<std::string>(),
+    auto shown = here.state("sea/never");
+    CHECK(shown["state"] == "failed");
+    CHECK_THAT(shown["reason"].get<std::string>(),
                Catch::StartsWith("it ended while no instantiation server ran: signal 9 (Killed)"));
     CHECK(marked().size() == 3); // those of the new life
 }
