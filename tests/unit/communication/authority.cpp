@@ -195,9 +195,9 @@ TEST_CASE(
 
 TEST_CASE("authority: an operator is known by his path, and by his session where he claims none, or what is no path") {
     CHECK(operator_of("test/ana (tcp://10.0.0.9:4321)") == "test/ana");
-    CHECK(operator_of("ana (local:/run/ise/one)") == "ana");
+    CHECK(operator_of("ana (local:///run/ise/one)") == "ana");
     CHECK(operator_of("tcp://10.0.0.9:4321") == "anonymous@10.0.0.9:4321");
-    CHECK(operator_of("local:/run/ise/one") == "anonymous@local");
+    CHECK(operator_of("local:///run/ise/one") == "anonymous@local");
     for (const std::string claimed : {"anonymous@local", "two words", "local://x", "tcp://elsewhere:1",
                                       "test/ana (tcp://1.2.3.4:5)", "test/ana (", "/ana", " ", "ana\n"}) {
         CAPTURE(claimed);
