@@ -14,10 +14,8 @@ namespace ise::instantiation {
 
 std::string path_of_host(std::string_view host_name) {
     std::string name;
-    for (unsigned char letter : host_name.substr(0, 100)) {
-        char one = static_cast<char>(letter);
-        name += one != '/' && naming::is_path(std::string_view(&one, 1)) ? one : '-';
-    }
+    for (char letter : host_name.substr(0, 100))
+        name += letter != '/' && naming::is_path(std::string_view(&letter, 1)) ? letter : '-';
     return fmt::format("{}/{}", hosts_path, name.empty() ? "unnamed" : name);
 }
 

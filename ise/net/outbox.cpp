@@ -346,12 +346,12 @@ void outbox::take_unwritten(const std::function<void(const carried_frame&)>& vis
         bytes_view body(calls_.data() + at + frame_header::size, header.length);
         passed_object object;
         if (header.flags & wire::flag::attached) object = take_beside();
-        if (header.type == frame_type::request) visit({header, body, object ? &object : nullptr});
+        if (header.type == frame_type::request) visit({{header, body}, object ? &object : nullptr});
         at += frame_header::size + header.length;
     }
     for (std::size_t i = 0; i < big_calls_.all.size(); ++i) {
         const auto& message = big_calls_.all[i];
-        if (message.header.type == frame_type::request && !message.begun) visit({message.header, message.payload});
+        if (message.header.type == frame_type::request && !message.begun) visit({{message.header, message.payload}});
     }
     calls_.clear();
     calls_taken_ = 0;
