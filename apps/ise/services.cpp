@@ -99,38 +99,43 @@ table table_of(const std::vector<type_line>& lines) {
     return rows;
 }
 
-template <class Line>
-task<> look_at_all(context& in, services_options options,
-                   std::vector<Line> (*lines_of)(const std::vector<surveyed>&, bool)) {
+using show_services = std::string (*)(const std::vector<surveyed>&, bool all, const context&);
+
+template <auto lines_of>
+std::string show_lines(const std::vector<surveyed>& all, bool own, const context& in) {
+    auto lines = lines_of(all, own);
+    return in.set.json ? json_line(lines) : table_of(lines).text(in.out.width()) + show_age(in, all);
+}
+
+task<> look_at_all(context& in, services_options options, show_services show) {
     check_prefix(options.prefix);
     survey_options what;
     what.prefix = options.prefix;
     auto all = co_await survey(in, what);
-    auto lines = lines_of(all, options.all);
-    std::string text;
-    if (in.set.json) text = json_line(lines);
-    else text = table_of(lines).text(in.out.width()) + show_age(in, all);
-    co_await in.out.write(in.self, std::move(text));
+    co_await in.out.write(in.self, show(all, options.all, in));
     tell_silent(in, all, options.prefix);
 }
 
-template <auto lines_of>
-void declare_for_all(CLI::App& app, parsed_command& made) {
+void declare_for_all(CLI::App& app, parsed_command& made, show_services show) {
     auto given = std::make_shared<services_options>();
     add_prefix(app, given->prefix);
     app.add_flag("--all", given->all, "ISE's own services too");
-    app.callback([&made, given] {
+    app.callback([&made, given, show] {
         made.looks = true;
-        made.work = [given](context& in) { return look_at_all(in, *given, lines_of); };
+        made.work = [given, show](context& in) { return look_at_all(in, *given, show); };
     });
 }
+
+void declare_services(CLI::App& app, parsed_command& made) { declare_for_all(app, made, show_lines<services_of>); }
+
+void declare_types(CLI::App& app, parsed_command& made) { declare_for_all(app, made, show_lines<types_of>); }
 
 } // namespace
 
 extern const command services_command{"services", see_group, "lists services with their providers and users",
-                                      "  ise services\n", declare_for_all<services_of>};
+                                      "  ise services\n", declare_services};
 
 extern const command types_command{"types", see_group, "the packet types, and where they are used",
-                                   "  ise types atirma\n", declare_for_all<types_of>};
+                                   "  ise types atirma\n", declare_types};
 
 } // namespace ise::cli
