@@ -43,7 +43,7 @@ peer_channel::peer_channel(channel_context& of, const std::shared_ptr<session>& 
       connect_time_(runtime().options().connect_time), spread_(runtime().options().max_back_off / 10) {}
 
 peer_channel::~peer_channel() {
-    of_.uses.remove(*this);
+    if (goes_on() && outlived()) return;
     forget_role();
     // Nobody talks to the peer over it any more; a peer that made the session itself keeps it.
     if (session_ && session_->open() && goes_on() && !runtime().on().abandoned())

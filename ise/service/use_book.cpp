@@ -44,7 +44,20 @@ std::string_view name_of(wait_stage stage) noexcept {
     return "?";
 }
 
+use_target::~use_target() {
+    if (in_) std::erase(in_->ways_, this);
+}
+
 use_book::use_book(service_runtime& runtime) : runtime_(runtime), due_(runtime.on(), [this] { look(); }) {}
+
+use_book::~use_book() {
+    for (auto* way : ways_) way->in_ = nullptr;
+}
+
+void use_book::add(use_target& way) {
+    ways_.push_back(&way);
+    way.in_ = this;
+}
 
 use_book::entry* use_book::touch(const use_target& way, std::string_view service, const packet_types* types) {
     if (stopped_ || service.starts_with("ise.")) return nullptr;

@@ -14,6 +14,7 @@
 namespace ise {
 
 class service_runtime;
+class use_book;
 
 /// What a use waits for.
 enum class wait_stage : std::uint8_t {
@@ -47,7 +48,17 @@ public:
     virtual std::string obstacle() const = 0;
 
 protected:
-    ~use_target() = default;
+    use_target() = default;
+    use_target(const use_target&) = delete;
+    use_target& operator=(const use_target&) = delete;
+    ~use_target();
+
+    /// Whether its component's services are gone: a handle may be kept for longer.
+    bool outlived() const noexcept { return in_ == nullptr; }
+
+private:
+    friend class use_book;
+    use_book* in_ = nullptr;
 };
 
 /// The services of others that a component uses, and what it waits for. Written where a session is missing or new,
@@ -57,10 +68,12 @@ class use_book {
 public:
     /// Lifetime: `runtime` outlives it.
     explicit use_book(service_runtime& runtime);
+    ~use_book();
+    use_book(const use_book&) = delete;
+    use_book& operator=(const use_book&) = delete;
 
     /// Through which services are used, from now on until it goes.
-    void add(const use_target& way) { ways_.push_back(&way); }
-    void remove(const use_target& way) noexcept { std::erase(ways_, &way); }
+    void add(use_target& way);
 
     /// There is no session for it, and something begins to wait for one. An empty service: for the target itself.
     void waits(const use_target& way, std::string_view service, const packet_types* types);
@@ -110,9 +123,11 @@ private:
     void look();
     void watch();
 
+    friend class use_target;
+
     service_runtime& runtime_;
     timer due_;
-    std::vector<const use_target*> ways_;
+    std::vector<use_target*> ways_;
     std::map<key, entry> all_;
     std::uint64_t touches_ = 0;
     bool stopped_ = false;
