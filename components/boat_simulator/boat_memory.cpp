@@ -65,17 +65,13 @@ ise::result<std::vector<ise::bytes>> boat_memory::take_unacknowledged() {
     if (!rows) return rows.error();
     std::vector<ise::bytes> all;
     for (const auto& row : *rows) all.push_back(row.bytes(0));
-    auto begun = disk_.begin();
-    if (!begun) return begun.error();
-    auto changed = disk_.execute("DELETE FROM unacknowledged");
-    for (std::size_t i = 0; changed && i < all.size(); ++i)
-        changed = disk_.execute("INSERT INTO unacknowledged(number, raw) VALUES(?, ?)",
-                                {static_cast<std::int64_t>(i + 1), all[i]});
-    if (!changed) {
-        disk_.rollback();
-        return changed.error();
-    }
-    auto kept = disk_.commit();
+    auto kept = disk_.transaction([&] {
+        auto changed = disk_.execute("DELETE FROM unacknowledged");
+        for (std::size_t i = 0; changed && i < all.size(); ++i)
+            changed = disk_.execute("INSERT INTO unacknowledged(number, raw) VALUES(?, ?)",
+                                    {static_cast<std::int64_t>(i + 1), all[i]});
+        return changed;
+    });
     if (!kept) return kept.error();
     return all;
 }
@@ -103,16 +99,13 @@ ise::result<void> boat_memory::put(packet_name name, const ise::bytes& raw) {
 }
 
 ise::result<void> boat_memory::forget(const std::vector<packet_name>& names) {
-    auto begun = disk_.begin();
-    if (!begun) return begun;
-    for (const auto& [boot, sequence] : names) {
-        auto gone = disk_.execute("DELETE FROM not_receipted WHERE boot = ? AND sequence = ?",
-                                  {std::int64_t{boot}, std::int64_t{sequence}});
-        if (gone) continue;
-        disk_.rollback();
-        return gone.error();
-    }
-    return disk_.commit();
+    return disk_.transaction([&] {
+        ise::result<void> gone;
+        for (auto name = names.begin(); gone && name != names.end(); ++name)
+            gone = done(disk_.execute("DELETE FROM not_receipted WHERE boot = ? AND sequence = ?",
+                                      {std::int64_t{name->first}, std::int64_t{name->second}}));
+        return gone;
+    });
 }
 
 } // namespace atirma

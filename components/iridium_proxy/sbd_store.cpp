@@ -52,29 +52,23 @@ ise::result<sbd_store> sbd_store::open(const std::string& file, when_damaged how
 
 ise::result<bool> sbd_store::add(const iridium::mo_message& message, std::string_view path, utc_time now,
                                  std::uint64_t credits) {
-    if (auto begun = db_.begin(); !begun) return begun.error();
     std::optional<double> latitude, longitude, cep;
     if (message.where)
         latitude = message.where->latitude_deg, longitude = message.where->longitude_deg, cep = message.where->cep_km;
-    auto added = db_.execute(
-        "INSERT OR IGNORE INTO mo(imei, momsn, session_time, path, status, mtmsn, latitude, longitude, cep_km, data, "
-        "received_at)"
-        " VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-        {message.imei, std::int64_t{message.momsn}, std::int64_t{message.session_time.time_since_epoch().count()},
-         std::string(path), std::int64_t{message.session_status}, std::int64_t{message.mtmsn}, optional_real(latitude),
-         optional_real(longitude), optional_real(cep), message.data, number(now)});
-    if (added && *added == 1) {
-        if (auto charged = charge(now, false, 1, static_cast<std::int64_t>(message.data.size()),
-                                  static_cast<std::int64_t>(credits));
-            !charged)
-            added = charged.error();
-    }
-    if (!added) {
-        db_.rollback();
-        return added.error();
-    }
-    if (auto done = db_.commit(); !done) return done.error();
-    return *added == 1;
+    return db_.transaction([&]() -> ise::result<bool> {
+        auto added = db_.execute(
+            "INSERT OR IGNORE INTO mo(imei, momsn, session_time, path, status, mtmsn, latitude, longitude, cep_km, "
+            "data, received_at) VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            {message.imei, std::int64_t{message.momsn}, std::int64_t{message.session_time.time_since_epoch().count()},
+             std::string(path), std::int64_t{message.session_status}, std::int64_t{message.mtmsn},
+             optional_real(latitude), optional_real(longitude), optional_real(cep), message.data, number(now)});
+        if (!added) return added.error();
+        if (*added != 1) return false;
+        auto charged =
+            charge(now, false, 1, static_cast<std::int64_t>(message.data.size()), static_cast<std::int64_t>(credits));
+        if (!charged) return charged.error();
+        return true;
+    });
 }
 
 ise::result<std::vector<sbd_store::kept_message>> sbd_store::unpublished(std::size_t most, std::int64_t after) {
@@ -179,14 +173,11 @@ ise::result<void> sbd_store::keep_clock_ahead(std::chrono::milliseconds ahead) {
 
 ise::result<void> sbd_store::begin_attempt(const tracked_telecommand& entry, utc_time now, std::size_t bytes,
                                            std::uint64_t credits) {
-    if (auto begun = db_.begin(); !begun) return begun;
-    auto saved = save(entry);
-    if (saved) saved = charge(now, true, 1, static_cast<std::int64_t>(bytes), static_cast<std::int64_t>(credits));
-    if (!saved) {
-        db_.rollback();
-        return saved;
-    }
-    return db_.commit();
+    return db_.transaction([&] {
+        auto saved = save(entry);
+        return saved ? charge(now, true, 1, static_cast<std::int64_t>(bytes), static_cast<std::int64_t>(credits))
+                     : saved;
+    });
 }
 
 ise::result<void> sbd_store::refund(utc_time charged_at, std::size_t bytes, std::uint64_t credits) {

@@ -101,6 +101,10 @@ public:
     ise::result<void> begin();
     ise::result<void> commit();
     void rollback() noexcept;
+    /// Runs `write`, which returns a result, between `begin` and `commit`: what it executes is kept together, or not at
+    /// all where it fails or throws. Gives its result, or why nothing of it could be kept.
+    template <class Write>
+    auto transaction(Write write) -> decltype(write());
 
     /// Copies from a damaged file what can be read of the tables and columns that this one has too; rows that are here
     /// already stay. What lies between the first and the last unreadable part of a table is left out, and so are tables
@@ -126,6 +130,19 @@ private:
     std::unique_ptr<state> state_;
     std::unique_ptr<replacing> replacing_; ///< null: a damaged file is left as it is
 };
+
+template <class Write>
+auto database::transaction(Write write) -> decltype(write()) {
+    if (auto begun = begin(); !begun) return begun.error();
+    struct unless_committed {
+        database& of;
+        ~unless_committed() { of.rollback(); }
+    } guard{*this};
+    auto made = write();
+    if (!made) return made;
+    if (auto done = commit(); !done) return done.error();
+    return made;
+}
 
 /// Renames a database file that is damaged, with its `-wal` and `-shm`, so that a new one can be made in its place, and
 /// logs that as an error with the cause and the new name, which it gives. Nothing is deleted or overwritten. The new

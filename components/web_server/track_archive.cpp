@@ -150,7 +150,6 @@ ise::result<void> track_archive::commit(utc_ms now) {
     auto& self = *self_;
     auto written = self.write();
     if (!written) {
-        self.db().rollback();
         ++self.statistics.failed_commits;
         self.statistics.trouble = written.error().message();
         return written;
@@ -166,48 +165,51 @@ ise::result<void> track_archive::commit(utc_ms now) {
 
 ise::result<void> track_archive::implementation::write() {
     if (fixes.empty() && packets.empty() && cursors.empty()) return {};
-    if (auto begun = db().begin(); !begun) return begun;
     std::uint64_t new_fixes = 0, new_packets = 0;
-    for (const auto& row : fixes) {
-        const auto& p = row.point;
-        auto known = db().query("SELECT 1 FROM fix WHERE boat = ? AND at = ?", {row.boat, archived(p.at)});
-        if (!known) return known.error();
-        auto done = db().execute("INSERT OR REPLACE INTO fix VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                                 {row.boat, archived(p.at), p.latitude_deg, p.longitude_deg, maybe(p.speed_mps),
-                                  maybe(p.course_deg), maybe(p.heading_deg), maybe(p.heel_deg), maybe(p.wind_speed_mps),
-                                  maybe(p.wind_direction_deg), maybe(p.circular_error_m), row.link});
-        if (!done) return done.error();
-        new_fixes += known->empty() ? 1 : 0;
-    }
-    for (const auto& row : packets) {
-        const auto& p = row.packet;
-        auto done =
-            db().execute("INSERT OR IGNORE INTO telemetry (boat, boot, sequence, link, kind, measured_at, received_at, "
-                         "history, raw) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                         {row.boat, std::int64_t{p.boot}, std::int64_t{p.sequence}, static_cast<std::int64_t>(p.link),
-                          row.kind, archived(p.measured_at), archived(p.received_at), std::int64_t{p.history}, p.raw});
-        if (!done) return done.error();
-        new_packets += static_cast<std::uint64_t>(*done);
-    }
-    for (const auto& [where, at] : heard) {
-        auto done = db().execute(
-            "INSERT INTO heard VALUES (?, ?, ?) ON CONFLICT (boat, link) DO UPDATE SET at = max(at, excluded.at)",
-            {where.first, where.second, archived(at)});
-        if (!done) return done.error();
-    }
-    for (const auto& [where, seen] : cursors) {
-        auto done = db().execute("DELETE FROM followed WHERE boat = ? AND feed = ?", {where.first, where.second});
-        for (auto one = seen.begin(); done && one != seen.end(); ++one)
-            done = db().execute("INSERT INTO followed VALUES (?, ?, ?, ?)",
-                                {where.first, where.second, static_cast<std::int64_t>(one->first),
-                                 static_cast<std::int64_t>(one->second)});
-        if (!done) return done.error();
-    }
-    for (const auto& [boat, sailed] : trips) {
-        auto done = db().execute("UPDATE boat SET sailed_m = ? WHERE id = ?", {sailed, boat});
-        if (!done) return done.error();
-    }
-    if (auto done = db().commit(); !done) return done;
+    auto kept = db().transaction([&]() -> ise::result<void> {
+        for (const auto& row : fixes) {
+            const auto& p = row.point;
+            auto known = db().query("SELECT 1 FROM fix WHERE boat = ? AND at = ?", {row.boat, archived(p.at)});
+            if (!known) return known.error();
+            auto done =
+                db().execute("INSERT OR REPLACE INTO fix VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                             {row.boat, archived(p.at), p.latitude_deg, p.longitude_deg, maybe(p.speed_mps),
+                              maybe(p.course_deg), maybe(p.heading_deg), maybe(p.heel_deg), maybe(p.wind_speed_mps),
+                              maybe(p.wind_direction_deg), maybe(p.circular_error_m), row.link});
+            if (!done) return done.error();
+            new_fixes += known->empty() ? 1 : 0;
+        }
+        for (const auto& row : packets) {
+            const auto& p = row.packet;
+            auto done = db().execute(
+                "INSERT OR IGNORE INTO telemetry (boat, boot, sequence, link, kind, measured_at, received_at, "
+                "history, raw) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                {row.boat, std::int64_t{p.boot}, std::int64_t{p.sequence}, static_cast<std::int64_t>(p.link), row.kind,
+                 archived(p.measured_at), archived(p.received_at), std::int64_t{p.history}, p.raw});
+            if (!done) return done.error();
+            new_packets += static_cast<std::uint64_t>(*done);
+        }
+        for (const auto& [where, at] : heard) {
+            auto done = db().execute(
+                "INSERT INTO heard VALUES (?, ?, ?) ON CONFLICT (boat, link) DO UPDATE SET at = max(at, excluded.at)",
+                {where.first, where.second, archived(at)});
+            if (!done) return done.error();
+        }
+        for (const auto& [where, seen] : cursors) {
+            auto done = db().execute("DELETE FROM followed WHERE boat = ? AND feed = ?", {where.first, where.second});
+            for (auto one = seen.begin(); done && one != seen.end(); ++one)
+                done = db().execute("INSERT INTO followed VALUES (?, ?, ?, ?)",
+                                    {where.first, where.second, static_cast<std::int64_t>(one->first),
+                                     static_cast<std::int64_t>(one->second)});
+            if (!done) return done.error();
+        }
+        for (const auto& [boat, sailed] : trips) {
+            auto done = db().execute("UPDATE boat SET sailed_m = ? WHERE id = ?", {sailed, boat});
+            if (!done) return done.error();
+        }
+        return {};
+    });
+    if (!kept) return kept;
     statistics.written += fixes.size() + packets.size();
     statistics.fixes += new_fixes;
     statistics.packets += new_packets;

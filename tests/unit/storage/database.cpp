@@ -82,6 +82,27 @@ TEST_CASE("a transaction happens whole or not at all") {
     CHECK(count(db) == 1);
 }
 
+TEST_CASE("a function in a transaction writes everything or, if it fails or throws, nothing") {
+    auto db = opened("memory:function");
+    auto put = [&](const char* text) {
+        return db.execute("INSERT INTO packets(text) VALUES (?)", {std::string(text)});
+    };
+    CHECK(db.transaction([&] { return put("a"); }).value() == 1);
+    auto twice = db.transaction([&] {
+        CHECK(put("b"));
+        return put("a");
+    });
+    CHECK(twice.error().message().find("UNIQUE") != std::string::npos);
+    auto throws = [&]() -> ise::result<void> {
+        put("c").value();
+        throw ise::error(ise::errc::refused, "no");
+    };
+    CHECK_THROWS_AS(db.transaction(throws), ise::error);
+    CHECK(count(db) == 1);
+    CHECK(db.transaction([&] { return put("d"); })); // none of them is open still
+    CHECK(count(db) == 2);
+}
+
 TEST_CASE("a file grows with its schema and an older program refuses it") {
     folder there;
     REQUIRE(opened(there.file()).execute("INSERT INTO packets(text) VALUES ('a')"));
