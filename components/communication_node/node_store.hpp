@@ -1,9 +1,10 @@
 #pragma once
-#include <components/communication_node/services.hpp>
-#include <components/storage/database.hpp>
+#include <components/communication_node/packet_table.hpp>
+#include <components/communication_node/record_table.hpp>
+#include <components/communication_node/store_lives.hpp>
 
 #include <chrono>
-#include <deque>
+#include <memory>
 #include <span>
 
 namespace atirma {
@@ -22,9 +23,9 @@ public:
     /// `fresh_number` becomes the number of this life, made odd (never 0), and of a file that is new its origin.
     static ise::result<node_store> open(const std::string& file, std::uint64_t fresh_number);
 
-    std::uint64_t number() const noexcept { return number_; } ///< of this life
-    std::uint64_t origin() const noexcept { return origin_; } ///< of the file, over all lives
-    const std::string& file() const noexcept { return db_.file(); }
+    std::uint64_t number() const noexcept { return own_.now.store; } ///< of this life
+    std::uint64_t origin() const noexcept { return origin_; }        ///< of the file, over all lives
+    const std::string& file() const noexcept { return db_->file(); }
 
     /// What of that is certainly still here, by the number of this life: nothing of a life that this file does not
     /// know, and of a life that went on elsewhere only what came before the file was set back.
@@ -37,7 +38,7 @@ public:
                                        const ise::logger& log);
     /// A new file in its place, empty.
     ise::result<void> begin_anew(std::uint64_t fresh_number);
-    bool is_open() const noexcept { return db_.is_open(); }
+    bool is_open() const noexcept { return db_->is_open(); }
 
     // Packets
     struct kept {
@@ -45,7 +46,7 @@ public:
         std::uint32_t fresh = 0;
     };
     ise::result<kept> add(std::span<const telemetry_packet> packets);
-    std::uint64_t head() const noexcept { return head_; } ///< position of the newest
+    std::uint64_t head() const noexcept { return own_.now.packets; } ///< position of the newest
     ise::result<std::vector<telemetry_packet>> packets(std::uint64_t after, std::uint64_t up_to, std::size_t most);
     /// A page for somebody who knows what `request.seen` says; nothing beyond `up_to`.
     ise::result<track_page> track(const track_request& request, std::uint64_t up_to);
@@ -56,7 +57,7 @@ public:
 
     // Telecommands
     ise::result<void> put(std::span<const command_record> records);
-    std::uint64_t commands_head() const noexcept { return commands_head_; } ///< position of the last change
+    std::uint64_t commands_head() const noexcept { return own_.now.commands; } ///< position of the last change
     ise::result<std::optional<command_record>> command(std::uint32_t id);
     ise::result<std::vector<command_record>> open_commands();
     ise::result<record_page> list(const record_request& request);
@@ -66,7 +67,7 @@ public:
     ise::result<std::pair<authority_state, std::uint64_t>> authority();
 
     // The other node
-    const store_part& peer() const noexcept { return peer_; } ///< known of it
+    const store_part& peer() const noexcept { return peer_.now; } ///< known of it
     /// The same by the numbers of its last lives, the newest first: what to ask it with.
     std::vector<store_part> known_of_peer() const;
     /// What the other node, whose store is `asker`, is told that has everything up to those positions.
@@ -84,25 +85,19 @@ public:
     ise::result<std::int64_t> seal();
 
 private:
-    explicit node_store(database opened) : db_(std::move(opened)) {}
-    ise::result<void> load();
+    explicit node_store(database opened);
+    void load();
     ise::result<void> begin_life(std::uint64_t fresh_number);
-    ise::result<void> note(const char* name, std::uint64_t value);
-    ise::result<void> note_life(const store_part& life, bool of_peer);
-    ise::result<void> note_at_peer(std::uint64_t position, std::uint64_t there);
-    ise::result<void> forget_peer_after(std::uint64_t packets, std::uint64_t commands);
-    std::uint64_t known_in(const track_cursor& seen, bool of_peer) const;
-    ise::result<std::uint64_t> insert(const telemetry_packet& packet, std::uint64_t peer_position, std::uint64_t& head,
-                                      std::uint32_t& fresh);
-    ise::result<void> write(const command_record& record, std::uint64_t position);
-    ise::result<void> write(const authority_state& state, std::uint64_t change);
-    ise::result<telemetry_packet> packet_of(const database_row& row) const;
+    void forget_peer_after(std::uint64_t packets, std::uint64_t commands);
+    std::uint64_t known_here(const track_cursor& seen) const;
+    std::uint64_t known_at_peer(const track_cursor& seen) const;
+    std::vector<telemetry_packet> numbered(std::vector<telemetry_packet> packets) const;
 
-    database db_;
-    std::uint64_t number_ = 0, origin_ = 0;
-    std::uint64_t head_ = 0, commands_head_ = 0;
-    store_part peer_;
-    std::deque<store_part> lives_, peer_lives_; ///< that are over, the newest first, and how far they came
+    std::unique_ptr<database> db_; // its tables point to it
+    packet_table packets_;
+    record_table records_;
+    std::uint64_t origin_ = 0;
+    store_lives own_, peer_;
 };
 
 } // namespace atirma

@@ -3,6 +3,10 @@
 #include <components/boat/services.hpp>
 #include <components/storage/database.hpp>
 
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
 #include <string_view>
 
 namespace atirma::store_rows {
@@ -25,6 +29,10 @@ inline constexpr std::string_view packet_columns =
 
 // SQLite's integers have a sign; the bits are the same.
 inline std::int64_t cell(std::uint64_t value) { return static_cast<std::int64_t>(value); }
+/// Of a bound, which may be above all that SQLite can count.
+inline std::int64_t bounded_cell(std::uint64_t value) {
+    return cell(std::min(value, static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max())));
+}
 inline std::int64_t cell(utc_time at) { return at.time_since_epoch().count(); }
 inline std::uint64_t number_in(const database_row& row, std::size_t column) {
     return static_cast<std::uint64_t>(row.integer(column));
@@ -43,7 +51,13 @@ inline telemetry_packet packet_in(const database_row& row) {
     made.received_at = time_in(row, 5);
     made.history = row.integer(6) != 0;
     made.raw = row.bytes(7);
+    made.peer_position = number_in(row, 8); // 0: it is not known to be there
     return made;
+}
+
+inline ise::failure damaged_row(const database& in, std::string_view what) {
+    return ise::failure(ise::errc::malformed,
+                        fmt::format("{}: {} is damaged: it differs from its checksum", in.file(), what));
 }
 
 } // namespace atirma::store_rows
