@@ -1,152 +1,156 @@
 #include <components/communication_node/communication_node.hpp>
 
-#include <components/boat/recall.hpp>
-#include <components/communication_node/node_core.hpp>
-#include <components/communication_node/services.hpp>
+#include <components/communication_node/replication.hpp>
+#include <components/communication_node/store_repair.hpp>
 
 #include <fmt/format.h>
+
+#include <algorithm>
 
 namespace atirma {
 namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::int32_t primary_priority = 100, secondary_priority = 50;
 constexpr ise::duration housekeeping = 1s;
+
+void check_options(const std::string& path, const communication_node_options& options) {
+    auto refuse = [](const std::string& why) { throw ise::error(ise::errc::invalid_argument, why); };
+    if (options.silence < 1s)
+        refuse("a communication node gives the other one up after 1 s of silence at the earliest");
+    if (!options.peer.empty() && options.peer == path)
+        refuse(fmt::format("'{}' cannot back itself: name the other node as its peer", path));
+    for (const auto& proxy : options.proxies)
+        if (std::ranges::count(options.proxies, proxy.link, &proxy_of_link::link) > 1)
+            refuse(fmt::format("two proxies for {}: each link has one", name_of(proxy.link)));
+}
 
 } // namespace
 
-communication_node::communication_node(communication_node_options options) : options_(std::move(options)) {
+/// Each part knows those before it.
+struct communication_node::parts {
+    parts(node_context& context, opened_store& opened);
+    void offer_services();
+    void restore(const std::string& file);
+    void tick();
+    void report(communication_state& into) const;
+
+    node_context& here;
+    store_keeper store;
+    other_node peer;
+    boat_links links;
+    kept_telemetry telemetry;
+    node_authority authority;
+    node_telecommands telecommands;
+    replication replicated;
+
+private:
+    store_keeper::actions store_actions();
+    boat_links::actions link_actions();
+};
+
+communication_node::parts::parts(node_context& context, opened_store& opened)
+    : here(context), store(here, opened, store_actions()), peer(here, [this] { tick(); }), links(here, link_actions()),
+      telemetry(here, store, peer, links, opened, [this] { telecommands.work(); }),
+      authority(here, store, peer, opened, [this] { telecommands.announce_epoch(); }),
+      telecommands(here, store, peer, links, authority, opened),
+      replicated(here, store, peer, telemetry, authority, telecommands) {}
+
+void communication_node::parts::restore(const std::string& file) {
+    here.self.spawn(fmt::format("reads {}", file),
+                    restore_intact(file, here, store, telemetry, authority, telecommands));
+}
+
+store_keeper::actions communication_node::parts::store_actions() {
+    store_keeper::actions made;
+    made.changed = [this] { replicated.consider_serving(); };
+    made.begun_anew = [this] { // what is known in memory goes to the new file at once
+        telemetry.begin_anew();
+        peer.forget();
+        authority.begin_anew();
+        telecommands.begin_anew();
+        peer.notify_news();
+        peer.notify_progress();
+        replicated.consider_serving();
+    };
+    made.restore = [this](const std::string& file) { restore(file); };
+    return made;
+}
+
+boat_links::actions communication_node::parts::link_actions() {
+    boat_links::actions made;
+    made.received = [this](std::vector<telemetry_packet> packets) { telemetry.receive(std::move(packets)); };
+    made.status = [this](link_id link, const telecommand_status& status) { telecommands.on_status(link, status); };
+    made.reached = [this] { telecommands.work(); };
+    return made;
+}
+
+void communication_node::parts::offer_services() {
+    auto& self = here.self;
+    self.provide(services::telemetry_store,
+                 [this](keep_request request) { return telemetry.keep(std::move(request)); });
+    self.provide(services::track, [this](track_request request) { return telemetry.track(request); });
+    self.provide(services::telecommand, [this](telecommand_request request, const ise::call_context& context) {
+        return telecommands.command(std::move(request), operator_of(context.caller), context.deadline);
+    });
+    self.provide(services::authority, [this](authority_request request, const ise::call_context& context) {
+        return authority.change(std::move(request), operator_of(context.caller));
+    });
+    self.provide(services::telecommand_record, [this](record_request request) { return telecommands.record(request); });
+    self.provide(services::replication,
+                 [this](replication_request request) { return replicated.tell(std::move(request)); });
+}
+
+void communication_node::parts::tick() {
+    links.look();
+    if (peer.silent()) telecommands.take_over();
+    peer.watch_silence();
+    store.tend();
+    telemetry.take_held();
+    telemetry.show();
+    telecommands.work();
+    replicated.consider_serving();
+}
+
+void communication_node::parts::report(communication_state& into) const {
+    store.report(into);
+    telemetry.report(into);
+    links.report(into);
+    replicated.report(into);
+    into.telecommands_open = telecommands.open_count();
+    into.authority = authority.now();
+}
+
+communication_node::communication_node(communication_node_options options)
+    : options_(std::move(options)), here_{*this, options_} {
     announce_when_ready();
 }
 communication_node::~communication_node() = default;
 
-utc_time communication_node::clock() const { return std::chrono::floor<std::chrono::milliseconds>(wall()); }
-
 ise::task<> communication_node::run() {
-    auto refuse = [](const std::string& why) { throw ise::error(ise::errc::invalid_argument, why); };
-    if (options_.silence < 1s)
-        refuse("a communication node gives the other one up after 1 s of silence at the earliest");
-    if (!options_.peer.empty() && options_.peer == path())
-        refuse(fmt::format("'{}' cannot back itself: name the other node as its peer", path()));
-    for (const auto& proxy : options_.proxies)
-        if (std::ranges::count_if(options_.proxies, [&](auto& other) { return other.link == proxy.link; }) > 1)
-            refuse(fmt::format("two proxies for {}: each link has one", name_of(proxy.link)));
-    co_await open_store();
-    auto& c = *core_;
+    check_options(path(), options_);
+    parts_.reset(); // of a run before this one
+    auto opened = co_await open_store(here_);
+    parts_ = std::make_unique<parts>(here_, *opened);
+    auto& all = *parts_;
     log().info("its store is open", {{"file", options_.file},
-                                     {"packets", std::to_string(c.store.head())},
-                                     {"telecommands open", std::to_string(c.desk.open_count())}});
-    provide_all();
-    require_all();
+                                     {"packets", std::to_string(all.store->head())},
+                                     {"telecommands open", std::to_string(all.telecommands.open_count())}});
+    all.offer_services();
+    auto state = publish(services::communication);
+    for (const auto& file : opened->aside) all.restore(file);
+    opened.reset();
     co_await ready();
-    for (std::size_t i = 0; i < options_.proxies.size(); ++i) {
-        const auto& one = options_.proxies[i];
-        c.proxies[i].proxy = find_component(*this, one.path);
-        c.proxies[i].health.link = one.link;
-        c.proxies[i].health.proxy = one.path;
-        spawn(fmt::format("telemetry over {}", name_of(one.link)), follow_telemetry(i));
-        spawn(fmt::format("telecommands over {}", name_of(one.link)), follow_states(i));
-    }
-    if (!options_.peer.empty()) spawn("the other node", follow_peer());
-    for (;;) {
-        tick();
+    all.links.start();
+    all.replicated.start();
+    for (auto next_state = now();;) {
+        all.tick();
+        if (now() >= next_state) {
+            next_state = now() + options_.state_period;
+            state(how());
+        }
         co_await sleep(housekeeping);
     }
-}
-
-void communication_node::provide_all() {
-    auto& c = *core_;
-    c.telemetry = publish(services::telemetry);
-    c.authorities = publish(services::authority_changes);
-    c.state = publish(services::communication);
-    c.audience.provide([this](std::uint32_t id) {
-        if (id == 0) return core_->desk.open();
-        std::vector<telecommand_status> one;
-        if (const auto* known = core_->desk.find(id)) one.push_back(known->status);
-        return one;
-    });
-    c.authorities(c.authority.now());
-    provide(services::telemetry_store, [this](keep_request request) { return keep(std::move(request)); });
-    provide(services::track, [this](track_request request) { return track(request); });
-    provide(services::telecommand, [this](telecommand_request request, const ise::call_context& context) {
-        return command(std::move(request), operator_of(context.caller), context.deadline);
-    });
-    provide(services::authority, [this](authority_request request, const ise::call_context& context) {
-        return change_authority(std::move(request), operator_of(context.caller));
-    });
-    provide(services::telecommand_record, [this](record_request request) { return record(request); });
-    provide(services::replication, [this](replication_request request) { return tell_peer(std::move(request)); });
-}
-
-void communication_node::require_all() {
-    if (!options_.proxies.empty()) {
-        require(services::telemetry);
-        require(services::telecommand);
-        require(services::telecommand_state);
-        require(services::telecommand_recall);
-    }
-    if (!options_.peer.empty()) require(services::replication);
-}
-
-void communication_node::tick() {
-    auto& c = *core_;
-    for (auto& one : c.proxies) {
-        one.health.reached = one.stream && one.stream->connected();
-        c.links.reached(one.health.link, one.health.reached);
-    }
-    if (c.peer.silent(now())) c.desk.take_over(now(), clock(), path());
-    else c.silence.arm(c.peer.silent_at());
-    if (!c.store.is_open()) begin_store_anew();
-    if (!c.held.empty() || !c.trouble.empty()) take_held();
-    if (now() >= c.next_prune && c.trouble.empty()) {
-        auto removed = c.store.prune(options_.max_packets, options_.max_commands);
-        if (!removed) disk(&removed.error());
-        auto sealed = c.store.seal();
-        if (!sealed) disk(&sealed.error());
-        bool more = (removed && *removed > 0) || (sealed && *sealed > 0);
-        c.next_prune = now() + (more ? ise::duration(10s) : ise::duration(1h));
-    }
-    show();
-    work();
-    consider_serving();
-    if (now() < c.next_state) return;
-    c.next_state = now() + options_.state_period;
-    c.state(how());
-}
-
-/// Under the role stands who can keep what he is given and knows what the other one knows; or who is the only one.
-void communication_node::consider_serving() {
-    auto& c = *core_;
-    bool alone = c.peer.silent(now());
-    if (c.refilling && c.salvaging == 0 && c.trouble.empty() && (c.caught_up || alone)) {
-        c.refilling = false;
-        log().info("its store is filled again", {{"packets", std::to_string(c.store.head())}});
-    }
-    bool complete = c.caught_up && c.held.empty() && !c.refilling;
-    bool serve = alone || (c.trouble.empty() ? complete : !c.peer.lives(now()));
-    if (serve == c.serving || options_.role.empty()) return;
-    c.serving = serve;
-    if (serve) serve_role(options_.role, options_.secondary ? secondary_priority : primary_priority);
-    else leave_role(options_.role);
-    log().info(serve ? "serves the role" : "leaves the role to the other node",
-               {{"role", options_.role}, {"trouble", c.trouble}});
-}
-
-/// How the disk fared; null: it took what it was given.
-void communication_node::disk(const ise::failure* why) {
-    auto& c = *core_;
-    if (why && why->code() == ise::errc::malformed) return replace_store(*why);
-    if (!why) {
-        if (c.trouble.empty()) return;
-        log().info("the store takes packets again", {{"held", std::to_string(c.held.size())}});
-        c.trouble.clear();
-        c.caught_up = options_.peer.empty(); // the other one may have gone on alone
-        return;
-    }
-    if (c.trouble.empty()) log().error("nothing can be kept", {{"cause", why->message()}});
-    c.trouble = why->message();
-    consider_serving();
 }
 
 communication_state communication_node::how() const {
@@ -154,28 +158,7 @@ communication_state communication_node::how() const {
     made.node = path();
     made.secondary = options_.secondary;
     made.peer = options_.peer;
-    if (!core_) return made;
-    const auto& c = *core_;
-    made.serving = c.serving;
-    made.trouble = !c.trouble.empty() ? c.trouble : c.peer_trouble;
-    if (c.refilling && made.trouble.empty()) made.trouble = c.store_notice;
-    made.store_notice = c.store_notice;
-    made.store = c.store.number();
-    made.packets = c.store.head();
-    made.shown = c.shown;
-    made.duplicates = c.duplicates;
-    made.refused = c.refused;
-    made.held = c.held.size();
-    made.dropped = c.dropped;
-    made.peer_lives = c.peer.lives(now());
-    made.peer_misses = options_.peer.empty() ? 0 : c.store.head() - std::min(c.store.head(), c.peer.packets());
-    for (const auto& one : c.proxies) {
-        made.links.push_back(one.health);
-        made.links.back().alive = c.links.alive(one.health.link, now());
-    }
-    made.fix = c.fix;
-    made.telecommands_open = c.desk.open_count();
-    made.authority = c.authority.now();
+    if (parts_) parts_->report(made);
     return made;
 }
 

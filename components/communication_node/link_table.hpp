@@ -27,7 +27,6 @@ public:
 
     void heard(link_id link, ise::time_point now);
     void reached(link_id link, bool is); ///< its proxy answers, or not
-    bool has(link_id link) const { return find(link) < terms_.size(); }
     bool is_reached(link_id link) const;
     bool alive(link_id link, ise::time_point now) const;
     ise::duration patience(link_id link) const;

@@ -194,6 +194,17 @@ ise::result<void> node_store::begin_anew(std::uint64_t fresh_number) {
     return {};
 }
 
+ise::result<node_store::memory> node_store::remembered() {
+    return caught([&] {
+        memory made;
+        made.newest = packets_.newest();
+        made.last_location = packets_.last_location();
+        made.authority = records_.authority();
+        made.open_commands = records_.open();
+        return made;
+    });
+}
+
 ise::result<node_store::kept> node_store::add(std::span<const telemetry_packet> packets) {
     auto head = own_.now.packets;
     auto made = together(*db_, [&] {
@@ -267,14 +278,6 @@ ise::result<track_page> node_store::track(const track_request& request, std::uin
     return made;
 }
 
-ise::result<std::vector<std::pair<std::uint8_t, utc_time>>> node_store::newest() {
-    return caught([&] { return packets_.newest(); });
-}
-
-ise::result<std::optional<telemetry_packet>> node_store::last_of(std::uint8_t kind) {
-    return caught([&] { return packets_.last_of(kind); });
-}
-
 ise::result<void> node_store::put(std::span<const command_record> records) {
     auto head = own_.now.commands;
     auto done = together(*db_, [&] {
@@ -289,20 +292,12 @@ ise::result<std::optional<command_record>> node_store::command(std::uint32_t id)
     return caught([&] { return records_.find(id); });
 }
 
-ise::result<std::vector<command_record>> node_store::open_commands() {
-    return caught([&] { return records_.open(); });
-}
-
 ise::result<record_page> node_store::list(const record_request& request) {
     return caught([&] { return records_.list(request); });
 }
 
 ise::result<void> node_store::put(const authority_state& state, std::uint64_t change) {
     return caught([&] { records_.put(state, change); });
-}
-
-ise::result<std::pair<authority_state, std::uint64_t>> node_store::authority() {
-    return caught([&] { return records_.authority(); });
 }
 
 ise::result<replication_page> node_store::page_after(std::uint64_t asker, std::uint64_t after, std::uint64_t commands,

@@ -40,6 +40,15 @@ public:
     ise::result<void> begin_anew(std::uint64_t fresh_number);
     bool is_open() const noexcept { return db_->is_open(); }
 
+    /// What a node continues with.
+    struct memory {
+        std::vector<std::pair<std::uint8_t, utc_time>> newest; ///< of each kind, no later than its reception
+        std::optional<telemetry_packet> last_location;         ///< the newest that is not history
+        std::pair<authority_state, std::uint64_t> authority;   ///< and its number within the epoch
+        std::vector<command_record> open_commands;
+    };
+    ise::result<memory> remembered();
+
     // Packets
     struct kept {
         std::uint64_t last = 0; ///< the highest position among them, also of those that were known
@@ -50,21 +59,14 @@ public:
     ise::result<std::vector<telemetry_packet>> packets(std::uint64_t after, std::uint64_t up_to, std::size_t most);
     /// A page for somebody who knows what `request.seen` says; nothing beyond `up_to`.
     ise::result<track_page> track(const track_request& request, std::uint64_t up_to);
-    /// Kind byte and time of the newest packet of each kind, no later than its reception.
-    ise::result<std::vector<std::pair<std::uint8_t, utc_time>>> newest();
-    /// The newest packet of that kind that is not history.
-    ise::result<std::optional<telemetry_packet>> last_of(std::uint8_t kind);
-
     // Telecommands
     ise::result<void> put(std::span<const command_record> records);
     std::uint64_t commands_head() const noexcept { return own_.now.commands; } ///< position of the last change
     ise::result<std::optional<command_record>> command(std::uint32_t id);
-    ise::result<std::vector<command_record>> open_commands();
     ise::result<record_page> list(const record_request& request);
 
     // Authority
     ise::result<void> put(const authority_state& state, std::uint64_t change);
-    ise::result<std::pair<authority_state, std::uint64_t>> authority();
 
     // The other node
     const store_part& peer() const noexcept { return peer_.now; } ///< known of it

@@ -101,9 +101,10 @@ std::vector<std::pair<std::uint8_t, utc_time>> packet_table::newest() {
     return made;
 }
 
-std::optional<telemetry_packet> packet_table::last_of(std::uint8_t kind) {
-    static const auto sql = packet_select + "WHERE kind = ? AND history = 0 ORDER BY measured DESC LIMIT 1";
-    auto found = select(sql, {std::int64_t{kind}});
+// 1 is the type of a location on air.
+std::optional<telemetry_packet> packet_table::last_location() {
+    static const auto sql = packet_select + "WHERE kind = 1 AND history = 0 ORDER BY measured DESC LIMIT 1";
+    auto found = select(sql, {});
     return found.empty() ? std::nullopt : std::optional(std::move(found.front()));
 }
 

@@ -33,7 +33,7 @@ public:
     std::vector<telemetry_packet> page(std::uint64_t after, std::uint64_t up_to, std::uint64_t at_peer,
                                        const track_request& request, std::size_t most);
     std::vector<std::pair<std::uint8_t, utc_time>> newest(); ///< see node_store
-    std::optional<telemetry_packet> last_of(std::uint8_t kind);
+    std::optional<telemetry_packet> last_location();
 
     std::int64_t prune(std::uint64_t up_to); ///< a few thousand at a time; how many
     std::int64_t seal();

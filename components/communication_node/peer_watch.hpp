@@ -18,7 +18,6 @@ public:
     void on_request(ise::time_point now, bool keeps, std::uint64_t packets, std::uint64_t commands, std::uint32_t epoch,
                     std::uint64_t change) {
         heard_ = now;
-        met_ = true;
         keeps_ = keeps;
         packets_ = packets;
         commands_ = commands;
@@ -32,7 +31,6 @@ public:
         epoch_ = 0;
     }
 
-    bool met() const noexcept { return met_; }
     bool silent(ise::time_point now) const noexcept { return !has_peer_ || now - heard_ >= silence_; }
     /// It is there, and its disk takes what it is told.
     bool lives(ise::time_point now) const noexcept { return has_peer_ && keeps_ && now - heard_ < silence_; }
@@ -46,7 +44,8 @@ public:
     bool has_authority(std::uint32_t epoch, std::uint64_t change) const noexcept {
         return epoch_ > epoch || (epoch_ == epoch && change_ >= change);
     }
-    std::uint64_t packets() const noexcept { return packets_; }
+    /// How many of `head` packets it does not have.
+    std::uint64_t misses(std::uint64_t head) const noexcept { return has_peer_ ? head - std::min(head, packets_) : 0; }
     /// Up to where packets may be told, of `head` that are on this disk.
     std::uint64_t shown(std::uint64_t head, ise::time_point now) const noexcept {
         return lives(now) ? std::min(head, packets_) : head;
@@ -56,7 +55,7 @@ private:
     bool has_peer_;
     ise::duration silence_;
     ise::time_point heard_;
-    bool met_ = false, keeps_ = true;
+    bool keeps_ = true;
     std::uint64_t packets_ = 0, commands_ = 0, change_ = 0;
     std::uint32_t epoch_ = 0;
 };

@@ -326,6 +326,25 @@ TEST_CASE("communication: what is under way when a node dies is carried on by th
     CHECK(page->entries[0].asked_by == "test/ana");
 }
 
+TEST_CASE("communication: what was chosen for a link that only the dead node has is taken over, and expires") {
+    shore it;
+    it.start_node(one);
+    std::erase_if(it.terms.proxies, [](const auto& proxy) { return proxy.link == link_id::iridium; });
+    it.start_node(two);
+    REQUIRE(it.until([&] { return it.serves(one) && it.serves(two) && it.state(two).peer_lives; }, 30s));
+    REQUIRE(it.authority("ana", take));
+    it.boat.over(link_id::iridium).up = false;
+    auto request = adds_waypoint(5);
+    request.via = link_id::iridium;
+    request.valid_s = 60;
+    REQUIRE(it.command("ana", request, 3s));
+    REQUIRE(it.until([&] { return it.state(two).telecommands_open == it.state(one).telecommands_open; }, 10s));
+    it.crash(one);
+    auto again = it.command("ana", request, 100s);
+    REQUIRE(again);
+    CHECK(again->state == telecommand_stage::expired);
+}
+
 TEST_CASE("communication: a telecommand that no link takes waits within its validity, and is expired after it") {
     crewed it;
     REQUIRE(it.authority("ana", take));

@@ -168,8 +168,9 @@ TEST_CASE("node store: telecommands and authority are on record, changed ones ar
     CHECK(two->via == link_id::gprs);
     CHECK(two->node == "shore/one");
     CHECK_FALSE(store.command(99).value());
-    CHECK(store.open_commands().value().size() == 4);
-    CHECK(store.authority().value().first.holder == "bea");
+    auto known = store.remembered().value();
+    CHECK(known.open_commands.size() == 4);
+    CHECK(known.authority.first.holder == "bea");
     record_request request;
     request.max_entries = 2;
     std::vector<std::uint32_t> listed;
@@ -234,8 +235,9 @@ TEST_CASE("node store: what is old goes, its numbers do not come again") {
     auto store = opened(there.file(), 5);
     CHECK(store.head() == 10);
     CHECK(store.add(packets(11, 11)).value().last == 11);
-    CHECK(store.newest().value().size() == 1);
-    CHECK(store.last_of(1).value()->sequence == 11);
+    auto known = store.remembered().value();
+    CHECK(known.newest.size() == 1);
+    CHECK(known.last_location->sequence == 11);
 }
 
 } // namespace store_test

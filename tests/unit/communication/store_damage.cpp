@@ -113,7 +113,7 @@ TEST_CASE("node store: telecommands, authority and positions that the disk chang
     }
     SECTION("the authority") {
         change(there.file(), "UPDATE authority SET change = 9");
-        CHECK(opened(there.file(), 1).authority().error().code() == ise::errc::malformed);
+        CHECK(opened(there.file(), 1).remembered().error().code() == ise::errc::malformed);
     }
     SECTION("how far it is") {
         change(there.file(), "UPDATE meta SET value = 17 WHERE name = 'head'");
@@ -136,7 +136,7 @@ TEST_CASE("node store: a file without checksums is taken over whole, and its pac
         CHECK(store.head() == 3);
         CHECK(store.peer().packets == 5);
         CHECK(store.command(7).value()->status.id == 7);
-        CHECK(store.authority().value().first.holder == "ana");
+        CHECK(store.remembered()->authority.first.holder == "ana");
         // What the other node knew of it before goes on.
         store_part known;
         known.store = 4711;

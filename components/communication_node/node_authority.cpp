@@ -1,0 +1,51 @@
+#include <components/communication_node/node_authority.hpp>
+
+#include <fmt/format.h>
+
+namespace atirma {
+
+node_authority::node_authority(node_context& here, store_keeper& store, other_node& peer, const opened_store& opened,
+                               std::function<void()> changed_hands)
+    : here_(here), store_(store), peer_(peer), changed_hands_(std::move(changed_hands)), book_(here.options.secondary),
+      authorities_(here.self.publish(services::authority_changes)) {
+    set(opened.known.authority.first, opened.known.authority.second);
+}
+
+void node_authority::set(const authority_state& state, std::uint64_t change) {
+    book_.apply(state, change);
+    authorities_(book_.now());
+}
+
+void node_authority::restore(const authority_state& state, std::uint64_t change) {
+    if (!book_.is_newer(state, change)) return;
+    (void)store_.written(store_->put(state, change)); // it is in memory, and the store's trouble is reported
+    set(state, change);
+}
+
+void node_authority::begin_anew() {
+    if (now().epoch != 0) (void)store_.written(store_->put(now(), book_.change()));
+}
+
+ise::task<authority_state> node_authority::change(authority_request request, std::string who) {
+    auto made = book_.decide(request, who, here_.clock());
+    if (!made) throw ise::error(made.error());
+    bool hands = made->epoch != now().epoch;
+    if (hands || made->asked_by != now().asked_by) {
+        auto change = hands ? std::uint64_t{0} : book_.change() + 1;
+        auto put = store_.written(store_->put(*made, change));
+        if (!put)
+            throw ise::error(ise::errc::refused,
+                             fmt::format("the authority stays as it is, as the change cannot be put to disk: {}",
+                                         put.error().message()));
+        set(*made, change);
+        peer_.notify_news();
+        here_.self.log().info("authority over the boat", {{"how", hands ? made->how : who + " asks for it"},
+                                                          {"epoch", std::to_string(made->epoch)}});
+        if (hands) changed_hands_();
+    }
+    auto change = book_.change();
+    while (peer_.lives() && !peer_.has_authority(made->epoch, change)) co_await peer_.wait_for_progress();
+    co_return now();
+}
+
+} // namespace atirma

@@ -1,0 +1,232 @@
+#include <components/communication_node/node_telecommands.hpp>
+
+#include <components/boat/recall.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace atirma {
+namespace {
+
+using namespace std::chrono_literals;
+
+ise::error command_refused(std::string why) { return ise::error(ise::errc::refused, std::move(why)); }
+
+} // namespace
+
+node_telecommands::node_telecommands(node_context& here, store_keeper& store, other_node& peer, boat_links& links,
+                                     node_authority& authority, const opened_store& opened)
+    : here_(here), store_(store), peer_(peer), links_(links), authority_(authority), router_(here.options.desk),
+      audience_(here.self), due_(here.self.on(), [this] { work(); }) {
+    for (const auto& record : opened.known.open_commands)
+        router_.know(here.now(), here.clock(), record, here.self.path());
+    audience_.provide([this](std::uint32_t id) {
+        if (id == 0) return router_.open();
+        std::vector<telecommand_status> one;
+        if (const auto* record = router_.find(id)) one.push_back(record->status);
+        return one;
+    });
+}
+
+void node_telecommands::work() {
+    if (working_) return;
+    working_ = true;
+    router_.on_time(here_.now(), here_.clock());
+    while (auto give = router_.next_give(here_.now(), here_.clock(), links_.table())) {
+        record_changes();
+        auto name = fmt::format("telecommand {} over {}", give->id, name_of(give->link));
+        here_.self.spawn(std::move(name), drive(std::move(*give)));
+    }
+    record_changes();
+    for (const auto& one : router_.take_recalls())
+        here_.self.spawn(fmt::format("recalls telecommand {} over {}", one.id, name_of(one.link)), recall(one));
+    auto next = router_.next_event(here_.now(), links_.table());
+    if (next == ise::time_point::max()) due_.disarm();
+    else due_.arm(next);
+    working_ = false;
+}
+
+void node_telecommands::record_changes() {
+    auto changes = router_.take_changes();
+    for (const auto& record : changes) unsaved_[record.status.id] = record; // the last state of each
+    if (!unsaved_.empty()) {
+        std::vector<command_record> records;
+        for (const auto& [id, record] : unsaved_) records.push_back(record);
+        auto put = store_.written(store_->put(records));
+        if (put) unsaved_.clear();
+        peer_.notify_news();
+    }
+    for (const auto& record : changes) audience_.tell(record.status);
+    for (const auto& told : router_.take_boat_epochs()) authority_.book().boat_obeys(told.obeyed, told.sent_under);
+}
+
+void node_telecommands::begin_anew() {
+    for (const auto& status : router_.open())
+        if (const auto* record = router_.find(status.id)) unsaved_[status.id] = *record;
+    record_changes();
+}
+
+void node_telecommands::on_status(link_id link, const telecommand_status& status) {
+    if (status.state == telecommand_stage::acknowledged) links_.heard(link);
+    router_.on_status(here_.clock(), link, status);
+    work();
+}
+
+/// In memory, or on record.
+ise::result<std::optional<command_record>> node_telecommands::known(std::uint32_t id) {
+    if (const auto* here = router_.find(id)) return std::optional(*here);
+    return store_.read(store_->command(id));
+}
+
+ise::result<std::vector<command_record>> node_telecommands::news_among(const std::vector<command_record>& records) {
+    std::vector<command_record> news;
+    for (const auto& record : records) {
+        auto here = known(record.status.id);
+        if (!here) return here.error();
+        if (!*here || knows_more(record, **here)) news.push_back(record);
+    }
+    return news;
+}
+
+void node_telecommands::know(const std::vector<command_record>& news) {
+    for (const auto& record : news) {
+        if (!router_.know(here_.now(), here_.clock(), record, here_.self.path())) continue;
+        audience_.tell(record.status);
+        if (record.status.boat_obeys) authority_.book().boat_obeys(*record.status.boat_obeys, record.status.authority);
+    }
+}
+
+bool node_telecommands::restore(const std::vector<command_record>& records) {
+    auto news = news_among(records);
+    if (!news) return false;
+    auto put = store_.written(store_->put(*news));
+    if (!put) return false;
+    know(*news);
+    peer_.notify_news();
+    work();
+    return true;
+}
+
+/// Throws what makes the node refuse a new telecommand.
+void node_telecommands::check(const telecommand_request& request, const std::string& who) {
+    if (auto good = check_request(request); !good) throw command_refused(good.error().message());
+    auto kind = request.command.kind();
+    if (auto why = request.command.danger(); !why.empty() && !request.confirmed)
+        throw command_refused(
+            fmt::format("{} is dangerous: {} Send it again with confirmed true if it is meant", name_of(kind), why));
+    if (traits_of(kind).needs_authority)
+        if (auto why = authority_.book().refusal(who)) throw command_refused(*why);
+    if (request.via && !links_.proxy(*request.via))
+        throw command_refused(
+            fmt::format("this node has no proxy for {}; it has {}", name_of(*request.via), links_.names()));
+}
+
+/// From here on it is on record, and under way.
+ise::result<command_record> node_telecommands::begin(const telecommand_request& request, const std::string& who) {
+    auto chosen = static_cast<std::uint32_t>(here_.self.env().random()) | 1u; // never 0
+    auto record = router_.prepare(here_.now(), here_.clock(), request, chosen, who, authority_.now().boat_epoch,
+                                  here_.self.path());
+    if (!record) return record;
+    auto put = store_.written(store_->put(std::span(&*record, 1)));
+    if (!put)
+        return ise::failure(
+            put.error().code(),
+            fmt::format("the telecommand cannot be recorded, and so it is not sent: {}", put.error().message()));
+    router_.know(here_.now(), here_.clock(), *record, here_.self.path());
+    audience_.tell(record->status);
+    peer_.notify_news();
+    work();
+    return record;
+}
+
+ise::task<telecommand_reply> node_telecommands::command(telecommand_request request, std::string who,
+                                                        ise::time_point deadline) {
+    std::optional<command_record> record;
+    if (request.id != 0) {
+        auto found = known(request.id);
+        if (!found) throw command_refused(found.error().message());
+        record = std::move(*found);
+    }
+    if (record && record->status.command != request.command)
+        throw command_refused(fmt::format("telecommand {} is {} already, asked for by {}; choose another id",
+                                          request.id, name_of(record->status.kind), record->status.asked_by));
+    if (!record) {
+        check(request, who);
+        auto begun = begin(request, who);
+        if (!begun) throw command_refused(begun.error().message());
+        record = std::move(*begun);
+    }
+    const auto* here = router_.find(record->status.id);
+    auto reply = audience_.reply(here ? here->status : record->status, deadline);
+    co_return co_await std::move(reply);
+}
+
+void node_telecommands::announce_epoch() {
+    telecommand_request ping;
+    ping.valid_s = 3600;
+    auto begun = begin(ping, here_.self.path());
+    // If too many are open, the next one carries the epoch.
+    if (!begun && begun.error().code() != ise::errc::overloaded)
+        here_.self.log().warning("the boat is not told of the new epoch now", {{"cause", begun.error().message()}});
+}
+
+record_page node_telecommands::record(const record_request& request) {
+    if (request.max_entries < 1 || request.max_entries > 500)
+        throw command_refused(fmt::format("max_entries is 1 to 500, not {}", request.max_entries));
+    auto page = store_.read(store_->list(request));
+    if (!page) throw command_refused(page.error().message());
+    return std::move(*page);
+}
+
+/// One telecommand at one link, until it is decided. The proxy goes on by itself; asking again with the same id is
+/// safe, and needed after a proxy has forgotten it.
+ise::task<> node_telecommands::drive(command_router::give what) {
+    auto position = store_->commands_head(), store = store_->number();
+    while (store_->number() == store && peer_.lives() && !peer_.has_commands(position))
+        co_await peer_.wait_for_progress();
+    auto* proxy = links_.proxy(what.link);
+    if (!proxy) co_return; // chosen at the other node, whose proxy may have sent it: it is open until it expires
+    auto expires =
+        here_.now() + std::chrono::duration_cast<ise::duration>(std::chrono::duration<float>(what.request.valid_s));
+    ise::duration pause = 500ms;
+    for (;;) {
+        const auto* record = router_.find(what.id);
+        auto left = expires - here_.now();
+        if (!record || is_final(record->status.state) || record->node != here_.self.path() || left < 1s) co_return;
+        what.request.valid_s = std::max(1.0f, std::chrono::duration<float>(left).count());
+        auto got = co_await proxy->try_call(services::telecommand, what.request, std::min<ise::duration>(left, 60s));
+        if (got && got->state != telecommand_stage::pending) {
+            telecommand_status told;
+            told.id = what.id;
+            told.kind = what.request.command.kind();
+            told.state = got->state;
+            told.result = got->result;
+            told.value = got->value;
+            told.boat_obeys = got->boat_obeys;
+            told.text = got->text;
+            on_status(what.link, told);
+            co_return;
+        }
+        if (!got && got.error().code() == ise::errc::refused) {
+            router_.on_refused(here_.now(), here_.clock(), what.id, what.link, got.error().message());
+            work();
+            co_return;
+        }
+        co_await here_.self.sleep(pause);
+        pause = std::min<ise::duration>(pause * 2, 5s);
+    }
+}
+
+/// A proxy that is not reached tries on until the validity is over; the boat executes an id once.
+ise::task<> node_telecommands::recall(command_router::recall what) {
+    auto* proxy = links_.proxy(what.link);
+    if (!proxy) co_return;
+    recall_request request;
+    request.id = what.id;
+    request.why = fmt::format("acknowledged over {}", name_of(what.answered));
+    auto told = co_await proxy->try_call(services::telecommand_recall, request, 10s);
+    if (told) here_.self.log().debug("recalled", {{"id", std::to_string(what.id)}, {"outcome", told->text}});
+}
+
+} // namespace atirma

@@ -1,0 +1,62 @@
+#pragma once
+#include <components/boat/telecommand_audience.hpp>
+#include <components/communication_node/boat_links.hpp>
+#include <components/communication_node/command_router.hpp>
+#include <components/communication_node/node_authority.hpp>
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace atirma {
+
+/// The telecommands at this node: accepts them from operators, records each change, and gives them to the links.
+class node_telecommands {
+public:
+    node_telecommands(node_context& here, store_keeper& store, other_node& peer, boat_links& links,
+                      node_authority& authority, const opened_store& opened);
+
+    /// Gives what is due to the links, records and publishes what changed, and arms its timer for the next time.
+    void work();
+    void on_status(link_id link, const telecommand_status& status);
+    /// The other node is silent: its open telecommands become ours.
+    void take_over() { router_.take_over(here_.now(), here_.clock(), here_.self.path()); }
+    /// A ping under the new epoch: from then on the boat refuses what is under way under the old one.
+    void announce_epoch();
+
+    /// Those records that are more complete than what is known here.
+    ise::result<std::vector<command_record>> news_among(const std::vector<command_record>& records);
+    /// What is on disk already.
+    void know(const std::vector<command_record>& news);
+    /// Keeps the news among records of a damaged store; false while the disk fails.
+    bool restore(const std::vector<command_record>& records);
+    void begin_anew(); ///< the store is a new one
+
+    std::size_t open_count() const noexcept { return router_.open_count(); }
+
+    // Services.
+    ise::task<telecommand_reply> command(telecommand_request request, std::string who, ise::time_point deadline);
+    record_page record(const record_request& request);
+
+private:
+    ise::result<std::optional<command_record>> known(std::uint32_t id);
+    void check(const telecommand_request& request, const std::string& who);
+    ise::result<command_record> begin(const telecommand_request& request, const std::string& who);
+    void record_changes();
+    ise::task<> drive(command_router::give what);
+    ise::task<> recall(command_router::recall what);
+
+    node_context& here_;
+    store_keeper& store_;
+    other_node& peer_;
+    boat_links& links_;
+    node_authority& authority_;
+    command_router router_;
+    telecommand_audience audience_;
+    ise::timer due_;
+    std::map<std::uint32_t, command_record> unsaved_; // changes that the disk did not take
+    bool working_ = false;
+};
+
+} // namespace atirma
