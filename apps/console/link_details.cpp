@@ -90,8 +90,9 @@ gprs_details::gprs_details(QWidget* parent) : link_details(parent) {
     again_ = values.add(tr("Sent again"), tr("Packets received a second time, and dropped"));
     given_up_ = values.add(tr("Given up"),
                            tr("Packets that the boat discarded because its memory was full: lost on this link"));
-    calls_ = values.add(tr("Calls"), tr("How often the boat has connected; in brackets how often from a new address "
-                                        "while the old connection existed"));
+    connections_ =
+        values.add(tr("Connections"), tr("How often the boat has connected; in brackets how often from a new address "
+                                         "while the old connection existed"));
     half_open_ = values.add(tr("Half open"), tr("Connections closed because the boat was silent on them"));
     setLayout(values.layout());
 }
@@ -116,7 +117,7 @@ void gprs_details::show_link(const link_view& link, utc_time now) {
     again_->setText(QString::number(g.resends + g.duplicates));
     given_up_->setText(
         QStringLiteral("<span style='color:%1'>%2</span>").arg((g.given_up ? t.bad : t.ink).name()).arg(g.given_up));
-    calls_->setText(QStringLiteral("%1 (%2)").arg(g.logins).arg(g.moves));
+    connections_->setText(QStringLiteral("%1 (%2)").arg(g.logins).arg(g.moves));
     half_open_->setText(QString::number(g.half_open));
 }
 

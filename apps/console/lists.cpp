@@ -25,7 +25,7 @@ QColor colour_of(command_phase phase) {
 
 command_list::command_list(QWidget* parent) : QWidget(parent) {
     table_ =
-        make_table({tr("UTC"), tr("Command"), tr("State"), tr("By"), tr("Link"), tr("Word")}, "command_table", this);
+        make_table({tr("UTC"), tr("Command"), tr("State"), tr("By"), tr("Link"), tr("Details")}, "command_table", this);
     table_->setColumnWidth(0, 68);
     table_->setColumnWidth(1, 132);
     table_->setColumnWidth(2, 70);

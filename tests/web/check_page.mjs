@@ -347,8 +347,8 @@ await check('a phone still fits when data is stale', async () => assert.ok(await
 await accessible(desktop, 'no current data');
 await check('a shore that is lost is named, and no link is called well', async () => {
   await tell('nodes off');
-  await shown(desktop, '#shore', /not reached since/);
-  await shown(desktop, '#banner', /communication nodes ashore are not reached since/);
+  await shown(desktop, '#shore', /No connection to the shore station since/);
+  await shown(desktop, '#banner', /No connection to the shore station since/);
   for (const state of await desktop.locator('#links li').evaluateAll(all => all.map(li => li.dataset.state))) assert.equal(state, 'unknown');
   await tell('nodes on');
   await shown(desktop, '#shore', /node-2/);

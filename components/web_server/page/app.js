@@ -189,7 +189,7 @@ function banner(server, boat, now) {
   const nodes = (s.feeds ?? []).find(f => !f.link && !f.connected);
   const down = nodes ? [] : (s.feeds ?? []).filter(f => !f.connected);
   const receiver = down.map(f => `The receiver of ${u.link_name(f.source)} is not connected since ${u.moment(f.since, now)}${f.detail ? ` (${f.detail})` : ''}.`).join(' ')
-    || (nodes ? `The communication nodes ashore are not reached since ${u.moment(nodes.since, now)}.` : '');
+    || (nodes ? `No connection to the shore station since ${u.moment(nodes.since, now)}.` : '');
   let pill = 'Live', title = '', text = '', kind = '';
   if (server === 'connecting') pill = 'Connecting…';
   else if (server === 'lost') {

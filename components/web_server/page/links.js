@@ -22,7 +22,7 @@ export function link_states(state, now, lost) {
     const feed = feeds.find(f => f.source === source && f.link), at = heard[source];
     const age = at ? now - at : null;
     if (lost) return { source, age, state: 'unknown', note: '' };
-    if (nodes && !nodes.connected) return { source, age, state: 'unknown', note: 'nobody ashore tells how it is now' };
+    if (nodes && !nodes.connected) return { source, age, state: 'unknown', note: 'state unknown: no connection to the shore station' };
     if (feed && !feed.connected) return { source, age, state: 'off', note: `receiver off since ${moment(feed.since, now)}` };
     if (age === null) return { source, age, state: 'quiet', note: 'not heard so far' };
     const quiet = age > 1000 * (patience_s[source] ?? 120);
@@ -48,7 +48,7 @@ export function show_links(list, state, now, lost) {
   for (const item of [...list.children]) if (!all.some(link => link.source === item.dataset.key)) item.remove();
   const nodes = (state.feeds ?? []).find(f => !f.link);
   if (lost) return 'How they are now is not known: this page lost the server';
-  return nodes ? nodes.connected ? `Ashore: ${nodes.detail}` : `Communication nodes not reached since ${moment(nodes.since, now)}` : '';
+  return nodes ? nodes.connected ? `Shore station: ${nodes.detail}` : `No connection to the shore station since ${moment(nodes.since, now)}` : '';
 }
 
 export function show_fleet(list, boats, own, now, lost) {

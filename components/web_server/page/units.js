@@ -63,7 +63,7 @@ function angle(value, width, positive, negative) {
 export const latitude = deg => angle(deg, 2, 'N', 'S');
 export const longitude = deg => angle(deg, 3, 'E', 'W');
 
-const links = { xbee: 'XBee radio', gprs: 'GPRS', iridium: 'Iridium satellite', communication: 'Communication nodes' };
+const links = { xbee: 'XBee radio', gprs: 'GPRS', iridium: 'Iridium satellite', communication: 'Shore station' };
 export const link_name = source => links[source] ?? (source || 'unknown link');
 
 const tails = { '24h': 86400000, '6h': 21600000, '1h': 3600000, '15min': 900000 };
