@@ -62,7 +62,7 @@ bool outgoing_calls::send(pending_call& call, outgoing_packet request) {
     call.id = call_id(at, slots_[at].generation);
     const std::uint8_t again = call.number != 0 ? wire::flag::again : std::uint8_t{0};
     // Where sessions come and go more lightly, what was asked can be asked again.
-    const bool numbered = connection.lossy() && call.owner->goes_on();
+    const bool numbered = connection.lossy() && call.owner->reconnects();
     if (numbered && call.number == 0) call.number = call.owner->next_number();
     if (numbered) head.number = call.number;
     std::uint8_t flags = head.flags() | again;

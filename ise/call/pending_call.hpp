@@ -95,8 +95,8 @@ public:
 
     /// The provider for people.
     virtual const std::string& name() const noexcept = 0;
-    /// Whether calls go on over its next session, where that is possible.
-    bool goes_on() const noexcept { return goes_on_; }
+    /// Whether a new session follows one that ended; calls continue over it where that is possible.
+    bool reconnects() const noexcept { return reconnects_; }
     std::uint64_t next_number() noexcept { return next_number_++; }
     /// Takes back one of which no byte was written.
     virtual void requeue(pending_call& call, payload request) = 0;
@@ -106,7 +106,8 @@ public:
     virtual void on_first_call(std::string_view service, const packet_types& types) = 0;
 
 protected:
-    call_owner(std::uint64_t first_number, bool goes_on) noexcept : next_number_(first_number), goes_on_(goes_on) {}
+    call_owner(std::uint64_t first_number, bool reconnects) noexcept
+        : next_number_(first_number), reconnects_(reconnects) {}
     ~call_owner() = default;
 
 private:
@@ -114,7 +115,7 @@ private:
     std::uint64_t next_number_;
     std::size_t calls_ = 0;            // that hold it
     std::shared_ptr<call_owner> self_; // while there are any
-    bool goes_on_;
+    bool reconnects_;
 };
 
 /// Makes, ends and recycles the calls of one component.

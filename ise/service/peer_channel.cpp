@@ -43,10 +43,10 @@ peer_channel::peer_channel(channel_context& of, const std::shared_ptr<session>& 
       connect_time_(runtime().options().connect_time), spread_(runtime().options().max_back_off / 10) {}
 
 peer_channel::~peer_channel() {
-    if (goes_on() && outlived()) return;
+    if (reconnects() && outlived()) return;
     forget_role();
     // Nobody talks to the peer over it any more; a peer that made the session itself keeps it.
-    if (session_ && session_->open() && goes_on() && !runtime().on().abandoned())
+    if (session_ && session_->open() && reconnects() && !runtime().on().abandoned())
         session_->finish(failure(errc::cancelled, "nothing more to say"), std::chrono::seconds(1));
 }
 
@@ -57,25 +57,25 @@ void peer_channel::hurry(duration max_pause, duration connect_time) noexcept {
 }
 
 std::string peer_channel::obstacle() const {
-    if (!obstacle_.empty() || fixed_ || !goes_on()) return obstacle_;
+    if (!obstacle_.empty() || fixed_ || !reconnects()) return obstacle_;
     return of_.names ? of_.names->trouble() : std::string();
 }
 
 // A link back to a caller ends with its session: nothing waits for another one.
 void peer_channel::note_wait(std::string_view service, const packet_types* types) {
-    if (goes_on()) of_.uses.waits(*this, service, types);
+    if (reconnects()) of_.uses.waits(*this, service, types);
 }
 
 void peer_channel::note_miss(std::string_view service, const packet_types* types, std::string cause) {
-    if (goes_on()) of_.uses.missed(*this, service, types, std::move(cause));
+    if (reconnects()) of_.uses.missed(*this, service, types, std::move(cause));
 }
 
 void peer_channel::on_first_call(std::string_view service, const packet_types& types) {
-    if (goes_on()) of_.uses.reached(*this, service, &types);
+    if (reconnects()) of_.uses.reached(*this, service, &types);
 }
 
 void peer_channel::on_established(const subscriber_core& subscriber) {
-    if (goes_on()) of_.uses.reached(*this, subscriber.service(), &subscriber.types());
+    if (reconnects()) of_.uses.reached(*this, subscriber.service(), &subscriber.types());
 }
 
 void peer_channel::on_missed(const subscriber_core& subscriber) {
@@ -99,9 +99,9 @@ void peer_channel::submit(pending_call& call, outgoing_packet request) {
             of_.calls.fail(call, overloaded(*session_, name_));
             return;
         }
-        if (runtime().stopping() || !goes_on()) {
-            auto why = !goes_on() ? failure(errc::peer_lost, fmt::format("the session with {} has ended", name_))
-                                  : failure(errc::cancelled, "the component stops");
+        if (runtime().stopping() || !reconnects()) {
+            auto why = !reconnects() ? failure(errc::peer_lost, fmt::format("the session with {} has ended", name_))
+                                     : failure(errc::cancelled, "the component stops");
             of_.calls.fail(call, why);
             return;
         }
@@ -153,7 +153,7 @@ void peer_channel::attach(subscriber_core& subscriber) {
     subscribers_.push_back(&subscriber);
     if (session_ && session_->open()) {
         session_->subscriptions().subscribe(subscriber);
-    } else if (!goes_on() || runtime().stopping()) {
+    } else if (!reconnects() || runtime().stopping()) {
         subscriber.on_refused(failure(errc::peer_lost, fmt::format("the session with {} has ended", name_)));
     } else {
         note_wait(subscriber.service(), &subscriber.types());
@@ -219,7 +219,7 @@ bool peer_channel::awaits(std::string_view service) const noexcept {
 }
 
 void peer_channel::wake() {
-    if (maintaining_ || !goes_on() || session_ || runtime().stopping()) return;
+    if (maintaining_ || !reconnects() || session_ || runtime().stopping()) return;
     maintaining_ = runtime().scope().spawn("link to " + name_, maintain(shared_from_this())) != nullptr;
 }
 

@@ -68,7 +68,7 @@ public:
 
     void attach(subscriber_core& subscriber) override;
     void detach(subscriber_core& subscriber) noexcept override;
-    bool renews() const noexcept override { return goes_on(); }
+    bool reconnects() const noexcept override { return call_owner::reconnects(); }
     void on_established(const subscriber_core& subscriber) override;
     void on_missed(const subscriber_core& subscriber) override;
 

@@ -257,7 +257,7 @@ void subscriber_core::on_session_end(const failure& cause) {
     comparing_ = false;
     held_.clear();
     // The link makes a new session and subscribes again, unless there was only this one.
-    if (!owner_->renews()) on_refused(cause);
+    if (!owner_->reconnects()) on_refused(cause);
 }
 
 result<void> subscriber_core::on_packet(std::uint64_t sequence, std::uint32_t skipped, incoming_packet& packet) {

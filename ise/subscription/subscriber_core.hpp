@@ -49,8 +49,8 @@ public:
     virtual const std::string& name() const noexcept = 0;
     /// Why there is no session; empty: nothing is known against it.
     virtual std::string obstacle() const = 0;
-    /// Whether subscriptions go on over its next session.
-    virtual bool renews() const noexcept = 0;
+    /// Whether a new session follows one that ended; subscriptions continue over it.
+    virtual bool reconnects() const noexcept = 0;
     virtual void attach(subscriber_core& subscriber) = 0;
     virtual void detach(subscriber_core& subscriber) noexcept = 0;
     virtual void on_established(const subscriber_core& subscriber) = 0;
